@@ -7,8 +7,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 STATE, WRENCH = "sensor_msgs/msg/JointState", "geometry_msgs/msg/WrenchStamped"
-START = 1_700_000_000 * 10**9
-"""ns."""
+START = 1_700_000_000 * 10**9  # ns
 FORMATS = ("sqlite3", "mcap", "bag")
 
 

@@ -264,7 +264,7 @@ def identify(
         from bristle import Told, draft
         from bristle import identify as run
         from bristle.api.sources import load_text
-        from bristle.data.json_table import is_json_log
+        from bristle.data.binary_tables import is_json_log
 
         files: list[Any] = list(sources or [])
         own = {"", ".yaml", ".yml", *([] if files and is_json_log(files[0]) else [".json"])}

@@ -51,11 +51,9 @@ def test_everything_in_si(tmp_path: Path) -> None:
     assert e.truth["+"][:4] == pytest.approx((0.4, 0.1, 0.7, 0.1))
     assert math.isnan(e.truth["+"].sigma_0)
     assert e.path == tmp_path / "experiment.yaml"
-
-
-def test_options_in_python_are_si_numbers() -> None:
-    """Outside a file, where no unit can be written wrongly, numbers stand for SI values."""
-    assert FitOptions(position_cutoff=40.0).position_cutoff == 40.0
+    assert (
+        FitOptions(position_cutoff=40.0).position_cutoff == 40.0
+    )  # outside a file, where no unit can be written wrongly
 
 
 _BAD: dict[str, str] = {
@@ -160,20 +158,11 @@ _MALFORMED = [
     (_FEW + "fit: {fixed: {sigma_0: '" + "1" * 500_000 + "'}}", "fit.fixed: got"),
     (_FEW + "inertia: '" + "1 kg +/- " * 50_000 + "'", "inertia: got"),
     (_FEW + "encoder_resolution: '" + "1 counts / " * 50_000 + "'", "encoder_resolution: got"),
-    (
-        _FEW + "signals: {torque: {column: a, unit: '" + "m*" * 200_000 + "'}}",
-        "signals.torque: unit .* is not known",
-    ),
-    (
-        _FEW + "signals: {torque: {column: a, unit: N, scale: '" + "1" * 200_000 + "'}}",
-        "signals.torque: scale '111",
-    ),
-    (
-        "joint: {name: a}\nruns: [{experiment: ramp, files: '" + "${a" * 100_000 + "'}]",
-        "runs.0.files: got .*at most 4096",
-    ),
+    (_FEW + "signals: {torque: {column: a, unit: '" + "m*" * 200_000 + "'}}", "signals.torque: unit .* is not known"),
+    (_FEW + "signals: {torque: {column: a, unit: N, scale: '" + "1" * 200_000 + "'}}", "signals.torque: scale '111"),
+    ("joint: {name: a}\nruns: [{experiment: ramp, files: '" + "${a" * 100_000 + "'}]", "runs.0.files: got .*at most 4096"),
     ("? {a: b}\n: 1", "line 1"),
-]
+]  # fmt: skip  # a table
 
 
 def test_malformed_yaml_is_refused(tmp_path: Path) -> None:
@@ -215,29 +204,27 @@ def test_a_sentence_is_short_and_shown(text: str) -> None:
     assert len(said) <= 500
 
 
+_ATOMS = (
+    st.none(),
+    st.booleans(),
+    st.integers(),
+    st.floats(),
+    st.text(max_size=8),
+    st.sampled_from(["1 rad", "t", "tau", "1e999 m"]),
+)
+_PARTS, _KEYS = (
+    ("column", "unit", "name", "files", "rate"),
+    ("joint", "signals", "runs", "fit", "motor", "inertia", "truth", "segments", "cleaning"),
+)
 _values = st.recursive(
-    st.none()
-    | st.booleans()
-    | st.integers()
-    | st.floats()
-    | st.text(max_size=8)
-    | st.sampled_from(["1 rad", "t", "tau", "1e999 m"]),
-    lambda inner: (
-        st.lists(inner, max_size=3)
-        | st.dictionaries(st.sampled_from(["column", "unit", "name", "files", "rate"]), inner, max_size=3)
-    ),
+    st.one_of(*_ATOMS),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(_PARTS), inner, max_size=3),
     max_leaves=6,
 )
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    st.dictionaries(
-        st.sampled_from(["joint", "signals", "runs", "fit", "motor", "inertia", "truth", "segments", "cleaning"]),
-        _values,
-        max_size=3,
-    )
-)
+@given(st.dictionaries(st.sampled_from(_KEYS), _values, max_size=3))
 def test_any_values_are_refused_or_taken(tmp_path: Path, changes: dict[str, Any]) -> None:
     """No values at any key make the loader raise anything but InputError, in one line."""
     try:

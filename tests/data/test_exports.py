@@ -22,8 +22,7 @@ from .experiments import assert_refused, present, refusal
 
 N = 60
 T = np.round(np.arange(N) * 1e-3, 6)
-Q = np.round(np.degrees(0.4 * np.sin(40 * T)), 5)
-"""deg."""
+Q = np.round(np.degrees(0.4 * np.sin(40 * T)), 5)  # deg
 I = np.round(700 * np.cos(40 * T) + 20, 3)  # noqa: E741  # the symbol
 """mA."""
 
@@ -37,21 +36,15 @@ def lines(*formats: str, columns: tuple[Any, ...] = (T, Q, I), between: str = ",
 def tektronix() -> str:
     """An oscilloscope of now: metadata with numbers, of one cell and of three, then the names."""
     metadata = "Model,MSO54\nFirmware Version,1.28.4\n\nWaveform Type,ANALOG,,\nHorizontal Units,s\nRecord Length,10000\nProbe Attenuation,10,1\n"
-    return f"{metadata}Vertical Units,V,A\nLabel,,\nTIME,CH1,CH2\n{lines('{:.6e}', '{:.6e}', '{:.6e}')}".replace(
-        "\n", "\r\n"
-    )
+    text = f"{metadata}Vertical Units,V,A\nLabel,,\nTIME,CH1,CH2\n{lines('{:.6e}', '{:.6e}', '{:.6e}')}"
+    return text.replace("\n", "\r\n")
 
 
 def tektronix_beside() -> str:
     """An older one: the metadata stand in the left columns, beside the first rows of data."""
     left = [
-        "Record Length,2.500000e+03,",
-        "Sample Interval,1.0e-03,",
-        "Trigger Point,1.25e+03,",
-        ",,",
-        "Source,CH1,",
-        "Vertical Units,V,",
-    ]
+        "Record Length,2.500000e+03,", "Sample Interval,1.0e-03,", "Trigger Point,1.25e+03,", ",,", "Source,CH1,", "Vertical Units,V,",
+    ]  # fmt: skip  # a table
     rows = lines("{:.9f}", "{:.5f}", columns=(T, Q), end=",\n").splitlines()
     return "".join(f"{left[k] if k < len(left) else ',,'},{row}\n" for k, row in enumerate(rows))
 
@@ -111,9 +104,8 @@ def ros() -> str:
 
 def excel() -> str:
     """As a German Excel saves it: the separator told, names in German, units below, decimal commas."""
-    return f"sep=;\nZeit;Winkel;Strom\ns;Grad;mA\n{lines('{:.4f}', '{:.5f}', '{:.3f}', between=';').replace('.', ',')}".replace(
-        "\n", "\r\n"
-    )
+    rows = lines("{:.4f}", "{:.5f}", "{:.3f}", between=";").replace(".", ",")
+    return f"sep=;\nZeit;Winkel;Strom\ns;Grad;mA\n{rows}".replace("\n", "\r\n")
 
 
 EXPORTS: dict[str, tuple[Callable[[], str], list[int | str], tuple[str, ...] | None]] = {
@@ -129,8 +121,7 @@ EXPORTS: dict[str, tuple[Callable[[], str], list[int | str], tuple[str, ...] | N
     "Excel": (excel, ["Zeit", "Winkel", "Strom"], ("s", "Grad", "mA")),
 }
 """What writes each, its columns, and the units that its header states, where these are looked at."""
-MILLI = {"PicoScope", "TwinCAT"}
-"""Whose time is in ms."""
+MILLI = {"PicoScope", "TwinCAT"}  # whose time is in ms
 
 
 @pytest.mark.parametrize("name", EXPORTS)
@@ -357,16 +348,8 @@ def test_any_small_text_is_read_or_refused(tmp_path: Path, content: bytes, end: 
     """Headers, blocks, units, dates and rows in any order, and any bytes at all: columns and drafts, or one line that opens with the file."""
     path = tmp_path / "log.csv"
     path.write_bytes(content.replace(b"\n", end))
-    for key in (
-        Key(0),
-        Key(1),
-        Key("q"),
-        Key("t"),
-        Key("t", stamps=True),
-        Key(0, stamps=True),
-        Key("q#2"),
-        Key("q", 1),
-    ):
+    names: list[int | str] = [0, 1, "q", "t", "q#2"]
+    for key in (*map(Key, names), Key("t", stamps=True), Key(0, stamps=True), Key("q", 1)):
         refusal(path, [key])
     with contextlib.suppress(InputError):
         draft_experiment([path], Told(torque_constant="1 N*m/A", resistance="1 ohm"))

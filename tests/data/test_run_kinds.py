@@ -10,8 +10,7 @@ from bristle.data.run_kinds import Stretches, kinds_of, stretches
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
 
-G0, STIFFNESS, J = 0.5, 100.0, 0.05
-"""N*m, N*m/rad, kg*m**2: the joint bends by 5 mrad, of which a count is a hundredth."""
+G0, STIFFNESS, J = 0.5, 100.0, 0.05  # N*m, N*m/rad, kg*m**2: the joint bends by 5 mrad, of which a count is a hundredth
 
 
 def log(rate: float, v: Array, q: Array | None = None, T: Array | None = None, *, velocity: bool = True) -> Record:
@@ -103,23 +102,19 @@ def test_slow_turns_are_no_slow_loading() -> None:
     assert kind(log(1000.0, v, np.cumsum(v) / 1000, T, velocity=False)) == "tracking"
 
 
-def test_loading_among_much_else_is_tracking() -> None:
-    """Slow loading, as of a joint that sticks before each of many speeds, is presliding where hardly anything else is done."""
+def test_what_is_done_most_decides() -> None:
+    """Slow loading, as of a joint that sticks before each of many speeds, is presliding where hardly anything else is done.
+
+    With a third of the time between its speeds a run is tracking, one log of several too; with a fifth it is a ramp.
+    """
     speeds = (0.1, 0.2, 0.4, -0.1, -0.2, -0.4)
-    sticks = Stretches(held=5, loaded=26, broken=0, moving=17, total=48, speeds=speeds)
-    assert sticks.kind == "tracking"
-    slides = Stretches(held=6, loaded=20, broken=0, moving=1, total=27, speeds=(0.3, -0.3))
-    assert slides.kind == "presliding"
-
-
-def test_speeds_with_much_between_tell_more_as_tracking() -> None:
-    """With a third of the time between its speeds a run is tracking, one log of several too; with a fifth it is a ramp."""
-    few = Stretches(held=10, loaded=0, broken=0, moving=5, total=16, speeds=(0.1, 0.2, 0.4, -0.1, -0.2, -0.4))
+    assert Stretches(held=5, loaded=26, broken=0, moving=17, total=48, speeds=speeds).kind == "tracking"
+    assert Stretches(held=6, loaded=20, broken=0, moving=1, total=27, speeds=(0.3, -0.3)).kind == "presliding"
+    few = Stretches(held=10, loaded=0, broken=0, moving=5, total=16, speeds=speeds)
     more = Stretches(held=12, loaded=0, broken=0, moving=3, total=16, speeds=(0.05, 0.8, 1.6, -0.8))
-    assert kinds_of([("a.csv", few)]) == ["tracking"]
-    assert kinds_of([("a.csv", more)]) == ["ramp"]
+    single = Stretches(held=3, loaded=0, broken=0, moving=1.5, total=5, speeds=(0.1,))
+    assert [kinds_of([("a.csv", x)]) for x in (few, more, single)] == [["tracking"], ["ramp"], ["ramp"]]
     assert kinds_of([("a.csv", few), ("b.csv", more)]) == ["tracking", "tracking"]
-    assert kinds_of([("a.csv", Stretches(held=3, loaded=0, broken=0, moving=1.5, total=5, speeds=(0.1,)))]) == ["ramp"]
 
 
 def test_logs_of_one_family_are_of_one_kind() -> None:
@@ -130,16 +125,11 @@ def test_logs_of_one_family_are_of_one_kind() -> None:
     assert kinds_of(logs) == ["ramp", "ramp", "ramp", "tracking"]
     several = Stretches(held=9, loaded=0, broken=0, moving=1, total=10, speeds=(0.1, 0.2, 0.5))
     slow = Stretches(held=0, loaded=10, broken=0, moving=0, total=10)
-    assert kinds_of([("log0.csv", slow), ("log1.csv", several), ("log2.csv", several)]) == [
-        "presliding",
-        "ramp",
-        "ramp",
-    ]
-    assert kinds_of([("log0.csv", several), ("log1.csv", several), ("log2.csv", sticks)]) == [
-        "ramp",
-        "ramp",
-        "tracking",
-    ]
+    for of, kinds in (
+        ([slow, several, several], ["presliding", "ramp", "ramp"]),
+        ([several, several, sticks], ["ramp", "ramp", "tracking"]),
+    ):
+        assert kinds_of([(f"log{k}.csv", does) for k, does in enumerate(of)]) == kinds
 
 
 def test_what_a_mixture_leaves_out_is_told() -> None:

@@ -27,24 +27,16 @@ def test_runs_in_order_with_variables(tmp_path: Path, monkeypatch: pytest.Monkey
         _log(tmp_path / "logs", name)
     monkeypatch.setenv("RIG_LOGS", str(tmp_path / "logs"))
     entry = {"experiment": "ramp", "hold_out": True, "temperature": 21, "load": "2 kg"}
-    runs = read_runs(
-        experiment(
-            tmp_path,
-            runs=[{"files": "${RIG_LOGS}/v_*.csv", **entry}, {"files": "logs/v_2.csv", "experiment": "tracking"}],
-        )
-    )
+    entries = [{"files": "${RIG_LOGS}/v_*.csv", **entry}, {"files": "logs/v_2.csv", "experiment": "tracking"}]
+    runs = read_runs(experiment(tmp_path, runs=entries))
     assert [run.record.file for run in runs] == ["${RIG_LOGS}/v_1.csv", "${RIG_LOGS}/v_2.csv", "logs/v_2.csv"]
     assert [run.hold_out for run in runs] == [True, True, False]
     assert runs[0].record.labels == {"temperature": "21", "load": "2 kg"}
     assert len(runs[0].record.sha256) == 64
     monkeypatch.delenv("RIG_LOGS")
-    for files, says in (
-        ("${RIG_LOGS}/v_1.csv", "RIG_LOGS, which is not set"),
-        ("x_*.csv", "matches no file"),
-        ("x.csv", "is no file"),
-    ):
-        with pytest.raises(ValueError, match=says):
-            read_runs(experiment(tmp_path, runs=[{"files": files, **entry}]))
+    says = {"${RIG_LOGS}/v_1.csv": "RIG_LOGS, which is not set", "x_*.csv": "matches no file", "x.csv": "is no file"}
+    read = {files: experiment(tmp_path, runs=[{"files": files, **entry}]) for files in says}
+    assert_refused((partial(read_runs, read[files]), told) for files, told in says.items())
 
 
 def test_torque_from_whatever_drives(tmp_path: Path) -> None:
@@ -76,26 +68,19 @@ def test_an_error_of_a_constant_is_one_of_the_torque(tmp_path: Path) -> None:
     velocity = {"column": "v", "unit": "rad/s"}
     motor = {"torque_constant": "0.5 +/- 0.01 N*m/A", "resistance": "2 ± 0.1 ohm"}
     by_k_t, by_R = "torque_constant 0.5 +/- 0.01 N*m/A", "resistance 2 +/- 0.1 ohm"
-    for drive, expected in (
+    by_voltage = {
+        by_k_t: 0.01 * (-u - 2 * k_t * v) / R,
+        by_R: -0.1 / R * (k_t * (-u - k_t * v) / R),
+        "scale of voltage -1 +/- 0.01": 0.01 * k_t * u / R,
+    }
+    cases: list[tuple[dict[str, Any], dict[str, Any]]] = [
         ({"torque": {"column": "tau", "unit": "N*m"}}, {}),
-        (
-            {"torque": {"column": "tau", "unit": "N*m", "scale": "1 +/- 0.02"}},
-            {"scale of torque 1 +/- 0.02": 0.02 * tau},
-        ),
-        (
-            {"torque": {"column": "i", "unit": "A", "scale": "0.5 +/- 0.01 N*m/A"}},
-            {"scale of torque 0.5 +/- 0.01 N*m/A": 0.02 * tau},
-        ),
+        ({"torque": {"column": "tau", "unit": "N*m", "scale": "1 +/- 0.02"}}, {"scale of torque 1 +/- 0.02": 0.02 * tau}),
+        ({"torque": {"column": "i", "unit": "A", "scale": "0.5 +/- 0.01 N*m/A"}}, {"scale of torque 0.5 +/- 0.01 N*m/A": 0.02 * tau}),
         ({"current": {"column": "i", "unit": "A"}}, {by_k_t: 0.02 * tau}),
-        (
-            {"voltage": {"column": "u", "unit": "V", "scale": "-1 +/- 0.01"}},
-            {
-                by_k_t: 0.01 * (-u - 2 * k_t * v) / R,
-                by_R: -0.1 / R * (k_t * (-u - k_t * v) / R),
-                "scale of voltage -1 +/- 0.01": 0.01 * k_t * u / R,
-            },
-        ),
-    ):
+        ({"voltage": {"column": "u", "unit": "V", "scale": "-1 +/- 0.01"}}, by_voltage),
+    ]  # fmt: skip  # a table
+    for drive, expected in cases:
         record = first_record(tmp_path, signals={**signals_with(torque=None, velocity=velocity), **drive}, motor=motor)
         assert list(record.torque_shifts) == list(expected)
         for name, shift in expected.items():
@@ -125,12 +110,8 @@ def test_own_signals_of_a_run(tmp_path: Path) -> None:
 def test_wrapped_positions_are_unwrapped(tmp_path: Path) -> None:
     """A position that wraps at the full turn, in any unit, comes back whole; undeclared it is refused, naming the fix."""
     truth, degrees, counts = 40 * _T, 180 / np.pi, 1000 / (2 * np.pi)
-    for unit, wraps, scale in (
-        ("rad", True, 1.0),
-        ("deg", True, degrees),
-        ("deg", "360 deg", degrees),
-        ("counts", True, counts),
-    ):
+    cases = [("rad", True, 1.0), ("deg", True, degrees), ("deg", "360 deg", degrees), ("counts", True, counts)]
+    for unit, wraps, scale in cases:
         _log(tmp_path, q=np.mod(truth, 2 * np.pi) * scale)
         position = {"column": "q", "unit": unit, "wraps": wraps}
         record = first_record(tmp_path, signals=signals_with(position=position), encoder_resolution="1000 counts/rev")

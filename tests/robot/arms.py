@@ -20,8 +20,7 @@ SIGNALS = {
     "position": {"column": "q_{joint}", "unit": "rad"},
     "current": {"column": "i_{joint}", "unit": "A"},
 }
-M, L, J = 1.7, 0.4, 0.03
-"""Of the pendulum: kg, m, kg*m**2 about its own centre."""
+M, L, J = 1.7, 0.4, 0.03  # of the pendulum: kg, m, kg*m**2 about its own centre
 
 
 def inertial(mass: float, center: str = "0 0 0", moment: float = 0.0) -> str:

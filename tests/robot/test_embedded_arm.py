@@ -14,8 +14,7 @@ from .arms import NAMES, NO_PINOCCHIO
 
 pytest.importorskip("pinocchio", reason=NO_PINOCCHIO)
 FOLDER = arm.arm_folder()
-LARGEST = 1_500_000
-"""Bytes of all files together."""
+LARGEST = 1_500_000  # bytes of all files together
 
 
 def test_friction_of_every_joint_is_found() -> None:

@@ -24,8 +24,7 @@ _WIDER, _ABOVE = 4.0, 2.0
 """Cut-off over the bandwidth, at the least, and over the frequency at which a signal falls into noise."""
 _HELD, _SLOW = 0.5, 10.0
 """The latter of held speeds, and the former of slow loading, whose breakaway is a corner of the position."""
-_LADDER = 2**0.5
-"""A cut-off over the next one that is tried."""
+_LADDER = 2**0.5  # a cut-off over the next one that is tried
 _STANDS = 0.003, 0.25
 """The inertia stands still where the next cut-off raises it by no more than this share of itself, or of its standard error."""
 
@@ -111,32 +110,23 @@ def _own(record: Record) -> float:
     return _shown(np.asarray(_known(record, "position", "velocity"))[_longest(record)], record.step).own
 
 
-def _spectrum(x: Array, step: float) -> tuple[Array, Array]:
-    """Frequencies above 0, Hz, and the one-sided power spectral density of a signal, its mean taken off, under a Hann window."""
-    window = np.hanning(x.size + 2)[1:-1]
-    power = np.abs(np.fft.rfft((x - x.mean()) * window)) ** 2 * 2 * step / np.sum(window**2)
-    return np.arange(1.0, power.size) / (x.size * step), power[1:]
-
-
 class _Shown(NamedTuple):
     """What a signal shows, in bins that grow with the frequency."""
 
-    f: Array
-    """Hz."""
-    seen: NDArray[np.bool_]
-    """Whether it stands out of its noise there."""
-    own: float
-    """Below which 99.9 % of its power lies, noise apart, Hz."""
+    f: Array  # Hz
+    seen: NDArray[np.bool_]  # whether it stands out of its noise there
+    own: float  # below which 99.9 % of its power lies, noise apart, Hz
     beyond: Array
     """Share of the power of its derivative, of that order, that is seen from there on; 0 where none is asked for."""
-    noise: float
-    """Its density, per Hz."""
-    counted: bool
-    """Whether it is mostly of counts."""
+    noise: float  # its density, per Hz
+    counted: bool  # whether it is mostly of counts
 
 
 def _shown(x: Array, step: float, order: int | None = None) -> _Shown:
-    f, power = _spectrum(x, step)
+    # the one-sided power spectral density above 0 Hz, the mean taken off, under a Hann window
+    window = np.hanning(x.size + 2)[1:-1]
+    power = (np.abs(np.fft.rfft((x - x.mean()) * window)) ** 2 * 2 * step / np.sum(window**2))[1:]
+    f = np.arange(1.0, power.size + 1) / (x.size * step)
     count, moved = smallest_step(x), np.abs(np.diff(x))
     # steps that are all alike are those of an even motion, not of counts
     # 0.01 of all samples, that are another number of counts apart than most
@@ -145,9 +135,7 @@ def _shown(x: Array, step: float, order: int | None = None) -> _Shown:
     noise = max(highest, counts)
     edges = [0]
     while edges[-1] < f.size:
-        edges.append(
-            max(edges[-1] + 3, round(edges[-1] * 2 ** (1 / 12)))
-        )  # twelve bins an octave, of three lines or more
+        edges.append(max(edges[-1] + 3, round(edges[-1] * 2 ** (1 / 12))))  # twelve an octave, of three lines or more
     size = np.diff([*edges[:-1], f.size])
     middle, mean = (np.add.reduceat(values, edges[:-1]) / size for values in (f, power))
     seen = mean > 4.0 * noise  # four times the noise, below which a spectrum shows nothing

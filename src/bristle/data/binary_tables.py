@@ -1,21 +1,24 @@
-"""Columns from files that hold named arrays, by their suffix: MAT, JSON and HDF5 elsewhere, NPZ and Parquet here."""
+"""Columns from files that hold named arrays, by their suffix: MAT and HDF5 elsewhere; JSON, NPZ and Parquet here."""
 
+import json
 import zipfile
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.columns import Key, bounded, is_vector, numeric, reading
+from bristle.data.columns import Key, bounded, is_vector, numeric, place_of, reading
 from bristle.data.hdf5 import read_hdf5
 from bristle.data.isolated import Columns
-from bristle.data.json_table import read_json
 from bristle.data.mat import read_mat
-from bristle.errors import InputError, short, short_list
+from bristle.errors import InputError, short
 
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+_WHAT, _HOW = 'JSON of records, as [{"t": 0, "q": 1}, ...], or of columns', "expected as many numbers in each"
+SCHEMA = "schema"  # a key of every JSON file that bristle writes
 _NPZ = ("NPZ file", "write it again with numpy.savez")
 
 
@@ -36,6 +39,50 @@ def names_of(path: Path) -> tuple[str, ...]:
     return tuple(READERS[path.suffix.lower()](path, None))
 
 
+def is_json_log(path: Path) -> bool:
+    """Whether a JSON file holds a log, and no results of bristle; what is no such file, or cannot be read, does not."""
+    if path.suffix.lower() != ".json" or not path.is_file():
+        return False
+    try:
+        data = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(data, list) or (isinstance(data, dict) and SCHEMA not in data)
+
+
+def _json(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
+    """Columns by name or by number from 0, or of no keys the names of all that are vectors of numbers.
+
+    Raises InputError where the file is no such JSON, or a column is not there or holds no numbers.
+    """
+    import pandas as pd
+
+    with reading(_WHAT, _HOW):
+        data = json.loads(path.read_bytes())
+        if not isinstance(data, list | dict):
+            raise InputError(f"is no {_WHAT}; {_HOW}")
+        frame = pd.DataFrame(data)
+    bounded(frame.size)
+    names = [str(name) for name in frame.columns]
+    columns = [_array(frame.iloc[:, k]) for k in range(len(names))]
+    if keys is None:
+        yield from (name for name, x in zip(names, columns, strict=True) if is_vector(x.shape, x.dtype))
+        return
+    for key in keys:
+        yield numeric(columns[place_of(key, names)], key)
+
+
+def _array(column: Any) -> np.ndarray[Any, np.dtype[Any]]:
+    """The values of a column, (n,), or of one of lists of one length, (n, k); null is nan."""
+    if column.dtype.kind == "O":
+        plain = column.map(lambda x: x is None or isinstance(x, int | float)).all()
+        lists = column.map(lambda x: len(x) if isinstance(x, list) else -1)
+        if plain or (lists.iloc[0] >= 0 and (lists == lists.iloc[0]).all()):
+            with reading(_WHAT, _HOW):
+                return np.array(column.tolist(), dtype=float if plain else None)
+    return np.asarray(column)
+
+
 def _npz(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
     """Columns of a NumPy archive, by the name of the array; pickled objects are refused."""
     with reading(*_NPZ):
@@ -49,11 +96,7 @@ def _npz(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
             return
         bounded(sum(member.file_size for member in members) / 4)
         for key in keys:
-            if there.count(str(key.column)) != 1:
-                problem = "several arrays" if key.column in there else "no array"
-                raise InputError(f"{problem} named {key}; there are: {short_list(there)}")
-        for key in keys:
-            member = members[there.index(str(key.column))]
+            member = members[place_of(replace(key, column=str(key.column)), there, "array")]
             shape, dtype = _header(archive, member)
             if dtype.hasobject:
                 raise InputError(
@@ -90,7 +133,7 @@ def _parquet(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
         if keys is None:
             yield from (field.name for field in schema if _is_number(field.type))
             return
-        names = [_named(key, schema.names) for key in keys]
+        names = [schema.names[place_of(key, schema.names)] for key in keys]
         for key, name in zip(keys, names, strict=True):
             kind = schema.field(name).type
             if not _is_number(kind if key.index is None else getattr(kind, "value_type", kind)):
@@ -108,18 +151,6 @@ def _parquet(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
             yield np.array(numbers, dtype=float)
 
 
-def _named(key: Key, there: Sequence[str]) -> str:
-    """The name of the column that a key means, which has it alone."""
-    number = isinstance(key.column, int)
-    if key.column >= len(there) if isinstance(key.column, int) else key.column not in there:
-        raise InputError(f"no column {key}; there are: {short_list(there)}")
-    name = there[key.column] if isinstance(key.column, int) else key.column
-    if there.count(name) > 1:
-        which = f", as column {key} is" if number else ""
-        raise InputError(f"several columns named {short(name)}{which}; give each its own name")
-    return name
-
-
 def _is_number(kind: Any) -> bool:
     """Whether a column of an Arrow type holds one number per row; a dictionary of numbers does."""
     from pyarrow import types
@@ -132,7 +163,7 @@ def _is_number(kind: Any) -> bool:
 READERS: dict[str, Columns] = {
     ".mat": read_mat,
     ".npz": _npz,
-    ".json": read_json,
+    ".json": _json,
     **dict.fromkeys((".parquet", ".pq"), _parquet),
     **dict.fromkeys((".h5", ".hdf5", ".hdf"), read_hdf5),
 }

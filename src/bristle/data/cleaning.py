@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
+from bristle.data import units
 from bristle.data.encoder import whole_positions
 from bristle.data.experiment.constants import ONE, commanded_torque, followed_at_once
 from bristle.data.experiment.schema import MotorConstants
@@ -25,8 +26,7 @@ from bristle.findings import CAUTION, NOTE, Finding
 _LARGEST = 1e20
 """No signal of a joint reaches more in SI, or reaches less than its inverse; beyond, squares leave the numbers, and it
 is a unit that is wrong."""
-_STEPS = (1e-12, 1e12)
-"""Seconds that a sampling interval may have."""
+_STEPS = (1e-12, 1e12)  # seconds that a sampling interval may have
 
 
 @dataclass(slots=True)
@@ -34,10 +34,8 @@ class _Rows:
     """The rows still there, by signal, and what was said about the others."""
 
     data: dict[str, Array]
-    number: NDArray[np.intp]
-    """The line of each row in the file, or the row of data, each from 1 ..."""
-    word: str
-    """... which of the two: `line` or `row`."""
+    number: NDArray[np.intp]  # the line of each row in the file, or the row of data, each from 1
+    word: str  # ... which of the two: `line` or `row`
     notes: list[Finding]
     warnings: list[Finding] = field(default_factory=list)
     off_before: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
@@ -97,7 +95,9 @@ def make_record(
         rows.warnings += [followed_at_once(file, rows.data, motor, context)] if held is None else []
         rows.data = {name: values for name, values in rows.data.items() if name not in COMMANDS}
     _refuse_constant(rows)
-    _undelay(rows, signals, starts)
+    for logged, signal in signals:
+        if isinstance(signal, Signal) and not (isinstance(signal, Command) and signal.fresh):
+            _take(rows, "torque" if logged in COMMANDS else logged, signal, starts)
     record = _record(file, table, rows, starts, labels or {})
     off = np.flatnonzero(np.diff(rows.off_before) > 0) + 1 if rows.off_before.size else ()
     return evenly_sampled(record, {*off}) if cleaning.times == "auto" else record
@@ -120,15 +120,15 @@ def _record(file: str, table: RawTable, rows: _Rows, starts: tuple[int, ...], la
 
 
 def _scaled(table: RawTable, signals: Signals, context: Context) -> _Rows:
-    from bristle.data.units import factor
-
     data = {}
     for name, key in keys_of(signals).items():
         signal: Signal | Time = getattr(signals, name)
         if isinstance(signal, Signal):
             data[name] = table.columns[key] * signal.factor(name, context)
         else:
-            data[name] = table.columns[key] * factor(signal.unit or "s", "s") if table.time is None else table.time
+            data[name] = (
+                table.columns[key] * units.factor(signal.unit or "s", "s") if table.time is None else table.time
+            )
         size = np.abs(data[name], where=np.isfinite(data[name]), out=np.zeros(data[name].shape))
         largest = float(size.max(initial=0.0))
         if largest and not 1 / _LARGEST < largest < _LARGEST:
@@ -253,15 +253,8 @@ def _unwrap(rows: _Rows, signal: Position, context: Context, *, told: bool) -> N
             )
 
 
-def _undelay(rows: _Rows, signals: Signals, starts: tuple[int, ...]) -> None:
-    """Each signal taken when it happened: linear between samples, held beyond the ends of a segment."""
-    for logged, signal in signals:
-        if isinstance(signal, Signal) and not (isinstance(signal, Command) and signal.fresh):
-            _take(rows, "torque" if logged in COMMANDS else logged, signal, starts)
-
-
 def _take(rows: _Rows, name: str, signal: Signal, starts: tuple[int, ...]) -> None:
-    """A signal so much earlier as another, or it, was logged late; a note says so."""
+    """A signal taken when it happened, if it, or another, was logged late: linear between samples, held beyond the ends of a segment."""
     time, delay, late = rows.data["time"], abs(signal.delay), signal.delay > 0
     if not delay:
         return

@@ -6,7 +6,7 @@ file: each call of one stands alone in `reading`, so that no defect of our own p
 
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.errors import InputError, short
+from bristle.errors import InputError, short, short_list
 
-MAX_VALUES = 200_000_000
-"""Most numbers that are read from one file: a small compressed file can hold very many."""
+MAX_VALUES = 200_000_000  # most numbers that are read from one file: a small compressed file can hold very many
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,8 +25,7 @@ class Key:
 
     column: int | str
     index: int | None = None
-    stamps: bool = False
-    """Whether it holds dates or times of day, which become seconds since the first."""
+    stamps: bool = False  # whether it holds dates or times of day, which become seconds since the first
     file: str | None = None
     """Where it is in another file than the rest of a run: that file, as the experiment file names it."""
 
@@ -104,6 +102,18 @@ def between_samples(at: Array, own: Array, values: Array, gap: float) -> Array:
     found = np.interp(at, own, values, left=np.nan, right=np.nan)
     found[(steps[after - 1] > gap * np.median(steps)) & (at != own[after]) & (at != own[after - 1])] = np.nan
     return found
+
+
+def place_of(key: Key, names: Sequence[str], what: str = "column") -> int:
+    """Where the column of a key, a name or a number from 0, stands among those that there are, of which one alone may have its name."""
+    known = key.column < len(names) if isinstance(key.column, int) else key.column in names
+    if not known:
+        raise InputError(f"no {what} named {key}; there are: {short_list(names)}")
+    name = names[key.column] if isinstance(key.column, int) else key.column
+    if names.count(name) > 1:
+        which = "" if name == key.column else f", as {what} {key} is"
+        raise InputError(f"several {what}s named {short(name)}{which}; give each its own name")
+    return names.index(name)
 
 
 def is_vector(shape: tuple[int, ...], dtype: "np.dtype[Any]") -> bool:

@@ -13,16 +13,12 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.record import SIGNALS, Record
 from bristle.errors import InputError
-from bristle.findings import CAUTION, NOTE, Finding
+from bristle.findings import CAUTION, NOTE, Finding, Severity
 
-Choice = Callable[[Record], tuple[float, Finding]]
-"""A rule for the cut-off of a record's low pass, Hz, with the reason."""
-ORDER = 4
-"""Order of the Butterworth filter, which runs forward and backward."""
-LOWEST = 1e-6
-"""Cut-off of the low pass over the sampling rate."""
-SHORTEST = 16
-"""Samples that a segment between gaps must have to be filtered."""
+Choice = Callable[[Record], tuple[float, Finding]]  # a rule for the cut-off of a record's low pass, Hz, with the reason
+ORDER = 4  # order of the Butterworth filter, which runs forward and backward
+LOWEST = 1e-6  # cut-off of the low pass over the sampling rate
+SHORTEST = 16  # samples that a segment between gaps must have to be filtered
 
 
 def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
@@ -40,36 +36,28 @@ def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
     values = record.position if record.velocity is None else record.velocity
     if values is None:
         raise InputError(f"{record.file}: neither position nor velocity; name one of them under signals")
-    used, why = low_pass(record, cutoff)
-    smooth = smoothed(record, values, used)
-    velocity = derivative(record, smooth) if record.velocity is None else record.velocity
-    acceleration = derivative(record, smooth, 2 if record.velocity is None else 1)
-    estimated = record.velocity is None
+    if callable(cutoff):
+        used, why = cutoff(record)
+    elif (used := usable(record, cutoff)) == cutoff:
+        why = Finding("cutoff-asked", NOTE, ", as asked")
+    else:
+        lowered = f", lowered from {cutoff:g} Hz, which is not below the Nyquist frequency"
+        why = Finding("cutoff-lowered", CAUTION, lowered, {"asked": cutoff})
+    smooth, estimated = smoothed(record, values, used), record.velocity is None
     message = (
         f"{'Velocity and acceleration from position' if estimated else 'Acceleration from velocity'}: Butterworth low pass of order {ORDER}, "
         f"forward and backward, cut-off {used:.3g} Hz{why.message}; then the derivatives of a quintic spline."
     )
-    numbers = {"cutoff": used, "why": why}
-    note = Finding("motion-from-position" if estimated else "acceleration-from-velocity", NOTE, message, numbers)
+    code = "motion-from-position" if estimated else "acceleration-from-velocity"
+    note = Finding(code, NOTE, message, {"cutoff": used, "why": why})
     return replace(
         record,
-        velocity=velocity,
+        velocity=derivative(record, smooth) if estimated else record.velocity,
         velocity_estimated=estimated,
-        acceleration=acceleration,
+        acceleration=derivative(record, smooth, 2 if estimated else 1),
         cutoff=used,
         notes=(*record.notes, note),
     )
-
-
-def low_pass(record: Record, cutoff: float | Choice) -> tuple[float, Finding]:
-    """A cut-off that can be, Hz, and why it is that: as asked, or by a rule."""
-    if callable(cutoff):
-        return cutoff(record)
-    used = usable(record, cutoff)
-    if used == cutoff:
-        return used, Finding("cutoff-asked", NOTE, ", as asked")
-    why = f", lowered from {cutoff:g} Hz, which is not below the Nyquist frequency"
-    return used, Finding("cutoff-lowered", CAUTION, why, {"asked": cutoff})
 
 
 def usable(record: Record, cutoff: float) -> float:
@@ -105,7 +93,6 @@ def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = Fals
     reach = max(15, round(1 / (record.step * cutoff)))
 
     def one(x: Array) -> Array:
-        """A piece between gaps, (m,)."""
         pad = min(reach, x.size - 1)
         if noisy and pad > 1:
             first, last = (_end(part) for part in (x[pad // 2 :: -1], x[-pad // 2 - 1 :]))
@@ -172,9 +159,7 @@ def without_rests(record: Record) -> Record:
     long = [slice(a, b) for a, b in pairwise(cuts) if b - a >= shortest and moves[a]]
     if not rests or not long or 2 * sum(s.stop - s.start for s in long) < np.count_nonzero(moves):
         return record
-    lost = _outside(record, long)
-    message = f"{lost} rows in which the joint rests are left out."
-    return _kept(record, long, Finding("rests-left-out", NOTE, message, {"rows": lost}))
+    return _kept(record, long, "rests-left-out", "in which the joint rests are left out")
 
 
 def let_go(record: Record) -> Record:
@@ -195,8 +180,7 @@ def let_go(record: Record) -> Record:
     moves = slice(ends[0], q.size - ends[1])
     if moves.stop - moves.start < SHORTEST or not sum(ends):
         return record
-    message = f"{sum(ends)} rows before the joint was let go, or after it stopped, are left out."
-    return _kept(record, [moves], Finding("rests-left-out", NOTE, message, {"rows": sum(ends)}))
+    return _kept(record, [moves], "rests-left-out", "before the joint was let go, or after it stopped, are left out")
 
 
 def without_ends(record: Record) -> Record:
@@ -210,9 +194,8 @@ def without_ends(record: Record) -> Record:
     ]
     if not edge or 2 * sum(s.stop - s.start for s in inner) < record.time.size:
         return record
-    lost = _outside(record, inner)
-    message = f"{lost} rows at the ends of stretches left out, where the acceleration is least known."
-    return _kept(record, inner, Finding("ends-left-out", NOTE, message, {"rows": lost}))
+    why = "at the ends of stretches left out, where the acceleration is least known"
+    return _kept(record, inner, "ends-left-out", why)
 
 
 def without_short_segments(record: Record, shortest: int = SHORTEST, for_what: str = "differentiated") -> Record:
@@ -225,28 +208,25 @@ def without_short_segments(record: Record, shortest: int = SHORTEST, for_what: s
         )
     if len(long) == len(segments):
         return record
-
-    lost = _outside(record, long)
-    message = (
-        f"{lost} row{'' if lost == 1 else 's'} dropped: segments between gaps shorter than {shortest} samples, "
-        f"which cannot be {for_what}."
-    )
-    return _kept(record, long, Finding("rows-of-short-segments", CAUTION, message, {"rows": lost}))
+    why = f"dropped: segments between gaps shorter than {shortest} samples, which cannot be {for_what}"
+    return _kept(record, long, "rows-of-short-segments", why, CAUTION)
 
 
-def _outside(record: Record, kept: list[slice]) -> int:
-    return int(record.time.size - sum(s.stop - s.start for s in kept))
-
-
-def _kept(record: Record, long: list[slice], note: Finding) -> Record:
-    """Some segments of a record, and a note on the rows that are not in them."""
+def _kept(record: Record, long: list[slice], code: str, why: str, severity: Severity = NOTE) -> Record:
+    """Some segments of a record, and a note on why the other rows are not in it."""
     kept = np.concatenate([np.arange(s.start, s.stop) for s in long])
+    lost = int(record.time.size - kept.size)
+    message = f"{lost} row{'' if lost == 1 else 's'} {why}."
     signals = {
         name: values[kept]
         for name in ("time", *SIGNALS, "lines", "filled")
         if (values := getattr(record, name)) is not None
     }
-    signals["torque_shifts"] = {name: shift[kept] for name, shift in record.torque_shifts.items()}
-    starts = (0, *(int(k) for k in np.cumsum([s.stop - s.start for s in long])[:-1]))
-    dropped = record.dropped + _outside(record, long)
-    return replace(record, **signals, starts=starts, dropped=dropped, notes=(*record.notes, note))
+    return replace(
+        record,
+        **signals,
+        torque_shifts={name: shift[kept] for name, shift in record.torque_shifts.items()},
+        starts=(0, *np.cumsum([s.stop - s.start for s in long])[:-1].tolist()),
+        dropped=record.dropped + lost,
+        notes=(*record.notes, Finding(code, severity, message, {"rows": lost})),
+    )

@@ -24,10 +24,8 @@ UNITS = {
 _NEAR, _ENOUGH = 50.0, 8
 """Steps of up to so many counts tell the count (beyond, rounding in the log adds up); so few of them may lie on a grid
 by chance."""
-_FACTOR = 0.05
-"""Declared and seen counts differ by less: an encoder is known better than that."""
-_NAMED = 0.01
-"""... and where they do not, a factor that is this near to a known one is that one."""
+_FACTOR = 0.05  # declared and seen counts differ by less: an encoder is known better than that
+_NAMED = 0.01  # ... and where they do not, a factor that is this near to a known one is that one
 _POWER, _COARSEST = 5e-5, 256
 """Counts a turn are a power of two where they differ by less, and are so many; a number drawn at random is, in one of
 the three other units, once in 2000 times."""

@@ -15,10 +15,8 @@ from bristle.errors import InputError, short_list
 
 _FILTERS = {1: "gzip", 2: "shuffle", 3: "fletcher32", 4: "szip", 5: "nbit", 6: "scaleoffset", 32000: "lzf"}
 """By their number: what HDF5 and h5py bring; no other is loaded."""
-_CHUNK = 2**28
-"""Largest chunk, bytes: a chunk is unpacked whole."""
-_DEEPEST, _HOPS, _LONGEST = 20, 20, 1000
-"""Groups in groups, links to links, and characters of a path."""
+_CHUNK = 2**28  # largest chunk, bytes: a chunk is unpacked whole
+_DEEPEST, _HOPS, _LONGEST = 20, 20, 1000  # groups in groups, links to links, and characters of a path
 _MATLAB_ADVICE = "in MATLAB save it again, or for less than 2 GB with save(file, '-v7', ...)"
 
 
@@ -56,39 +54,38 @@ def columns_of(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
 
 def _column(file: Any, key: Key, *, matlab: bool) -> Array:
     """One column as floats; MATLAB's matrices stand with their rows last."""
-    import h5py
-
     if matlab and isinstance(key.column, str) and set(key.column) & set("{}()"):
         raise InputError(
             f"column {key} is in a cell or an array of structs, which of version 7.3 is not read; {_MATLAB_ADVICE}"
         )
     dataset, field = _opened(file, key, "." if matlab else "/")
+    for fault in _faults(dataset, field, key):
+        raise InputError(f"column {key} {fault}")
+    bounded(float(np.prod(dataset.shape or (0,), dtype=float)), f"column {key} ")
+    return picked(dataset if field is None else dataset.fields(field), dataset.shape, key, rows_last=matlab)
+
+
+def _faults(dataset: Any, field: str | None, key: Key) -> Iterator[str]:
+    """Why a dataset is no column: it is none, or stored elsewhere, packed in an unknown way, or too large, before it is read."""
+    import h5py
+
     if not isinstance(dataset, h5py.Dataset):
-        there = short_list(dataset) if hasattr(dataset, "keys") else "nothing"
-        raise InputError(f"column {key} is a group, with {there}; name a dataset")
+        yield f"is a group, with {short_list(dataset) if hasattr(dataset, 'keys') else 'nothing'}; name a dataset"
     names, dtype = dataset.dtype.names, dataset.dtype if field is None else dataset.dtype[field]
     if field is None and names:
-        raise InputError(
-            f"column {key} is a table with the fields {short_list(names)}; name one, as in {key}.{names[0]}"
-        )
+        yield f"is a table with the fields {short_list(names)}; name one, as in {key}.{names[0]}"
     kind = _class(dataset)
     if dtype.kind not in "iufb" or kind in ("char", "cell", "function_handle"):
         what = kind or ("text, references or lists" if dtype.kind in "OSU" else f"values of type {dtype}")
-        raise InputError(f"column {key} holds no plain numbers, but {what[:60]}; expected one real number per sample")
-
-    # what is stored elsewhere, packed in an unknown way, or too large, is refused before it is read
+        yield f"holds no plain numbers, but {what[:60]}; expected one real number per sample"
     if dataset.is_virtual or dataset.external:
-        raise InputError(f"column {key} is stored in other files; copy the data into the file")
+        yield "is stored in other files; copy the data into the file"
     plan = dataset.id.get_create_plist()
     foreign = [n for k in range(plan.get_nfilters()) if (n := plan.get_filter(k)[0]) not in _FILTERS]
     if foreign:
-        raise InputError(
-            f"column {key} is packed by filter {foreign[0]}; expected one of {', '.join(_FILTERS.values())}; repack it with h5repack"
-        )
+        yield f"is packed by filter {foreign[0]}; expected one of {', '.join(_FILTERS.values())}; repack it with h5repack"
     if dataset.chunks and np.prod(dataset.chunks, dtype=float) * dataset.dtype.itemsize > _CHUNK:
-        raise InputError(f"column {key} has chunks of over {_CHUNK} bytes; repack it with h5repack")
-    bounded(float(np.prod(dataset.shape or (0,), dtype=float)), f"column {key} ")
-    return picked(dataset if field is None else dataset.fields(field), dataset.shape, key, rows_last=matlab)
+        yield f"has chunks of over {_CHUNK} bytes; repack it with h5repack"
 
 
 def _opened(file: Any, key: Key, between: str) -> tuple[Any, str | None]:

@@ -20,8 +20,7 @@ from bristle.errors import InputError
 
 SECONDS, _BYTES_PER_SECOND = 60.0, 5e6
 """How long a file may take, beside what its size explains: on a busy machine SciPy alone takes some to load."""
-_MEMORY, _MOST_NAMES = 2**33, 2000
-"""Bytes that the process may take, and columns that are listed."""
+_MEMORY, _MOST_NAMES = 2**33, 2000  # bytes that the process may take, and columns that are listed
 CODE = "import json, sys; asked = json.load(sys.stdin); sys.path[:] = asked['path']; from bristle.data import isolated; isolated.answer(asked)"
 """What the process runs: the modules of this one, whatever stands where it is started."""
 
@@ -31,17 +30,10 @@ Columns = Callable[[Path, Sequence[Key] | None], Iterable[Any]]
 
 
 def ask(read: Columns, path: Path, keys: Sequence[Key] | None, library: str, what: str, advice: str) -> list[Any]:
-    """What a function of a module reads from a file in another process, columns as floats.
+    """What a function of a module reads with a library from a file in another process, columns as floats.
 
-    Args:
-        read: the function.
-        path: the file.
-        keys: as `read` takes them.
-        library: what it reads with.
-        what: it reads, and ...
-        advice: ... what to do about one that is damaged.
-
-    Raises InputError where it does, or fails, crashes, or takes too long.
+    `what` is what it reads, and `advice` what to do about one that is damaged. Raises InputError where `read` does, or
+    fails, crashes, or takes too long.
     """
     asked = {
         "path": [str(folder) for folder in sys.path],

@@ -55,8 +55,8 @@ def _load(path: Path, names: list[str] | None) -> dict[str, Any]:
     """Variables by name; None: all of them but objects, which SciPy leaves without a name."""
     import scipy.io
 
-    sparse: dict[str, Any] = (
-        {"spmatrix": False} if "spmatrix" in signature(scipy.io.loadmat).parameters else {}
+    sparse: dict[str, Any] = dict.fromkeys(
+        signature(scipy.io.loadmat).parameters.keys() & {"spmatrix"}, False
     )  # from SciPy 1.17 on
     found = scipy.io.loadmat(path, variable_names=names, **sparse)
     return {name: value for name, value in found.items() if not name.startswith("__") and name != "None"}

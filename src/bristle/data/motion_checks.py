@@ -13,20 +13,14 @@ from bristle.data.sampling import BLOCK, DEVIATIONS, UNEVEN, jitter
 from bristle.estimation.autocorrelation import inflation
 from bristle.findings import CAUTION, Finding
 
-SPANS = (1, 4, 16, 64, 256)
-"""Samples over which travel is compared: noise hides a short one, a reversal a long one."""
-FEWEST = 20
-"""Spans that tell a factor, or a lag."""
-_AROUND = 5
-"""Samples on either side that tell the usual travel of one."""
+SPANS = (1, 4, 16, 64, 256)  # samples over which travel is compared: noise hides a short one, a reversal a long one
+FEWEST = 20  # spans that tell a factor, or a lag
+_AROUND = 5  # samples on either side that tell the usual travel of one
 _JUMP = 10.0
 """Its standard deviations, beyond which a step of the position is a jump: the noise of steps is no worse than that."""
-_NAMED = 4
-"""Places in one sentence."""
-_HELD = 3
-"""Times that a reading repeats, and more counts that it then catches up by than the motion makes in a sample."""
-_BESIDE = 20
-"""Samples on either side of a held reading that tell its speed."""
+_NAMED = 4  # places in one sentence
+_HELD = 3  # times that a reading repeats, and more counts that it then catches up by than the motion makes in a sample
+_BESIDE = 20  # samples on either side of a held reading that tell its speed
 
 
 def shortened(names: list[str]) -> tuple[str, ...]:
@@ -114,7 +108,24 @@ def held_position(record: Record, signals: Signals) -> Finding | None:
     """A reading that stays the same in the midst of a motion, and then catches up at once: it was not refreshed."""
     if record.position is None or record.time.size < 2 * BLOCK:
         return None
-    found = [(s.start + k, n) for s in between_gaps(record) for k, n in _held(record.position[s])]
+    found = list[tuple[int, int]]()
+    for s in between_gaps(record):
+        position = record.position[s]
+        steps = np.diff(position)
+        moves = np.flatnonzero(steps)
+        if not moves.size:
+            continue
+        # 0.05 share of the steps of a position that its count is sought in: the smallest that occur are no smaller than it
+        count = float(np.quantile(np.abs(steps[moves]), 0.05))
+        start, end, times = moves[:-1] + 1, moves[1:], np.diff(moves) - 1
+        ok = (times >= _HELD) & (start >= _BESIDE) & (end + 1 + _BESIDE < position.size)
+        start, end, times = start[ok], end[ok], times[ok]
+        before, after = position[start] - position[start - _BESIDE], position[end + 1 + _BESIDE] - position[end + 1]
+        speed, fastest = (before + after) / (2 * _BESIDE), np.maximum(np.abs(before), np.abs(after)) / _BESIDE
+        caught, due = steps[end], speed * (times + 1)
+        held = (before * after > 0) & (np.abs(caught - due) < 0.5 * np.abs(due))
+        held &= np.abs(caught) > fastest + _HELD * count
+        found += zip((s.start + start[held]).tolist(), times[held].tolist(), strict=True)
     if not found:
         return None
     word, (first,) = _rows(record, signals, [found[0][0]])
@@ -127,26 +138,6 @@ def held_position(record: Record, signals: Signals) -> Finding | None:
         "time at which it was taken."
     )
     return Finding("position-held", CAUTION, message, {"files": (place,), "samples": samples, "share": share})
-
-
-def _held(position: Array) -> list[tuple[int, int]]:
-    """Where a position (n,) starts to repeat, and how often; the smallest steps that occur are no smaller than a count."""
-    steps = np.diff(position)
-    moves = np.flatnonzero(steps)
-    if not moves.size:
-        return []
-    # 0.05 share of the steps of a position that its count is sought in
-    count = float(np.quantile(np.abs(steps[moves]), 0.05))
-    start, end, times = moves[:-1] + 1, moves[1:], np.diff(moves) - 1
-    ok = (times >= _HELD) & (start >= _BESIDE) & (end + 1 + _BESIDE < position.size)
-    start, end, times = start[ok], end[ok], times[ok]
-    before, after = position[start] - position[start - _BESIDE], position[end + 1 + _BESIDE] - position[end + 1]
-    speed, fastest = (before + after) / (2 * _BESIDE), np.maximum(np.abs(before), np.abs(after)) / _BESIDE
-    caught, due = steps[end], speed * (times + 1)
-    held = (
-        (before * after > 0) & (np.abs(caught - due) < 0.5 * np.abs(due)) & (np.abs(caught) > fastest + _HELD * count)
-    )
-    return [(int(k), int(n)) for k, n in zip(start[held], times[held], strict=True)]
 
 
 def irregular_sampling(record: Record) -> Finding | None:

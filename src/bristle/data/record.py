@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from bristle.arrays import Array, as_floats
+from bristle.arrays import Array, as_floats, freeze
 from bristle.errors import InputError
 from bristle.findings import Finding, unit_of
 
@@ -73,16 +73,13 @@ class Record:
 
     def __post_init__(self) -> None:
         """Copy, freeze and check every array."""
+        freeze(self)
         time = _frozen(self.time)
         object.__setattr__(self, "time", time)
         if time.ndim != 1 or time.size == 0:
             raise InputError(f"{self.file}: time has shape {time.shape}; expected one column with at least one row")
         if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
             raise InputError(f"{self.file}: time must be finite and increase strictly from sample to sample")
-        if self.lines is not None:
-            lines = self.lines.copy()
-            lines.setflags(write=False)
-            object.__setattr__(self, "lines", lines)
         for name in SIGNALS:
             value = getattr(self, name)
             if value is None:

@@ -3,6 +3,7 @@
 import re
 from collections import defaultdict
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Literal
@@ -19,32 +20,25 @@ from bristle.errors import InputError
 from bristle.model.parameters import Kind as JointKind
 
 MovingKind = Literal["ramp", "presliding", "tracking"]
-_SMOOTH = 10.0
-"""Hz: the low pass of the speed by which rest is told from motion."""
+_SMOOTH = 10.0  # Hz: the low pass of the speed by which rest is told from motion
 _BEND = {"revolute": 0.1, "prismatic": 0.005}
 """rad or m: no bristle bends further, so a longer displacement is a motion."""
 _HELD, _LOADED, _SURELY = 0.79, 0.7, 0.9
 """Of its motion and loading: what holds velocities, or is loaded, for less tells more as a tracking run; what is loaded for so long needs no
 other runs to tell."""
-FEWEST = 4
-"""Velocities held in all: of fewer, points alone tell hardly more than a level."""
+FEWEST = 4  # velocities held in all: of fewer, points alone tell hardly more than a level
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretches:
     """How long a run does what, s."""
 
-    held: float
-    """At constant velocity, in segments that would be accepted."""
-    loaded: float
-    """Slow loading below breakaway, and unloading."""
-    broken: float
-    """Sliding that such a loading ends in."""
-    moving: float
-    """Any other motion."""
+    held: float  # at constant velocity, in segments that would be accepted
+    loaded: float  # slow loading below breakaway, and unloading
+    broken: float  # sliding that such a loading ends in
+    moving: float  # any other motion
     total: float
-    speeds: tuple[float, ...] = ()
-    """Velocities held, rad/s."""
+    speeds: tuple[float, ...] = ()  # velocities held, rad/s
 
     def __str__(self) -> str:
         whole = max(self._busy, 1e-300)
@@ -90,8 +84,20 @@ def stretches(record: Record, joint: JointKind) -> Stretches:
     held = [s for s in find_segments(record, Thresholds()) if s.accepted]
     n, step = record.time.size, record.step
     steady = _union([(s.start, s.stop) for s in held], n)
-    loadings = _slow_loadings(record, joint)
-    loaded = _union([_until_unloaded(record, x) for x in loadings], n) & ~steady
+    loadings, spans = list[Loading](), list[tuple[int, int]]()
+    with suppress(InputError):  # of a joint that slides
+        for x in () if record.position is None else find_loadings(record, of_slow_loading(record)[0], None, None):
+            # 0.5 s: a shorter rise of the torque is the beginning of a motion
+            if x.time.size and x.time[-1] >= 0.5 and x.displacement.max(initial=0.0) <= _BEND[joint]:
+                loadings.append(x)
+    for x in loadings:  # and where it does not break away what follows nearby
+        start, stop = x.start, x.start + x.time.size
+        if x.breakaway is None:
+            q = np.asarray(record.position)
+            far = np.abs(q[stop:] - q[stop - 1]) > 2 * np.ptp(q[start:stop])
+            stop = stop + int(np.argmax(far)) if far.any() else n
+        spans.append((start, stop))
+    loaded = _union(spans, n) & ~steady
     if not _is_spring(record, loaded):
         loadings, loaded = [], np.zeros(n, dtype=bool)
     velocity = np.zeros(n) if record.velocity is None else record.velocity
@@ -122,24 +128,18 @@ def kinds_of(found: Sequence[tuple[str, Stretches]]) -> list[MovingKind]:
     lies between them too.
     """
     families = defaultdict[str, list[Stretches]](list)
-    for file, does in found:
-        families[_family(file)].append(does)
-    kinds = [does.kind if does.is_loaded else _voted(does, families[_family(file)]) for file, does in found]
+    names = [re.sub(r"\d+(\.\d+)?", "#", PurePath(file).name) for file, _ in found]
+    for name, (_, does) in zip(names, found, strict=True):
+        families[name].append(does)
+    kinds = list[MovingKind]()
+    for name, (_, does) in zip(names, found, strict=True):
+        own = [x.kind for x in families[name]]
+        most = max(own, key=own.count)
+        series = most != "ramp" or all(len(x.speeds) == 1 for x in families[name] if x.kind == "ramp")
+        kinds.append(most if not does.is_loaded and 2 * own.count(most) > len(own) and series else does.kind)
     if all(does.steadily for kind, (_, does) in zip(kinds, found, strict=True) if kind == does.kind == "ramp"):
         return kinds
     return ["tracking" if kind == "ramp" else kind for kind in kinds]
-
-
-def _family(file: str) -> str:
-    return re.sub(r"\d+(\.\d+)?", "#", PurePath(file).name)
-
-
-def _voted(own: Stretches, runs: Sequence[Stretches]) -> MovingKind:
-    """What more than half of some runs are, or what one of them is itself."""
-    kinds = [does.kind for does in runs]
-    most = max(kinds, key=kinds.count)
-    series = most != "ramp" or all(len(does.speeds) == 1 for does in runs if does.kind == "ramp")
-    return most if 2 * kinds.count(most) > len(kinds) and series else own.kind
 
 
 def _union(spans: Sequence[tuple[int, int]], n: int) -> NDArray[np.bool_]:
@@ -147,30 +147,6 @@ def _union(spans: Sequence[tuple[int, int]], n: int) -> NDArray[np.bool_]:
     for start, stop in spans:
         mask[start:stop] = True
     return mask
-
-
-def _slow_loadings(record: Record, joint: JointKind) -> list[Loading]:
-    if record.position is None:
-        return []
-    try:
-        found = find_loadings(record, of_slow_loading(record)[0], None, None)
-    except InputError:  # the joint slides
-        return []
-    return [
-        # 0.5 s: a shorter rise of the torque is the beginning of a motion
-        x
-        for x in found
-        if x.time.size and x.time[-1] >= 0.5 and x.displacement.max(initial=0.0) <= _BEND[joint]
-    ]
-
-
-def _until_unloaded(record: Record, loading: Loading) -> tuple[int, int]:
-    """First sample and one past the last of a loading, and where it does not break away of what follows nearby."""
-    start, stop = loading.start, loading.start + loading.time.size
-    if loading.breakaway is not None or record.position is None:
-        return start, stop
-    far = np.abs(record.position[stop:] - record.position[stop - 1]) > 2 * np.ptp(record.position[start:stop])
-    return start, stop + int(np.argmax(far)) if far.any() else record.time.size
 
 
 def _is_spring(record: Record, loaded: NDArray[np.bool_]) -> bool:

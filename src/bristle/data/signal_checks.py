@@ -6,25 +6,14 @@ Each check is a function of a record that gives a diagnostic, or None. None of t
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from itertools import groupby
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from bristle.data import units
+from bristle.data import motion_checks, units
 from bristle.data.encoder import apart, count_mismatch, other_units
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import Context, Signal, Signals
-from bristle.data.motion_checks import (
-    FEWEST,
-    SPANS,
-    held_position,
-    irregular_sampling,
-    position_jumps,
-    shortened,
-    travels,
-    velocity_lag,
-)
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
 from bristle.data.sampling import DEVIATIONS
 from bristle.data.timestamps import ISO
@@ -40,34 +29,26 @@ _TIMES = ("s", "ms", "us")
 class TravelRatio(NamedTuple):
     """Travel of the position over that of the logged velocity."""
 
-    value: float
-    """Geometric mean of the two regressions; negative where they go opposite ways."""
-    low: float
-    """Least abs(value) that the noise of either signal allows."""
+    value: float  # geometric mean of the two regressions; negative where they go opposite ways
+    low: float  # least abs(value) that the noise of either signal allows
     high: float
     correlation: float
 
 
 def check_signals(record: Record, kind: RunKind, signals: Signals, context: Context) -> tuple[Finding, ...]:
-    """What is wrong with the signals of a run, as far as they show it by themselves.
-
-    Args:
-        record: as it is fitted.
-        kind: points have no course over time, and nothing is said of them but of their torque.
-        signals: as declared, for the line to change.
-        context: kind of the joint, and size of a count.
-    """
+    """What is wrong with the signals of a run as it is fitted, as far as they show it by themselves; of points with their torque alone."""
     found: list[Finding | None] = [*check_torque(record, kind)]
+    factor = None if kind == "points" else _velocity_factor(record, signals, context)
     if kind != "points":
-        factor = _velocity_factor(record, signals, context)
-        found += [factor, position_jumps(record, signals, context), held_position(record, signals)]
+        found += [
+            factor,
+            motion_checks.position_jumps(record, signals, context),
+            motion_checks.held_position(record, signals),
+        ]
         found.append(count_mismatch(record, signals.position, context))
     if kind == "tracking":
-        found += [
-            irregular_sampling(record),
-            None if factor else velocity_lag(record),
-        ]
-    return tuple(d for d in found if d is not None)
+        found += [motion_checks.irregular_sampling(record), None if factor else motion_checks.velocity_lag(record)]
+    return tuple(filter(None, found))
 
 
 def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple[Finding, ...]:
@@ -80,7 +61,10 @@ def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple
         signal = getattr(signals, name)
         plain = not isinstance(signal, Signal) or abs(units.scale_parts(signal.scale)[0]) == 1
         declared = signal.unit
-        if unit and declared and plain and declared != ISO and not _alike(unit, declared):
+        alike = declared is not None and declared.strip().startswith("count")
+        with suppress(InputError):
+            alike = alike or bool(unit and declared and abs(units.factor(unit, declared) - 1) < 1e-6)
+        if unit and declared and plain and declared != ISO and not alike:
             remedy = f"`unit: {unit}` under signals.{name}"
             message = (
                 f"Unit of {name}: the header of {file}{OTHER_FILES} states {unit}, and {declared} is declared. Write {remedy}; where the header "
@@ -91,30 +75,18 @@ def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple
     return tuple(found)
 
 
-def _alike(unit: str, other: str) -> bool:
-    if other.strip().startswith("count"):
-        return True
-    with suppress(InputError):
-        return abs(units.factor(unit, other) - 1) < 1e-6
-    return False
-
-
 def merged(found: Iterable[Finding]) -> tuple[Finding, ...]:
     """The same, those of one kind and one remedy as one that names all their files, with the numbers of the first."""
-
-    def alike(d: Finding) -> tuple[str, str]:
-        """What two of them share that become one."""
-        return d.code, str(d.numbers.get("remedy", ""))
-
-    groups = [list(same) for _, same in groupby(sorted(found, key=alike), key=alike)]
-    found = []
-    for first, *others in groups:
-        files = shortened([file for x in (first, *others) for file in x.numbers["files"]])
+    groups, said = dict[tuple[str, str], list[Finding]](), list[Finding]()
+    for d in found:
+        groups.setdefault((d.code, str(d.numbers.get("remedy", ""))), []).append(d)
+    for _, (first, *others) in sorted(groups.items(), key=lambda x: x[0]):
+        files = motion_checks.shortened([file for x in (first, *others) for file in x.numbers["files"]])
         message = first.message
         for mark, between in ((OTHER_FILES, ", "), (OTHER_PLACES, "; ")):
             message = message.replace(mark, "".join(f"{between}{file}" for file in files[1:]))
-        found.append(replace(first, message=message, numbers={**first.numbers, "files": files}))
-    return tuple(sorted(found, key=lambda d: d.severity is not CRITICAL))
+        said.append(replace(first, message=message, numbers={**first.numbers, "files": files}))
+    return tuple(sorted(said, key=lambda d: d.severity is not CRITICAL))
 
 
 def travel_ratio(record: Record) -> TravelRatio | None:
@@ -125,8 +97,8 @@ def travel_ratio(record: Record) -> TravelRatio | None:
     missing, the velocity was estimated from the position, or too little moves.
     """
     best: TravelRatio | None = None
-    for moved, said, _ in travels(record):
-        if moved.size < FEWEST or not (moved.any() and said.any()):
+    for moved, said, _ in motion_checks.travels(record):
+        if moved.size < motion_checks.FEWEST or not (moved.any() and said.any()):
             continue
         across, moved_2, said_2 = float(moved @ said), float(moved @ moved), float(said @ said)
         correlation = across / np.sqrt(moved_2 * said_2)
@@ -145,8 +117,19 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
     if ratio is None:
         return None
     # correlation over a span that a velocity and its position have, where neither is mere noise
-    if abs(ratio.correlation) < 0.7:
-        return _unrelated(record, ratio)
+    if (
+        abs(ratio.correlation) < 0.7
+    ):  # a velocity that is smooth, while the position moves smoothly too: noise is neither
+        position, velocity = np.asarray(record.position)[:: motion_checks.SPANS[2]], np.asarray(record.velocity)
+        both = (np.diff(position), velocity[:: motion_checks.SPANS[2]] - velocity.mean())
+        if any(x.size < 2 * motion_checks.FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
+            return None
+        message = (
+            f"The logged velocity of {record.file}{OTHER_FILES} has nothing to do with its position (correlation {ratio.correlation:.2f}): name "
+            "the right column under signals.velocity, or leave velocity out to have it estimated."
+        )
+        numbers: dict[str, Any] = {"files": (record.file,), "correlation": ratio.correlation}
+        return Finding("velocity-unrelated", CRITICAL, message, numbers)
     sure = ratio.high < 2.0 * ratio.low  # a factor is told where noise leaves it uncertain by less than this
     if not sure or (ratio.value > 0 and ratio.low < 1 + _FACTOR and ratio.high > 1 - _FACTOR):
         return None
@@ -159,45 +142,30 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
     return Finding("velocity-factor", CRITICAL, message, numbers)
 
 
-def _unrelated(record: Record, ratio: TravelRatio) -> Finding | None:
-    """A velocity that is smooth, and has nothing to do with a position that moves smoothly too: noise is neither."""
-    if record.position is None or record.velocity is None:
-        return None
-    both = (np.diff(record.position[:: SPANS[2]]), record.velocity[:: SPANS[2]] - record.velocity.mean())
-    if any(x.size < 2 * FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
-        return None
-    message = (
-        f"The logged velocity of {record.file}{OTHER_FILES} has nothing to do with its position (correlation {ratio.correlation:.2f}): name the "
-        "right column under signals.velocity, or leave velocity out to have it estimated."
-    )
-    numbers = {"files": (record.file,), "correlation": ratio.correlation}
-    return Finding("velocity-unrelated", CRITICAL, message, numbers)
-
-
 def _remedies(signals: Signals, context: Context, ratio: float) -> list[str]:
     """Lines that would make position and velocity agree: units that are this far apart, or else a factor; and a sign."""
     size = abs(ratio)
-    if context.gear and _near(max(size, 1 / size), abs(context.gear.ratio)):
+    if context.gear and apart(max(size, 1 / size), abs(context.gear.ratio)) < _FACTOR:
         return [f"the other side for {name} under motor.gear" for name in ("velocity", "position")]
     lines = list[str]()
-    if not _near(size, 1.0):
+    if not apart(size, 1.0) < _FACTOR:
         for name, wanted in (("velocity", size), ("position", 1 / size)):
             signal: Signal | None = getattr(signals, name)
             if signal is not None and not signal.unit.strip().startswith("count"):
                 units_of = other_units(name, signal, context)
                 lines += [
-                    f"`unit: {u}` under signals.{name}" for u, by in units_of if u != "counts" and _near(by, wanted)
+                    f"`unit: {u}` under signals.{name}"
+                    for u, by in units_of
+                    if u != "counts" and apart(by, wanted) < _FACTOR
                 ]
         time, rate = signals.time, None if signals.time is None else signals.time.rate
         if time is not None and time.unit not in {None, ISO}:
             now = units.factor(time.unit or "s", "s")
-            lines += [f"`unit: {x}` under signals.time" for x in _TIMES if _near(units.factor(x, "s") / now, size)]
+            lines += [
+                f"`unit: {x}` under signals.time" for x in _TIMES if apart(units.factor(x, "s") / now, size) < _FACTOR
+            ]
         if not lines:
             lines.append(f"a `scale` of signals.velocity {size:.3g} times as large")
             lines += [] if rate is None else [f"`rate: {rate / size:.3g} Hz` under signals.time"]
     turned = ["the opposite sign of `scale` under signals.velocity or signals.position"]
     return [*lines, *(turned if ratio < 0 else [])]
-
-
-def _near(x: float, wanted: float) -> bool:
-    return apart(x, wanted) < _FACTOR

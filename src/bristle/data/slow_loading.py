@@ -6,29 +6,27 @@ of them load the same spring.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bristle.arrays import Array, Number, freeze, sized, unwritten
+from bristle.arrays import Array, Number, result, sized, unwritten
 from bristle.data.differentiation import between_gaps, derivative, smoothed
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
 from bristle.errors import InputError
 
-_PROMINENT = 0.1
-"""Of the range of torque: a turn smaller than this is none."""
+_PROMINENT = 0.1  # of the range of torque: a turn smaller than this is none
 ONSET = 10.0
 """Sliding begins where the joint moves this many times as fast as in the first half of its loading: LuGre's own creep does
 so within a tenth below g0, for its speed under a ramp is as 1 / (1 - T / g0)."""
-_CLOSED = 0.1
-"""Of the range of torque: how far apart the ends of a closed cycle may be."""
+_CLOSED = 0.1  # of the range of torque: how far apart the ends of a closed cycle may be
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Loading:
     """One piece of a presliding run.
 
@@ -61,12 +59,8 @@ class Loading:
     shares: Mapping[str, float] = field(default_factory=dict)
     """Relative change of its torque per standard error of each constant behind it."""
 
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        freeze(self)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Loop:
     """One closed cycle of torque over displacement."""
 
@@ -93,10 +87,6 @@ class Loop:
     counts: int
     """Counts that the cycle spans; 0 where no counts are seen."""
 
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        freeze(self)
-
 
 def find_all_loadings(
     records: Sequence[Record], resolution: float | None, breakaway: float | None
@@ -122,22 +112,16 @@ def find_loadings(
     breakaway: float | None,
     held: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[Loading, ...]:
-    """The pieces of a presliding run that load from zero torque.
+    """The pieces of a presliding run, with position and torque, that load from zero torque.
 
-    Args:
-        record: with position and torque.
-        cutoff: of the zero-phase low pass that torque goes through, Hz; at or above the Nyquist frequency it stays as
-            it is.
-        resolution: one count, rad; None: the smallest step seen.
-        breakaway: displacement that counts as breakaway, rad; None: where the speed leaves that of loading and the
-            noise floor for good.
-        held: per direction the largest torque that any loading held without sliding, N*m: below it a joint that went on for
-            a short way only did not break away.
+    The torque goes through a zero-phase low pass of `cutoff`, Hz, unless that is at or above the Nyquist frequency. One
+    count is `resolution`, rad; None: the smallest step seen. A displacement of `breakaway`, rad, counts as breakaway; None:
+    where the speed leaves that of loading and the noise floor for good. Per direction `held` is the largest torque that any
+    loading held without sliding, N*m: below it a joint that went on for a short way only did not break away.
 
     Raises InputError where the joint slides from the start, in one sentence.
     """
-    position, torque = _signals(record)
-    quantum = _quantum(record, position, resolution)
+    position, torque, quantum = _signals(record, resolution)
     slow = _low_passed(record, torque, cutoff)
     speed = derivative(record, _low_passed(record, position, cutoff))
     loadings = []
@@ -153,6 +137,7 @@ def find_loadings(
         _refuse_sliding(record.file, position_along, torque_along, slide, quantum)
         inside = slice(0, slide)
         edges, at = _edges(position_along[inside], quantum)
+        slid = float(torque_along[inside].max(initial=0.0))
         loadings.append(
             Loading(
                 file=record.file,
@@ -165,9 +150,7 @@ def find_loadings(
                 edge_displacement=edges - position_along[0],
                 edge_torque=np.interp(at, np.arange(torque_along.size), torque_along),
                 breakaway=None if slide is None else float(torque_along[slide]),
-                held=_held(torque_along, sign * torque[piece])
-                if slide is None
-                else float(torque_along[inside].max(initial=0.0)),
+                held=_held(torque_along, sign * torque[piece]) if slide is None else slid,
                 shares={
                     name: float(torque[piece] @ shift[piece] / (torque[piece] @ torque[piece]))
                     for name, shift in record.torque_shifts.items()
@@ -183,8 +166,7 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
     That is a share of their range. A cycle goes from one largest torque to the next, or else from one smallest to the
     next. It drifts where the two directions' friction differs.
     """
-    position, torque = _signals(record)
-    quantum = _quantum(record, position, resolution)
+    position, torque, quantum = _signals(record, resolution)
     slow = _low_passed(record, torque, cutoff)
     loops, drifts = [], []
     for segment in between_gaps(record):
@@ -218,20 +200,17 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
     return tuple(loops), tuple(drifts)
 
 
-def _signals(record: Record) -> tuple[Array, Array]:
-    if record.position is None or record.torque is None:
+def _signals(record: Record, resolution: float | None) -> tuple[Array, Array, float]:
+    """Position, torque, and one count, rad: as declared, or the smallest step seen."""
+    position, torque = record.position, record.torque
+    if position is None or torque is None:
         raise InputError(f"{record.file}: presliding needs position and torque; name both under signals")
-    return record.position, record.torque
-
-
-def _quantum(record: Record, position: Array, resolution: float | None) -> float:
-    """One count, rad: as declared, or the smallest step seen. Raises InputError where more were moved than any encoder has."""
     if resolution and not np.ptp(position) / resolution < 2.0**40:  # 2.0**40 counts that no encoder has over any travel
         raise InputError(
             f"{record.file}: the position moves {np.ptp(position) / resolution:.1g} counts of encoder_resolution, more than any encoder has; "
             "check its unit"
         )
-    return resolution or smallest_step(position)
+    return position, torque, resolution or smallest_step(position)
 
 
 def _low_passed(record: Record, values: Array, cutoff: float) -> Array:
@@ -317,14 +296,13 @@ def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None
     share, level = 0.05, 0.8
     early = position - position[0] <= share * travel
     if slide is None and travel > 20 * quantum and travel > 0 and torque[early].max(initial=0.0) > level * largest:
-        if float((position - position.mean()) @ (torque - torque.mean())) < 0:
-            raise InputError(
-                f"{file}: the joint moves against its torque; a drive's torque is positive along positive velocity: give it scale: -1 under signals"
-            )
-        raise InputError(
-            f"{file}: the joint slides: {torque[early].max() / largest:.0%} of its largest torque is there within {share:.0%} of its travel; "
+        why = (
+            f"slides: {torque[early].max() / largest:.0%} of its largest torque is there within {share:.0%} of its travel; "
             "a presliding run loads a joint at rest slowly and stays below breakaway; give this one as experiment: tracking or ramp"
         )
+        if float((position - position.mean()) @ (torque - torque.mean())) < 0:
+            why = "moves against its torque; a drive's torque is positive along positive velocity: give it scale: -1 under signals"
+        raise InputError(f"{file}: the joint {why}")
 
 
 def _edges(position: Array, quantum: float) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import NamedTuple
 
 from bristle.data.units import signal_unit
 from bristle.errors import InputError, short
@@ -18,10 +18,8 @@ from bristle.findings import CAUTION, Finding
 _SAMPLE, _MOST = 2**18, 3 * 2**20
 """Bytes that are looked at, and where the lines are so long that these hold fewer than `_HEADED` of them."""
 _DELIMITERS = (",", ";", "\t", "|", " ")
-MAX_COLUMNS = 10_000
-"""Most columns of a text file."""
-LONGEST = 300
-"""Characters of a number; a longer cell is none."""
+MAX_COLUMNS = 10_000  # most columns of a text file
+LONGEST = 300  # characters of a number; a longer cell is none
 _NUMBER = re.compile(
     r"[+-]?(?:(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|inf(?:inity)?|nan|n/?a|null)", re.IGNORECASE
 )
@@ -29,41 +27,30 @@ _STAMP = re.compile(
     r"(?:\d{4}-\d\d-\d\d(?:[T ]\d\d?:\d\d.*)?|\d\d?\.\d\d?\.\d{4}(?: \d\d?:\d\d.*)?|\d\d?:\d\d:\d\d(?:[.,]\d+)?)"
 )
 """A date, a time of day, or both."""
-_SEPARATOR = re.compile(r"sep=([,;\t|])", re.IGNORECASE)
-"""What Excel writes above a table."""
+_SEPARATOR = re.compile(r"sep=([,;\t|])", re.IGNORECASE)  # what Excel writes above a table
 _BRACKETS = re.compile(r"(.*?)[\s_]*[\[(<](.*?)[\])>]\s*")
-_HEADED = 3
-"""Lines that a sample has at least, if the file has as many: a header, perhaps units, and numbers."""
-_LOOKED_AT = 200
-"""Lines at the end of a sample by which a delimiter, and the columns of numbers, are told."""
-_RUN = 3
-"""Rows of numbers in a row: fewer, above a line of names, are no table."""
+_HEADED = 3  # lines that a sample has at least, if the file has as many: a header, perhaps units, and numbers
+_LOOKED_AT = 200  # lines at the end of a sample by which a delimiter, and the columns of numbers, are told
+_RUN = 3  # rows of numbers in a row: fewer, above a line of names, are no table
 
 
 class Layout(NamedTuple):
     """How a text file is laid out."""
 
-    delimiter: str
-    """One of , ; tab | or a space, which stands for any run of blanks."""
-    names: tuple[str, ...]
-    """The header; empty where there is none."""
-    width: int
-    """Columns."""
-    skip: int
-    """Lines before the first row of numbers."""
+    delimiter: str  # one of , ; tab | or a space, which stands for any run of blanks
+    names: tuple[str, ...]  # the header; empty where there is none
+    width: int  # columns
+    skip: int  # lines before the first row of numbers
     decimal: str
     comment: str | None
     encoding: str
-    first: tuple[str, ...]
-    """The first row of numbers, as text; empty where there is none."""
+    first: tuple[str, ...]  # the first row of numbers, as text; empty where there is none
     units: tuple[str, ...] = ()
     """Of each column the unit that the file states, in a row below the names or in brackets behind a name; empty where it states none."""
     other_names: tuple[tuple[str, ...], ...] = ()
     """Rows above the numbers that are as wide, in which a name is looked for that the header does not have."""
-    note: Finding | None = None
-    """What is said of a header that is more than one line of names."""
-    blocks: bool = False
-    """Whether each channel has a block of two columns, its time and its value."""
+    note: Finding | None = None  # what is said of a header that is more than one line of names
+    blocks: bool = False  # whether each channel has a block of two columns, its time and its value
 
 
 Rows = Sequence[Sequence[str]]
@@ -76,13 +63,25 @@ def text_layout(path: Path) -> Layout:
     Raises InputError where the file is no text, or a row of numbers would be lost above the table.
     """
     with path.open("rb") as file:
-        encoding, lines = _decode(file)
-    return _layout(encoding, tuple(lines))
+        sample = file.read(_SAMPLE)
+        while sample.count(b"\n") < _HEADED and len(sample) < _MOST and (line := file.readline(_MOST - len(sample))):
+            sample += line
+        whole = not file.read(1)
+    encoding = "utf-16" if sample[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    if encoding != "utf-16" and b"\0" in sample:
+        raise InputError("is not a text file; expected CSV text, or a .mat, .npz, .parquet or .h5 file")
+    try:
+        text = sample.decode(encoding)
+    except UnicodeDecodeError as error:
+        cut = not whole and error.start > len(sample) - 4
+        encoding = encoding if cut or encoding == "utf-16" else "latin-1"
+        text = sample.decode(encoding, errors="replace")
+    lines = re.split(r"\r\n|\r|\n", text)
+    return _layout(encoding, tuple(lines if whole else lines[:-1])[:2000])  # 2000 lines that are looked at
 
 
 @lru_cache(maxsize=256)  # a log is opened several times: to draft, to choose, to read
 def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
-    """The same of lines."""
     comment = next((c for c in ("#", "%", "//") if any(line.lstrip().startswith(c) for line in lines)), None)
     rows = [
         (i, line)
@@ -236,24 +235,6 @@ def split(line: str, delimiter: str) -> list[str]:
         raise InputError(f"is not a table of numbers ({error})") from error
     finally:
         csv.field_size_limit(before)
-
-
-def _decode(file: IO[bytes]) -> tuple[str, list[str]]:
-    sample = file.read(_SAMPLE)
-    while sample.count(b"\n") < _HEADED and len(sample) < _MOST and (line := file.readline(_MOST - len(sample))):
-        sample += line
-    whole = not file.read(1)
-    encoding = "utf-16" if sample[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-    if encoding != "utf-16" and b"\0" in sample:
-        raise InputError("is not a text file; expected CSV text, or a .mat, .npz, .parquet or .h5 file")
-    try:
-        text = sample.decode(encoding)
-    except UnicodeDecodeError as error:
-        cut = not whole and error.start > len(sample) - 4
-        encoding = encoding if cut or encoding == "utf-16" else "latin-1"
-        text = sample.decode(encoding, errors="replace")
-    lines = re.split(r"\r\n|\r|\n", text)
-    return encoding, (lines if whole else lines[:-1])[:2000]  # 2000 lines that are looked at
 
 
 def _fitness(lines: Sequence[str], delimiter: str) -> tuple[float, int]:

@@ -6,8 +6,8 @@ about what a column means; whatever cannot be read as numbers is an error that s
 
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.binary_tables import READERS, read_binary
 from bristle.data.columns import Key, reading
-from bristle.data.ros.files import is_bag
 from bristle.data.ros.read import read_bag
+from bristle.data.ros.storage import is_bag
 from bristle.data.text_layout import LONGEST, Layout, is_stamp, text_layout
 from bristle.data.timestamps import seconds_of_stamps
 from bristle.errors import InputError, check_regular, short, short_list, unreadable
@@ -29,10 +29,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-MAX_BYTES = 2**29
-"""Largest data file, bytes."""
-MAX_LINE = 2**20
-"""Longest line of a text file, bytes."""
+MAX_BYTES = 2**29  # largest data file, bytes
+MAX_LINE = 2**20  # longest line of a text file, bytes
 _GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f])\d{3}(\1\d{3})*([.,]\d*)?")
 """A number with its thousands set apart."""
 
@@ -53,8 +51,7 @@ class RawTable:
     """Of columns of dates the first date, ns since 1970 or midnight."""
     time: Array | None = None
     """Time of each row, s, (rows,), where it is known otherwise than by the column of time alone."""
-    origin: int = 0
-    """Since when `time` counts, ns."""
+    origin: int = 0  # since when `time` counts, ns
     numbers: NDArray[np.intp] | None = None
     """Of each row its line, or its number in the file, from 1, (rows,); None: from the first on."""
 
@@ -85,8 +82,8 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
                 raise InputError(
                     f"column {stamps}: unit iso is for text; expected a time in a unit such as s, ms or ns"
                 )
-            table = _read_text(path, keys) if text else RawTable(columns=read_binary(path, keys), rows=0, sha256="")
-            table = replace(table, sha256=digest)
+            columns = {} if text else read_binary(path, keys)
+            table = _read_text(path, keys, digest) if text else RawTable(columns=columns, rows=0, sha256=digest)
     lengths = {key: column.size for key, column in table.columns.items()}
     if len(set(lengths.values())) > 1:
         raise InputError(
@@ -100,25 +97,6 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
 
 Reader = Callable[[Path, Sequence[Key], str | None], RawTable]
 """What reads columns of a file: `read_table`, or what remembers."""
-
-
-class ReadOnce:
-    """Reads each file once, with all columns that will be asked of it: the joints of a robot share their logs."""
-
-    def __init__(self, keys: Iterable[Key]) -> None:
-        """`keys`: every column that will be asked for, that of the time first."""
-        self._keys = tuple(dict.fromkeys(keys))
-        self._tables: dict[Path, RawTable] = {}
-
-    def __call__(self, path: Path, keys: Sequence[Key], shown: str | None = None) -> RawTable:
-        """The columns `keys` of a file. Raises InputError as `read_table`."""
-        if path not in self._tables and set(keys) <= set(self._keys):
-            with suppress(InputError):  # a file may lack what others have
-                self._tables[path] = read_table(path, self._keys, shown)
-        table = self._tables.get(path)
-        if table is None or not set(keys) <= table.columns.keys():
-            return read_table(path, keys, shown)
-        return replace(table, columns={key: table.columns[key] for key in keys})
 
 
 def is_text(path: Path) -> bool:
@@ -157,13 +135,34 @@ def _digest(path: Path, *, text: bool) -> str:
     return digest.hexdigest()
 
 
-def _read_text(path: Path, keys: Sequence[Key]) -> RawTable:
+def _read_text(path: Path, keys: Sequence[Key], digest: str) -> RawTable:
+    import pandas as pd
+
     layout = text_layout(path)
     places = {key: _place(key, layout) for key in keys}
     if not layout.first:
         raise InputError("has a header and no row of numbers; expected a log with a row per sample")
-    frame = _frame(path, layout, [place for key, place in places.items() if key.stamps])
-    lists = _of_lists(layout)
+    with path.open(encoding=layout.encoding, errors="replace") as file:
+        for _ in range(layout.skip):  # as lines: a quote in the header opens nothing
+            file.readline()
+        with reading("table of numbers", "expected one row of numbers per line"):
+            try:
+                frame = pd.read_csv(
+                    file,
+                    sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+                    header=None,
+                    names=list(range(layout.width)),
+                    index_col=False,
+                    comment=layout.comment,
+                    decimal=layout.decimal,
+                    dtype=dict.fromkeys((place for key, place in places.items() if key.stamps), str),
+                    skipinitialspace=True,
+                    low_memory=False,
+                )
+            except pd.errors.ParserError as error:
+                raise InputError(
+                    f"its rows differ in width: {error}; expected {layout.width} columns in every row"
+                ) from error
     times = [place for place in places.values() if place % 2 == 0] if layout.blocks else []
     for key, place in places.items():  # channels of a time and a value each have one time
         if len(times) == 1 and place % 2 and place - 1 != times[0] and not frame[place - 1].equals(frame[times[0]]):
@@ -172,14 +171,12 @@ def _read_text(path: Path, keys: Sequence[Key]) -> RawTable:
                 f"add time: {place - 1} to the signal"
             )
     comma = Finding("decimal-comma", CAUTION, "Numbers have a decimal comma.") if layout.decimal == "," else None
-    notes = tuple(filter(None, (layout.note, comma)))
     stamps = {key: seconds_of_stamps(frame[place], str(key)) for key, place in places.items() if key.stamps}
     numbers = {
-        key: _numbers(_picked(frame[place], key) if place in lists else frame[place], key)
+        key: _numbers(_picked(frame[place], key) if place in _of_lists(layout) else frame[place], key)
         for key, place in places.items()
         if not key.stamps
     }
-    stated = {key: layout.units[place] for key, place in places.items() if place < len(layout.units)}
 
     # lines and rows go together where each line after the header is one row, in a file that is short enough to look
     header = None
@@ -192,39 +189,12 @@ def _read_text(path: Path, keys: Sequence[Key]) -> RawTable:
     return RawTable(
         columns={**numbers, **{key: seconds for key, (seconds, _) in stamps.items()}},
         rows=len(frame),
-        sha256="",
-        notes=notes,
+        sha256=digest,
+        notes=tuple(filter(None, (layout.note, comma))),
         header=header,
-        units={key: unit for key, unit in stated.items() if unit},
+        units={key: unit for key, place in places.items() if (unit := "".join(layout.units[place : place + 1]))},
         origins={key: origin for key, (_, origin) in stamps.items()},
     )
-
-
-def _frame(path: Path, layout: Layout, stamps: Sequence[int]) -> "pd.DataFrame":
-    """The table of a text file, its columns by number; those of dates as text."""
-    import pandas as pd
-
-    with path.open(encoding=layout.encoding, errors="replace") as file:
-        for _ in range(layout.skip):  # as lines: a quote in the header opens nothing
-            file.readline()
-        with reading("table of numbers", "expected one row of numbers per line"):
-            try:
-                return pd.read_csv(
-                    file,
-                    sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
-                    header=None,
-                    names=list(range(layout.width)),
-                    index_col=False,
-                    comment=layout.comment,
-                    decimal=layout.decimal,
-                    dtype=dict.fromkeys(stamps, str),
-                    skipinitialspace=True,
-                    low_memory=False,
-                )
-            except pd.errors.ParserError as error:
-                raise InputError(
-                    f"its rows differ in width: {error}; expected {layout.width} columns in every row"
-                ) from error
 
 
 def _place(key: Key, layout: Layout) -> int:

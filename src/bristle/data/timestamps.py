@@ -11,13 +11,11 @@ from bristle.errors import InputError, short
 if TYPE_CHECKING:
     import pandas as pd
 
-ISO = "iso"
-"""The unit of a time column that holds dates or times of day."""
+ISO = "iso"  # the unit of a time column that holds dates or times of day
 _DAY = 86_400 * 10**9
 _CLOCK = re.compile(r"\d\d?:\d\d:\d\d(\.\d+)?")
 _POINTS = re.compile(r"\d\d?\.\d\d?\.\d{4} .*")
-_MISSING = np.iinfo(np.int64).min
-"""pandas' integer for no date."""
+_MISSING = np.iinfo(np.int64).min  # pandas' integer for no date
 
 
 def seconds_of_stamps(column: "pd.Series[str]", name: str) -> tuple[Array, int]:

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from bristle.arrays import Array
 from bristle.data.encoder import smallest_step
 from bristle.data.experiment.schema import RunKind
 from bristle.data.record import OTHER_FILES, Record
@@ -15,27 +14,19 @@ from bristle.findings import CAUTION, CRITICAL, Finding
 
 _PILED, _NEXT = 4.0, 3
 """A signal is clipped where it takes its extreme so many times as often as any of this many levels next to it."""
-_MANY, _TURNS = 200, 4
-"""Samples, and turns, that show that a torque has no sign."""
-_PARTS = 100
-"""The first of so many parts of slow loading, but no less than ..."""
+_MANY, _TURNS = 200, 4  # samples, and turns, that show that a torque has no sign
+_PARTS = 100  # parts of slow loading, of which the first tells with what it begins
 
 
 def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
-    """What is wrong with the torque of a run.
-
-    Args:
-        record: as it is fitted.
-        kind: of holds at constant velocity all but the steps of the torque is judged one by one, as segments.
-    """
-    if record.torque is None or kind == "ramp":
-        yield from filter(None, [_coarse(record, kind)])
-        return
-    checks = [_clipped(record, kind) if kind != "presliding" or _moves_at_limits(record) else None]
-    checks += [_loaded_at_start(record)] if kind == "presliding" else []
-    checks += [_unsigned(record), _dead_zone(record)] if kind == "tracking" else []
-    checks += [_coarse(record, kind)] if kind != "points" else []
-    yield from filter(None, checks)
+    """What is wrong with the torque of a run as it is fitted; holds at constant velocity are, but for its steps, judged as segments."""
+    checks = {
+        "ramp": (_coarse,),
+        "points": (_clipped,),
+        "presliding": (_clipped, _loaded_at_start, _coarse),
+        "tracking": (_clipped, _unsigned, _dead_zone, _coarse),
+    }
+    yield from filter(None, (check(record, kind) for check in checks[kind]))
 
 
 def at_limits(record: Record, kind: RunKind = "tracking") -> NDArray[np.bool_]:
@@ -50,8 +41,14 @@ def _limits(record: Record, kind: RunKind) -> list[float]:
     """The largest and smallest torque, N*m, where it stays exactly there; none of a torque from a voltage, which never does."""
     if record.torque is None or record.voltage is not None:
         return []
-    if kind == "points":
-        return _limits_of_points(record.torque, record.velocity)
+    if kind == "points":  # each has a torque of its own
+        torque, velocity = record.torque, np.asarray(record.velocity)
+        tips = list(dict.fromkeys((float(torque.max(initial=-np.inf)), float(torque.min(initial=np.inf)))))
+        others = torque[~np.isin(torque, tips)]
+        told = record.velocity is not None and np.unique(others).size >= 0.9 * others.size
+        brakes = [x for x in tips if told and (velocity[torque == x] * x > 0).all()]
+        speeds = {x: np.unique(velocity[torque == x]).size for x in brakes}
+        return [x for x in speeds if speeds[x] + speeds.get(-x, 0) >= 3]  # not by chance
     part, few = 0.005, 8  # this share of the samples at least, and so many of them
     least = max(part * record.torque.size, few if record.torque.size > 200 else 3)
     ends = (record.torque.min(), record.torque.max())
@@ -75,21 +72,19 @@ def _limits(record: Record, kind: RunKind) -> list[float]:
     return [float(levels[k]) for k in at]
 
 
-def _limits_of_points(torque: Array, velocity: Array | None) -> list[float]:
-    """The same of points, N*m, (n,), each of which has a torque of its own, at velocities, rad/s, (n,)."""
-    ends = list(dict.fromkeys((float(torque.max(initial=-np.inf)), float(torque.min(initial=np.inf)))))
-    others = torque[~np.isin(torque, ends)]
-    if velocity is None or np.unique(others).size < 0.9 * others.size:
-        return []
-    speeds = {x: np.unique(velocity[torque == x]).size for x in ends if (velocity[torque == x] * x > 0).all()}  # brakes
-    return [x for x in speeds if speeds[x] + speeds.get(-x, 0) >= 3]  # not by chance
-
-
 def _clipped(record: Record, kind: RunKind) -> Finding | None:
     """That samples are clipped, which are left out of points and moving runs; critical where hardly any others are left."""
     limits = _limits(record, kind)
     if not limits or record.torque is None:
         return None
+    if (
+        kind == "presliding"
+    ):  # a joint that is held at its extreme torque does not go on moving, and one that is clipped does
+        ends = record.torque.min(), record.torque.max()
+        stays = (np.diff(record.torque) == 0) & np.isin(record.torque[1:], ends)
+        moved = np.zeros(stays.size) if record.position is None else np.abs(np.diff(record.position))
+        if not moved[stays].sum() > stays.mean() / 2 * moved.sum():
+            return None
     share = float(np.isin(record.torque, limits).mean())
     left_out = kind != "presliding" and (at_limits(record, kind) & np.isin(record.torque, limits)).any()
     values = " and ".join(f"{x:.4g}" for x in limits)
@@ -98,14 +93,12 @@ def _clipped(record: Record, kind: RunKind) -> Finding | None:
         f"is unknown{'; they are left out' if left_out else ''}; move slower or more gently, or widen the range of the drive or the sensor."
     )
     numbers = {"files": (record.file,), "share": share, "limits": values}
-    return (
-        Finding("clipped-left-out", CAUTION, message, numbers)
-        if left_out
-        else Finding("clipped", CRITICAL, message, numbers, {} if kind == "presliding" else {"torque": np.inf})
-    )
+    if left_out:
+        return Finding("clipped-left-out", CAUTION, message, numbers)
+    return Finding("clipped", CRITICAL, message, numbers, {} if kind == "presliding" else {"torque": np.inf})
 
 
-def _unsigned(record: Record) -> Finding | None:
+def _unsigned(record: Record, _: RunKind) -> Finding | None:
     """That a torque is a magnitude: that of a joint that goes both ways goes to zero where it turns, and never beyond it."""
     if record.torque is None or record.velocity is None or record.voltage is not None:
         return None
@@ -130,16 +123,7 @@ def _unsigned(record: Record) -> Finding | None:
     return Finding("torque-unsigned", CRITICAL, message, {"files": (record.file,)}, {"torque": np.inf})
 
 
-def _moves_at_limits(record: Record) -> bool:
-    """Whether a joint under slow loading goes on moving while its torque stays at an extreme: one that is held there does not."""
-    if record.torque is None or record.position is None:
-        return False
-    stays = (np.diff(record.torque) == 0) & np.isin(record.torque[1:], (record.torque.min(), record.torque.max()))
-    moved = np.abs(np.diff(record.position))
-    return bool(moved[stays].sum() > stays.mean() / 2 * moved.sum())
-
-
-def _loaded_at_start(record: Record) -> Finding | None:
+def _loaded_at_start(record: Record, _: RunKind) -> Finding | None:
     """A slow loading whose torque, by the line through its first samples, does not begin at zero."""
     if record.torque is None or record.torque.size < _PARTS:
         return None
@@ -161,7 +145,7 @@ def _loaded_at_start(record: Record) -> Finding | None:
     return Finding("loaded-at-start", CAUTION, message, {"files": (record.file,), "torque": begins, "share": share})
 
 
-def _dead_zone(record: Record) -> Finding | None:
+def _dead_zone(record: Record, _: RunKind) -> Finding | None:
     """A torque of a moving joint that is exactly zero, far more often than any other, where it changes its sign."""
     torque, position = record.torque, record.position
     if torque is None or position is None or record.voltage is not None:

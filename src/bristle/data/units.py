@@ -14,11 +14,10 @@ from bristle.errors import InputError, short
 if TYPE_CHECKING:
     import pint
 
-LARGEST = 1e30
-"""No quantity is larger in SI, or smaller but for zero: squares of such numbers, and their inverses, still are numbers.
-"""
-_LONGEST = 200
-"""Characters of a quantity, and of a unit: what is matched is short."""
+LARGEST = (
+    1e30  # in SI; its inverse is the smallest size: squares of such numbers, and their inverses, still are numbers
+)
+_LONGEST = 200  # characters of a quantity, and of a unit: what is matched is short
 _NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _QUANTITY = re.compile(rf"({_NUMBER}) ?(.*)")
 _PLUS_MINUS = re.compile(r"±|\+/-|\+-")
@@ -28,28 +27,17 @@ _POWER = re.compile(r"(?:\*\*|\^)(?!\s*-?\d(?!\d|\s*(?:\*\*|\^)))")
 """A power that is not one digit, or a power of a power: pint would compute it, however large."""
 _RAISED = re.compile(r"[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 _PLAIN_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
-_OF_BRACKET = re.compile(r"\)\s*(?:\*\*|\^)")
-"""A power of a bracket, in which another one may stand."""
-_GERMAN = {"Grad": "deg", "U/min": "rpm"}
-"""What pint takes for a gigaradian, and for none."""
+_OF_BRACKET = re.compile(r"\)\s*(?:\*\*|\^)")  # a power of a bracket, in which another one may stand
+_GERMAN = {"Grad": "deg", "U/min": "rpm"}  # what pint takes for a gigaradian, and for none
 _PER_MINUTE = ("1/min", "/min", "min^-1", "min-1", "min⁻¹", "1/minute")
 """How the speed of a shaft is often written, in revolutions."""
 _COUNTS = re.compile(r"counts?\b")
 _PER_TURN = re.compile(rf"({_NUMBER}) ?counts? ?/ ?(.+)")
 
 _EXAMPLES = {
-    "rad": "rad, deg, rev or counts",
-    "m": "m, mm or counts",
-    "rad/s": "rad/s, deg/s or rpm",
-    "m/s": "m/s or mm/s",
-    "N*m": "N*m or mNm",
-    "N": "N or kN",
-    "s": "s, ms or us",
-    "Hz": "Hz or kHz",
-    "A": "A or mA",
-    "V": "V or mV",
-    "1": "1 or percent",
-}
+    "rad": "rad, deg, rev or counts", "m": "m, mm or counts", "rad/s": "rad/s, deg/s or rpm", "m/s": "m/s or mm/s", "N*m": "N*m or mNm",
+    "N": "N or kN", "s": "s, ms or us", "Hz": "Hz or kHz", "A": "A or mA", "V": "V or mV", "1": "1 or percent",
+}  # fmt: skip  # a table
 
 
 def to_si(value: object, target: str) -> float:
@@ -128,7 +116,7 @@ def _parts(value: object) -> tuple[float, str, float, str] | None:
 
 
 def _plain(value: object) -> str:
-    """The text with single blanks; nothing where there is no text, or far too much."""
+    """The text with single blanks; nothing where there is none, or far too much."""
     return " ".join(value.split()) if isinstance(value, str) and len(value) <= _LONGEST else ""
 
 

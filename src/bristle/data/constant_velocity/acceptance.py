@@ -1,6 +1,6 @@
 """Whether a candidate counts as motion at constant velocity: each reason says what would have let it in."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import ceil, floor, log10
 from typing import Annotated
@@ -14,8 +14,7 @@ from bristle.findings import CAUTION, NOTE, Finding, unit_of
 
 _SHARE = 0.25
 """Of the typical plateau of a run: what is shorter both in time and in travel is a piece of something else."""
-_INDEPENDENT = 5.0
-"""Fewest independent samples of velocity and torque."""
+_INDEPENDENT = 5.0  # fewest independent samples of velocity and torque
 
 
 class Thresholds(StrictModel):
@@ -33,14 +32,7 @@ class Thresholds(StrictModel):
 
 def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Finding, ...]:
     """Why a candidate does not count, with what would have let it in; empty where it does."""
-    steady = (
-        _at_rest(e, usual, t, 0.0)
-        or _accelerating(e, t)
-        or _hunting(e)
-        or _at_rest(e, usual, t, 5 * e.velocity_error)  # which means little where the velocity drifts or swings
-        or _unsteady(e, t)
-        or _unsettled(e)
-    )
+    steady = next(_unsteadiness(e, usual, t), None)
     if steady and steady.code == "transient":
         return (steady,)
     against = [reason for reason in (_too_short(e, usual, t, steady), steady, _saturated(e, t)) if reason]
@@ -48,9 +40,8 @@ def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Finding, ...]:
     return tuple(replace(reason, message=f"{reason.message} {effect}.") for reason in against)
 
 
-def warnings(e: Evidence) -> tuple[Finding, ...]:
+def warnings(e: Evidence) -> Iterator[Finding]:
     """Warnings about a candidate that counts."""
-    out = []
     speed, velocity, torque = abs(e.velocity), unit_of("velocity"), unit_of("torque")
     if sticks(e):
         swing = e.swing / speed
@@ -58,30 +49,26 @@ def warnings(e: Evidence) -> tuple[Finding, ...]:
             f"Stick-slip: the velocity deviates by {100 * swing:.0f} % of its mean and is zero {100 * e.resting:.0f} % of the time; "
             "the mean torque is not the friction at the mean velocity."
         )
-        out.append(Finding("stick-slip", CAUTION, message, {"swing": swing, "resting": e.resting}))
+        yield Finding("stick-slip", CAUTION, message, {"swing": swing, "resting": e.resting})
     if abs(e.logged - e.velocity) > max(0.005 * speed, 4 * e.velocity_error):
         message = (
             f"The slope of the position, {e.velocity:.4g}{velocity}, and the mean of the logged velocity, {e.logged:.4g}{velocity}, differ: "
             "check for missing samples, a wrong unit or a wrong sampling rate."
         )
-        out.append(Finding("position-differs", CAUTION, message, {"slope": e.velocity, "logged": e.logged}))
+        yield Finding("position-differs", CAUTION, message, {"slope": e.velocity, "logged": e.logged})
     if e.torque_drift > max(0.1 * abs(e.torque), e.torque_drift_noise):
         message = (
             f"The torque changes by {e.torque_drift:.3g}{torque} over the segment (mean {e.torque:.4g}{torque}), more than its noise: it "
             "depends on position, temperature or time, or had not settled."
         )
-        out.append(Finding("torque-drifts", CAUTION, message, {"drift": e.torque_drift, "torque": e.torque}))
+        yield Finding("torque-drifts", CAUTION, message, {"drift": e.torque_drift, "torque": e.torque})
     if e.torque_error is None:
         message = "Fewer than two of the torque samples are independent; the standard error of the torque is unknown."
-        out.append(Finding("torque-unsure", NOTE, message))
-    return tuple(out)
+        yield Finding("torque-unsure", NOTE, message)
 
 
 def sticks(e: Evidence) -> bool:
-    """Whether the joint sticks and slips.
-
-    It rests over 5 % of the time, or its velocity swings by over 30 % of the mean.
-    """
+    """Whether the joint sticks and slips: it rests over 5 % of the time, or its velocity swings by over 30 % of the mean."""
     return e.resting > 0.05 or e.swing > 0.3 * abs(e.velocity)
 
 
@@ -106,12 +93,12 @@ def _too_short(e: Evidence, usual: Scale, t: Thresholds, other: Finding | None) 
     return Finding("too-short", NOTE, message, {"duration": e.duration})
 
 
-def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Finding | None:
+def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Iterator[Finding]:
     noise_floor = max(noise, 5 * usual.quantum / e.duration if e.duration > 0 else 0.0, 1e-3 * usual.fastest)
     least = noise_floor if t.minimum_velocity is None else t.minimum_velocity
     speed = abs(e.velocity)
     if speed > least or (t.minimum_velocity is not None and speed >= least > 0):
-        return None
+        return
     wanted = "the noise floor" if t.minimum_velocity is None else "segments.minimum_velocity"
     moves, unit = speed > 1e-6 * usual.fastest, unit_of("velocity")
     option = f", or a segments.minimum_velocity of {_rounded(speed, floor)}," if moves else ""
@@ -119,53 +106,50 @@ def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Finding 
         f"At rest or below breakaway: its mean speed is {speed:.3g}{unit}, and {wanted} is {least:.3g}{unit}. "
         f"More torque{option}"
     )
-    return Finding("at-rest", NOTE, message, {"speed": speed, "least": least})
+    yield Finding("at-rest", NOTE, message, {"speed": speed, "least": least})
 
 
-def _accelerating(e: Evidence, t: Thresholds) -> Finding | None:
-    """Transient, with a whole message, where no tolerance would let it in."""
-    speed = abs(e.velocity)
+def _unsteadiness(e: Evidence, usual: Scale, t: Thresholds) -> Iterator[Finding]:
+    """Why there is no steady motion, of which the first counts: transient, with a whole message, where no tolerance would let it in."""
+    yield from _at_rest(e, usual, t, 0.0)
+    speed, unit, of_torque = abs(e.velocity), unit_of("velocity"), unit_of("torque")
     # default drift of the velocity, relative to its mean; or what noise alone gives, where that is more
     tolerance = max(0.05 * speed, min(e.drift_noise, 0.5 * speed))
     allowed = tolerance if t.velocity_tolerance is None else t.velocity_tolerance * speed
-    if e.drift <= allowed:
-        return None
-    option, unit = _tolerance(e.drift, speed), unit_of("velocity")
-    if not option:
+    option, drift = _tolerance(e.drift, speed), {"drift": e.drift, "velocity": e.velocity}
+    if e.drift > allowed and not option:
         message = (
             f"Transient: for {e.duration:.3g} s its velocity changes by {e.drift:.3g}{unit} about a mean of {e.velocity:.3g}{unit}, on the way "
             "from one speed to another; it is no plateau, and no setting makes it one."
         )
-        return Finding("transient", NOTE, message, {"duration": e.duration, "drift": e.drift, "velocity": e.velocity})
-    message = (
-        f"Accelerating: its velocity drifts by {e.drift:.3g}{unit} about a mean of {e.velocity:.3g}{unit}; {allowed:.3g}{unit} is "
-        f"allowed. A steadier motion{option}"
-    )
-    return Finding("accelerating", NOTE, message, {"drift": e.drift, "velocity": e.velocity, "allowed": allowed})
-
-
-def _hunting(e: Evidence) -> Finding | None:
-    if e.backward <= 0.1:
-        return None
-    message = (
-        f"Hunting: it moves backward {100 * e.backward:.0f} % of the time; 10 % is allowed. "
-        "A controller that does not oscillate"
-    )
-    return Finding("hunting", NOTE, message, {"backward": e.backward})
-
-
-def _unsteady(e: Evidence, t: Thresholds) -> Finding | None:
-    speed = abs(e.velocity)
+        yield Finding("transient", NOTE, message, {"duration": e.duration, **drift})
+    if e.drift > allowed:
+        message = (
+            f"Accelerating: its velocity drifts by {e.drift:.3g}{unit} about a mean of {e.velocity:.3g}{unit}; {allowed:.3g}{unit} is "
+            f"allowed. A steadier motion{option}"
+        )
+        yield Finding("accelerating", NOTE, message, {**drift, "allowed": allowed})
+    if e.backward > 0.1:
+        message = (
+            f"Hunting: it moves backward {100 * e.backward:.0f} % of the time; 10 % is allowed. "
+            "A controller that does not oscillate"
+        )
+        yield Finding("hunting", NOTE, message, {"backward": e.backward})
+    yield from _at_rest(e, usual, t, 5 * e.velocity_error)  # which means little where the velocity drifts or swings
     # scatter of the mean velocities of eighths of a segment, relative to their mean, beyond which there is no mean to speak of
     allowed = max(0.25, t.velocity_tolerance or 0.0) * speed
-    if e.scatter <= allowed:
-        return None
-    unit = unit_of("velocity")
-    message = (
-        f"Stick-slip without a steady mean: the means of its eighths scatter by {e.scatter:.3g}{unit} about {e.velocity:.3g}{unit}; "
-        f"{allowed:.3g}{unit} is allowed. A longer hold or a stiffer controller{_tolerance(e.scatter, speed)}"
-    )
-    return Finding("unsteady", NOTE, message, {"scatter": e.scatter, "velocity": e.velocity, "allowed": allowed})
+    if e.scatter > allowed:
+        message = (
+            f"Stick-slip without a steady mean: the means of its eighths scatter by {e.scatter:.3g}{unit} about {e.velocity:.3g}{unit}; "
+            f"{allowed:.3g}{unit} is allowed. A longer hold or a stiffer controller{_tolerance(e.scatter, speed)}"
+        )
+        yield Finding("unsteady", NOTE, message, {"scatter": e.scatter, "velocity": e.velocity, "allowed": allowed})
+    if e.torque_drift > max(abs(e.torque), e.torque_drift_noise):
+        message = (
+            f"Below breakaway, or not settled: its torque changes by {e.torque_drift:.3g}{of_torque}, more than its mean of "
+            f"{e.torque:.4g}{of_torque}. A longer hold at this speed"
+        )
+        yield Finding("unsettled", NOTE, message, {"drift": e.torque_drift, "torque": e.torque})
 
 
 def _tolerance(deviation: float, speed: float) -> str:
@@ -178,17 +162,6 @@ def _rounded(x: float, way: Callable[[float], int]) -> str:
     """A number of three digits, rounded down (floor) or up (ceil): as a threshold it does what is said of it."""
     unit = 10.0 ** (floor(log10(x)) - 2) if x > 0 else 1.0
     return f"{way(x / unit * (1 - 1e-9 if way is floor else 1 + 1e-9)) * unit:.3g}"
-
-
-def _unsettled(e: Evidence) -> Finding | None:
-    if e.torque_drift <= max(abs(e.torque), e.torque_drift_noise):
-        return None
-    unit = unit_of("torque")
-    message = (
-        f"Below breakaway, or not settled: its torque changes by {e.torque_drift:.3g}{unit}, more than its mean of {e.torque:.4g}{unit}. "
-        "A longer hold at this speed"
-    )
-    return Finding("unsettled", NOTE, message, {"drift": e.torque_drift, "torque": e.torque})
 
 
 def _saturated(e: Evidence, t: Thresholds) -> Finding | None:

@@ -14,17 +14,13 @@ from scipy.special import gammaln
 from bristle.arrays import Array
 from bristle.estimation.autocorrelation import autocorrelation
 
-_SHORTEST = 6
-"""Blocks in a plateau: enough to tell a drift from noise."""
-_SMALLEST = 4
-"""Samples in a block."""
+_SHORTEST = 6  # blocks in a plateau: enough to tell a drift from noise
+_SMALLEST = 4  # samples in a block
 _BLOCKS = (16, 32, 64, 128, 256, 512, 2048)
 _ENOUGH = 512
 """Blocks beyond which one looks only where no more than half is explained: the work grows with their square."""
-_COLUMNS = 64
-"""Ends of lines whose costs are found at once."""
-_PRIOR = 4.0
-"""Degrees of freedom of the prior on each line's noise."""
+_COLUMNS = 64  # ends of lines whose costs are found at once
+_PRIOR = 4.0  # degrees of freedom of the prior on each line's noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,26 +30,28 @@ class CandidateSpan:
     start: int
     stop: int
     plateau: bool
-    score: float = 0.0
-    """Samples explained as motion at constant velocity; fewer the more the velocity swings."""
-    cut: int = 0
-    """Samples that were cut off its beginning, while its torque settled."""
+    score: float = 0.0  # samples explained as motion at constant velocity; fewer the more the velocity swings
+    cut: int = 0  # samples that were cut off its beginning, while its torque settled
 
 
 def candidates(velocity: Array, torque: Array, start: int, stop: int) -> list[CandidateSpan]:
     """Cut the samples start to stop - 1, which hold no gap, into plateaus and what lies between them, in order.
 
-    Where there is no plateau, they are cut into lines.
-
-    Args:
-        velocity: rad/s, shape (n,).
-        torque: N*m, shape (n,): a plateau begins once both have settled.
-        start: first sample.
-        stop: one past the last sample.
+    Where there is no plateau, they are cut into lines. Of velocity, rad/s, and torque, N*m, (n,) each: a plateau begins once
+    both have settled.
     """
-    plateaus = [
-        _without_transient(torque, s) for s in _without_edges(velocity, _plateaus(velocity, torque, start, stop))
-    ]
+    # without plateaus that are an edge of another: as near as they are long, a third as long or less, at its speed within 10 %
+    kept: list[tuple[CandidateSpan, float]] = []
+    for s in sorted(_plateaus(velocity, torque, start, stop), key=lambda s: s.start - s.stop):
+        length, mean = s.stop - s.start, float(velocity[s.start : s.stop].mean())
+        if not any(
+            max(k.start - s.stop, s.start - k.stop) <= length
+            and k.stop - k.start >= 3 * length
+            and abs(mean - speed) <= 0.1 * abs(speed)
+            for k, speed in kept
+        ):
+            kept.append((s, mean))
+    plateaus = [_without_transient(torque, s) for s in sorted((s for s, _ in kept), key=lambda s: s.start)]
     if not plateaus and stop - start >= _BLOCKS[0] * _SMALLEST:
         return _cut(velocity, torque, start, stop, min(_ENOUGH // 2, (stop - start) // _SMALLEST))
     edges = [start, *(edge for s in plateaus for edge in (s.start, s.stop)), stop]
@@ -109,7 +107,16 @@ def _lines(u: Array) -> list[tuple[int, int]]:
     best, previous = np.zeros(n + 1), np.zeros(n + 1, dtype=int)
     for j in range(1, n + 1):
         if j % _COLUMNS == 1:
-            columns = _line_costs(sums[:, j : j + _COLUMNS, None] - sums[:, None, :], max(noise, 1e-150))
+            # of lines between two ends, their noise integrated out
+            m, sk, skk, su, suu, sku = sums[:, j : j + _COLUMNS, None] - sums[:, None, :]
+            m = np.maximum(m, 1)
+            spread, covariance = skk - sk * sk / m, sku - sk * su / m
+            covariance[m < 2] = 0.0
+            residual = np.maximum(suu - su * su / m - covariance * covariance / np.maximum(spread, 0.5), 0.0)
+            scale = (
+                max(noise, 1e-150) ** 2 + (0.01 * su / m) ** 2
+            )  # of the prior: what is flatter than 1 % of its mean is flat
+            columns = (m + _PRIOR) * np.log1p(residual / (_PRIOR * scale)) + m * np.log(scale)
         total = best[:j] + columns[(j - 1) % _COLUMNS, :j] - constant[j:0:-1]
         previous[j] = int(np.argmin(total))
         best[j] = total[previous[j]] + penalty
@@ -117,17 +124,6 @@ def _lines(u: Array) -> list[tuple[int, int]]:
     while ends[-1] > 0:
         ends.append(int(previous[ends[-1]]))
     return list(zip(ends[:0:-1], ends[-2::-1], strict=True))
-
-
-def _line_costs(sums: Array, noise: float) -> Array:
-    """Minus twice the log marginal likelihood of lines, noise integrated out, by sums of 1, k, k**2, u, u**2 and k u over blocks, (6, ...)."""
-    m, sk, skk, su, suu, sku = sums
-    m = np.maximum(m, 1)
-    spread, covariance = skk - sk * sk / m, sku - sk * su / m
-    covariance[m < 2] = 0.0
-    residual = np.maximum(suu - su * su / m - covariance * covariance / np.maximum(spread, 0.5), 0.0)
-    scale = noise**2 + (0.01 * su / m) ** 2  # of the prior: what is flatter than 1 % of its mean is flat
-    return np.asarray((m + _PRIOR) * np.log1p(residual / (_PRIOR * scale)) + m * np.log(scale))
 
 
 def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
@@ -138,21 +134,6 @@ def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
         outside |= off > max(4 * float(np.median(off)) / 0.6745, 1e-3 * float(np.abs(np.median(x))))
     inside = np.flatnonzero(~outside)
     return (i + int(inside[0]), i + int(inside[-1]) + 1) if inside.size else (i, i)
-
-
-def _without_edges(velocity: Array, plateaus: list[CandidateSpan]) -> list[CandidateSpan]:
-    """Without plateaus that are an edge of another: as near as they are long, a third as long or less, at its speed within 10 %."""
-    kept: list[tuple[CandidateSpan, float]] = []
-    for s in sorted(plateaus, key=lambda s: s.start - s.stop):
-        length, mean = s.stop - s.start, float(velocity[s.start : s.stop].mean())
-        if not any(
-            max(k.start - s.stop, s.start - k.stop) <= length
-            and k.stop - k.start >= 3 * length
-            and abs(mean - speed) <= 0.1 * abs(speed)
-            for k, speed in kept
-        ):
-            kept.append((s, mean))
-    return sorted((s for s, _ in kept), key=lambda s: s.start)
 
 
 def _without_transient(torque: Array, s: CandidateSpan) -> CandidateSpan:
@@ -166,11 +147,8 @@ def _without_transient(torque: Array, s: CandidateSpan) -> CandidateSpan:
         first = int(np.argmin(errors))
         halves = np.array_split(t[first:], 2)
         apart = abs(float(halves[0].mean() - halves[1].mean()))
-        noise = (
-            float(np.sqrt(sum(np.var(x, ddof=1) / x.size for x in halves)))
-            if min(x.size for x in halves) > 1
-            else np.inf
-        )
+        few = min(x.size for x in halves) < 2
+        noise = np.inf if few else float(np.sqrt(sum(np.var(x, ddof=1) / x.size for x in halves)))
         # four standard errors by which the halves of a plateau differ whose torque still settles
         if apart <= 4.0 * noise:
             break

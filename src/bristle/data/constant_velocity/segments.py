@@ -99,16 +99,9 @@ def find_segments(
 ) -> tuple[Segment, ...]:
     """Every candidate of a ramp run, in order of time, each accepted or rejected with its reasons; none crosses a gap.
 
-    Where to look depends on the data alone; `thresholds` only decide what counts. The mean velocity is the slope of the
-    position where there is one, else the mean of the velocity.
-
-    Args:
-        record: with velocity, rad/s, and torque, N*m.
-        thresholds: None entries come from the noise floor.
-        encoder_resolution: rad; by default the smallest step of the position.
-
-    Raises:
-        InputError: where the record has no velocity or no torque.
+    Where to look depends on the data alone; `thresholds` only decide what counts, by the noise floor where they are None. The
+    mean velocity is the slope of the position, of which a count is `encoder_resolution`, rad, or its smallest step; else the
+    mean of the velocity. Raises InputError where the record has no velocity, rad/s, or no torque, N*m.
     """
     if record.velocity is None or record.torque is None:
         raise InputError(
@@ -142,7 +135,7 @@ def find_segments(
                 standard_error=e.torque_error,
                 accepted=not against,
                 reasons=against,
-                warnings=() if against else warnings(e),
+                warnings=() if against else tuple(warnings(e)),
                 stick_slip=not against and sticks(e),
                 time=float(middle),
                 position=None if record.position is None else float(record.position[part].mean()),
@@ -155,15 +148,7 @@ def find_segments(
 
 
 def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresholds: Thresholds) -> str:
-    """One message for the case that no candidate of any run is accepted.
-
-    What each threshold rejected, and what unit mistake it looks like.
-
-    Args:
-        segments: all candidates.
-        records: the runs that they were cut from.
-        thresholds: as given.
-    """
+    """One message for the case that no candidate of any run is accepted: what each threshold rejected, and what unit mistake it looks like."""
     counts = Counter(str(reason).partition(":")[0] for s in segments for reason in s.reasons)
     eaten = "; ".join(f"{what.lower()}: {count}" for what, count in counts.most_common()) or "no samples"
     message = f"No segment at constant velocity is left of {len(segments)} candidates in {len(records)} runs (rejected as {eaten})."

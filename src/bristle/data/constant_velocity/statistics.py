@@ -15,14 +15,10 @@ from bristle.estimation.autocorrelation import inflation, standard_error
 class Scale:
     """What is usual in a run, for its candidates to be compared with."""
 
-    quantum: float
-    """Encoder resolution, as declared or else the smallest step seen, rad; 0 where there is no position."""
-    fastest: float
-    """Largest mean speed of any candidate, rad/s."""
-    duration: float
-    """Typical duration of a plateau: the median, weighted by duration, s."""
-    distance: float
-    """Typical distance travelled in one, rad."""
+    quantum: float  # encoder resolution, as declared or else the smallest step seen, rad; 0 where there is no position
+    fastest: float  # largest mean speed of any candidate, rad/s
+    duration: float  # typical duration of a plateau: the median, weighted by duration, s
+    distance: float  # typical distance travelled in one, rad
     extremes: tuple[float, ...]
     """Largest abs(torque) and abs(voltage), where there are enough levels for a limit to stand out."""
     commanded: bool
@@ -36,44 +32,34 @@ class Evidence:
     samples: int
     duration: float
     velocity: float
-    logged: float
-    """Mean of the velocity signal, rad/s."""
-    velocity_error: float
-    """Standard error of `logged`, its drift apart."""
+    logged: float  # mean of the velocity signal, rad/s
+    velocity_error: float  # standard error of `logged`, its drift apart
     torque: float
     torque_error: float | None
-    correlation: float
-    """Samples per independent sample of velocity or torque, whichever has more, drifts apart."""
-    drift: float
-    """Range of the parabola through the velocity, rad/s."""
-    drift_noise: float
-    """What noise alone makes of it, four deviations."""
+    correlation: float  # samples per independent sample of velocity or torque, whichever has more, drifts apart
+    drift: float  # range of the parabola through the velocity, rad/s
+    drift_noise: float  # what noise alone makes of it, four deviations
     torque_drift: float
     torque_drift_noise: float
-    scatter: float
-    """Standard deviation of the mean velocities of eighths, rad/s."""
-    swing: float
-    """Standard deviation of the velocity that is not noise, rad/s; 0 where noise hides it."""
-    resting: float
-    """Share of the time at less than a tenth of the mean velocity."""
-    backward: float
-    """Share of the time moving the other way, faster than a tenth of the mean velocity."""
+    scatter: float  # standard deviation of the mean velocities of eighths, rad/s
+    swing: float  # standard deviation of the velocity that is not noise, rad/s; 0 where noise hides it
+    resting: float  # share of the time at less than a tenth of the mean velocity
+    backward: float  # share of the time moving the other way, faster than a tenth of the mean velocity
     clipped: float
     """Share of samples at the record's extreme torque or voltage; of what may be a command where it is not all."""
-    limited: float
-    """Share of samples at or beyond the torque limit."""
+    limited: float  # share of samples at or beyond the torque limit
 
 
 def usual_scale(record: Record, candidates: Sequence[CandidateSpan], resolution: float | None) -> Scale:
     """What is usual in a run; from its plateaus, or from all of it where there is none."""
-    velocity, time = _signal(record.velocity), record.time
+    velocity, time = np.asarray(record.velocity), record.time
     plateaus = [s for s in candidates if s.plateau] or [CandidateSpan(0, time.size, False)]
     durations = np.array([time[s.stop - 1] - time[s.start] for s in plateaus])
     speeds = np.array([abs(float(np.mean(velocity[s.start : s.stop]))) for s in plateaus])
     steps = np.abs(np.diff(record.position)) if record.position is not None else np.zeros(0)
     smallest = float(np.min(steps, where=steps > 1e-9 * steps.max(initial=0.0), initial=np.inf))
     signals = [np.abs(x) for x in (record.torque, record.voltage) if x is not None]
-    torque = np.abs(_signal(record.torque))
+    torque = np.abs(np.asarray(record.torque))
     levels = [x for s in plateaus if (x := torque[s.start : s.stop]).max() < torque.max() * (1 - 1e-6)]
     return Scale(
         quantum=resolution or (smallest if np.isfinite(smallest) else 0.0),
@@ -88,13 +74,11 @@ def usual_scale(record: Record, candidates: Sequence[CandidateSpan], resolution:
 def evidence(record: Record, candidate: CandidateSpan, usual: Scale, torque_limit: float | None) -> Evidence:
     """Measure one candidate of a run."""
     part = slice(candidate.start, candidate.stop)
-    time, v, torque = record.time[part], _signal(record.velocity)[part], _signal(record.torque)[part]
-    n = v.size
-    logged = float(v.mean())
-    position = None if record.position is None else record.position[part]
-    velocity = (
-        logged if position is None or n < 3 else float(np.polyfit(time - time.mean(), position - position[0], 1)[0])
-    )
+    time, v, torque = record.time[part], np.asarray(record.velocity)[part], np.asarray(record.torque)[part]
+    n, logged = v.size, float(v.mean())
+    velocity, position = logged, None if record.position is None else record.position[part]
+    if position is not None and n >= 3:
+        velocity = float(np.polyfit(time - time.mean(), position - position[0], 1)[0])
     swing, resting, backward = _swing(v, position, time, velocity, usual.quantum)
     drift, drift_noise, v_correlation = _drift(v)
     torque_drift, torque_drift_noise, t_correlation = _drift(torque)
@@ -157,7 +141,3 @@ def _weighted_median(x: Array, weight: Array) -> float:
     order = np.argsort(x)
     total = np.cumsum(weight[order])
     return float(x[order][np.searchsorted(total, total[-1] / 2)])
-
-
-def _signal(x: Array | None) -> Array:
-    return np.zeros(0) if x is None else x

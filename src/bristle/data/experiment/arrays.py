@@ -18,8 +18,7 @@ from bristle.data.text_table import RawTable
 from bristle.errors import InputError, short
 from bristle.model.parameters import Kind, unit
 
-_HERE = Path("arrays")
-"""What results call the experiment file that is none."""
+_HERE = Path("arrays")  # what results call the experiment file that is none
 _CALLED: dict[RunKind, str] = {"points": "points", "ramp": "holds", "presliding": "slow loading", "tracking": "motion"}
 """The same of the data file, by experiment."""
 
@@ -34,13 +33,8 @@ def run_of_arrays(
 ) -> tuple[Experiment, Run]:
     """The experiment of one run whose signals are arrays, and the run.
 
-    Args:
-        what: which experiment the arrays are of.
-        signals: `time`, `position`, `velocity`, `torque`: anything that NumPy takes for n numbers; None: not measured.
-        units: of signals that are not in SI, such as `deg/s`.
-        kind: of the joint.
-        options: as under `fit` in an experiment file.
-        more: other keys of an experiment file; a number is in SI.
+    Signals are anything that NumPy takes for n numbers, None where not measured, with units such as `deg/s` of those that
+    are not in SI; options are as under `fit` in an experiment file, and `more` other keys of it, where a number is in SI.
 
     Raises InputError where a signal is not n finite numbers, the first row that is not named; where a unit is of no such
     signal, or the kind or an option is unknown.

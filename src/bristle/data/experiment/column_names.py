@@ -26,41 +26,22 @@ _WITH_UNIT = {"position": ("x", "y", "p", "encoder"), "velocity": ("v", "w"), "t
 """Names that mean a signal where a unit of it follows."""
 _UNITS = {
     "time": {
-        **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
-        **dict.fromkeys(("ms", "msec", "millis"), "ms"),
-        **dict.fromkeys(("us", "usec", "micros", "µs"), "us"),
-        **dict.fromkeys(("ns", "nsec", "nanos"), "ns"),
+        **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"), **dict.fromkeys(("ms", "msec", "millis"), "ms"),
+        **dict.fromkeys(("us", "usec", "micros", "µs"), "us"), **dict.fromkeys(("ns", "nsec", "nanos"), "ns"),
     },
     "position": {
-        **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"),
-        **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), "deg"),
-        **dict.fromkeys(("rev", "revs", "turn", "turns"), "rev"),
-        **{name: name for name in ("mrad", "m", "mm", "um")},
+        **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"), **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), "deg"),
+        **dict.fromkeys(("rev", "revs", "turn", "turns"), "rev"), **{name: name for name in ("mrad", "m", "mm", "um")},
     },
     "velocity": {
-        **{
-            f"{a}{sep}s": f"{'deg' if a == '°' else a}/s"
-            for a in ("rad", "deg", "mrad", "rev", "m", "mm", "°")
-            for sep in ("", "_", "/", "_per_", "p")
-            if a != "m" or sep not in ("", "p")
-        },
-        "rads": "rad/s",
-        **dict.fromkeys(("rpm", "1/min", "min^-1", "min-1", "u/min"), "rpm"),
-    },
-    "torque": {
-        **dict.fromkeys(("nm", "n_m", "n*m", "n.m", "n-m", "n·m"), "N*m"),
-        "mnm": "mNm",
-        "n": "N",
-        "kn": "kN",
-    },
-    "current": {
-        **dict.fromkeys(("a", "amp", "amps", "ampere"), "A"),
-        **dict.fromkeys(("ma", "milliamps"), "mA"),
-    },
+        f"{a}{sep}s": f"{'deg' if a == '°' else a}/s"
+        for a in ("rad", "deg", "mrad", "rev", "m", "mm", "°") for sep in ("", "_", "/", "_per_", "p") if a != "m" or sep not in ("", "p")
+    } | {"rads": "rad/s", **dict.fromkeys(("rpm", "1/min", "min^-1", "min-1", "u/min"), "rpm")},
+    "torque": {**dict.fromkeys(("nm", "n_m", "n*m", "n.m", "n-m", "n·m"), "N*m"), "mnm": "mNm", "n": "N", "kn": "kN"},
+    "current": {**dict.fromkeys(("a", "amp", "amps", "ampere"), "A"), **dict.fromkeys(("ma", "milliamps"), "mA")},
     "voltage": {**dict.fromkeys(("v", "volt", "volts"), "V"), **dict.fromkeys(("mv", "millivolts"), "mV")},
-}
-LONGEST = 100
-"""Characters of a column's name that may be a usual one."""
+}  # fmt: skip  # a table
+LONGEST = 100  # characters of a column's name that may be a usual one
 _BESIDE = frozenset((
     "joint", "motor", "link", "axis", "drive", "actuator", "servo", "arm", "load", "output", "out", "angular", "linear",
     "actual", "act", "meas", "measured", "m", "raw", "filt", "filtered", "sensor", "enc", "encoder",
@@ -81,10 +62,8 @@ class ColumnGuess(NamedTuple):
     """A column that is taken for a signal."""
 
     column: str
-    unit: str | None
-    """None: not in the column's name."""
-    others: int = 0
-    """Columns whose names say so just as well, which come later in the file."""
+    unit: str | None  # none: not in the column's name
+    others: int = 0  # columns whose names say so just as well, which come later in the file
 
 
 def guess_columns(names: Sequence[str], stated: Sequence[str] = ()) -> dict[str, ColumnGuess]:

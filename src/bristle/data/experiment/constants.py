@@ -29,11 +29,9 @@ _SYMBOLS = {TORQUE_CONSTANT: "k_t", RESISTANCE: "R", "kp": "K_p", "kd": "K_d"}
 class Constant(NamedTuple):
     """A constant that a torque was computed with; it prints by name and value, by which it is told from others."""
 
-    name: str
-    """`torque_constant`, `resistance`, or the scale of a signal."""
+    name: str  # `torque_constant`, `resistance`, or the scale of a signal
     value: float
-    error: float | None
-    """Standard error, in `unit`; None where none was declared: it is taken as exact."""
+    error: float | None  # standard error, in `unit`; None where none was declared: it is taken as exact
     unit: str
 
     def __str__(self) -> str:
@@ -76,13 +74,8 @@ def commanded_torque(
     """The torque that a drive makes of its commands, K_p (q_d - q) + K_d (dq_d - dq), within its limit, N*m, (n,).
 
     Held commands are half a sample old in the mean, which the measurements of a drive that is faster than the log are not.
-
-    Args:
-        rows: position, and velocity where it was logged, with what was told, by signal, SI, (n,) each.
-        motor: its gains and limit.
-        starts: the first row of each part between gaps.
-        period: where the position wraps, rad; None: nowhere.
-        held: whether commands are held between samples.
+    `rows` are the signals in SI, (n,) each, `starts` the first row of each part between gaps; the position wraps at `period`,
+    rad; None: nowhere.
     """
 
     def less(name: str, measured: Array, period: float | None = None) -> Array:
@@ -159,28 +152,25 @@ def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding |
     """
     uncertain = tuple(c for c in constants if c.error is not None)
     exact = () if simulated else tuple(c for c in constants if c.error is None)
+    known, assumed = (" and ".join(map(str, x)) for x in (uncertain, exact))
     if uncertain:
-        rest = f"; assuming {_listed(exact)} exact" if exact else ""
+        rest = f"; assuming {assumed} exact" if exact else ""
         message = (
-            f"Torque: every interval contains the error of {_listed(uncertain)}, which moves the parameters together; "
+            f"Torque: every interval contains the error of {known}, which moves the parameters together; "
             f"its part is shown as systematic{rest}."
         )
         return Finding("torque-uncertain", NOTE, message, {"constants": uncertain, "rest": rest})
     if not exact:
         return None
     first = exact[0]
-    key, _, known = first.name.partition(" ")
+    key, _, part = first.name.partition(" ")
     value = f"{first.value:g} +/- {abs(first.value) / 50:.2g} {first.unit}".removesuffix(" 1")
-    line = f"{key}: {{{known}: {value}}}" if key == "coasting" else f"{key}: {value}"
+    line = f"{key}: {{{part}: {value}}}" if key == "coasting" else f"{key}: {value}"
     message = (
-        f"Torque: assuming {_listed(exact)} exact: no interval contains that error, which is often the largest; "
+        f"Torque: assuming {assumed} exact: no interval contains that error, which is often the largest; "
         f"give it, as in {line} for 2 %."
     )
     return Finding("torque-exact", NOTE, message, {"constants": exact})
-
-
-def _listed(constants: Sequence[Constant]) -> str:
-    return " and ".join(map(str, constants))
 
 
 def torque_shifts(

@@ -4,7 +4,7 @@ What was guessed is said; what cannot be guessed, and was not told, is refused w
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,8 +18,8 @@ from bristle.data.columns import Key
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import COMMANDS, DRIVE, GAINS
-from bristle.data.ros.files import is_bag, open_bag
 from bristle.data.ros.read import bag_columns, bag_joints, read_bag, state_topic
+from bristle.data.ros.storage import is_bag, open_bag
 from bristle.data.ros.topics import RECEIVED, Topic, target_of, topics_of
 from bristle.data.text_layout import is_stamp, text_layout
 from bristle.data.text_table import is_text, naming, read_table
@@ -33,15 +33,12 @@ SIGNALS = ("time", "position", "velocity", "torque", "current", "voltage")
 """What a column can be told to be, of a robot too."""
 DRIVES = ("torque", "current", "voltage")
 """In the order in which they are taken: each needs one constant more than the one before."""
-STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}
-"""Of joint states, by signal."""
+STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}  # of joint states, by signal
 _OF_MOTOR = ("torque_constant", "resistance", "kp", "kd", "torque_limit")
 _TABLES = {".csv", ".txt", ".json", ".mat", ".npz", ".parquet", ".pq", ".h5", ".hdf5", ".mcap", ".bag", ".db3"}
 """Endings by which a word is a file."""
-_LISTED = 120
-"""Letters of their names in a sentence."""
-_SHOWN = 200
-"""Columns that the draft lists."""
+_LISTED = 120  # letters of their names in a sentence
+_SHOWN = 200  # columns that the draft lists
 _STEPS = {"ms": 1.0, "us": 300.0, "ns": 3e5}
 """Units of time, and the sampling intervals from which on a time without a unit is in them: below, it is in s."""
 
@@ -96,46 +93,22 @@ class DraftedRun(NamedTuple):
 class Draft:
     """An experiment file but for what its logs are of."""
 
-    name: str
-    kind: Kind
-    motor: str
-    """Empty: none."""
-    columns: str
-    """What the first file holds."""
-    signals: tuple[str, ...]
-    """A line each."""
-    files: tuple[str, ...]
-    """Relative to where the draft will be."""
-    of_points: bool
-    """Whether the files hold velocity-torque pairs."""
-    guessed: tuple[str, ...]
-    """A sentence each."""
-    inertia: str | None = None
-    known: str = ""
-    """The line that says that the joint coasts, and what is known of it, or of its gravity."""
+    head: tuple[str, ...]  # lines on the joint, its motor, its encoder, and the columns of the first file
+    signals: tuple[str, ...]  # a line each
+    files: tuple[str, ...]  # relative to where the draft will be
+    of_points: bool  # whether the files hold velocity-torque pairs
+    guessed: tuple[str, ...]  # a sentence each
 
     def text(self, runs: Sequence[DraftedRun], fit: str = "") -> str:
         """The experiment file, with what each file is of, and lines about the fit."""
-        lines = [f"joint: {{name: {quoted(self.name)}, kind: {self.kind}}}   # revolute or prismatic"]
-        lines += [f"motor: {{{self.motor}}}   # at the joint, gear included"] if self.motor else []
-        lines += [self.known] if self.known else []
+        lines = [*self.head, "signals:", *(f"  {line}" for line in self.signals), ""]
         lines += [
-            f"inertia: {quoted(self.inertia)}"
-            if self.inertia
-            else "# inertia: 0.0089 kg*m^2             # optional; x +/- s is a prior",
-            "# encoder_resolution: 4096 counts/rev  # optional",
-            "",
-            f"# Columns of {quoted(Path(self.files[0]).name)}: {self.columns}",
-            "signals:",
-            *(f"  {line}" for line in self.signals),
-            "",
             "# experiment: ramp | points | presliding | tracking; hold_out: true keeps a run for validation",
             "runs:",
         ]
         for file, run in zip(self.files, runs, strict=True):
-            kept = ", hold_out: true" * run.hold_out
-            entry = f"- {{files: {quoted(file)}, experiment: {run.kind}{kept}}}{f'   # {run.why}' if run.why else ''}"
-            lines.append(f"  {entry}")
+            kept, why = ", hold_out: true" * run.hold_out, f"   # {run.why}" if run.why else ""
+            lines.append(f"  - {{files: {quoted(file)}, experiment: {run.kind}{kept}}}{why}")
         return "\n".join([*lines, "", fit or "# fit: {directions: separate}   # all optional", ""])
 
 
@@ -146,80 +119,99 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     where a file cannot be read, or something that is needed was neither told nor can be guessed.
     """
     told, first = told or Told(), files[0]
+    folder = folder or first.parent
     for file in files:
         check_name(file.name, f"{file}: the file name")
-    log = _Log(first)
     apart, told = _apart(told)
-    here = {name: column for name, column in told.columns.items() if name not in apart}
-    guesses, by_step = _guesses(log, replace(told, columns=here))
-    beside = {name: _beside(name, path, told, folder or first.parent) for name, path in apart.items()}
-    if (slower := _slower(log, guesses, beside)) and len(files) == 1 and told.rate is None and "time" not in here:
+    log = _Log(first, replace(told, columns={name: x for name, x in told.columns.items() if name not in apart}))
+    beside = dict[str, _Log]()
+    for name, path in apart.items():
+        beside[name] = _Log(path, replace(told, columns={name: told.columns[name]}, rate=None))
+        if "time" not in beside[name].guesses:
+            raise InputError(
+                f"{path}: no column is named as the time, which a signal of another file needs; write it into the draft of bristle new"
+            )
+    alone = len(files) == 1 and told.rate is None and "time" not in log.told
+    if alone and (slower := _slower(log, beside)):
         # at the times of the slower clock: what is drawn between its samples would be noise that is alike from row to row
-        moves: dict[str, str] = {x: f"{first}:{guesses[x].column}" for x in STATE_FIELDS if x in guesses}
+        moves: dict[str, str] = {x: f"{first}:{log.guesses[x].column}" for x in STATE_FIELDS if x in log.guesses}
         told = replace(told, columns={**moves, **told.columns}, name=told.name or _common(files))
-        turned = draft_experiment([slower], told, folder or first.parent)
+        turned = draft_experiment([slower], told, folder)
         said = f"runs: {slower.name}, whose samples are further apart, with the signals of {first.name} at its times"
         return replace(turned, guessed=(*turned.guessed, said))
-    guesses |= {name: x.guess for name, x in beside.items()}
-    drive = _told_drive(log, guesses, told)
+    guesses = log.guesses | {name: x.guesses[name] for name, x in beside.items()}
+    drive = _drive(log, guesses, told)
     of_points = _of_points(log, guesses, told) and not told.coasting
-    kind: Kind = "prismatic" if _is_linear(guesses, told) else "revolute"
-    lines, guessed = [], [f"joint.kind: {kind}, by the units"]
-    if by_step:
-        guessed.append(f"unit of time: {by_step}, for a log has many samples a second")
-    if drive in ("current", "voltage") and told.motor.keys().isdisjoint(("torque_constant", "resistance")):
-        of, constants = ("A", "") if drive == "current" else ("V", " --resistance '2.1 ohm'")
-        guessed.append(
-            f"torque: as a {drive}, in {of}, for no torque constant was told (--torque-constant '0.35 N*m/A'{constants} gives N*m)"
-        )
-    if drive == "command" and not told.motor:
-        of = unit_of("position", kind)
-        guessed.append(
-            f"torque: as a position error, in {of}, for no gain was told (--kp '20 N*m/rad', and --kd, gives N*m)"
-        )
-        if "velocity_command" in guesses:
-            guessed.append(
-                f"velocity_command: column {guesses['velocity_command'].column} is left out, for no kd was told"
-            )
-    if told.rate is not None:
-        lines.append(f"time: {{rate: {quoted(told.rate)}}}")
-    drives = [drive] if drive else []
-    if drive == "command" and told.motor:
-        drives = [*COMMANDS]
+    slides = "torque" in guesses and "force" in guesses["torque"].column.lower()
+    for name in ("position", "velocity", "torque"):
+        unit = name in guesses and (told.units.get(name) or guesses[name].unit)
+        with suppress(InputError):
+            slides = slides or bool(unit and factor(unit, unit_of(name, "prismatic")))
+    kind: Kind = "prismatic" if slides else "revolute"
+    guessed = [f"joint.kind: {kind}, by the units", *_assumed(log, guesses, told, drive, kind)]
+    lines = [] if told.rate is None else [f"time: {{rate: {quoted(told.rate)}}}"]
+    drives = [*COMMANDS] if drive == "command" and told.motor else [drive]
     for name in ("velocity", *drives) if of_points else ("time", "position", "velocity", *drives):
         if (guess := guesses.get(name)) is not None:
-            source, of_file = (beside[name].log, beside[name].line) if name in beside else (log, "")
-            where = [source.path] if of_file else files
-            wraps = ", wraps: true" if name == "position" and kind == "revolute" and _wraps(where, guess, told) else ""
-            asked = ("held", "fresh") if name == "command" else ()
-            of_drive = "".join(
-                f", {x}: {str(told_x).lower()}" for x in asked if (told_x := getattr(told, x)) is not None
-            )
-            lines.append(_signal(name, guess, kind, told, source, guessed) + f"{of_file}{wraps}{of_drive}}}")
-            guessed += ["position: wraps at a full turn, for it jumps by one"] if wraps else []
-    motor = [f"{name}: {quoted(value)}" for name, value in told.motor.items()]
-    motor += [f"gear: {_mapping(told.gear)}"] if told.gear else []
+            source, ends = beside.get(name, log), ""
+            if name in beside:
+                time = source.guesses["time"]
+                ends += f", file: {quoted(relative(source.path, folder))}, time: {{column: {quoted(time.column)}, unit: {quoted(time.unit or 's')}}}"
+            where = [source.path] if name in beside else files
+            wraps = name == "position" and kind == "revolute" and _wraps(where, guess, told)
+            ends += ", wraps: true" * wraps
+            asked = {x: getattr(told, x) for x in (("held", "fresh") if name == "command" else ())}
+            ends += "".join(f", {x}: {str(value).lower()}" for x, value in asked.items() if value is not None)
+            lines.append(_signal(name, guess, kind, told, source, guessed) + f"{ends}}}")
+            guessed += ["position: wraps at a full turn, for it jumps by one"] * wraps
     return Draft(
-        name=told.name or _common(files),
-        kind=kind,
-        inertia=None if told.coasting else told.inertia,
-        known=_known(told),
-        motor=", ".join(motor),
-        columns=log.described,
+        head=_head(files, kind, told, log),
         signals=tuple(lines),
-        files=tuple(relative(file, folder or first.parent) for file in files),
+        files=tuple(relative(file, folder) for file in files),
         of_points=of_points,
         guessed=tuple(guessed),
     )
 
 
-class _Beside(NamedTuple):
-    """A signal of another file: its log, its column, and what its line has of the file."""
+def _head(files: Sequence[Path], kind: Kind, told: Told, log: "_Log") -> tuple[str, ...]:
+    def braced(text: str) -> str:
+        """Keys with values in braces, which they may have already."""
+        return f"{{{text.strip().removeprefix('{').removesuffix('}')}}}"
 
-    log: "_Log"
-    guess: ColumnGuess
-    time: ColumnGuess
-    line: str
+    motor = [f"{name}: {quoted(value)}" for name, value in told.motor.items()]
+    motor += [f"gear: {braced(told.gear)}"] if told.gear else []
+    size = told.gravity or ""
+    known = [f"gravity: {braced(size) if ':' in size else quoted(size)}"] if size else []
+    inertia = f"inertia: {quoted(told.inertia)}" if told.inertia else ""
+    lines = [f"joint: {{name: {quoted(told.name or _common(files))}, kind: {kind}}}   # revolute or prismatic"]
+    lines += [f"motor: {{{', '.join(motor)}}}   # at the joint, gear included"] if motor else []
+    if told.coasting:
+        known += [inertia] if inertia else []
+        lines.append(f"coasting: {{{', '.join(known)}}}" if known else "coasting: true")
+    else:
+        lines += known
+    of_joint = "" if told.coasting else inertia
+    return (
+        *lines,
+        of_joint or "# inertia: 0.0089 kg*m^2             # optional; x +/- s is a prior",
+        "# encoder_resolution: 4096 counts/rev  # optional",
+        "",
+        f"# Columns of {quoted(files[0].name)}: {log.described}",
+    )
+
+
+def _assumed(log: "_Log", guesses: Mapping[str, ColumnGuess], told: Told, drive: str, kind: Kind) -> Iterator[str]:
+    """What is said of a time without a unit, and of a drive without constants."""
+    if log.by_step:
+        yield f"unit of time: {log.by_step}, for a log has many samples a second"
+    if drive in ("current", "voltage") and told.motor.keys().isdisjoint(("torque_constant", "resistance")):
+        of, constants = ("A", "") if drive == "current" else ("V", " --resistance '2.1 ohm'")
+        yield f"torque: as a {drive}, in {of}, for no torque constant was told (--torque-constant '0.35 N*m/A'{constants} gives N*m)"
+    if drive == "command" and not told.motor:
+        of = unit_of("position", kind)
+        yield f"torque: as a position error, in {of}, for no gain was told (--kp '20 N*m/rad', and --kd, gives N*m)"
+        if "velocity_command" in guesses:
+            yield f"velocity_command: column {guesses['velocity_command'].column} is left out, for no kd was told"
 
 
 def _apart(told: Told) -> tuple[dict[str, Path], Told]:
@@ -239,68 +231,17 @@ def _apart(told: Told) -> tuple[dict[str, Path], Told]:
     return apart, replace(told, columns={**told.columns, **{name: parts[name][2] for name in apart}})
 
 
-def _beside(name: str, path: Path, told: Told, folder: Path) -> _Beside:
-    """A signal of another file, with its time. Raises InputError where that has none."""
-    log = _Log(path)
-    found, _ = _guesses(log, replace(told, columns={name: told.columns[name]}, rate=None))
-    if "time" not in found:
-        raise InputError(
-            f"{path}: no column is named as the time, which a signal of another file needs; write it into the draft of bristle new"
-        )
-    time = found["time"]
-    own_time = f"{{column: {quoted(time.column)}, unit: {quoted(time.unit or 's')}}}"
-    return _Beside(log, found[name], time, f", file: {quoted(relative(path, folder))}, time: {own_time}")
-
-
-def _slower(log: "_Log", guesses: Mapping[str, ColumnGuess], beside: Mapping[str, _Beside]) -> Path | None:
+def _slower(log: "_Log", beside: Mapping[str, "_Log"]) -> Path | None:
     """The one other file, where its samples are a fifth further apart than the log's."""
-    logs = {x.log.path: x for x in beside.values()}
-    if len(logs) != 1 or "time" not in guesses:
+    others = {x.path: x for x in beside.values()}
+    logs = [log, *others.values()]
+    if len(others) != 1 or "time" not in log.guesses or any(x.is_dated(x.guesses["time"]) for x in logs):
         return None
-    (other,) = logs.values()
     steps = []
-    for one, guess in ((log, guesses["time"]), (other.log, other.time)):
-        if one.is_dated(guess):
-            return None
-        times = one.values(guess) * factor(guess.unit or "s", "s")
+    for x in logs:
+        times = x.values(x.guesses["time"]) * factor(x.guesses["time"].unit or "s", "s")
         steps.append(float(np.median(np.diff(times))) if times.size > 1 else 0.0)
-    return other.log.path if steps[1] > 1.2 * steps[0] > 0 else None
-
-
-def _told_drive(log: "_Log", guesses: Mapping[str, ColumnGuess], told: Told) -> str:
-    """What drives the joint, empty where nothing does. Raises InputError where what is told contradicts that, or the rate a time."""
-    driven = [name for name in (*DRIVES, *COMMANDS) if name in told.columns] + [f"--{name}" for name in told.motor]
-    if told.coasting and driven:
-        raise InputError(
-            f"{log.path}: got --coasting and {driven[0]}; expected --coasting of a joint that nothing drives"
-        )
-    drive = "" if told.coasting else _drive(log, guesses, told)
-    of_commands = [name for name in ("held", "fresh", "kp", "kd") if getattr(told, name) is not None]
-    if of_commands and drive != "command":
-        got = f"the log has a {drive}" if drive else "nothing drives the joint"
-        raise InputError(
-            f"{log.path}: --{of_commands[0]} is of commands, and {got}; leave it out, or name --column command=NAME"
-        )
-    if told.rate is not None and "time" in guesses:
-        raise InputError(
-            f"{log.path}: got --rate beside column {short(guesses['time'].column)}, which is the time; leave --rate out, or name the right "
-            "column, as in --column time=NAME"
-        )
-    return drive
-
-
-def _known(told: Told) -> str:
-    size = told.gravity or ""
-    gravity = size and f"gravity: {_mapping(size) if ':' in size else quoted(size)}"
-    if not told.coasting:
-        return gravity
-    known = [x for x in (gravity, f"inertia: {quoted(told.inertia)}" if told.inertia else "") if x]
-    return f"coasting: {{{', '.join(known)}}}" if known else "coasting: true"
-
-
-def _mapping(text: str) -> str:
-    """Keys with values in braces, which they may have already."""
-    return f"{{{text.strip().removeprefix('{').removesuffix('}')}}}"
+    return logs[1].path if steps[1] > 1.2 * steps[0] > 0 else None
 
 
 def relative(path: Path, folder: Path) -> str:
@@ -310,18 +251,15 @@ def relative(path: Path, folder: Path) -> str:
 
 def _common(files: Sequence[Path]) -> str:
     """What the names of all files begin with, that of the first where they have nothing in common."""
-    stems = [file.stem for file in files]
-    alike = next(
-        (k for k, letters in enumerate(zip(*stems, strict=False)) if len({*letters}) > 1), min(map(len, stems))
-    )
-    return (stems[0][:alike].rstrip("_-. ") or stems[0])[:200]
+    alike = os.path.commonprefix([file.stem for file in files])  # noqa: RUF071  # letter by letter, as is meant
+    return (alike.rstrip("_-. ") or files[0].stem)[:200]
 
 
 class _Log:
-    """A log: what its columns are called, in which units, and what they hold."""
+    """A log: what its columns are called, in which units, what they hold, and which signals they are."""
 
-    def __init__(self, path: Path) -> None:
-        self.path, self.layout = path, None
+    def __init__(self, path: Path, told: Told | None = None) -> None:
+        self.path, self.told, self.layout = path, told.columns if told else {}, None
         with naming(str(path)):
             read_table(path, ())
             if is_text(path):
@@ -342,6 +280,37 @@ class _Log:
         self.described = self.described or "none that is a vector of numbers"
         self.there = self.described if len(self.described) <= _LISTED else f"{self.described[:_LISTED]} ..."
         """The same, as far as it fits into a sentence."""
+        self.guesses, self.by_step = self._guesses(told) if told else ({}, None)
+        """Columns by signal; and the unit of time where its steps tell it."""
+
+    def _guesses(self, told: Told) -> tuple[dict[str, ColumnGuess], str | None]:
+        """Columns by their names, of a bag those of its only joint, and as told."""
+        if is_bag(self.path):
+            with naming(str(self.path)):
+                guesses = _bag_guesses(self.path, told.columns)
+        else:
+            guesses = guess_columns(self.names, self.stated)
+        for signal, column in told.columns.items():  # with the unit that its name has, or the file states
+            known, number = column in self.names, int(column) if column.isdecimal() and len(column) < 6 else None
+            place = self.names.index(column) if known else number
+            unit = self.stated[place] if place is not None and place < len(self.stated) else ""
+            named = guess_columns([column], [unit]).get(signal) if known else None
+            guesses[signal] = ColumnGuess(column, named.unit if named else unit or None)
+        if told.rate is None and not self.names and "time" not in guesses and self.rises():
+            guesses["time"] = _FIRST
+        if "time" not in guesses or "time" in told.units:
+            return guesses, None
+        if self.is_dated(guesses["time"]):
+            guesses["time"] = guesses["time"]._replace(unit=ISO)
+        if guesses["time"].unit:
+            return guesses, None
+
+        # a log has more than three samples a second, and its step in ms is less than one in us
+        time = self.values(guesses["time"])
+        step = float(np.median(np.abs(np.diff(time)))) if time.size > 1 else 0.0
+        by_step = next((unit for unit, least in reversed(_STEPS.items()) if step >= least), None)
+        guesses["time"] = guesses["time"]._replace(unit=by_step)
+        return guesses, by_step
 
     def _column(self, guess: ColumnGuess) -> int | str:
         return int(guess.column) if guess.column.isdecimal() and guess.column not in self.names else guess.column
@@ -375,36 +344,6 @@ class _Log:
 
 
 _FIRST = ColumnGuess("0", None)
-
-
-def _guesses(log: _Log, told: Told) -> tuple[dict[str, ColumnGuess], str | None]:
-    """Columns by their names, of a bag those of its only joint, and as told; and the unit of time where its steps tell it."""
-    if is_bag(log.path):
-        with naming(str(log.path)):
-            guesses = _bag_guesses(log.path, told.columns)
-    else:
-        guesses = guess_columns(log.names, log.stated)
-    for signal, column in told.columns.items():  # with the unit that its name has, or the file states
-        known = column in log.names
-        place = log.names.index(column) if known else int(column) if column.isdecimal() and len(column) < 6 else None
-        unit = log.stated[place] if place is not None and place < len(log.stated) else ""
-        named = guess_columns([column], [unit]).get(signal) if known else None
-        guesses[signal] = ColumnGuess(column, named.unit if named else unit or None)
-    if told.rate is None and not log.names and "time" not in guesses and log.rises():
-        guesses["time"] = _FIRST
-    if "time" not in guesses or "time" in told.units:
-        return guesses, None
-    if log.is_dated(guesses["time"]):
-        guesses["time"] = guesses["time"]._replace(unit=ISO)
-    if guesses["time"].unit:
-        return guesses, None
-
-    # a log has more than three samples a second, and its step in ms is less than one in us
-    time = log.values(guesses["time"])
-    step = float(np.median(np.abs(np.diff(time)))) if time.size > 1 else 0.0
-    by_step = next((unit for unit, least in reversed(_STEPS.items()) if step >= least), None)
-    guesses["time"] = guesses["time"]._replace(unit=by_step)
-    return guesses, by_step
 
 
 def _bag_guesses(path: Path, told: Mapping[str, str]) -> dict[str, ColumnGuess]:
@@ -442,31 +381,48 @@ def is_there(path: Path, name: str) -> bool:
 
 
 def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
-    """Which of torque, current and voltage is taken. Raises InputError where none is known, or a voltage has but one of its two constants."""
+    """What drives the joint, empty where nothing does: which of torque, current and voltage is taken, or a command.
+
+    Raises InputError where none is known, a voltage has but one of its two constants, or what is told contradicts it.
+    """
+    driven = [name for name in (*DRIVES, *COMMANDS) if name in told.columns] + [f"--{name}" for name in told.motor]
+    if told.coasting and driven:
+        raise InputError(
+            f"{log.path}: got --coasting and {driven[0]}; expected --coasting of a joint that nothing drives"
+        )
     commands = [name for name in COMMANDS if name in guesses]
     there = [*(name for name in DRIVES if name in guesses), *["command"] * bool(commands)]
     partly = ("torque_constant" in told.motor) != ("resistance" in told.motor)
     computable = [name for name in there if name != "voltage" or not partly]
     asked = [name for name in there if name in told.columns or (name == "command" and "kp" in told.motor)]
-    drive = next(iter([*asked, *computable, *there]), None)
+    drive = "" if told.coasting else next(iter([*asked, *computable, *there]), None)
     if drive is None:
         raise InputError(
             f"{log.path}: no column is named as a torque, a current, a voltage or a command; name it, as in --column torque=NAME (of another "
             f"file FILE:NAME) or command=NAME, or say --coasting (there are: {log.there})"
         )
-    if drive == "command":
-        gains = [gain for name, gain in GAINS.items() if name in commands and gain not in told.motor]
-        alone = gains[:1] == ["kp"] and not told.motor and not told.gear and "velocity_command" not in told.columns
-        if gains and not alone:
-            raise InputError(
-                f"{log.path}: column {short(guesses[commands[0]].column)} is a command, and no torque is logged; the one that the drive makes of it "
-                f"needs its gains at the joint, as in --kp '20 N*m/rad' --kd '1 N*m*s/rad' --torque-limit '23 N*m' (missing: --{gains[0]})"
-            )
-        return drive
-    if drive not in computable:
+    gains = [gain for name, gain in GAINS.items() if name in commands and gain not in told.motor]
+    alone = gains[:1] == ["kp"] and not told.motor and not told.gear and "velocity_command" not in told.columns
+    if drive == "command" and gains and not alone:
+        raise InputError(
+            f"{log.path}: column {short(guesses[commands[0]].column)} is a command, and no torque is logged; the one that the drive makes of it "
+            f"needs its gains at the joint, as in --kp '20 N*m/rad' --kd '1 N*m*s/rad' --torque-limit '23 N*m' (missing: --{gains[0]})"
+        )
+    if drive and drive not in computable:
         raise InputError(
             f"{log.path}: column {short(guesses[drive].column)} is a voltage, and the torque from it needs both of the motor's constants as seen "
             "at the joint, gear included, as in --torque-constant '0.35 N*m/A' --resistance '2.1 ohm'; without either friction is in V"
+        )
+    of_commands = [name for name in ("held", "fresh", "kp", "kd") if getattr(told, name) is not None]
+    if of_commands and drive != "command":
+        got = f"the log has a {drive}" if drive else "nothing drives the joint"
+        raise InputError(
+            f"{log.path}: --{of_commands[0]} is of commands, and {got}; leave it out, or name --column command=NAME"
+        )
+    if told.rate is not None and "time" in guesses:
+        raise InputError(
+            f"{log.path}: got --rate beside column {short(guesses['time'].column)}, which is the time; leave --rate out, or name the right "
+            "column, as in --column time=NAME"
         )
     return drive
 
@@ -487,15 +443,6 @@ def _of_points(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> boo
         f"{log.path}: no column is named as the time; name it, as in --column time=NAME --unit time=s, or give --rate '1 kHz' "
         f"(there are: {log.there})"
     )
-
-
-def _is_linear(guesses: Mapping[str, ColumnGuess], told: Told) -> bool:
-    for name in ("position", "velocity", "torque"):
-        unit = name in guesses and (told.units.get(name) or guesses[name].unit)
-        with suppress(InputError):
-            if unit and factor(unit, unit_of(name, "prismatic")):
-                return True
-    return "torque" in guesses and "force" in guesses["torque"].column.lower()
 
 
 def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:

@@ -12,8 +12,7 @@ from bristle.errors import InputError, short
 Side = Literal["motor", "joint"]
 SIDED = ("position", "velocity", "torque")
 """Signals that are logged on either side; current and voltage are the motor's."""
-_MOST = 1e6
-"""Turns of one side for a turn of the other; in SI for a prismatic joint the square of it."""
+_MOST = 1e6  # turns of one side for a turn of the other; in SI for a prismatic joint the square of it
 
 
 def _read_ratio(value: object, info: ValidationInfo) -> float:
@@ -55,7 +54,6 @@ class Gear(StrictModel):
                 f"got {short(value)}; expected the ratio, and for each logged signal the side that it was logged on, "
                 "as in {ratio: 100, position: motor, velocity: motor}"
             )
-        refuse_efficiency(value)
         return value
 
     def at_motor(self, signal: str) -> bool:
@@ -71,11 +69,3 @@ class Gear(StrictModel):
             return 1.0
         by = {"position": 1 / self.ratio, "velocity": 1 / self.ratio, "torque": self.ratio}
         return by.get(signal, math.copysign(1.0, self.ratio))
-
-
-def refuse_efficiency(keys: dict[Any, Any]) -> None:
-    """Raises InputError where an efficiency is among the keys: it is friction, and friction is what is identified."""
-    if "efficiency" in keys:
-        raise InputError(
-            "efficiency is friction that depends on load and direction, and friction is what bristle identifies; leave it out"
-        )

@@ -10,28 +10,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_validator
+from pydantic import BeforeValidator, Field, StrictBool
 
 from bristle.data.cleaning import make_record
 from bristle.data.constant_velocity.acceptance import Thresholds
+from bristle.data.experiment import schema
 from bristle.data.experiment.constants import Constant, coasted, torque_constants, torque_shifts
 from bristle.data.experiment.gear import SIDED, Gear
 from bristle.data.experiment.run_files import RunFiles, matches, sources_of
-from bristle.data.experiment.schema import (
-    PERIODIC,
-    AdaptOptions,
-    Coasting,
-    FitOptions,
-    Gravity,
-    JointDescription,
-    MotorConstants,
-    PlanOptions,
-    PlusMinus,
-    RunKind,
-    Shown,
-    TrueSet,
-    read_inertia,
-)
 from bristle.data.experiment.signals import DRIVE, GAINS, Cleaning, Context, Signals, quantity, si
 from bristle.data.experiment.tables import Source, joined, keys_of, part_of, read_columns
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
@@ -50,10 +36,10 @@ class Experiment(StrictModel):
     """An experiment file, validated, in SI."""
 
     path: Path
-    joint: JointDescription
-    motor_constants: MotorConstants | None = Field(default=None, alias="motor")
-    inertia: Annotated[PlusMinus, BeforeValidator(read_inertia)] | None = None
-    gravity: Gravity | None = None
+    joint: schema.JointDescription
+    motor_constants: schema.MotorConstants | None = Field(default=None, alias="motor")
+    inertia: Annotated[schema.PlusMinus, schema.read_constant("inertia", is_prior=True)] | None = None
+    gravity: schema.Gravity | None = None
     """What is known of it, which scales a torque that is known as a voltage, a current or a position error alone."""
     declared_count: Annotated[float, quantity("position", of_motor=True), Field(gt=0)] | None = Field(
         default=None, alias="encoder_resolution"
@@ -63,16 +49,16 @@ class Experiment(StrictModel):
     runs: Annotated[tuple[RunFiles, ...], Field(min_length=1)]
     cleaning: Cleaning = Cleaning()
     segments: Thresholds = Thresholds()
-    fit: FitOptions = FitOptions()
+    fit: schema.FitOptions = schema.FitOptions()
     coasting: Annotated[
-        Coasting | None, BeforeValidator(lambda x: ({} if x else None) if isinstance(x, bool) else x)
+        schema.Coasting | None, BeforeValidator(lambda x: ({} if x else None) if isinstance(x, bool) else x)
     ] = None
     """That nothing drives the joint, with what is known of it; `true`: nothing is."""
-    adapt: AdaptOptions = AdaptOptions()
-    plan: PlanOptions = PlanOptions()
+    adapt: schema.AdaptOptions = schema.AdaptOptions()
+    plan: schema.PlanOptions = schema.PlanOptions()
     simulated: StrictBool = False
-    assumptions: tuple[Shown, ...] = ()
-    true_sets: dict[Literal["+", "-", "both"], TrueSet] = Field(default_factory=dict, alias="truth")
+    assumptions: tuple[schema.Shown, ...] = ()
+    true_sets: dict[Literal["+", "-", "both"], schema.TrueSet] = Field(default_factory=dict, alias="truth")
 
     @property
     def motor(self) -> Motor[float] | None:
@@ -81,20 +67,17 @@ class Experiment(StrictModel):
         if m is None or m.torque_constant is None:
             return None
         R = m.resistance.value if m.resistance else _NAN
-        return Motor(m.torque_constant.value, R, m.inductance, _known(m.inertia))
+        return Motor(m.torque_constant.value, R, m.inductance, _NAN if m.inertia is None else m.inertia)
 
     @property
     def encoder_resolution(self) -> float | None:
         """Size of one count at the joint, rad."""
-        return self.context.count
+        return self.declared_count and self.declared_count * abs(self.context.to_joint("position"))
 
     @property
     def truth(self) -> dict[str, Lugre[float]]:
         """The true parameters by direction (+, -, both), where the data are simulated."""
-        return {
-            d: Lugre(p.alpha_0, p.alpha_1, p.alpha_2, p.v_s, _known(p.sigma_0), _known(p.sigma_1))
-            for d, p in self.true_sets.items()
-        }
+        return {d: Lugre(**{name: _NAN if x is None else x for name, x in p}) for d, p in self.true_sets.items()}
 
     def signals_of(self, run: RunFiles) -> Signals:
         """The signals of a run: its own, and those of the experiment that it does not replace."""
@@ -116,97 +99,65 @@ class Experiment(StrictModel):
         gear = self.motor_constants.gear if self.motor_constants else None
         return Context(kind=self.joint.kind, resolution=self.declared_count, gear=gear)
 
-    @field_validator("true_sets")
-    @classmethod
-    def _both_or_each(cls, sets: dict[str, TrueSet]) -> dict[str, TrueSet]:
-        if "both" in sets and len(sets) > 1:
-            raise InputError("got both beside + or -; expected either both, or + and -")
-        return sets
-
-    @model_validator(mode="after")
-    def _coasts(self) -> "Experiment":
-        if self.coasting is None:
-            return self
-        made, signals = self.coasting.made_of, [self.signals_of(run) for run in self.runs]
-        got = [f"signals.{drive}" for x in signals if (drive := x.drive()) is not None]
-        got += [f"a run of kind {run.experiment}" for run in self.runs if run.experiment != "tracking"]
-        got += [f"fit.regressors: {made}"] if made in (self.fit.regressors or ()) else []
-        got += ["inertia"] if made == "inertia" and self.inertia is not None else []
-        got += ["fit.predict: position"] if self.fit.predict == "position" else []
-        if got:
-            raise InputError(
-                f"coasting: got {got[0]} beside it; expected tracking runs whose torque nothing but gravity and inertia makes"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _runs_have_signals(self) -> "Experiment":
+    def _problems(self) -> Iterator[str]:
+        if "both" in self.true_sets and len(self.true_sets) > 1:
+            yield "truth: got both beside + or -; expected either both, or + and -"
+        if self.coasting is not None:
+            made, signals = self.coasting.made_of, [self.signals_of(run) for run in self.runs]
+            got = [f"signals.{drive}" for x in signals if (drive := x.drive()) is not None]
+            got += [f"a run of kind {run.experiment}" for run in self.runs if run.experiment != "tracking"]
+            got += [f"fit.regressors: {made}"] if made in (self.fit.regressors or ()) else []
+            got += ["inertia"] if made == "inertia" and self.inertia is not None else []
+            got += ["fit.predict: position"] if self.fit.predict == "position" else []
+            if got:
+                yield f"coasting: got {got[0]} beside it; expected tracking runs whose torque nothing but gravity and inertia makes"
         for k, run in enumerate(self.runs):
-            where = f"runs.{k}"
-            signals = self.signals_of(run)
-            drive, moving = signals.drive(), run.experiment != "points"
-            if drive is None and self.coasting is None:
-                raise InputError(
-                    f"{where}: no torque; name one of torque, voltage and current, or command, under signals"
-                )
-            if moving and signals.time is None:
-                raise InputError(
-                    f"{where}: no time; give a column, as in time: {{column: t, unit: s}}, or a rate, as in time: {{rate: 1 kHz}}, under signals"
-                )
-            by_position = not {"gravity", *PERIODIC}.isdisjoint(self.fit.regressors or ())
-            needs_position = run.experiment == "presliding" or (moving and by_position)
-            if signals.position is None and (needs_position or signals.velocity is None):
-                wanted = "position" if needs_position else "velocity" if not moving else "position (or velocity)"
-                raise InputError(f"{where}: no {wanted}, which {run.experiment} runs need; name it under signals")
-            if not moving and (signals.velocity is None or drive != "torque"):
-                raise InputError(f"{where}: points are pairs of velocity and torque; name both under signals")
-            constants = self.motor_constants
-            alone = constants is None and len({self.signals_of(r).drive() for r in self.runs}) == 1
-            lacks = [
-                x for name, x in GAINS.items() if getattr(signals, name) and not (constants and getattr(constants, x))
-            ]
-            if lacks and not (alone and lacks == ["kp"]):
-                raise InputError(
-                    f"{where}: the torque that a drive makes of a command needs motor.{lacks[0]}; add it, as in motor: {{kp: 20 N*m/rad, "
-                    "kd: 1 N*m*s/rad}; of a position command alone, without motor, friction is in rad, as a share of kp"
-                )
-            if signals.command is not None and signals.position is None:
-                raise InputError(
-                    f"{where}: no position, which a drive compares its command with; name it under signals"
-                )
-            if self.gravity is not None and (drive in ("torque", None) or not alone or not moving):
-                raise InputError(
-                    f"{where}: gravity: a known gravity scales a voltage, a current or a command without constants under motor; leave it out: "
-                    "of a torque gravity is found, and of a joint that coasts it stands under coasting"
-                )
-            k_t = constants and constants.torque_constant
-            if (
-                drive not in ("torque", "command", None)
-                and not alone
-                and (constants is None or k_t is None or (drive == "voltage" and constants.resistance is None))
-            ):
-                wanted = "motor.torque_constant" if k_t is None else "motor.resistance"
-                raise InputError(
-                    f"{where}: torque from {drive} needs {wanted}; add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
-                )
+            yield from (f"runs.{k}: {problem}" for problem in self._problems_of(run))
 
-            gear = self.context.gear
-            unsaid = [
-                name for name in SIDED if gear and getattr(signals, name) is not None and getattr(gear, name) is None
-            ]
-            if unsaid:
-                raise InputError(
-                    f"{where}: motor.gear does not say on which side {unsaid[0]} was logged; add {unsaid[0]}: motor, or {unsaid[0]}: joint, to it"
-                )
-            if not moving and signals.apart():
-                raise InputError(
-                    f"{where}: points are pairs in rows, without time; leave out signals.{min(signals.apart())}.time"
-                )
-        return self
+    def _problems_of(self, run: RunFiles) -> Iterator[str]:
+        signals = self.signals_of(run)
+        drive, moving = signals.drive(), run.experiment != "points"
+        if drive is None and self.coasting is None:
+            yield "no torque; name one of torque, voltage and current, or command, under signals"
+        if moving and signals.time is None:
+            yield "no time; give a column, as in time: {column: t, unit: s}, or a rate, as in time: {rate: 1 kHz}, under signals"
+        by_position = not {"gravity", *schema.PERIODIC}.isdisjoint(self.fit.regressors or ())
+        needs_position = run.experiment == "presliding" or (moving and by_position)
+        if signals.position is None and (needs_position or signals.velocity is None):
+            wanted = "position" if needs_position else "velocity" if not moving else "position (or velocity)"
+            yield f"no {wanted}, which {run.experiment} runs need; name it under signals"
+        if not moving and (signals.velocity is None or drive != "torque"):
+            yield "points are pairs of velocity and torque; name both under signals"
+        constants = self.motor_constants
+        alone = constants is None and len({self.signals_of(r).drive() for r in self.runs}) == 1
+        lacks = [x for name, x in GAINS.items() if getattr(signals, name) and not (constants and getattr(constants, x))]
+        if lacks and not (alone and lacks == ["kp"]):
+            yield (
+                f"the torque that a drive makes of a command needs motor.{lacks[0]}; add it, as in motor: {{kp: 20 N*m/rad, "
+                "kd: 1 N*m*s/rad}; of a position command alone, without motor, friction is in rad, as a share of kp"
+            )
+        if signals.command is not None and signals.position is None:
+            yield "no position, which a drive compares its command with; name it under signals"
+        if self.gravity is not None and (drive in ("torque", None) or not alone or not moving):
+            yield (
+                "gravity: a known gravity scales a voltage, a current or a command without constants under motor; leave it out: "
+                "of a torque gravity is found, and of a joint that coasts it stands under coasting"
+            )
+        k_t = constants and constants.torque_constant
+        if (
+            drive not in ("torque", "command", None)
+            and not alone
+            and (constants is None or k_t is None or (drive == "voltage" and constants.resistance is None))
+        ):
+            wanted = "motor.torque_constant" if k_t is None else "motor.resistance"
+            yield f"torque from {drive} needs {wanted}; add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
 
-
-def _known(value: float | None) -> float:
-    return _NAN if value is None else value
+        gear = self.context.gear
+        unsaid = [name for name in SIDED if gear and getattr(signals, name) is not None and getattr(gear, name) is None]
+        if unsaid:
+            yield f"motor.gear does not say on which side {unsaid[0]} was logged; add {unsaid[0]}: motor, or {unsaid[0]}: joint, to it"
+        if not moving and signals.apart():
+            yield f"points are pairs in rows, without time; leave out signals.{min(signals.apart())}.time"
 
 
 def load_experiment(path: str | Path) -> Experiment:
@@ -248,7 +199,6 @@ def in_own_unit(experiment: Experiment, asked: tuple[str, ...] | None) -> Experi
     effort = {"voltage": "in V", "current": "in A", "command": error}.get(drive or "", "per inertia")
 
     def renamed(signals: Signals) -> Signals:
-        """The current or the voltage as the torque."""
         logged = signals.voltage if drive == "voltage" else signals.current
         return signals.model_copy(update={"current": None, "voltage": None, "torque": logged})
 
@@ -256,27 +206,22 @@ def in_own_unit(experiment: Experiment, asked: tuple[str, ...] | None) -> Experi
         run if run.signals is None else run.model_copy(update={"signals": renamed(run.signals)})
         for run in experiment.runs
     )
-    kind = f"{experiment.joint.kind} {effort}"
-    return experiment.model_copy(
-        update={
-            "joint": experiment.joint.model_copy(update={"kind": kind}),
-            "motor_constants": None,
-            "inertia": None,
-            "signals": renamed(experiment.signals),
-            "runs": runs,
-            "fit": experiment.fit
-            if asked == experiment.fit.regressors
-            else experiment.fit.model_copy(update={"regressors": asked}),
-            "plan": experiment.plan.model_copy(update={"torque": None}),
-        }
-    )
+    changed = {
+        "joint": experiment.joint.model_copy(update={"kind": f"{experiment.joint.kind} {effort}"}),
+        "signals": renamed(experiment.signals),
+        "runs": runs,
+        "plan": experiment.plan.model_copy(update={"torque": None}),
+    }
+    if asked != experiment.fit.regressors:
+        changed["fit"] = experiment.fit.model_copy(update={"regressors": asked})
+    return experiment.model_copy(update={**changed, "motor_constants": None, "inertia": None})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
     """One file that was read."""
 
-    kind: RunKind
+    kind: schema.RunKind
     record: Record
     hold_out: bool = False
 
@@ -335,7 +280,6 @@ def table_of_run(
     """The columns of some signals of a run, on its time, and the name that results show. Raises InputError as `read_runs`."""
 
     def find(file: str) -> tuple[Path, str]:
-        """The one file that a signal names."""
         found = matches(file, experiment.path)
         if len(found) > 1 or len(list(sources_of(run, experiment.path))) > 1 or run.joined:
             raise InputError(
@@ -363,40 +307,30 @@ def _record(experiment: Experiment, run: RunFiles, table: RawTable, shown: str) 
         )  # fmt: skip  # a list
         if not points:
             record = _complete(experiment, run.experiment, record, signals.drive())
-        record = replace(record, notes=(*record.notes, *gear_note(signals, experiment.context)))
+        if (gear := experiment.context.gear) is not None:
+            logged = [name for name in (*SIDED, *DRIVE) if getattr(signals, name) is not None]
+            moved = ", ".join(dict.fromkeys(name for name in logged if gear.at_motor(name))) or "no signal"
+            unit = "" if experiment.joint.kind == "revolute" else " rad/m"
+            message = f"Gear of ratio {gear.ratio:g}{unit}: logged at the motor, and brought to the joint: {moved}."
+            note = Finding("gear-taken", NOTE, message, {"ratio": gear.ratio})
+            record = replace(record, notes=(*record.notes, note))
         stated = {name: table.units.get(key, "") for name, key in keys_of(signals).items()}
-        found = [
-            *check_units(shown, stated, signals),
-            *check_signals(record, run.experiment, signals, experiment.context),
-        ]
-        about = (experiment.motor_constants, experiment.context, experiment.coasting)
-        shifts = torque_shifts(record, signals, *about)
-    return replace(record, warnings=(*record.warnings, *found), torque_shifts=shifts)
-
-
-def gear_note(signals: Signals, context: Context) -> tuple[Finding, ...]:
-    """What a gear did to which signals of a run; nothing without one."""
-    if context.gear is None:
-        return ()
-    logged = [name for name in (*SIDED, *DRIVE) if getattr(signals, name) is not None]
-    moved = dict.fromkeys(name for name in logged if context.gear.at_motor(name))
-    ratio, unit = context.gear.ratio, "" if context.kind == "revolute" else " rad/m"
-    signals_moved = ", ".join(moved) or "no signal"
-    message = f"Gear of ratio {ratio:g}{unit}: logged at the motor, and brought to the joint: {signals_moved}."
-    return (Finding("gear-taken", NOTE, message, {"ratio": ratio}),)
+        wrong = check_signals(record, run.experiment, signals, experiment.context)
+        shifts = torque_shifts(record, signals, experiment.motor_constants, experiment.context, experiment.coasting)
+    warnings = (*record.warnings, *check_units(shown, stated, signals), *wrong)
+    return replace(record, warnings=warnings, torque_shifts=shifts)
 
 
 def from_current(k_t: float, unit: str) -> Finding:
     """That the torque is the current times k_t, in that unit."""
-    return Finding(
-        "torque-from-current", NOTE, f"Torque from current: k_t = {k_t:g} {unit}.", {"k_t": k_t, "unit": unit}
-    )
+    message = f"Torque from current: k_t = {k_t:g} {unit}."
+    return Finding("torque-from-current", NOTE, message, {"k_t": k_t, "unit": unit})
 
 
-def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str | None) -> Record:
+def _complete(experiment: Experiment, kind: schema.RunKind, record: Record, drive: str | None) -> Record:
     """The record with velocity and torque, for tracking with acceleration, and with the low pass that its kind needs."""
     from bristle.data.bandwidth import of_held_speeds, of_motion, of_slow_loading
-    from bristle.data.differentiation import estimate_motion, let_go, low_pass, without_rests
+    from bristle.data.differentiation import estimate_motion, let_go, without_rests
     from bristle.model.motor import drive_torque
 
     fit, motor = experiment.fit, experiment.motor
@@ -419,7 +353,7 @@ def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str 
     elif drive == "voltage":  # an effort in its own unit, as a current is without a motor
         record = replace(record, torque=record.voltage, voltage=None)
     if kind == "presliding" and record.torque is not None:
-        cutoff, why = low_pass(record, of_slow_loading)
+        cutoff, why = of_slow_loading(record)
         message = f"Torque of slow loading: low pass of {cutoff:.3g} Hz{why.message}."
         note = Finding("torque-smoothed", NOTE, message, {"cutoff": cutoff})
         record = replace(record, cutoff=cutoff, notes=(*record.notes, note))

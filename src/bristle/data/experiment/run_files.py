@@ -4,10 +4,11 @@ import glob
 import os
 import re
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BeforeValidator, Field, PlainValidator, StrictBool, model_validator
+from pydantic import BeforeValidator, Field, PlainValidator, StrictBool
 
 from bristle.data.experiment.schema import Label, RunKind, read_rows
 from bristle.data.experiment.signals import Signals, quantity
@@ -15,8 +16,7 @@ from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
 
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
-_MOST, _LONGEST = 1000, 4096
-"""Patterns of an entry, and characters of one."""
+_MOST, _LONGEST = 1000, 4096  # patterns of an entry, and characters of one
 
 
 class TimeRange(StrictModel):
@@ -25,13 +25,11 @@ class TimeRange(StrictModel):
     start: Annotated[float, quantity("s")] | None = Field(default=None, alias="from")
     to: Annotated[float, quantity("s")] | None = None
 
-    @model_validator(mode="after")
-    def _in_order(self) -> "TimeRange":
+    def _problems(self) -> Iterator[str]:
         if self.start is None and self.to is None:
-            raise InputError("expected one end at least, as in {from: 2 s, to: 30 s}")
+            yield "expected one end at least, as in {from: 2 s, to: 30 s}"
         if self.start is not None and self.to is not None and not self.start < self.to:
-            raise InputError(f"got {self.start:g} s to {self.to:g} s; expected the earlier time first")
-        return self
+            yield f"got {self.start:g} s to {self.to:g} s; expected the earlier time first"
 
 
 def _read_files(value: object) -> str | tuple[str, ...]:
@@ -67,13 +65,11 @@ class RunFiles(StrictModel):
         """The paths or globs, of which there may be one."""
         return (self.files,) if isinstance(self.files, str) else self.files
 
-    @model_validator(mode="after")
-    def _one_range(self) -> "RunFiles":
+    def _problems(self) -> Iterator[str]:
         if self.rows is not None and self.time is not None:
-            raise InputError("got rows and time; expected one of them")
+            yield "got rows and time; expected one of them"
         if self.time is not None and self.experiment == "points":
-            raise InputError("time: points have no time; give rows, as in rows: 2-40")
-        return self
+            yield "time: points have no time; give rows, as in rows: 2-40"
 
 
 def sources_of(run: RunFiles, experiment: Path) -> list[list[tuple[Path, str]]]:
@@ -106,7 +102,15 @@ def matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
             f"{experiment}: runs: files {short(files)} has ** more than once; expected a glob such as logs/**/ramp*.csv"
         )
     try:
-        found = [pattern] if (folder / pattern).exists() else sorted(_glob(pattern, folder))
+        if (folder / pattern).exists():
+            found = [pattern]
+        elif "**" not in pattern:
+            found = sorted(glob.glob(pattern, root_dir=folder))  # noqa: PTH207  # Path.glob takes no absolute pattern
+        else:  # glob.glob follows links, in circles where they go so
+            root = Path(pattern).anchor
+            base = Path(root) if root else folder
+            below = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
+            found = sorted(f"{root}{x}" for x in below if not any(p.startswith(".") and p != ".." for p in x.parts))
     except OSError as error:
         raise InputError(f"{experiment}: runs: files {short(files)} cannot be looked for ({error.strerror})") from error
     if not found:
@@ -123,12 +127,3 @@ def matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
         shown = check_name(Path(name).as_posix(), f"{experiment}: runs: files: the file name")
         sources.append((folder / match, shown))
     return sources
-
-
-def _glob(pattern: str, folder: Path) -> list[str]:
-    if "**" not in pattern:
-        return glob.glob(pattern, root_dir=folder)  # noqa: PTH207  # Path.glob takes no absolute pattern
-    root = Path(pattern).anchor  # and glob.glob follows links, in circles where they go so
-    base = Path(root) if root else folder
-    matches = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
-    return [f"{root}{path}" for path in matches if not any(p.startswith(".") and p != ".." for p in path.parts)]

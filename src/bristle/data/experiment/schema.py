@@ -1,5 +1,6 @@
 """The parts of an experiment file: joint, motor, thresholds, fit options, runs; quantities are in SI once validated."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import hypot, inf
 from typing import Annotated, Any, Literal
@@ -16,7 +17,7 @@ from pydantic import (
 )
 
 from bristle.data import units
-from bristle.data.experiment.gear import Gear, refuse_efficiency
+from bristle.data.experiment.gear import Gear
 from bristle.data.experiment.signals import Context, Hertz, Seconds, Speed, motor_si, quantity, si
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
@@ -41,40 +42,31 @@ class PlusMinus:
         return PlusMinus(value=factor * self.value, standard_error=None if error is None else factor * error)
 
 
-_SUREST = 1e-9
-"""Of an inertia: a smaller error is none, and its weight would drown the data in rounding."""
+_SUREST = 1e-9  # of an inertia: a smaller error is none, and its weight would drown the data in rounding
 
 
-def read_constant(name: str) -> BeforeValidator:
-    """Read `x` (exact) or `x ± s`, each with its unit; a number outside an experiment file stands for its SI value."""
+def read_constant(name: str, *, of_motor: bool = False, is_prior: bool = False) -> BeforeValidator:
+    """Read `x` (exact) or `x ± s`, each with its unit; a number outside an experiment file stands for its SI value.
+
+    The error of a prior may be larger than what it is of, but no smaller than `_SUREST` of it.
+    """
 
     def read(value: object, info: ValidationInfo) -> object:
-        """The constant in SI; raises InputError where it is not positive, or no larger than its error."""
         if isinstance(value, PlusMinus):
             return value
         plain = isinstance(value, int | float) and not isinstance(info.context, Context)
-        number, error = (value, None) if plain else units.plus_minus(value, motor_si(name, info.context))
+        target = (motor_si if of_motor else si)(name, info.context)
+        number, error = (value, None) if plain else units.plus_minus(value, target)
         if not isinstance(number, int | float) or not number > 0:
-            raise InputError(f"got {short(value)}; expected greater than 0")
-        if error is not None and not error < number:
+            raise InputError(f"got {short(value)}; expected {'a positive inertia' if is_prior else 'greater than 0'}")
+        if error is not None and is_prior and error < _SUREST * number:
+            least = f"an error of at least {_SUREST:g} of the inertia, or none at all"
+            raise InputError(f"got {short(value)}; expected {least}")
+        if error is not None and not is_prior and not error < number:
             raise InputError(f"got {short(value)}; expected an error that is smaller than the constant")
         return PlusMinus(value=float(number), standard_error=error)
 
     return BeforeValidator(read)
-
-
-def read_inertia(value: object, info: ValidationInfo) -> object:
-    """Read `x` (fixed) or `x ± s` (a prior), each with its unit."""
-    if isinstance(value, PlusMinus):
-        return value
-    number, error = units.plus_minus(value, si("inertia", info.context))
-    if not number > 0:
-        raise InputError(f"got {short(value)}; expected a positive inertia")
-    if error is not None and error < _SUREST * number:
-        raise InputError(
-            f"got {short(value)}; expected an error of at least {_SUREST:g} of the inertia, or none at all"
-        )
-    return PlusMinus(value=number, standard_error=error)
 
 
 _FIXABLE = (*Lugre._fields, "inertia", "offset", "gravity_sin", "gravity_cos", "quadratic", "links")
@@ -144,54 +136,39 @@ class JointDescription(StrictModel):
     kind: Annotated[Kind, BeforeValidator(_declared_kind)] = "revolute"
 
 
-_RATIOS = {"torque_constant": 1, "kp": 2, "kd": 2}
-"""By which power of the gear's ratio a constant is larger at the joint."""
-
-
 class MotorConstants(StrictModel):
     """What is known of the motor: its own constants where a gear is declared, else as seen at the joint, gear included."""
 
-    torque_constant: Annotated[PlusMinus, read_constant("k_t")] | None = None
-    resistance: Annotated[PlusMinus, read_constant("R")] | None = None
+    torque_constant: Annotated[PlusMinus, read_constant("k_t", of_motor=True)] | None = None
+    resistance: Annotated[PlusMinus, read_constant("R", of_motor=True)] | None = None
     inductance: Annotated[float, quantity("L"), Field(ge=0)] = 0.0
     inertia: Annotated[float, quantity("J", of_motor=True), Field(gt=0)] | None = None
-    kp: Annotated[PlusMinus, read_constant("K_p")] | None = None
+    kp: Annotated[PlusMinus, read_constant("K_p", of_motor=True)] | None = None
     """Gain of the drive from the command less the position to the torque, ..."""
-    kd: Annotated[PlusMinus, read_constant("K_d")] | None = None
+    kd: Annotated[PlusMinus, read_constant("K_d", of_motor=True)] | None = None
     """... and from the velocity command, 0 where there is none, less the velocity: both err together, by the drive's torque constant."""
     torque_limit: Annotated[float, quantity("torque", of_motor=True), Field(gt=0)] | None = None
     """What the drive gives at the most."""
     gear: Gear | None = None
 
-    @model_validator(mode="before")
-    @classmethod
-    def _no_efficiency(cls, value: Any) -> Any:
-        if isinstance(value, dict):
-            refuse_efficiency(value)
-        return value
-
-    @model_validator(mode="after")
-    def _says_something(self) -> "MotorConstants":
+    def _problems(self) -> Iterator[str]:
         if self.torque_constant is None and self.gear is None and self.kp is None and self.kd is None:
-            raise InputError("motor.torque_constant: missing; add this key")
+            yield "motor.torque_constant: missing; add this key"
         if self.kp is not None and self.kd is not None and self.kd.standard_error is not None:
-            raise InputError(
-                "motor.kd: got an error; expected it with kp: a drive's gains err together, by its torque constant"
-            )
-        return self
+            yield "motor.kd: got an error; expected it with kp: a drive's gains err together, by its torque constant"
 
     def at_joint(self) -> "MotorConstants":
         """The same without a gear: k_t and a limit times abs(ratio), J and gains times its square; R and L are what they are."""
         if self.gear is None:
             return self
         ratio = abs(self.gear.ratio)
-        at_joint = {
-            **{name: getattr(self, name) and getattr(self, name).times(ratio**n) for name, n in _RATIOS.items()},
-            "torque_limit": self.torque_limit and ratio * self.torque_limit,
-            "inertia": self.inertia and ratio**2 * self.inertia,
-            "gear": None,
+        by = {"torque_constant": ratio, "kp": ratio**2, "kd": ratio**2}
+        at_joint: dict[str, Any] = {
+            name: known.times(x) for name, x in by.items() if (known := getattr(self, name)) is not None
         }
-        return self.model_copy(update=at_joint)
+        at_joint["torque_limit"] = self.torque_limit and ratio * self.torque_limit
+        at_joint["inertia"] = self.inertia and ratio**2 * self.inertia
+        return self.model_copy(update={**at_joint, "gear": None})
 
 
 class Hung(StrictModel):
@@ -209,8 +186,7 @@ class Hung(StrictModel):
         return PlusMinus(value=size, standard_error=size * hypot(*parts) if parts else None)
 
 
-GRAVITY = 9.81
-"""m/s**2."""
+GRAVITY = 9.81  # m/s**2
 Gravity = Annotated[
     PlusMinus,
     read_constant("torque"),
@@ -225,11 +201,9 @@ class Coasting(StrictModel):
     gravity: Gravity | None = None
     inertia: Annotated[PlusMinus, read_constant("inertia")] | None = None
 
-    @model_validator(mode="after")
-    def _one_alone(self) -> "Coasting":
+    def _problems(self) -> Iterator[str]:
         if self.gravity is not None and self.inertia is not None:
-            raise InputError("got gravity and inertia; expected one of them: the other comes out")
-        return self
+            yield "got gravity and inertia; expected one of them: the other comes out"
 
     @property
     def made_of(self) -> Literal["gravity", "inertia"]:
@@ -278,8 +252,7 @@ def read_law(name: str) -> str:
     return name
 
 
-WITHOUT_PEAK = "coulomb-viscous"
-"""What `fit.law` takes in a peak's place: Coulomb and viscous friction alone."""
+WITHOUT_PEAK = "coulomb-viscous"  # what `fit.law` takes in a peak's place: Coulomb and viscous friction alone
 AS_WRITTEN = "as-written"
 GONE = {
     "loss": "points that do not belong to the law of the others are found, left out and named",
@@ -396,26 +369,21 @@ class FitOptions(StrictModel):
         """By which load, of `LOADS`, its level rises; none where it does not."""
         return apart(self.law)[1]
 
-    @model_validator(mode="after")
-    def _consistent(self) -> "FitOptions":
+    def _problems(self) -> Iterator[str]:
         if self.load and self.predict == "position":
-            raise InputError(f"fit.law: {self.load[0]} is fitted to a torque; leave it out, or set fit.predict: torque")
+            yield f"fit.law: {self.load[0]} is fitted to a torque; leave it out, or set fit.predict: torque"
         if self.regressors is not None and "offset" in self.regressors and self.directions == "separate":
-            raise InputError(
-                "fit.regressors: offset cannot be told from the two Coulomb terms of separate directions; leave it out, or set directions: symmetric"
+            yield (
+                "fit.regressors: offset cannot be told from the two Coulomb terms of separate directions; leave it out, "
+                "or set directions: symmetric"
             )
         if "quadratic" in (self.regressors or ()) and "quadratic" in self.law.split("+"):
-            raise InputError(
-                f"fit.regressors: quadratic is the same term as that of law: {self.law}, v abs(v); write one of the two"
-            )
+            yield f"fit.regressors: quadratic is the same term as that of law: {self.law}, v abs(v); write one of the two"
         repeats = [name for name in PERIODIC if name in (self.regressors or ())]
         if self.orders is not None and not repeats:
-            raise InputError("fit.orders: nothing has orders; add cogging or ripple to fit.regressors, or leave it out")
+            yield "fit.orders: nothing has orders; add cogging or ripple to fit.regressors, or leave it out"
         if repeats and self.predict == "position":
-            raise InputError(
-                f"fit.regressors: {repeats[0]} is fitted to a torque; leave it out, or set fit.predict: torque"
-            )
-        return self
+            yield f"fit.regressors: {repeats[0]} is fitted to a torque; leave it out, or set fit.predict: torque"
 
 
 class PidGains(StrictModel):
@@ -429,8 +397,7 @@ class PidGains(StrictModel):
 
 
 Name = Annotated[StrictStr, Field(min_length=1, max_length=40)]
-Plain = Annotated[float, Field(allow_inf_nan=True)]
-"""A number without a unit, which the adaptation itself judges."""
+Plain = Annotated[float, Field(allow_inf_nan=True)]  # a number without a unit, which the adaptation itself judges
 
 
 class AdaptOptions(StrictModel):
@@ -464,12 +431,10 @@ class AdaptOptions(StrictModel):
     )
     """Where the adaptation begins, as shares of the identified parameters; the paper's Table 2."""
 
-    @model_validator(mode="after")
-    def _known_start(self) -> "AdaptOptions":
+    def _problems(self) -> Iterator[str]:
         wrong = [name for name in self.start if not of_friction(name)]
         if wrong:
-            raise InputError(f"adapt.start: got {short(wrong[0])}; expected some of {', '.join(Lugre._fields)}")
-        return self
+            yield f"adapt.start: got {short(wrong[0])}; expected some of {', '.join(Lugre._fields)}"
 
 
 class TrueSet(StrictModel):
@@ -508,26 +473,14 @@ class PlanOptions(StrictModel):
     rate: Annotated[float, quantity("Hz"), Field(gt=0, le=100_000)] = 100.0
     """At which the references are written, Hz."""
 
-    @model_validator(mode="after")
-    def _ordered(self) -> "PlanOptions":
+    def _problems(self) -> Iterator[str]:
         if self.position is not None and not self.position[0] < self.position[1]:
-            raise InputError(
-                f"plan.position: got {self.position[0]:g} to {self.position[1]:g}; expected the smaller value first"
-            )
+            yield f"plan.position: got {self.position[0]:g} to {self.position[1]:g}; expected the smaller value first"
         if self.velocity is not None and self.minimum_velocity is not None and self.minimum_velocity >= self.velocity:
-            raise InputError(
-                f"plan.minimum_velocity: got {self.minimum_velocity:g}; expected less than plan.velocity, {self.velocity:g}"
-            )
+            yield f"plan.minimum_velocity: got {self.minimum_velocity:g}; expected less than plan.velocity, {self.velocity:g}"
         if self.rate < 20:
-            raise InputError(
-                f"plan.rate: got {self.rate:g} Hz; expected at least 20 Hz, four samples of the shortest turn"
-            )
+            yield f"plan.rate: got {self.rate:g} Hz; expected at least 20 Hz, four samples of the shortest turn"
         if self.frequency is not None and self.frequency < 0.2:
-            raise InputError(
-                f"plan.frequency: got {self.frequency:g} Hz; expected at least 0.2 Hz, three periods of a motion"
-            )
+            yield f"plan.frequency: got {self.frequency:g} Hz; expected at least 0.2 Hz, three periods of a motion"
         if self.frequency is not None and "rate" in self.model_fields_set and self.rate < 10 * self.frequency:
-            raise InputError(
-                f"plan.rate: got {self.rate:g} Hz; expected at least {10 * self.frequency:g} Hz, ten samples of a period of plan.frequency"
-            )
-        return self
+            yield f"plan.rate: got {self.rate:g} Hz; expected at least {10 * self.frequency:g} Hz, ten samples of a period of plan.frequency"

@@ -1,5 +1,6 @@
 """The signals of an experiment file: which column, in which unit, handled how."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
@@ -11,7 +12,6 @@ from pydantic import (
     StrictStr,
     ValidationInfo,
     field_validator,
-    model_validator,
 )
 
 from bristle.data import units
@@ -26,8 +26,7 @@ DRIVE = ("torque", "voltage", "current")
 """The three ways to log what the drive does; a run has exactly one of them, or commands."""
 COMMANDS = {"command": "position", "velocity_command": "velocity"}
 """What a drive was told to follow, each in the unit, and on the side of the gear, of what follows it."""
-GAINS = {"command": "kp", "velocity_command": "kd"}
-"""What the drive multiplies each with, less what follows it."""
+GAINS = {"command": "kp", "velocity_command": "kd"}  # what the drive multiplies each with, less what follows it
 
 
 def _counted_from_zero(column: int | str) -> int | str:
@@ -36,8 +35,7 @@ def _counted_from_zero(column: int | str) -> int | str:
     return column
 
 
-Column = Annotated[StrictInt | StrictStr, AfterValidator(_counted_from_zero)]
-"""Name, or number counted from 0."""
+Column = Annotated[StrictInt | StrictStr, AfterValidator(_counted_from_zero)]  # name, or number counted from 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,11 +46,6 @@ class Context:
     resolution: float | None = None
     """Size of one encoder count, rad or m, on the side of the gear that the encoder is on."""
     gear: Gear | None = None
-
-    @property
-    def count(self) -> float | None:
-        """Size of one encoder count at the joint, rad or m."""
-        return None if self.resolution is None else self.resolution * abs(self.to_joint("position"))
 
     def kind_of(self, signal: str) -> Kind:
         """Whether a signal was logged where something turns or slides: a motor turns."""
@@ -70,7 +63,6 @@ def quantity(name: str, *, of_motor: bool = False) -> BeforeValidator:
     """
 
     def read(value: object, info: ValidationInfo) -> object:
-        """The value in SI; a number outside an experiment file as it is."""
         if not isinstance(info.context, Context) and not isinstance(value, str):
             return value
         return units.to_si(value, (motor_si if of_motor else si)(name, info.context))
@@ -98,8 +90,7 @@ Seconds = Annotated[float, quantity("s"), Field(gt=0)]
 Speed = Annotated[float, quantity("velocity"), Field(gt=0)]
 
 
-Index = Annotated[StrictInt, Field(ge=0)]
-"""Column of a matrix, or of an array in the names of columns, counted from 0."""
+Index = Annotated[StrictInt, Field(ge=0)]  # column of a matrix, or of an array in the names of columns, counted from 0
 
 
 def _of_time(text: str) -> str:
@@ -124,18 +115,14 @@ class TimeColumn(StrictModel):
     """Such as s, or `iso` of dates and times of day; None, of one signal's own time: that of the others."""
     plus: PlusColumn | None = None
 
-    @model_validator(mode="after")
-    def _dates_stand_alone(self) -> "TimeColumn":
+    def _problems(self) -> Iterator[str]:
         if self.plus is not None and (self.unit == ISO or self.column is None):
-            raise InputError(
-                "plus: expected it beside a column with a unit such as s: unit iso and a rate have no second column"
-            )
-        return self
+            yield "plus: expected it beside a column with a unit such as s: unit iso and a rate have no second column"
 
-    def columns(self, file: str | None = None) -> tuple[Key, ...]:
+    def columns(self) -> tuple[Key, ...]:
         """Which columns it is read from: its own, and the one that is added."""
-        first = [] if self.column is None else [Key(self.column, self.index, self.unit == ISO, file)]
-        return (*first, *([Key(self.plus.column, self.plus.index, file=file)] if self.plus else []))
+        first = [] if self.column is None else [Key(self.column, self.index, self.unit == ISO)]
+        return (*first, *([Key(self.plus.column, self.plus.index)] if self.plus else []))
 
 
 class Time(TimeColumn):
@@ -143,13 +130,10 @@ class Time(TimeColumn):
 
     rate: Hertz | None = None
 
-    @model_validator(mode="after")
-    def _one_of_both(self) -> "Time":
+    def _problems(self) -> Iterator[str]:
+        yield from super()._problems()
         if (self.column is None) == (self.rate is None) or (self.column is not None and self.unit is None):
-            raise InputError(
-                "expected either a column with its unit, as in {column: t, unit: s}, or a rate, as in {rate: 1 kHz}"
-            )
-        return self
+            yield "expected either a column with its unit, as in {column: t, unit: s}, or a rate, as in {rate: 1 kHz}"
 
 
 def _as_column(value: object) -> object:
@@ -178,13 +162,9 @@ class Signal(StrictModel):
         logged = units.factor(self.unit, target, scale=self.scale, resolution=context.resolution)
         return logged * context.to_joint(name)
 
-    @model_validator(mode="after")
-    def _file_has_time(self) -> "Signal":
+    def _problems(self) -> Iterator[str]:
         if self.file is not None and self.time is None:
-            raise InputError(
-                "file: a signal of another file needs a time of its own; add it, as in time: {column: t, unit: s}"
-            )
-        return self
+            yield "file: a signal of another file needs a time of its own; add it, as in time: {column: t, unit: s}"
 
     @property
     def relative_error(self) -> float | None:
@@ -235,13 +215,10 @@ class Enabled(Signal):
         """1: a flag has no unit."""
         return 1.0
 
-    @model_validator(mode="after")
-    def _is_a_flag(self) -> "Enabled":
+    def _problems(self) -> Iterator[str]:
+        yield from super()._problems()
         if self.unit or self.scale != 1.0 or self.delay:
-            raise InputError(
-                "got a unit, a scale or a delay; expected a column that is 0 where the drive is off, and not 0 elsewhere"
-            )
-        return self
+            yield "got a unit, a scale or a delay; expected a column that is 0 where the drive is off, and not 0 elsewhere"
 
 
 class Signals(StrictModel):
@@ -271,20 +248,14 @@ class Signals(StrictModel):
                 signal.period(info.context)
         return signal
 
-    @model_validator(mode="after")
-    def _one_drive(self) -> "Signals":
+    def _problems(self) -> Iterator[str]:
         given = [name for name in DRIVE if getattr(self, name) is not None]
         commands = [name for name in COMMANDS if getattr(self, name) is not None]
         if len(given) > 1 or (given and commands):
             told = " and ".join([*given, *commands])
-            raise InputError(
-                f"got {told}; expected exactly one of torque, voltage, current, or command and velocity_command"
-            )
+            yield f"got {told}; expected exactly one of torque, voltage, current, or command and velocity_command"
         if self.velocity_command is not None and self.velocity_command.delay:
-            raise InputError(
-                "velocity_command: got a delay; expected it under command: it is of the torque that both make"
-            )
-        return self
+            yield "velocity_command: got a delay; expected it under command: it is of the torque that both make"
 
     def over(self, base: "Signals") -> "Signals":
         """These signals, and those of `base` that they do not replace.

@@ -17,8 +17,7 @@ from bristle.data.timestamps import ISO
 from bristle.errors import InputError
 from bristle.findings import NOTE, Finding
 
-Source = tuple[Path, str]
-"""A file, and how it is called."""
+Source = tuple[Path, str]  # a file, and how it is called
 _APART = 100
 """Gaps by which a file whose time begins anew is put after the one before: nothing tells what the joint did meanwhile."""
 
@@ -39,15 +38,9 @@ def read_columns(
 ) -> RawTable:
     """The columns of a file on the time of the run; those with a time of their own are brought to it.
 
-    Args:
-        signals: of the run.
-        source: the file that holds what no other file does.
-        cleaning_gap: median intervals beyond which nothing is interpolated.
-        context: of the experiment.
-        find: the file that a signal names.
-        read: reads columns.
-
-    Raises InputError where a file cannot be read, or a signal has no time in common with the others.
+    `find` gives the file that a signal names, `source` holds what no other file does; across more than `cleaning_gap`
+    median intervals nothing is interpolated. Raises InputError where a file cannot be read, or a signal has no time in
+    common with the others.
     """
     apart, keys = signals.apart(), keys_of(signals)
     common = [key for name, key in keys.items() if name not in apart]
@@ -56,7 +49,7 @@ def read_columns(
     time, origin = (None, 0) if signals.time is None else _seconds(table, signals.time)
     table = replace(table, time=time, origin=origin)
     for name, signal in apart.items():
-        if time is None or signals.time is None:
+        if signals.time is None:
             raise InputError(f"{source[1]}: {name} has a time of its own, and the run has none; give signals.time")
         other = source if signal.file is None else find(signal.file)
         table = _with_signal(table, name, signal, signals.time, other, cleaning_gap, context)
@@ -85,9 +78,7 @@ def _with_signal(
     table: RawTable, name: str, signal: Signal, common: TimeColumn, source: Source, gap: float, context: Context
 ) -> RawTable:
     """The table with a signal that has a time of its own, by linear interpolation; nan where it does not reach."""
-    own = signal.time
-    if own is None or table.time is None:
-        return table
+    own = signal.time or common
     own = own if own.unit else own.model_copy(update={"unit": common.unit or "s"})
     key = Key(signal.column, signal.index)
     read = read_table(source[0], [key, *own.columns()], source[1])
@@ -102,7 +93,7 @@ def _with_signal(
         values = values.copy()
         values[seen] = np.unwrap(values[seen], period=period / abs(signal.factor("position", context)))
     with naming(f"{source[1]}: {name}"):
-        onto = brought_to(table.time, time + (origin - table.origin) / 1e9, values, gap)
+        onto = brought_to(np.asarray(table.time), time + (origin - table.origin) / 1e9, values, gap)
     samples, outside = int(np.isfinite(values).sum()), int(np.isnan(onto).sum())
     message = (
         f"{name.capitalize()} has a time of its own ({samples} sample{'' if samples == 1 else 's'}): linear between its samples, and missing in "
@@ -119,15 +110,10 @@ def _with_signal(
 
 
 def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
-    """Values sampled at their own times, at other times: linear between samples, nan beyond them and in gaps.
+    """Values, (m,), sampled at their own times, s, (m,), at other times, s, (n,): linear between samples, nan beyond them and in gaps.
 
-    Args:
-        time: wanted, s, (n,).
-        own: of the values, s, (m,); where it is not finite there is no sample.
-        values: (m,).
-        gap: median intervals beyond which an interval is a gap.
-
-    Raises InputError where the own time runs backward, there are fewer than two samples, or none of the times lies between them.
+    Where the own time is not finite there is no sample; an interval longer than `gap` median ones is a gap. Raises InputError
+    where the own time runs backward, there are fewer than two samples, or none of the times lies between them.
     """
     good = np.isfinite(own) & np.isfinite(values)
     own, values = own[good], values[good]
@@ -159,10 +145,17 @@ def joined(tables: Sequence[RawTable], names: Sequence[str], gap: float) -> RawT
     for k, table in enumerate(tables):
         time = np.arange(table.rows, dtype=float) if table.time is None else table.time
         time = time + (table.origin - tables[0].origin) / 1e9
-        if k and table.time is not None:
-            shift = _shift(times[-1], time, tables[k - 1], table, gap, f"{names[k - 1]}, {names[k]}")
-            restarts += shift is not None
-            time = time if shift is None else time + shift
+        begun = time[np.isfinite(time)]
+        ended = times[-1][np.isfinite(times[-1])] if k and table.time is not None else np.zeros(0)
+        if ended.size and begun.size and begun[0] <= ended[-1]:  # it is late, for it begins anew
+            own, other = (x[np.isfinite(x)] for x in (np.asarray(table.time), np.asarray(tables[k - 1].time)))
+            step = float(np.median(np.diff(begun))) if begun.size > 1 else 1.0
+            if table.origin != tables[k - 1].origin or own[0] > other[0] + step or own[-1] < other[0]:
+                raise InputError(
+                    f"{names[k - 1]}, {names[k]}: the second begins before the first ends, and not anew; give the files in the order of "
+                    "time, each once"
+                )
+            time, restarts = time + float(ended[-1] - begun[0] + _APART * gap * step), restarts + 1
         times.append(time)
     notes = dict.fromkeys(note for table in tables for note in table.notes)
     message = (
@@ -177,21 +170,6 @@ def joined(tables: Sequence[RawTable], names: Sequence[str], gap: float) -> RawT
         time=None if tables[0].time is None else np.concatenate(times),
         origin=tables[0].origin,
     )
-
-
-def _shift(before: Array, time: Array, first: RawTable, table: RawTable, gap: float, names: str) -> float | None:
-    """By how much the time of a file is late that begins anew, s; None where it goes on."""
-    ended, begun = before[np.isfinite(before)], time[np.isfinite(time)]
-    if not ended.size or not begun.size or begun[0] > ended[-1]:
-        return None
-    own = np.asarray(table.time)[np.isfinite(np.asarray(table.time))]
-    other = np.asarray(first.time)[np.isfinite(np.asarray(first.time))]
-    step = float(np.median(np.diff(begun))) if begun.size > 1 else 1.0
-    if table.origin != first.origin or own[0] > other[0] + step or own[-1] < other[0]:
-        raise InputError(
-            f"{names}: the second begins before the first ends, and not anew; give the files in the order of time, each once"
-        )
-    return float(ended[-1] - begun[0] + _APART * gap * step)
 
 
 def _together(digests: Sequence[str]) -> str:

@@ -1,30 +1,36 @@
 """YAML to a validated model, or one sentence: where in the file, what was got, what was expected."""
 
 import difflib
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, Self, TypeVar, get_args
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from bristle.errors import InputError, read_at_most, short
 
-MAX_BYTES = 1_000_000
-"""Largest experiment file, bytes."""
-MAX_DEPTH = 30
-"""Deepest nesting of an experiment file; ours has four levels."""
-MAX_NODES = 10_000
-"""Most keys, values and lists in an experiment file; a run has about ten."""
-_DIGITS = 30
-"""Most digits of an integer: Python refuses to write out far longer ones."""
+MAX_BYTES = 1_000_000  # largest experiment file, bytes
+MAX_DEPTH = 30  # deepest nesting of an experiment file; ours has four levels
+MAX_NODES = 10_000  # most keys, values and lists in an experiment file; a run has about ten
+_DIGITS = 30  # most digits of an integer: Python refuses to write out far longer ones
 
 
 class StrictModel(BaseModel):
     """A part of the experiment file: frozen, and closed to unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
+
+    @model_validator(mode="after")
+    def _goes_together(self) -> Self:
+        for problem in self._problems():
+            raise InputError(problem)
+        return self
+
+    def _problems(self) -> Iterator[str]:
+        """What of its parts, each of which is valid, does not go together: the first is told."""
+        return iter(())
 
 
 M = TypeVar("M", bound=StrictModel)
@@ -148,13 +154,13 @@ def validate(model: type[M], data: dict[str, Any], name: str, context: object) -
         raise InputError(f"{name}: {_sentence(first, model)}{more}") from error
 
 
+_EFFICIENCY = (
+    "efficiency is friction that depends on load and direction, and friction is what bristle identifies; leave it out"
+)
 _EXPECTED = {
-    "too_short": "at least one entry",
-    "invalid_key": "a key that is text, in quotes",
-    "tuple_type": "a list, as [1, 2]",
-    "model_type": "keys with values, as {key: value}",
-    "model_attributes_type": "keys with values, as {key: value}",
-}
+    "too_short": "at least one entry", "invalid_key": "a key that is text, in quotes", "tuple_type": "a list, as [1, 2]",
+    **dict.fromkeys(("model_type", "model_attributes_type"), "keys with values, as {key: value}"),
+}  # fmt: skip  # a table
 """What was expected, in a user's words, by the kind of pydantic's error."""
 
 
@@ -162,6 +168,8 @@ def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
     unknown = error["type"] == "extra_forbidden"
     tags = () if unknown else ("int", "str", "bool", "float")
     key = ".".join(str(part)[:60] for part in error["loc"] if part not in tags)
+    if unknown and error["loc"][-1] == "efficiency":
+        return f"{key.removesuffix('.efficiency')}: {_EFFICIENCY}"
     if unknown:
         known = _known(model, error["loc"][:-1])
         near = difflib.get_close_matches(str(error["loc"][-1])[:60], known, 1)
@@ -178,14 +186,14 @@ def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
 
 
 def _known(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
+    """The keys of the model that a path leads to."""
+
+    def inside(annotation: object) -> type[BaseModel] | None:
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+            return annotation
+        return next(filter(None, map(inside, get_args(annotation))), None)
+
     for part in path:
         field = next((f for n, f in model.model_fields.items() if part in (n, f.alias)), None)
-        if field is not None:
-            model = next(iter(_models(field.annotation)), model)
+        model = model if field is None else inside(field.annotation) or model
     return [field.alias or name for name, field in model.model_fields.items() if name != "path"]
-
-
-def _models(annotation: object) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for argument in get_args(annotation) for model in _models(argument)]

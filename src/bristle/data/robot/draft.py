@@ -8,8 +8,8 @@ from bristle.data.experiment.column_names import guess_columns
 from bristle.data.experiment.draft import DRIVES, SIGNALS, STATE_FIELDS, Told, is_there, quoted, relative
 from bristle.data.robot.robot_file import FREE
 from bristle.data.robot.urdf import Urdf, UrdfJoint, read_urdf
-from bristle.data.ros.files import is_bag, open_bag
 from bristle.data.ros.read import bag_joints, state_topic
+from bristle.data.ros.storage import is_bag, open_bag
 from bristle.data.ros.topics import topics_of
 from bristle.data.text_layout import text_layout
 from bristle.data.text_table import is_text, naming
@@ -46,7 +46,7 @@ def draft_robot(urdf_path: Path, logs: Sequence[Path], told: Told, folder: Path 
     lines = [
         f"robot: {{urdf: {quoted(relative(urdf_path, base))}, gravity: [0, 0, -9.81]}}   # m/s^2, in the frame of the base",
         "joints:",
-        *(f"  - {_entry(joint, drive, constant, templates, units, told)}" for joint in joints),
+        *(f"  - {_entry(joint, constant * (drive == 'current'), templates, units, told)}" for joint in joints),
         "",
         "signals:   # {joint} stands for the joint's name; columns: 1-6 for one column each",
         *(
@@ -64,21 +64,30 @@ def draft_robot(urdf_path: Path, logs: Sequence[Path], told: Told, folder: Path 
         "",
     ]
     if drive == "current" and constant == FREE:
-        said.append(
+        said += [
             "torque_constant: free: it comes out of the links' torque where that is large enough; write it down if you know it"
-        )
+        ]
     if drive == "torque" and "effort" in templates["torque"]:
-        said.append(
+        said += [
             "torque: effort is taken as a torque in N*m; where it is a current, give --column current= and its unit"
-        )
-    if len(logs) > 1:
-        said.append(f"runs: {logs[-1].name} is held out, for validation")
+        ]
+    said += [f"runs: {logs[-1].name} is held out, for validation"] if len(logs) > 1 else []
     return "\n".join(lines), tuple(said)
 
 
 def _columns(urdf: Urdf, log: Path, told: Told) -> tuple[dict[str, str], list[UrdfJoint], list[str]]:
     """The columns of each signal, the joints that have them, and what is said of that."""
-    templates, there = _of_states(log) if is_bag(log) else _of_names(log, [j.name for j in urdf.joints])
+    if not is_bag(log):
+        templates, there = _of_names(log, [j.name for j in urdf.joints])
+    else:
+        with naming(str(log)):
+            topic = state_topic(topics_of(open_bag(log)))
+            there = bag_joints(log, topic)
+            templates = {"time": f"{topic}.header.stamp"}
+            templates |= {signal: f"{topic}.{field}[{{joint}}]" for signal, field in STATE_FIELDS.items()}
+            # many drivers leave it empty; the position's derivative takes its place
+            if there and not is_there(log, templates["velocity"].format(joint=there[0])):
+                del templates["velocity"]
     said = [f"{name}: columns {column}" for name, column in templates.items() if name not in told.columns]
     templates |= told.columns
     if any(name in told.columns for name in DRIVES):
@@ -92,18 +101,6 @@ def _columns(urdf: Urdf, log: Path, told: Told) -> tuple[dict[str, str], list[Ur
     if absent:
         said.append(f"joints: {short_list(absent)} not in the log, and taken as at rest at zero")
     return templates, joints, said
-
-
-def _of_states(log: Path) -> tuple[dict[str, str], tuple[str, ...]]:
-    """The joint states of a bag."""
-    with naming(str(log)):
-        topic = state_topic(topics_of(open_bag(log)))
-        joints = bag_joints(log, topic)
-        templates = {signal: f"{topic}.{field}[{{joint}}]" for signal, field in STATE_FIELDS.items()}
-        # many drivers leave it empty; the position's derivative takes its place
-        if joints and not is_there(log, templates["velocity"].format(joint=joints[0])):
-            del templates["velocity"]
-    return {"time": f"{topic}.header.stamp", **templates}, joints
 
 
 def _of_names(log: Path, joints: Sequence[str]) -> tuple[dict[str, str], tuple[str, ...]]:
@@ -135,18 +132,14 @@ def _meant(stem: str) -> str | None:
     return next((signal for signal in guess_columns([stem]) if signal != "time"), None)
 
 
-def _entry(
-    joint: UrdfJoint, drive: str, constant: str, templates: Mapping[str, str], units: Mapping[str, str], told: Told
-) -> str:
-    own = f", torque_constant: {constant}" if drive == "current" else ""
+def _entry(joint: UrdfJoint, constant: str, templates: Mapping[str, str], units: Mapping[str, str], told: Told) -> str:
+    own = f", torque_constant: {constant}" if constant else ""
     slides = {
         name: _signal(templates[name], unit_of(name, "prismatic"), told.scales.get(name))
         for name, unit in units.items()
-        if joint.kind == "prismatic"
-        and unit == unit_of(name) != unit_of(name, "prismatic")
-        and not _is_range(templates[name])
+        if unit == unit_of(name) != unit_of(name, "prismatic") and not _is_range(templates[name])
     }
-    if slides:
+    if slides and joint.kind == "prismatic":
         own += f", signals: {{{', '.join(f'{name}: {x}' for name, x in slides.items())}}}"
     return f"{{name: {quoted(joint.name)}{own}}}"
 
@@ -156,9 +149,5 @@ def _is_range(columns: str) -> bool:
 
 
 def _signal(columns: str, unit: str, scale: str | None) -> str:
-    key = (
-        f"columns: {columns}"
-        if _is_range(columns)
-        else f"column: {columns if columns.isdecimal() else quoted(columns)}"
-    )
-    return f"{{{key}, unit: {unit}{f', scale: {scale}' if scale else ''}}}"
+    key = f"column: {columns if columns.isdecimal() else quoted(columns)}"
+    return f"{{{f'columns: {columns}' if _is_range(columns) else key}, unit: {unit}{f', scale: {scale}' if scale else ''}}}"

@@ -1,13 +1,16 @@
 """How all joints of a robot move in a run, and what its links then ask of each: read beside the runs of each joint."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.bandwidth import of_motion
 from bristle.data.cleaning import make_record
+from bristle.data.columns import Key
 from bristle.data.differentiation import estimate_motion
 from bristle.data.experiment.load import Experiment, Run, files_of, read_run, table_of_run
 from bristle.data.experiment.run_files import RunFiles
@@ -16,24 +19,20 @@ from bristle.data.experiment.tables import Source, keys_of
 from bristle.data.record import Record
 from bristle.data.robot.rigid_body import RigidBody
 from bristle.data.robot.robot_file import Robot
-from bristle.data.text_table import Reader, ReadOnce
+from bristle.data.text_table import RawTable, Reader, read_table
 from bristle.errors import InputError
 from bristle.findings import NOTE, Finding
 
-_STILL = 1e-3
-"""rad or m: a joint that goes no further rests, too."""
+_STILL = 1e-3  # rad or m: a joint that goes no further rests, too
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotMotion:
     """One run: how each joint moves in it."""
 
-    file: str
-    """As results call it."""
-    moving: Mapping[str, Record]
-    """Of each joint that moves: position, velocity, acceleration."""
-    resting: Mapping[str, float]
-    """Where each of the others rests, rad or m."""
+    file: str  # as results call it
+    moving: Mapping[str, Record]  # of each joint that moves: position, velocity, acceleration
+    resting: Mapping[str, float]  # where each of the others rests, rad or m
 
     def at(self, time: Array, names: tuple[str, ...]) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration of some joints at some times, s, (n, joints) each; linear between samples."""
@@ -49,10 +48,24 @@ class RobotMotion:
 
 
 def reader_of(robot: Robot) -> Reader:
-    """What reads each log of a robot once, for all of its joints."""
+    """What reads each log of a robot once, with all columns that will be asked of it: its joints share them."""
     signals = [joint.everywhere.signals_of(run) for joint in robot.joints for run in joint.everywhere.runs]
     clocks = [key for x in signals if x.time is not None for key in x.time.columns()]
-    return ReadOnce([*clocks, *(key for x in signals for name, key in keys_of(x).items() if name not in x.apart())])
+    asked = dict.fromkeys(
+        [*clocks, *(key for x in signals for name, key in keys_of(x).items() if name not in x.apart())]
+    )
+    tables: dict[Path, RawTable] = {}
+
+    def read(path: Path, keys: Sequence[Key], shown: str | None = None) -> RawTable:
+        if path not in tables and asked.keys() >= set(keys):
+            with suppress(InputError):  # a file may lack what others have
+                tables[path] = read_table(path, list(asked), shown)
+        table = tables.get(path)
+        if table is None or not table.columns.keys() >= set(keys):
+            return read_table(path, keys, shown)
+        return replace(table, columns={key: table.columns[key] for key in keys})
+
+    return read
 
 
 def read_motions(robot: Robot, read: Reader) -> dict[str, RobotMotion]:
@@ -74,23 +87,17 @@ def read_motions(robot: Robot, read: Reader) -> dict[str, RobotMotion]:
         for key, own in records.items()
     }
     farthest = {name: max((t.get(name, 0.0) for t in travels.values()), default=0.0) for name in robot.names}
-    rests = {
+    motions = dict[str, RobotMotion]()
+    for key, own in records.items():
         # a joint rests where it goes no further than 0.02 of its largest travel in any run
-        key: {name for name, x in t.items() if x <= max(_STILL, 0.02 * farthest[name])}
-        for key, t in travels.items()
-    }
-    return {
-        key: RobotMotion(
+        rests = {name for name, x in travels[key].items() if x <= max(_STILL, 0.02 * farthest[name])}
+        at = {name: x if isinstance(x, float) else float(np.median(np.asarray(x.position))) for name, x in own.items()}
+        motions[key] = RobotMotion(
             file=called[key],
-            moving={name: x for name, x in own.items() if isinstance(x, Record) and name not in rests[key]},
-            resting={
-                name: x if isinstance(x, float) else float(np.median(np.asarray(x.position)))
-                for name, x in own.items()
-                if name in rests[key]
-            },
+            moving={name: x for name, x in own.items() if isinstance(x, Record) and name not in rests},
+            resting={name: x for name, x in at.items() if name in rests},
         )
-        for key, own in records.items()
-    }
+    return motions
 
 
 def _key(run: RunFiles, sources: list[Source]) -> str:

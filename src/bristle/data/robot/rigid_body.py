@@ -12,27 +12,21 @@ from bristle.data.experiment.schema import GRAVITY
 from bristle.data.robot.urdf import Payload, Urdf
 from bristle.errors import InputError, short_list
 
-MAX_JOINTS = 100
-"""Most joints that move: what Pinocchio keeps for a robot grows with their cube."""
+MAX_JOINTS = 100  # most joints that move: what Pinocchio keeps for a robot grows with their cube
 
 
 @dataclass(frozen=True, slots=True)
 class RigidBody:
     """A robot without friction, whose joints are in a given order; those that are not asked for rest at zero."""
 
-    model: Any
-    """Pinocchio's."""
-    places: tuple[int, ...]
-    """Where each joint stands among the model's."""
+    model: Any  # pinocchio's
+    places: tuple[int, ...]  # where each joint stands among the model's
 
     def torques(self, q: Array, v: Array, a: Array, *, gravity: Sequence[float] | None = None) -> Array:
         """Torque of each joint along a motion, N*m or N, (n, joints): M(q) a + C(q, v) v + g(q).
 
-        Args:
-            q: position, rad or m, (n, joints).
-            v: velocity, (n, joints).
-            a: acceleration, (n, joints).
-            gravity: m/s**2, (3,), in the frame of the base; None: as the robot was made with.
+        Position q, rad or m, velocity v and acceleration a are (n, joints), gravity, m/s**2, in the frame of the base, (3,);
+        None: as the robot was made with.
         """
         import pinocchio
 

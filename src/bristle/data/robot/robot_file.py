@@ -17,19 +17,17 @@ from bristle.data.experiment.load import Experiment, experiment_from
 from bristle.data.experiment.signals import Context
 from bristle.data.experiment.yaml_file import StrictModel, validate
 from bristle.data.robot.urdf import Payload, Urdf, read_urdf
+from bristle.data.text_table import naming
 from bristle.errors import InputError, short, short_list
 
-FREE = "free"
-"""What a torque constant is called that the links' torque is to tell."""
+FREE = "free"  # what a torque constant is called that the links' torque is to tell
 _OWN = ("motor", "fit", "segments", "plan", "adapt", "signals")
 """Keys of an experiment file whose parts a joint may replace one by one."""
-_WHOLE = ("inertia", "encoder_resolution", "kind", "truth", "assumptions")
-"""Those that it replaces as a whole."""
+_WHOLE = ("inertia", "encoder_resolution", "kind", "truth", "assumptions")  # those that it replaces as a whole
 _RANGE = re.compile(r"\s*([0-9]{1,5})\s*-\s*([0-9]{1,5})\s*")
 
 
-Pull = Annotated[float, Field(ge=-1e3, le=1e3)]
-"""Of gravity in one direction, m/s**2."""
+Pull = Annotated[float, Field(ge=-1e3, le=1e3)]  # of gravity in one direction, m/s**2
 
 
 class RobotDescription(StrictModel):
@@ -58,12 +56,10 @@ class JointEntry(StrictModel):
 class JointOfRobot:
     """A joint of a robot: its experiment, and what is not an experiment's."""
 
-    experiment: Experiment
-    """Where the torque constant is free, with one of 1 N*m/A: its torques are numbers of amperes."""
+    experiment: Experiment  # where the torque constant is free, with one of 1 N*m/A: its torques are numbers of amperes
     everywhere: Experiment
     """The same with all runs of the robot, those of other joints alone too: it moves in them as well."""
-    free: bool
-    """Whether the torque constant is to be found."""
+    free: bool  # whether the torque constant is to be found
     identify: bool
 
 
@@ -101,46 +97,39 @@ def robot_of(data: dict[str, Any], path: Path) -> Robot:
         raise InputError(
             f"{path}: joints: got {short(entries)}; expected a list, as [{{name: elbow_joint, index: 2}}, ...]"
         )
-    about = None
-    if data.get("robot") is not None:
-        given = data["robot"]
-        if not isinstance(given, dict):
-            raise InputError(f"{path}: robot: got {short(given)}; expected keys with values, as {{urdf: arm.urdf}}")
-        about = validate(RobotDescription, given, f"{path}: robot", Context())
+    given = data.get("robot")
+    if given is not None and not isinstance(given, dict):
+        raise InputError(f"{path}: robot: got {short(given)}; expected keys with values, as {{urdf: arm.urdf}}")
+    about = None if given is None else validate(RobotDescription, given, f"{path}: robot", Context())
     urdf = None if about is None else read_urdf(path.parent / about.urdf)
     known = [entry.get("name") for entry in entries]
     for k, run in enumerate(runs if isinstance(runs := shared.get("runs"), list) else ()):
         if isinstance(run, dict) and run.get("joint") is not None and run["joint"] not in known:
             raise InputError(f"{path}: runs.{k}: joint: got {short(run['joint'])}; expected one of {short_list(known)}")
     joints = tuple(_joint(shared, dict(entry), k, path, urdf) for k, entry in enumerate(entries))
-    names = [joint.experiment.joint.name for joint in joints]
-    twice = next((name for name in names if names.count(name) > 1), None)
+    twice = next((name for name in known if known.count(name) > 1), None)
     if twice is not None:
         raise InputError(f"{path}: joints: {short(twice)} is named twice; give each joint its own name")
     if not any(joint.identify for joint in joints):
         raise InputError(f"{path}: joints: each has identify: false; leave that out of at least one")
-    if about is None:
-        return Robot(path=path, joints=joints, urdf=None)
-    return Robot(path=path, joints=joints, urdf=urdf, gravity=about.gravity, payload=about.payload)
+    of_robot: dict[str, Any] = {} if about is None else {"gravity": about.gravity, "payload": about.payload}
+    return Robot(path=path, joints=joints, urdf=urdf, **of_robot)
 
 
 def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path, urdf: Urdf | None) -> JointOfRobot:
-    """The experiment of one joint."""
     where = f"{path}: joints.{k}"
     own = {key: entry.pop(key) for key in (*_OWN, *_WHOLE) if entry.get(key) is not None}
     about = validate(JointEntry, entry, where, None)
     index = k if about.index is None else about.index
     if urdf is not None:
-        try:
+        with naming(f"{where}: name"):
             known = urdf.joint(about.name)
-        except InputError as error:
-            raise InputError(f"{where}: name: {error}") from error
         if own.setdefault("kind", known.kind) != known.kind:
             raise InputError(f"{where}: kind: got {short(own['kind'])}; {urdf.file} has {about.name} {known.kind}")
     data = dict(shared)
     for key, x in own.items():
-        both = key in _OWN and isinstance(x, dict) and isinstance(data.get(key), dict)
-        data[key] = {**data[key], **x} if both else x
+        parted = key in _OWN and isinstance(x, dict) and isinstance(data.get(key), dict)
+        data[key] = {**data[key], **x} if parted else x
     free = about.torque_constant == FREE
     if free and urdf is None:
         raise InputError(f"{where}: torque_constant: free needs robot.urdf, whose links are the known torque; name it")
@@ -150,18 +139,14 @@ def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path,
         data["motor"] = {**(data.get("motor") or {}), "torque_constant": constant}
     data["joint"] = {"name": about.name, "kind": data.pop("kind", "revolute")}
     data["signals"] = _signals(data.get("signals"), about.name, index, f"{where}: signals")
-    every = runs = data.get("runs")
-    if isinstance(runs, list):  # all with the columns of this joint
-        every = [
-            {
-                key: _signals(x, about.name, index, f"{where}: runs.{j}.signals") if key == "signals" else x
-                for key, x in run.items()
-                if key != "joint"
-            }
-            if isinstance(run, dict)
-            else run
-            for j, run in enumerate(runs)
-        ]
+    every: Any = data.get("runs")
+    if isinstance(every, list):  # all with the columns of this joint
+        every = list(every)
+        for j, run in enumerate(every):
+            if isinstance(run, dict):
+                every[j] = {key: x for key, x in run.items() if key != "joint"}
+                if "signals" in run:
+                    every[j]["signals"] = _signals(run["signals"], about.name, index, f"{where}: runs.{j}.signals")
     if urdf is not None:  # what is planned stays within the joint's limits, unless the file has its own
         q, T = ("rad", "N*m") if known.kind == "revolute" else ("m", "N")
         reach = [f"{known.lower!r} {q}", f"{known.upper!r} {q}"] if known.upper < inf else None
@@ -172,11 +157,8 @@ def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path,
         own_plan = plan if isinstance(plan, dict) else {}
         data["plan"] = {**{key: x for key, x in limits.items() if x}, **own_plan}
     everywhere = experiment_from({**data, "runs": every}, path, where)
-    own_runs = tuple(
-        run
-        for run, given in zip(everywhere.runs, data["runs"], strict=True)
-        if given.get("joint") in (None, about.name)
-    )
+    both = zip(everywhere.runs, data["runs"], strict=True)
+    own_runs = tuple(run for run, given in both if given.get("joint") in (None, about.name))
     if not own_runs and about.identify:
         raise InputError(
             f"{where}: each of the runs is of another joint; add one of {short(about.name)}, or give it identify: false"

@@ -6,7 +6,9 @@ Meshes, includes and whatever else it names are never opened; what goes on to Pi
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Annotated, Literal
 from xml.etree import ElementTree as Xml
@@ -18,21 +20,14 @@ from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.text_table import naming
 from bristle.errors import InputError, check_name, read_at_most, short, short_list
 
-MAX_BYTES = 2**23
-"""Largest URDF, bytes."""
-MAX_JOINTS = 1000
-"""Most joints of a URDF, fixed ones included."""
-_MOVES: dict[str, Literal["revolute", "prismatic"]] = {
-    "revolute": "revolute",
-    "continuous": "revolute",
-    "prismatic": "prismatic",
-}
+MAX_BYTES = 2**23  # largest URDF, bytes
+MAX_JOINTS = 1000  # most joints of a URDF, fixed ones included
+_MOVES: dict[str, Literal["revolute", "prismatic"]]
+_MOVES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _TYPES = (*_MOVES, "fixed")
 _ENDS, _MOMENTS = ("parent", "child"), ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_FAR = 1e9
-"""No length, mass or limit of a robot is larger, in SI."""
-PAYLOAD = "bristle_payload"
-"""What the link of a payload is called."""
+_FAR = 1e9  # no length, mass or limit of a robot is larger, in SI
+PAYLOAD = "bristle_payload"  # what the link of a payload is called
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,8 +62,7 @@ class Urdf:
     links: tuple[str, ...]
     text: str
     """A URDF without shapes: each number was read, and is finite; names are our own, which no parser takes for its own."""
-    places: Mapping[str, str]
-    """What each joint is called there."""
+    places: Mapping[str, str]  # what each joint is called there
 
     def joint(self, name: str) -> UrdfJoint:
         """The joint of a name. Raises InputError where none that moves has it."""
@@ -102,7 +96,18 @@ def read_urdf(path: Path) -> Urdf:
     """
     content = read_at_most(path, MAX_BYTES, "a URDF, without meshes")
     with naming(str(path)):
-        root = _root(content)
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            raise InputError(f"is no text in UTF-8 (byte {error.start}); expected a URDF") from error
+        if "<!DOCTYPE" in text or "<!ENTITY" in text:  # which may grow without bound
+            raise InputError("declares a document type or entities; expected a URDF without them")
+        try:
+            root = Xml.fromstring(text)  # noqa: S314  # without entities nothing grows, and nothing outside is opened
+        except (Xml.ParseError, ValueError) as error:
+            raise InputError(f"is no XML ({error}); expected a URDF") from error
+        if root.tag != "robot":
+            raise InputError(f"begins with <{str(root.tag)[:60]}>; expected a URDF, which begins with <robot>")
         links = _by_name(root, "link")
         joints = {key: x for key, x in _by_name(root, "joint").items() if x.find("parent") is not None}
         if not links or not joints:
@@ -121,23 +126,6 @@ def read_urdf(path: Path) -> Urdf:
     return Urdf(file=path.name, joints=moving, links=tuple(links), text=text, places=places)
 
 
-def _root(content: bytes) -> Xml.Element:
-    """The document's root; entities, which may grow without bound, are refused."""
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise InputError(f"is no text in UTF-8 (byte {error.start}); expected a URDF") from error
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise InputError("declares a document type or entities; expected a URDF without them")
-    try:
-        root = Xml.fromstring(text)  # noqa: S314  # without entities nothing grows, and nothing outside is opened
-    except (Xml.ParseError, ValueError) as error:
-        raise InputError(f"is no XML ({error}); expected a URDF") from error
-    if root.tag != "robot":
-        raise InputError(f"begins with <{str(root.tag)[:60]}>; expected a URDF, which begins with <robot>")
-    return root
-
-
 def _by_name(root: Xml.Element, tag: str) -> dict[str, Xml.Element]:
     found = root.findall(tag)
     names = [x.get("name", "") for x in found]
@@ -152,23 +140,16 @@ def _by_name(root: Xml.Element, tag: str) -> dict[str, Xml.Element]:
 
 def _moving_joints(joints: Mapping[str, Xml.Element]) -> Iterator[UrdfJoint]:
     for name, x in joints.items():
-        kind = x.get("type", "")
+        kind, limit = x.get("type", ""), x.find("limit")
         if kind not in _TYPES:
             raise InputError(f"joint {short(name)} is of type {short(kind)}; expected one of {', '.join(_TYPES)}")
         if kind in _MOVES:
-            limit = x.find("limit")
-            lower, upper, velocity, effort = (
-                _number(limit, key, math.nan, name) for key in ("lower", "upper", "velocity", "effort")
-            )
-            known = kind != "continuous" and lower < upper
-            yield UrdfJoint(
-                name=name,
-                kind=_MOVES[kind],
-                lower=lower if known else -math.inf,
-                upper=upper if known else math.inf,
-                velocity=velocity if velocity > 0 else math.inf,
-                effort=effort if effort > 0 else math.inf,
-            )
+            lower, upper = (_number(limit, key, math.nan, name) for key in ("lower", "upper"))
+            if kind == "continuous" or not lower < upper:
+                lower, upper = -math.inf, math.inf
+            most = (_number(limit, key, math.nan, name) for key in ("velocity", "effort"))
+            velocity, effort = (x if x > 0 else math.inf for x in most)
+            yield UrdfJoint(name=name, kind=_MOVES[kind], lower=lower, upper=upper, velocity=velocity, effort=effort)
 
 
 def _clean_link(name: str, x: Xml.Element, own: str) -> str:
@@ -223,18 +204,14 @@ def _refuse_no_tree(links: Mapping[str, Xml.Element], joints: Mapping[str, Xml.E
                 f"link {short(below)} is the child of two joints; expected a tree, each link with one parent"
             )
         parent[below] = above
-    roots = [link for link in links if link not in parent]
-    children: dict[str, list[str]] = {}
-    for below, above in parent.items():
-        children.setdefault(above, []).append(below)
-    reached, ahead = 0, roots[:1]
-    while ahead:
-        reached += 1
-        ahead += children.get(ahead.pop(), [])
-    if len(roots) != 1 or reached != len(links):
-        raise InputError(
-            f"its joints make no single tree of its {len(links)} links ({len(roots)} without a parent); expected exactly one"
-        )
+    roots, tree = [link for link in links if link not in parent], TopologicalSorter({x: [y] for x, y in parent.items()})
+    with suppress(CycleError):
+        tree.prepare()
+        if len(roots) == 1:
+            return
+    raise InputError(
+        f"its joints make no single tree of its {len(links)} links ({len(roots)} without a parent); expected exactly one"
+    )
 
 
 def _number(x: Xml.Element | None, key: str, default: float, name: str) -> float:

@@ -5,76 +5,58 @@ what a file says. Definitions in IDL are not parsed; types that come with ROS 2 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cache
-from typing import Any
+from struct import calcsize
+from typing import Any, NamedTuple
 
 from bristle.data.columns import reading
 from bristle.data.ros.storage import DAMAGED, Channel
 from bristle.errors import InputError, short
 
-_LONGEST = 500_000
-"""Characters of a definition."""
-_DEEPEST = 30
-"""Messages in messages."""
-_DTYPES = {
-    "bool": "u1",
-    "byte": "u1",
-    "char": "u1",
-    "octet": "u1",
-    **{f"{sign}int{bits}": f"{sign[:1] or 'i'}{bits // 8}" for sign in ("", "u") for bits in (8, 16, 32, 64)},
-    "float32": "f4",
-    "float64": "f8",
+_LONGEST = 500_000  # characters of a definition
+_DEEPEST = 30  # messages in messages
+_CODES = {
+    **dict.fromkeys(("bool", "byte", "char", "octet"), "B"),
+    **{f"{sign}int{8 * calcsize(f'={code}')}": code for sign, codes in (("", "bhiq"), ("u", "BHIQ")) for code in codes},
+    "float32": "f",
+    "float64": "d",
 }
+"""Of each number what the module `struct` calls it."""
 _STAMPS = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 
 
-@dataclass(frozen=True, slots=True)
-class NumberField:
-    """One number."""
+class NumberField(NamedTuple):
+    """One number, or (without a code) one that is not read: wide text, numbers of 16 bytes."""
 
-    dtype: str
-    """NumPy's, without the order of bytes."""
-    least: int
-    """Bytes; in CDR it is aligned to as many."""
+    kind: str
+    code: str
+    least: int  # bytes; in CDR it is aligned to as many
 
 
-@dataclass(frozen=True, slots=True)
-class TextField:
+class TextField(NamedTuple):
     """A length, and as many bytes."""
 
     least: int = 4
 
 
-@dataclass(frozen=True, slots=True)
-class UnreadableField:
-    """What is not read: wide text, numbers of 16 bytes."""
-
-    name: str
-    least: int = 1
-
-
-@dataclass(frozen=True, slots=True)
-class ArrayField:
-    """Elements in a row: so many, or as many as a length before them says (count None)."""
+class ArrayField(NamedTuple):
+    """Elements in a row: so many, or as many as a length before them says (size None)."""
 
     element: "Field"
-    count: int | None
+    size: int | None
 
     @property
     def least(self) -> int:
         """Fewest bytes that it takes."""
-        return 4 if self.count is None else self.count * self.element.least
+        return 4 if self.size is None else self.size * self.element.least
 
 
-@dataclass(frozen=True, slots=True)
-class MessageField:
+class MessageField(NamedTuple):
     """Named fields in a row."""
 
     kind: str
-    fields: Mapping[str, "Field"] = field(compare=False)
+    fields: Mapping[str, "Field"]
     least: int
-    """Fewest bytes that they take."""
 
     @property
     def is_stamp(self) -> bool:
@@ -82,11 +64,11 @@ class MessageField:
         return self.kind in _STAMPS
 
 
-Field = NumberField | TextField | UnreadableField | ArrayField | MessageField
+Field = NumberField | TextField | ArrayField | MessageField
 
 
 def message_of(channel: Channel, distribution: str | None = None) -> MessageField:
-    """The fields of a channel's messages: as the bag defines them, else as a distribution of ROS 2 does.
+    """The fields of a channel's messages: as the bag defines them, else as a distribution of ROS 2 (or the latest) does.
 
     Raises InputError where the definition cannot be parsed, or a type is not known.
     """
@@ -94,12 +76,18 @@ def message_of(channel: Channel, distribution: str | None = None) -> MessageFiel
         raise InputError(
             f"topic {channel.topic} has messages in {short(channel.encoding)}; expected cdr or ros1, as ROS writes them"
         )
-    own: Mapping[str, Any] = {}
+    from rosbags.typesys import Stores, get_typestore
+
+    types: Mapping[str, Any] = {}
     if channel.definition and not channel.is_idl:
         if len(channel.definition) > _LONGEST:
             raise InputError(f"topic {channel.topic}: its message definition has over {_LONGEST} characters; {DAMAGED}")
-        own = _parsed(channel.definition, channel.kind, channel.topic)
-    return _Builder(own, _store(distribution), channel).message(channel.kind)
+        types = _parsed(channel.definition, channel.kind, channel.topic)
+    store = {x.value: x for x in Stores}.get(f"ros2_{distribution}", Stores.LATEST)
+    built: dict[
+        str, MessageField
+    ] = {}  # each once: a type that names another twice, and that one too, is no larger for it
+    return _message(channel.kind, {**get_typestore(store).fielddefs, **types}, built, channel, 0)
 
 
 @cache
@@ -111,62 +99,41 @@ def _parsed(text: str, kind: str, topic: str) -> Mapping[str, Any]:
     return types
 
 
-def _store(distribution: str | None) -> Mapping[str, Any]:
-    """The types that come with a distribution of ROS 2, or the latest where there is no such."""
-    from rosbags.typesys import Stores, get_typestore
+def _message(
+    kind: str, types: Mapping[str, Any], built: dict[str, MessageField], channel: Channel, depth: int
+) -> MessageField:
+    """The fields of a type; Time and Duration are no types of their own in ROS 1, and have other signs there."""
+    if kind in built:
+        return built[kind]
+    if depth > _DEEPEST:
+        raise InputError(
+            f"topic {channel.topic}: its type {short(channel.kind)} nests messages over {_DEEPEST} deep; {DAMAGED}"
+        )
+    if kind not in types and kind not in _STAMPS:
+        why = "is defined in IDL, which is not read" if channel.is_idl else "is not defined in the bag"
+        raise InputError(
+            f"topic {channel.topic}: its type {short(kind)} {why}, nor one of ROS 2's own; record with definitions (MCAP)"
+        )
 
-    known = {store.value: store for store in Stores}
-    types: Mapping[str, Any] = get_typestore(known.get(f"ros2_{distribution}", Stores.LATEST)).fielddefs
-    return types
-
-
-class _Builder:
-    """Fields by type, each built once: a type that names another twice, and that one too, is no larger for it."""
-
-    def __init__(self, own: Mapping[str, Any], store: Mapping[str, Any], channel: Channel) -> None:
-        self.own, self.store, self.channel = own, store, channel
-        self.built: dict[str, MessageField] = {}
-        self.depth = 0
-
-    def message(self, kind: str) -> MessageField:
-        """The fields of a type."""
-        if kind in self.built:
-            return self.built[kind]
-        if self.depth > _DEEPEST:
-            raise InputError(
-                f"topic {self.channel.topic}: its type {short(self.channel.kind)} nests messages over {_DEEPEST} deep; {DAMAGED}"
-            )
-        self.depth += 1
-        fields = {name: self.field(description) for name, description in self.described(kind)}
-        self.depth -= 1
-        if not fields and self.channel.encoding == "cdr":
-            fields = {"structure_needs_at_least_one_member": NumberField("u1", 1)}
-        self.built[kind] = MessageField(kind, fields, sum(part.least for part in fields.values()))
-        return self.built[kind]
-
-    def described(self, kind: str) -> list[tuple[str, Any]]:
-        """Names and descriptions of the fields of a type, as rosbags has them."""
-        if kind in _STAMPS:  # which is no type of its own in ROS 1
-            signed = "uint32" if self.channel.encoding == "ros1" and kind == _STAMPS[0] else "int32"
-            last = "int32" if self.channel.encoding == "ros1" and kind == _STAMPS[1] else "uint32"
-            return [("sec", (1, (signed, 0))), ("nanosec", (1, (last, 0)))]
-        entry = self.own.get(kind) or self.store.get(kind)
-        if entry is None:
-            why = "is defined in IDL, which is not read" if self.channel.is_idl else "is not defined in the bag"
-            raise InputError(
-                f"topic {self.channel.topic}: its type {short(kind)} {why}, nor one of ROS 2's own; record with definitions (MCAP)"
-            )
-        fields: list[tuple[str, Any]] = entry[1]
-        return fields
-
-    def field(self, description: Any) -> Field:
+    def of(description: Any) -> Field:
         """The field that rosbags describes by a number for its form, and what it is of."""
-        form, of = int(description[0]), description[1]
+        form, inner = int(description[0]), description[1]
         if form == 2:
-            return self.message(of)
+            return _message(inner, types, built, channel, depth + 1)
         if form in (3, 4):
-            return ArrayField(self.field(of[0]), min(int(of[1]), 2**32) if form == 3 else None)
-        if of[0] == "string":
-            return TextField()
-        dtype = _DTYPES.get(of[0])
-        return UnreadableField(of[0]) if dtype is None else NumberField(dtype, int(dtype[1:]))
+            return ArrayField(of(inner[0]), min(int(inner[1]), 2**32) if form == 3 else None)
+        code = _CODES.get(inner[0], "")
+        return TextField() if inner[0] == "string" else NumberField(inner[0], code, calcsize(f"={code}") or 1)
+
+    if kind in _STAMPS:
+        old = channel.encoding == "ros1"
+        signs = "Ii" if old and kind == _STAMPS[0] else "ii" if old else "iI"
+        fields: dict[str, Field] = {
+            name: NumberField(kind, code, 4) for name, code in zip(("sec", "nanosec"), signs, strict=True)
+        }
+    else:
+        fields = {name: of(description) for name, description in types[kind][1]}
+    if not fields and channel.encoding == "cdr":
+        fields = {"structure_needs_at_least_one_member": NumberField("uint8", "B", 1)}
+    built[kind] = MessageField(kind, fields, sum(part.least for part in fields.values()))
+    return built[kind]

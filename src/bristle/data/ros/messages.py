@@ -1,24 +1,21 @@
-"""Messages to columns: all messages of a batch are gone through at once, field by field, as arrays of where each has come to."""
+"""Messages to numbers: each is gone through field by field, as far as the last one that is wanted."""
 
-from collections.abc import Sequence
-from struct import unpack_from
+import struct
+from array import array
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bristle.data.ros.definitions import ArrayField, Field, MessageField, NumberField, TextField, UnreadableField
-from bristle.data.ros.storage import DAMAGED, Integers, MessageBatch, rows_of
+from bristle.data.ros.definitions import ArrayField, Field, MessageField, NumberField, TextField
+from bristle.data.ros.storage import DAMAGED
 from bristle.errors import InputError
 
-NAMES = ("name", "joint_names")
-"""Fields that hold the names of joints, in the order of the message's other arrays."""
-NO_STAMP = np.iinfo(np.int64).min
-"""In place of a stamp that a message does not have."""
-_MOST_NAMES, _KNOWN = 1000, 20_000
-"""Joints that are listed, and lists of names that are remembered."""
-_MOST_ELEMENTS = 10_000
-"""Texts or messages in an array: they are gone through one by one."""
+NAMES = ("name", "joint_names")  # fields that hold the names of joints, in the order of the message's other arrays
+NO_STAMP = np.iinfo(np.int64).min  # in place of a stamp that a message does not have
+_MOST_NAMES, _MOST_ELEMENTS = 1000, 10_000
+"""Joints that are listed, and texts or messages in an array: they are gone through one by one."""
+_NOTHING: Mapping[Any, Any] = {}
 
 
 class NamedJoint(NamedTuple):
@@ -37,216 +34,126 @@ class Path(NamedTuple):
     is_stamp: bool = False
 
 
-class _Wanted(NamedTuple):
-    """What is wanted of a field: the rest of the way of a path, in some of the messages, (messages,)."""
-
-    path: int
-    steps: tuple[Step, ...]
-    where: NDArray[np.bool_]
-
-
-class _Walk:
-    """Messages of one byte order, (n,), from field to field; `rows` are those of them that have the field at hand."""
-
-    def __init__(self, batch: MessageBatch, order: str, paths: Sequence[Path], *, is_cdr: bool) -> None:
-        self.data, self.order, self.is_cdr = batch.data, order, is_cdr
-        self.begun, self.ends = batch.starts + 4 * is_cdr, batch.starts + batch.lengths
-        self.at = self.begun.copy()
-        self.rows = np.arange(batch.starts.size)
-        self.places: dict[NamedJoint, Integers] = {}
-        """Which element each joint is, (n,); -1 where it is not there."""
-        self.values: list[NDArray[Any]] = [
-            np.full(self.at.size, NO_STAMP, np.int64) if path.is_stamp else np.full(self.at.size, np.nan)
-            for path in paths
-        ]
-
-    def align(self, rows: Integers, size: int) -> None:
-        """Go on to where a number of so many bytes may stand."""
-        if self.is_cdr:
-            self.at[rows] += (self.begun[rows] - self.at[rows]) % size
-
-    def expect(self, rows: Integers, size: Integers | int) -> None:
-        """Raises InputError where a message ends before so many bytes."""
-        if (self.ends[rows] - self.at[rows] < size).any():
-            raise InputError(f"is damaged: a message ends inside one of its fields; {DAMAGED}")
-
-    def skip(self, rows: Integers, size: Integers | int) -> Integers:
-        """Go so many bytes on; returns where they began. Raises InputError where a message ends before."""
-        self.expect(rows, size)
-        begun = self.at[rows]
-        self.at[rows] += size
-        return begun
-
-    def numbers(self, starts: Integers, dtype: str) -> NDArray[Any]:
-        """The numbers of a type at some offsets, at any alignment."""
-        return rows_of(self.data, starts, int(dtype[1:])).view(self.order + dtype)[:, 0]
-
-    def lengths(self, rows: Integers) -> Integers:
-        """The number of elements or letters that follow."""
-        self.align(rows, 4)
-        return self.numbers(self.skip(rows, 4), "u4").astype(np.int64)
-
-    def visit(self, part: Field, rows: Integers, wanted: Sequence[_Wanted] = ()) -> None:
-        """Go over a field, and take the wanted numbers in it."""
-        if not rows.size:
-            return
-        self.expect(rows, part.least)
-        match part:
-            case NumberField():
-                self.align(rows, part.least)
-                self._take(part, rows, self.skip(rows, part.least), wanted)
-            case TextField():
-                self.skip(rows, self.lengths(rows))
-            case MessageField():
-                self._message(part, rows, wanted)
-            case ArrayField():
-                self._array(part, rows, wanted)
-            case UnreadableField():
-                raise InputError(
-                    f"holds messages with a field of type {part.name}, which is not read; name other topics"
-                )
-
-    def _take(self, part: NumberField, rows: Integers, starts: Integers, wanted: Sequence[_Wanted]) -> None:
-        """The numbers of a field that stand at some offsets."""
-        for path, _, where in wanted:
-            ours = where[rows]
-            self.values[path][rows[ours]] = self.numbers(starts[ours], part.dtype)
-
-    def _message(self, part: MessageField, rows: Integers, wanted: Sequence[_Wanted]) -> None:
-        stamps = [want for want in wanted if not want.steps]  # whose numbers have four bytes each
-        if stamps:
-            self.align(rows, 4)
-        begun = self.at[rows]
-        for name, inside in part.fields.items():
-            if inside.least:
-                own = [want._replace(steps=want.steps[1:]) for want in wanted if want.steps[:1] == (name,)]
-                self.visit(inside, rows, own)
-        for path, _, where in stamps:
-            ours = begun[where[rows]]
-            seconds = self.numbers(ours, "i4" if self.is_cdr else "u4").astype(np.int64)  # of ROS 1 without a sign
-            self.values[path][rows[where[rows]]] = seconds * 10**9 + self.numbers(ours + 4, "u4")
-
-    def _array(self, part: ArrayField, rows: Integers, wanted: Sequence[_Wanted]) -> None:
-        element = part.element
-        counts = self.lengths(rows) if part.count is None else np.full(rows.size, part.count, np.int64)
-        if not element.least:
-            return
-        self.expect(rows, counts * min(element.least, 2**30))
-        rows, counts = rows[counts > 0], counts[counts > 0]
-        places = {want.steps[0]: self._places(want.steps[0]) for want in wanted}
-        if isinstance(element, NumberField):
-            self.align(rows, element.least)
-            begun = self.skip(rows, counts * element.least)
-            for want in wanted:
-                place = places[want.steps[0]]
-                there = np.zeros(self.at.size, dtype=bool)
-                there[rows] = (place[rows] >= 0) & (place[rows] < counts)
-                self._take(
-                    element, rows, begun + place[rows] * element.least, [want._replace(where=want.where & there)]
-                )
-            return
-        most = int(counts.max(initial=0))
-        if most > _MOST_ELEMENTS:
-            raise InputError(
-                f"holds messages with {most} texts or messages in one array, over the limit of {_MOST_ELEMENTS}; name other topics"
-            )
-        for k in range(most):
-            own = [
-                want._replace(steps=want.steps[1:], where=want.where & (places[want.steps[0]] == k)) for want in wanted
-            ]
-            self.visit(element, rows[counts > k], [want for want in own if want.where.any()])
-
-    def _places(self, step: Step) -> Integers:
-        """Which element a step means in each message."""
-        return self.places[step] if isinstance(step, NamedJoint) else np.full(self.at.size, step, np.int64)
-
-
 class Decoder:
-    """Numbers of one channel's messages at some paths."""
+    """Numbers of one topic's messages at some paths: each message is gone through as far as its last field that is wanted."""
 
     def __init__(self, message: MessageField, paths: Sequence[Path], *, is_cdr: bool) -> None:
-        self.message, self.paths, self.is_cdr = message, paths, is_cdr
-        self.named = list(dict.fromkeys(x for path in paths for x in path.steps if isinstance(x, NamedJoint)))
-        self.names_field = next((name for name in NAMES if _is_names(message.fields.get(name))), None)
-        tops = {str(path.steps[0]) for path in paths}
-        order = list(message.fields)
-        last = max((order.index(top) for top in tops), default=-1)
-        self.part = MessageField(message.kind, dict(list(message.fields.items())[: last + 1]), 0)
-        self.known: dict[tuple[str, bytes], list[int]] = {}
-        """Which element each of `named` is, by the order and the bytes of the names."""
+        self.is_cdr = is_cdr
+        self.columns: list[array[Any]] = [array("q" if path.is_stamp else "d") for path in paths]
+        """The numbers at each path, message by message: nan where one has none; stamps in ns, else `NO_STAMP`."""
         self.joints: dict[str, None] = {}
         """Names that were seen, in order."""
+        self.places: dict[Any, int] = dict.fromkeys(
+            (x for p in paths for x in p.steps if isinstance(x, NamedJoint)), -1
+        )
+        """Which element each joint of a path is, in the message at hand; -1 where it is not there."""
+        self.wanted: dict[Any, Any] = {}
+        """The paths by their steps, one in the other, and at None the number of each that ends there."""
+        for k, path in enumerate(paths):
+            within = self.wanted
+            for step in path.steps:
+                within = within.setdefault(step, {})
+            within.setdefault(None, []).append(k)
+        lists = [x for name in NAMES if isinstance(x := message.fields.get(name), ArrayField) and x.size is None]
+        self.names = next((x for x in lists if isinstance(x.element, TextField)), None)
+        order = [name for name, x in message.fields.items() if name in self.wanted or (self.places and x is self.names)]
+        fields = list(message.fields)[: list(message.fields).index(order[-1]) + 1] if order else []
+        parts = {name: message.fields[name] for name in fields}
+        self.part = MessageField(message.kind, parts, sum(part.least for part in parts.values()))
+        named = [p.steps[0] for p in paths if any(isinstance(x, NamedJoint) for x in p.steps)]
+        behind = next((k for k, x in enumerate(parts.values()) if x is self.names), 0)
+        self.rounds = 2 if any(str(name) in fields[:behind] for name in named) else 1
+        """Twice where the names stand behind what they name."""
+        self.raw, self.at, self.order, self.values = b"", 0, "<", list[float]()
+        self.texts, self.seen = list[bytes](), list[bytes]()
+        self._place(())
 
-    def decode(self, batch: MessageBatch) -> list[NDArray[Any]]:
-        """The numbers at each path, shape (messages,): nan where a message has none; stamps in ns, else `NO_STAMP`.
+    def decode(self, raw: bytes) -> None:
+        """Add the numbers of a message. Raises InputError where it does not fit its definition."""
+        if self.is_cdr and (len(raw) < 4 or raw[0] or raw[1] > 1):
+            raise InputError(f"is damaged: a message is not in CDR of version 1; {DAMAGED}")
+        self.raw, self.order = raw, ">" if self.is_cdr and not raw[1] else "<"
+        self.values = [NO_STAMP if column.typecode == "q" else np.nan for column in self.columns]
+        try:
+            for _ in range(self.rounds):
+                self.at = 4 * self.is_cdr
+                self._expect(self.part.least)
+                self._visit(self.part, self.wanted)
+            self._expect(0)
+        except struct.error as error:
+            raise InputError(f"is damaged: a message ends inside one of its fields; {DAMAGED}") from error
+        for column, value in zip(self.columns, self.values, strict=True):
+            column.append(value)
 
-        Raises InputError where a message does not fit its definition.
-        """
-        big = np.zeros(batch.starts.size, dtype=bool)
+    def _expect(self, size: int) -> None:
+        if self.at + size > len(self.raw):
+            raise struct.error
+
+    def _number(self, code: str, size: int) -> Any:
+        """The next number, which in CDR stands at a multiple of its size, behind the head."""
         if self.is_cdr:
-            whole = (batch.lengths >= 4).all()
-            head = rows_of(batch.data, batch.starts, 2) if whole else np.ones((1, 2))
-            if head[:, 0].any() or (head[:, 1] > 1).any():
-                raise InputError(f"is damaged: a message is not in CDR of version 1; {DAMAGED}")
-            big = head[:, 1] == 0
-        if not big.any():
-            return self._decoded(batch, "<")
-        little, order = self._decoded(batch.where(~big), "<"), np.argsort(big, kind="stable")
-        both = zip(little, self._decoded(batch.where(big), ">"), strict=True)
-        return [np.concatenate(parts)[np.argsort(order)] for parts in both]
+            self.at += (4 - self.at) % size
+        self.at += size
+        return struct.unpack_from(self.order + code, self.raw, self.at - size)[0]
 
-    def _decoded(self, batch: MessageBatch, order: str) -> list[NDArray[Any]]:
-        walk = _Walk(batch, order, self.paths, is_cdr=self.is_cdr)
-        found = self._found(batch, order) if self.named else np.zeros((0, 0), np.int64)
-        walk.places = dict(zip(self.named, found.T, strict=True))
-        everywhere = np.ones(batch.starts.size, dtype=bool)
-        with np.errstate(invalid="ignore"):  # of numbers that are none
-            walk.visit(self.part, walk.rows, [_Wanted(k, x.steps, everywhere) for k, x in enumerate(self.paths)])
-        return walk.values
+    def _visit(self, part: Field, wanted: Mapping[Any, Any]) -> None:
+        """Go over a field, and take the numbers in it that are wanted."""
+        if isinstance(part, TextField):
+            size = self._number("I", 4)
+            self.texts.append(self.raw[self.at : self.at + size])
+            self.at += size
+        elif isinstance(part, NumberField):
+            if not part.code:
+                raise InputError(
+                    f"holds messages with a field of type {part.kind}, which is not read; name other topics"
+                )
+            value = self._number(part.code, part.least)
+            for path in wanted.get(None, ()):
+                self.values[path] = value
+        elif isinstance(part, MessageField):
+            begun = self.at
+            for path in wanted.get(None, ()):  # a stamp; of ROS 1 without a sign
+                seconds = self._number("i" if self.is_cdr else "I", 4)
+                self.values[path], self.at = seconds * 10**9 + self._number("I", 4), begun
+            for name, inside in part.fields.items():
+                self.texts = []
+                self._visit(inside, wanted.get(name, _NOTHING))
+                if inside is self.names and self.texts != self.seen:
+                    self.seen = self.texts
+                    self._place([text.rstrip(b"\0").decode(errors="replace") for text in self.texts])
+        else:
+            self._array(part.element, self._number("I", 4) if part.size is None else part.size, wanted)
 
-    def _found(self, batch: MessageBatch, order: str) -> Integers:
-        """Which element each of the named joints is in each message, (messages, joints); -1 where it is not there."""
-        if self.names_field is None:
-            return np.tile(np.array([_element(x, ()) for x in self.named]), (batch.starts.size, 1))
-        walk = _Walk(batch, order, (), is_cdr=self.is_cdr)
-        for name, part in self.message.fields.items():
-            if name == self.names_field:
-                break
-            walk.visit(part, walk.rows)
-        walk.align(walk.rows, 4)
-        begun = walk.at.tolist()
-        walk.visit(self.message.fields[self.names_field], walk.rows)
-        data, found = batch.data.tobytes(), list[list[int]]()
-        for start, stop in zip(begun, walk.at.tolist(), strict=True):
-            block = order, data[start:stop]
-            if block not in self.known:
-                names = _texts(*block, is_cdr=self.is_cdr)
-                if len(self.joints) < _MOST_NAMES:
-                    self.joints |= dict.fromkeys(names)
-                if len(self.known) > _KNOWN:
-                    self.known.clear()
-                self.known[block] = [_element(x, names) for x in self.named]
-            found.append(self.known[block])
-        return np.array(found, np.int64).reshape(-1, len(self.named))
+    def _array(self, element: Field, count: int, wanted: Mapping[Any, Any]) -> None:
+        if not element.least or not count:
+            return
+        self._expect(count * element.least)
+        inner = [(self.places.get(step, step), within) for step, within in wanted.items()]
+        if isinstance(element, NumberField) and element.code:
+            begun = self.at + ((4 - self.at) % element.least if self.is_cdr else 0)
+            for place, within in inner:
+                if 0 <= place < count:
+                    self.at = begun + place * element.least
+                    self._visit(element, within)
+            self.at = begun + count * element.least
+            return
+        if count > _MOST_ELEMENTS:
+            raise InputError(
+                f"holds messages with {count} texts or messages in one array, over the limit of {_MOST_ELEMENTS}; name other topics"
+            )
+        for k in range(count):
+            begun = self.at
+            self._visit(element, _NOTHING)
+            for place, within in inner:
+                if place == k:
+                    self.at = begun
+                    self._visit(element, within)
 
-
-def _is_names(part: Field | None) -> bool:
-    return isinstance(part, ArrayField) and isinstance(part.element, TextField) and part.count is None
-
-
-def _texts(order: str, block: bytes, *, is_cdr: bool) -> tuple[str, ...]:
-    """The texts of an array, which begins with how many they are."""
-    names, at = list[str](), 4
-    for _ in range(unpack_from(f"{order}I", block)[0]):
-        at += -at % 4 if is_cdr else 0
-        at, begun = at + 4 + unpack_from(f"{order}I", block, at)[0], at + 4
-        names.append(block[begun:at].rstrip(b"\0").decode(errors="replace"))
-    return tuple(names)
-
-
-def _element(joint: NamedJoint, names: Sequence[str]) -> int:
-    """Which element a name, or a number where no joint is named by one, stands for; -1: none."""
-    if joint.name in names:
-        return names.index(joint.name)
-    numbered = any(name.isdecimal() for name in names)
-    return int(joint.name) if joint.name.isdecimal() and len(joint.name) < 10 and not numbered else -1
+    def _place(self, names: Sequence[str]) -> None:
+        """Which element each joint, by its name, or by a number where no joint is named by one, stands for."""
+        numbered = any(map(str.isdecimal, names))
+        for joint in self.places:
+            number = int(joint.name) if joint.name.isdecimal() and len(joint.name) < 10 and not numbered else -1
+            self.places[joint] = names.index(joint.name) if joint.name in names else number
+        if len(self.joints) < _MOST_NAMES:
+            self.joints |= dict.fromkeys(names)

@@ -1,5 +1,6 @@
 """Columns of a ROS bag, each at the time stamps of one topic."""
 
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,34 +11,30 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.columns import Key, between_samples, bounded
-from bristle.data.ros.files import digest_of, open_bag
 from bristle.data.ros.messages import NO_STAMP, Decoder, NamedJoint
 from bristle.data.ros.messages import Path as FieldPath
-from bristle.data.ros.storage import Bag, Integers, batches_of
+from bristle.data.ros.storage import digest_of, messages_of, open_bag
 from bristle.data.ros.topics import JOINT_STATE, RECEIVED, STAMP, Target, Topic, columns_of, target_of, topics_of
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.findings import NOTE, Finding
 
-_GAP = 5
-"""Median intervals: across a longer one nothing is interpolated, as the default of `cleaning.gap` is."""
+Integers = NDArray[np.int64]
+_GAP = 5  # median intervals: across a longer one nothing is interpolated, as the default of `cleaning.gap` is
 
 
 @dataclass(frozen=True, slots=True)
 class _Messages:
-    """All messages of a topic, in the order in which they were received."""
+    """All messages of a topic, in the order in which they were received, ns."""
 
     topic: str
     received: Integers
-    """ns."""
     values: Mapping[FieldPath, NDArray[Any]]
     joints: tuple[str, ...]
 
     def stamps(self, path: FieldPath | None) -> Integers:
         """Times in ns, `NO_STAMP` where there is none. Raises InputError where all are zero, and so were never set."""
-        if path is None:
-            return self.received
-        stamps = self.values[path].astype(np.int64)
-        if stamps.size and not stamps.any():
+        stamps: Integers = self.received if path is None else self.values[path]
+        if path is not None and stamps.size and not stamps.any():
             raise InputError(
                 f"the stamps of {self.topic} are all zero; name the time as {self.topic}.{RECEIVED}, when its messages were received"
             )
@@ -58,103 +55,73 @@ def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tu
     targets = {key: target_of(key, topics) for key in keys}
     if not targets:
         return {}, digest_of(bag), ()
-    base = _base(targets)
     names = list(dict.fromkeys(target.topic for target in targets.values()))
-    clocks = {name: _clock(topics[name], base) for name in names} if len(names) > 1 else {}
-    wanted = {
-        name: [t.path for t in (*targets.values(), Target(name, clocks.get(name))) if t.topic == name] for name in names
-    }
-    read = {name: _read(topics[name], [path for path in paths if path]) for name, paths in wanted.items()}
-    bounded(sum(messages.received.size for messages in read.values()) * len(keys))
-    _check_there(targets, read)
-    columns = {key: _column(target, read, base.topic, clocks) for key, target in targets.items()}
-    return columns, digest_of(bag), tuple(_notes(targets, columns, base, clocks))
-
-
-def _base(targets: Mapping[Key, Target]) -> Target:
-    """The column whose times are those of all rows. Raises InputError where topics differ and none is plain."""
     times = list(dict.fromkeys(target for target in targets.values() if target.is_time))
-    names = list(dict.fromkeys(target.topic for target in targets.values()))
-    if len(names) == 1:
-        return times[0] if times else next(iter(targets.values()))
-    if len(times) != 1:
+    if len(names) > 1 and len(times) != 1:
         got = f"the times of {short_list(t.topic for t in times)}" if times else "no stamp"
         raise InputError(
             f"signals come from the topics {short_list(names)}, with {got}; expected one time for all, as "
             f"time: {{column: {names[0]}.header.stamp, unit: s}}"
         )
-    return times[0]
+    base = next(iter([*times, *targets.values()]))
 
+    # where there are several topics, the stamps at which the messages of each stand: those in its header, if the time is one
+    clocks: dict[str, FieldPath | None] = {}
+    for name in names if len(names) > 1 else ():
+        header = topics[name].message().fields.get("header")
+        stamped = base.path is not None and "stamp" in getattr(header, "fields", {})
+        clocks[name] = base.path if name == base.topic else STAMP if stamped else None
 
-def _clock(topic: Topic, base: Target) -> FieldPath | None:
-    """The stamps at which the messages of a topic stand, where there are several: those in the header, if the time is."""
-    if topic.name == base.topic:
-        return base.path
-    header = topic.message().fields.get("header")
-    stamped = base.path is not None and "stamp" in getattr(header, "fields", {})
-    return STAMP if stamped else None
+    read = dict[str, _Messages]()
+    for name in names:
+        paths = [*(t.path for t in targets.values() if t.topic == name), clocks.get(name)]
+        read[name] = _read(topics[name], [path for path in paths if path])
+    bounded(sum(messages.received.size for messages in read.values()) * len(keys))
+    columns = {key: _column(key, target, read, base.topic, clocks) for key, target in targets.items()}
+    return columns, digest_of(bag), tuple(_notes(targets, columns, base, clocks))
 
 
 def _read(topic: Topic, paths: Sequence[FieldPath]) -> _Messages:
     """The numbers of a topic at some paths, in the order in which messages were received."""
-    paths = list(dict.fromkeys(paths))
-    times, parts, joints = list[Integers](), list[list[NDArray[Any]]](), dict[str, None]()
-    message, count = topic.message(), 0
-    decoders = {c.number: Decoder(message, paths, is_cdr=c.encoding == "cdr") for c in topic.channels}
-    for batch in batches_of(topic.bag, frozenset(decoders)):
-        count += batch.starts.size
-        bounded(count * (len(paths) + 1))
-        for number, decoder in decoders.items():
-            some = batch.where(batch.channels == number)
-            if some.starts.size:
-                times.append(some.times)
-                parts.append(decoder.decode(some))
-                joints |= decoder.joints
-    if not times:
+    paths, received = list(dict.fromkeys(paths)), array("q")
+    decoder = Decoder(topic.message(), paths, is_cdr=topic.channels[0].encoding == "cdr")
+    for _, time, raw in messages_of(topic.bag, frozenset(channel.number for channel in topic.channels)):
+        received.append(time)
+        bounded(len(received) * (len(paths) + 1))
+        decoder.decode(raw)
+    if not received:
         raise InputError(f"holds no message of topic {topic.name}; name another")
-    received = np.concatenate(times)
     order = np.argsort(received, kind="stable")
-    values = {path: np.concatenate([part[k] for part in parts])[order] for k, path in enumerate(paths)}
-    return _Messages(topic.name, received[order], values, tuple(joints))
+    values = {path: np.array(column)[order] for path, column in zip(paths, decoder.columns, strict=True)}
+    return _Messages(topic.name, np.array(received)[order], values, tuple(decoder.joints))
 
 
-def _check_there(targets: Mapping[Key, Target], read: Mapping[str, _Messages]) -> None:
-    """Raises InputError where no message has what a column names."""
-    for key, (name, path) in targets.items():
-        if path is None:
-            continue
-        messages, values = read[name], read[name].values[path]
-        if not ((values == NO_STAMP) if path.is_stamp else np.isnan(values)).all():
-            continue
-        joint = next((step.name for step in path.steps if isinstance(step, NamedJoint)), None)
+def _column(
+    key: Key, target: Target, read: Mapping[str, _Messages], base: str, clocks: Mapping[str, FieldPath | None]
+) -> Array:
+    """One column: a time in s from the first, or values, interpolated where they are of another topic than the time."""
+    messages, path = read[target.topic], target.path
+    found: NDArray[Any] = messages.received if path is None else messages.values[path]
+    if ((found == NO_STAMP) if target.is_time else np.isnan(found)).all():
+        joint = next((step.name for step in (path.steps if path else ()) if isinstance(step, NamedJoint)), None)
         if joint is not None and joint not in messages.joints and not joint.isdecimal():
             raise InputError(
-                f"column {key}: no joint {short(joint)} in {name}; there are: {short_list(messages.joints)}"
+                f"column {key}: no joint {short(joint)} in {target.topic}; there are: {short_list(messages.joints)}"
             )
         raise InputError(
-            f"column {key} is empty in all {messages.received.size} messages of {name}; leave it out, or name what was logged"
+            f"column {key} is empty in all {found.size} messages of {target.topic}; leave it out, or name what was logged"
         )
-
-
-def _column(target: Target, read: Mapping[str, _Messages], base: str, clocks: Mapping[str, FieldPath | None]) -> Array:
-    """One column: a time in s from the first, or values, interpolated where they are of another topic than the time."""
-    messages = read[target.topic]
     if target.is_time:
         stamps = messages.stamps(target.path)
         known = stamps != NO_STAMP
         first = stamps[known][0]
         return np.where(known, (stamps - first) / 1e9, np.nan)
-    values: Array = messages.values[target.path].astype(float)  # type: ignore[index]  # no time has a path here
     if target.topic == base:
-        return values
-    return _interpolated(messages.stamps(clocks[target.topic]), values, read[base].stamps(clocks[base]), target.topic)
-
-
-def _interpolated(stamps: Integers, values: Array, at: Integers, topic: str) -> Array:
-    """Values at other times, ns; nan where there is nothing on both sides within a gap."""
+        return found
+    stamps, at, topic = messages.stamps(clocks[target.topic]), read[base].stamps(clocks[base]), target.topic
     known = stamps != NO_STAMP
     order = np.argsort(stamps[known], kind="stable")
-    stamps, values = stamps[known][order], values[known][order]
+    stamps, values = stamps[known][order], found[known][order]
     lasts = np.append(np.diff(stamps) > 0, True)  # of those with one stamp the last
     stamps, values = stamps[lasts], values[lasts]
     if stamps.size < 2 or at.max() < stamps[0] or at[at != NO_STAMP].min() > stamps[-1]:
@@ -162,7 +129,9 @@ def _interpolated(stamps: Integers, values: Array, at: Integers, topic: str) -> 
             f"the messages of {topic} are at other times than those of the time's topic; name topics that were logged together"
         )
     since = np.where(at == NO_STAMP, np.nan, (at - stamps[0]).astype(float))
-    return between_samples(since, (stamps - stamps[0]).astype(float), values, _GAP)
+    return between_samples(
+        since, (stamps - stamps[0]).astype(float), values, _GAP
+    )  # nan where there is nothing on both sides
 
 
 def _notes(
@@ -172,14 +141,10 @@ def _notes(
     clocks: Mapping[str, FieldPath | None],
 ) -> list[Finding]:
     """What is said of how times were told, and of topics that were interpolated."""
-    times = {t.topic for t in targets.values() if t.path is None} | {
-        name for name, path in clocks.items() if path is None
-    }
-    notes = []
+    received = [*((t.topic, t.path) for t in targets.values()), *clocks.items()]
+    times, notes = sorted({name for name, path in received if path is None}), list[Finding]()
     if times:
-        message = (
-            f"Times of {', '.join(sorted(times))} are those at which messages were received, not those of a header."
-        )
+        message = f"Times of {', '.join(times)} are those at which messages were received, not those of a header."
         notes.append(Finding("time-received", NOTE, message))
     others = sorted(clocks.keys() - {base.topic})
     if others:
@@ -193,18 +158,14 @@ def _notes(
     return notes
 
 
-def bag_joints(path: Path, topic: str | None = None) -> tuple[str, ...]:
-    """Names of the joints in the joint states of a bag, in the order in which they are first seen.
-
-    `topic`: of which; None: the only one. Raises InputError where there is none or are several; needs the extra `ros`.
-    """
-    topics = topics_of(open_bag(path))
-    return _joints(topics[state_topic(topics, topic)])
+def bag_joints(path: Path, topic: str) -> tuple[str, ...]:
+    """Names of the joints in a topic of joint states, in the order in which they are first seen; needs the extra `ros`."""
+    return _joints(topics_of(open_bag(path))[topic])
 
 
-def state_topic(topics: Mapping[str, Topic], topic: str | None = None) -> str:
-    """The topic of the joint states. Raises InputError where there is none, or several and none is named."""
-    states = [name for name, t in topics.items() if t.kind == JOINT_STATE and topic in (None, name)]
+def state_topic(topics: Mapping[str, Topic]) -> str:
+    """The topic of the joint states. Raises InputError where there is none, or several."""
+    states = [name for name, t in topics.items() if t.kind == JOINT_STATE]
     if len(states) != 1:
         there = short_list(f"{t.name} ({t.kind})" for t in topics.values())
         raise InputError(
@@ -221,9 +182,8 @@ def _joints(topic: Topic) -> tuple[str, ...]:
 
 def bag_columns(path: Path) -> tuple[str, ...]:
     """Names of the columns that a bag offers. Raises InputError; needs the extra `ros`."""
-    bag: Bag = open_bag(path)
     names = list[str]()
-    for topic in topics_of(bag).values():
+    for topic in topics_of(open_bag(path)).values():
         try:
             names += columns_of(topic, _joints(topic) if topic.kind == JOINT_STATE else ())
         except InputError:  # of a topic that is not read, and may not be wanted

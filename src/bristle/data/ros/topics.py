@@ -12,14 +12,11 @@ from bristle.data.ros.storage import Bag, Channel, channels_of
 from bristle.errors import InputError, check_name, short, short_list
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
-RECEIVED = "time"
-"""In place of a field: when a message was received."""
+RECEIVED = "time"  # in place of a field: when a message was received
 STAMP = FieldPath(("header", "stamp"), is_stamp=True)
-_LONGEST = 1000
-"""Characters of a column's name."""
+_LONGEST = 1000  # characters of a column's name
 _STEP = re.compile(r"([A-Za-z]\w*)(?:\[([^\[\]]*)\])?(\.|$)")
-_LISTED = 60
-"""Columns of a topic that are listed."""
+_LISTED = 60  # columns of a topic that are listed
 
 
 class Topic(NamedTuple):
@@ -66,35 +63,29 @@ def target_of(key: Key, topics: Mapping[str, Topic]) -> Target:
     text = key.column
     if not isinstance(text, str) or len(text) > _LONGEST:
         raise InputError(f"column {key} is no name; expected a topic and a field, as /joint_states.position[elbow]")
-    name, rest = _topic(text, topics)
-    topic = topics[name]
-    if not topic.kind:
+
+    # the topic that the name begins with, or the only one that it can mean, and what follows
+    fits = [name for name in topics if text.startswith((f"{name}.", f"{name.removeprefix('/')}."))]
+    there = short_list(f"{topic.name} ({topic.kind})" for topic in topics.values())
+    states = [name for name, topic in topics.items() if topic.kind == JOINT_STATE]
+    if not fits and text.startswith("/"):
+        raise InputError(f"column {short(text)} is of no topic of the bag; there are: {there}")
+    if not fits and len(states) != 1:
+        raise InputError(
+            f"column {short(text)} names no topic, which only a bag with exactly one of joint states allows; there are: {there}"
+        )
+    name = max(fits, key=len) if fits else states[0]
+    rest = text.removeprefix("/")[len(name.removeprefix("/")) + 1 :] if fits else text
+    if not topics[name].kind:
         raise InputError(f"topic {name} has messages of several types; record one, or name another topic")
-    message = topic.message()
+    message = topics[name].message()
     if rest == RECEIVED and RECEIVED not in message.fields:
         return Target(name, None)
     return Target(name, _path(rest, key, name, message))
 
 
-def _topic(text: str, topics: Mapping[str, Topic]) -> tuple[str, str]:
-    """The topic that a name begins with, or the only one that it can mean, and what follows."""
-    fits = [name for name in topics if text.startswith((f"{name}.", f"{name.removeprefix('/')}."))]
-    if fits:
-        name = max(fits, key=len)
-        return name, text.removeprefix("/")[len(name.removeprefix("/")) + 1 :]
-    there = short_list(f"{topic.name} ({topic.kind})" for topic in topics.values())
-    states = [name for name, topic in topics.items() if topic.kind == JOINT_STATE]
-    if text.startswith("/"):
-        raise InputError(f"column {short(text)} is of no topic of the bag; there are: {there}")
-    if len(states) != 1:
-        raise InputError(
-            f"column {short(text)} names no topic, which only a bag with exactly one of joint states allows; there are: {there}"
-        )
-    return states[0], text
-
-
 def _path(text: str, key: Key, topic: str, message: MessageField) -> FieldPath:
-    """The way through a message that a name is, checked against what the message is made of."""
+    """The way through a message that a name is, checked against what the message is made of; it ends at a number or at a stamp."""
     part: Field = message
     steps, at = list[Step](), 0
     while at < len(text):
@@ -104,7 +95,12 @@ def _path(text: str, key: Key, topic: str, message: MessageField) -> FieldPath:
                 f"column {key}: {short(text[at:])} is no field; expected names with dots between, as position[elbow]"
             )
         name, element, _ = match.groups()
-        part = _inside(part, name, key, topic)
+        there = part.fields if isinstance(part, MessageField) else {}
+        if name not in there:
+            received = f", or {topic}.{RECEIVED}, when messages were received"
+            also = received if "header" not in there and name == "header" else ""
+            raise InputError(f"column {key}: no field {short(name)} in {topic}; there are: {short_list(there)}{also}")
+        part = there[name]
         steps.append(name)
         if element is not None:
             part = _element(part, element, key, message, steps)
@@ -112,16 +108,18 @@ def _path(text: str, key: Key, topic: str, message: MessageField) -> FieldPath:
     if key.index is not None:
         part = _element(part, str(key.index), Key(key.column), message, steps)
         steps[-1] = key.index
-    return _number(part, steps, key, topic)
-
-
-def _inside(part: Field, name: str, key: Key, topic: str) -> Field:
-    """A field of a message by name."""
-    if isinstance(part, MessageField) and name in part.fields:
-        return part.fields[name]
-    there = part.fields if isinstance(part, MessageField) else ()
-    also = f", or {topic}.{RECEIVED}, when messages were received" if "header" not in there and name == "header" else ""
-    raise InputError(f"column {key}: no field {short(name)} in {topic}; there are: {short_list(there)}{also}")
+    match part:
+        case MessageField(is_stamp=True):
+            return FieldPath(tuple(steps), is_stamp=True)
+        case NumberField(code=code) if code:
+            return FieldPath(tuple(steps))
+        case MessageField():
+            why = f"is no number but a message with {short_list(part.fields)}; name one of these"
+        case ArrayField():
+            why = f"is an array; say which element, as {topic}.position[elbow] for a joint, or [0] for the first"
+        case _:
+            why = f"holds {'text' if isinstance(part, TextField) else 'what is not read'}; name a number"
+    raise InputError(f"column {key} {why}")
 
 
 def _element(part: Field, element: str, key: Key, message: MessageField, steps: list[Step]) -> Field:
@@ -137,23 +135,6 @@ def _element(part: Field, element: str, key: Key, message: MessageField, steps: 
     return part.element
 
 
-def _number(part: Field, steps: list[Step], key: Key, topic: str) -> FieldPath:
-    """The path, which ends at a number or at a stamp."""
-    if isinstance(part, MessageField) and part.is_stamp:
-        return FieldPath(tuple(steps), is_stamp=True)
-    if isinstance(part, NumberField):
-        return FieldPath(tuple(steps))
-    if isinstance(part, MessageField):
-        raise InputError(f"column {key} is no number but a message with {short_list(part.fields)}; name one of these")
-    if isinstance(part, ArrayField):
-        raise InputError(
-            f"column {key} is an array; say which element, as {topic}.position[elbow] for a joint, or [0] for the first"
-        )
-    raise InputError(
-        f"column {key} holds {'text' if isinstance(part, TextField) else 'what is not read'}; name a number"
-    )
-
-
 def columns_of(topic: Topic, joints: tuple[str, ...]) -> list[str]:
     """Names of the columns that a topic offers: stamps and plain numbers, and of joint states those of each joint."""
     message = topic.message()
@@ -164,7 +145,7 @@ def columns_of(topic: Topic, joints: tuple[str, ...]) -> list[str]:
 
 def _leaves(part: MessageField, name: str, depth: int = 0) -> Iterator[str]:
     for field, inside in part.fields.items():
-        if isinstance(inside, NumberField) or (isinstance(inside, MessageField) and inside.is_stamp):
+        if (isinstance(inside, NumberField) and inside.code) or (isinstance(inside, MessageField) and inside.is_stamp):
             yield f"{name}.{field}"
         elif isinstance(inside, MessageField) and depth < 3:
             yield from _leaves(inside, f"{name}.{field}", depth + 1)

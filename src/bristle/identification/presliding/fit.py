@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from bristle.data.bandwidth import of_slow_loading
-from bristle.data.differentiation import low_pass
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import ONSET, Loading, Loop, find_all_loadings, find_loops
@@ -70,7 +69,7 @@ def identify_presliding(
 
     Raises InputError where a run holds no loading from zero torque, or slides from its start.
     """
-    records = [r if r.cutoff else replace(r, cutoff=low_pass(r, of_slow_loading)[0]) for r in records]
+    records = [r if r.cutoff else replace(r, cutoff=of_slow_loading(r)[0]) for r in records]
     found = find_all_loadings(records, resolution, options.breakaway_displacement)
     for record, of_record in zip(records, found, strict=True):
         if not of_record:
