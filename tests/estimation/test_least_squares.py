@@ -107,22 +107,22 @@ def test_a_profile_followed_and_a_conditional_one_are_the_same() -> None:
     followed, _ = profiles(solution._replace(scaled_errors=np.sqrt(plain.diagonal()), freedom=freedom))
 
     def at(log_rate: Array) -> Conditional:
-        """The size at rates, (1, K, 1)."""
+        """The size at rates, (K, 1)."""
         shape = np.exp(-np.exp(log_rate) * TIME)
-        square, along = (shape**2).sum(axis=2), shape @ measured
-        spread = (1 / square)[..., None, None]
-        return Conditional((along / square)[..., None], spread, measured @ measured - along**2 / square)
+        square, along = (shape**2).sum(axis=1), shape @ measured
+        spread = (1 / square)[:, None, None]
+        return Conditional((along / square)[:, None], spread, measured @ measured - along**2 / square)
 
     most = profile_threshold(minimum.cost, TIME.size, 2)
     conditional = ConditionalProfiles(
         free=at,
-        best=minimum.x[None, 1:],
-        threshold=np.array([most]),
-        box=minimum.x[1] + np.array([[[-0.5, 0.5]]]),
+        best=minimum.x[1:],
+        threshold=most,
+        box=minimum.x[1] + np.array([[-0.5, 0.5]]),
         looks=Looks(65, 9, 4, 161),
-        cost=np.array([minimum.cost]),
+        cost=minimum.cost,
     )
-    ((ends,),) = conditional.intervals()
+    (ends,) = conditional.intervals()
     assert conditional.better is None
 
     def least(size: float) -> float:

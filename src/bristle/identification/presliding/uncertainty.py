@@ -87,13 +87,13 @@ def stiffness_uncertainty(
     line = _line(loadings, level, estimator, spread)
 
     def at(x: Array) -> Conditional:
-        """U at (g0 - level) / its error, (1, K, 1)."""
+        """U at (g0 - level) / its error, (K, 1)."""
         u, e = line.at(x)
-        return Conditional(u, e[..., None] ** 2, x[..., 0] ** 2)
+        return Conditional(u, e[..., None] ** 2, x[:, 0] ** 2)
 
-    box, threshold = line.x[[0, -1]][None, None], np.array([line.reach**2])
-    profiles = ConditionalProfiles(free=at, best=np.zeros((1, 1)), threshold=threshold, box=box, looks=_LOOKS)
-    ((ends,),), (middle, _) = profiles.intervals(), line.at(0.0)
+    box = line.x[[0, -1]][None]
+    profiles = ConditionalProfiles(free=at, best=np.zeros(1), threshold=line.reach**2, box=box, looks=_LOOKS)
+    (ends,), (middle, _) = profiles.intervals(), line.at(0.0)
     about = np.unique(np.append(middle + _BEYOND * np.linspace(-1, 1, _CURVE)[:, None] * np.abs(ends - middle), ends))
     low, *_, high = sorted(line.sigma_0(ends).tolist())
     profile = low, high

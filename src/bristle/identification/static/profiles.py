@@ -20,7 +20,7 @@ from scipy.interpolate import BSpline
 from scipy.optimize import brentq, minimize_scalar
 
 from bristle.arrays import Array
-from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Face, Looks
+from bristle.estimation.conditional_profile import ConditionalProfiles, Face, Looks
 from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
 from bristle.identification.fits import Profile
 from bristle.identification.static.grid import GRID, PLAIN_GRID, Projected, Solution, solve, subsets
@@ -104,15 +104,15 @@ def profiled(
         free=_over_log(projected),
         faces=faces,
         bounded=bounded,
-        best=np.log(best)[None],
-        cost=np.array([solution.cost]),
-        threshold=np.array([threshold]),
-        box=np.log(box)[None],
+        best=np.log(best),
+        cost=solution.cost,
+        threshold=threshold,
+        box=np.log(box),
         searched=(float(np.log(solution.grid[0])), float(np.log(solution.grid[-1]))),
         looks=_LOOKS[peaks],
         tolerance=_ROUNDING * projected.rest_cost,
     )
-    intervals = dict(zip(names, map(tuple, linear.intervals()[0].tolist()), strict=True))
+    intervals = dict(zip(names, map(tuple, linear.intervals().tolist()), strict=True))
     for name, (low, high) in v_s.items():
         if low == 0 or not np.isfinite(high):
             alpha_1 = name._replace(name="alpha_1")
@@ -210,7 +210,7 @@ def _gathered(velocity: Array, shares: Array) -> tuple[Array, Array]:
 
 
 def _over_log(projected: Projected) -> Face:
-    return lambda log_v_s: Conditional(*(each[None] for each in projected.conditional(np.exp(log_v_s[0]))))
+    return lambda log_v_s: projected.conditional(np.exp(log_v_s))
 
 
 def others(solution: Solution, peaks: int, peak: int) -> Array:
