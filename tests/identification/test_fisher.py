@@ -11,7 +11,6 @@ from bristle.identification.fisher import (
     Information,
     covariance,
     gram,
-    motion_information,
     motion_jacobian,
     names_of,
     static_information,
@@ -100,7 +99,7 @@ def test_directions_of_a_pair_do_not_mix() -> None:
 def test_steady_motion_tells_what_constant_velocities_tell() -> None:
     """Along a constant velocity with a settled bristle a motion's information is that of its samples as static points; sigma is not seen."""
     for v in (0.5 * P.v_s, 3 * P.v_s, -P.v_s):
-        moving = motion_information(np.full(50, v), 1e-3, P, NOISE)
+        moving = gram(motion_jacobian(np.full(50, v), 1e-3, P), NOISE)
         static = static_information(np.full(50, v), P, NOISE)
         np.testing.assert_allclose(moving[:4, :4], static, rtol=1e-8)
         assert np.abs(moving[4:]).max() <= 1e-9 * np.abs(static).max()
@@ -163,8 +162,8 @@ def test_v_s_is_not_seen_without_its_peak() -> None:
     t = 1e-3 * np.arange(2001)
     for matrix in (
         static_information(V, flat, NOISE),
-        motion_information(np.cos(6 * t), 1e-3, flat, NOISE),
-        motion_information(np.cos(6 * t), 1e-3, Pair(flat, PAIR.negative), NOISE)[:6, :6],
+        gram(motion_jacobian(np.cos(6 * t), 1e-3, flat), NOISE),
+        gram(motion_jacobian(np.cos(6 * t), 1e-3, Pair(flat, PAIR.negative)), NOISE)[:6, :6],
     ):
         assert covariance(matrix)[0][3] == np.inf
     assert np.isfinite(covariance(static_information(V, P, NOISE))[0]).all()

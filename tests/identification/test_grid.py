@@ -95,10 +95,10 @@ def test_a_valley_instead_of_a_peak_gives_alpha_1_zero(speeds: Array) -> None:
     """Where friction is lower near standstill (a negative amplitude at this v_s), alpha_1 ends at its bound of zero, and is said to."""
     torque = curve(speeds, GRIPPER._replace(alpha_1=-0.005))
     problem = from_points(speeds, torque, ("both",))
-    theta, cost, held, _, _ = solve_at(problem, [GRIPPER.v_s])
-    assert dict(zip(problem.names, theta, strict=True))[parse("alpha_1")] == 0.0
-    assert held == (parse("alpha_1"),)
-    assert cost == pytest.approx(Projected(problem).base_cost, rel=1e-9)
+    found = solve_at(problem, [GRIPPER.v_s])
+    assert problem.named(found.theta)[parse("alpha_1")] == 0.0
+    assert found.at_bound == (parse("alpha_1"),)
+    assert found.cost == pytest.approx(Projected(problem).base_cost, rel=1e-9)
 
 
 @settings(max_examples=25, deadline=None)

@@ -112,8 +112,8 @@ class ConditionalProfiles:
             def kept(nodes: Array) -> Array:
                 """The best reach over the faces, at each node, (K,); -inf where all break a bound."""
                 best = np.full(len(nodes), -np.inf)
-                for at in (face(nodes) for face in faces):
-                    best = np.maximum(best, np.where(self._inside(at, j, sign), self._reach(at, j, sign), -np.inf))
+                for one in (face(nodes) for face in faces):
+                    best = np.maximum(best, np.where(self._inside(one, j, sign), self._reach(one, j, sign), -np.inf))
                 return best
 
             reach, _ = self._highest(kept, nodes, kept(nodes))

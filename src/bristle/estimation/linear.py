@@ -53,13 +53,6 @@ def _upper(m: int) -> Array:
     return np.triu(np.ones((m, m)))
 
 
-def first_order(jacobian: Array, change: Array) -> Array:
-    """By how much estimates move, (p,), with the data, (n,): (J'J)**-1 J' change, J the model's Jacobian, (n, p)."""
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale == 0] = 1.0
-    return least_squares(jacobian / scale, change) / scale if scale.size else np.zeros(0)
-
-
 def inverse_gram(jacobian: Array) -> Array:
     """(J'J)**-1, (m, m), by QR; a scaled pseudo-inverse where columns depend on one another."""
     n, m = jacobian.shape

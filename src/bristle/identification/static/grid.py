@@ -8,10 +8,10 @@ over v_s, of one set of torques or of many, and every profile rests on it.
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain, combinations
 from math import ceil, exp, log
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +37,9 @@ _SETTLED = 1e-12  # of the residuals' variance: a step that lowers the cost by l
 _UNTOUCHED = 1e-200  # squared length of a peak's column off the others that touches no point
 
 
-class Inner(NamedTuple):
-    """The problem solved at given v_s."""
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """A static problem solved at given v_s, or at its continuous minimum, with the grid."""
 
     theta: Array
     """The parameters, in the order of the problem's `names`."""
@@ -50,6 +51,12 @@ class Inner(NamedTuple):
     """Measured minus modelled torque, (n,)."""
     jacobian: Array
     """Exact derivative of the modelled torque with respect to theta, (n, len(theta))."""
+    base_costs: tuple[float, ...] = ()
+    """Per peak, the cost without it."""
+    grid: Array = field(default_factory=lambda: np.zeros(0))
+    """v_s, rad/s, (k,)."""
+    profiles: tuple[Array, ...] = ()
+    """Per peak, the cost on the grid, minimised over all other parameters, (k,)."""
 
 
 class Projected:
@@ -119,7 +126,7 @@ class Projected:
             least = np.minimum(least, costs)
         return least
 
-    def at(self, v_s: float) -> Inner:
+    def at(self, v_s: float) -> Solution:
         """The problem at one v_s, from what is projected already; one peak."""
         shape, slope = self.problem.slopes(np.array([v_s]))
         inside, left = self.without(shape)
@@ -131,7 +138,9 @@ class Projected:
             if alpha_1 > 0 and (linear > self.lower).all():
                 residuals = self.rest - off * alpha_1
                 jacobian = np.concatenate([self.problem.linear, shape, slope * alpha_1], axis=1)
-                return Inner(np.array([*linear, alpha_1, v_s]), float(residuals @ residuals), (), residuals, jacobian)
+                return Solution(
+                    np.array([*linear, alpha_1, v_s]), float(residuals @ residuals), (), residuals, jacobian
+                )
         return solve_at(self.problem, [v_s])
 
     def _split(self, shapes: Array) -> tuple[Array, Array, Array]:
@@ -204,7 +213,7 @@ class Projected:
         return self.r_inverse @ in_q
 
 
-def solve_at(problem: Regression, v_s: Sequence[float]) -> Inner:
+def solve_at(problem: Regression, v_s: Sequence[float]) -> Solution:
     """Linear least squares (13) at given v_s, one per peak, bounded where the free solution breaks a bound."""
     design, slopes = problem.columns(v_s)
     solution = least_squares(design, problem.torque)
@@ -217,29 +226,12 @@ def solve_at(problem: Regression, v_s: Sequence[float]) -> Inner:
     residuals = problem.torque - design @ solution
     peaks = len(v_s)
     jacobian = np.concatenate([design, slopes * solution[solution.size - peaks :]], axis=1)
-    return Inner(np.array([*solution, *v_s]), float(residuals @ residuals), held, residuals, jacobian)
+    return Solution(np.array([*solution, *v_s]), float(residuals @ residuals), held, residuals, jacobian)
 
 
 def subsets(items: Sequence[T]) -> list[tuple[T, ...]]:
     """Every subset, the empty one first: the faces of what some bounds leave, by which of them hold."""
     return list(chain.from_iterable(combinations(items, size) for size in range(len(items) + 1)))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Solution:
-    """A solved static problem: at its continuous minimum what `Inner` says, and the grid."""
-
-    theta: Array
-    cost: float
-    residuals: Array
-    jacobian: Array
-    at_bound: tuple[ParameterName, ...]
-    base_costs: tuple[float, ...]
-    """Per peak, the cost without it."""
-    grid: Array
-    """v_s, rad/s, (k,)."""
-    profiles: tuple[Array, ...]
-    """Per peak, the cost on the grid, minimised over all other parameters, (k,)."""
 
 
 def default_range(velocity: Array) -> tuple[float, float]:
@@ -277,7 +269,7 @@ def solve(problem: Regression, v_s_range: tuple[float, float], grid: int = GRID)
         profiles = (surface.min(axis=1), surface.min(axis=0))
         first, second = np.unravel_index(surface.argmin(), surface.shape)
         inner = solve_at(problem, _descend(problem, [values[first], values[second]], v_s_range))
-    return Solution(**inner._asdict(), base_costs=bases, grid=values, profiles=profiles)
+    return replace(inner, base_costs=bases, grid=values, profiles=profiles)
 
 
 def descended(
@@ -285,7 +277,7 @@ def descended(
 ) -> Solution:
     """The solution with the minimum nearest to other v_s, one per peak; what was solved on the grid stays."""
     inner = solve_at(problem, _descend(problem, list(v_s), v_s_range))
-    return replace(solution, **inner._asdict())
+    return replace(inner, base_costs=solution.base_costs, grid=solution.grid, profiles=solution.profiles)
 
 
 def plain_grid(
@@ -327,7 +319,7 @@ def plain_grids(problem: Regression, torques: Array, v_s_range: tuple[float, flo
     return theta
 
 
-def _refine(projected: Projected, values: Array, costs: Array) -> Inner:
+def _refine(projected: Projected, values: Array, costs: Array) -> Solution:
     """The problem at the continuous minimum of the profile between the neighbours of its lowest grid value.
 
     The start is the minimum of the quartic through five grid values; from there the exact slope is followed by the

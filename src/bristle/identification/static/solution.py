@@ -15,7 +15,8 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import correlated, inflation
 from bristle.estimation.levels import NO_SIGN, SIGNIFICANCE
-from bristle.estimation.linear import best_column_p_value, first_order
+from bristle.estimation.linear import best_column_p_value
+from bristle.estimation.score_test import moved_by
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import Estimate, Profile
 from bristle.identification.shared_findings import at_bound, curve_held, takes_up_peak
@@ -105,7 +106,7 @@ def solve_static(
         if name.name in {"alpha_0", "alpha_2"} and name.direction in doubted:
             parameters[name] = replace(own, warnings=(*own.warnings, takes_up_peak()))
     names = list(compress(problem.names, free))
-    moved = {constant: first_order(jacobian[:, free], change) for constant, change in problem.shifts.items()}
+    moved = {constant: moved_by(jacobian[:, free], change) for constant, change in problem.shifts.items()}
     reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
     ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
     v_s = {d: intervals[name] for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)}
