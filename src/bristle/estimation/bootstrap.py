@@ -10,8 +10,7 @@ Romano, 1992): each equation is drawn as often as any other.
 
 Where a block ends correlation is cut, and so draws scatter by too little. What is studentised in its own resample,
 where blocks are independent, does not: the interval takes its shape from t = d / error in the resample, and its width
-from the fit's own error. Measured: over 120 simulated runs of gripper rotation, alone, 96 % of its intervals cover the
-truth, and 95 % by the draws' quantiles; for means of AR(1) noise (0.8) 94 % and 90 %.
+from the fit's own error (for means of AR(1) noise, 0.8, it covers 94 %; quantiles of draws 90 %).
 
 Points that err independently. Residuals are raised to the size that the fit took from them (their leverage), then drawn
 with replacement; where their variance differs from place to place each keeps its own and is given a random sign and
@@ -92,13 +91,8 @@ def residual_bootstrap(
 ) -> tuple[Resampled, Array]:
     """The steps of an estimate from equations that err independently, and its own standard errors, (p,).
 
-    Args:
-        jacobian: of the model at the estimate, (n, p), of full rank.
-        residuals: measured less modelled, (n,).
-        place: what their variance may depend on, (n,), > 0.
-        refit: fits each set again; None: by one Gauss-Newton step.
-        draws: B, >= 40.
-        seed: of the generator.
+    Of the model's Jacobian at the estimate, (n, p), of full rank, and residuals, measured less modelled, (n,), whose variance
+    may depend on a `place`, (n,). `refit` fits each of the `draws` sets, >= 40, again; None: by one Gauss-Newton step.
     """
     rng, n = np.random.default_rng(seed), residuals.size
     leverage = np.minimum(np.einsum("np,pq,nq->n", jacobian, inverse_gram(jacobian), jacobian), _FULL)
@@ -183,11 +177,9 @@ def block_bootstrap(
         jacobian: of the residuals at the minimum, (n, p), of full rank together with the priors.
         residuals: (n,), in whatever sign the Jacobian is of.
         starts: first equation of each segment between gaps; no block reaches over one.
-        priors: rows of the Jacobian that belong to priors, (m, p), whose residuals scatter by `sigma`; None: there are
-            none.
+        priors: rows of the Jacobian that belong to priors, (m, p), whose residuals scatter by `sigma`.
         sigma: see there.
-        instrument: what stands for the first factor of G_b and s_b, of a single unknown, (n, 1); None: the Jacobian
-            itself.
+        instrument: the first factor of G_b and s_b, of a single unknown, (n, 1); None: the Jacobian itself.
         length: equations in a block; None: `block_length` of the scores.
         draws: B.
         seed: of the generator.

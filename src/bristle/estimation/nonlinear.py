@@ -1,9 +1,7 @@
-"""Nonlinear least squares.
+"""Nonlinear least squares: residuals and their exact Jacobian over scaled unknowns, and the descent between bounds.
 
-The problem as residuals and their exact Jacobian over scaled unknowns, and its descent between bounds. Steps are Gauss
-and Newton's in a trust region (Levenberg and Marquardt). A step needs of the Jacobian only J'J and J'r, as many rows as
-unknowns: forming them is cheap beside the Jacobian itself. Squaring its condition makes a step less exact, not the
-minimum, where J'r vanishes.
+Steps are Gauss and Newton's in a trust region (Levenberg and Marquardt), from J'J and J'r alone. Squaring the condition
+of J makes a step less exact, not the minimum, where J'r vanishes.
 
 Equations come in blocks, each of which may have unknowns of its own, as a window has its start; behind them stand the
 rows of priors. Where blocks settle their own unknowns by themselves (variable projection), what is left is a small
@@ -135,7 +133,7 @@ class Minimum(NamedTuple):
 
 
 def minimise(
-    evaluate: Callable[[Array], tuple[Array, Array]],
+    evaluate: Evaluate,
     start: Array,
     lower: Array,
     upper: Array,
@@ -144,17 +142,10 @@ def minimise(
     lowest: float = np.inf,
     enough: float = 0.0,
 ) -> Minimum:
-    """The nearest minimum of the sum of squared residuals, lower <= x <= upper.
+    """The nearest minimum of the sum of squared residuals, lower <= x <= upper, in `most` steps; a start beyond is moved to the bounds.
 
-    Args:
-        evaluate: x (p,) -> residuals (n,) and their Jacobian (n, p); not finite where x is impossible.
-        start: (p,); moved to the bounds where it lies beyond.
-        lower: bounds, (p,), -inf where there is none.
-        upper: bounds, (p,), inf where there is none.
-        most: steps tried.
-        settled: what lowers the cost by less than this share of the residuals' variance is no step any more.
-        lowest: cost of the lowest end known; a descent that clearly goes to a worse one is given up, unconverged.
-        enough: what lowers the cost by less than this is no step either.
+    What lowers the cost by less than the share `settled` of the residuals' variance, or than `enough`, is no step any more. A
+    descent that clearly goes to an end worse than the `lowest` known is given up, unconverged.
 
     Raises InputError where the start gives no finite cost, or the gradient there is zero: nothing then depends on x.
     """

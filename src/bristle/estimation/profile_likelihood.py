@@ -64,16 +64,9 @@ def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> fl
 def interval_on_grid(
     costs: Callable[[Array], Array], grid: Array, profile: Array, best: float, most: float
 ) -> tuple[float, float]:
-    """The interval of a positive unknown whose profile is known at once.
+    """The interval of a positive unknown: where its profile, (k,) -> (k,), stays below the threshold `most`; 0 or inf to the grid's end.
 
-    0 or inf where it stays below the threshold to the end of the grid.
-
-    Args:
-        costs: the profile as a function of the unknown, (k,) -> (k,).
-        grid: values of it, ascending, (k,).
-        profile: the profile on it, (k,).
-        best: where the profile is lowest.
-        most: the threshold.
+    Of the profile on an ascending grid of the unknown, (k,) both, and the `best` value.
     """
     inside = np.append(grid[profile <= most], best)
 
@@ -81,7 +74,6 @@ def interval_on_grid(
         """Where between two values the profile crosses the threshold; the inner one where it does not."""
 
         def excess(u: float) -> float:
-            """The profile less the threshold at a logarithm."""
             return float(costs(np.array([np.exp(u)]))[0]) - most
 
         a, b = np.log(outside), np.log(within)
@@ -96,16 +88,10 @@ def interval_on_grid(
 def profiles(
     solution: MultistartSolution[Name], progress: Progress | None = None, *, stop_at_better: bool = True
 ) -> tuple[dict[Name, Profiled], Array | None]:
-    """The profile of each shared unknown of a problem, by name; those that have no influence at all are open.
+    """The profile of each shared unknown of a solved problem, by name, and None; those that have no influence at all are open.
 
-    Args:
-        solution: of the problem.
-        progress: called with what is done, how much of it, and of how much.
-        stop_at_better: whether a better optimum found on the way ends the search.
-
-    Returns:
-        The profiles and None; or those found so far and the scaled unknowns of the better optimum, from which the fit
-        must be done again.
+    Or, unless `stop_at_better` is false, those found before a better optimum was met, and its scaled unknowns, from which
+    the fit must be done again.
     """
     problem, minimum = solution.posed, solution.minimum
     unknowns, x, known = problem.unknowns, minimum.x, seen(minimum.jacobian)

@@ -4,7 +4,7 @@ The common variance solves mean(min(r**2 / s**2, c**2)) = E[min(Z**2, c**2)], s*
 what lies further out than c counts as c, so that a few observations of another kind hardly move it.
 """
 
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,13 +30,9 @@ def expected_square(bend: float) -> float:
 
 
 def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: int = 0) -> float:
-    """The variance that all residuals share beside their known ones; 0 where these explain them.
+    """The variance that all residuals, (n,), share beside their known ones, (n,); 0 where these explain them.
 
-    Args:
-        residuals: (n,).
-        known: variances, (n,).
-        times: how often the common variance is in each: 1, or 2 in a difference of two observations.
-        lost: number of coefficients that were fitted.
+    It is in each so many `times`: once, or twice in a difference of two observations. `lost` coefficients were fitted.
     """
     squares, free = residuals**2, residuals.size - lost
     if free < 1:
@@ -44,7 +40,6 @@ def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: in
     goal = expected_square(SCALE) * free
 
     def excess(variance: float) -> float:
-        """Of the bounded sum over its expectation, at a common variance."""
         return float(_bounded(squares, times * variance + known)) - goal
 
     if excess(0.0) <= 0:
@@ -108,12 +103,8 @@ def fit_differences(
     A level that steps is wrong in one difference alone, which counts little. The covariance is of the scores summed over
     groups where there are `_MANY`, else of the model, in which neighbouring differences share an observation.
 
-    Args:
-        y: observations, sorted by owner and time, (n,).
-        known: their variances, (n,).
-        regressors: (n, p); p may be 0.
-        pairs: as `differences_of`.
-        groups: what may move together, by observation, (n,).
+    Observations, (n,), are sorted by owner and time; regressors are (n, p), p may be 0; `pairs` are as `differences_of` has them,
+    and `groups`, (n,), say what may move together.
     """
     d, X = y[pairs.second] - y[pairs.first], regressors[pairs.second] - regressors[pairs.first]
     v = known[pairs.first] + known[pairs.second]
@@ -149,35 +140,26 @@ def fit_differences(
     return RobustFit(b, inverse @ outer @ inverse, variance, freedom, free)
 
 
-class Population(NamedTuple):
-    """Things of one kind, each measured with a known variance."""
+Size = TypeVar("Size", float, Array)
 
-    mean: float
-    mean_error: float
-    variance: float
+
+class Population(NamedTuple, Generic[Size]):
+    """Things of one kind, each measured with a known variance; or, (n,) each, the population without each of n things."""
+
+    mean: Size
+    mean_error: Size
+    variance: Size
     """Between them."""
     freedom: float
 
 
-class Others(NamedTuple):
-    """The population without each of its n things in turn."""
-
-    mean: Array
-    """(n,)."""
-    mean_error: Array
-    """(n,)."""
-    variance: Array
-    """(n,)."""
-    freedom: float
-
-
-def population(values: Array, known: Array) -> Population:
+def population(values: Array, known: Array) -> Population[float]:
     """Random effects, robust: mean and variance of a population of which each value (n,) has a known variance (n,)."""
     every = _populations(values, known, np.ones((1, values.size), dtype=bool))
-    return Population(float(every.mean[0]), float(every.mean_error[0]), float(every.variance[0]), every.freedom)
+    return Population(*(float(x[0]) for x in every[:3]), every.freedom)
 
 
-def without_each(values: Array, known: Array) -> Others:
+def without_each(values: Array, known: Array) -> Population[Array]:
     """The same without each value in turn: what a value is compared with, if it is not to widen the scatter that it is judged by.
 
     Memory and time grow with n**2.
@@ -185,7 +167,7 @@ def without_each(values: Array, known: Array) -> Others:
     return _populations(values, known, ~np.eye(values.size, dtype=bool))
 
 
-def _populations(values: Array, known: Array, there: NDArray[np.bool_]) -> Others:
+def _populations(values: Array, known: Array, there: NDArray[np.bool_]) -> Population[Array]:
     """The populations of those that are there, (k, n), of some values."""
     mean = np.array([float(np.median(values[row])) for row in there])
     count = int(there[0].sum())
@@ -202,7 +184,7 @@ def _populations(values: Array, known: Array, there: NDArray[np.bool_]) -> Other
     bread = (there * (np.abs(u) < BEND) / s2).sum(axis=1)
     meat = (there * np.clip(u, -BEND, BEND) ** 2 / s2).sum(axis=1)
     error = np.divide(np.sqrt(meat), bread, out=np.full(mean.size, np.inf), where=bread > 0)
-    return Others(mean, error, variance, max((count - 1) * SCALE_EFFICIENCY, 0.0))
+    return Population(mean, error, variance, max((count - 1) * SCALE_EFFICIENCY, 0.0))
 
 
 def _variances(squares: Array, known: Array, goal: float) -> Array:
@@ -211,7 +193,6 @@ def _variances(squares: Array, known: Array, goal: float) -> Array:
         return np.zeros(len(squares))
 
     def above(variance: Array) -> NDArray[np.bool_]:
-        """Whether it is larger."""
         return _bounded(squares, variance[:, None] + known) > goal
 
     low, high = np.zeros(len(squares)), squares.max(axis=1)

@@ -13,7 +13,7 @@ from scipy.linalg import qr
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.estimation.autocorrelation import inflation, inflation_along
+from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.findings import NOTE, Finding
 
@@ -112,7 +112,7 @@ def _score(basis: Array, left: Array, columns: Array, inflated: float = 1.0) -> 
     sizes[own] = inverse @ b / lengths[own]
     # noise that is alike everywhere, and noise that differs along the column, and may be correlated there alone
     most, one = np.inf if n >= _MANY else inflation(rest), float(rest @ rest)
-    correlated = np.array([max(min(inflation_along(rest, d), most), inflated) for d in directions.T])
+    correlated = np.array([max(min(inflation(rest, d), most), inflated) for d in directions.T])
     freedom = (n - p) / float(correlated.max()) - k
     if freedom < 1:
         return Score(sizes, errors, 1.0, share, share * total)

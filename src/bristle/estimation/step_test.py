@@ -47,12 +47,9 @@ class Levels(NamedTuple):
 
 
 def step_scan(levels: Levels, baseline: int, freedom: float) -> Steps:
-    """The most significant step of each series, after at least `baseline` observations, of all places where it may be.
+    """The most significant step of each series, after at least `baseline` >= 1 observations, of which each has more.
 
-    Args:
-        levels: with more than `baseline` observations in each row.
-        baseline: observations before the first place, at least 1.
-        freedom: degrees of freedom of the variances; Student's t is taken for them.
+    `freedom` are degrees of freedom of the variances, for Student's t.
     """
     weight = np.where(np.isfinite(levels.variance), 1 / levels.variance, 0.0)
     y = np.where(weight > 0, levels.y, 0.0)
