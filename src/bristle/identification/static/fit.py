@@ -60,20 +60,11 @@ def fit_static(
     timings: dict[str, float] | None = None,
     runs: Sequence[tuple[str, Regression]] = (),
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Fit one static problem and everything that the report shows beside the fit.
+    """Fit one static problem, with a peak in every direction, and everything that the report shows beside the fit.
 
-    Args:
-        problem: the equations; a peak in every direction.
-        options: the experiment's `fit`.
-        kind: revolute or prismatic, for units.
-        where: what is known of each equation.
-        held: hold-out runs by name, posed as the problem is.
-        timings: where the seconds of the grid and of the full fit are written, by name.
-        runs: those that can be fitted apart, by name, posed as the problem is, without its priors.
-
-    Returns:
-        Fits and cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit
-        `shared`.
+    Hold-out runs, and runs that can be fitted apart, by name, are posed as the problem is, without its priors; the seconds of the
+    grid and of the full fit are written into `timings`, by name. Returns fits and cross-checks, keyed by direction; a problem of two
+    directions that share regressors also has the fit `shared`.
     """
     v_s_range = default_range(problem.velocity)
     # of a direction that was measured at one speed alone viscous friction is told from Coulomb's by others

@@ -60,22 +60,16 @@ class Solution:
 
 
 class Projected:
-    """A problem with its linear columns projected out, for one set of torques or for many.
+    """A problem of n equations with its linear columns projected out, for one set of torques or for many.
 
-    Args:
-        problem: n equations.
-        dropped: names of linear parameters, alpha_1 of a peak among them, that are left out: a face of the problem, on
-            which they are zero.
+    Linear parameters, alpha_1 of a peak among them, that are `dropped` are zero: a face of the problem.
     """
 
     def __init__(self, problem: Regression, dropped: Sequence[ParameterName] = ()) -> None:
-        """Factor the linear columns once."""
         m, self.problem, self.size = len(problem.linear_names), problem, len(problem.linear_names) + len(problem.peaks)
         self.kept = [k for k in range(self.size) if not dropped or problem.names[k] not in dropped]
         columns, self.peaks = [k for k in self.kept if k < m], [k - m for k in self.kept if k >= m]
-        linear, self.lower = problem.linear, problem.lower
-        if dropped:
-            linear, self.lower = linear[:, columns], self.lower[columns]
+        linear, self.lower = problem.linear[:, columns] if dropped else problem.linear, problem.lower[columns]
         self.q, self.r_inverse = orthonormal(linear)
         self.torque_in_q = self.q.T @ problem.torque
         self.rest = problem.torque - self.q @ self.torque_in_q
@@ -247,47 +241,42 @@ def default_range(velocity: Array) -> tuple[float, float]:
 
 
 def solve(problem: Regression, v_s_range: tuple[float, float], grid: int = GRID) -> Solution:
-    """The grid over v_s, refined to its continuous minimum, with alpha_0, alpha_1, alpha_2 >= 0.
+    """The grid over v_s, of `grid` >= 3 values even in log(v_s), refined to its continuous minimum, with alpha_0, alpha_1, alpha_2 >= 0.
 
-    Args:
-        problem: n equations; more equations than linear parameters.
-        v_s_range: lowest and highest v_s, rad/s, 0 < low < high.
-        grid: values in it, >= 3, spaced evenly in log(v_s).
+    Of more equations than linear parameters; the range of v_s, rad/s, has 0 < low < high.
     """
-    values = log_grid(v_s_range, grid)
-    projected = Projected(problem)
-    profiles: tuple[Array, ...] = ()
-    bases: tuple[float, ...] = ()
+    values, projected = log_grid(v_s_range, grid), Projected(problem)
     if not problem.peaks:
-        inner = solve_at(problem, [])
-    elif len(problem.peaks) == 1:
-        profiles = (projected.costs(values),)
-        bases = (projected.base_cost,)
-        inner = _refine(projected, values, profiles[0])
-    else:
-        surface, bases = projected.surface(values, values)
-        profiles = (surface.min(axis=1), surface.min(axis=0))
-        first, second = np.unravel_index(surface.argmin(), surface.shape)
-        inner = solve_at(problem, _descend(problem, [values[first], values[second]], v_s_range))
-    return replace(inner, base_costs=bases, grid=values, profiles=profiles)
+        return replace(solve_at(problem, []), grid=values)
+    if len(problem.peaks) == 1:
+        costs = projected.costs(values)
+        inner = _refine(projected, values, costs)
+        return replace(inner, base_costs=(projected.base_cost,), grid=values, profiles=(costs,))
+    surface, bases = projected.surface(values, values)
+    first, second = np.unravel_index(surface.argmin(), surface.shape)
+    inner = descended(problem, [values[first], values[second]], v_s_range)
+    return replace(inner, base_costs=bases, grid=values, profiles=(surface.min(axis=1), surface.min(axis=0)))
 
 
-def descended(
-    problem: Regression, solution: Solution, v_s: Sequence[float], v_s_range: tuple[float, float]
-) -> Solution:
-    """The solution with the minimum nearest to other v_s, one per peak; what was solved on the grid stays."""
-    inner = solve_at(problem, _descend(problem, list(v_s), v_s_range))
-    return replace(inner, base_costs=solution.base_costs, grid=solution.grid, profiles=solution.profiles)
+def descended(problem: Regression, v_s: Sequence[float], v_s_range: tuple[float, float]) -> Solution:
+    """The continuous minimum, over all parameters at once, nearest to some v_s, one per peak."""
+    unknowns = unknowns_of(problem, v_s_range)
+
+    def linearised(x: Array) -> tuple[Array, Array]:
+        """Residuals, (n,), and their exact Jacobian, (n, p), at scaled parameters, (p,)."""
+        theta = unknowns.natural(x)
+        return problem.residuals(theta), -problem.jacobian(theta) * unknowns.slopes(x)
+
+    start = unknowns.scaled(problem.named(solve_at(problem, v_s).theta))
+    with suppress(InputError):  # where nothing depends on v_s, they stay
+        start = minimise(linearised, start, unknowns.lower, unknowns.upper, settled=_SETTLED).x
+    return solve_at(problem, unknowns.natural(start)[len(problem.names) - len(v_s) :].tolist())
 
 
 def plain_grid(
     problem: Regression, v_s_range: tuple[float, float], count: int = PLAIN_GRID
 ) -> tuple[Array, Array, Array]:
-    """The paper's method as it stands, (13).
-
-    The best of `count` evenly spaced values of v_s, for a problem of one direction. Returns the grid (count,), J_s on
-    it (count,), and theta at its best value.
-    """
+    """The paper's method as it stands, (13), in one direction: evenly spaced v_s (count,), J_s there, and theta at the best."""
     values = np.linspace(*v_s_range, count)
     costs = Projected(problem).costs(values)
     return values, costs, solve_at(problem, [float(values[costs.argmin()])]).theta
@@ -357,18 +346,3 @@ def _lowest(quartic: list[float], t: float) -> tuple[float, float]:
             break
         t -= max(-1.0, min(1.0, (((4 * a * t + 3 * b) * t + 2 * c) * t + d) / (2 * bend)))
     return t, bend
-
-
-def _descend(problem: Regression, v_s: list[float], v_s_range: tuple[float, float]) -> list[float]:
-    """The v_s of every direction at the continuous minimum near some of them, over all parameters at once."""
-    unknowns = unknowns_of(problem, v_s_range)
-
-    def linearised(x: Array) -> tuple[Array, Array]:
-        """Residuals, (n,), and their exact Jacobian, (n, p), at scaled parameters, (p,)."""
-        theta = unknowns.natural(x)
-        return problem.residuals(theta), -problem.jacobian(theta) * unknowns.slopes(x)
-
-    start = unknowns.scaled(dict(zip(problem.names, solve_at(problem, v_s).theta.tolist(), strict=True)))
-    with suppress(InputError):  # where nothing depends on v_s, they stay
-        start = minimise(linearised, start, unknowns.lower, unknowns.upper, settled=_SETTLED).x
-    return [float(x) for x in unknowns.natural(start)[len(problem.names) - len(v_s) :]]

@@ -238,26 +238,13 @@ def from_records(
 ) -> tuple[Regression, tuple[Array, Array], int]:
     """The problem for moving data, as robot identification poses it.
 
-    Both sides of the equation, sgn(v) formed before, go through one zero-phase decimation filter: 4th-order
-    Butterworth, forward and backward, at 0.8 of the new Nyquist frequency. Equations whose kernel reaches past an end
-    of a segment between gaps are dropped.
+    Both sides of the equation, sgn(v) formed before, go through one zero-phase filter that keeps one sample in `decimation`:
+    4th-order Butterworth, forward and backward, at 0.8 of the new Nyquist frequency. Equations whose kernel reaches past an
+    end of a segment between gaps are dropped. An `inertia` that is known, kg*m**2, is taken off; `weights` are coefficients of
+    gravity and links, where the level rises with that load; None: as the linear columns alone have them.
 
-    Args:
-        records: with velocity, torque, and acceleration or position where a regressor needs them.
-        directions: as in `Regression`.
-        regressors: of inertia, offset, gravity.
-        decimation: keep one sample in this many, >= 1 (1: nothing is filtered).
-        inertia: where it is known, kg*m**2: its torque is taken off.
-        law: of the friction.
-        weights: coefficients of gravity and links, where the level rises with that load; None: as the linear columns alone
-            have them.
-
-    Returns:
-        The problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation;
-        samples dropped at ends.
-
-    Raises:
-        InputError: where a segment is too short for the filter, with the length it needs.
+    Returns the problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation; samples
+    dropped at ends. Raises InputError where a segment is too short for the filter, or a record lacks a signal.
     """
     filters = [
         decimator([np.diff([*r.starts, r.time.size])], r.decimation(decimation), r.file, at_limits(r)) for r in records

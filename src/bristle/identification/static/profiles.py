@@ -95,13 +95,16 @@ def profiled(
     box = np.array([np.clip(ends, solution.grid[0], solution.grid[-1]) for ends in v_s.values()]).reshape(peaks, 2)
     bounded = np.isfinite(few.least[: len(names)])
 
+    def over_log(projected: Projected) -> Face:
+        return lambda log_v_s: projected.conditional(np.exp(log_v_s))
+
     def faces(j: int) -> Iterator[Face]:
         """Every face on which parameter j is free."""
         may_vanish = [name for k, name in enumerate(names) if bounded[k] and k != j]
-        return (_over_log(Projected(few, dropped)) for dropped in subsets(may_vanish))
+        return (over_log(Projected(few, dropped)) for dropped in subsets(may_vanish))
 
     linear = ConditionalProfiles(
-        free=_over_log(projected),
+        free=over_log(projected),
         faces=faces,
         bounded=bounded,
         best=np.log(best),
@@ -151,11 +154,9 @@ def drawn_profiles(
 
 
 def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
-    """The problem in fewer equations and velocities.
+    """The problem in fewer equations and velocities, with the same costs for every v_s in the range, to about 1e-8 of the torque's.
 
-    The same sums of squares for every theta with v_s in the range, to about 1e-8 of the torque's. Nothing is left out
-    that the columns or the torque hold, so the costs are the same, not only the minimum. Points that are not smoothed
-    are returned as they are.
+    Points that are not smoothed are returned as they are.
     """
     if problem.smooth is None:
         return problem
@@ -188,14 +189,8 @@ def _gathered(velocity: Array, shares: Array) -> tuple[Array, Array]:
     """Few velocities that stand for many: the same weighted sums of any odd curve as smooth as a friction law.
 
     A cubic spline in log(abs(v)) through the curve's values at the nodes meets it within about 1e-9 of its size, so
-    each sample's share can be handed to the nodes. Slower than 1e-7 of the fastest sample, a curve counts as constant.
-
-    Args:
-        velocity: of the samples, none zero, (N,).
-        shares: of each sample in r sums, (r, N).
-
-    Returns:
-        The nodes, positive, (m,), and their shares, (r, m).
+    the shares of the samples, of velocities (N,), none zero, in r sums, (r, N), can be handed to the nodes, (m,): (r, m).
+    Slower than 1e-7 of the fastest sample, a curve counts as constant.
     """
     speed = np.abs(velocity)
     high = float(np.log(speed.max()))
@@ -209,10 +204,6 @@ def _gathered(velocity: Array, shares: Array) -> tuple[Array, Array]:
     return nodes, np.asarray(np.linalg.solve(on_nodes.T, of_splines).T, dtype=np.float64)
 
 
-def _over_log(projected: Projected) -> Face:
-    return lambda log_v_s: projected.conditional(np.exp(log_v_s))
-
-
 def others(solution: Solution, peaks: int, peak: int) -> Array:
     """Values of the other of two v_s over which a peak's profile is minimised: near its best, and the grid, (k,)."""
     other = float(solution.theta[solution.theta.size - 1 - peak])
@@ -223,12 +214,8 @@ def with_best_shape(problem: Regression, v_s_range: tuple[float, float]) -> Regr
     """The problem with the shape at which its cost is least; itself where its peak has nothing beside v_s."""
     if not problem.law.peak.own or not problem.peaks:
         return problem
-
-    def cost(shape: tuple[float, ...]) -> float:
-        """The least there is with this shape."""
-        return solve(replace(problem, shape=shape), v_s_range).cost
-
-    best, _ = _searched(cost, tuple(own.searched for own in problem.law.peak.own))
+    ranges = tuple(own.searched for own in problem.law.peak.own)
+    best, _ = _searched(lambda shape: solve(replace(problem, shape=shape), v_s_range).cost, ranges)
     return replace(problem, shape=best)
 
 
@@ -284,7 +271,7 @@ def over_shapes(
         return one, solve(one, v_s_range)
 
     def above(k: int, u: float) -> float:
-        """By how much the cost passes the threshold at a logarithm of it."""
+        """The cost less the threshold at a logarithm of it."""
         return solved(k, float(np.exp(u)))[1].cost - threshold
 
     for k, own in enumerate(problem.law.peak.own if problem.shape and problem.peaks else ()):

@@ -115,18 +115,11 @@ def resample(
     seed: int = SEED,
     covariance: Array | None = None,
 ) -> StaticDraws:
-    """Intervals of every parameter in the order of the problem's `names`.
+    """Intervals of every parameter in the order of the problem's `names`, by so many `draws`, >= 40 (of moving data always as many).
 
     Points of which each stands alone, with at most one peak, are fitted again, up to `MANY`; parameters of others go one
-    step of Gauss and Newton, those at a bound none, and none does where moving data leave too few blocks to draw.
-
-    Args:
-        problem: the equations.
-        solution: its solution.
-        v_s_range: as it was solved with.
-        draws: resampled sets, >= 40; of moving data there are always as many.
-        seed: of the generator.
-        covariance: of the parameters at no bound; of moving data alone.
+    step of Gauss and Newton, those at a bound none, and none does where moving data leave too few blocks to draw: of these the
+    `covariance` of the parameters at no bound is needed.
     """
     keep = np.ones(len(problem.names), dtype=bool)
     alone = problem.smooth is None and len(problem.peaks) < 2 and not problem.shape
