@@ -327,14 +327,10 @@ def _known(problems: Sequence[Regression], solutions: Sequence[Solution]) -> Kno
 def ranked(
     data: Literal["points", "moving runs"], fitted: Sequence[FittedLaw | None], in_force: str, *, sparing: bool = False
 ) -> LawComparison | None:
-    """Fitted laws as rows, with the one that the data want; None where there is none beside the paper's.
+    """Fitted laws, None where there were too few equations, as rows, with the one that the data want; None where there is none beside the paper's.
 
-    Args:
-        data: what the equations are about.
-        fitted: each law; None where there were too few equations.
-        in_force: the name of the law of the fits.
-        sparing: whether errors at what is left out are worked out only where BIC prefers a law to the paper's: for those laws,
-            and the ones that they are compared with.
+    `in_force` names the law of the fits; where `sparing`, errors at what is left out are worked out only where BIC prefers a law to the
+    paper's: for those laws, and the ones that they are compared with.
     """
     found = [x for x in fitted if x is not None]
     paper = next((k for k, x in enumerate(found) if x.name == GAUSSIAN.name), None)
@@ -376,13 +372,9 @@ def ranked(
         )
         for k, (x, aicc, above, left, weight) in enumerate(zip(found, marks[:, 0], bic, left_out, weights, strict=True))
     )
-    return LawComparison(
-        data=data,
-        n=found[0].residuals.size,
-        rows=rows,
-        sentence=_sentence(rows, chosen, paper, asked=any(wanted)),
-        averaged=_averaged(found, weights) if float(weights.max()) < _SPREAD else {},
-    )
+    averaged = _averaged(found, weights) if float(weights.max()) < _SPREAD else {}
+    sentence = _sentence(rows, chosen, paper, asked=any(wanted))
+    return LawComparison(data=data, n=found[0].residuals.size, rows=rows, sentence=sentence, averaged=averaged)
 
 
 def _sentence(rows: Sequence[LawRow], chosen: int, paper: int, *, asked: bool) -> Finding:

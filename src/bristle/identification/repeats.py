@@ -33,14 +33,9 @@ _ALONE = 10.0  # times the standard error of all runs without one run that alone
 def scatter_of(
     by_run: Mapping[str, float], errors: Array, freedoms: Array, error: float, freedom: float
 ) -> RunScatter | None:
-    """The scatter of one parameter over runs that were each fitted apart; None of fewer than two.
+    """The scatter of one parameter over runs that were each fitted apart, by file; None of fewer than two.
 
-    Args:
-        by_run: its estimate from each run, by file.
-        errors: their standard errors, (k,).
-        freedoms: degrees of freedom of these, (k,).
-        error: standard error of the fit of all runs.
-        freedom: degrees of that.
+    With the errors of these estimates and their degrees of freedom, (k,) each, and those of the fit of all runs.
     """
     count, x, weights = len(by_run), np.array(list(by_run.values())), errors**-2.0
     if count < 2 or not error:
@@ -68,15 +63,9 @@ def clustered(
     """Each parameter's scatter over runs, of which what one leaves counts as one number.
 
     The covariance is that of the jackknife over k runs, to first order (`moved_without_each`): an error of the supply, say, that a
-    whole run has in common is in it.
-
-    Args:
-        names: of the p columns of a Jacobian.
-        parts: of each run J_i, (n, p), the derivative of what is modelled, and what it leaves, r_i, (n,), by file.
-        of_all: the estimates.
-        freedom: degrees of freedom of their intervals; of each, by name.
-        logarithmic: columns that are derivatives by a logarithm.
-        independent: whether what a run leaves is white: then an F test of all parameters of each run at once counts too, to first order.
+    whole run has in common is in it. `parts` are of each run, by file, J_i, (n, p), the derivative of what is modelled by the p
+    `names`, or their logarithm, and what it leaves, r_i, (n,); `freedom` is that of the estimates' intervals. Where what a run leaves
+    is white (`independent`), an F test of all parameters of each run at once counts too, to first order.
     """
     if len(parts) < _FEWEST:
         return {}

@@ -1,7 +1,4 @@
-"""sigma_0 and sigma_1 from slow loading below breakaway (3.2 of the paper).
-
-The estimators of sigma_0 stand side by side; then come breakaway, loops, and (15).
-"""
+"""sigma_0 and sigma_1 from slow loading below breakaway (3.2 of the paper), with breakaway, loops, and (15)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -57,16 +54,10 @@ def identify_presliding(
     resolution: float | None,
     kind: Kind,
 ) -> Presliding:
-    """Everything that presliding runs show of a joint.
+    """Everything that presliding runs, with position and torque, show of a joint.
 
-    Args:
-        records: with position and torque.
-        levels: g0 per direction, where other runs tell it; where none does, breakaway in these runs stands in, or else
-            the largest torque held, as a lower bound.
-        inertia: for (15); None where unknown.
-        options: the experiment's `fit`.
-        resolution: one encoder count, rad; None: from the data.
-        kind: of the joint.
+    `levels` are g0 per direction, where other runs tell it; where none does, breakaway in these runs stands in, or else the largest
+    torque held, as a lower bound. The inertia, for (15), and the resolution, one encoder count, rad, may be unknown.
 
     Raises InputError where a run holds no loading from zero torque, or slides from its start.
     """

@@ -140,10 +140,9 @@ def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
 
 
 def printed_bias(u: Array) -> tuple[Array, Array, Array]:
-    """Relative bias of (14) for u = sigma_0 q / g0: -0.5 is half of the truth.
+    """Relative bias of (14) for u = sigma_0 q / g0 > 0, of its shape: -0.5 is half of the truth.
 
-    Returns it where rest lies on a count edge, (1 - exp(-u)) / u - 1; then its mean and its standard deviation over a
-    uniformly distributed rest position in the count; each of the shape of u, u > 0.
+    Where rest lies on a count edge, (1 - exp(-u)) / u - 1; then its mean and its standard deviation over rest anywhere in it.
     """
     on_edge = -np.expm1(-u) / u
     below = u < 1e-4  # where the differences below would be rounding
@@ -319,22 +318,25 @@ def sample_columns(pieces: Sequence[Piece], shifted: Sequence[Array] | None = No
     return _columns(parts) if parts else None
 
 
+def _slope(columns: Columns) -> tuple[float, float, float]:
+    """The slope of y over x by the instrument, its standard error, and its degrees of freedom; 0 where x does not change."""
+    x, y, instrument, starts = columns
+    along, n = float(instrument @ x) or np.inf, y.size
+    slope = float(instrument @ y) / along
+    score = instrument * (y - slope * x)  # what scatters, correlated and of a variance that may grow with the torque
+    spare, variance_inflation = n - len(starts) - 1, inflation(score)
+    error = float(np.sqrt(float(score @ score) * n / max(spare, 1) * variance_inflation / along**2))
+    # two edges and an intercept leave no residual to judge by: then the slope may be off by as much as itself
+    return slope, error if spare > 0 else abs(slope), max(n / variance_inflation - len(starts) - 1, 1.0)
+
+
 def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
     """Slope of U over y at the count edges by weighted least squares, its standard error and degrees of freedom.
 
     Infinite, with an infinite error, where no loading has two edges.
     """
     edges = edge_columns(pieces)
-    if edges is None:
-        return np.inf, np.inf, 1.0
-    y, U, _, starts = edges
-    slope = float(y @ U / (y @ y))
-    score, freedom = y * (U - slope * y), y.size - len(starts) - 1
-    variance_inflation = inflation(score)
-    # two edges and an intercept leave no residual to judge by: then the slope may be off by as much as itself
-    scattered = float(score @ score) * y.size / max(freedom, 1) * variance_inflation / float(y @ y) ** 2
-    variance = scattered if freedom > 0 else slope**2
-    return slope, float(np.sqrt(variance)), max(y.size / variance_inflation - len(starts) - 1, 1.0)
+    return (np.inf, np.inf, 1.0) if edges is None else _slope(edges)
 
 
 def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) -> tuple[float, float, float]:
@@ -345,28 +347,17 @@ def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) 
     samples = sample_columns(pieces, shifted)
     if samples is None:
         return np.inf, np.inf, 1.0
-    U, y, t, starts = samples
-    along = float(t @ U)
-    compliance = float(t @ y) / along if along else 0.0
-    rest = y - compliance * U
-    score = t * rest  # what scatters, correlated and of a variance that grows with the torque
-    variance_inflation = inflation(score)
-    freedom = max(y.size / variance_inflation - len(starts) - 1, 1.0)
-    scatter = float(score @ score) * variance_inflation * y.size / max(y.size - len(starts) - 1, 1)
-    error = np.sqrt(scatter) / abs(along or 1.0)
+    compliance, error, freedom = _slope(samples)
     if abs(compliance) < _NONE:
         return np.inf, np.inf, freedom
-    return 1 / compliance, float(error / compliance**2), freedom
+    return 1 / compliance, error / compliance**2, freedom
 
 
 ESTIMATORS: Mapping[str, Estimator] = {"edges": by_edges, "samples": by_samples}
 
 
 def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[float, float]:
-    """Mean error and standard deviation of the all-sample estimate over where in a count the joint rests.
-
-    They are found by counting the fitted displacement.
-    """
+    """Mean error and standard deviation of the all-sample estimate over where in a count the joint rests, by counting what was fitted."""
     values = []
     for phase in (np.arange(_PHASES) + 0.5) / _PHASES:
         rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # another one in each loading

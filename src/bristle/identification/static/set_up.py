@@ -10,7 +10,6 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
@@ -76,8 +75,8 @@ class _Trial(NamedTuple):
     """Regressors that the signals allow."""
     pose: Callable[[tuple[str, ...]], Regression]
     """All that is possible, at once, in some directions."""
-    part: Callable[[int], NDArray[np.int_]]
-    """Of each of so many equations the part that it belongs to, (n,)."""
+    blocks: int
+    """Into so many stretches the equations are cut, of which a part is every fifth."""
 
 
 def better_for_motion(experiment: Experiment, records: Sequence[Record]) -> BetterSetUp | None:
@@ -138,7 +137,8 @@ def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     has = {name for name in signals if all(getattr(r, name) is not None for r in records)}
     has |= {"link_torque"} if "links" in asked else set()  # else it is known, and no column
     known = {*(r.made_of for r in records), *(() if fixed is None else ("inertia",))}
-    possible = [name for name, terms in REGRESSORS.items() if set(terms.needs) <= has] + _periodic(asked)
+    possible = [name for name, terms in REGRESSORS.items() if set(terms.needs) <= has]
+    possible += [name for name in asked if name not in REGRESSORS]  # what repeats with the position is not tried
     possible = [name for name in possible if name not in known]
     turns = not slides(experiment.joint.kind) and "position" in has
     if "gravity" in possible and not (turns and swings([np.asarray(r.position) for r in records])):
@@ -146,20 +146,15 @@ def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     return _Trial(
         possible,
         lambda sides: from_records(records, sides, possible, experiment.fit.every, fixed)[0],
-        lambda n: np.arange(n) * _BLOCKS // n % _PARTS,
+        _BLOCKS,
     )
-
-
-def _periodic(asked: Sequence[str]) -> list[str]:
-    """What repeats with the position is there where it is asked for, and not tried."""
-    return [name for name in asked if name not in REGRESSORS]
 
 
 def _of_points(points: Sequence[Segment], asked: Sequence[str] = ()) -> _Trial:
     ordered = sorted(points, key=lambda s: s.velocity)
     possible = ["offset", *(["gravity"] if all(s.position is not None for s in points) else []), "quadratic"]
-    possible += _periodic(asked)
-    return _Trial(possible, lambda sides: points_problem(ordered, sides, possible), lambda n: np.arange(n) % _PARTS)
+    possible += [name for name in asked if name not in REGRESSORS]
+    return _Trial(possible, lambda sides: points_problem(ordered, sides, possible), len(ordered))
 
 
 def _sides(points: Sequence[Segment]) -> tuple[str, ...]:
@@ -185,7 +180,7 @@ def _simplest(asked: SetUp, ways: Sequence[tuple[str, ...]], trial: _Trial) -> B
     None has friction that drives. None where nothing can be tried.
     """
     posed = {sides: trial.pose(sides) for sides in ways}
-    products = {sides: _products(problem, trial.part) for sides, problem in posed.items()}
+    products = {sides: _products(problem, trial.blocks) for sides, problem in posed.items()}
     driven = {sides for sides, problem in posed.items() if _drives(problem)}
     tried: list[tuple[int, Array, SetUp]] = []
     for set_up in _candidates(asked, ways, trial.possible):
@@ -268,13 +263,13 @@ class _Products(NamedTuple):
         return len(keep), errors
 
 
-def _products(problem: Regression, part: Callable[[int], NDArray[np.int_]]) -> _Products:
+def _products(problem: Regression, blocks: int) -> _Products:
     v_s = np.array(_BENT) * float(np.abs(problem.velocity).max())
     bent = [problem.shapes(v_s, k) for k in range(len(problem.peaks))]
     X, y = np.concatenate([problem.linear, *bent], axis=1), problem.torque
     X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
     names = ["" if of_curve(name.name) else name.name for name in problem.linear_names]
-    parts = [part(y.size) == k for k in range(_PARTS)]
+    parts = [np.arange(y.size) * blocks // y.size % _PARTS == k for k in range(_PARTS)]
     return _Products(
         names=names + [""] * (X.shape[1] - len(names)),
         gram=np.array([X[m].T @ X[m] for m in parts]),
