@@ -193,7 +193,16 @@ def block_bootstrap(
     edges, of_segment = cells(residuals.size, starts, length)
     grams = np.array([Z[a:b].T @ J[a:b] for a, b in pairwise(edges.tolist())])
     scores = np.array([Z[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
-    grams, scores, share = _blocks(grams, scores, of_segment)
+    # sums over the block that begins at each cell, and one over the number of blocks that hold each of its cells
+    sizes = np.bincount(of_segment)
+    begin, cells_of = (np.cumsum(sizes) - sizes)[of_segment], sizes[of_segment]
+    place, share = np.arange(of_segment.size) - begin, 1 / np.minimum(cells_of, _OVERLAP)
+    others = [begin + (place + k) % cells_of for k in range(_OVERLAP)]
+    inside = [(k < cells_of).astype(float) for k in range(_OVERLAP)]
+    grams, scores = (
+        np.asarray(sum(x[o] * w.reshape(-1, *[1] * (x.ndim - 1)) for o, w in zip(others, inside, strict=True)))
+        for x in (grams, scores)
+    )
     prior_rows = prior_rows / size
     number, count, p = max(round(float(share.sum())), 1), share.size, size.size
     rng = np.random.default_rng(seed)
@@ -233,15 +242,3 @@ def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
         np.linspace(a, b, k, endpoint=False).astype(int) for (a, b), k in zip(pairwise(firsts), counts, strict=True)
     ]
     return np.append(np.concatenate(inner), n), np.repeat(np.arange(len(counts)), counts)
-
-
-def _blocks(grams: Array, scores: Array, of_segment: Array) -> tuple[Array, Array, Array]:
-    """Sums over the block that begins at each cell, and one over the number of blocks that hold each of its cells."""
-    sizes = np.bincount(of_segment)
-    first, size = (np.cumsum(sizes) - sizes)[of_segment], sizes[of_segment]
-    place = np.arange(of_segment.size) - first
-    others = [first + (place + k) % size for k in range(_OVERLAP)]
-    inside = [(k < size).astype(float) for k in range(_OVERLAP)]
-    whole = sum(grams[o] * w[:, None, None] for o, w in zip(others, inside, strict=True))
-    total = sum(scores[o] * w[:, None] for o, w in zip(others, inside, strict=True))
-    return np.asarray(whole), np.asarray(total), 1 / np.minimum(size, _OVERLAP)

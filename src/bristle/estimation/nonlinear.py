@@ -163,11 +163,16 @@ def minimise(
         scale = np.maximum(scale, np.sqrt(gram.diagonal()))
         size = np.where(scale > 0, np.maximum(scale, _HARDLY_SEEN * scale.max()), 0.0)
         free = (scale > 0) & ~((x <= lower) & (slope > 0)) & ~((x >= upper) & (slope < 0))
-        step, expected = _step(gram, slope, size, free, damping)
+        # the damped step, none where not free, and by how much it lowers the linearised cost
+        inner, right = gram[np.ix_(free, free)] / np.outer(size[free], size[free]), slope[free] / size[free]
+        scaled = -np.linalg.lstsq(inner + damping * np.eye(right.size), right, rcond=1e-15)[0]
+        expected = float(-2 * scaled @ right - scaled @ inner @ scaled)
         if expected <= max(settled * cost / residuals.size, enough):
             converged = True
             break
-        trial = np.clip(x + step, lower, upper)
+        trial = x.copy()
+        trial[free] += scaled / size[free]
+        trial = np.clip(trial, lower, upper)
         new_residuals, new_jacobian = evaluate(trial)
         new_cost = float(new_residuals @ new_residuals) if np.isfinite(np.vdot(new_jacobian, new_jacobian)) else np.inf
         gained = (cost - new_cost) / expected if np.isfinite(new_cost) else -1.0
@@ -187,16 +192,6 @@ def minimise(
             converged = abs(cost - new_cost) <= 1e-9 * cost
             break
     return Minimum(x, cost, residuals, jacobian, taken, converged)
-
-
-def _step(gram: Array, slope: Array, scale: Array, free: NDArray[np.bool_], damping: float) -> tuple[Array, float]:
-    """The damped Gauss-Newton step (p,), zero where not free, and by how much it lowers the linearised cost."""
-    size = scale[free]
-    inner, right = gram[np.ix_(free, free)] / np.outer(size, size), slope[free] / size
-    taken = -np.linalg.lstsq(inner + damping * np.eye(size.size), right, rcond=1e-15)[0]
-    step = np.zeros(scale.size)
-    step[free] = taken / size
-    return step, float(-2 * taken @ right - taken @ inner @ taken)
 
 
 def descend(problem: LeastSquares[Any], start: Array, most: int) -> Minimum:

@@ -68,13 +68,18 @@ def step_scan(levels: Levels, baseline: int, freedom: float) -> Steps:
         z = np.where(after > 0, size / error, 0.0)
     best = np.abs(z).argmax(axis=1)
     row = np.arange(best.size)
+    # the standard normal deviate with the tail of a Student's t
     largest = np.abs(z[row, best])
+    if np.isfinite(freedom) and freedom <= 1e6:
+        with np.errstate(divide="ignore"):
+            tail = np.log(stdtr(freedom, -largest))
+        largest = np.where(np.isfinite(tail), -ndtri_exp(np.minimum(tail, 0.0)), largest)
     return Steps(
         after=best + baseline,
         size=size[row, best],
         error=error[row, best],
         z=z[row, best],
-        p=largest_p(_as_normal(largest, freedom), before, after),
+        p=largest_p(largest, before, after),
         before=means[0][row, best],
     )
 
@@ -83,15 +88,6 @@ def _means(weighted: Array, before: Array, after: Array, baseline: int) -> tuple
     total = weighted.cumsum(axis=1)
     first = total[:, baseline - 1 : -1]
     return first / before, (total[:, -1:] - first) / after
-
-
-def _as_normal(t: Array, freedom: float) -> Array:
-    """The standard normal deviate with the tail of a Student's t, both >= 0."""
-    if not np.isfinite(freedom) or freedom > 1e6:
-        return t
-    with np.errstate(divide="ignore"):
-        tail = np.log(stdtr(freedom, -t))
-    return np.where(np.isfinite(tail), -ndtri_exp(np.minimum(tail, 0.0)), t)
 
 
 def largest_p(c: Array, before: Array, after: Array) -> Array:

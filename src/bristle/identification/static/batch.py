@@ -75,11 +75,33 @@ class Batch:
         cross, square = (np.einsum("nk,nk->k", a / length, steep / length) for a in (off, steep))
         lost = projected.r_inverse @ (inside / length)
         self._tables = Tables(np.log(length), cross, square, lost, along / length[:, None])
-        self._without = projected.back(in_q)
         rest = torques - q @ in_q
-        self._rest = np.einsum("ns,ns->s", rest, rest)
         self._gram = projected.r_inverse @ projected.r_inverse.T
-        self._solve()
+        # the minimum of each set, between grid values
+        along, last = self._tables.along, grid - 1
+        coarse = np.maximum(along, 0.0).argmax(axis=0)
+        near = np.clip(coarse, 2, grid - 4) + _NEIGHBOURS[:, None]
+        # where the polynomial of each set, > 0, is highest, by Newton's method
+        of_set = _TO_POLYNOMIAL @ np.take_along_axis(along, near, axis=0)
+        slope, bend, t = polyder(of_set), polyder(of_set, 2), np.zeros(along.shape[1])
+        for _ in range(_NEWTON):
+            curved = polyval(t, bend, tensor=False)
+            step = np.divide(-polyval(t, slope, tensor=False), curved, out=np.full_like(t, np.inf), where=curved < 0)
+            t = t + np.clip(step, -0.7, 0.7)
+        inside_grid = (coarse >= 2) & (coarse <= grid - 4) & (t > -1.5) & (t < 2.5)
+        self._x = np.clip(near[2] + t, 0.0, last)
+        at = self._at(self._x[:, None])
+        peak = at.along[:, 0]
+        with np.errstate(over="ignore"):  # a column of vanishing length: that set is solved alone
+            linear, alpha_1 = projected.back(in_q) - at.inside[0, :, :, 0] * peak, peak * np.exp(-at.log_length[:, 0])
+        self.theta = np.vstack([linear, alpha_1, v_s_range[0] * np.exp(self._step * self._x)])
+        self.cost = np.maximum(np.einsum("ns,ns->s", rest, rest) - np.maximum(peak, 0.0) ** 2, 0.0)
+        alone = (self.theta[:-1] <= problem.least[:-1, None]).any(axis=0) | ~inside_grid
+        # those at an end of the range, or at a bound, one by one
+        for k in np.flatnonzero(alone | ~np.isfinite(self.theta).all(axis=0)).tolist():
+            one = solve(problem.with_torque(torques[:, k]), v_s_range, grid)
+            self.theta[:, k], self.cost[k] = one.theta, one.cost
+            self._x[k] = np.clip(np.log(one.theta[-1] / v_s_range[0]) / self._step, 0.0, last)
 
     def errors(self, *, robust: bool = False) -> Array:
         """Standard errors from the exact Jacobian, as `uncertainty.covariance` has them, (p, sets).
@@ -115,9 +137,6 @@ class Batch:
         errors[-1, theta[-2] <= 0] = np.inf
         return errors
 
-    def _v_s(self, x: Array) -> Array:
-        return np.asarray(self.v_s_range[0] * np.exp(self._step * x))
-
     def _at(self, x: Array) -> Tables:
         """The tables at grid coordinates x, (sets, q)."""
         first = np.clip(np.floor(x).astype(np.intp), 2, self.grid - 4)
@@ -127,29 +146,3 @@ class Batch:
         along = self._tables.along[near, np.arange(x.shape[0])[:, None, None]]
         tables = (*(table[..., near] for table in self._tables[:4]), along)
         return Tables(*(np.einsum("...sqi,sqi->...sq", table, weights) for table in tables))
-
-    def _solve(self) -> None:
-        """The minimum of each set, between grid values; those at an end of the range, or at a bound, one by one."""
-        along, last = self._tables.along, self.grid - 1
-        coarse = np.maximum(along, 0.0).argmax(axis=0)
-        near = np.clip(coarse, 2, self.grid - 4) + _NEIGHBOURS[:, None]
-        # where the polynomial of each set, > 0, is highest, by Newton's method
-        of_set = _TO_POLYNOMIAL @ np.take_along_axis(along, near, axis=0)
-        slope, bend, t = polyder(of_set), polyder(of_set, 2), np.zeros(along.shape[1])
-        for _ in range(_NEWTON):
-            curved = polyval(t, bend, tensor=False)
-            step = np.divide(-polyval(t, slope, tensor=False), curved, out=np.full_like(t, np.inf), where=curved < 0)
-            t = t + np.clip(step, -0.7, 0.7)
-        inside_grid = (coarse >= 2) & (coarse <= self.grid - 4) & (t > -1.5) & (t < 2.5)
-        self._x = np.clip(near[2] + t, 0.0, last)
-        at = self._at(self._x[:, None])
-        peak = at.along[:, 0]
-        with np.errstate(over="ignore"):  # a column of vanishing length: that set is solved alone
-            linear, alpha_1 = self._without - at.inside[0, :, :, 0] * peak, peak * np.exp(-at.log_length[:, 0])
-        self.theta = np.vstack([linear, alpha_1, self._v_s(self._x)])
-        self.cost = np.maximum(self._rest - np.maximum(peak, 0.0) ** 2, 0.0)
-        alone = (self.theta[:-1] <= self.problem.least[:-1, None]).any(axis=0) | ~inside_grid
-        for k in np.flatnonzero(alone | ~np.isfinite(self.theta).all(axis=0)).tolist():
-            one = solve(self.problem.with_torque(self.torques[:, k]), self.v_s_range, self.grid)
-            self.theta[:, k], self.cost[k] = one.theta, one.cost
-            self._x[k] = np.clip(np.log(one.theta[-1] / self.v_s_range[0]) / self._step, 0.0, last)

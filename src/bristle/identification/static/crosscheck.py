@@ -5,8 +5,6 @@ range of v_s: the model is the law's own expression (9) on CasADi symbols, deriv
 (v_s by its logarithm), and the starts are random with a fixed seed.
 """
 
-from collections.abc import Sequence
-
 import casadi as ca
 import numpy as np
 
@@ -33,7 +31,27 @@ def full_fit(problem: Regression, v_s_range: tuple[float, float], starts: int = 
     """
     unknowns, (low, high) = unknowns_of(problem, v_s_range), np.log(v_s_range).tolist()
     x = ca.MX.sym("x", len(problem.names))
-    residual = _residuals(problem, natural(unknowns, x), v_s_range) / (float(np.abs(problem.torque).max()) or 1.0)
+    # measured minus modelled torque in CasADi; where smoothed of fewer equations with the same sum of squares
+    few = reduced(problem, v_s_range)
+    value = dict(zip(few.names, natural(unknowns, x), strict=True))
+    others = [k for k, name in enumerate(few.linear_names) if not of_curve(name.name)]
+    extra = ca.vertcat(*(value[few.linear_names[k]] for k in others))
+    residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, others]), extra)
+    one, shape = static_of(few.law), dict(zip(few.law.shape_parameters[1:], few.shape, strict=True))
+    nothing = without_peak(few.law) | {"alpha_2": 0.0}  # of one speed alone
+    given = {**nothing, **shape, FASTEST: float(np.abs(few.velocity).max())}
+    for direction in few.directions:
+        fitted = {name: value[key] for name in one._fields if (key := ParameterName(name, direction)) in value}
+        p = one(**{name: {**given, **fitted}[name] for name in one._fields})
+        moving = few.velocity != 0
+        if len(few.directions) == 2:
+            moving = few.velocity > 0 if direction is Direction.POSITIVE else few.velocity < 0
+        if few.smooth is None:
+            residual -= ca.DM(np.where(moving, 1.0, 0.0)) * law.steady_torque(ca.DM(few.velocity), p)
+        else:
+            shares = ca.DM(few.smooth[:, moving].toarray())
+            residual -= ca.mtimes(shares, law.steady_torque(ca.DM(few.velocity[moving]), p))
+    residual /= float(np.abs(problem.torque).max()) or 1.0
     full = solver("full", x, ca.dot(residual, residual), **OPTIONS)
     rng = np.random.default_rng(SEED)
     begun = []
@@ -81,27 +99,3 @@ def crosscheck(
         )
         verdict = Finding("grid-lower", NOTE, message, {"grid": cost, "full": full})
     return Crosscheck(**other._asdict(), verdict=verdict)
-
-
-def _residuals(problem: Regression, theta: Sequence[ca.MX], v_s_range: tuple[float, float]) -> ca.MX:
-    """Measured minus modelled torque in CasADi; where smoothed of fewer equations with the same sum of squares."""
-    few = reduced(problem, v_s_range)
-    value = dict(zip(few.names, theta, strict=True))
-    others = [k for k, name in enumerate(few.linear_names) if not of_curve(name.name)]
-    extra = ca.vertcat(*(value[few.linear_names[k]] for k in others))
-    residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, others]), extra)
-    one, shape = static_of(few.law), dict(zip(few.law.shape_parameters[1:], few.shape, strict=True))
-    nothing = without_peak(few.law) | {"alpha_2": 0.0}  # of one speed alone
-    given = {**nothing, **shape, FASTEST: float(np.abs(few.velocity).max())}
-    for direction in few.directions:
-        fitted = {name: value[key] for name in one._fields if (key := ParameterName(name, direction)) in value}
-        p = one(**{name: {**given, **fitted}[name] for name in one._fields})
-        moving = few.velocity != 0
-        if len(few.directions) == 2:
-            moving = few.velocity > 0 if direction is Direction.POSITIVE else few.velocity < 0
-        if few.smooth is None:
-            residual -= ca.DM(np.where(moving, 1.0, 0.0)) * law.steady_torque(ca.DM(few.velocity), p)
-        else:
-            shares = ca.DM(few.smooth[:, moving].toarray())
-            residual -= ca.mtimes(shares, law.steady_torque(ca.DM(few.velocity[moving]), p))
-    return residual

@@ -104,21 +104,18 @@ class Projected:
         shapes = self.problem.shapes(v_s)
         alpha_1, along, broken = self._peak(shapes)
         costs = np.maximum(self.rest_cost - alpha_1 * along, 0.0)
-        if broken.size:
-            costs[broken] = self._bounded(shapes[:, broken])
-        return costs
-
-    def _bounded(self, shapes: Array) -> Array:
-        """The least J_s with each of some Stribeck columns (n, k), on any face that breaks no bound, (k,)."""
+        if not broken.size:
+            return costs
+        # the least on any face that breaks no bound
         bounded = [name for name, low in zip(self.problem.linear_names, self.lower, strict=True) if np.isfinite(low)]
-        least = np.full(shapes.shape[1], np.inf)
+        costs[broken], shapes = np.inf, shapes[:, broken]
         for dropped in subsets(bounded)[1:]:
             face = Projected(self.problem, dropped)
-            alpha_1, along, broken = face._peak(shapes)
-            costs = np.maximum(face.rest_cost - alpha_1 * along, 0.0)
-            costs[broken] = np.inf
-            least = np.minimum(least, costs)
-        return least
+            alpha_1, along, lost = face._peak(shapes)
+            of_face = np.maximum(face.rest_cost - alpha_1 * along, 0.0)
+            of_face[lost] = np.inf
+            costs[broken] = np.minimum(costs[broken], of_face)
+        return costs
 
     def at(self, v_s: float) -> Solution:
         """The problem at one v_s, from what is projected already; one peak."""

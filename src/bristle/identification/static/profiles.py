@@ -171,9 +171,18 @@ def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
     velocities, shares = [], []
     for sign in (1.0, -1.0) if two else (1.0,):
         moving = problem.velocity * sign > 0 if two else problem.velocity != 0
-        nodes, sums = _gathered(problem.velocity[moving], (problem.smooth[:, moving].T @ basis).T)
-        velocities.append(sign * nodes)
-        shares.append(sign * sums)
+        speed, weight = np.abs(problem.velocity[moving]), problem.smooth[:, moving].T @ basis
+        # A cubic spline in log(abs(v)) through a friction curve's values at some nodes meets it within about 1e-9 of its
+        # size, so each sample's share of a sum can be handed to the nodes. Slower than 1e-7 of the fastest it is constant.
+        high = float(np.log(speed.max()))
+        low = max(float(np.log(speed.min())), high + np.log(_SLOWEST))
+        at = np.linspace(low, max(high, low + 1.0), _NODES)
+        knots = np.concatenate([[at[0]] * 4, at[2:-2], [at[-1]] * 4])
+        on_samples = BSpline.design_matrix(np.clip(np.log(speed), at[0], at[-1]), knots, 3)
+        on_nodes: Array = BSpline.design_matrix(at, knots, 3).toarray()
+        of_splines = np.asarray(on_samples.T @ (weight.T * np.sign(problem.velocity[moving])).T, dtype=np.float64)
+        velocities.append(sign * np.exp(at))
+        shares.append(sign * np.asarray(np.linalg.solve(on_nodes.T, of_splines).T, dtype=np.float64))
     return replace(
         problem,
         velocity=np.concatenate(velocities),
@@ -183,25 +192,6 @@ def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
         known=None,
         memory={},
     )
-
-
-def _gathered(velocity: Array, shares: Array) -> tuple[Array, Array]:
-    """Few velocities that stand for many: the same weighted sums of any odd curve as smooth as a friction law.
-
-    A cubic spline in log(abs(v)) through the curve's values at the nodes meets it within about 1e-9 of its size, so
-    the shares of the samples, of velocities (N,), none zero, in r sums, (r, N), can be handed to the nodes, (m,): (r, m).
-    Slower than 1e-7 of the fastest sample, a curve counts as constant.
-    """
-    speed = np.abs(velocity)
-    high = float(np.log(speed.max()))
-    low = max(float(np.log(speed.min())), high + np.log(_SLOWEST))
-    at = np.linspace(low, max(high, low + 1.0), _NODES)
-    knots = np.concatenate([[at[0]] * 4, at[2:-2], [at[-1]] * 4])
-    on_samples = BSpline.design_matrix(np.clip(np.log(speed), at[0], at[-1]), knots, 3)
-    on_nodes: Array = BSpline.design_matrix(at, knots, 3).toarray()
-    of_splines = np.asarray(on_samples.T @ (shares * np.sign(velocity)).T, dtype=np.float64)
-    nodes: Array = np.exp(at)
-    return nodes, np.asarray(np.linalg.solve(on_nodes.T, of_splines).T, dtype=np.float64)
 
 
 def others(solution: Solution, peaks: int, peak: int) -> Array:

@@ -1,9 +1,7 @@
-"""The 95 % intervals of a static fit three ways: covariance, profile, bootstrap; and where they part.
+"""The 95 % intervals of a static fit three ways, covariance, profile, bootstrap, and where they part; and what runs say, for `repeats`.
 
 The bootstrap draws points anew at the same velocities and fits them again by the whole grid; what is costly to fit goes
 by one step. v_s is stepped by its logarithm: an interval need be neither symmetric nor normal.
-
-And what each of several runs says of it, for `repeats`.
 """
 
 from collections.abc import Sequence
@@ -18,7 +16,6 @@ from bristle.estimation.bootstrap import (
     FEW,
     REFITS,
     SHOWN,
-    Resampled,
     block_bootstrap,
     linear_refit,
     residual_bootstrap,
@@ -124,7 +121,22 @@ def resample(
     keep = np.ones(len(problem.names), dtype=bool)
     alone = problem.smooth is None and len(problem.peaks) < 2 and not problem.shape
     if alone and problem.torque.size <= MANY:
-        drawn, errors = _refitted(problem, solution, v_s_range, draws, seed)
+        center, as_logarithm = solution.theta[:, None], problem.logarithmic[:, None]
+
+        def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
+            """How far the grid's estimates lie off, and their errors, inf where nothing is seen of a parameter."""
+            torques = (problem.torque - solution.residuals)[:, None] + residuals
+            if not problem.peaks:
+                theta, errors = linear_refit(problem.linear, torques, uneven)
+                return theta - center, errors
+            batch = Batch(problem, torques, v_s_range)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                steps = np.where(as_logarithm, np.log(batch.theta / center), batch.theta - center)
+            size = np.where(as_logarithm, np.column_stack([center, batch.theta[:, 1:]]), 1.0)
+            return steps, batch.errors(robust=uneven) / size
+
+        J, left = solution.jacobian, solution.residuals
+        drawn, errors = residual_bootstrap(J, left, problem.velocity, refit, draws, seed)
     else:
         keep = np.array([name not in solution.at_bound for name in problem.names])
         if not keep.any():
@@ -156,26 +168,6 @@ def resample(
 
     low, high = moved(ends).T
     return StaticDraws(low, high, moved(drawn.steps.T[: best.size]), drawn.wild)
-
-
-def _refitted(
-    problem: Regression, solution: Solution, v_s_range: tuple[float, float], draws: int, seed: int
-) -> tuple[Resampled, Array]:
-    best, logarithmic = solution.theta[:, None], problem.logarithmic[:, None]
-
-    def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
-        """How far the grid's estimates lie off, and their errors, inf where nothing is seen of a parameter."""
-        torques = (problem.torque - solution.residuals)[:, None] + residuals
-        if not problem.peaks:
-            theta, errors = linear_refit(problem.linear, torques, uneven)
-            return theta - best, errors
-        batch = Batch(problem, torques, v_s_range)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            steps = np.where(logarithmic, np.log(batch.theta / best), batch.theta - best)
-        size = np.where(logarithmic, np.column_stack([best, batch.theta[:, 1:]]), 1.0)
-        return steps, batch.errors(robust=uneven) / size
-
-    return residual_bootstrap(solution.jacobian, solution.residuals, problem.velocity, refit, draws, seed)
 
 
 def parts_of_runs(
