@@ -51,7 +51,23 @@ def turning_lag(
 
     `levels` are g0 per direction, N*m; `resolution` is one encoder count, rad; None: from the data.
     """
-    lags = [lag for record in records for lag in _lags(record, loadings, levels)]
+    # how much later the torque turns, and the standard error of that, s, at each turn before which nothing slides
+    lags = list[tuple[float, float]]()
+    for record in records:
+        own = [x for x in loadings if x.file == record.file]
+        slid = [x.start for x in own if x.breakaway is not None]
+        torque, position, time = np.asarray(record.torque), np.asarray(record.position), record.time
+        for before, at, after, sign in _turns(record):
+            side = _SIDE * float(min(time[at] - time[before], time[after] - time[at]))
+            g0 = levels.get("+" if sign > 0 else "-", 0.0)
+            if any(before <= start < at for start in slid) or not g0:
+                continue
+            near = np.flatnonzero(abs(time - time[at]) < side)
+            near = near[:: 1 + near.size // _MOST]
+            s, y, far = (time[near] - time[at]) / side, sign * position[near], max(_COUNTS * own[0].quantum, _TINY)
+            if all(np.count_nonzero(rows) > _PER_SIDE and np.ptp(y[rows]) >= far for rows in (near < at, near > at)):
+                value, error = _lag(s, sign * torque[near], y, g0)
+                lags.append((side * value, float(np.hypot(side * error, record.step / 2))))
     if not lags:
         return []
     values, errors = np.array(lags).T
@@ -67,8 +83,8 @@ def turning_lag(
         return []
     moved, changes = [x for of_record in found for x in of_record], list[float]()
     for d, g0 in levels.items():
-        own = [[of_loading(x, g0) for x in of if x.direction == d] for of in (moved, loadings)]
-        changes += [by_samples(own[0])[0] / by_samples(own[1])[0] - 1] if all(own) else []
+        pieces = [[of_loading(x, g0) for x in of if x.direction == d] for of in (moved, loadings)]
+        changes += [by_samples(pieces[0])[0] / by_samples(pieces[1])[0] - 1] if all(pieces) else []
     change = max((x for x in changes if np.isfinite(x)), key=abs, default=0.0)
     if abs(change) < _SHARE:
         return []
@@ -81,26 +97,6 @@ def turning_lag(
     )
     numbers = {"seconds": seconds, "samples": samples, "when": when, "change": change, "delay": lag}
     return [Finding("turns-late", CAUTION, message, numbers)]
-
-
-def _lags(record: Record, loadings: Sequence[Loading], levels: Mapping[str, float]) -> list[tuple[float, float]]:
-    """How much later the torque turns than the displacement, and the standard error of that, s, at each turn before which nothing slides."""
-    own = [x for x in loadings if x.file == record.file]
-    slid = [x.start for x in own if x.breakaway is not None]
-    torque, position, time = np.asarray(record.torque), np.asarray(record.position), record.time
-    lags = []
-    for before, at, after, sign in _turns(record):
-        side = _SIDE * float(min(time[at] - time[before], time[after] - time[at]))
-        g0 = levels.get("+" if sign > 0 else "-", 0.0)
-        if any(before <= start < at for start in slid) or not g0:
-            continue
-        near = np.flatnonzero(abs(time - time[at]) < side)
-        near = near[:: 1 + near.size // _MOST]
-        s, y, far = (time[near] - time[at]) / side, sign * position[near], max(_COUNTS * own[0].quantum, _TINY)
-        if all(np.count_nonzero(rows) > _PER_SIDE and np.ptp(y[rows]) >= far for rows in (near < at, near > at)):
-            value, error = _lag(s, sign * torque[near], y, g0)
-            lags.append((side * value, float(np.hypot(side * error, record.step / 2))))
-    return lags
 
 
 def _turns(record: Record) -> list[tuple[int, int, int, float]]:

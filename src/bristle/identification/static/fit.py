@@ -129,23 +129,6 @@ def estimate_static(
     return {name.name: e for name, e in core.estimates.items()}
 
 
-def _split_unknown(
-    problem: Regression, parameters: Mapping[str, Estimate], part: Direction, kind: Kind
-) -> dict[str, Estimate]:
-    """Of one speed alone: alpha_0 stands for all friction there, alpha_2 for none; both have what is possible as their intervals, and say so."""
-    whole = parameters.get("alpha_0")
-    if "alpha_2" in parameters or whole is None or whole.value is None or whole.interval is None:
-        return {}
-    speed, high = float(np.mean(problem.speeds(part))), whole.interval[1]
-    message = (
-        f"Friction is known at one speed alone, {speed:.3g}{unit_of('velocity')}: alpha_0 + alpha_2 v = {whole.value:.4g} +/- "
-        f"{whole.standard_error or 0.0:.2g}{unit_of('torque')}. How it splits is not known, and alpha_2 is taken as 0; measure at other speeds."
-    )
-    said = (Finding("one-speed-only", CAUTION, message, {"speed": speed, "friction": whole.value}),)
-    alpha_2 = Estimate(value=0.0, unit=unit("alpha_2", kind), interval=(0.0, high / speed), warnings=said)
-    return {"alpha_0": replace(whole, interval=(0.0, high), warnings=(*whole.warnings, *said)), "alpha_2": alpha_2}
-
-
 def _parts(problem: Regression) -> tuple[Direction, ...]:
     return problem.directions if len(problem.directions) == 1 else (*problem.directions, Direction.SHARED)
 
@@ -285,7 +268,18 @@ def _static_fit(
         names_lost = peak_parameters(problem.law)
         parameters |= {n: Estimate(value=None, unit=unit(n, kind), warnings=lost) for n in names_lost}
     parameters |= {name.name: e for name, e in core.beside.items() if name.direction is part}
-    parameters |= _split_unknown(problem, parameters, part, kind)  # of what is shared there is no alpha_0
+    whole = parameters.get("alpha_0")  # of what is shared there is none
+    if "alpha_2" not in parameters and whole is not None and whole.value is not None and whole.interval is not None:
+        # of one speed alone alpha_0 stands for all friction there, alpha_2 for none, with what is possible as their intervals
+        speed, high = float(np.mean(problem.speeds(part))), whole.interval[1]
+        message = (
+            f"Friction is known at one speed alone, {speed:.3g}{unit_of('velocity')}: alpha_0 + alpha_2 v = {whole.value:.4g} +/- "
+            f"{whole.standard_error or 0.0:.2g}{unit_of('torque')}. How it splits is not known, and alpha_2 is taken as 0; measure at other speeds."
+        )
+        said = (Finding("one-speed-only", CAUTION, message, {"speed": speed, "friction": whole.value}),)
+        parameters["alpha_0"] = replace(whole, interval=(0.0, high), warnings=(*whole.warnings, *said))
+        nothing = Estimate(value=0.0, unit=unit("alpha_2", kind), interval=(0.0, high / speed), warnings=said)
+        parameters["alpha_2"] = nothing
     order = sorted(parameters, key=lambda name: (*static_fields_of(problem.law), name).index(name))
     keep = [k for k, name in enumerate(core.names) if name in names or name in core.beside]
     torque = problem.friction(theta) if part != "shared" else problem.torque

@@ -4,9 +4,8 @@ Friction without a bristle, with columns at a few v_s in place of the Stribeck t
 small solve.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +25,7 @@ from bristle.identification.moving_runs import (
     swings,
     terms_of,
 )
+from bristle.identification.static.grid import subsets
 from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records
 from bristle.identification.static.strays import refit
@@ -183,7 +183,14 @@ def _simplest(asked: SetUp, ways: Sequence[tuple[str, ...]], trial: _Trial) -> B
     products = {sides: _products(problem, trial.blocks) for sides, problem in posed.items()}
     driven = {sides for sides, problem in posed.items() if _drives(problem)}
     tried: list[tuple[int, Array, SetUp]] = []
-    for set_up in _candidates(asked, ways, trial.possible):
+    # all that was asked for with any of what is possible beside; an offset where one friction serves both directions
+    may = list[SetUp]()
+    for sides in ways:
+        told, more = (
+            [x for x in names if x != "offset" or sides == ("both",)] for names in (asked.regressors, trial.possible)
+        )
+        may += [SetUp(sides, (*told, *some)) for some in subsets([x for x in more if x not in told])]
+    for set_up in may:
         found = products[set_up.directions].errors(set_up.regressors)
         drives = set_up.directions in driven and "gravity" not in set_up.regressors
         drives = drives or products[set_up.directions].falls(set_up.regressors)
@@ -202,15 +209,6 @@ def _simplest(asked: SetUp, ways: Sequence[tuple[str, ...]], trial: _Trial) -> B
             as_good.append(one)
     _, errors, chosen = min(as_good, key=lambda x: (x[0], float(x[1] @ x[1])))
     return BetterSetUp(asked, chosen, float(np.linalg.norm(first)), float(np.linalg.norm(errors)))
-
-
-def _candidates(asked: SetUp, ways: Sequence[tuple[str, ...]], possible: Sequence[str]) -> Iterator[SetUp]:
-    """All that was asked for with any of what is possible beside; an offset where one friction serves both directions."""
-    for sides in ways:
-        told = [name for name in asked.regressors if name != "offset" or sides == ("both",)]
-        more = [name for name in possible if name not in told and (name != "offset" or sides == ("both",))]
-        for count in range(len(more) + 1):
-            yield from (SetUp(sides, (*told, *some)) for some in combinations(more, count))
 
 
 def _drives(problem: Regression) -> bool:
