@@ -37,16 +37,6 @@ def test_the_mean_of_correlated_noise_scatters_as_it_should(rho: float) -> None:
     assert spread < 0.05 * true
 
 
-def test_white_noise_gives_the_covariance() -> None:
-    """With independent residuals of one variance, and blocks of one equation, the draws have the covariance s**2 (J'J)**-1."""
-    rng = np.random.default_rng(0)
-    J, noise = rng.standard_normal((1000, 3)) * [1.0, 10.0, 0.1], rng.standard_normal(1000)
-    left = noise - J @ np.linalg.lstsq(J, noise, rcond=None)[0]
-    steps = block_bootstrap(J, left, length=1, draws=2000).steps
-    errors = np.sqrt(np.diag(np.linalg.inv(J.T @ J)) * left.var())
-    np.testing.assert_allclose(steps.std(axis=0), errors, rtol=0.06)
-
-
 def test_normal_data_have_the_normal_interval() -> None:
     """Where residuals are normal and many, bootstrap-t gives 1.96 standard errors either way."""
     rng = np.random.default_rng(1)

@@ -46,16 +46,6 @@ def location(torque: Array) -> Regression:
     )
 
 
-def test_the_same_seed_gives_the_same_draws() -> None:
-    """Everything depends on the seed alone: equal ones agree to the last bit, others do not."""
-    problem = gripper(3e-4 * np.random.default_rng(1).standard_normal(16))
-    first, again, other = (resampled(problem, seed=seed) for seed in (4, 4, 5))
-    assert (first.draws == again.draws).all()
-    assert (first.low == again.low).all()
-    assert (first.high == again.high).all()
-    assert (first.draws != other.draws).any()
-
-
 def test_of_many_points_one_step_is_a_refit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 600 points the ends of the intervals that one step gives lie where refits have them, to a tenth of the interval."""
     speeds = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 600)
@@ -177,36 +167,6 @@ def test_draws_scatter_as_the_covariance_does_or_as_the_robust_one(*, grows: boo
     textbook = inverse @ X.T @ np.diag(raised**2) @ X @ inverse if grows else solution.cost / 58 * inverse
     assert np.cov(found.draws) == pytest.approx(textbook, rel=0.08 if grows else 0.1)
     assert found.draws.mean(axis=1) == pytest.approx(solution.theta, rel=0.01)
-
-
-@pytest.mark.parametrize("grows", [False, True])
-def test_one_step_of_a_linear_problem_is_the_whole_way(*, grows: bool) -> None:
-    """Of a line one step of Gauss and Newton is the fit itself: draws and intervals are those of `resample` about the estimate, wild ones too."""
-    rng = np.random.default_rng(6)
-    velocity = np.geomspace(0.01, 1, 40)
-    noise = 1e-3 * (velocity if grows else 1.0) * rng.standard_normal(40)
-    problem = replace(from_points(velocity, 0.5 + velocity + noise, ("both",)), peaks=())
-    solution, whole = solve(problem, (0.01, 1.0)), resampled(problem)
-    step, errors = residual_bootstrap(solution.jacobian, solution.residuals, velocity, draws=199)
-    ends = np.array([step.interval(k, error) for k, error in enumerate(errors.tolist())])
-    assert step.wild == whole.wild == grows
-    assert solution.theta + step.steps == pytest.approx(whole.draws.T, rel=1e-10)
-    assert solution.theta + ends[:, 0] == pytest.approx(whole.low, rel=1e-9)
-    assert solution.theta + ends[:, 1] == pytest.approx(whole.high, rel=1e-9)
-
-
-def test_one_step_is_the_whole_fit_where_noise_is_little() -> None:
-    """With a peak and 0.2 % noise the steps, v_s by its logarithm, are those of whole fits to a tenth of an error, and so are the intervals."""
-    problem = gripper(4e-5 * np.random.default_rng(8).standard_normal(16))
-    solution, whole = solve(problem, default_range(SPEEDS)), resampled(problem)
-    size = np.array([1.0, 1.0, 1.0, solution.theta[-1]])
-    step, errors = residual_bootstrap(solution.jacobian * size, solution.residuals, SPEEDS, draws=199)
-    draws, moved = step.steps.T, np.log(whole.draws[3] / solution.theta[3])
-    apart = np.vstack([draws[:3] - whole.draws[:3] + solution.theta[:3, None], draws[3:] - moved])
-    error = draws.std(axis=1)
-    assert (np.sqrt((apart**2).mean(axis=1)) < 0.1 * error).all()
-    ends = solution.theta[:3] + np.array([step.interval(k, float(errors[k])) for k in range(3)]).T
-    assert (np.abs(ends - [whole.low[:3], whole.high[:3]]) < 0.3 * error[:3]).all()
 
 
 def test_draws_do_not_lean_to_a_side() -> None:

@@ -60,24 +60,6 @@ def test_expected_errors_are_those_that_fits_show() -> None:
     np.testing.assert_allclose(spread[order], expected, rtol=0.1)
 
 
-@FEW
-@given(st.lists(st.floats(0.005, 2.0), min_size=1, max_size=8), st.lists(st.floats(0.005, 2.0), min_size=1, max_size=8))
-def test_information_adds_up(first: list[float], second: list[float]) -> None:
-    """Information of two sets of velocities is that of all of them, whatever their order."""
-    whole = static_information(np.array(second + first), P, NOISE)
-    parts = static_information(np.array(first), P, NOISE) + static_information(np.array(second), P, NOISE)
-    np.testing.assert_allclose(whole, parts, rtol=1e-9)
-
-
-@FEW
-@given(st.floats(1e-3, 1e3), st.integers(2, 9))
-def test_errors_go_with_the_noise_and_with_the_root_of_the_count(noise: float, times: int) -> None:
-    """Standard errors are proportional to the noise, and fall with the square root of repetitions."""
-    base, _ = covariance(static_information(V, P, 1.0))
-    more, _ = covariance(static_information(np.tile(V, times), P, noise))
-    np.testing.assert_allclose(more, base * noise / np.sqrt(times), rtol=1e-6)
-
-
 def test_noise_of_each_point_weighs_it() -> None:
     """A point of infinite noise is no point."""
     noise = np.full(V.size, NOISE)
