@@ -136,15 +136,11 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     acting, _ = known_curve(joint, along)
     share = _rms(acting[np.isfinite(acting)]) / (_rms(torque) or 1.0)
     return Accuracy(
-        slowest=float(np.abs(v).min()),
-        fastest=float(np.abs(v).max()),
-        band=float(np.linalg.norm([statistical, apart, sides, *effects])),
-        statistical=statistical,
-        apart=apart,
-        sides=sides,
-        share=share,
+        slowest=float(np.abs(v).min()), fastest=float(np.abs(v).max()),
+        band=float(np.linalg.norm([statistical, apart, sides, *effects])), statistical=statistical, apart=apart,
+        sides=sides, share=share,
         opinion=None if opinion is None else ", ".join(opinion.set_up) or "one friction for both directions",
-    )
+    )  # fmt: skip  # a list of values
 
 
 def _withheld(fit: TrackingFit, v: Array) -> float:

@@ -359,19 +359,13 @@ def ranked(
     chosen = min(clearly, key=lambda k: bic[k], default=paper)
     rows = tuple(
         LawRow(
-            law=x.name,
-            parameters=sum(solve.parameters for solve in x.solves),
+            law=x.name, parameters=sum(solve.parameters for solve in x.solves),
             rms=float(np.sqrt(power_of(x.residuals) / x.residuals.size)),
-            aicc=None if np.isnan(aicc) else float(aicc - np.nanmin(marks[:, 0])),
-            bic=float(above),
-            left_out=left[0],
-            run_left_out=left[1],
-            weight=float(weight),
-            in_force=x.name == in_force,
-            chosen=k == chosen,
+            aicc=None if np.isnan(aicc) else float(aicc - np.nanmin(marks[:, 0])), bic=float(above), left_out=left[0],
+            run_left_out=left[1], weight=float(weight), in_force=x.name == in_force, chosen=k == chosen,
         )
         for k, (x, aicc, above, left, weight) in enumerate(zip(found, marks[:, 0], bic, left_out, weights, strict=True))
-    )
+    )  # fmt: skip  # a list of values
     averaged = _averaged(found, weights) if float(weights.max()) < _SPREAD else {}
     sentence = _sentence(rows, chosen, paper, asked=any(wanted))
     return LawComparison(data=data, n=found[0].residuals.size, rows=rows, sentence=sentence, averaged=averaged)

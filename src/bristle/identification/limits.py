@@ -110,16 +110,9 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
         assumed.append(Finding("limit-links", NOTE, message, {"links": links, "unit": of}))
         torque = max(torque - links, _LEAST_LEFT * torque)
     limits = Limits(
-        position=position,
-        slowest=slowest,
-        velocity=velocity,
-        acceleration=acceleration,
-        torque=torque or np.inf,
-        time=asked.time,
-        hold=hold,
-        frequency=asked.frequency or FREQUENCY,
-        rate=asked.rate,
-    )
+        position=position, slowest=slowest, velocity=velocity, acceleration=acceleration, torque=torque or np.inf,
+        time=asked.time, hold=hold, frequency=asked.frequency or FREQUENCY, rate=asked.rate,
+    )  # fmt: skip  # a list of values
     if "rate" not in asked.model_fields_set:
         message = f"Rate of the references: {asked.rate:g} Hz, a default; set plan.rate to override."
         assumed.append(Finding("limit-rate", CAUTION, message, {"rate": asked.rate}))

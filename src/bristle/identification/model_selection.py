@@ -279,19 +279,14 @@ def rank_models(
     best = min(allowed, key=lambda k: marks[k][1], default=None)
     rows = tuple(
         ModelRow(
-            model=c.model,
-            directions=c.directions,
-            parameters=c.parameters,
+            model=c.model, directions=c.directions, parameters=c.parameters,
             rms=float(np.sqrt(power_of(c.residuals) / n)),
             relative_error=100 * float(np.sqrt(power_of(c.residuals) / power)) if power else None,
-            aicc=None if aicc is None else aicc - lowest_aicc,
-            bic=bic - lowest_bic,
-            hold_out=c.hold_out,
-            candidate=k in allowed,
-            recommended=k == best,
+            aicc=None if aicc is None else aicc - lowest_aicc, bic=bic - lowest_bic, hold_out=c.hold_out,
+            candidate=k in allowed, recommended=k == best,
         )
         for k, (c, (aicc, bic)) in enumerate(zip(candidates, marks, strict=True))
-    )
+    )  # fmt: skip  # a list of values
     return ModelComparison(
         data=data, n=n, effective=n / variance_inflation, hold_out_by=held_by, rows=rows,
         sentence=_sentence(rows, static, kept=kept), left_out=left_out,

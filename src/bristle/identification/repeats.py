@@ -94,13 +94,10 @@ def clustered(
         more = ratio > 1 and (apart or float(fdtrc(count - 1, own, ratio**2)) < SIGNIFICANCE)
         values = e.value * np.exp((count - 1) * move) if as_logarithm else e.value + (count - 1) * move
         found[name] = RunScatter(
-            before=ratio,
-            after=1.0 if more else ratio,
-            widened=ratio if more else 1.0,
+            before=ratio, after=1.0 if more else ratio, widened=ratio if more else 1.0,
             stretched=max(ratio * _fewer(count - 1, own), 1.0) if more else 1.0,
-            by_run=dict(zip(parts, values.tolist(), strict=True)),
-            clustered=True,
-        )
+            by_run=dict(zip(parts, values.tolist(), strict=True)), clustered=True,
+        )  # fmt: skip  # a list of values
     return found
 
 

@@ -151,25 +151,13 @@ def fit_presliding(
         numbers = {"reached": reached, "g0": level.value, "source": level.source, "reach": REACH}
         warnings.append(Finding("above-g0", CAUTION, message, numbers))
     return PreslidingFit(
-        direction=direction,
-        **estimates,
-        sigma_1=_sigma_1(estimates[best], inertia, kind),
-        recommended=best,
-        degrees_of_freedom=ESTIMATORS[best](pieces)[2],
-        level=level.value,
-        level_standard_error=level.standard_error,
-        level_source=level.source,
-        quantum=quantum,
-        counts=counts,
-        bias_on_edge=on_edge,
-        bias_mean=mean,
-        bias_spread=spread,
-        amplitudes=amplitudes,
-        loadings=tuple(loadings),
-        warnings=tuple(warnings),
+        direction=direction, **estimates, sigma_1=_sigma_1(estimates[best], inertia, kind), recommended=best,
+        degrees_of_freedom=ESTIMATORS[best](pieces)[2], level=level.value, level_standard_error=level.standard_error,
+        level_source=level.source, quantum=quantum, counts=counts, bias_on_edge=on_edge, bias_mean=mean,
+        bias_spread=spread, amplitudes=amplitudes, loadings=tuple(loadings), warnings=tuple(warnings),
         uncertainty={"sigma_0": shifted_three(three, estimates[best])},
         repeats={"sigma_0": scatter} if scatter else {},
-    )
+    )  # fmt: skip  # a list of values
 
 
 def _bounded(direction: str, level: KnownValue, by_bend: KnownValue) -> Finding:

@@ -153,18 +153,12 @@ def _nothing(direction: str, problem: Regression, kind: Kind, where: PointInfo, 
     names = (*static_fields_of(problem.law), *extra)
     parameters = {name: Estimate(value=None, unit=unit(name, kind), warnings=(why,)) for name in names}
     return StaticFit(
-        direction=direction,
-        law=problem.law,
-        parameters=parameters,
-        rms=None,
-        relative_error=None,
+        direction=direction, law=problem.law, parameters=parameters, rms=None, relative_error=None,
         n=problem.torque.size,
         outcome=Finding("static-too-few", CRITICAL, "Too few points for the parameters; nothing is estimated."),
-        warnings=(why,),
-        velocity=problem.velocity if problem.smooth is None else np.zeros(0),
-        torque=problem.torque if problem.smooth is None else np.zeros(0),
-        segments=where.segments,
-    )
+        warnings=(why,), velocity=problem.velocity if problem.smooth is None else np.zeros(0),
+        torque=problem.torque if problem.smooth is None else np.zeros(0), segments=where.segments,
+    )  # fmt: skip  # a list of values
 
 
 def _without_sticking(
@@ -289,23 +283,14 @@ def _static_fit(
         message = "The Stribeck term depends on points that stick and slip; without them it is not identifiable."
         outcome = Finding("static-stick-slip", CAUTION, message)
     return StaticFit(
-        direction=part,
-        law=problem.law,
-        parameters={name: parameters[name] for name in order},
+        direction=part, law=problem.law, parameters={name: parameters[name] for name in order},
         rms=float(np.sqrt(np.mean(residuals[rows] ** 2))) if rows.any() else None,
-        relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None,
-        n=int(rows.sum()),
-        outcome=outcome,
-        names=tuple(core.names[k].name for k in keep),
-        covariance=core.covariance[np.ix_(keep, keep)],
-        degrees_of_freedom=int(core.freedom),
-        profile=core.profiles.get(part),
-        uncertainty={name.name: three[name] for name in names},
+        relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None, n=int(rows.sum()),
+        outcome=outcome, names=tuple(core.names[k].name for k in keep),
+        covariance=core.covariance[np.ix_(keep, keep)], degrees_of_freedom=int(core.freedom),
+        profile=core.profiles.get(part), uncertainty={name.name: three[name] for name in names},
         without_stick_slip={n.name: e for n, e in without.items() if not two or n.direction is part},
-        velocity=velocity[rows],
-        torque=torque[rows],
-        residuals=residuals[rows],
+        velocity=velocity[rows], torque=torque[rows], residuals=residuals[rows],
         segments=tuple(s for s, row in zip(where.segments, rows.tolist(), strict=False) if row),
-        time=where.time[rows[: where.time.size]],
-        position=where.position[rows[: where.position.size]],
-    )
+        time=where.time[rows[: where.time.size]], position=where.position[rows[: where.position.size]],
+    )  # fmt: skip  # a list of values

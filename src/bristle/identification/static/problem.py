@@ -322,16 +322,10 @@ def _build(
     if smooth is not None:
         columns, torque = smooth @ columns, smooth @ torque
     return Regression(
-        directions=sides,
-        peaks=sides,
-        velocity=velocity,
-        torque=torque,
-        linear=columns,
-        linear_names=(*friction, *(ParameterName(name, Direction.SHARED) for name in extra)),
-        law=law,
-        shape=tuple(own.middle for own in law.peak.own),
-        smooth=smooth,
-    )
+        directions=sides, peaks=sides, velocity=velocity, torque=torque, linear=columns,
+        linear_names=(*friction, *(ParameterName(name, Direction.SHARED) for name in extra)), law=law,
+        shape=tuple(own.middle for own in law.peak.own), smooth=smooth,
+    )  # fmt: skip  # a list of values
 
 
 def _moves(velocity: Array, direction: str) -> Array:

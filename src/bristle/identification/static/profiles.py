@@ -104,17 +104,11 @@ def profiled(
         return (over_log(Projected(few, dropped)) for dropped in subsets(may_vanish))
 
     linear = ConditionalProfiles(
-        free=over_log(projected),
-        faces=faces,
-        bounded=bounded,
-        best=np.log(best),
-        cost=solution.cost,
-        threshold=threshold,
-        box=np.log(box),
-        searched=(float(np.log(solution.grid[0])), float(np.log(solution.grid[-1]))),
-        looks=_LOOKS[peaks],
+        free=over_log(projected), faces=faces, bounded=bounded, best=np.log(best), cost=solution.cost,
+        threshold=threshold, box=np.log(box),
+        searched=(float(np.log(solution.grid[0])), float(np.log(solution.grid[-1]))), looks=_LOOKS[peaks],
         tolerance=_ROUNDING * projected.rest_cost,
-    )
+    )  # fmt: skip  # a list of values
     intervals = dict(zip(names, map(tuple, linear.intervals().tolist()), strict=True))
     for name, (low, high) in v_s.items():
         if low == 0 or not np.isfinite(high):
@@ -140,16 +134,10 @@ def drawn_profiles(
         first, last = max(int(near.min()) - 1, 0), min(int(near.max()) + 1, grid.size - 1)
         around = np.sort(np.append(np.geomspace(min(grid[first], best), max(grid[last], best), _NEAR), best))
         profiles[direction] = Profile(
-            v_s=solution.grid,
-            cost=solution.profiles[k],
-            near_v_s=around,
-            near_cost=costs(around),
-            plain_v_s=plain_v_s,
-            plain_cost=costs(plain_v_s) if plain else solution.profiles[k],
-            best=best,
-            best_cost=solution.cost,
-            threshold=threshold,
-        )
+            v_s=solution.grid, cost=solution.profiles[k], near_v_s=around, near_cost=costs(around),
+            plain_v_s=plain_v_s, plain_cost=costs(plain_v_s) if plain else solution.profiles[k], best=best,
+            best_cost=solution.cost, threshold=threshold,
+        )  # fmt: skip  # a list of values
     return profiles
 
 

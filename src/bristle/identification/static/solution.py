@@ -113,21 +113,12 @@ def solve_static(
     warnings = _fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
     outcome = _outcome(problem, solution, dropped, v_s_range)
     return StaticSolution(
-        problem=problem,
-        solution=solution,
-        parameters=parameters,
+        problem=problem, solution=solution, parameters=parameters,
         shifts={constant: dict(zip(names, by.tolist(), strict=True)) for constant, by in moved.items()},
-        names=(*names, *list(beside)[: alone - free.sum()]),
-        covariance=covariance,
-        freedom=freedom,
-        outcome=outcome,
-        warnings=(*dropped.values(), *warnings, *again),
-        profiles=profiles,
-        dropped=dropped,
-        profiled=likelihood,
-        student=dict(zip(problem.names, zip(*(x.tolist() for x in ends), strict=True), strict=True)),
-        beside=beside,
-    )
+        names=(*names, *list(beside)[: alone - free.sum()]), covariance=covariance, freedom=freedom, outcome=outcome,
+        warnings=(*dropped.values(), *warnings, *again), profiles=profiles, dropped=dropped, profiled=likelihood,
+        student=dict(zip(problem.names, zip(*(x.tolist() for x in ends), strict=True), strict=True)), beside=beside,
+    )  # fmt: skip  # a list of values
 
 
 def _beside(
