@@ -114,7 +114,36 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
         warnings = (_within_noise(edges, least, of),)
         bound = Estimate(value=None, unit=of, interval=(least, float("inf")), warnings=warnings)
         return dict.fromkeys(("printed", "corrected", "edges", "samples"), bound)
-    return _estimates(loadings, level, quantum, kind)
+    # the last two with the uncertainty at given g0, and the one that g0 adds
+    value, error, freedom = by_samples(pieces)
+    of_level = by_level(by_samples, loadings, level) * level.standard_error
+    if quantum == 0:
+        none = Finding("no-counts", NOTE, "No encoder counts are visible; (14) and the count edges need them.")
+        absent = Estimate(value=None, unit=unit("sigma_0", kind), warnings=(none,))
+        samples = _estimate(value, float(np.hypot(error, of_level)), freedom, kind)
+        return {"printed": absent, "corrected": absent, "edges": absent, "samples": samples}
+    bias, spread = by_phase(pieces, value, quantum)
+    error = float(np.sqrt(error**2 + of_level**2 + spread**2))
+    samples = _estimate(value, error, freedom, kind)
+    if np.isinf(spread):
+        message = "No estimate from all samples: at some rest positions inside a count they would show no motion."
+        samples = Estimate(value=None, unit=samples.unit, warnings=(Finding("counts-hide", NOTE, message),))
+    elif samples.value is not None and abs(bias) > error:  # an interval that leaves the counts' bias out holds nothing
+        share = bias / value
+        message = f"No interval: encoder counts bias this estimate by about {100 * share:.1f} %, more than its standard error."
+        wrong = Finding("counts-bias", CAUTION, message, {"share": share})
+        samples = Estimate(value=value, unit=samples.unit, warnings=(*samples.warnings, wrong))
+    value, error, freedom = by_edges(pieces)
+    of_level = by_level(by_edges, loadings, level) * level.standard_error
+    edges = _estimate(value, float(np.hypot(error, of_level)), freedom, kind)
+    printed, corrected, least = _first_count(loadings, pieces, level.value, quantum, kind, value)
+    if 0 < value < least / _YIELDS:
+        message = (
+            "The joint moves much further than its first counts predict: it slides, or this is not slow loading "
+            "below breakaway."
+        )
+        edges = samples = Estimate(value=None, unit=edges.unit, warnings=(Finding("yields", CAUTION, message),))
+    return {"printed": printed, "corrected": corrected, "edges": edges, "samples": samples}
 
 
 def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
@@ -177,40 +206,6 @@ def of_loading(loading: Loading, g0: float) -> Piece:
         edge_U=U,
         weight=np.exp(-2 * np.maximum(np.polynomial.polynomial.polyval(along, line), 0.0) / g0),
     )
-
-
-def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, kind: Kind) -> dict[str, Estimate]:
-    """All four; the last two with the uncertainty at given g0, and the one that g0 adds."""
-    pieces = [of_loading(loading, level.value) for loading in loadings]
-    value, error, freedom = by_samples(pieces)
-    of_level = by_level(by_samples, loadings, level) * level.standard_error
-    if quantum == 0:
-        none = Finding("no-counts", NOTE, "No encoder counts are visible; (14) and the count edges need them.")
-        absent = Estimate(value=None, unit=unit("sigma_0", kind), warnings=(none,))
-        samples = _estimate(value, float(np.hypot(error, of_level)), freedom, kind)
-        return {"printed": absent, "corrected": absent, "edges": absent, "samples": samples}
-    bias, spread = by_phase(pieces, value, quantum)
-    error = float(np.sqrt(error**2 + of_level**2 + spread**2))
-    samples = _estimate(value, error, freedom, kind)
-    if np.isinf(spread):
-        message = "No estimate from all samples: at some rest positions inside a count they would show no motion."
-        samples = Estimate(value=None, unit=samples.unit, warnings=(Finding("counts-hide", NOTE, message),))
-    elif samples.value is not None and abs(bias) > error:  # an interval that leaves the counts' bias out holds nothing
-        share = bias / value
-        message = f"No interval: encoder counts bias this estimate by about {100 * share:.1f} %, more than its standard error."
-        wrong = Finding("counts-bias", CAUTION, message, {"share": share})
-        samples = Estimate(value=value, unit=samples.unit, warnings=(*samples.warnings, wrong))
-    value, error, freedom = by_edges(pieces)
-    of_level = by_level(by_edges, loadings, level) * level.standard_error
-    edges = _estimate(value, float(np.hypot(error, of_level)), freedom, kind)
-    printed, corrected, least = _first_count(loadings, pieces, level.value, quantum, kind, value)
-    if 0 < value < least / _YIELDS:
-        message = (
-            "The joint moves much further than its first counts predict: it slides, or this is not slow loading "
-            "below breakaway."
-        )
-        edges = samples = Estimate(value=None, unit=edges.unit, warnings=(Finding("yields", CAUTION, message),))
-    return {"printed": printed, "corrected": corrected, "edges": edges, "samples": samples}
 
 
 def by_level(estimator: Estimator, loadings: Sequence[Loading], level: KnownValue) -> float:

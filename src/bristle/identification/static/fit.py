@@ -11,6 +11,7 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation.autocorrelation import unexplained
+from bristle.estimation.covariance import condition
 from bristle.estimation.score_test import Candidate, Fitted, Score, explained
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, unit_of
 from bristle.identification.candidates import candidates
@@ -44,11 +45,6 @@ class PointInfo:
     """rad, (n,); empty where unknown."""
     search: PointSearch | None = None
     """Which points do not belong to the law; None for moving data."""
-
-    @property
-    def stick_slip(self) -> NDArray[np.bool_]:
-        """Which points stick and slip, (n,); empty for moving data."""
-        return np.array([s.stick_slip for s in self.segments], dtype=bool)
 
 
 def fit_static(
@@ -85,7 +81,8 @@ def fit_static(
     if len(core.problem.peaks) == 1 and problem.smooth is None:
         plain = dict(zip(core.problem.names, map(float, plain_grid(core.problem, v_s_range)[2]), strict=True))
     strays, three = report_strays(core, where.search, options, kind), three_ways(core, v_s_range)
-    without, of_sticking = _without_sticking(problem, core, options, kind, where.stick_slip)
+    sticks = np.array([s.stick_slip for s in where.segments], dtype=bool)
+    without, of_sticking = _without_sticking(problem, core, options, kind, sticks)
     measured = slice(problem.torque.size - problem.priors)
     residuals = core.solution.residuals[measured]
     in_order = residuals[np.argsort(problem.equation_velocity[measured])] if where.segments else residuals
@@ -138,8 +135,7 @@ def _too_few(problem: Regression) -> Finding | None:
     if n <= m:
         message = f"{n} points for {m} linear parameters: at least {m + 1} are needed; measure more speeds."
         return Finding("too-few-points", CRITICAL, message, {"points": n, "parameters": m, "least": m + 1})
-    scaled = problem.linear / np.maximum(np.linalg.norm(problem.linear, axis=0), 1e-300)
-    if np.linalg.cond(scaled) > 1e8:
+    if condition(problem.linear) > 1e8:
         message = (
             "The points do not separate the linear parameters (one speed only, or a regressor that never "
             "changes); measure more speeds."

@@ -1,9 +1,6 @@
-"""One static problem solved and judged.
+"""One static problem solved and judged: which Stribeck terms the data support, and an interval and warnings on each parameter."""
 
-Which Stribeck terms the data support, and an interval and its warnings on each parameter.
-"""
-
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import compress
 from math import sqrt
@@ -111,7 +108,7 @@ def solve_static(
     ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
     v_s = {d: intervals[name] for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)}
     warnings = _fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
-    outcome = _outcome(problem, solution, dropped, v_s_range)
+    outcome = _outcome(problem, solution, dropped, warnings)
     return StaticSolution(
         problem=problem, solution=solution, parameters=parameters,
         shifts={constant: dict(zip(names, by.tolist(), strict=True)) for constant, by in moved.items()},
@@ -290,17 +287,15 @@ def _estimates(
 
 
 def _outcome(
-    problem: Regression, solution: Solution, dropped: Mapping[Direction, Finding], v_s_range: tuple[float, float]
+    problem: Regression, solution: Solution, dropped: Mapping[Direction, Finding], warnings: Sequence[Finding]
 ) -> Finding:
     if dropped and not problem.peaks:
-        asked = all(reason.code in {"peak-left-out", "no-stribeck-asked"} for reason in dropped.values())
-        if asked:
+        if all(reason.code in {"peak-left-out", "no-stribeck-asked"} for reason in dropped.values()):
             message = "Coulomb and viscous friction alone are fitted, as fit.law asks."
             return Finding("static-as-asked", NOTE, message)
         message = "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted."
         return Finding("static-no-stribeck", NOTE, message)
-    _, v_s = problem.split(solution.theta)
-    if any(s <= v_s_range[0] * 1.001 or s >= v_s_range[1] / 1.001 for s in v_s):
+    if any(warning.code == "at-edge" for warning in warnings):
         message = "The best v_s lies at the edge of the range searched; these velocities do not bracket it."
         return Finding("static-at-edge", CRITICAL, message)
     if solution.at_bound:
