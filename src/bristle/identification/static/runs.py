@@ -1,6 +1,7 @@
 """A static fit from an experiment's runs: points at constant velocity, of a direction or both, or moving runs."""
 
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -56,13 +57,8 @@ def fit_points(
     searches = {search.sides: search for search in measured.searches}
     for sides, group in groups(experiment, points):
         signs = [DIRECTIONS[d] for d in sides if d in DIRECTIONS] or list(DIRECTIONS.values())
-        tests, apart = (
-            [
-                (x, points_problem([s for s in of if s.file == x], sides, asked, law))
-                for x in dict.fromkeys(s.file for s in of)
-            ]
-            for of in ([s for s in held if np.sign(s.velocity) in signs], group)
-        )
+        both = by_file(s for s in held if np.sign(s.velocity) in signs), by_file(group)
+        tests, apart = ([(file, points_problem(s, sides, asked, law)) for file, s in of.items()] for of in both)
         runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
         # a run of one point has no course over time
         known = [[s.time for s in group] if len(apart) < len(group) else [None], [s.position for s in group]]
@@ -73,6 +69,14 @@ def fit_points(
         static |= fits
         checks |= checked
     return static, checks
+
+
+def by_file(points: Iterable[Segment]) -> dict[str, list[Segment]]:
+    """The points of each run, in their order."""
+    found = defaultdict[str, list[Segment]](list)
+    for s in points:
+        found[s.file].append(s)
+    return found
 
 
 def fit_moving(
