@@ -156,7 +156,7 @@ class Population(NamedTuple, Generic[Size]):
 def population(values: Array, known: Array) -> Population[float]:
     """Random effects, robust: mean and variance of a population of which each value (n,) has a known variance (n,)."""
     every = _populations(values, known, np.ones((1, values.size), dtype=bool))
-    return Population(*(float(x[0]) for x in every[:3]), every.freedom)
+    return Population(float(every.mean[0]), float(every.mean_error[0]), float(every.variance[0]), every.freedom)
 
 
 def without_each(values: Array, known: Array) -> Population[Array]:

@@ -21,6 +21,7 @@ variance is what each law leaves open, and how far it lies from the average.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
+from itertools import compress
 from operator import or_
 from typing import Literal, NamedTuple, TypeVar
 
@@ -95,7 +96,7 @@ class FittedLaw:
     solves: tuple[Solve, ...]
     left_out: Callable[[], LeftOut]
     """Works out how it predicts what was left out."""
-    known: Callable[[], Known]
+    known: Known
 
     @property
     def name(self) -> str:
@@ -167,16 +168,12 @@ def _of_motion(one: MovingLaw, effective: float, load: tuple[str, ...]) -> Fitte
         by_speed = percent_of(left_out_costs(one, [part == k for k in range(BLOCKS)]), power)
         return by_speed, percent_of(left_out_costs(one, runs), power) if runs else None
 
-    def known() -> Known:
-        """Of what has an influence."""
-        free = seen(one.jacobian)
-        matrix, own_freedom = covariance(one.jacobian[:, free], power_of(one.residuals), freedom)
-        names = [name for name, keep in zip(one.problem.names, free.tolist(), strict=True) if keep]
-        slopes = one.unknowns.slopes(one.x)[free]
-        errors = (np.sqrt(np.diag(matrix)) * np.abs(slopes)).tolist()
-        pairs = zip(names, errors, strict=True)
-        return {n: (one.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)}
-
+    # of what has an influence
+    free = seen(one.jacobian)
+    matrix, own_freedom = covariance(one.jacobian[:, free], power_of(one.residuals), freedom)
+    errors = (np.sqrt(np.diag(matrix)) * np.abs(one.unknowns.slopes(one.x)[free])).tolist()
+    pairs = zip(compress(one.problem.names, free), errors, strict=True)
+    known = {n: (one.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)}
     solve = Solve(one.residuals, len(one.problem.names), effective, power, float(np.log(one.not_itself).sum()))
     return FittedLaw(law=one.law, load=load, solves=(solve,), left_out=left_out, known=known)
 
@@ -275,8 +272,8 @@ def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> 
             Solve(s.residuals, len(p.names) + len(p.shape), p.torque.size, power_of(p.measured))
             for p, s in zip(shaped, solutions, strict=True)
         )
-        left_out, known = partial(_left_out, shaped), partial(_known, shaped, solutions)
-        fitted.append(FittedLaw(law=law, solves=solves, left_out=left_out, known=known))
+        known = _known(shaped, solutions)
+        fitted.append(FittedLaw(law=law, solves=solves, left_out=partial(_left_out, shaped), known=known))
     return ranked("points", fitted, in_force.name)
 
 
@@ -318,9 +315,8 @@ def _known(problems: Sequence[Regression], solutions: Sequence[Solution]) -> Kno
         free = np.array([name not in solution.at_bound for name in problem.names])
         matrix, freedom = covariance(solution.jacobian[:, free], solution.cost)
         errors = np.sqrt(np.diag(matrix)).tolist()
-        names = [name for name, keep in zip(problem.names, free.tolist(), strict=True) if keep]
-        values = solution.theta[free].tolist()
-        out |= {n: (v, e, freedom) for n, v, e in zip(names, values, errors, strict=True) if np.isfinite(e)}
+        rows = zip(compress(problem.names, free), solution.theta[free].tolist(), errors, strict=True)
+        out |= {n: (v, e, freedom) for n, v, e in rows if np.isfinite(e)}
     return out
 
 
@@ -400,7 +396,7 @@ def _sentence(rows: Sequence[LawRow], chosen: int, paper: int, *, asked: bool) -
 def _averaged(fitted: Sequence[FittedLaw], weights: Array) -> Mapping[ParameterName, Averaged]:
     """What nearly all laws have by weight, over those that the data allow."""
     likely = [(x, weight) for x, weight in zip(fitted, weights.tolist(), strict=True) if weight > _LIKELY]
-    tables = [(x.known(), weight) for x, weight in likely]
+    tables = [(x.known, weight) for x, weight in likely]
     averaged = {}
     for name in reduce(or_, (dict.fromkeys(table) for table, _ in tables)):
         having = [(*table[name], weight) for table, weight in tables if name in table]

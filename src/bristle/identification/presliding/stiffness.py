@@ -110,8 +110,8 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
         loaded = max((float(piece.U.max(initial=0.0)) for piece in pieces), default=0.0)
         crossed = max(piece.edge_y.size for piece in pieces)
         least = loaded / ((crossed + 1) * quantum) if quantum > 0 else 0.0
-        edges, of = "1 count edge" if crossed == 1 else f"{crossed} count edges", unit("sigma_0", kind)
-        warnings = (_within_noise(edges, least, of),)
+        crossings, of = "1 count edge" if crossed == 1 else f"{crossed} count edges", unit("sigma_0", kind)
+        warnings = (_within_noise(crossings, least, of),)
         bound = Estimate(value=None, unit=of, interval=(least, float("inf")), warnings=warnings)
         return dict.fromkeys(("printed", "corrected", "edges", "samples"), bound)
     # the last two with the uncertainty at given g0, and the one that g0 adds

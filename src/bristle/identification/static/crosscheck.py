@@ -1,9 +1,10 @@
-"""The full nonlinear fit beside the grid.
+"""The full nonlinear fit beside the grid: the same data by CasADi + IPOPT, all static parameters at once.
 
-The same data by CasADi + IPOPT, all static parameters at once, from several starts. Nothing of the grid is used but its
-range of v_s: the model is the law's own expression (9) on CasADi symbols, derivatives are exact, variables are scaled
-(v_s by its logarithm), and the starts are random with a fixed seed.
+Nothing of the grid is used but its range of v_s: the model is the law's own expression (9) on CasADi symbols, derivatives
+are exact, variables are scaled (v_s by its logarithm), and the starts are random with a fixed seed.
 """
+
+from collections.abc import Mapping
 
 import casadi as ca
 import numpy as np
@@ -12,6 +13,7 @@ from bristle.arrays import Array
 from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.findings import CRITICAL, NOTE, Finding
 from bristle.identification.fits import Crosscheck
+from bristle.identification.static.grid import Solution
 from bristle.identification.static.problem import Regression, unknowns_of
 from bristle.identification.static.profiles import reduced
 from bristle.model import law
@@ -63,20 +65,13 @@ def full_fit(problem: Regression, v_s_range: tuple[float, float], starts: int = 
 
 
 def crosscheck(
-    problem: Regression, theta: Array, cost: float, standard_errors: Array, v_s_range: tuple[float, float]
+    problem: Regression, found: Solution, errors: Mapping[ParameterName, float | None], v_s_range: tuple[float, float]
 ) -> Crosscheck:
-    """The full fit beside the grid's: costs, parameters in units of the grid fit's standard errors, and a verdict.
-
-    `theta` and its standard errors, nan where there is none, are in the order of the problem's `names`; the range, rad/s, is
-    the one that the grid searched.
-    """
-    ended = full_fit(problem, v_s_range)
+    """The full fit beside what the grid found in a range of v_s, rad/s: costs, differences in the grid fit's standard errors, a verdict."""
+    ended, cost = full_fit(problem, v_s_range), found.cost
     costs = [float(np.sum(problem.residuals(end) ** 2)) for end in ended]
     same = _SAME * min(costs) + 1e-12 * float(problem.torque @ problem.torque)
-    values, errors, *minima = (
-        dict(zip(problem.names, one.tolist(), strict=True)) for one in (theta, standard_errors, *ended)
-    )
-    other = compared(values, cost, errors, minima, costs, same)
+    other = compared(problem.named(found.theta), cost, errors, [problem.named(end) for end in ended], costs, same)
     full, reached = other.cost_full, other.reached
     if other.agrees:
         message = (

@@ -79,7 +79,7 @@ def fit_static(
     # the same parameters by other ways, and what is said of the whole
     plain: dict[ParameterName, float] = {}
     if len(core.problem.peaks) == 1 and problem.smooth is None:
-        plain = dict(zip(core.problem.names, map(float, plain_grid(core.problem, v_s_range)[2]), strict=True))
+        plain = core.problem.named(plain_grid(core.problem, v_s_range)[2])
     strays, three = report_strays(core, where.search, options, kind), three_ways(core, v_s_range)
     sticks = np.array([s.stick_slip for s in where.segments], dtype=bool)
     without, of_sticking = _without_sticking(problem, core, options, kind, sticks)
@@ -92,8 +92,8 @@ def fit_static(
     errors = tuple(HoldOut(file=file, relative_error=p.relative_error(core.solution.theta)) for file, p in posed)
     label = _parts(problem)[-1]
     started = perf_counter()
-    errors_of_grid = np.array([core.parameters[name].standard_error or np.nan for name in core.problem.names])
-    checked = crosscheck(core.problem, core.solution.theta, core.solution.cost, errors_of_grid, v_s_range)
+    errors_of_grid = {name: e.standard_error for name, e in core.parameters.items()}
+    checked = crosscheck(core.problem, core.solution, errors_of_grid, v_s_range)
     if timings is not None:
         checked_at = perf_counter()
         solve(core.problem, v_s_range)  # once more, for its time alone

@@ -179,23 +179,20 @@ def _simplest(asked: SetUp, ways: Sequence[tuple[str, ...]], trial: _Trial) -> B
 
     None has friction that drives. None where nothing can be tried.
     """
-    posed = {sides: trial.pose(sides) for sides in ways}
-    products = {sides: _products(problem, trial.blocks) for sides, problem in posed.items()}
-    driven = {sides for sides, problem in posed.items() if _drives(problem)}
-    tried: list[tuple[int, Array, SetUp]] = []
-    # all that was asked for with any of what is possible beside; an offset where one friction serves both directions
-    may = list[SetUp]()
+    tried = list[tuple[int, Array, SetUp]]()
     for sides in ways:
-        told, more = (
+        problem = trial.pose(sides)
+        products, driven = _products(problem, trial.blocks), _drives(problem)
+        # all that was asked for with any of what is possible beside; an offset where one friction serves both directions
+        told, beside = (
             [x for x in names if x != "offset" or sides == ("both",)] for names in (asked.regressors, trial.possible)
         )
-        may += [SetUp(sides, (*told, *some)) for some in subsets([x for x in more if x not in told])]
-    for set_up in may:
-        found = products[set_up.directions].errors(set_up.regressors)
-        drives = set_up.directions in driven and "gravity" not in set_up.regressors
-        drives = drives or products[set_up.directions].falls(set_up.regressors)
-        if found is not None and (set_up == asked or not drives):
-            tried.append((*found, set_up))
+        for some in subsets([x for x in beside if x not in told]):
+            set_up = SetUp(sides, (*told, *some))
+            found = products.errors(set_up.regressors)
+            drives = (driven and "gravity" not in set_up.regressors) or products.falls(set_up.regressors)
+            if found is not None and (set_up == asked or not drives):
+                tried.append((*found, set_up))
     first = next((errors for _, errors, set_up in tried if set_up == asked), None)
     if first is None:
         return None

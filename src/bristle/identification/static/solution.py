@@ -133,7 +133,7 @@ def _beside(
             if d in problem.peaks:
                 beside[ParameterName(name, d)] = shown
         if problem.law.terms:
-            fastest, values = float(problem.speeds(d).max()), dict(zip(problem.names, solution.theta, strict=True))
+            fastest, values = float(problem.speeds(d).max()), problem.named(solution.theta)
             held = min(values[ParameterName(name, d)] for name in problem.law.coefficients) < 0
             measured = Finding("fastest-measured", NOTE, "Not estimated: the fastest speed that was measured.")
             told = (measured, *((curve_held(fastest),) if held else ()))
