@@ -131,20 +131,14 @@ class _Path:
     problem: LeastSquares[Any]
     minimum: Minimum
     which: int
-    high: float
-    """d."""
+    high: float  # d
     stop_at_better: bool
-    points: list[tuple[Array, Array]]
-    """Scaled unknowns, (p,), and J'J, (p, p)."""
-    roots: dict[float, float]
-    """sqrt((J - J_min) / d) at scaled values of the unknown."""
+    points: list[tuple[Array, Array]]  # Scaled unknowns, (p,), and J'J, (p, p)
+    roots: dict[float, float]  # sqrt((J - J_min) / d) at scaled values of the unknown
     spent: int = 0
-    better: Array | None = None
-    """Scaled unknowns at which a lower cost than the fit's was found."""
-    rough: bool = False
-    """Whether a descent did not settle, or a search was given up ..."""
-    lost: bool = False
-    """... without an end."""
+    better: Array | None = None  # Scaled unknowns at which a lower cost than the fit's was found
+    rough: bool = False  # Whether a descent did not settle, or a search was given up
+    lost: bool = False  # ... without an end
 
     def profiled(self, reach: float) -> Profiled:
         """The profile, in the unknown's unit; its ends are first looked for `reach` away from the estimate."""

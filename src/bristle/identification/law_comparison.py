@@ -125,7 +125,6 @@ def laws_of_points(measured: Measured, in_force: Law) -> LawComparison | None:
     chosen = groups(measured.experiment, [s for s in sliding_points(measured.searches) if s.place not in stray])
 
     def pose(law: Law) -> Sequence[Regression]:
-        """The points of each solve."""
         return [points_problem(group, sides, asked, law) for sides, group in chosen]
 
     return compare_laws(pose, in_force)

@@ -152,7 +152,6 @@ def spreader(value: float, factor: float, bare: str, *, logarithmic: bool = Fals
     least = least_of(bare)
 
     def spread(ends: Array) -> Array:
-        """The ends, spread."""
         if logarithmic and value > 0:
             with np.errstate(over="ignore"):  # an end beyond all numbers is open
                 return np.asarray(value * (np.maximum(ends, 0.0) / value) ** factor)

@@ -45,8 +45,7 @@ class _Points(NamedTuple):
     y: Array
     T: Array
     weight: Array
-    loading: Array
-    """Which one each point is of, (n,)."""
+    loading: Array  # Which one each point is of, (n,)
 
 
 class _Bending(NamedTuple):

@@ -120,8 +120,7 @@ def _turns(record: Record) -> list[tuple[int, int, int, float]]:
 class _Torque(NamedTuple):
     """About a turn and towards it: a quartic of time, in sides, before it and after, where they meet, its error, and g0."""
 
-    up: Array
-    """Coefficients, highest power first, (5,)."""
+    up: Array  # Coefficients, highest power first, (5,)
     down: Array
     turn: float
     error: float

@@ -49,16 +49,11 @@ _BEYOND = 1.3  # how far the curve is drawn, in half-widths of the interval
 class _Line(NamedTuple):
     """An estimator over g0."""
 
-    estimator: str
-    """`edges`, or `samples`, whose u is the inverse of sigma_0."""
-    x: Array
-    """(g0 - level) / its error, ascending, (k,)."""
-    u: Array
-    """(k,)."""
-    e: Array
-    """(k,)."""
-    reach: float
-    """t."""
+    estimator: str  # `edges`, or `samples`, whose u is the inverse of sigma_0
+    x: Array  # (g0 - level) / its error, ascending, (k,)
+    u: Array  # (k,)
+    e: Array  # (k,)
+    reach: float  # t
 
     def at(self, x: Array | float) -> tuple[Array, Array]:
         """U and e there, of x's shape."""

@@ -33,16 +33,11 @@ class Tables(NamedTuple):
     So scaled, nothing vanishes where hardly a point is left within v_s, and polynomials hold over the whole range.
     """
 
-    log_length: Array
-    """Logarithm of that length."""
-    cross: Array
-    """s'd."""
-    steep: Array
-    """d'd."""
-    inside: Array
-    """What the linear parameters lose with s, and with d: (2, m, ...)."""
-    along: Array
-    """s'T of each set; its square is by how much the peak lowers the cost."""
+    log_length: Array  # Logarithm of that length
+    cross: Array  # s'd
+    steep: Array  # d'd
+    inside: Array  # What the linear parameters lose with s, and with d: (2, m, ...)
+    along: Array  # s'T of each set; its square is by how much the peak lowers the cost
 
 
 class Batch:

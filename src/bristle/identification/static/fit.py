@@ -215,7 +215,6 @@ def _by_rows(points: Sequence[Segment], torque: Array) -> list[Candidate]:
         return []
 
     def tell(found: Score, _: int) -> Finding:
-        """With its size beside the torque's."""
         share = float(found.sizes[0])
         across = share * float(np.median(np.abs(torque)))
         message = (

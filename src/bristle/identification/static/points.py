@@ -221,7 +221,6 @@ def points_problem(
         )
 
     def signal(name: str) -> Array:
-        """Of each point, (n,)."""
         return np.array([getattr(s, name) for s in points], dtype=float)
 
     velocity, torque, middles = signal("velocity"), signal("torque"), load_columns(asked, signal, len(points))

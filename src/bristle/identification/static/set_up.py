@@ -71,12 +71,9 @@ class BetterSetUp:
 class _Trial(NamedTuple):
     """What can be tried on some data."""
 
-    possible: Sequence[str]
-    """Regressors that the signals allow."""
-    pose: Callable[[tuple[str, ...]], Regression]
-    """All that is possible, at once, in some directions."""
-    blocks: int
-    """Into so many stretches the equations are cut, of which a part is every fifth."""
+    possible: Sequence[str]  # Regressors that the signals allow
+    pose: Callable[[tuple[str, ...]], Regression]  # All that is possible, at once, in some directions
+    blocks: int  # Into so many stretches the equations are cut, of which a part is every fifth
 
 
 def better_for_motion(experiment: Experiment, records: Sequence[Record]) -> BetterSetUp | None:
@@ -219,16 +216,11 @@ def _drives(problem: Regression) -> bool:
 class _Products(NamedTuple):
     """What predicting parts of the equations from the rest takes: sums over each of k parts, columns of unit length."""
 
-    names: list[str]
-    """The parameter of each column, empty where it is friction's, (p,)."""
-    gram: Array
-    """(k, p, p)."""
-    moment: Array
-    """Columns times torque, (k, p)."""
-    power: Array
-    """Torque squared, (k,)."""
-    norm: float
-    """Of the measured torque."""
+    names: list[str]  # The parameter of each column, empty where it is friction's, (p,)
+    gram: Array  # (k, p, p)
+    moment: Array  # Columns times torque, (k, p)
+    power: Array  # Torque squared, (k,)
+    norm: float  # Of the measured torque
     n: int
 
     def falls(self, regressors: Sequence[str]) -> bool:

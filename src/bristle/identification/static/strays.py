@@ -123,10 +123,8 @@ class _Node(NamedTuple):
     """The problem at one v_s of each peak."""
 
     cost: float
-    residuals: Array
-    """(n,)."""
-    basis: Array
-    """Orthonormal columns of the fit, (n, p)."""
+    residuals: Array  # (n,)
+    basis: Array  # Orthonormal columns of the fit, (n, p)
 
     def falls(self, among: NDArray[np.intp], at: NDArray[np.intp]) -> Array:
         """By how much the cost falls without each of some sets of points, (k,): r' (I - H)**-1 r of their own, by elimination.
