@@ -70,11 +70,8 @@ def compared(
     parameters = minima[costs.index(lowest)]
     known = {name: error for name, error in errors.items() if name in parameters and error and np.isfinite(error)}
     return SecondRoute(
-        cost_grid=cost,
-        cost_full=lowest,
-        starts=len(costs),
-        reached=sum(one <= lowest + same for one in costs),
+        cost_grid=cost, cost_full=lowest, starts=len(costs), reached=sum(one <= lowest + same for one in costs),
         parameters=parameters,
         difference_in_se={name: (parameters[name] - values[name]) / error for name, error in known.items()},
         agrees=abs(lowest - cost) <= same,
-    )
+    )  # fmt: skip  # a list of values

@@ -75,13 +75,9 @@ def step_scan(levels: Levels, baseline: int, freedom: float) -> Steps:
             tail = np.log(stdtr(freedom, -largest))
         largest = np.where(np.isfinite(tail), -ndtri_exp(np.minimum(tail, 0.0)), largest)
     return Steps(
-        after=best + baseline,
-        size=size[row, best],
-        error=error[row, best],
-        z=z[row, best],
-        p=largest_p(largest, before, after),
-        before=means[0][row, best],
-    )
+        after=best + baseline, size=size[row, best], error=error[row, best], z=z[row, best],
+        p=largest_p(largest, before, after), before=means[0][row, best],
+    )  # fmt: skip  # a list of values
 
 
 def _means(weighted: Array, before: Array, after: Array, baseline: int) -> tuple[Array, Array]:

@@ -199,13 +199,10 @@ def of_loading(loading: Loading, g0: float) -> Piece:
     along = y / y[-1] if y.size else y
     line = np.polynomial.polynomial.polyfit(along, U, min(y.size - 1, 1), w=1 - T / g0) if y.size else np.zeros(1)
     return Piece(
-        time=loading.time[:stop],
-        y=loading.displacement[:stop],
-        U=unbent(np.minimum(loading.torque[:stop], LIMIT * g0), g0),
-        edge_y=y,
-        edge_U=U,
+        time=loading.time[:stop], y=loading.displacement[:stop],
+        U=unbent(np.minimum(loading.torque[:stop], LIMIT * g0), g0), edge_y=y, edge_U=U,
         weight=np.exp(-2 * np.maximum(np.polynomial.polynomial.polyval(along, line), 0.0) / g0),
-    )
+    )  # fmt: skip  # a list of values
 
 
 def by_level(estimator: Estimator, loadings: Sequence[Loading], level: KnownValue) -> float:

@@ -106,13 +106,10 @@ def stiffness_uncertainty(
     values, shown = line.sigma_0(about), line.sigma_0(draws)
     order = np.argsort(values)
     return Uncertainty(
-        covariance=estimate.interval,
-        profile=profile,
-        bootstrap=bootstrap,
+        covariance=estimate.interval, profile=profile, bootstrap=bootstrap,
         curve=np.stack([values, profiles.heights(0, about, 0.0)])[:, order[np.isfinite(values[order])]],
-        draws=np.zeros(0) if bootstrap is None else shown[np.isfinite(shown)][:SHOWN],
-        warnings=warnings,
-    )
+        draws=np.zeros(0) if bootstrap is None else shown[np.isfinite(shown)][:SHOWN], warnings=warnings,
+    )  # fmt: skip  # a list of values
 
 
 def stiffness_scatter(

@@ -58,13 +58,9 @@ def three_ways(
             )
             warnings = (*warnings, Finding("no-blocks", NOTE, message, {"least": FEW}))
         out[name] = Uncertainty(
-            covariance=(0.0, covariance[1]) if at_bound else covariance,
-            profile=profile,
-            bootstrap=resampled,
-            curve=_curve(solved, name, value),
-            draws=draws[np.isfinite(draws)][:SHOWN],
-            warnings=warnings,
-        )
+            covariance=(0.0, covariance[1]) if at_bound else covariance, profile=profile, bootstrap=resampled,
+            curve=_curve(solved, name, value), draws=draws[np.isfinite(draws)][:SHOWN], warnings=warnings,
+        )  # fmt: skip  # a list of values
     return out
 
 
