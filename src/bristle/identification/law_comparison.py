@@ -40,7 +40,7 @@ from bristle.identification.load_levels import load_is_known
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import regressors
 from bristle.identification.results import Averaged, LawComparison, LawRow
-from bristle.identification.static.grid import Solution, default_range, solve
+from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import (
     groups,
     point_regressors,
@@ -271,7 +271,13 @@ def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> 
             Solve(s.residuals, len(p.names) + len(p.shape), p.torque.size, power_of(p.measured))
             for p, s in zip(shaped, solutions, strict=True)
         )
-        known = _known(shaped, solutions)
+        known: Known = {}
+        for problem, solution in zip(shaped, solutions, strict=True):
+            free = np.array([name not in solution.at_bound for name in problem.names])
+            matrix, freedom = covariance(solution.jacobian[:, free], solution.cost)
+            errors = np.sqrt(np.diag(matrix)).tolist()
+            rows = zip(compress(problem.names, free), solution.theta[free].tolist(), errors, strict=True)
+            known |= {n: (v, e, freedom) for n, v, e in rows if np.isfinite(e)}
         fitted.append(FittedLaw(law=law, solves=solves, left_out=partial(_left_out, shaped), known=known))
     return ranked("points", fitted, in_force.name)
 
@@ -305,18 +311,6 @@ def parts_by_speed(velocity: Array) -> NDArray[np.int_]:
     part = np.empty(velocity.size, dtype=int)
     part[np.argsort(np.abs(velocity), kind="stable")] = np.arange(velocity.size) * BLOCKS // velocity.size
     return part
-
-
-def _known(problems: Sequence[Regression], solutions: Sequence[Solution]) -> Known:
-    """Of points."""
-    out: Known = {}
-    for problem, solution in zip(problems, solutions, strict=True):
-        free = np.array([name not in solution.at_bound for name in problem.names])
-        matrix, freedom = covariance(solution.jacobian[:, free], solution.cost)
-        errors = np.sqrt(np.diag(matrix)).tolist()
-        rows = zip(compress(problem.names, free), solution.theta[free].tolist(), errors, strict=True)
-        out |= {n: (v, e, freedom) for n, v, e in rows if np.isfinite(e)}
-    return out
 
 
 def ranked(
