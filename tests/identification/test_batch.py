@@ -100,18 +100,6 @@ def test_robust_errors_are_the_textbooks_hc3() -> None:
         assert errors[:, k] == pytest.approx(np.sqrt(np.diag(textbook)), rel=1e-6)
 
 
-def test_where_no_peak_is_seen_v_s_has_no_error() -> None:
-    """Beside a set with a peak one with a dip at low speed: its alpha_1 is zero and the error of its v_s infinite, robust or not."""
-    velocity = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16)
-    dip = curve(velocity, GRIPPER._replace(alpha_1=-0.005))
-    torques = np.column_stack([curve(velocity, GRIPPER) + 1e-4 * np.cos(9 * velocity), dip])
-    found = Batch(from_points(velocity, torques[:, 0], ("both",)), torques, (0.01, 0.1))
-    assert found.theta[-2] == pytest.approx([GRIPPER.alpha_1, 0], rel=0.1)
-    for robust in (False, True):
-        assert np.isfinite(found.errors(robust=robust)[:, 0]).all()
-        assert np.isinf(found.errors(robust=robust)[-1, 1])
-
-
 def covered(low: Array, high: Array) -> Array:
     """How often each parameter's interval holds the truth."""
     hits: Array = ((low <= TRUTH[:, None]) & (TRUTH[:, None] <= high)).mean(axis=1)

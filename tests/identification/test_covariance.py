@@ -26,14 +26,6 @@ def test_covariance_of_a_straight_line_is_the_textbook_one() -> None:
     assert freedom == 18
 
 
-def test_student_and_f_quantiles_agree() -> None:
-    """t**2 with n degrees of freedom is F with 1 and n: the profile's threshold and the Student interval belong together."""
-    for freedom in (1, 4, 12, 200):
-        threshold = profile_threshold(1.0, freedom + 4, 4)
-        assert (threshold - 1) * freedom == pytest.approx(uncertainty.student(freedom) ** 2, rel=1e-9)
-        assert uncertainty.student(freedom) == pytest.approx(stats.t.ppf(0.975, freedom), rel=1e-9)
-
-
 def test_inflation_widens_as_fewer_points_would() -> None:
     """Residuals correlated over tau samples count as n / tau points: the variance grows by tau, freedom shrinks by it."""
     design = np.random.default_rng(1).standard_normal((100, 3))
