@@ -19,7 +19,6 @@ BEND = 1.345  # c of the coefficients: 95 % efficiency with normal errors
 SCALE_EFFICIENCY = 0.88  # of the variance's estimate with normal errors, at `SCALE`
 _PASSES = 60
 _SETTLED = 1e-7
-_HALVINGS = 40
 _LEAST_VARIANCE = 1e-200
 _MANY = 20  # groups from which on the covariance is that of their scores, not of the model
 
@@ -40,7 +39,10 @@ def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: in
     goal = expected_square(SCALE) * free
 
     def excess(variance: float) -> float:
-        return float(_bounded(squares, times * variance + known)) - goal
+        """Of the squares in parts of their variances, each at most c**2, over what is expected."""
+        with np.errstate(over="ignore"):  # where nothing varies
+            ratio = squares / np.maximum(times * variance + known, _LEAST_VARIANCE)
+        return float(np.minimum(ratio, SCALE**2).sum()) - goal
 
     if excess(0.0) <= 0:
         return 0.0
@@ -48,13 +50,6 @@ def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: in
     while excess(top) > 0:  # where strays are most of all
         top *= 4
     return float(brentq(excess, 0.0, top, xtol=1e-12 * top, rtol=1e-8))
-
-
-def _bounded(squares: Array, variance: Array) -> Array:
-    """Sum of squares (..., n) in parts of their variances, each at most c**2: (...)."""
-    with np.errstate(over="ignore"):  # where nothing varies
-        ratio = squares / np.maximum(variance, _LEAST_VARIANCE)
-    return np.asarray(np.minimum(ratio, SCALE**2).sum(axis=-1))
 
 
 def variance_interval(variance: float, known: float, freedom: float) -> tuple[float, float]:
@@ -155,52 +150,25 @@ class Population(NamedTuple, Generic[Size]):
 
 def population(values: Array, known: Array) -> Population[float]:
     """Random effects, robust: mean and variance of a population of which each value (n,) has a known variance (n,)."""
-    every = _populations(values, known, np.ones((1, values.size), dtype=bool))
-    return Population(float(every.mean[0]), float(every.mean_error[0]), float(every.variance[0]), every.freedom)
+    mean, s2, variance = float(np.median(values)), known, 0.0
+    for _ in range(_PASSES):
+        variance = common_variance(values - mean, known, lost=1)
+        s2 = np.maximum(variance + known, _LEAST_VARIANCE)
+        w = np.minimum(1.0, BEND / np.maximum(np.abs(values - mean) / np.sqrt(s2), 1e-300)) / s2
+        before, mean = mean, float(w @ values / w.sum())
+        if abs(mean - before) < _SETTLED * np.sqrt(np.median(s2)):
+            break
+    u = (values - mean) / np.sqrt(s2)
+    bread, meat = float(np.sum((np.abs(u) < BEND) / s2)), float(np.sum(np.clip(u, -BEND, BEND) ** 2 / s2))
+    error = float(np.sqrt(meat)) / bread if bread > 0 else np.inf
+    return Population(mean, error, variance, max((values.size - 1) * SCALE_EFFICIENCY, 0.0))
 
 
 def without_each(values: Array, known: Array) -> Population[Array]:
     """The same without each value in turn: what a value is compared with, if it is not to widen the scatter that it is judged by.
 
-    Memory and time grow with n**2.
+    Time grows with n**2.
     """
-    return _populations(values, known, ~np.eye(values.size, dtype=bool))
-
-
-def _populations(values: Array, known: Array, there: NDArray[np.bool_]) -> Population[Array]:
-    """The populations of those that are there, (k, n), of some values."""
-    mean = np.array([float(np.median(values[row])) for row in there])
-    count = int(there[0].sum())
-    for _ in range(_PASSES):
-        squares = np.where(there, (values - mean[:, None]) ** 2, 0.0)
-        variance = _variances(squares, known, expected_square(SCALE) * (count - 1))
-        s2 = np.maximum(variance[:, None] + known, _LEAST_VARIANCE)
-        w = there * np.minimum(1.0, BEND / np.maximum(np.sqrt(squares / s2), 1e-300)) / s2
-        before, mean = mean, (w * values).sum(axis=1) / w.sum(axis=1)
-        if (np.abs(mean - before) < _SETTLED * np.sqrt(np.median(s2, axis=1))).all():
-            break
-    s2 = np.maximum(variance[:, None] + known, _LEAST_VARIANCE)
-    u = (values - mean[:, None]) / np.sqrt(s2)
-    bread = (there * (np.abs(u) < BEND) / s2).sum(axis=1)
-    meat = (there * np.clip(u, -BEND, BEND) ** 2 / s2).sum(axis=1)
-    error = np.divide(np.sqrt(meat), bread, out=np.full(mean.size, np.inf), where=bread > 0)
-    return Population(mean, error, variance, max((count - 1) * SCALE_EFFICIENCY, 0.0))
-
-
-def _variances(squares: Array, known: Array, goal: float) -> Array:
-    """`common_variance` of several rows, (k,), by bisection; squares of residuals (k, n), 0 where there is none."""
-    if goal <= 0:
-        return np.zeros(len(squares))
-
-    def above(variance: Array) -> NDArray[np.bool_]:
-        return _bounded(squares, variance[:, None] + known) > goal
-
-    low, high = np.zeros(len(squares)), squares.max(axis=1)
-    some = above(low)
-    while (grows := above(high) & some).any():
-        high = np.where(grows, 4 * high, high)
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        larger = above(middle)
-        low, high = np.where(larger, middle, low), np.where(larger, high, middle)
-    return np.where(some, high, 0.0)
+    others = [population(np.delete(values, k), np.delete(known, k)) for k in range(values.size)]
+    mean, error, variance, freedom = np.array(others).T
+    return Population(mean, error, variance, float(freedom[0]))
