@@ -4,9 +4,8 @@ Time series. A resample counts block b m_b times. Its minimum is, to first order
 
     d = -(sum m_b G_b + P'P)**-1 (sum m_b s_b + P'e),    G_b = J_b'J_b,    s_b = J_b'r_b
 
-from the estimate (Davidson and MacKinnon, 1999; Andrews, 2002: one step has the bootstrap's accuracy); P are the rows
-of priors, whose means are drawn anew as well, e. Blocks overlap and wrap around within their segment (Politis and
-Romano, 1992): each equation is drawn as often as any other.
+from the estimate (Davidson and MacKinnon, 1999; Andrews, 2002: one step is as accurate); P are the rows of priors, whose
+means are drawn anew as well, e. Blocks overlap and wrap around within their segment (Politis and Romano, 1992).
 
 Where a block ends correlation is cut, and so draws scatter by too little. What is studentised in its own resample,
 where blocks are independent, does not: the interval takes its shape from t = d / error in the resample, and its width
@@ -14,8 +13,7 @@ from the fit's own error (for means of AR(1) noise, 0.8, it covers 94 %; quantil
 
 Points that err independently. Residuals are raised to the size that the fit took from them (their leverage), then drawn
 with replacement; where their variance differs from place to place each keeps its own and is given a random sign and
-size instead (the wild bootstrap, with Webb's six values). Each set is fitted again, by whatever fits it, and
-studentised.
+size instead (the wild bootstrap, with Webb's six values). Each set is fitted again, and studentised.
 """
 
 from collections.abc import Callable, Sequence

@@ -6,12 +6,9 @@ cost by
     d = S F J_min / (n - p),    F = F(0.95; 1, freedom),
 
 where S is by how much correlated residuals widen the unknown's variance: in a linear problem the interval is the
-covariance's.
-
-Here a profile is followed by descents. sqrt((J - J_min) / d) is linear in the scaled unknown where the problem is:
-where it crosses one is found in few steps. Each point starts from the one solved before it on the way from the
-estimate, moved along the others' linearised conditional mean. A problem that is linear once a few unknowns are given
-has an exact profile: see `conditional_profile`.
+covariance's. sqrt((J - J_min) / d) is linear in the scaled unknown where the problem is: where it crosses one is found in
+few descents, each from the point before it, moved along the others' linearised conditional mean. A problem that is linear
+once a few unknowns are given has an exact profile: see `conditional_profile`.
 """
 
 from collections.abc import Callable

@@ -1,8 +1,7 @@
 """Friction laws on what was measured: fitted to the same equations, ranked, and what is said of them.
 
-Each law has a Stribeck term in every direction: whether the data show one is the fit's to say. Points are solved on the
-grid; moving runs, in which a slow speed is seldom seen but in presliding, by LuGre itself (`dynamic.laws`). Both leave
-out five blocks of speed in turn.
+Each law has a Stribeck term in every direction. Points are solved on the grid; moving runs, in which a slow speed is
+seldom seen but in presliding, by LuGre itself (`dynamic.laws`). Both leave out five blocks of speed in turn.
 
 The paper's law is left only for one whose BIC is lower by more than 10, and whose squared error over five blocks of
 speed, each left out in turn, is lower too: BIC alone takes up what the scatter looks like, an error at speeds that were
@@ -12,10 +11,9 @@ A level that rises with the motor's torque makes a torque explain part of itself
 factor 1 - df/dT in each equation, so BIC loses 2 n' mean(log(1 - df/dT)), and an error at what was left out is that of
 the torque which solves T = f(T): without both, such a law would win on noise.
 
-With the equations of each solve, n of them of which n' are independent, and k parameters, the noise variance among
-them, a law's BIC is the sum of n' log(RSS / n) + k log(n'). Its weight is exp(-BIC / 2) over the sum of all (Burnham
-and Anderson, Model Selection and Multimodel Inference, 2002), and so is the average of a parameter over laws: its
-variance is what each law leaves open, and how far it lies from the average.
+A law's BIC is the sum of those of its solves (`estimation.information`). Its weight is exp(-BIC / 2) over the sum of all
+(Burnham and Anderson, Model Selection and Multimodel Inference, 2002), and so is the average of a parameter over laws:
+its variance is what each law leaves open, and how far it lies from the average.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -5,7 +5,7 @@ Of one parameter that each run is fitted for apart, with estimates x_i and stand
     chi2_red = sum over i of ((x_i - m) / s_i)**2 / (k - 1),    m the mean weighted by 1 / s_i**2,
 
 is one where runs differ by no more than the s_i say; where it is significant at 1 %, the error is widened by its root
-(Birge, Phys. Rev. 40, 1932). Of all parameters of one fit, the error is that of the jackknife over the runs, to first order, where that is
+(Birge, Phys. Rev. 40, 1932). Of one fit, it is that of the jackknife over the runs, to first order, where that is
 significantly larger. Student's t has k - 1 degrees of freedom then.
 """
 

@@ -7,9 +7,7 @@ zero at zero, the same for all loadings of a direction, each of which rests some
 
 The secant stiffness at amplitude T_j is T_j / y_j; LuGre's, from the initial one on, T_j / U_j * U_1 / y_1. Softening is named
 where U / y falls from the first knot to the last by more than chance, counts, torque noise and the error of g0 together.
-
-Where no run breaks away the bend itself limits g0 from above: a g0 at which T is too straight, or too bent, over y is
-excluded by an F test.
+Where no run breaks away, a g0 at which T is too straight, or too bent, over y is excluded by an F test.
 """
 
 from collections.abc import Sequence

@@ -1,17 +1,16 @@
 """The 95 % interval of a presliding stiffness three ways: covariance, profile, bootstrap.
 
-g0 is known with an error of its own. Profile. With g0 given, u is known with an error e(g0), u being sigma_0, or its
-inverse for the estimator by all samples, whose line gives that. What g0 may be its own stage says; loading is not let
-to correct it, for its bend tells of g0 only where the model is exact. So with x = (g0 - level) / its error
+Profile. With g0 given, u is known with an error e(g0), u being sigma_0, or its inverse for the estimator by all samples.
+What g0 may be its own stage says, for the bend of the loading tells it only where the model is exact. So with
+x = (g0 - level) / its error
 
     Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2,    u is inside where Q <= F(0.95; 1, freedom) = t**2,
 
 a problem that is linear in u once x is given, and so a conditional profile.
 
-Bootstrap. Blocks of count edges (or of samples) are drawn anew, one step each; each draw has a g0 of its own, and one
-by all samples a rest position in the count. The interval is that of bootstrap-t, with the error that the covariance has
-as well. A step of the data is how the estimate errs: the truth lies on the other side of it. A step of u(x) is where
-the truth lies.
+Bootstrap-t. Blocks of count edges (or of samples) are drawn anew, one step each; each draw has a g0 of its own, and one
+by all samples a rest position in the count. A step of the data is how the estimate errs: the truth lies on the other side
+of it. A step of u(x) is where the truth lies.
 """
 
 from collections.abc import Sequence

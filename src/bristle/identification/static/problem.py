@@ -4,9 +4,8 @@
     (9)-(12)
 
 with another peak and more terms where the law has them. Everything is linear but v_s, and what else the shape of a
-law's peak takes, which is held while v_s is searched (`shape`). The unknowns stand in one vector, theta = (linear...,
-alpha_1 per peak, v_s per peak), where a peak is a direction that has a Stribeck term. Moving data pass both sides
-through the same linear smoothing; points at constant velocity pass as they are.
+law's peak takes, which is held (`shape`). theta = (linear..., alpha_1 per peak, v_s per peak), where a peak is a direction
+that has a Stribeck term. Moving data pass both sides through one linear smoothing; points pass as they are.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -58,8 +57,7 @@ class Regression:
     smooth: sparse.csr_array | None = None
     """The decimation filter as a matrix, shape (n, N)."""
     memory: dict[tuple[object, str, bytes, tuple[float, ...]], Tables] = field(default_factory=dict, repr=False)
-    """Columns that were smoothed already: smoothing is the dear part of moving data, and every fit asks for the same
-    grid."""
+    """Columns that were smoothed already, which takes long: every fit asks for the same grid."""
     priors: int = 0
     """How many of the last equations are priors, not measurements."""
     shifts: Mapping[str, Array] = field(default_factory=dict)

@@ -1,12 +1,9 @@
 """The exact profile of every parameter of a static fit: where its cost, minimised over all others, is below a threshold.
 
-At given v_s the problem is linear, so that the profiles of the others follow no path: see
-`estimation.conditional_profile`; eta is log(v_s). Moving data are profiled in few equations: the same static problem, a
-hundred times smaller (`reduced`).
-
-What the shape of a peak takes beside v_s, as the free exponent does, is searched around the grid, which holds it. The
-cost at its best v_s and linear parameters, as a function of such a parameter, is its profile: the interval comes of it,
-as that of v_s does. Those of the others are the union over what the profile allows.
+At given v_s the problem is linear: see `estimation.conditional_profile`; eta is log(v_s). Moving data are profiled in few
+equations: the same static problem, a hundred times smaller (`reduced`). What the shape of a peak takes beside v_s, as the
+free exponent does, is searched around the grid, which holds it: its interval comes of the cost over it, and those of the
+others are the union over what that allows.
 """
 
 from collections.abc import Callable, Iterator, Mapping
