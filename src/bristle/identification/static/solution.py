@@ -1,7 +1,8 @@
 """One static problem solved and judged: which Stribeck terms the data support, and an interval and warnings on each parameter."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import compress
 from math import sqrt
 
@@ -95,13 +96,28 @@ def solve_static(
     full, _ = uncertainty.covariance(np.concatenate([jacobian, more], axis=1), solution.cost, variance_inflation)
     profiles = drawn_profiles(problem, solution, v_s_range, likelihood.threshold)
     beside = _beside(problem, of_shape, np.sqrt(np.diag(with_more)[free.sum() :]), solution, kind)
-    parameters = _estimates(problem, solution, covariance[: free.sum(), : free.sum()], free, intervals, kind)
     doubted = {
         d for d, reason in dropped.items() if {reason.code, getattr(reason.numbers.get("why"), "code", None)} & _THERE
     }
-    for name, own in parameters.items():  # a peak that is there but not bounded, alpha_0 and alpha_2 take up
-        if name.name in {"alpha_0", "alpha_2"} and name.direction in doubted:
-            parameters[name] = replace(own, warnings=(*own.warnings, takes_up_peak()))
+    # each parameter with its interval by the profile; the standard error is that of the exact Jacobian
+    errors, parameters = np.full(len(problem.names), np.nan), dict[ParameterName, Estimate]()
+    errors[free] = np.sqrt(np.diag(covariance)[: free.sum()])
+    for name, value, error in zip(problem.names, solution.theta.tolist(), errors.tolist(), strict=True):
+        (low, high), told = intervals[name], [at_bound()] if name in solution.at_bound else []
+        if name.name == "alpha_1" and not is_closed(intervals[name._replace(name="v_s")]):
+            message = "No finite interval: v_s has none, and alpha_1 grows with v_s."
+            told.append(Finding("alpha-1-open", CAUTION, message))
+        elif name.name == "v_s" and low == 0:
+            told.append(Finding("v-s-open-below", CAUTION, "No finite interval: the data allow v_s down to zero."))
+        elif name.name == "v_s" and np.isinf(high):
+            told.append(Finding("v-s-open-above", CAUTION, "No finite interval: the data set no upper limit on v_s."))
+        elif name.name in {"alpha_0", "alpha_2"} and name.direction in doubted:
+            told.append(takes_up_peak())  # a peak that is there but not bounded
+        parameters[name] = Estimate(
+            value=value, unit=unit(name.name, kind), standard_error=error if np.isfinite(error) else None,
+            interval=(min(low, value), max(high, value)),  # of an exact fit rounding makes the profile
+            warnings=tuple(told),
+        )  # fmt: skip  # a list of values
     names = list(compress(problem.names, free))
     moved = {constant: moved_by(jacobian[:, free], change) for constant, change in problem.shifts.items()}
     reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
@@ -157,7 +173,9 @@ def _settled(
         dropped = dict.fromkeys(problem.peaks, not_asked if asked else few)
     else:
         solution = solve(problem, v_s_range)
-        dropped = {} if options.model == "stribeck" else _unsupported(problem, solution)
+        dropped = (
+            {} if options.model == "stribeck" else _without_peak(problem, partial(_unsupported, problem, solution))
+        )
     if asked and points >= least:
         message = "Not fitted, for fit.law is coulomb-viscous, although these data show a Stribeck term."
         left_out = Finding("peak-left-out", NOTE, message)
@@ -174,116 +192,73 @@ def _settled(
             message = "A profile found a lower cost than the grid; the fit was repeated from there."
             likelihood = profiled(kept, solution, _inflation(kept, solution))
             again = (Finding("refitted-from-grid", NOTE, message),)
-        unbounded = {} if options.model == "stribeck" else _unbounded(kept, solution, likelihood)
+        why = partial(_unbounded, kept, solution, likelihood)
+        unbounded = {} if options.model == "stribeck" else _without_peak(kept, why)
         if not unbounded:
             return kept, solution, likelihood, again, dropped
         dropped |= unbounded
 
 
-def _unbounded(problem: Regression, solution: Solution, likelihood: StaticProfiles) -> dict[Direction, Finding]:
-    """Directions whose v_s has an end outside the range searched, or no speed below it, each with the reason."""
-    unbounded, names, best = {}, problem.names[-len(problem.peaks) :], problem.split(solution.theta)[1].tolist()
-    for direction, name, v_s in zip(problem.peaks, names, best, strict=False):
-        low, high = likelihood.intervals[name]
-        speeds, why = problem.speeds(direction), None
-        if low == 0:
-            why = Finding("v-s-down-to-zero", NOTE, "these speeds set no lower limit on v_s (slower ones would)")
-        elif np.isinf(high):
-            message = "these speeds set no upper limit on v_s (faster ones, or more of them, would)"
-            why = Finding("v-s-up-to-any", NOTE, message)
-        elif (slowest := float(speeds.min())) >= v_s:
-            message = (
-                f"no speed lies below its v_s of {v_s:.3g}{unit_of('velocity')} (the slowest is {slowest:.3g}{unit_of('velocity')}; "
-                "slower ones would decide)"
-            )
-            why = Finding("none-below-v-s", NOTE, message, {"slowest": slowest, "v_s": v_s})
-        if why is not None:
-            unbounded[direction] = _no_stribeck(direction, why)
-    return unbounded
-
-
-def _no_stribeck(direction: Direction, why: Finding) -> Finding:
-    message = f"Stribeck term not identifiable{in_direction(direction)}: {why.message}; Coulomb and viscous friction alone are fitted."
-    return Finding("no-stribeck", NOTE, message, {"direction": direction, "why": why})
-
-
-def _unsupported(problem: Regression, solution: Solution) -> dict[Direction, Finding]:
-    """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the reason."""
-    variance_inflation = _inflation(problem, solution)
-    projected = Projected(problem)
-    noise = 1e-20 * float(problem.torque @ problem.torque)
-    v_s = problem.split(solution.theta)[1].tolist()
-    dropped = {}
+def _without_peak(problem: Regression, why_not: Callable[[int, Direction], Finding | None]) -> dict[Direction, Finding]:
+    """The directions that get no Stribeck term, each with the reason, as one has it."""
+    found = dict[Direction, Finding]()
     for k, direction in enumerate(problem.peaks):
-        off, length = projected.off(solution.grid, k)
-        gain = max(solution.base_costs[k] - solution.cost, 0.0)
-        unexplained = max(solution.cost, noise) or 1.0  # a torque of zero throughout has neither
-        ratio = gain / unexplained / variance_inflation
-        p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
-        speeds, why = problem.speeds(direction), None
-        fastest, slowest = float(speeds.max()), float(speeds.min())
-        if p > SIGNIFICANCE:
-            why = Finding("no-peak", NOTE, "no sign of a Stribeck peak")
-            if p < NO_SIGN:
-                message = f"noise alone would look as much like a Stribeck peak in {100 * p:.0f} % of cases"
-                why = Finding("like-noise", NOTE, message, {"percent": 100 * p})
-        elif v_s[k] * problem.law.peak.reach > fastest:
-            seen = problem.law.peak.reach
-            message = (
-                f"its v_s of {v_s[k]:.3g}{unit_of('velocity')} would lie near the fastest speed, {fastest:.3g}{unit_of('velocity')}, "
-                f"so the term would bend the whole curve instead of dropping at low speed (speeds beyond {seen:g} v_s would decide)"
-            )
-            why = Finding("bend", NOTE, message, {"v_s": v_s[k], "fastest": fastest, "seen": seen})
-        elif v_s[k] < UNTOUCHED * slowest:
-            message = (
-                f"its v_s of {v_s[k]:.3g}{unit_of('velocity')} would lie below a third of the slowest speed, "
-                f"{slowest:.3g}{unit_of('velocity')}, so the term would depend on that one speed (slower ones would decide)"
-            )
-            why = Finding("one-speed", NOTE, message, {"v_s": v_s[k], "slowest": slowest})
+        why = why_not(k, direction)
         if why is not None:
-            dropped[direction] = _no_stribeck(direction, why)
-    return dropped
+            message = f"Stribeck term not identifiable{in_direction(direction)}: {why.message}; Coulomb and viscous friction alone are fitted."
+            found[direction] = Finding("no-stribeck", NOTE, message, {"direction": direction, "why": why})
+    return found
+
+
+def _unbounded(
+    problem: Regression, solution: Solution, likelihood: StaticProfiles, k: int, direction: Direction
+) -> Finding | None:
+    """That the v_s of a peak has an end outside the range searched, or no speed below it."""
+    low, high = likelihood.intervals[ParameterName("v_s", direction)]
+    slowest, v_s = float(problem.speeds(direction).min()), float(problem.split(solution.theta)[1][k])
+    if low == 0:
+        return Finding("v-s-down-to-zero", NOTE, "these speeds set no lower limit on v_s (slower ones would)")
+    if np.isinf(high):
+        message = "these speeds set no upper limit on v_s (faster ones, or more of them, would)"
+        return Finding("v-s-up-to-any", NOTE, message)
+    message = (
+        f"no speed lies below its v_s of {v_s:.3g}{unit_of('velocity')} (the slowest is {slowest:.3g}{unit_of('velocity')}; "
+        "slower ones would decide)"
+    )
+    return Finding("none-below-v-s", NOTE, message, {"slowest": slowest, "v_s": v_s}) if slowest >= v_s else None
+
+
+def _unsupported(problem: Regression, solution: Solution, k: int, direction: Direction) -> Finding | None:
+    """That the Stribeck term of a peak is noise, or a bend over all speeds instead of a peak."""
+    projected, noise = Projected(problem), 1e-20 * float(problem.torque @ problem.torque)
+    off, length = projected.off(solution.grid, k)
+    gain = max(solution.base_costs[k] - solution.cost, 0.0)
+    unexplained = max(solution.cost, noise) or 1.0  # a torque of zero throughout has neither
+    ratio = gain / unexplained / _inflation(problem, solution)
+    p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
+    speeds, v_s, seen = problem.speeds(direction), float(problem.split(solution.theta)[1][k]), problem.law.peak.reach
+    fastest, slowest, of = float(speeds.max()), float(speeds.min()), unit_of("velocity")
+    if SIGNIFICANCE < p < NO_SIGN:
+        message = f"noise alone would look as much like a Stribeck peak in {100 * p:.0f} % of cases"
+        return Finding("like-noise", NOTE, message, {"percent": 100 * p})
+    if p > SIGNIFICANCE:
+        return Finding("no-peak", NOTE, "no sign of a Stribeck peak")
+    if v_s * seen > fastest:
+        message = (
+            f"its v_s of {v_s:.3g}{of} would lie near the fastest speed, {fastest:.3g}{of}, so the term would bend the whole "
+            f"curve instead of dropping at low speed (speeds beyond {seen:g} v_s would decide)"
+        )
+        return Finding("bend", NOTE, message, {"v_s": v_s, "fastest": fastest, "seen": seen})
+    message = (
+        f"its v_s of {v_s:.3g}{of} would lie below a third of the slowest speed, {slowest:.3g}{of}, so the term would depend "
+        "on that one speed (slower ones would decide)"
+    )
+    return Finding("one-speed", NOTE, message, {"v_s": v_s, "slowest": slowest}) if v_s < UNTOUCHED * slowest else None
 
 
 def _inflation(problem: Regression, solution: Solution) -> float:
     """By how much correlated residuals inflate the variance; points stand alone."""
     return inflation(solution.residuals) if problem.smooth is not None else 1.0
-
-
-def _estimates(
-    problem: Regression,
-    solution: Solution,
-    covariance: Array,
-    free: Array,
-    intervals: Mapping[ParameterName, tuple[float, float]],
-    kind: Kind,
-) -> dict[ParameterName, Estimate]:
-    """Each parameter with its interval by the profile; the standard error is that of the exact Jacobian."""
-    errors = np.full(len(problem.names), np.nan)
-    errors[free] = np.sqrt(np.diag(covariance))
-    out = {}
-    for name, value, error in zip(problem.names, solution.theta, errors, strict=True):
-        plain_name = name.name
-        low, high = intervals[name]
-        warnings: tuple[Finding, ...] = ()
-        if name in solution.at_bound:
-            warnings = (at_bound(),)
-        if plain_name == "alpha_1" and not is_closed(intervals[name._replace(name="v_s")]):
-            message = "No finite interval: v_s has none, and alpha_1 grows with v_s."
-            warnings = (*warnings, Finding("alpha-1-open", CAUTION, message))
-        if plain_name == "v_s" and not is_closed((low, high)):
-            below = Finding("v-s-open-below", CAUTION, "No finite interval: the data allow v_s down to zero.")
-            above = Finding("v-s-open-above", CAUTION, "No finite interval: the data set no upper limit on v_s.")
-            warnings = (*warnings, below if low == 0 else above)
-        standard_error = None if name in solution.at_bound or not np.isfinite(error) else float(error)
-        out[name] = Estimate(
-            value=float(value),
-            unit=unit(plain_name, kind),
-            standard_error=standard_error,
-            interval=(float(min(low, value)), float(max(high, value))),  # of an exact fit rounding makes the profile
-            warnings=warnings,
-        )
-    return out
 
 
 def _outcome(
