@@ -59,8 +59,6 @@ class Resampled(NamedTuple):
     """d over its standard error in its own resample, (B, p); not finite where that shows nothing of an unknown."""
     blocks: int
     """How many are drawn each time."""
-    wild: bool = False
-    """Whether the signs and sizes of residuals are drawn, not their places."""
     rounded: bool = False
     """Whether the ends of intervals are draws, the next ones outward."""
 
@@ -106,7 +104,7 @@ def residual_bootstrap(
     steps, errors = (np.hstack(parts) for parts in zip(*found, strict=True))
     with np.errstate(divide="ignore", invalid="ignore"):
         studentised = steps[:, 1:] / errors[:, 1:]
-    return Resampled(steps[:, 1:].T, studentised.T, n, wild, rounded=True), errors[:, 0]
+    return Resampled(steps[:, 1:].T, studentised.T, n, rounded=True), errors[:, 0]
 
 
 def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Array]:

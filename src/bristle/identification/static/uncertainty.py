@@ -35,16 +35,14 @@ _FEW = 8  # points beyond the parameters, below which they are few
 _DRAWN, _BEYOND = 61, 0.6  # values of v_s on its drawn profile, and how far beyond its interval, in widths of it
 
 
-def three_ways(
-    solved: StaticSolution, v_s_range: tuple[float, float], seed: int = SEED
-) -> dict[ParameterName, Uncertainty]:
-    """The intervals of every parameter of a solved and judged problem, by its names; `seed` is that of the bootstrap."""
+def three_ways(solved: StaticSolution, v_s_range: tuple[float, float]) -> dict[ParameterName, Uncertainty]:
+    """The intervals of every parameter of a solved and judged problem, by its names."""
     n, names = solved.problem.torque.size, solved.problem.names
     spare = n - len(names)
     few = f"{n} points for {len(names)} parameters" if spare < _FEW else None
-    drawn = resample(solved.problem, solved.solution, v_s_range, seed=seed, covariance=solved.covariance)
+    drawn = resample(solved.problem, solved.solution, v_s_range, covariance=solved.covariance)
     out = {}
-    for name, value, low, high, draws in zip(names, solved.solution.theta.tolist(), *drawn[:3], strict=True):
+    for name, value, low, high, draws in zip(names, solved.solution.theta.tolist(), *drawn, strict=True):
         at_bound, resampled = name in solved.solution.at_bound, None if np.isnan(low) else (float(low), float(high))
         covariance, profile = solved.student[name], solved.profiled.intervals[name]
         warnings = interval_comparison.warnings(value, covariance, profile, resampled, at_bound=at_bound, few=few)
@@ -96,8 +94,6 @@ class StaticDraws(NamedTuple):
     """(p,)."""
     draws: Array
     """(p, b)."""
-    wild: bool
-    """Whether signs and sizes of residuals are drawn, not their places."""
 
 
 def resample(
@@ -137,7 +133,7 @@ def resample(
         keep = np.array([name not in solution.at_bound for name in problem.names])
         if not keep.any():
             nothing = np.full(keep.size, np.nan)
-            return StaticDraws(nothing, nothing, np.full((keep.size, draws), np.nan), wild=False)
+            return StaticDraws(nothing, nothing, np.full((keep.size, draws), np.nan))
         size = np.where(problem.logarithmic, solution.theta, 1.0)[keep]
         J, left, measured = solution.jacobian[:, keep] * size, solution.residuals, problem.torque.size - problem.priors
         if problem.shape and problem.peaks:
@@ -163,7 +159,7 @@ def resample(
         return out
 
     low, high = moved(ends).T
-    return StaticDraws(low, high, moved(drawn.steps.T[: best.size]), drawn.wild)
+    return StaticDraws(low, high, moved(drawn.steps.T[: best.size]))
 
 
 def parts_of_runs(
