@@ -38,14 +38,8 @@ from bristle.identification.load_levels import load_is_known
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import regressors
 from bristle.identification.results import Averaged, LawComparison, LawRow
+from bristle.identification.static import points
 from bristle.identification.static.grid import default_range, solve
-from bristle.identification.static.points import (
-    groups,
-    point_regressors,
-    points_problem,
-    sliding_points,
-    strays_under_all,
-)
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import with_best_shape
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -117,13 +111,15 @@ def laws_of_points(measured: Measured, in_force: Law) -> LawComparison | None:
 
     Raises InputError as the fit of points does.
     """
-    asked = point_regressors(measured.experiment)
+    asked = points.point_regressors(measured.experiment)
     others = [law for law in competing() if law != in_force]
-    stray = strays_under_all(measured.experiment, measured.searches, others)
-    chosen = groups(measured.experiment, [s for s in sliding_points(measured.searches) if s.place not in stray])
+    stray = points.strays_under_all(measured.experiment, measured.searches, others)
+    chosen = points.groups(
+        measured.experiment, [s for s in points.sliding_points(measured.searches) if s.place not in stray]
+    )
 
     def pose(law: Law) -> Sequence[Regression]:
-        return [points_problem(group, sides, asked, law) for sides, group in chosen]
+        return [points.points_problem(group, sides, asked, law) for sides, group in chosen]
 
     return compare_laws(pose, in_force)
 

@@ -11,15 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.estimation import interval_comparison
-from bristle.estimation.bootstrap import (
-    FEW,
-    REFITS,
-    SHOWN,
-    block_bootstrap,
-    linear_refit,
-    residual_bootstrap,
-)
+from bristle.estimation import bootstrap, interval_comparison
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Uncertainty
 from bristle.identification.static.batch import Batch
@@ -51,13 +43,13 @@ def three_ways(solved: StaticSolution, v_s_range: tuple[float, float]) -> dict[P
             warnings = (Finding("intervals-at-bound", CAUTION, message),)
         elif resampled is None:
             message = (
-                f"No bootstrap: the residuals are correlated over so long that fewer than {FEW} blocks are left to "
+                f"No bootstrap: the residuals are correlated over so long that fewer than {bootstrap.FEW} blocks are left to "
                 "resample."
             )
-            warnings = (*warnings, Finding("no-blocks", NOTE, message, {"least": FEW}))
+            warnings = (*warnings, Finding("no-blocks", NOTE, message, {"least": bootstrap.FEW}))
         out[name] = Uncertainty(
             covariance=(0.0, covariance[1]) if at_bound else covariance, profile=profile, bootstrap=resampled,
-            curve=_curve(solved, name, value), draws=draws[np.isfinite(draws)][:SHOWN], warnings=warnings,
+            curve=_curve(solved, name, value), draws=draws[np.isfinite(draws)][:bootstrap.SHOWN], warnings=warnings,
         )  # fmt: skip  # a list of values
     return out
 
@@ -100,7 +92,7 @@ def resample(
     problem: Regression,
     solution: Solution,
     v_s_range: tuple[float, float],
-    draws: int = REFITS,
+    draws: int = bootstrap.REFITS,
     seed: int = SEED,
     covariance: Array | None = None,
 ) -> StaticDraws:
@@ -119,7 +111,7 @@ def resample(
             """How far the grid's estimates lie off, and their errors, inf where nothing is seen of a parameter."""
             torques = (problem.torque - solution.residuals)[:, None] + residuals
             if not problem.peaks:
-                theta, errors = linear_refit(problem.linear, torques, uneven)
+                theta, errors = bootstrap.linear_refit(problem.linear, torques, uneven)
                 return theta - center, errors
             batch = Batch(problem, torques, v_s_range)
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -128,7 +120,7 @@ def resample(
             return steps, batch.errors(robust=uneven) / size
 
         J, left = solution.jacobian, solution.residuals
-        drawn, errors = residual_bootstrap(J, left, problem.velocity, refit, draws, seed)
+        drawn, errors = bootstrap.residual_bootstrap(J, left, problem.velocity, refit, draws, seed)
     else:
         keep = np.array([name not in solution.at_bound for name in problem.names])
         if not keep.any():
@@ -139,13 +131,15 @@ def resample(
         if problem.shape and problem.peaks:
             J = np.concatenate([J, own_columns(problem, solution)], axis=1)
         if problem.smooth is None or covariance is None:
-            drawn, errors = residual_bootstrap(J, left, problem.velocity, seed=seed)
+            drawn, errors = bootstrap.residual_bootstrap(J, left, problem.velocity, seed=seed)
         else:
             sigma = float(np.sqrt(solution.cost / max(left.size - size.size, 1)))
-            drawn = block_bootstrap(-J[:measured], left[:measured], priors=-J[measured:], sigma=sigma, seed=seed)
+            drawn = bootstrap.block_bootstrap(
+                -J[:measured], left[:measured], priors=-J[measured:], sigma=sigma, seed=seed
+            )
             errors = np.sqrt(np.diag(covariance)[: size.size]) / size
         errors = errors[: size.size]  # what the shape has beside stands after them
-    if problem.smooth is not None and drawn.blocks < FEW:
+    if problem.smooth is not None and drawn.blocks < bootstrap.FEW:
         keep[:], errors = False, errors[:0]
     ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())]).reshape(-1, 2)
     best, logarithmic, floor = (each[keep, None] for each in (solution.theta, problem.logarithmic, problem.least))
