@@ -16,6 +16,7 @@ from bristle.estimation.score_test import Candidate, Fitted, Score, explained
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, unit_of
 from bristle.identification.candidates import candidates
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
+from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.repeats import clustered, widened
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid, solve
@@ -80,14 +81,15 @@ def fit_static(
     plain: dict[ParameterName, float] = {}
     if len(core.problem.peaks) == 1 and problem.smooth is None:
         plain = core.problem.named(plain_grid(core.problem, v_s_range)[2])
-    strays, three = report_strays(core, where.search, options, kind), three_ways(core, v_s_range)
+    strays, other_points, of_strays = report_strays(core, where.search, options, kind)
+    three = three_ways(core, v_s_range)
     sticks = np.array([s.stick_slip for s in where.segments], dtype=bool)
     without, of_sticking = _without_sticking(problem, core, options, kind, sticks)
     measured = slice(problem.torque.size - problem.priors)
     residuals = core.solution.residuals[measured]
     in_order = residuals[np.argsort(problem.equation_velocity[measured])] if where.segments else residuals
     left = unexplained(in_order, float(np.linalg.norm(problem.measured[measured])))
-    warnings = (*left, *strays.warnings, *core.warnings, *of_sticking, *terms_left_out(core, kind, where))
+    warnings = (*left, *of_strays, *core.warnings, *of_sticking, *terms_left_out(core, kind, where))
     posed = ((file, replace(p, peaks=core.problem.peaks)) for file, p in held)
     errors = tuple(HoldOut(file=file, relative_error=p.relative_error(core.solution.theta)) for file, p in posed)
     label = _parts(problem)[-1]
@@ -108,8 +110,8 @@ def fit_static(
             warnings=warnings,
             hold_out=errors,
             plain_grid={name.name: x for name, x in plain.items() if one or name.direction is d},
-            strays=strays.of(d),
-            other_points=strays.other.get(d),
+            strays=tuple(x for x in strays if DIRECTIONS.get(d, 0.0) * x.velocity >= 0),
+            other_points=other_points.get(d),
         )
         # as wide as the runs scatter, and then with the systematic errors
         own = {name.name: x for name, x in scatter.items() if one or name.direction is d}
