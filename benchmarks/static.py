@@ -2,7 +2,7 @@
 
 (a) one set of 200 points, parameters and covariance, against scipy.optimize.curve_fit and lmfit, both from a start within 30 % of the answer;
 (b) 1000 sets at shared velocities against a loop of curve_fit;
-(c) the same with a profile interval for every parameter, against a loop of lmfit's fit and conf_interval, and its distance from that;
+(c) a profile interval for every parameter of each set, one by one, against a loop of lmfit's fit and conf_interval, and its distance from that;
 (d) a bootstrap-t of 10 000 resamples of one set against a loop of curve_fit. Everything is timed in this one run; the ratios are what counts.
 """
 
