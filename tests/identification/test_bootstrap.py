@@ -95,17 +95,6 @@ def test_of_a_skewed_mean_it_covers_as_bootstrap_t_does() -> None:
     assert 0.92 <= hits / 600 <= 0.97
 
 
-@settings(max_examples=8, deadline=None)
-@given(seed=st.integers(0, 10**6), torque=st.floats(0.01, 100), speed=st.floats(0.01, 100))
-def test_draws_follow_units(seed: int, torque: float, speed: float) -> None:
-    """In other units the same draws come out, converted."""
-    problem = gripper(2e-4 * np.random.default_rng(seed).standard_normal(16))
-    other = from_points(speed * SPEEDS, torque * problem.torque, ("both",))
-    plain, converted = resampled(problem, 40), resampled(other, 40)
-    factor = np.array([torque, torque / speed, torque, speed])
-    assert converted.draws == pytest.approx(factor[:, None] * plain.draws, rel=1e-5)
-
-
 def test_intervals_are_in_order_and_no_friction_is_below_zero() -> None:
     """Over noise from little to so much that draws end at bounds: lower ends below upper ones, none below zero, none nan."""
     for seed in range(8):
