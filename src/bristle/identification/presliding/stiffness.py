@@ -317,7 +317,7 @@ def _slope(columns: Columns) -> tuple[float, float, float]:
     slope = float(instrument @ y) / along
     score = instrument * (y - slope * x)  # what scatters, correlated and of a variance that may grow with the torque
     spare, variance_inflation = n - len(starts) - 1, inflation(score)
-    error = float(np.sqrt(float(score @ score) * n / max(spare, 1) * variance_inflation / along**2))
+    error = float(np.sqrt(float(score @ score) * variance_inflation * n / max(spare, 1)) / abs(along))
     # two edges and an intercept leave no residual to judge by: then the slope may be off by as much as itself
     return slope, error if spare > 0 else abs(slope), max(n / variance_inflation - len(starts) - 1, 1.0)
 
