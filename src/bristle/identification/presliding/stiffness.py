@@ -310,25 +310,22 @@ def sample_columns(pieces: Sequence[Piece], shifted: Sequence[Array] | None = No
     return _columns(parts) if parts else None
 
 
-def _slope(columns: Columns) -> tuple[float, float, float]:
-    """The slope of y over x by the instrument, its standard error, and its degrees of freedom; 0 where x does not change."""
-    x, y, instrument, starts = columns
-    along, n = float(instrument @ x) or np.inf, y.size
-    slope = float(instrument @ y) / along
-    score = instrument * (y - slope * x)  # what scatters, correlated and of a variance that may grow with the torque
-    spare, variance_inflation = n - len(starts) - 1, inflation(score)
-    error = float(np.sqrt(float(score @ score) * variance_inflation * n / max(spare, 1)) / abs(along))
-    # two edges and an intercept leave no residual to judge by: then the slope may be off by as much as itself
-    return slope, error if spare > 0 else abs(slope), max(n / variance_inflation - len(starts) - 1, 1.0)
-
-
 def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
     """Slope of U over y at the count edges by weighted least squares, its standard error and degrees of freedom.
 
     Infinite, with an infinite error, where no loading has two edges.
     """
     edges = edge_columns(pieces)
-    return (np.inf, np.inf, 1.0) if edges is None else _slope(edges)
+    if edges is None:
+        return np.inf, np.inf, 1.0
+    y, U, _, starts = edges
+    slope = float(y @ U / (y @ y))
+    score, freedom = y * (U - slope * y), y.size - len(starts) - 1
+    variance_inflation = inflation(score)
+    # two edges and an intercept leave no residual to judge by: then the slope may be off by as much as itself
+    scattered = float(score @ score) * y.size / max(freedom, 1) * variance_inflation / float(y @ y) ** 2
+    variance = scattered if freedom > 0 else slope**2
+    return slope, float(np.sqrt(variance)), max(y.size / variance_inflation - len(starts) - 1, 1.0)
 
 
 def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) -> tuple[float, float, float]:
@@ -339,10 +336,18 @@ def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) 
     samples = sample_columns(pieces, shifted)
     if samples is None:
         return np.inf, np.inf, 1.0
-    compliance, error, freedom = _slope(samples)
+    U, y, t, starts = samples
+    along = float(t @ U)
+    compliance = float(t @ y) / along if along else 0.0
+    rest = y - compliance * U
+    score = t * rest  # what scatters, correlated and of a variance that grows with the torque
+    variance_inflation = inflation(score)
+    freedom = max(y.size / variance_inflation - len(starts) - 1, 1.0)
+    scatter = float(score @ score) * variance_inflation * y.size / max(y.size - len(starts) - 1, 1)
+    error = np.sqrt(scatter) / abs(along or 1.0)
     if abs(compliance) < _NONE:
         return np.inf, np.inf, freedom
-    return 1 / compliance, error / compliance**2, freedom
+    return 1 / compliance, float(error / compliance**2), freedom
 
 
 ESTIMATORS: Mapping[str, Estimator] = {"edges": by_edges, "samples": by_samples}
