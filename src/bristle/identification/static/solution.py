@@ -122,8 +122,7 @@ def solve_static(
     moved = {constant: moved_by(jacobian[:, free], change) for constant, change in problem.shifts.items()}
     reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
     ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
-    v_s = {d: intervals[name] for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)}
-    warnings = _fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
+    warnings = _fit_warnings(problem, solution, jacobian[:, free], intervals, profiles, v_s_range)
     outcome = _outcome(problem, solution, dropped, warnings)
     return StaticSolution(
         problem=problem, solution=solution, parameters=parameters,
@@ -283,19 +282,18 @@ def _fit_warnings(
     problem: Regression,
     solution: Solution,
     jacobian: Array,
-    intervals: Mapping[Direction, tuple[float, float]],
+    intervals: Mapping[ParameterName, tuple[float, float]],
     profiles: Mapping[Direction, Profile],
     v_s_range: tuple[float, float],
-    variance_inflation: float,
 ) -> tuple[Finding, ...]:
-    """Each warning about a fit as a whole; `jacobian` is of the free parameters, (n, p), `intervals` are of v_s."""
+    """Each warning about a fit as a whole; `jacobian` is of the free parameters, (n, p)."""
     warnings = []
     for name in map(problem.text, solution.at_bound):
         message = f"{name} lies at its physical bound of zero; an unconstrained fit would make it negative."
         warnings.append(Finding("bound", CAUTION, message, {"name": name}))
     low, high = v_s_range
     for direction, profile in profiles.items():
-        interval, where = intervals[direction], in_direction(direction)
+        interval, where = intervals[ParameterName("v_s", direction)], in_direction(direction)
         if interval[0] == 0 and np.isinf(interval[1]):
             message = f"v_s is not identifiable from these speeds{where}: its profile is flat."
             warnings.append(Finding("flat-profile", CRITICAL, message, {"direction": direction}))
@@ -330,7 +328,7 @@ def _fit_warnings(
             "strongly correlated."
         )
         warnings.append(Finding("ill-conditioned", CAUTION, message, {"condition": condition}))
-    if variance_inflation > 2:
+    if (variance_inflation := _inflation(problem, solution)) > 2:
         warnings.append(correlated(problem.residuals(solution.theta), sqrt(variance_inflation)))
     return tuple(warnings)
 
