@@ -198,12 +198,8 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: Kind) -> tuple[Est
             )
             numbers = {"file": loading.file, "torque": value, "runs": n, "direction": direction, "median": middle}
             warnings.append(Finding("outlier", CAUTION, message, numbers))
-    whole = Estimate(
-        value=middle,
-        unit=unit("torque", kind),
-        standard_error=error,
-        interval=(max(middle - reach, 0.0), middle + reach),
-    )
+    interval = max(middle - reach, 0.0), middle + reach
+    whole = Estimate(value=middle, unit=unit("torque", kind), standard_error=error, interval=interval)
     return shifted(whole, shifts), warnings
 
 
@@ -253,11 +249,8 @@ def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float], fits: Mapping
         least, most = min(few), max(few)
         spanned = f"{least}" if least == most else f"{least} to {most}"
         message = f"The hysteresis loops span only {spanned} encoder counts: their slopes and losses are coarse."
-        warnings.append(
-            Finding("coarse-loops", NOTE, message, {"counts": least})
-            if least == most
-            else Finding("coarse-loops-between", NOTE, message, {"least": least, "most": most})
-        )
+        between = Finding("coarse-loops-between", NOTE, message, {"least": least, "most": most})
+        warnings.append(Finding("coarse-loops", NOTE, message, {"counts": least}) if least == most else between)
     if drifts:
         cycles, farthest = len(drifts) + len(loops), max(drifts, key=abs)
         message = (
@@ -289,11 +282,8 @@ def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: Kind) -> Estim
     """
     known = inertia is not None and inertia.value > 0
     if inertia is None or not known or not sigma_0.value or sigma_0.value < 0:
-        why = (
-            "there is no sigma_0"
-            if known
-            else "no positive inertia is known: give inertia in the experiment file, or add moving runs"
-        )
+        why = "no positive inertia is known: give inertia in the experiment file, or add moving runs"
+        why = "there is no sigma_0" if known else why
         none = Finding("no-sigma-1", NOTE, f"No estimate: (15) needs J and sigma_0, but {why}.", {"why": why})
         return Estimate(value=None, unit=unit("sigma_1", kind), warnings=(none,))
     damping = functions.presliding_damping_function()

@@ -139,20 +139,18 @@ def _beside(
     """What the law has beside the problem's parameters, of each direction."""
     beside = dict[ParameterName, Estimate]()
     for d in problem.directions:
-        for (name, interval), value, error in zip(of_shape.items(), problem.shape, errors.tolist(), strict=False):
+        own = zip(of_shape.items(), problem.shape, errors.tolist(), strict=False) if d in problem.peaks else ()
+        for (name, interval), value, error in own:
             message = "No finite interval: the data allow it to the end of what is searched."
-            warnings = () if is_closed(interval) else (Finding("shape-open", CAUTION, message),)
-            shown = Estimate(
-                value=value, unit=unit(name, kind), standard_error=error, interval=interval, warnings=warnings
-            )
-            if d in problem.peaks:
-                beside[ParameterName(name, d)] = shown
+            told = () if is_closed(interval) else (Finding("shape-open", CAUTION, message),)
+            shown = Estimate(value=value, unit=unit(name, kind), standard_error=error, interval=interval, warnings=told)
+            beside[ParameterName(name, d)] = shown
         if problem.law.terms:
             fastest, values = float(problem.speeds(d).max()), problem.named(solution.theta)
             held = min(values[ParameterName(name, d)] for name in problem.law.coefficients) < 0
             measured = Finding("fastest-measured", NOTE, "Not estimated: the fastest speed that was measured.")
-            told = (measured, *((curve_held(fastest),) if held else ()))
-            beside[ParameterName(FASTEST, d)] = Estimate(value=fastest, unit=unit(FASTEST, kind), warnings=told)
+            said = (measured, *((curve_held(fastest),) if held else ()))
+            beside[ParameterName(FASTEST, d)] = Estimate(value=fastest, unit=unit(FASTEST, kind), warnings=said)
     return beside
 
 
@@ -165,16 +163,14 @@ def _settled(
     """
     not_asked = Finding("no-stribeck-asked", NOTE, "Not fitted: fit.law is coulomb-viscous.")
     asked, points, least = options.model == "coulomb-viscous", problem.torque.size, len(problem.names) + 1
-    dropped, solution = dict[Direction, Finding](), None
+    dropped, solution, judged = dict[Direction, Finding](), None, options.model != "stribeck"
     if points < least:
         message = f"{points} points are too few for a Stribeck term; at least {least} are needed."
         few = Finding("too-few-for-peak", NOTE, message, {"points": points, "least": least})
         dropped = dict.fromkeys(problem.peaks, not_asked if asked else few)
     else:
         solution = solve(problem, v_s_range)
-        dropped = (
-            {} if options.model == "stribeck" else _without_peak(problem, partial(_unsupported, problem, solution))
-        )
+        dropped = _without_peak(problem, partial(_unsupported, problem, solution)) if judged else {}
     if asked and points >= least:
         message = "Not fitted, for fit.law is coulomb-viscous, although these data show a Stribeck term."
         left_out = Finding("peak-left-out", NOTE, message)
@@ -191,8 +187,7 @@ def _settled(
             message = "A profile found a lower cost than the grid; the fit was repeated from there."
             likelihood = profiled(kept, solution, _inflation(kept, solution))
             again = (Finding("refitted-from-grid", NOTE, message),)
-        why = partial(_unbounded, kept, solution, likelihood)
-        unbounded = {} if options.model == "stribeck" else _without_peak(kept, why)
+        unbounded = _without_peak(kept, partial(_unbounded, kept, solution, likelihood)) if judged else {}
         if not unbounded:
             return kept, solution, likelihood, again, dropped
         dropped |= unbounded
