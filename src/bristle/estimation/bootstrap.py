@@ -195,10 +195,8 @@ def block_bootstrap(
     place, share = np.arange(of_segment.size) - begin, 1 / np.minimum(cells_of, _OVERLAP)
     others = [begin + (place + k) % cells_of for k in range(_OVERLAP)]
     inside = [(k < cells_of).astype(float) for k in range(_OVERLAP)]
-    grams, scores = (
-        np.asarray(sum(x[o] * w.reshape(-1, *[1] * (x.ndim - 1)) for o, w in zip(others, inside, strict=True)))
-        for x in (grams, scores)
-    )
+    grams = np.asarray(sum(grams[o] * w[:, None, None] for o, w in zip(others, inside, strict=True)))
+    scores = np.asarray(sum(scores[o] * w[:, None] for o, w in zip(others, inside, strict=True)))
     prior_rows = prior_rows / size
     number, count, p = max(round(float(share.sum())), 1), share.size, size.size
     rng = np.random.default_rng(seed)

@@ -55,11 +55,6 @@ class StaticProfiles(NamedTuple):
     linear: ConditionalProfiles
     """Of the linear parameters, alpha_1 among them."""
 
-    @property
-    def better(self) -> Array | None:
-        """Values of v_s, (peaks,), at which the profiles met a cost lower than the solution's; None: they met none."""
-        return None if self.linear.better is None else np.exp(self.linear.better)
-
     def curve(self, name: ParameterName, value: float, low: float, high: float) -> Array:
         """A linear parameter's profile, (2, k), from half a width below its interval to half a width above."""
         j, wide = self.problem.names.index(name), high - low

@@ -181,8 +181,8 @@ def _settled(
         if solution is None or dropped:
             solution = solve(kept, v_s_range)
         likelihood = profiled(kept, solution, _inflation(kept, solution))
-        if likelihood.better is not None:
-            found = descended(kept, likelihood.better.tolist(), v_s_range)
+        if (better := likelihood.linear.better) is not None:
+            found = descended(kept, np.exp(better).tolist(), v_s_range)
             solution = replace(found, base_costs=solution.base_costs, grid=solution.grid, profiles=solution.profiles)
             message = "A profile found a lower cost than the grid; the fit was repeated from there."
             likelihood = profiled(kept, solution, _inflation(kept, solution))
