@@ -1,4 +1,4 @@
-"""A least-squares problem that knows no friction: in a linear one all intervals coincide, in others each ends where a fit of the rest says."""
+"""A least-squares problem that knows no friction: in a linear one all intervals coincide; scales, blocks, several starts."""
 
 from collections.abc import Mapping
 
