@@ -75,34 +75,24 @@ class RobustFit(NamedTuple):
     freedom_of_coefficients: float
 
 
-class Differences(NamedTuple):
-    """Successive observations of the same thing, subtracted: y[second] - y[first]."""
-
-    first: NDArray[np.intp]
-    """Which observation, (m,)."""
-    second: NDArray[np.intp]
-    """(m,)."""
-
-
-def differences_of(owner: NDArray[np.intp]) -> Differences:
-    """Neighbours that belong together, of observations (n,) sorted by their owner."""
-    first = np.flatnonzero(owner[1:] == owner[:-1])
-    return Differences(first, first + 1)
+def differences_of(owner: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Which observation, (n,) sorted by their owner, belongs to the same as the next one, (m,)."""
+    return np.flatnonzero(owner[1:] == owner[:-1])
 
 
 def fit_differences(
-    y: Array, known: Array, regressors: Array, pairs: Differences, groups: NDArray[np.intp]
+    y: Array, known: Array, regressors: Array, first: NDArray[np.intp], groups: NDArray[np.intp]
 ) -> RobustFit:
     """Fits y = level of its owner + regressors @ coefficients + error, of variance common + known, by successive differences.
 
     A level that steps is wrong in one difference alone, which counts little. The covariance is of the scores summed over
     groups where there are `_MANY`, else of the model, in which neighbouring differences share an observation.
 
-    Observations, (n,), are sorted by owner and time; regressors are (n, p), p may be 0; `pairs` are as `differences_of` has them,
+    Observations, (n,), are sorted by owner and time; regressors are (n, p), p may be 0; of `first` and the next one differences are taken,
     and `groups`, (n,), say what may move together.
     """
-    d, X = y[pairs.second] - y[pairs.first], regressors[pairs.second] - regressors[pairs.first]
-    v = known[pairs.first] + known[pairs.second]
+    d, X = y[first + 1] - y[first], regressors[first + 1] - regressors[first]
+    v = known[first] + known[first + 1]
     n, p = X.shape
     b: Array = np.zeros(p)
     variance = common_variance(d, v, 2.0, p)
@@ -120,7 +110,7 @@ def fit_differences(
         return RobustFit(b, np.zeros((0, 0)), variance, freedom, freedom)
     s2 = np.maximum(2 * variance + v, np.finfo(float).tiny)
     u = (d - X @ b) / np.sqrt(s2)
-    names, owner = np.unique(groups[pairs.first], return_inverse=True)
+    names, owner = np.unique(groups[first], return_inverse=True)
     if names.size >= _MANY:
         inverse = np.linalg.pinv((X * ((np.abs(u) < BEND) / s2)[:, None]).T @ X, hermitian=True)
         scores = np.zeros((names.size, p))
@@ -129,8 +119,8 @@ def fit_differences(
     else:
         inverse = np.linalg.pinv((X / s2[:, None]).T @ X, hermitian=True)
         pull = np.zeros((y.size, p))
-        np.add.at(pull, pairs.second, X / s2[:, None])
-        np.add.at(pull, pairs.first, -X / s2[:, None])
+        np.add.at(pull, first + 1, X / s2[:, None])
+        np.add.at(pull, first, -X / s2[:, None])
         outer, free = (pull * (variance + known)[:, None]).T @ pull, freedom
     return RobustFit(b, inverse @ outer @ inverse, variance, freedom, free)
 
