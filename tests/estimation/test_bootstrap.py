@@ -10,8 +10,7 @@ from scipy.signal import lfilter
 
 from bristle.arrays import Array
 from bristle.estimation import bootstrap
-from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.bootstrap import block_bootstrap, block_length, cells, residual_bootstrap
+from bristle.estimation.bootstrap import block_bootstrap, residual_bootstrap
 
 
 def correlated(rho: float, n: int, seed: int) -> Array:
@@ -35,25 +34,6 @@ def test_the_mean_of_correlated_noise_scatters_as_it_should(rho: float) -> None:
     spread = np.std(found) / np.sqrt(series)
     assert np.mean(found) == pytest.approx(true, abs=3.5 * spread)
     assert spread < 0.05 * true
-
-
-def test_white_noise_gives_the_covariance() -> None:
-    """With independent residuals of one variance, and blocks of one equation, the draws have the covariance s**2 (J'J)**-1."""
-    rng = np.random.default_rng(0)
-    J, noise = rng.standard_normal((1000, 3)) * [1.0, 10.0, 0.1], rng.standard_normal(1000)
-    left = noise - J @ np.linalg.lstsq(J, noise, rcond=None)[0]
-    steps = block_bootstrap(J, left, length=1, draws=2000).steps
-    errors = np.sqrt(np.diag(np.linalg.inv(J.T @ J)) * left.var())
-    np.testing.assert_allclose(steps.std(axis=0), errors, rtol=0.06)
-
-
-def test_normal_data_have_the_normal_interval() -> None:
-    """Where residuals are normal and many, bootstrap-t gives 1.96 standard errors either way."""
-    rng = np.random.default_rng(1)
-    J, left = np.ones((1000, 1)), rng.standard_normal(1000)
-    low, high = block_bootstrap(J, left - left.mean(), length=1, draws=6000).interval(0, 2.0)
-    assert low == pytest.approx(-2 * 1.96, abs=0.2)
-    assert high == pytest.approx(2 * 1.96, abs=0.2)
 
 
 def test_skewed_data_have_a_skewed_interval() -> None:
@@ -111,27 +91,6 @@ def test_segments_as_long_as_a_cell_are_blocks_of_their_own() -> None:
     found = block_bootstrap(-np.ones((1000, 1)), x, range(0, 1000, 20), length=1000, draws=4000)
     assert found.blocks == 50
     assert found.steps.std() == pytest.approx(level.std() / np.sqrt(50), rel=0.06)
-
-
-@given(st.lists(st.integers(1, 300), min_size=1, max_size=8), st.integers(1, 120))
-def test_cells_fill_every_segment(sizes: list[int], length: int) -> None:
-    """Cells cover all equations once, in order, and none reaches over the start of a segment."""
-    starts = np.cumsum([0, *sizes[:-1]]).tolist()
-    edges, of_segment = cells(sum(sizes), starts, length)
-    assert edges[0] == 0
-    assert edges[-1] == sum(sizes)
-    assert (np.diff(edges) >= 0).all()
-    assert set(starts) <= set(edges.tolist())
-    np.testing.assert_array_equal(of_segment, np.searchsorted(starts, edges[:-1], side="right")[: of_segment.size] - 1)
-
-
-def test_blocks_outlast_the_correlation() -> None:
-    """A block is at least four correlation times long and n**(1/3), and never longer than the data."""
-    white, slow = correlated(0.0, 1000, 0)[:, None], correlated(0.95, 4000, 0)[:, None]
-    assert 10 <= block_length(white) <= 20
-    assert block_length(slow) >= 4 * inflation(slow[:, 0])
-    assert block_length(np.hstack([white, slow[:1000]])) >= block_length(white)
-    assert block_length(np.cumsum(white[:30], axis=0)) <= 30
 
 
 def test_of_a_mean_t_is_that_of_each_resample() -> None:

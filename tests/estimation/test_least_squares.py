@@ -1,4 +1,4 @@
-"""A least-squares problem that knows no friction: in a linear one all intervals coincide, in others each ends where a fit of the rest says."""
+"""A least-squares problem that knows no friction: in a linear one all intervals coincide; scales, blocks, several starts."""
 
 from collections.abc import Mapping
 
@@ -6,17 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.optimize import brentq
 
 from bristle.arrays import Array
 from bristle.estimation.bootstrap import bootstrap_at
-from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import covariance, student
 from bristle.estimation.multistart import MultistartSolution, solve_from_starts
 from bristle.estimation.nonlinear import Block, LeastSquares, Minimum, Unknowns, minimise
-from bristle.estimation.profile_likelihood import profile_threshold, profiles
-
-TIME = np.linspace(0.0, 3.0, 400)
+from bristle.estimation.profile_likelihood import profiles
 
 
 def unknowns(*names: str, logarithmic: tuple[str, ...] = ()) -> Unknowns[str]:
@@ -39,19 +35,6 @@ def line(measured: Array, columns: Array) -> LeastSquares[str]:
     def evaluate(x: Array) -> tuple[Array, Array]:
         """Modelled less measured, and the columns."""
         return columns @ known.natural(x) - measured, columns * known.slopes(x)
-
-    return LeastSquares(unknowns=known, evaluate=evaluate)
-
-
-def decay(measured: Array) -> LeastSquares[str]:
-    """Size and rate of an exponential decay."""
-    known = unknowns("size", "rate", logarithmic=("rate",))
-
-    def evaluate(x: Array) -> tuple[Array, Array]:
-        """Modelled less measured, and derivatives."""
-        size, rate = known.natural(x)
-        shape = np.exp(-rate * TIME)
-        return size * shape - measured, np.column_stack([shape, -size * TIME * shape]) * known.slopes(x)
 
     return LeastSquares(unknowns=known, evaluate=evaluate)
 
@@ -95,47 +78,6 @@ def test_in_a_linear_problem_covariance_profile_and_bootstrap_coincide() -> None
         value, reach = solution.values[name], student(freedom) * np.sqrt(matrix[j, j])
         assert found[name].interval == pytest.approx((value - reach, value + reach), abs=1e-5 * reach)
         assert drawn[name][0] == pytest.approx([value - reach, value + reach], abs=0.2 * reach)
-
-
-def test_a_profile_followed_and_a_conditional_one_are_the_same() -> None:
-    """The size of a decay is linear once its rate is given: both routes end where the least cost over the rate is the threshold."""
-    measured = 2.0 * np.exp(-1.5 * TIME) + 0.2 * np.random.default_rng(1).standard_normal(TIME.size)
-    problem = decay(measured)
-    solution = solved(problem, {"size": 1.0, "rate": 1.0})
-    minimum = solution.minimum
-    plain, freedom = covariance(minimum.jacobian, minimum.cost)
-    followed, _ = profiles(solution._replace(scaled_errors=np.sqrt(plain.diagonal()), freedom=freedom))
-
-    def at(log_rate: Array) -> Conditional:
-        """The size at rates, (1, K, 1)."""
-        shape = np.exp(-np.exp(log_rate) * TIME)
-        square, along = (shape**2).sum(axis=2), shape @ measured
-        spread = (1 / square)[..., None, None]
-        return Conditional((along / square)[..., None], spread, measured @ measured - along**2 / square)
-
-    most = profile_threshold(minimum.cost, TIME.size, 2)
-    conditional = ConditionalProfiles(
-        free=at,
-        best=minimum.x[None, 1:],
-        threshold=np.array([most]),
-        box=minimum.x[1] + np.array([[[-0.5, 0.5]]]),
-        looks=Looks(65, 9, 4, 161),
-        cost=np.array([minimum.cost]),
-    )
-    ((ends,),) = conditional.intervals()
-    assert conditional.better is None
-
-    def least(size: float) -> float:
-        """The cost at a size, minimised over many rates, above the threshold."""
-        shapes = np.exp(-np.exp(minimum.x[1] + np.linspace(-0.5, 0.5, 4001)[:, None]) * TIME)
-        return float(((size * shapes - measured) ** 2).sum(axis=1).min()) - most
-
-    value = float(problem.unknowns.natural(minimum.x)[0])
-    exact = [brentq(least, value, value + side * 0.5) for side in (-1, 1)]
-    width = exact[1] - exact[0]
-    assert ends == pytest.approx(exact, abs=1e-4 * width)
-    assert followed["size"].interval == pytest.approx(exact, abs=1e-2 * width)
-    assert conditional.heights(0, ends, 0.0) == pytest.approx([1.0, 1.0], abs=1e-3)
 
 
 def test_blocks_that_err_together_widen_the_jackknife() -> None:

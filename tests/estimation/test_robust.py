@@ -5,28 +5,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import stdtr
-from scipy.stats import norm
 
 from bristle.estimation.robust import (
-    SCALE,
     SCALE_EFFICIENCY,
     common_variance,
     differences_of,
-    expected_square,
     fit_differences,
     population,
     variance_interval,
     without_each,
 )
-
-
-def test_expected_square_is_its_integral() -> None:
-    """E[min(Z**2, c**2)] in closed form is the integral by quadrature; without a bend it is 1."""
-    z = np.linspace(-12, 12, 200_001)
-    for bend in (0.5, SCALE, 3.0):
-        integral = np.trapezoid(np.minimum(z**2, bend**2) * norm.pdf(z), z)
-        assert expected_square(bend) == pytest.approx(integral, rel=1e-8)
-    assert expected_square(20.0) == pytest.approx(1.0, rel=1e-12)
 
 
 def test_common_variance_is_consistent_and_its_efficiency_is_stated() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from bristle.estimation.score_test import Candidate, Fitted, explained, moved_by, score
+from bristle.estimation.score_test import Candidate, Fitted, explained, moved_by, scores
 from bristle.findings import CAUTION, Finding
 
 
@@ -14,7 +14,7 @@ def test_it_is_the_linear_fit_with_the_column() -> None:
     known, columns, y = rng.normal(size=(200, 4)), rng.normal(size=(200, 2)) * [1.0, 1e-9], rng.normal(size=200)
     fitted = np.linalg.lstsq(known, y)[0]
     whole = np.linalg.lstsq(np.hstack([known, columns * [1.0, 1e9]]), y)[0]
-    found = score(known, y - known @ fitted, columns)
+    (found,) = scores(known, y - known @ fitted, [columns])
     assert found.sizes * [1.0, 1e-9] == pytest.approx(whole[4:])
     assert -moved_by(known, columns @ found.sizes) == pytest.approx(whole[:4] - fitted)
     left = float(np.sum((y - np.hstack([known, columns * [1.0, 1e9]]) @ whole) ** 2))
@@ -27,9 +27,9 @@ def test_a_column_that_others_make_says_nothing() -> None:
     known = np.hstack([x, x[:, :1], np.zeros((30, 1))])
     y = np.random.default_rng(2).normal(size=30)
     for columns in (x[:, :2], np.zeros((30, 1))):
-        assert score(known, y, columns).p == 1.0
-    assert score(known[:4], y[:4], y[:4, None]).p == 1.0
-    assert score(known, y, y[:, None]).p < 1e-6
+        assert scores(known, y, [columns])[0].p == 1.0
+    assert scores(known[:4], y[:4], [y[:4, None]])[0].p == 1.0
+    assert scores(known, y, [y[:, None]])[0].p < 1e-6
 
 
 @pytest.mark.parametrize(("rho", "waves", "most"), [(0.0, 1, 0.08), (0.0, 90, 0.08), (0.5, 5, 0.09), (0.9, 20, 0.1)])
@@ -39,7 +39,7 @@ def test_it_is_as_rare_as_it_says(rho: float, waves: int, most: float) -> None:
     t = np.linspace(0, 1, n)
     noise = lfilter([1.0], [1.0, -rho], rng.normal(size=(500, n + 100)))[:, 100:] * (0.5 + t)
     known, column = np.stack([np.ones(n), t], axis=1), np.cos(2 * np.pi * waves * t)[:, None]
-    p = [score(known, x - known @ np.linalg.lstsq(known, x)[0], column).p for x in noise]
+    p = [scores(known, x - known @ np.linalg.lstsq(known, x)[0], [column])[0].p for x in noise]
     assert 0.02 <= np.mean(np.array(p) < 0.05) <= most
 
 

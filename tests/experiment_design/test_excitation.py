@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bristle.arrays import Array
-from bristle.identification.fisher import covariance, motion_information
+from bristle.identification.fisher import covariance, gram, motion_jacobian
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.excitation import (
     MotionProblem,
@@ -83,7 +83,7 @@ def test_information_is_that_of_the_model_and_the_acceleration() -> None:
     """What a motion tells is J'J / noise**2 of friction through the bristle with the acceleration for the inertia, as the other route has it."""
     run = course(plain_lines(LIMITS), LIMITS, 2.0, 0.01)
     matrix, torque = information(run.velocity, run.acceleration, PROBLEM)
-    other = motion_information(run.velocity, 0.01, PAIR, PROBLEM.noise, {"inertia": run.acceleration})
+    other = gram(motion_jacobian(run.velocity, 0.01, PAIR, {"inertia": run.acceleration}), PROBLEM.noise)
     assert matrix == pytest.approx(other, rel=1e-9, abs=1e-9 * np.abs(other).max())
     assert torque > J * np.abs(run.acceleration).max() / 2
     found = evaluate_motion("it", plain_lines(LIMITS), replace(PROBLEM, duration=2.0))

@@ -5,12 +5,8 @@ from scipy import stats
 from bristle.arrays import Array
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.linear import best_column_p_value
-from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
-from bristle.identification.static.grid import Projected, default_range, solve
+from bristle.identification.static.grid import Projected, default_range
 from bristle.identification.static.problem import from_points
-from bristle.model.parameters import Lugre
-
-from .conftest import curve
 
 
 def test_covariance_of_a_straight_line_is_the_textbook_one() -> None:
@@ -26,14 +22,6 @@ def test_covariance_of_a_straight_line_is_the_textbook_one() -> None:
     assert freedom == 18
 
 
-def test_student_and_f_quantiles_agree() -> None:
-    """t**2 with n degrees of freedom is F with 1 and n: the profile's threshold and the Student interval belong together."""
-    for freedom in (1, 4, 12, 200):
-        threshold = profile_threshold(1.0, freedom + 4, 4)
-        assert (threshold - 1) * freedom == pytest.approx(uncertainty.student(freedom) ** 2, rel=1e-9)
-        assert uncertainty.student(freedom) == pytest.approx(stats.t.ppf(0.975, freedom), rel=1e-9)
-
-
 def test_inflation_widens_as_fewer_points_would() -> None:
     """Residuals correlated over tau samples count as n / tau points: the variance grows by tau, freedom shrinks by it."""
     design = np.random.default_rng(1).standard_normal((100, 3))
@@ -41,19 +29,6 @@ def test_inflation_widens_as_fewer_points_would() -> None:
     wide, freedom = uncertainty.covariance(design, 2.0, 4.0)
     assert wide == pytest.approx(4 * plain)
     assert freedom == pytest.approx(100 / 4 - 3)
-
-
-def test_profile_interval_ends_on_the_threshold(gripper: Lugre[float], speeds: Array) -> None:
-    """At each end of a finite interval the profile costs exactly the threshold; inside it costs less."""
-    torque = curve(speeds, gripper) + 3e-4 * np.random.default_rng(2).standard_normal(speeds.size)
-    problem = from_points(speeds, torque, ("both",))
-    solution = solve(problem, default_range(speeds))
-    projected = Projected(problem)
-    threshold = profile_threshold(solution.cost, speeds.size, 4)
-    low, high = interval_on_grid(projected.costs, solution.grid, solution.profiles[0], solution.theta[-1], threshold)
-    assert projected.costs(np.array([low, high])) == pytest.approx([threshold] * 2, rel=1e-6)
-    assert low < solution.theta[-1] < high
-    assert (projected.costs(np.linspace(low, high, 50)[1:-1]) < threshold).all()
 
 
 def test_p_value_is_uniform_where_there_is_no_peak(speeds: Array) -> None:

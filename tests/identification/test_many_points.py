@@ -6,13 +6,11 @@ from numpy.typing import NDArray
 
 import bristle
 from bristle.arrays import Array
-from bristle.estimation import bootstrap
 from bristle.estimation.covariance import covariance
 from bristle.identification.static import grid, strays
 from bristle.identification.static.grid import Projected, default_range, solve
 from bristle.identification.static.problem import Regression, from_points, log_grid
 from bristle.identification.static.strays import find_strays
-from bristle.identification.static.uncertainty import resample
 
 from .conftest import GRIPPER, curve
 
@@ -41,24 +39,6 @@ def test_costs_over_v_s_in_parts_are_those_of_the_whole(monkeypatch: pytest.Monk
     for at_once in (2000, 100):
         monkeypatch.setattr(grid, "_AT_ONCE", at_once)
         assert Projected(problem).costs(values) == pytest.approx(whole, rel=1e-12)
-
-
-@pytest.mark.parametrize("grows", [False, True])
-def test_a_bootstrap_in_parts_scatters_as_the_whole(monkeypatch: pytest.MonkeyPatch, *, grows: bool) -> None:
-    """Draws taken 40 at a time have the spread and the intervals of those taken at once within a tenth, as many of them, and are not repeated."""
-    v, T = points(200)
-    if grows:
-        T = curve(v, GRIPPER) + (T - curve(v, GRIPPER)) * (0.2 + 3 * v)
-    problem = from_points(v, T, ("+",))
-    solution, v_s_range = solve(problem, default_range(v)), default_range(v)
-    whole = resample(problem, solution, v_s_range)
-    monkeypatch.setattr(bootstrap, "_AT_ONCE", 8000)
-    parts = resample(problem, solution, v_s_range)
-    assert parts.draws.shape == whole.draws.shape
-    assert parts.wild == whole.wild == grows
-    assert np.unique(parts.draws[0]).size == parts.draws.shape[1]
-    assert parts.draws.std(axis=1) == pytest.approx(whole.draws.std(axis=1), rel=0.1)
-    assert parts.high - parts.low == pytest.approx(whole.high - whole.low, rel=0.1)
 
 
 def test_points_given_again_and_again_have_the_same_estimate() -> None:

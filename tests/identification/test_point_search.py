@@ -173,15 +173,6 @@ def test_a_segment_as_far_off_as_its_own_error_explains_is_no_stray() -> None:
     assert found == [(20,), (20,), ()]
 
 
-def test_a_stray_among_torques_of_zero_is_named_without_a_relative_error(tmp_path: Path) -> None:
-    """Where nothing is left of the torque without the stray there is no relative error, and no warning of NumPy's."""
-    T = np.zeros(SPEEDS.size)
-    T[10] = 1.0
-    fit = static(points_file(tmp_path, SPEEDS, T))
-    assert [stray.where for stray in fit.strays] == ["line 12"]
-    assert np.isnan(fit.relative_error or np.nan)
-
-
 def test_what_an_offset_would_be_is_noted(tmp_path: Path) -> None:
     """Where the directions differ otherwise too an offset is noted with its size: half the difference of alpha_0."""
     v = np.concatenate([SPEEDS, -SPEEDS])

@@ -10,7 +10,7 @@ from scipy.integrate import quad
 
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
-from bristle.data.slow_loading import Loading, find_loadings
+from bristle.data.slow_loading import find_loadings
 from bristle.identification.dynamic.priors import _stiffness
 from bristle.identification.fits import Presliding, PreslidingFit
 from bristle.identification.presliding.fit import fit_presliding, identify_presliding
@@ -177,13 +177,6 @@ def test_without_a_peak_g0_is_a_lower_bound(level: float) -> None:
     assert fit.level == pytest.approx(max(level, 0.85) * G0, rel=1e-3)
     assert fit.level in [warning.numbers["held"] for warning in fit.warnings if warning.code == "g0-at-least"]
     assert holds(fit.sigma_0.interval, GRIPPER.sigma_0)
-
-
-def test_loadings_are_frozen() -> None:
-    """Arrays of a loading cannot be written."""
-    loading: Loading = find_loadings(run(1e-4, 0.5), 1e3, 1e-4, None)[0]
-    with pytest.raises(ValueError, match="read-only"):
-        loading.torque[0] = 1.0
 
 
 @pytest.mark.parametrize("quantum", [0.0, 2 * np.pi / 2**14])

@@ -19,6 +19,7 @@ from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.results import Joint
 from bristle.identification.static import grid as static
 from bristle.identification.static.batch import Batch
+from bristle.identification.static.profiles import profiled
 from bristle.questions.method_validation import figures
 from bristle.questions.method_validation import run as running
 from bristle.questions.method_validation import solvers as methods
@@ -319,12 +320,12 @@ def test_a_grid_that_is_undercut_is_said(validation: Validation) -> None:
 
 
 def test_intervals_of_bristle_cover_as_counted(validation: Validation) -> None:
-    """Coverage of covariance and profile is that of the batch's own intervals; the bootstrap is there only where v_s can be known."""
+    """Coverage of covariance and profile is that of the intervals of each set; the bootstrap is there only where v_s can be known."""
     one = validation.cases[1]
     rng = np.random.default_rng([validation.seed, 1])
     torques = np.ascontiguousarray(steady_points(one.case.truth, one.case.velocity, one.case.noise, rng, 60).T)
-    found = Batch(one.case.problem(torques[:, 0]), torques, one.case.v_s_range)
-    low, high = found.profile_intervals()
+    solved = [(p, static.solve(p, one.case.v_s_range)) for p in map(one.case.problem, torques.T)]
+    low, high = np.array([[profiled(p, x).intervals[name] for name in p.names] for p, x in solved]).T
     shares = {c.kind: c.share for c in one.coverage}
     inside = (low <= one.case.theta[:, None]) & (one.case.theta[:, None] <= high)
     assert shares["profile"] == pytest.approx(inside.mean(axis=1), abs=1e-12)

@@ -1,7 +1,4 @@
-"""Correlated noise.
-
-Autocorrelation, by how much it inflates the variance of a mean, and what residuals hold beyond it.
-"""
+"""Correlated noise: by how much it inflates the variance of a mean, and what residuals hold beyond it."""
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
@@ -39,36 +36,28 @@ def lag_one(x: Array) -> float:
     return float(autocorrelation(x)[1]) if x.size > 1 else 0.0
 
 
-def inflation(x: Array) -> float:
-    """The factor tau in var(mean) = tau var(x) / n.
+def inflation(x: Array, along: Array | None = None) -> float:
+    """The factor tau in var(mean) = tau var(x) / n, or in var(d'x) = tau var(x) |d|**2 of noise `along` a direction d, (n,).
 
-    The integrated autocorrelation time 1 + 2 sum of the autocorrelation, in samples. The sum ends at the first lag of
-    five tau (Sokal, 1997) and is corrected for the mean being taken from the same data (Wolff, 2004, eq. 49). At least
-    1, at most n; 1 for fewer than four samples or a constant. White noise gives 1, AR(1) noise (1 + rho) / (1 - rho).
+    The integrated autocorrelation time 1 + 2 sum of the autocorrelation, in samples; along a direction of its products
+    with d's own, about zero. The sum ends at the first lag of five tau (Sokal, 1997) and is corrected for the mean being
+    taken from the same data (Wolff, 2004, eq. 49). At least 1, at most n; 1 for fewer than four samples or a constant.
+    White noise gives 1, AR(1) noise (1 + rho) / (1 - rho).
     """
-    return float(np.clip(_inflation(x, None), 1.0, max(x.size, 1)))
-
-
-def inflation_along(x: Array, direction: Array) -> float:
-    """The factor tau in var(d'x) = tau var(x) |d|**2, of noise x and a known direction d, both (n,); at least 1, at most n.
-
-    1 + 2 sum of the products of both autocorrelations, that of d about zero; cut and corrected as `inflation` is.
-    """
-    n = x.size
-    length = next_fast_len(2 * n, real=True)
-    own = irfft(np.abs(rfft(direction, length)) ** 2, length)[:n]
-    return float(np.clip(_inflation(x, own / own[0]), 1.0, n)) if n and own[0] > 0 else 1.0
-
-
-def _inflation(x: Array, along: Array | None) -> float:
     n, rho = x.size, autocorrelation(x)
     if n < 4 or not rho[1:].any():
         return 1.0
     partial = 2 * np.cumsum(rho) - 1
     far = np.flatnonzero(np.arange(n) >= _WINDOW * partial)
     cut = min(int(far[0]) if far.size else n - 1, n // 2)
-    whole = partial[cut] if along is None else 2 * float(rho[: cut + 1] @ along[: cut + 1]) - 1
-    return float(whole * (1 + (2 * cut + 1) / n))
+    whole = partial[cut]
+    if along is not None:
+        length = next_fast_len(2 * n, real=True)
+        own = irfft(np.abs(rfft(along, length)) ** 2, length)[:n]
+        if not own[0] > 0:
+            return 1.0
+        whole = 2 * float(rho[: cut + 1] @ (own / own[0])[: cut + 1]) - 1
+    return float(np.clip(whole * (1 + (2 * cut + 1) / n), 1.0, n))
 
 
 def standard_error(x: Array) -> float | None:
@@ -85,14 +74,10 @@ def correlated(residuals: Array, widened: float) -> Finding:
 
 
 def unexplained(residuals: Array, norm: float) -> tuple[Finding, ...]:
-    """A diagnostic where the model leaves more than noise: a pattern of more than `_POOR` of what it should explain.
+    """A diagnostic where residuals, (n,), in the order of time or of velocity, hold a pattern of more than `_POOR` of what was measured.
 
-    Noise changes from one equation to the next, a pattern does not: half the mean square of the successive differences
-    is the noise's variance (von Neumann, 1941). None of fewer than eight equations.
-
-    Args:
-        residuals: in the order of time, or of velocity where there is no time, (n,).
-        norm: of what was measured, > 0, in the residuals' unit.
+    `norm` is that of what was measured. Noise changes from one equation to the next, a pattern does not: half the mean
+    square of the successive differences is the noise's variance (von Neumann, 1941). None of fewer than eight equations.
     """
     if residuals.size < _FEW or not norm > 0:
         return ()

@@ -4,19 +4,16 @@ Time series. A resample counts block b m_b times. Its minimum is, to first order
 
     d = -(sum m_b G_b + P'P)**-1 (sum m_b s_b + P'e),    G_b = J_b'J_b,    s_b = J_b'r_b
 
-from the estimate (Davidson and MacKinnon, 1999; Andrews, 2002: one step has the bootstrap's accuracy); P are the rows
-of priors, whose means are drawn anew as well, e. Blocks overlap and wrap around within their segment (Politis and
-Romano, 1992): each equation is drawn as often as any other.
+from the estimate (Davidson and MacKinnon, 1999; Andrews, 2002: one step is as accurate); P are the rows of priors, whose
+means are drawn anew as well, e. Blocks overlap and wrap around within their segment (Politis and Romano, 1992).
 
 Where a block ends correlation is cut, and so draws scatter by too little. What is studentised in its own resample,
 where blocks are independent, does not: the interval takes its shape from t = d / error in the resample, and its width
-from the fit's own error. Measured: over 120 simulated runs of gripper rotation, alone, 96 % of its intervals cover the
-truth, and 95 % by the draws' quantiles; for means of AR(1) noise (0.8) 94 % and 90 %.
+from the fit's own error (for means of AR(1) noise, 0.8, it covers 94 %; quantiles of draws 90 %).
 
 Points that err independently. Residuals are raised to the size that the fit took from them (their leverage), then drawn
 with replacement; where their variance differs from place to place each keeps its own and is given a random sign and
-size instead (the wild bootstrap, with Webb's six values). Each set is fitted again, by whatever fits it, and
-studentised.
+size instead (the wild bootstrap, with Webb's six values). Each set is fitted again, and studentised.
 """
 
 from collections.abc import Callable, Sequence
@@ -62,8 +59,6 @@ class Resampled(NamedTuple):
     """d over its standard error in its own resample, (B, p); not finite where that shows nothing of an unknown."""
     blocks: int
     """How many are drawn each time."""
-    wild: bool = False
-    """Whether the signs and sizes of residuals are drawn, not their places."""
     rounded: bool = False
     """Whether the ends of intervals are draws, the next ones outward."""
 
@@ -92,13 +87,8 @@ def residual_bootstrap(
 ) -> tuple[Resampled, Array]:
     """The steps of an estimate from equations that err independently, and its own standard errors, (p,).
 
-    Args:
-        jacobian: of the model at the estimate, (n, p), of full rank.
-        residuals: measured less modelled, (n,).
-        place: what their variance may depend on, (n,), > 0.
-        refit: fits each set again; None: by one Gauss-Newton step.
-        draws: B, >= 40.
-        seed: of the generator.
+    Of the model's Jacobian at the estimate, (n, p), of full rank, and residuals, measured less modelled, (n,), whose variance
+    may depend on a `place`, (n,). `refit` fits each of the `draws` sets, >= 40, again; None: by one Gauss-Newton step.
     """
     rng, n = np.random.default_rng(seed), residuals.size
     leverage = np.minimum(np.einsum("np,pq,nq->n", jacobian, inverse_gram(jacobian), jacobian), _FULL)
@@ -114,7 +104,7 @@ def residual_bootstrap(
     steps, errors = (np.hstack(parts) for parts in zip(*found, strict=True))
     with np.errstate(divide="ignore", invalid="ignore"):
         studentised = steps[:, 1:] / errors[:, 1:]
-    return Resampled(steps[:, 1:].T, studentised.T, n, wild, rounded=True), errors[:, 0]
+    return Resampled(steps[:, 1:].T, studentised.T, n, rounded=True), errors[:, 0]
 
 
 def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Array]:
@@ -183,11 +173,9 @@ def block_bootstrap(
         jacobian: of the residuals at the minimum, (n, p), of full rank together with the priors.
         residuals: (n,), in whatever sign the Jacobian is of.
         starts: first equation of each segment between gaps; no block reaches over one.
-        priors: rows of the Jacobian that belong to priors, (m, p), whose residuals scatter by `sigma`; None: there are
-            none.
+        priors: rows of the Jacobian that belong to priors, (m, p), whose residuals scatter by `sigma`.
         sigma: see there.
-        instrument: what stands for the first factor of G_b and s_b, of a single unknown, (n, 1); None: the Jacobian
-            itself.
+        instrument: the first factor of G_b and s_b, of a single unknown, (n, 1); None: the Jacobian itself.
         length: equations in a block; None: `block_length` of the scores.
         draws: B.
         seed: of the generator.
@@ -201,7 +189,14 @@ def block_bootstrap(
     edges, of_segment = cells(residuals.size, starts, length)
     grams = np.array([Z[a:b].T @ J[a:b] for a, b in pairwise(edges.tolist())])
     scores = np.array([Z[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
-    grams, scores, share = _blocks(grams, scores, of_segment)
+    # sums over the block that begins at each cell, and one over the number of blocks that hold each of its cells
+    sizes = np.bincount(of_segment)
+    begin, cells_of = (np.cumsum(sizes) - sizes)[of_segment], sizes[of_segment]
+    place, share = np.arange(of_segment.size) - begin, 1 / np.minimum(cells_of, _OVERLAP)
+    others = [begin + (place + k) % cells_of for k in range(_OVERLAP)]
+    inside = [(k < cells_of).astype(float) for k in range(_OVERLAP)]
+    grams = np.asarray(sum(grams[o] * w[:, None, None] for o, w in zip(others, inside, strict=True)))
+    scores = np.asarray(sum(scores[o] * w[:, None] for o, w in zip(others, inside, strict=True)))
     prior_rows = prior_rows / size
     number, count, p = max(round(float(share.sum())), 1), share.size, size.size
     rng = np.random.default_rng(seed)
@@ -241,15 +236,3 @@ def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
         np.linspace(a, b, k, endpoint=False).astype(int) for (a, b), k in zip(pairwise(firsts), counts, strict=True)
     ]
     return np.append(np.concatenate(inner), n), np.repeat(np.arange(len(counts)), counts)
-
-
-def _blocks(grams: Array, scores: Array, of_segment: Array) -> tuple[Array, Array, Array]:
-    """Sums over the block that begins at each cell, and one over the number of blocks that hold each of its cells."""
-    sizes = np.bincount(of_segment)
-    first, size = (np.cumsum(sizes) - sizes)[of_segment], sizes[of_segment]
-    place = np.arange(of_segment.size) - first
-    others = [first + (place + k) % size for k in range(_OVERLAP)]
-    inside = [(k < size).astype(float) for k in range(_OVERLAP)]
-    whole = sum(grams[o] * w[:, None, None] for o, w in zip(others, inside, strict=True))
-    total = sum(scores[o] * w[:, None] for o, w in zip(others, inside, strict=True))
-    return np.asarray(whole), np.asarray(total), 1 / np.minimum(size, _OVERLAP)

@@ -11,7 +11,7 @@ them are zero, and is that face's free one: where the free extreme of all breaks
 that of the best face whose extreme breaks none.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import product
 from typing import NamedTuple
@@ -26,18 +26,18 @@ _SLACK = 1e-9  # an unknown this far below its bound of zero, in standard errors
 
 
 class Conditional(NamedTuple):
-    """M unknowns of S sets at K values of the others that make them linear."""
+    """M unknowns at K values of the others that make them linear."""
 
     theta: Array
-    """(S, K, M), zero for what a face drops."""
+    """(K, M), zero for what a face drops."""
     spread: Array
-    """C, (S, K, M, M)."""
+    """C, (K, M, M)."""
     cost: Array
-    """J, (S, K)."""
+    """J, (K,)."""
 
 
 Face = Callable[[Array], Conditional]
-"""Solves the problem, or one face of it, at values of eta, (S, K, P)."""
+"""Solves the problem, or one face of it, at values of eta, (K, P)."""
 
 
 class Looks(NamedTuple):
@@ -54,122 +54,100 @@ class Looks(NamedTuple):
 
 @dataclass(slots=True, kw_only=True)
 class ConditionalProfiles:
-    """The profiles of conditionally linear unknowns of S sets; a single set is drawn, and kept to its bounds."""
+    """The profiles of conditionally linear unknowns."""
 
     free: Face
     """The problem with no unknown at its bound."""
     best: Array
-    """eta of the solution, (S, P)."""
-    threshold: Array
-    """K: what an unknown inside its interval costs at most, (S,)."""
+    """eta of the solution, (P,)."""
+    cost: float = 0.0
+    """J of the solution."""
+    threshold: float
+    """K: what an unknown inside its interval costs at most."""
     box: Array
-    """Between which eta the threshold may be kept, (S, P, 2)."""
+    """Between which eta the threshold may be kept, (P, 2)."""
     looks: Looks
-    cost: Array = field(default_factory=lambda: np.zeros(1))
-    """J of the solution, (S,)."""
     bounded: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
     """Which unknowns are not negative, (M,)."""
     faces: Callable[[int], Iterable[Face]] | None = None
-    """Every face of a single set on which an unknown is free."""
+    """Every face on which an unknown is free."""
     searched: tuple[float, float] = (-np.inf, np.inf)
     """The lowest and highest eta that count."""
     tolerance: float = 0.0
     """Costs this near are the same."""
     better: Array | None = None
-    """eta, (P,), at which `intervals` of a single set met a cost lower than the solution's; None: it met none."""
-    broken: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    """Sets of which `intervals` knows no faces, and an extreme breaks a bound, (S,)."""
+    """eta, (P,), at which `intervals` met a cost lower than the solution's; None: it met none."""
 
     def intervals(self) -> Array:
-        """Where each unknown's profile stays below the threshold, (S, M, 2)."""
+        """Where each unknown's profile stays below the threshold, (M, 2)."""
         nodes = self._grid(self.box, self.looks.first)
         at = self.free(nodes)
-        lowest, room = int(at.cost[0].argmin()), BETTER * float(self.threshold[0] - self.cost[0])
-        lower = at.cost[0, lowest] < self.cost[0] - room - self.tolerance
-        if lower and not (at.theta[0, lowest, self.bounded] < 0).any():
-            self.better = nodes[0, lowest]
-        self.broken = np.zeros(self.cost.size, dtype=bool)
-        return np.stack([self._extremes(sign, nodes, at) for sign in (-1.0, 1.0)], axis=-1)
+        lowest = int(at.cost.argmin())
+        lower = at.cost[lowest] < self.cost - BETTER * (self.threshold - self.cost) - self.tolerance
+        if lower and not (at.theta[lowest, self.bounded] < 0).any():
+            self.better = nodes[lowest]
+        unknowns = range(at.theta.shape[1])
+        return np.array([[self._end(j, sign, nodes, at) for sign in (-1.0, 1.0)] for j in unknowns]).reshape(-1, 2)
 
     def heights(self, j: int, values: Array, beyond: float) -> Array:
         """(cost - least) / (threshold - least) of unknown j at values of it, (k,); eta goes so far beyond its box."""
-        width = np.diff(self.box, axis=-1)
-        nodes = self._grid(np.clip(self.box + beyond * width * [-1, 1], *self.searched), self.looks.drawn)
+        box = np.clip(self.box + beyond * np.diff(self.box) * [-1, 1], *self.searched)
+        nodes = self._grid(box, self.looks.drawn)
         cost, inside = self._held(self.free, nodes, j, values)
         if self.faces and not inside.all():
             cost = np.min([self._held(face, nodes, j, values)[0] for face in self.faces(j)], axis=0)
-        return np.asarray(np.maximum(cost - self.cost[0], 0.0) / max(float(self.threshold[0] - self.cost[0]), 1e-300))
+        return np.asarray(np.maximum(cost - self.cost, 0.0) / max(self.threshold - self.cost, 1e-300))
 
     def _grid(self, box: Array, values: int) -> Array:
-        """Points over a box, the best one among them, (S, K, P)."""
-        low, width = box[..., 0], np.diff(box, axis=-1)[..., 0]
-        inner = low[:, None] + width[:, None] * _products(np.linspace(0, 1, values), self.best.shape[1])
-        return np.concatenate([inner, self.best[:, None]], axis=1)
+        """Points over a box, the best one among them, (K, P)."""
+        inner = box[:, 0] + np.diff(box)[:, 0] * _products(np.linspace(0, 1, values), self.best.size)
+        return np.vstack([inner, self.best])
 
-    def _extremes(self, sign: float, nodes: Array, at: Conditional) -> Array:
-        """The highest (sign 1) or lowest (-1) value of each unknown below the threshold, (S, M)."""
-        (S, _, M), P, near = at.theta.shape, self.best.shape[1], self.looks.near
-        offsets, step = self._steps()
-        k = self._reach(at, sign).argmax(axis=1)
+    def _end(self, j: int, sign: float, nodes: Array, at: Conditional) -> float:
+        """The highest (sign 1) or lowest (-1) value of unknown j below the threshold, from the first look."""
+        reach, eta = self._highest(lambda x: self._reach(self.free(x), j, sign), nodes, self._reach(at, j, sign))
+        if self.faces and not self._inside(self.free(eta[None]), j, sign).all():
+            faces = list(self.faces(j))
+
+            def kept(nodes: Array) -> Array:
+                """The best reach over the faces, at each node, (K,); -inf where all break a bound."""
+                best = np.full(len(nodes), -np.inf)
+                for one in (face(nodes) for face in faces):
+                    best = np.maximum(best, np.where(self._inside(one, j, sign), self._reach(one, j, sign), -np.inf))
+                return best
+
+            reach, _ = self._highest(kept, nodes, kept(nodes))
+        return max(sign * reach, 0.0) if self.bounded[j] else sign * reach
+
+    def _highest(self, reach: Callable[[Array], Array], nodes: Array, found: Array) -> tuple[float, Array]:
+        """The highest reach over eta, and where that is, (P,), from what is `found` at the nodes of the first look."""
+        offsets = _products(np.linspace(-1, 1, self.looks.near), self.best.size)
+        step = np.diff(self.box)[:, 0] / (self.looks.first - 1)
         for _ in range(self.looks.again):
-            around = np.take_along_axis(nodes, k[..., None], axis=1)[:, :, None] + step[:, None, None] * offsets
-            nodes = np.clip(around, *np.moveaxis(self.box, -1, 0)[:, :, None, None]).reshape(S, -1, P)
-            at = self.free(nodes)
-            reach = np.einsum("smnm->smn", self._reach(at, sign).reshape(S, M, -1, M))
-            k = reach.argmax(axis=2) + reach.shape[2] * np.arange(M)
-            step = step * 2 / (near - 1)
-        extreme = np.take_along_axis(self._reach(at, sign), k[:, None], axis=1)[:, 0]
-        for j in range(M):
-            inside = np.take_along_axis(self._inside(at, j, sign), k[:, [j]], axis=1)[:, 0]
-            if self.faces and not inside.all():
-                extreme[0, j] = self._bounded(list(self.faces(j)), j, sign)
-            else:
-                self.broken |= ~inside
-        return np.where(self.bounded, np.maximum(sign * extreme, 0.0), sign * extreme)
-
-    def _steps(self) -> tuple[Array, Array]:
-        """The nodes of the second look about the best, in steps, (K, P), and a step, (S, P)."""
-        offsets = _products(np.linspace(-1, 1, self.looks.near), self.best.shape[1])
-        return offsets, np.diff(self.box, axis=-1)[..., 0] / (self.looks.first - 1)
-
-    def _bounded(self, faces: Sequence[Face], j: int, sign: float) -> float:
-        """What is sign times the extreme of unknown j of a single set with every bound kept."""
-        nodes, (offsets, step) = self._grid(self.box, self.looks.first), self._steps()
-        reach = self._kept(faces, nodes, j, sign)
-        for _ in range(self.looks.again):
-            nodes = np.clip(nodes[:, reach.argmax()] + step * offsets, *self.box[0].T)[None]
-            reach = self._kept(faces, nodes, j, sign)
-            step = step * 2 / (self.looks.near - 1)
-        return float(reach.max())
-
-    def _kept(self, faces: Sequence[Face], nodes: Array, j: int, sign: float) -> Array:
-        """The best reach of unknown j over the faces, at each node, (1, K); -inf where all break a bound."""
-        best = np.full(nodes.shape[:2], -np.inf)
-        for face in faces:
-            at = face(nodes)
-            best = np.maximum(best, np.where(self._inside(at, j, sign), self._reach(at, sign)[..., j], -np.inf))
-        return best
+            nodes = np.clip(nodes[found.argmax()] + step * offsets, *self.box.T)
+            found, step = reach(nodes), step * 2 / (self.looks.near - 1)
+        return float(found.max()), nodes[found.argmax()]
 
     def _inside(self, at: Conditional, j: int, sign: float) -> NDArray[np.bool_]:
-        """Whether at the extreme of unknown j, raised to its own bound if need be, no other breaks one, (S, K)."""
-        variance, theta, most = at.spread[..., j, j], at.theta[..., j], self.threshold[:, None]
-        far = np.sqrt(variance * np.maximum(most - at.cost, 0.0))
+        """Whether at the extreme of unknown j, raised to its own bound if need be, no other breaks one, (K,)."""
+        variance, theta = at.spread[:, j, j], at.theta[:, j]
+        far = np.sqrt(variance * np.maximum(self.threshold - at.cost, 0.0))
         end = np.maximum(theta + sign * far, 0.0) if self.bounded[j] else theta + sign * far
         moved = (end - theta) / np.where(variance > 0, variance, np.inf)
-        slack = _SLACK * np.sqrt(np.einsum("skmm->skm", at.spread) * most[..., None])
-        inside = (at.theta + moved[..., None] * at.spread[..., j] >= -slack) | ~self.bounded
-        inside[..., j] = end <= theta + far + slack[..., j]
-        return np.asarray(inside.all(axis=-1))
+        slack = _SLACK * np.sqrt(np.einsum("kmm->km", at.spread) * self.threshold)
+        inside = (at.theta + moved[:, None] * at.spread[..., j] >= -slack) | ~self.bounded
+        inside[:, j] = end <= theta + far + slack[:, j]
+        return np.asarray(inside.all(axis=1))
 
-    def _reach(self, at: Conditional, sign: float) -> Array:
-        """What is sign times the extreme of each unknown at each node, (S, K, M); -inf where it costs too much."""
-        left = (self.threshold[:, None] - at.cost)[..., None]
-        far = sign * at.theta + np.sqrt(np.einsum("skjj->skj", at.spread) * np.maximum(left, 0.0))
+    def _reach(self, at: Conditional, j: int, sign: float) -> Array:
+        """What is sign times the extreme of unknown j at each node, (K,); -inf where it costs too much."""
+        left = self.threshold - at.cost
+        far = sign * at.theta[:, j] + np.sqrt(at.spread[:, j, j] * np.maximum(left, 0.0))
         return np.where(left >= -self.tolerance, far, -np.inf)
 
     def _held(self, face: Face, nodes: Array, j: int, values: Array) -> tuple[Array, NDArray[np.bool_]]:
         """The least cost of a face at values of unknown j (D,), inf where bounds break; and where none breaks."""
-        theta, spread, least = (each[0] for each in face(nodes))
+        theta, spread, least = face(nodes)
         variance = spread[:, j, j]  # zero where no equation shows the unknown: any value costs the same
         off = np.divide(
             values[:, None] - theta[:, j], variance, out=np.zeros((values.size, variance.size)), where=variance > 0

@@ -31,17 +31,10 @@ class Covariance(NamedTuple):
 
 
 def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Array, float]:
-    """Covariance of least-squares estimates and its degrees of freedom.
+    """Covariance of least-squares estimates, (p, p), and its degrees of freedom, n / inflation - p, at least 1.
 
-    s**2 (J'J)**-1 with s**2 = cost / (n - p), times the factor by which autocorrelated residuals inflate it.
-
-    Args:
-        jacobian: shape (n, p), of the free parameters, at the minimum.
-        cost: sum of squared residuals.
-        inflation: integrated autocorrelation time of the residuals, >= 1.
-
-    Returns:
-        The covariance (p, p), and n / inflation - p, at least 1.
+    cost / (n - p) (J'J)**-1 of the Jacobian (n, p) at the minimum, times `inflation`, the integrated autocorrelation time of
+    the residuals.
     """
     n, p = jacobian.shape
     freedom = max(n / inflation - p, 1.0)

@@ -19,13 +19,10 @@ def power_of(x: Array) -> float:
 
 
 def criteria(residuals: Array, parameters: int, effective: float, power: float) -> tuple[float | None, float]:
-    """AICc, None where there are too few independent equations, and BIC.
+    """AICc, None where there are too few independent equations, and BIC, of residuals (n,).
 
-    Args:
-        residuals: (n,).
-        parameters: fitted, the noise variance apart.
-        effective: how many of the equations are independent.
-        power: sum of squares of what is explained.
+    Of so many `parameters`, the noise variance apart, `effective` independent equations, and `power`, the sum of squares of
+    what is explained.
     """
     k = parameters + 1
     fit_term = effective * log(max(power_of(residuals), _EXACT * power, 1e-300) / residuals.size)

@@ -32,7 +32,19 @@ def warnings(
     sides = [side for side, reach in both if _part(reach, value)]
     if at_bound or not sides:
         return ()
-    return (they_differ(sides, ends, _reason(reaches, few)),)
+    nearest = reaches.get("profile", (1.0, 1.0))
+    if not np.isfinite(nearest).all():
+        message = "the cost stays below the threshold to the end of the range, so the data do not bound the parameter on that side"
+        why = Finding("cost-stays-low", CAUTION, message)
+    elif _part(nearest, 0.0):
+        message = "the profile is skewed, which a covariance cannot represent; use the profile"
+        why = Finding("profile-skewed", CAUTION, message)
+    elif few:
+        why = Finding("few-to-resample", CAUTION, f"{few} are few to resample; use the profile")
+    else:
+        message = "the residuals are less even or less independent than the covariance and the profile assume; use the widest interval"
+        why = Finding("uneven-residuals", CAUTION, message)
+    return (they_differ(sides, ends, why),)
 
 
 def they_differ(sides: Sequence[str], ends: Sequence[tuple[str, float, float]], reason: Finding) -> Finding:
@@ -49,17 +61,3 @@ def they_differ(sides: Sequence[str], ends: Sequence[tuple[str, float, float]], 
 def _part(reaches: Sequence[float], value: float) -> bool:
     """Whether the longest reach is more than FACTOR times the shortest; none where all are rounding."""
     return len(reaches) > 1 and max(reaches) > FACTOR * max(min(reaches), 0.0) + _ROUNDING * abs(value)
-
-
-def _reason(reaches: dict[str, tuple[float, float]], few: Finding | str | None) -> Finding:
-    below, above = reaches.get("profile", (1.0, 1.0))
-    if not np.isfinite([below, above]).all():
-        message = "the cost stays below the threshold to the end of the range, so the data do not bound the parameter on that side"
-        return Finding("cost-stays-low", CAUTION, message)
-    if _part([below, above], 0.0):
-        message = "the profile is skewed, which a covariance cannot represent; use the profile"
-        return Finding("profile-skewed", CAUTION, message)
-    if few:
-        return Finding("few-to-resample", CAUTION, f"{few} are few to resample; use the profile")
-    message = "the residuals are less even or less independent than the covariance and the profile assume; use the widest interval"
-    return Finding("uneven-residuals", CAUTION, message)

@@ -1,7 +1,6 @@
-"""The second route.
+"""The second route: the same least-squares problem through CasADi and IPOPT, and how its answer compares.
 
-The same least-squares problem through CasADi and IPOPT, from some starts, and how its answer compares. IPOPT is silent,
-and raises no exception where it ends early: who calls judges where it ended.
+IPOPT is silent, and raises no exception where it ends early: who calls judges where it ended.
 """
 
 from collections.abc import Mapping, Sequence
@@ -39,12 +38,8 @@ class SecondRoute(NamedTuple, Generic[Name]):
 def solver(name: str, x: ca.MX | ca.SX, cost: ca.MX | ca.SX, *given: Any, **options: object) -> ca.Function:
     """The solver of min cost(x, given), called with x0, lbx, ubx and, for what is given, p; `options` are IPOPT's."""
     problem: dict[str, Any] = {"x": x, "f": cost} | ({"p": ca.vertcat(*given)} if given else {})
-    settings: dict[str, Any] = {
-        "print_time": False,
-        "error_on_fail": False,
-        "ipopt": {"print_level": 0, "sb": "yes", **options},
-    }
-    return ca.nlpsol(name, "ipopt", problem, settings)
+    quiet: dict[str, Any] = {"print_level": 0, "sb": "yes", **options}
+    return ca.nlpsol(name, "ipopt", problem, {"print_time": False, "error_on_fail": False, "ipopt": quiet})
 
 
 def natural(unknowns: Unknowns[Any], x: ca.MX | ca.SX) -> list[Any]:
@@ -75,11 +70,8 @@ def compared(
     parameters = minima[costs.index(lowest)]
     known = {name: error for name, error in errors.items() if name in parameters and error and np.isfinite(error)}
     return SecondRoute(
-        cost_grid=cost,
-        cost_full=lowest,
-        starts=len(costs),
-        reached=sum(one <= lowest + same for one in costs),
+        cost_grid=cost, cost_full=lowest, starts=len(costs), reached=sum(one <= lowest + same for one in costs),
         parameters=parameters,
         difference_in_se={name: (parameters[name] - values[name]) / error for name, error in known.items()},
         agrees=abs(lowest - cost) <= same,
-    )
+    )  # fmt: skip  # a list of values

@@ -53,13 +53,6 @@ def _upper(m: int) -> Array:
     return np.triu(np.ones((m, m)))
 
 
-def first_order(jacobian: Array, change: Array) -> Array:
-    """By how much estimates move, (p,), with the data, (n,): (J'J)**-1 J' change, J the model's Jacobian, (n, p)."""
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale[scale == 0] = 1.0
-    return least_squares(jacobian / scale, change) / scale if scale.size else np.zeros(0)
-
-
 def inverse_gram(jacobian: Array) -> Array:
     """(J'J)**-1, (m, m), by QR; a scaled pseudo-inverse where columns depend on one another."""
     n, m = jacobian.shape
@@ -82,12 +75,8 @@ def best_column_p_value(off: Array, length: Array, q: Array, ratio: float, *, dr
     without them, no F table applies to the best of all. But the ratio (cost without - cost with) / cost with does not
     depend on the other parameters nor on the noise level: it is drawn here, with Gaussian noise.
 
-    Args:
-        off: the columns off those that are there anyhow, (n, k).
-        length: their squared lengths, (k,); inf where one vanishes.
-        q: orthonormal basis of those that are there anyhow, (n, m).
-        ratio: the ratio seen (with autocorrelated residuals, divided by their inflation).
-        draws: repetitions.
+    The columns are `off` those that are there anyhow, (n, k), of squared lengths (k,), inf where one vanishes; q is an
+    orthonormal basis of the latter, (n, m), and the ratio seen is over the inflation of autocorrelated residuals.
     """
     rng = np.random.default_rng(0)
     # noise matters along the columns; elsewhere only its length does. A column of infinite length vanishes.

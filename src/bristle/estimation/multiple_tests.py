@@ -8,32 +8,25 @@ from bristle.arrays import Array
 
 def false_discovery(p: Array) -> Array:
     """Benjamini and Hochberg's adjusted p-values, (n,): the smallest rate of false discoveries at which each is one."""
-    return false_discovery_within(p, np.zeros(p.size, dtype=np.intp))
+    order, adjusted = np.argsort(p, kind="stable"), np.empty(p.size)
+    raised = np.minimum(p[order] * p.size / np.arange(1, p.size + 1), 1.0)
+    adjusted[order] = np.minimum.accumulate(raised[::-1])[::-1]
+    return adjusted
 
 
 def false_discovery_within(p: Array, group: NDArray[np.intp]) -> Array:
     """`false_discovery` of each group by itself, (n,); groups are numbered from 0."""
-    order, raised = _raised(p, group)
-    own = group[order]
-    # the smallest from here to the end of its group: where a later group begins, its numbers are all larger
-    place = raised.argsort(kind="stable").argsort(kind="stable") + own * p.size
-    lowest = np.minimum.accumulate(place[::-1])[::-1] - own * p.size
     adjusted = np.empty(p.size)
-    adjusted[order] = np.sort(raised, kind="stable")[lowest]
+    for rows in _groups(group):
+        adjusted[rows] = false_discovery(p[rows])
     return adjusted
 
 
 def simes(p: Array, group: NDArray[np.intp]) -> Array:
     """Of each group the p-value that none of its tests is false, (groups,); 1 for a number that no test has."""
-    order, raised = _raised(p, group)
-    least = np.ones(int(group.max(initial=-1)) + 1)
-    np.minimum.at(least, group[order], raised)
-    return least
+    return np.array([false_discovery(p[rows]).min(initial=1.0) for rows in _groups(group)])
 
 
-def _raised(p: Array, group: NDArray[np.intp]) -> tuple[NDArray[np.intp], Array]:
-    """The order by group and p-value, and in it each p-value times the tests of its group over its rank there, at most 1."""
-    order = np.lexsort((p, group))
-    own, count = group[order], np.bincount(group)
-    rank = np.arange(p.size) - (np.cumsum(count) - count)[own] + 1
-    return order, np.minimum(p[order] * count[own] / rank, 1.0)
+def _groups(group: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+    """The tests of each group, by its number."""
+    return np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group)))[:-1]

@@ -1,7 +1,4 @@
-"""A least-squares problem solved from several starts.
-
-The lowest minimum, how many starts reached it, and what is known there.
-"""
+"""A least-squares problem solved from several starts: the lowest minimum, how many reached it, and what is known there."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -50,15 +47,9 @@ def solve_from_starts(
 ) -> MultistartSolution[Name]:
     """The lowest minimum from several starts, and the covariance there.
 
-    Args:
-        solve: poses the problem about a start, and solves it from there in so many steps at most; it may give up where
-            it comes to an end that is worse than the lowest cost known, the last argument.
-        starts: where an end is known, one where nothing depends on anything is passed over.
-        finish: what is still done at the lowest end.
-        progress: told of each start.
-        known: an end found before, and finished; without it there is a start.
-
-    Raises InputError as `solve` does where no end is known yet.
+    `solve` poses the problem about a start and descends from there in so many steps at most; it may give up above the lowest
+    cost known, its last argument. A start where nothing depends on anything is passed over once an end is known, as one
+    `known` and finished before. `finish` is what is still done at the lowest end. Raises InputError as `solve` does.
     """
     ends, count = [known] if known else [], len(starts) + (known is not None)
     tell = teller(progress, len(starts))

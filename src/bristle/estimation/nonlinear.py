@@ -1,9 +1,7 @@
-"""Nonlinear least squares.
+"""Nonlinear least squares: residuals and their exact Jacobian over scaled unknowns, and the descent between bounds.
 
-The problem as residuals and their exact Jacobian over scaled unknowns, and its descent between bounds. Steps are Gauss
-and Newton's in a trust region (Levenberg and Marquardt). A step needs of the Jacobian only J'J and J'r, as many rows as
-unknowns: forming them is cheap beside the Jacobian itself. Squaring its condition makes a step less exact, not the
-minimum, where J'r vanishes.
+Steps are Gauss and Newton's in a trust region (Levenberg and Marquardt), from J'J and J'r alone. Squaring the condition
+of J makes a step less exact, not the minimum, where J'r vanishes.
 
 Equations come in blocks, each of which may have unknowns of its own, as a window has its start; behind them stand the
 rows of priors. Where blocks settle their own unknowns by themselves (variable projection), what is left is a small
@@ -135,7 +133,7 @@ class Minimum(NamedTuple):
 
 
 def minimise(
-    evaluate: Callable[[Array], tuple[Array, Array]],
+    evaluate: Evaluate,
     start: Array,
     lower: Array,
     upper: Array,
@@ -144,17 +142,10 @@ def minimise(
     lowest: float = np.inf,
     enough: float = 0.0,
 ) -> Minimum:
-    """The nearest minimum of the sum of squared residuals, lower <= x <= upper.
+    """The nearest minimum of the sum of squared residuals, lower <= x <= upper, in `most` steps; a start beyond is moved to the bounds.
 
-    Args:
-        evaluate: x (p,) -> residuals (n,) and their Jacobian (n, p); not finite where x is impossible.
-        start: (p,); moved to the bounds where it lies beyond.
-        lower: bounds, (p,), -inf where there is none.
-        upper: bounds, (p,), inf where there is none.
-        most: steps tried.
-        settled: what lowers the cost by less than this share of the residuals' variance is no step any more.
-        lowest: cost of the lowest end known; a descent that clearly goes to a worse one is given up, unconverged.
-        enough: what lowers the cost by less than this is no step either.
+    What lowers the cost by less than the share `settled` of the residuals' variance, or than `enough`, is no step any more. A
+    descent that clearly goes to an end worse than the `lowest` known is given up, unconverged.
 
     Raises InputError where the start gives no finite cost, or the gradient there is zero: nothing then depends on x.
     """
@@ -172,11 +163,16 @@ def minimise(
         scale = np.maximum(scale, np.sqrt(gram.diagonal()))
         size = np.where(scale > 0, np.maximum(scale, _HARDLY_SEEN * scale.max()), 0.0)
         free = (scale > 0) & ~((x <= lower) & (slope > 0)) & ~((x >= upper) & (slope < 0))
-        step, expected = _step(gram, slope, size, free, damping)
+        # the damped step, none where not free, and by how much it lowers the linearised cost
+        inner, right = gram[np.ix_(free, free)] / np.outer(size[free], size[free]), slope[free] / size[free]
+        scaled = -np.linalg.lstsq(inner + damping * np.eye(right.size), right, rcond=1e-15)[0]
+        expected = float(-2 * scaled @ right - scaled @ inner @ scaled)
         if expected <= max(settled * cost / residuals.size, enough):
             converged = True
             break
-        trial = np.clip(x + step, lower, upper)
+        trial = x.copy()
+        trial[free] += scaled / size[free]
+        trial = np.clip(trial, lower, upper)
         new_residuals, new_jacobian = evaluate(trial)
         new_cost = float(new_residuals @ new_residuals) if np.isfinite(np.vdot(new_jacobian, new_jacobian)) else np.inf
         gained = (cost - new_cost) / expected if np.isfinite(new_cost) else -1.0
@@ -196,16 +192,6 @@ def minimise(
             converged = abs(cost - new_cost) <= 1e-9 * cost
             break
     return Minimum(x, cost, residuals, jacobian, taken, converged)
-
-
-def _step(gram: Array, slope: Array, scale: Array, free: NDArray[np.bool_], damping: float) -> tuple[Array, float]:
-    """The damped Gauss-Newton step (p,), zero where not free, and by how much it lowers the linearised cost."""
-    size = scale[free]
-    inner, right = gram[np.ix_(free, free)] / np.outer(size, size), slope[free] / size
-    taken = -np.linalg.lstsq(inner + damping * np.eye(size.size), right, rcond=1e-15)[0]
-    step = np.zeros(scale.size)
-    step[free] = taken / size
-    return step, float(-2 * taken @ right - taken @ inner @ taken)
 
 
 def descend(problem: LeastSquares[Any], start: Array, most: int) -> Minimum:

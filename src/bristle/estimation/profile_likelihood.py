@@ -6,12 +6,9 @@ cost by
     d = S F J_min / (n - p),    F = F(0.95; 1, freedom),
 
 where S is by how much correlated residuals widen the unknown's variance: in a linear problem the interval is the
-covariance's.
-
-Here a profile is followed by descents. sqrt((J - J_min) / d) is linear in the scaled unknown where the problem is:
-where it crosses one is found in few steps. Each point starts from the one solved before it on the way from the
-estimate, moved along the others' linearised conditional mean. A problem that is linear once a few unknowns are given
-has an exact profile: see `conditional_profile`.
+covariance's. sqrt((J - J_min) / d) is linear in the scaled unknown where the problem is: where it crosses one is found in
+few descents, each from the point before it, moved along the others' linearised conditional mean. A problem that is linear
+once a few unknowns are given has an exact profile: see `conditional_profile`.
 """
 
 from collections.abc import Callable
@@ -64,16 +61,9 @@ def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> fl
 def interval_on_grid(
     costs: Callable[[Array], Array], grid: Array, profile: Array, best: float, most: float
 ) -> tuple[float, float]:
-    """The interval of a positive unknown whose profile is known at once.
+    """The interval of a positive unknown: where its profile, (k,) -> (k,), stays below the threshold `most`; 0 or inf to the grid's end.
 
-    0 or inf where it stays below the threshold to the end of the grid.
-
-    Args:
-        costs: the profile as a function of the unknown, (k,) -> (k,).
-        grid: values of it, ascending, (k,).
-        profile: the profile on it, (k,).
-        best: where the profile is lowest.
-        most: the threshold.
+    Of the profile on an ascending grid of the unknown, (k,) both, and the `best` value.
     """
     inside = np.append(grid[profile <= most], best)
 
@@ -81,7 +71,6 @@ def interval_on_grid(
         """Where between two values the profile crosses the threshold; the inner one where it does not."""
 
         def excess(u: float) -> float:
-            """The profile less the threshold at a logarithm."""
             return float(costs(np.array([np.exp(u)]))[0]) - most
 
         a, b = np.log(outside), np.log(within)
@@ -96,16 +85,10 @@ def interval_on_grid(
 def profiles(
     solution: MultistartSolution[Name], progress: Progress | None = None, *, stop_at_better: bool = True
 ) -> tuple[dict[Name, Profiled], Array | None]:
-    """The profile of each shared unknown of a problem, by name; those that have no influence at all are open.
+    """The profile of each shared unknown of a solved problem, by name, and None; those that have no influence at all are open.
 
-    Args:
-        solution: of the problem.
-        progress: called with what is done, how much of it, and of how much.
-        stop_at_better: whether a better optimum found on the way ends the search.
-
-    Returns:
-        The profiles and None; or those found so far and the scaled unknowns of the better optimum, from which the fit
-        must be done again.
+    Or, unless `stop_at_better` is false, those found before a better optimum was met, and its scaled unknowns, from which
+    the fit must be done again.
     """
     problem, minimum = solution.posed, solution.minimum
     unknowns, x, known = problem.unknowns, minimum.x, seen(minimum.jacobian)
@@ -145,20 +128,14 @@ class _Path:
     problem: LeastSquares[Any]
     minimum: Minimum
     which: int
-    high: float
-    """d."""
+    high: float  # d
     stop_at_better: bool
-    points: list[tuple[Array, Array]]
-    """Scaled unknowns, (p,), and J'J, (p, p)."""
-    roots: dict[float, float]
-    """sqrt((J - J_min) / d) at scaled values of the unknown."""
+    points: list[tuple[Array, Array]]  # Scaled unknowns, (p,), and J'J, (p, p)
+    roots: dict[float, float]  # sqrt((J - J_min) / d) at scaled values of the unknown
     spent: int = 0
-    better: Array | None = None
-    """Scaled unknowns at which a lower cost than the fit's was found."""
-    rough: bool = False
-    """Whether a descent did not settle, or a search was given up ..."""
-    lost: bool = False
-    """... without an end."""
+    better: Array | None = None  # Scaled unknowns at which a lower cost than the fit's was found
+    rough: bool = False  # Whether a descent did not settle, or a search was given up
+    lost: bool = False  # ... without an end
 
     def profiled(self, reach: float) -> Profiled:
         """The profile, in the unknown's unit; its ends are first looked for `reach` away from the estimate."""

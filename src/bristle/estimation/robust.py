@@ -4,7 +4,7 @@ The common variance solves mean(min(r**2 / s**2, c**2)) = E[min(Z**2, c**2)], s*
 what lies further out than c counts as c, so that a few observations of another kind hardly move it.
 """
 
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ BEND = 1.345  # c of the coefficients: 95 % efficiency with normal errors
 SCALE_EFFICIENCY = 0.88  # of the variance's estimate with normal errors, at `SCALE`
 _PASSES = 60
 _SETTLED = 1e-7
-_HALVINGS = 40
 _LEAST_VARIANCE = 1e-200
 _MANY = 20  # groups from which on the covariance is that of their scores, not of the model
 
@@ -30,13 +29,9 @@ def expected_square(bend: float) -> float:
 
 
 def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: int = 0) -> float:
-    """The variance that all residuals share beside their known ones; 0 where these explain them.
+    """The variance that all residuals, (n,), share beside their known ones, (n,); 0 where these explain them.
 
-    Args:
-        residuals: (n,).
-        known: variances, (n,).
-        times: how often the common variance is in each: 1, or 2 in a difference of two observations.
-        lost: number of coefficients that were fitted.
+    It is in each so many `times`: once, or twice in a difference of two observations. `lost` coefficients were fitted.
     """
     squares, free = residuals**2, residuals.size - lost
     if free < 1:
@@ -44,8 +39,10 @@ def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: in
     goal = expected_square(SCALE) * free
 
     def excess(variance: float) -> float:
-        """Of the bounded sum over its expectation, at a common variance."""
-        return float(_bounded(squares, times * variance + known)) - goal
+        """Of the squares in parts of their variances, each at most c**2, over what is expected."""
+        with np.errstate(over="ignore"):  # where nothing varies
+            ratio = squares / np.maximum(times * variance + known, _LEAST_VARIANCE)
+        return float(np.minimum(ratio, SCALE**2).sum()) - goal
 
     if excess(0.0) <= 0:
         return 0.0
@@ -53,13 +50,6 @@ def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: in
     while excess(top) > 0:  # where strays are most of all
         top *= 4
     return float(brentq(excess, 0.0, top, xtol=1e-12 * top, rtol=1e-8))
-
-
-def _bounded(squares: Array, variance: Array) -> Array:
-    """Sum of squares (..., n) in parts of their variances, each at most c**2: (...)."""
-    with np.errstate(over="ignore"):  # where nothing varies
-        ratio = squares / np.maximum(variance, _LEAST_VARIANCE)
-    return np.asarray(np.minimum(ratio, SCALE**2).sum(axis=-1))
 
 
 def variance_interval(variance: float, known: float, freedom: float) -> tuple[float, float]:
@@ -85,38 +75,24 @@ class RobustFit(NamedTuple):
     freedom_of_coefficients: float
 
 
-class Differences(NamedTuple):
-    """Successive observations of the same thing, subtracted: y[second] - y[first]."""
-
-    first: NDArray[np.intp]
-    """Which observation, (m,)."""
-    second: NDArray[np.intp]
-    """(m,)."""
-
-
-def differences_of(owner: NDArray[np.intp]) -> Differences:
-    """Neighbours that belong together, of observations (n,) sorted by their owner."""
-    first = np.flatnonzero(owner[1:] == owner[:-1])
-    return Differences(first, first + 1)
+def differences_of(owner: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Which observation, (n,) sorted by their owner, belongs to the same as the next one, (m,)."""
+    return np.flatnonzero(owner[1:] == owner[:-1])
 
 
 def fit_differences(
-    y: Array, known: Array, regressors: Array, pairs: Differences, groups: NDArray[np.intp]
+    y: Array, known: Array, regressors: Array, first: NDArray[np.intp], groups: NDArray[np.intp]
 ) -> RobustFit:
     """Fits y = level of its owner + regressors @ coefficients + error, of variance common + known, by successive differences.
 
     A level that steps is wrong in one difference alone, which counts little. The covariance is of the scores summed over
     groups where there are `_MANY`, else of the model, in which neighbouring differences share an observation.
 
-    Args:
-        y: observations, sorted by owner and time, (n,).
-        known: their variances, (n,).
-        regressors: (n, p); p may be 0.
-        pairs: as `differences_of`.
-        groups: what may move together, by observation, (n,).
+    Observations, (n,), are sorted by owner and time; regressors are (n, p), p may be 0; of `first` and the next one differences are taken,
+    and `groups`, (n,), say what may move together.
     """
-    d, X = y[pairs.second] - y[pairs.first], regressors[pairs.second] - regressors[pairs.first]
-    v = known[pairs.first] + known[pairs.second]
+    d, X = y[first + 1] - y[first], regressors[first + 1] - regressors[first]
+    v = known[first] + known[first + 1]
     n, p = X.shape
     b: Array = np.zeros(p)
     variance = common_variance(d, v, 2.0, p)
@@ -134,7 +110,7 @@ def fit_differences(
         return RobustFit(b, np.zeros((0, 0)), variance, freedom, freedom)
     s2 = np.maximum(2 * variance + v, np.finfo(float).tiny)
     u = (d - X @ b) / np.sqrt(s2)
-    names, owner = np.unique(groups[pairs.first], return_inverse=True)
+    names, owner = np.unique(groups[first], return_inverse=True)
     if names.size >= _MANY:
         inverse = np.linalg.pinv((X * ((np.abs(u) < BEND) / s2)[:, None]).T @ X, hermitian=True)
         scores = np.zeros((names.size, p))
@@ -143,83 +119,46 @@ def fit_differences(
     else:
         inverse = np.linalg.pinv((X / s2[:, None]).T @ X, hermitian=True)
         pull = np.zeros((y.size, p))
-        np.add.at(pull, pairs.second, X / s2[:, None])
-        np.add.at(pull, pairs.first, -X / s2[:, None])
+        np.add.at(pull, first + 1, X / s2[:, None])
+        np.add.at(pull, first, -X / s2[:, None])
         outer, free = (pull * (variance + known)[:, None]).T @ pull, freedom
     return RobustFit(b, inverse @ outer @ inverse, variance, freedom, free)
 
 
-class Population(NamedTuple):
-    """Things of one kind, each measured with a known variance."""
+Size = TypeVar("Size", float, Array)
 
-    mean: float
-    mean_error: float
-    variance: float
+
+class Population(NamedTuple, Generic[Size]):
+    """Things of one kind, each measured with a known variance; or, (n,) each, the population without each of n things."""
+
+    mean: Size
+    mean_error: Size
+    variance: Size
     """Between them."""
     freedom: float
 
 
-class Others(NamedTuple):
-    """The population without each of its n things in turn."""
-
-    mean: Array
-    """(n,)."""
-    mean_error: Array
-    """(n,)."""
-    variance: Array
-    """(n,)."""
-    freedom: float
-
-
-def population(values: Array, known: Array) -> Population:
+def population(values: Array, known: Array) -> Population[float]:
     """Random effects, robust: mean and variance of a population of which each value (n,) has a known variance (n,)."""
-    every = _populations(values, known, np.ones((1, values.size), dtype=bool))
-    return Population(float(every.mean[0]), float(every.mean_error[0]), float(every.variance[0]), every.freedom)
+    mean, s2, variance = float(np.median(values)), known, 0.0
+    for _ in range(_PASSES):
+        variance = common_variance(values - mean, known, lost=1)
+        s2 = np.maximum(variance + known, _LEAST_VARIANCE)
+        w = np.minimum(1.0, BEND / np.maximum(np.abs(values - mean) / np.sqrt(s2), 1e-300)) / s2
+        before, mean = mean, float(w @ values / w.sum())
+        if abs(mean - before) < _SETTLED * np.sqrt(np.median(s2)):
+            break
+    u = (values - mean) / np.sqrt(s2)
+    bread, meat = float(np.sum((np.abs(u) < BEND) / s2)), float(np.sum(np.clip(u, -BEND, BEND) ** 2 / s2))
+    error = float(np.sqrt(meat)) / bread if bread > 0 else np.inf
+    return Population(mean, error, variance, max((values.size - 1) * SCALE_EFFICIENCY, 0.0))
 
 
-def without_each(values: Array, known: Array) -> Others:
+def without_each(values: Array, known: Array) -> Population[Array]:
     """The same without each value in turn: what a value is compared with, if it is not to widen the scatter that it is judged by.
 
-    Memory and time grow with n**2.
+    Time grows with n**2.
     """
-    return _populations(values, known, ~np.eye(values.size, dtype=bool))
-
-
-def _populations(values: Array, known: Array, there: NDArray[np.bool_]) -> Others:
-    """The populations of those that are there, (k, n), of some values."""
-    mean = np.array([float(np.median(values[row])) for row in there])
-    count = int(there[0].sum())
-    for _ in range(_PASSES):
-        squares = np.where(there, (values - mean[:, None]) ** 2, 0.0)
-        variance = _variances(squares, known, expected_square(SCALE) * (count - 1))
-        s2 = np.maximum(variance[:, None] + known, _LEAST_VARIANCE)
-        w = there * np.minimum(1.0, BEND / np.maximum(np.sqrt(squares / s2), 1e-300)) / s2
-        before, mean = mean, (w * values).sum(axis=1) / w.sum(axis=1)
-        if (np.abs(mean - before) < _SETTLED * np.sqrt(np.median(s2, axis=1))).all():
-            break
-    s2 = np.maximum(variance[:, None] + known, _LEAST_VARIANCE)
-    u = (values - mean[:, None]) / np.sqrt(s2)
-    bread = (there * (np.abs(u) < BEND) / s2).sum(axis=1)
-    meat = (there * np.clip(u, -BEND, BEND) ** 2 / s2).sum(axis=1)
-    error = np.divide(np.sqrt(meat), bread, out=np.full(mean.size, np.inf), where=bread > 0)
-    return Others(mean, error, variance, max((count - 1) * SCALE_EFFICIENCY, 0.0))
-
-
-def _variances(squares: Array, known: Array, goal: float) -> Array:
-    """`common_variance` of several rows, (k,), by bisection; squares of residuals (k, n), 0 where there is none."""
-    if goal <= 0:
-        return np.zeros(len(squares))
-
-    def above(variance: Array) -> NDArray[np.bool_]:
-        """Whether it is larger."""
-        return _bounded(squares, variance[:, None] + known) > goal
-
-    low, high = np.zeros(len(squares)), squares.max(axis=1)
-    some = above(low)
-    while (grows := above(high) & some).any():
-        high = np.where(grows, 4 * high, high)
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        larger = above(middle)
-        low, high = np.where(larger, middle, low), np.where(larger, high, middle)
-    return np.where(some, high, 0.0)
+    others = [population(np.delete(values, k), np.delete(known, k)) for k in range(values.size)]
+    mean, error, variance, freedom = np.array(others).T
+    return Population(mean, error, variance, float(freedom[0]))

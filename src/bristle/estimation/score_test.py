@@ -13,7 +13,7 @@ from scipy.linalg import qr
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.estimation.autocorrelation import inflation, inflation_along
+from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.findings import NOTE, Finding
 
@@ -67,25 +67,20 @@ class Candidate(NamedTuple):
     """Whether what it explains is friction too."""
 
 
-def score(known: Array, rest: Array, columns: Array) -> Score:
-    """The test of columns, (n, k), beside known ones, (n, p), on residuals, (n,), in an order in which they may be correlated.
-
-    In directions at right angles b = D'r, whose variances are those of what is left, times what its autocorrelation makes of them
-    along each; or, of many, those of the products D r about their means, as there were nothing to explain, where these are larger.
-    mean(b**2 / variance) is F. What is made of others is left out.
-    """
-    return scores(known, rest, [columns])[0]
-
-
 def scores(known: Array, rest: Array, columns: Sequence[Array], inflated: float = 1.0) -> list[Score]:
-    """The same of several, each tested alone; autocorrelation makes of a variance `inflated` times as much at least."""
+    """The test of some columns, (n, k) each, beside known ones, (n, p), on residuals, (n,), in an order in which they may be correlated.
+
+    Each is tested alone. In directions at right angles b = D'r, whose variances are those of what is left, times what autocorrelation makes of them
+    along each; or, of many, those of the products D r about their means, as there were nothing to explain, where these are larger.
+    mean(b**2 / variance) is F. What is made of others is left out. Autocorrelation makes of a variance `inflated` times as much at least.
+    """
     basis = _basis(known)
     left = rest - basis @ (basis.T @ rest)
     return [_score(basis, left, x, inflated) for x in columns]
 
 
 def moved_by(known: Array, added: Array) -> Array:
-    """How far each unknown, (p,), would move with what is added to the model, (n,), to first order."""
+    """How far each unknown, (p,), would move with what is added to the model, or to the data, (n,), to first order."""
     scale = np.maximum(np.linalg.norm(known, axis=0), 1e-300)
     return np.asarray(np.linalg.lstsq(known / scale, added, rcond=_RANK)[0] / scale)
 
@@ -117,7 +112,7 @@ def _score(basis: Array, left: Array, columns: Array, inflated: float = 1.0) -> 
     sizes[own] = inverse @ b / lengths[own]
     # noise that is alike everywhere, and noise that differs along the column, and may be correlated there alone
     most, one = np.inf if n >= _MANY else inflation(rest), float(rest @ rest)
-    correlated = np.array([max(min(inflation_along(rest, d), most), inflated) for d in directions.T])
+    correlated = np.array([max(min(inflation(rest, d), most), inflated) for d in directions.T])
     freedom = (n - p) / float(correlated.max()) - k
     if freedom < 1:
         return Score(sizes, errors, 1.0, share, share * total)

@@ -47,12 +47,9 @@ class Levels(NamedTuple):
 
 
 def step_scan(levels: Levels, baseline: int, freedom: float) -> Steps:
-    """The most significant step of each series, after at least `baseline` observations, of all places where it may be.
+    """The most significant step of each series, after at least `baseline` >= 1 observations, of which each has more.
 
-    Args:
-        levels: with more than `baseline` observations in each row.
-        baseline: observations before the first place, at least 1.
-        freedom: degrees of freedom of the variances; Student's t is taken for them.
+    `freedom` are degrees of freedom of the variances, for Student's t.
     """
     weight = np.where(np.isfinite(levels.variance), 1 / levels.variance, 0.0)
     y = np.where(weight > 0, levels.y, 0.0)
@@ -71,30 +68,22 @@ def step_scan(levels: Levels, baseline: int, freedom: float) -> Steps:
         z = np.where(after > 0, size / error, 0.0)
     best = np.abs(z).argmax(axis=1)
     row = np.arange(best.size)
+    # the standard normal deviate with the tail of a Student's t
     largest = np.abs(z[row, best])
+    if np.isfinite(freedom) and freedom <= 1e6:
+        with np.errstate(divide="ignore"):
+            tail = np.log(stdtr(freedom, -largest))
+        largest = np.where(np.isfinite(tail), -ndtri_exp(np.minimum(tail, 0.0)), largest)
     return Steps(
-        after=best + baseline,
-        size=size[row, best],
-        error=error[row, best],
-        z=z[row, best],
-        p=largest_p(_as_normal(largest, freedom), before, after),
-        before=means[0][row, best],
-    )
+        after=best + baseline, size=size[row, best], error=error[row, best], z=z[row, best],
+        p=largest_p(largest, before, after), before=means[0][row, best],
+    )  # fmt: skip  # a list of values
 
 
 def _means(weighted: Array, before: Array, after: Array, baseline: int) -> tuple[Array, Array]:
     total = weighted.cumsum(axis=1)
     first = total[:, baseline - 1 : -1]
     return first / before, (total[:, -1:] - first) / after
-
-
-def _as_normal(t: Array, freedom: float) -> Array:
-    """The standard normal deviate with the tail of a Student's t, both >= 0."""
-    if not np.isfinite(freedom) or freedom > 1e6:
-        return t
-    with np.errstate(divide="ignore"):
-        tail = np.log(stdtr(freedom, -t))
-    return np.where(np.isfinite(tail), -ndtri_exp(np.minimum(tail, 0.0)), t)
 
 
 def largest_p(c: Array, before: Array, after: Array) -> Array:

@@ -1,10 +1,10 @@
 """The fitted curve of friction vs velocity, and how far it is known: its 95 % band over the speeds that were measured."""
 
 import numpy as np
-from scipy.special import stdtrit
 
 from bristle.arrays import Array
 from bristle.errors import InputError
+from bristle.estimation.covariance import student
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.known_joint import KnownJoint, Source, chosen, known_joint, value_fits
 from bristle.identification.measured import Measured
@@ -39,20 +39,20 @@ def band(v: Array, fit: StaticFit | TrackingFit, direction: str = "") -> Array |
     if isinstance(fit, StaticFit):
         p, sides = fit.values(), {fit.direction}
         names = [ParameterName(name, Direction(fit.direction)) for name in fit.names]
-        student = float(stdtrit(fit.degrees_of_freedom, 0.975)) if fit.degrees_of_freedom >= 1 else np.inf
+        reach = student(fit.degrees_of_freedom) if fit.degrees_of_freedom >= 1 else np.inf
         shifts = {name: fit.parameters[name.name].shifts for name in names if name.name in fit.parameters}
     else:
-        lugre, sides, student = fit.values(direction), {direction, "both"}, NORMAL
+        lugre, sides, reach = fit.values(direction), {direction, "both"}, NORMAL
         p, names = None if lugre is None else lugre.stribeck, list(fit.names)
         shifts = {name: fit.parameters[name].shifts for name in names if name in fit.parameters}
     keep = [k for k, x in enumerate(names) if (of_curve(x.name) and str(x.direction) in sides) or x.name == _DRAG]
     covariance = fit.covariance[np.ix_(keep, keep)]
-    if p is None or not keep or not np.isfinite(covariance).all() or student == np.inf:
+    if p is None or not keep or not np.isfinite(covariance).all() or reach == np.inf:
         return None
     columns = dict(zip(p._fields, evaluate(steady_jacobian_function(p.law), v, *p), strict=True))
     columns[_DRAG] = v * np.abs(v)
     j = np.array([columns[names[k].name] for k in keep])
-    half = student * np.sqrt(np.maximum(np.einsum("kn,kl,ln->n", j, covariance, j), 0.0))
+    half = reach * np.sqrt(np.maximum(np.einsum("kn,kl,ln->n", j, covariance, j), 0.0))
     moved = [shifts.get(names[k], {}) for k in keep]
     for constant in dict.fromkeys(c for shift in moved for c in shift):  # all parameters by one constant together
         half = np.hypot(half, NORMAL * np.array([shift.get(constant, 0.0) for shift in moved]) @ j)
@@ -152,15 +152,11 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     acting, _ = known_curve(joint, along)
     share = _rms(acting[np.isfinite(acting)]) / (_rms(torque) or 1.0)
     return Accuracy(
-        slowest=float(np.abs(v).min()),
-        fastest=float(np.abs(v).max()),
-        band=float(np.linalg.norm([statistical, apart, sides, *effects])),
-        statistical=statistical,
-        apart=apart,
-        sides=sides,
-        share=share,
+        slowest=float(np.abs(v).min()), fastest=float(np.abs(v).max()),
+        band=float(np.linalg.norm([statistical, apart, sides, *effects])), statistical=statistical, apart=apart,
+        sides=sides, share=share,
         opinion=None if opinion is None else ", ".join(opinion.set_up) or "one friction for both directions",
-    )
+    )  # fmt: skip  # a list of values
 
 
 def _withheld(fit: TrackingFit, v: Array) -> float:

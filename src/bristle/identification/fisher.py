@@ -122,21 +122,6 @@ def motion_jacobian(
     return np.column_stack([friction, *(extra or {}).values()])
 
 
-def motion_information(
-    velocity: Array,
-    step: float | Array,
-    p: Lugre[float] | Pair[float],
-    noise: float | Array,
-    extra: Mapping[Any, Array] | None = None,
-) -> Array:
-    """Information of the torque along a motion.
-
-    F, (6 + k, 6 + k), or (12 + k, 12 + k) for a pair, as `motion_jacobian` has it. `noise` is the standard deviation of a
-    sample's torque, N*m, > 0, one or (n,); all else as in `motion_jacobian`.
-    """
-    return gram(motion_jacobian(velocity, step, p, extra), noise)
-
-
 def cleared(derivatives: Array) -> Array:
     """Derivatives of any shape, zero where they are nothing but what `rollout_jacobian` adds against denormal numbers."""
     return np.where(np.abs(derivatives) < _NOTHING, 0.0, derivatives)

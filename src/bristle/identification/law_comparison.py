@@ -1,8 +1,7 @@
 """Friction laws on what was measured: fitted to the same equations, ranked, and what is said of them.
 
-Each law has a Stribeck term in every direction: whether the data show one is the fit's to say. Points are solved on the
-grid; moving runs, in which a slow speed is seldom seen but in presliding, by LuGre itself (`dynamic.laws`). Both leave
-out five blocks of speed in turn.
+Each law has a Stribeck term in every direction. Points are solved on the grid; moving runs, in which a slow speed is
+seldom seen but in presliding, by LuGre itself (`dynamic.laws`). Both leave out five blocks of speed in turn.
 
 The paper's law is left only for one whose BIC is lower by more than 10, and whose squared error over five blocks of
 speed, each left out in turn, is lower too: BIC alone takes up what the scatter looks like, an error at speeds that were
@@ -12,15 +11,15 @@ A level that rises with the motor's torque makes a torque explain part of itself
 factor 1 - df/dT in each equation, so BIC loses 2 n' mean(log(1 - df/dT)), and an error at what was left out is that of
 the torque which solves T = f(T): without both, such a law would win on noise.
 
-With the equations of each solve, n of them of which n' are independent, and k parameters, the noise variance among
-them, a law's BIC is the sum of n' log(RSS / n) + k log(n'). Its weight is exp(-BIC / 2) over the sum of all (Burnham
-and Anderson, Model Selection and Multimodel Inference, 2002), and so is the average of a parameter over laws: its
-variance is what each law leaves open, and how far it lies from the average.
+A law's BIC is the sum of those of its solves (`estimation.information`). Its weight is exp(-BIC / 2) over the sum of all
+(Burnham and Anderson, Model Selection and Multimodel Inference, 2002), and so is the average of a parameter over laws:
+its variance is what each law leaves open, and how far it lies from the average.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
+from itertools import compress
 from operator import or_
 from typing import Literal, NamedTuple, TypeVar
 
@@ -39,14 +38,8 @@ from bristle.identification.load_levels import load_is_known
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import regressors
 from bristle.identification.results import Averaged, LawComparison, LawRow
-from bristle.identification.static.grid import Solution, default_range, solve
-from bristle.identification.static.points import (
-    groups,
-    point_regressors,
-    points_problem,
-    sliding_points,
-    strays_under_all,
-)
+from bristle.identification.static import points
+from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import with_best_shape
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -95,7 +88,7 @@ class FittedLaw:
     solves: tuple[Solve, ...]
     left_out: Callable[[], LeftOut]
     """Works out how it predicts what was left out."""
-    known: Callable[[], Known]
+    known: Known
 
     @property
     def name(self) -> str:
@@ -118,14 +111,15 @@ def laws_of_points(measured: Measured, in_force: Law) -> LawComparison | None:
 
     Raises InputError as the fit of points does.
     """
-    asked = point_regressors(measured.experiment)
+    asked = points.point_regressors(measured.experiment)
     others = [law for law in competing() if law != in_force]
-    stray = strays_under_all(measured.experiment, measured.searches, others)
-    chosen = groups(measured.experiment, [s for s in sliding_points(measured.searches) if s.place not in stray])
+    stray = points.strays_under_all(measured.experiment, measured.searches, others)
+    chosen = points.groups(
+        measured.experiment, [s for s in points.sliding_points(measured.searches) if s.place not in stray]
+    )
 
     def pose(law: Law) -> Sequence[Regression]:
-        """The points of each solve."""
-        return [points_problem(group, sides, asked, law) for sides, group in chosen]
+        return [points.points_problem(group, sides, asked, law) for sides, group in chosen]
 
     return compare_laws(pose, in_force)
 
@@ -167,16 +161,12 @@ def _of_motion(one: MovingLaw, effective: float, load: tuple[str, ...]) -> Fitte
         by_speed = percent_of(left_out_costs(one, [part == k for k in range(BLOCKS)]), power)
         return by_speed, percent_of(left_out_costs(one, runs), power) if runs else None
 
-    def known() -> Known:
-        """Of what has an influence."""
-        free = seen(one.jacobian)
-        matrix, own_freedom = covariance(one.jacobian[:, free], power_of(one.residuals), freedom)
-        names = [name for name, keep in zip(one.problem.names, free.tolist(), strict=True) if keep]
-        slopes = one.unknowns.slopes(one.x)[free]
-        errors = (np.sqrt(np.diag(matrix)) * np.abs(slopes)).tolist()
-        pairs = zip(names, errors, strict=True)
-        return {n: (one.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)}
-
+    # of what has an influence
+    free = seen(one.jacobian)
+    matrix, own_freedom = covariance(one.jacobian[:, free], power_of(one.residuals), freedom)
+    errors = (np.sqrt(np.diag(matrix)) * np.abs(one.unknowns.slopes(one.x)[free])).tolist()
+    pairs = zip(compress(one.problem.names, free), errors, strict=True)
+    known = {n: (one.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)}
     solve = Solve(one.residuals, len(one.problem.names), effective, power, float(np.log(one.not_itself).sum()))
     return FittedLaw(law=one.law, load=load, solves=(solve,), left_out=left_out, known=known)
 
@@ -275,8 +265,14 @@ def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> 
             Solve(s.residuals, len(p.names) + len(p.shape), p.torque.size, power_of(p.measured))
             for p, s in zip(shaped, solutions, strict=True)
         )
-        left_out, known = partial(_left_out, shaped), partial(_known, shaped, solutions)
-        fitted.append(FittedLaw(law=law, solves=solves, left_out=left_out, known=known))
+        known: Known = {}
+        for problem, solution in zip(shaped, solutions, strict=True):
+            free = np.array([name not in solution.at_bound for name in problem.names])
+            matrix, freedom = covariance(solution.jacobian[:, free], solution.cost)
+            errors = np.sqrt(np.diag(matrix)).tolist()
+            rows = zip(compress(problem.names, free), solution.theta[free].tolist(), errors, strict=True)
+            known |= {n: (v, e, freedom) for n, v, e in rows if np.isfinite(e)}
+        fitted.append(FittedLaw(law=law, solves=solves, left_out=partial(_left_out, shaped), known=known))
     return ranked("points", fitted, in_force.name)
 
 
@@ -311,30 +307,13 @@ def parts_by_speed(velocity: Array) -> NDArray[np.int_]:
     return part
 
 
-def _known(problems: Sequence[Regression], solutions: Sequence[Solution]) -> Known:
-    """Of points."""
-    out: Known = {}
-    for problem, solution in zip(problems, solutions, strict=True):
-        free = np.array([name not in solution.at_bound for name in problem.names])
-        matrix, freedom = covariance(solution.jacobian[:, free], solution.cost)
-        errors = np.sqrt(np.diag(matrix)).tolist()
-        names = [name for name, keep in zip(problem.names, free.tolist(), strict=True) if keep]
-        values = solution.theta[free].tolist()
-        out |= {n: (v, e, freedom) for n, v, e in zip(names, values, errors, strict=True) if np.isfinite(e)}
-    return out
-
-
 def ranked(
     data: Literal["points", "moving runs"], fitted: Sequence[FittedLaw | None], in_force: str, *, sparing: bool = False
 ) -> LawComparison | None:
-    """Fitted laws as rows, with the one that the data want; None where there is none beside the paper's.
+    """Fitted laws, None where there were too few equations, as rows, with the one that the data want; None where there is none beside the paper's.
 
-    Args:
-        data: what the equations are about.
-        fitted: each law; None where there were too few equations.
-        in_force: the name of the law of the fits.
-        sparing: whether errors at what is left out are worked out only where BIC prefers a law to the paper's: for those laws,
-            and the ones that they are compared with.
+    `in_force` names the law of the fits; where `sparing`, errors at what is left out are worked out only where BIC prefers a law to the
+    paper's: for those laws, and the ones that they are compared with.
     """
     found = [x for x in fitted if x is not None]
     paper = next((k for k, x in enumerate(found) if x.name == GAUSSIAN.name), None)
@@ -363,26 +342,16 @@ def ranked(
     chosen = min(clearly, key=lambda k: bic[k], default=paper)
     rows = tuple(
         LawRow(
-            law=x.name,
-            parameters=sum(solve.parameters for solve in x.solves),
+            law=x.name, parameters=sum(solve.parameters for solve in x.solves),
             rms=float(np.sqrt(power_of(x.residuals) / x.residuals.size)),
-            aicc=None if np.isnan(aicc) else float(aicc - np.nanmin(marks[:, 0])),
-            bic=float(above),
-            left_out=left[0],
-            run_left_out=left[1],
-            weight=float(weight),
-            in_force=x.name == in_force,
-            chosen=k == chosen,
+            aicc=None if np.isnan(aicc) else float(aicc - np.nanmin(marks[:, 0])), bic=float(above), left_out=left[0],
+            run_left_out=left[1], weight=float(weight), in_force=x.name == in_force, chosen=k == chosen,
         )
         for k, (x, aicc, above, left, weight) in enumerate(zip(found, marks[:, 0], bic, left_out, weights, strict=True))
-    )
-    return LawComparison(
-        data=data,
-        n=found[0].residuals.size,
-        rows=rows,
-        sentence=_sentence(rows, chosen, paper, asked=any(wanted)),
-        averaged=_averaged(found, weights) if float(weights.max()) < _SPREAD else {},
-    )
+    )  # fmt: skip  # a list of values
+    averaged = _averaged(found, weights) if float(weights.max()) < _SPREAD else {}
+    sentence = _sentence(rows, chosen, paper, asked=any(wanted))
+    return LawComparison(data=data, n=found[0].residuals.size, rows=rows, sentence=sentence, averaged=averaged)
 
 
 def _sentence(rows: Sequence[LawRow], chosen: int, paper: int, *, asked: bool) -> Finding:
@@ -414,7 +383,7 @@ def _sentence(rows: Sequence[LawRow], chosen: int, paper: int, *, asked: bool) -
 def _averaged(fitted: Sequence[FittedLaw], weights: Array) -> Mapping[ParameterName, Averaged]:
     """What nearly all laws have by weight, over those that the data allow."""
     likely = [(x, weight) for x, weight in zip(fitted, weights.tolist(), strict=True) if weight > _LIKELY]
-    tables = [(x.known(), weight) for x, weight in likely]
+    tables = [(x.known, weight) for x, weight in likely]
     averaged = {}
     for name in reduce(or_, (dict.fromkeys(table) for table, _ in tables)):
         having = [(*table[name], weight) for table, weight in tables if name in table]

@@ -70,10 +70,8 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
             f"Averaged over: {hold:g} s, {'the usual hold so far' if points else 'a guess'}; set plan.hold to override."
         )
         numbers: dict[str, float | str] = {"value": hold, "unit": "s"}
-        if points:
-            assumed.append(Finding("limit-hold", NOTE, message, numbers))
-        else:
-            assumed.append(Finding("limit-hold-guessed", CAUTION, message, numbers))
+        guess = Finding("limit-hold-guessed", CAUTION, message, numbers)
+        assumed.append(Finding("limit-hold", NOTE, message, numbers) if points else guess)
 
     position, of = asked.position or measured.positions, unit("position", kind)
     if position is None:
@@ -95,10 +93,8 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
         numbers = {"value": acceleration, "unit": of, "seconds": _REACH}
         how = "the largest measured" if seen else f"{_REACH:g} s from rest to the fastest speed"
         message = f"Largest acceleration: {acceleration:g} {of}, {how}; set plan.acceleration to override."
-        if seen:
-            assumed.append(Finding("limit-acceleration", NOTE, message, numbers))
-        else:
-            assumed.append(Finding("limit-acceleration-guessed", CAUTION, message, numbers))
+        guess = Finding("limit-acceleration-guessed", CAUTION, message, numbers)
+        assumed.append(Finding("limit-acceleration", NOTE, message, numbers) if seen else guess)
 
     torque, of = asked.torque, unit("torque", kind)
     if torque is None:
@@ -114,25 +110,13 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
         assumed.append(Finding("limit-links", NOTE, message, {"links": links, "unit": of}))
         torque = max(torque - links, _LEAST_LEFT * torque)
     limits = Limits(
-        position=position,
-        slowest=slowest,
-        velocity=velocity,
-        acceleration=acceleration,
-        torque=torque or np.inf,
-        time=asked.time,
-        hold=hold,
-        frequency=asked.frequency or FREQUENCY,
-        rate=asked.rate,
-    )
+        position=position, slowest=slowest, velocity=velocity, acceleration=acceleration, torque=torque or np.inf,
+        time=asked.time, hold=hold, frequency=asked.frequency or FREQUENCY, rate=asked.rate,
+    )  # fmt: skip  # a list of values
     if "rate" not in asked.model_fields_set:
         message = f"Rate of the references: {asked.rate:g} Hz, a default; set plan.rate to override."
         assumed.append(Finding("limit-rate", CAUTION, message, {"rate": asked.rate}))
     return limits, tuple(assumed)
-
-
-def _rounded(seen: float) -> float:
-    """To three digits, as what is assumed is said."""
-    return float(f"{seen:.3g}")
 
 
 def _constant_speeds(measured: Measured, speeds: Array, assumed: list[Finding]) -> tuple[float, float]:
@@ -148,19 +132,13 @@ def _constant_speeds(measured: Measured, speeds: Array, assumed: list[Finding]) 
         assumed.append(Finding("limit-speed", NOTE, message, {"value": velocity, "unit": of}))
     if slowest is None:
         slowest = _rounded(min(float(speeds.min()), 0.5 * velocity) if speeds.size else _SLOW_SHARE * velocity)
-        told = f"Slowest constant speed: {slowest:g} {of}"
+        how = "the slowest measured that did not stick and slip"
+        if not speeds.size:
+            how = f"{_SLOW_SHARE:g} of the fastest: no run at constant velocity shows where the drive begins to stick and slip"
+        message = f"Slowest constant speed: {slowest:g} {of}, {how}; set plan.minimum_velocity to override."
         numbers = {"value": slowest, "unit": of, "share": _SLOW_SHARE}
-        if speeds.size:
-            message = (
-                f"{told}, the slowest measured that did not stick and slip; set plan.minimum_velocity to override."
-            )
-            assumed.append(Finding("limit-slowest", NOTE, message, numbers))
-        else:
-            message = (
-                f"{told}, {_SLOW_SHARE:g} of the fastest: no run at constant velocity shows where the drive "
-                "begins to stick and slip; set plan.minimum_velocity to override."
-            )
-            assumed.append(Finding("limit-slowest-guessed", CAUTION, message, numbers))
+        guess = Finding("limit-slowest-guessed", CAUTION, message, numbers)
+        assumed.append(Finding("limit-slowest", NOTE, message, numbers) if speeds.size else guess)
     if not slowest < velocity:
         raise InputError(
             f"{experiment.path.name}: plan: the slowest constant speed, {slowest:g}, is not below the fastest, {velocity:g}; "
@@ -187,9 +165,9 @@ def followed(limits: Limits, declared: float | None) -> tuple[Limits, tuple[Find
     return reachable, (Finding("frequency-lowered", CAUTION, message, numbers),)
 
 
-def shortened(limits: Limits, share: float) -> Limits:
-    """The same with holds that take this share of their time."""
-    return replace(limits, hold=limits.hold * share)
+def _rounded(seen: float) -> float:
+    """To three digits, as what is assumed is said."""
+    return float(f"{seen:.3g}")
 
 
 def _largest(runs: tuple[Run, ...], signal: str) -> float:

@@ -107,9 +107,8 @@ def compare_on_motion(
         if called == done or done not in variants:
             rows, count = _equations_and_unknowns(alone)
             errors = _mean([h.relative_error for h in alone.hold_out])
-            candidates.append(
-                ModelCandidate(model=LUGRE, directions=called, parameters=count, residuals=rows, hold_out=errors)
-            )
+            own = ModelCandidate(model=LUGRE, directions=called, parameters=count, residuals=rows, hold_out=errors)
+            candidates.append(own)
             continue
         with suppress(InputError):  # a start that shows nothing is no reason to fail: then this one is left out
             near = apart if called == APART else None
@@ -155,15 +154,11 @@ def _static_candidates(
             errors = [_reduced(test, model).relative_error(solution.theta) for test in held]
             if press and not held:
                 errors = [_left_out_error(problem, solution.residuals, solution.jacobian)]
-            candidates.append(
-                ModelCandidate(
-                    model=model,
-                    directions=called,
-                    parameters=len(problem.names),
-                    residuals=solution.residuals,
-                    hold_out=_mean(errors),
-                )
-            )
+            one = ModelCandidate(
+                model=model, directions=called, parameters=len(problem.names),
+                residuals=solution.residuals, hold_out=_mean(errors),
+            )  # fmt: skip  # a list of values
+            candidates.append(one)
     message = f"Too few points, or too much alike, for {'; '.join(few)}."
     return candidates, (Finding("too-few-for-models", NOTE, message, {"models": tuple(few)}),) if few else (), power
 
@@ -220,15 +215,11 @@ def refitted(
     begin |= {name: value for name, value in (near or {}).items() if name in begin}
     enough = worth * alone.rms**2 * inflation(alone.residuals) if worth else 0.0
     values, minimum = fit(problem, begin, _STEPS, enough)
+    errors = _mean([relative_error(posed([r]), values) for r in held])
     return ModelCandidate(
-        model=LUGRE,
-        directions=called,
-        parameters=len(problem.names),
-        residuals=minimum.residuals,
-        hold_out=_mean([relative_error(posed([r]), values) for r in held]),
-        settled=minimum.converged,
-        values=values,
-    )
+        model=LUGRE, directions=called, parameters=len(problem.names), residuals=minimum.residuals, hold_out=errors,
+        settled=minimum.converged, values=values,
+    )  # fmt: skip  # a list of values
 
 
 def _equations_and_unknowns(fit: TrackingFit) -> tuple[Array, int]:
@@ -269,17 +260,10 @@ def rank_models(
     alone: TrackingFit | None,
     left_out: tuple[Finding, ...],
 ) -> ModelComparison | None:
-    """The candidates as rows, with the one to use; None where there is none.
+    """The candidates, on the same equations, as rows, with the one to use; None where there is none.
 
-    Args:
-        data: what the equations are about.
-        candidates: the candidates, on the same n equations.
-        held_by: what their `hold_out` is about; None where nothing was held out.
-        variance_inflation: n over the number of independent equations.
-        power: sum of squares of what they explain, (N*m)**2.
-        static: static fits of these data.
-        alone: the fit of all parameters to these data.
-        left_out: what is not compared, and why.
+    `held_by` says what their `hold_out` is about, `variance_inflation` is how many equations count as an independent one, `power` the
+    sum of squares of what they explain, (N*m)**2; `static` and `alone` are fits of these data, and `left_out` is not compared.
     """
     if not candidates:
         return None
@@ -295,28 +279,18 @@ def rank_models(
     best = min(allowed, key=lambda k: marks[k][1], default=None)
     rows = tuple(
         ModelRow(
-            model=c.model,
-            directions=c.directions,
-            parameters=c.parameters,
+            model=c.model, directions=c.directions, parameters=c.parameters,
             rms=float(np.sqrt(power_of(c.residuals) / n)),
             relative_error=100 * float(np.sqrt(power_of(c.residuals) / power)) if power else None,
-            aicc=None if aicc is None else aicc - lowest_aicc,
-            bic=bic - lowest_bic,
-            hold_out=c.hold_out,
-            candidate=k in allowed,
-            recommended=k == best,
+            aicc=None if aicc is None else aicc - lowest_aicc, bic=bic - lowest_bic, hold_out=c.hold_out,
+            candidate=k in allowed, recommended=k == best,
         )
         for k, (c, (aicc, bic)) in enumerate(zip(candidates, marks, strict=True))
-    )
+    )  # fmt: skip  # a list of values
     return ModelComparison(
-        data=data,
-        n=n,
-        effective=n / variance_inflation,
-        hold_out_by=held_by,
-        rows=rows,
-        sentence=_sentence(rows, static, kept=kept),
-        left_out=left_out,
-    )
+        data=data, n=n, effective=n / variance_inflation, hold_out_by=held_by, rows=rows,
+        sentence=_sentence(rows, static, kept=kept), left_out=left_out,
+    )  # fmt: skip  # a list of values
 
 
 def _sentence(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> Finding:

@@ -23,13 +23,8 @@ from bristle.findings import Severity
 from bristle.identification.measured import measure
 from bristle.identification.moving_runs import DIRECTIONS, moved_in, refuse_opposing_runs, regressor_line
 from bristle.identification.robot.measured import against_urdf
+from bristle.identification.static import set_up
 from bristle.identification.static.runs import refuse_opposing_points
-from bristle.identification.static.set_up import (
-    better_for_motion,
-    better_for_points,
-    proposed_for_motion,
-    proposed_for_points,
-)
 from bristle.progress import Progress, teller
 
 _MIXED = 0.25  # of a run's motion: more of another experiment is said
@@ -111,9 +106,9 @@ def completed(path: Path) -> tuple[str, str]:
     asked = experiment_of(text, path)
     measured = measure(asked)
     points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
-    better = better_for_points(measured.experiment, points) if points else None
+    better = set_up.better_for_points(measured.experiment, points) if points else None
     if better is None and moving and measured.experiment.fit.predict == "torque":
-        better = better_for_motion(measured.experiment, moving)
+        better = set_up.better_for_motion(measured.experiment, moving)
     if better is None:
         why = "no regressor, nor other directions, would explain these runs clearly better"
         return text, f"{kinds or 'nothing added: '}{why}"
@@ -134,8 +129,8 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path, directions: str |
     points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
     if moving:
         refuse_opposing_runs(measured.experiment, moving)
-    proposals = [proposed_for_points(points) if points else None]
-    proposals += [proposed_for_motion(measured.experiment, moving) if moving else None]
+    proposals = [set_up.proposed_for_points(points) if points else None]
+    proposals += [set_up.proposed_for_motion(measured.experiment, moving) if moving else None]
     known = [proposal for proposal in proposals if proposal is not None]
     if points and not any("gravity" in x.set_up.regressors for x in known):
         refuse_opposing_points(measured.experiment, points, ("offset",))

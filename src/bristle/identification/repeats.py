@@ -5,7 +5,7 @@ Of one parameter that each run is fitted for apart, with estimates x_i and stand
     chi2_red = sum over i of ((x_i - m) / s_i)**2 / (k - 1),    m the mean weighted by 1 / s_i**2,
 
 is one where runs differ by no more than the s_i say; where it is significant at 1 %, the error is widened by its root
-(Birge, Phys. Rev. 40, 1932). Of all parameters of one fit, the error is that of the jackknife over the runs, to first order, where that is
+(Birge, Phys. Rev. 40, 1932). Of one fit, it is that of the jackknife over the runs, to first order, where that is
 significantly larger. Student's t has k - 1 degrees of freedom then.
 """
 
@@ -33,14 +33,9 @@ _ALONE = 10.0  # times the standard error of all runs without one run that alone
 def scatter_of(
     by_run: Mapping[str, float], errors: Array, freedoms: Array, error: float, freedom: float
 ) -> RunScatter | None:
-    """The scatter of one parameter over runs that were each fitted apart; None of fewer than two.
+    """The scatter of one parameter over runs that were each fitted apart, by file; None of fewer than two.
 
-    Args:
-        by_run: its estimate from each run, by file.
-        errors: their standard errors, (k,).
-        freedoms: degrees of freedom of these, (k,).
-        error: standard error of the fit of all runs.
-        freedom: degrees of that.
+    With the errors of these estimates and their degrees of freedom, (k,) each, and those of the fit of all runs.
     """
     count, x, weights = len(by_run), np.array(list(by_run.values())), errors**-2.0
     if count < 2 or not error:
@@ -68,15 +63,9 @@ def clustered(
     """Each parameter's scatter over runs, of which what one leaves counts as one number.
 
     The covariance is that of the jackknife over k runs, to first order (`moved_without_each`): an error of the supply, say, that a
-    whole run has in common is in it.
-
-    Args:
-        names: of the p columns of a Jacobian.
-        parts: of each run J_i, (n, p), the derivative of what is modelled, and what it leaves, r_i, (n,), by file.
-        of_all: the estimates.
-        freedom: degrees of freedom of their intervals; of each, by name.
-        logarithmic: columns that are derivatives by a logarithm.
-        independent: whether what a run leaves is white: then an F test of all parameters of each run at once counts too, to first order.
+    whole run has in common is in it. `parts` are of each run, by file, J_i, (n, p), the derivative of what is modelled by the p
+    `names`, or their logarithm, and what it leaves, r_i, (n,); `freedom` is that of the estimates' intervals. Where what a run leaves
+    is white (`independent`), an F test of all parameters of each run at once counts too, to first order.
     """
     if len(parts) < _FEWEST:
         return {}
@@ -105,13 +94,10 @@ def clustered(
         more = ratio > 1 and (apart or float(fdtrc(count - 1, own, ratio**2)) < SIGNIFICANCE)
         values = e.value * np.exp((count - 1) * move) if as_logarithm else e.value + (count - 1) * move
         found[name] = RunScatter(
-            before=ratio,
-            after=1.0 if more else ratio,
-            widened=ratio if more else 1.0,
+            before=ratio, after=1.0 if more else ratio, widened=ratio if more else 1.0,
             stretched=max(ratio * _fewer(count - 1, own), 1.0) if more else 1.0,
-            by_run=dict(zip(parts, values.tolist(), strict=True)),
-            clustered=True,
-        )
+            by_run=dict(zip(parts, values.tolist(), strict=True)), clustered=True,
+        )  # fmt: skip  # a list of values
     return found
 
 
@@ -166,7 +152,6 @@ def spreader(value: float, factor: float, bare: str, *, logarithmic: bool = Fals
     least = least_of(bare)
 
     def spread(ends: Array) -> Array:
-        """The ends, spread."""
         if logarithmic and value > 0:
             with np.errstate(over="ignore"):  # an end beyond all numbers is open
                 return np.asarray(value * (np.maximum(ends, 0.0) / value) ** factor)

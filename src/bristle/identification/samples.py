@@ -27,7 +27,6 @@ def samples_of(joint: Joint) -> dict[str, Any]:
     first: dict[Hashable, str] = {}
 
     def walk(value: Any, at: str) -> None:
-        """Collect what is unwritten below a value."""
         for name, held, item in _parts(value):
             way = f"{at}/{name}" if at else name
             if item is None or not item.metadata.get("exclude"):

@@ -22,9 +22,9 @@ from bristle.arrays import Array
 from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at, too_few
 from bristle.estimation.covariance import seen
-from bristle.estimation.linear import first_order
 from bristle.estimation.nonlinear import projected
 from bristle.estimation.profile_likelihood import Profiled, profiles
+from bristle.estimation.score_test import moved_by
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.output_error import with_more_torque
@@ -169,7 +169,7 @@ def shifts_of(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float
             change = (more - less) / (2 * _STEP)
         of_priors = ((x.root, x.shifts.get(constant, np.zeros(x.value.size))) for x in problem.priors)
         rows = [change * weight, *(-problem.sigma * (root @ shift) for root, shift in of_priors)]
-        moves = (-first_order(J, np.concatenate(rows)) * slopes).tolist()
+        moves = (-moved_by(J, np.concatenate(rows)) * slopes).tolist()
         names = (unknowns.names[k] for k in chosen.tolist())
         shifts[constant] = {n: by for n, by in zip(names, moves, strict=True) if isinstance(n, ParameterName)}
     return shifts

@@ -18,7 +18,7 @@ from bristle.data.differentiation import derivative, smoothed, usable
 from bristle.data.record import Record
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.estimation.multistart import MultistartSolution
-from bristle.estimation.score_test import Candidate, Fitted, Score, explained, score
+from bristle.estimation.score_test import Candidate, Fitted, Score, explained, scores
 from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.candidates import candidates
 from bristle.identification.dynamic.claims import BRISTLE
@@ -107,7 +107,7 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     errors[seen] = lacks.errors
     worse = next((float(f.numbers["ratio"]) for f in patterns if f.code == "reversals-left"), 1.0)
     errors[[isinstance(n, ParameterName) and n.name in BRISTLE for n in solution.names]] *= worse
-    late_by = _without_counts(score(known, rest, (weight * late)[:, None]), made)
+    late_by = _without_counts(scores(known, rest, [(weight * late)[:, None]])[0], made)
     return Left([*lacks.findings, *patterns], errors, size, late_by)
 
 
@@ -147,7 +147,7 @@ def _delay(
     well; and what only some equations ask for is no delay.
     """
     far = _far_from_reversals(problem, solution)
-    apart = score(fit.known[far], fit.rest[far], (fit.weight * column)[far, None])
+    (apart,) = scores(fit.known[far], fit.rest[far], [(fit.weight * column)[far, None]])
     (whole, error), (beyond, its_error) = _without_counts(found, made), _without_counts(apart, made[far])
     alike = beyond * whole > 0 and abs(beyond) > _ALIKE * its_error
     if abs(whole) < _SURE * error or (not alike and _SURE * its_error < abs(whole)):

@@ -1,7 +1,4 @@
-"""sigma_0 and sigma_1 from slow loading below breakaway (3.2 of the paper).
-
-The estimators of sigma_0 stand side by side; then come breakaway, loops, and (15).
-"""
+"""sigma_0 and sigma_1 from slow loading below breakaway (3.2 of the paper), with breakaway, loops, and (15)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -56,16 +53,10 @@ def identify_presliding(
     resolution: float | None,
     kind: Kind,
 ) -> Presliding:
-    """Everything that presliding runs show of a joint.
+    """Everything that presliding runs, with position and torque, show of a joint.
 
-    Args:
-        records: with position and torque.
-        levels: g0 per direction, where other runs tell it; where none does, breakaway in these runs stands in, or else
-            the largest torque held, as a lower bound.
-        inertia: for (15); None where unknown.
-        options: the experiment's `fit`.
-        resolution: one encoder count, rad; None: from the data.
-        kind: of the joint.
+    `levels` are g0 per direction, where other runs tell it; where none does, breakaway in these runs stands in, or else the largest
+    torque held, as a lower bound. The inertia, for (15), and the resolution, one encoder count, rad, may be unknown.
 
     Raises InputError where a run holds no loading from zero torque, or slides from its start.
     """
@@ -159,25 +150,13 @@ def fit_presliding(
         numbers = {"reached": reached, "g0": level.value, "source": level.source, "reach": REACH}
         warnings.append(Finding("above-g0", CAUTION, message, numbers))
     return PreslidingFit(
-        direction=direction,
-        **estimates,
-        sigma_1=_sigma_1(estimates[best], inertia, kind),
-        recommended=best,
-        degrees_of_freedom=ESTIMATORS[best](pieces)[2],
-        level=level.value,
-        level_standard_error=level.standard_error,
-        level_source=level.source,
-        quantum=quantum,
-        counts=counts,
-        bias_on_edge=on_edge,
-        bias_mean=mean,
-        bias_spread=spread,
-        amplitudes=amplitudes,
-        loadings=tuple(loadings),
-        warnings=tuple(warnings),
+        direction=direction, **estimates, sigma_1=_sigma_1(estimates[best], inertia, kind), recommended=best,
+        degrees_of_freedom=ESTIMATORS[best](pieces)[2], level=level.value, level_standard_error=level.standard_error,
+        level_source=level.source, quantum=quantum, counts=counts, bias_on_edge=on_edge, bias_mean=mean,
+        bias_spread=spread, amplitudes=amplitudes, loadings=tuple(loadings), warnings=tuple(warnings),
         uncertainty={"sigma_0": shifted_three(three, estimates[best])},
         repeats={"sigma_0": scatter} if scatter else {},
-    )
+    )  # fmt: skip  # a list of values
 
 
 def _bounded(direction: str, level: KnownValue, by_bend: KnownValue) -> Finding:
@@ -218,12 +197,8 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: Kind) -> tuple[Est
             )
             numbers = {"file": loading.file, "torque": value, "runs": n, "direction": direction, "median": middle}
             warnings.append(Finding("outlier", CAUTION, message, numbers))
-    whole = Estimate(
-        value=middle,
-        unit=unit("torque", kind),
-        standard_error=error,
-        interval=(max(middle - reach, 0.0), middle + reach),
-    )
+    interval = max(middle - reach, 0.0), middle + reach
+    whole = Estimate(value=middle, unit=unit("torque", kind), standard_error=error, interval=interval)
     return shifted(whole, shifts), warnings
 
 
@@ -273,11 +248,8 @@ def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float], fits: Mapping
         least, most = min(few), max(few)
         spanned = f"{least}" if least == most else f"{least} to {most}"
         message = f"The hysteresis loops span only {spanned} encoder counts: their slopes and losses are coarse."
-        warnings.append(
-            Finding("coarse-loops", NOTE, message, {"counts": least})
-            if least == most
-            else Finding("coarse-loops-between", NOTE, message, {"least": least, "most": most})
-        )
+        between = Finding("coarse-loops-between", NOTE, message, {"least": least, "most": most})
+        warnings.append(Finding("coarse-loops", NOTE, message, {"counts": least}) if least == most else between)
     if drifts:
         cycles, farthest = len(drifts) + len(loops), max(drifts, key=abs)
         message = (
@@ -309,11 +281,8 @@ def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: Kind) -> Estim
     """
     known = inertia is not None and inertia.value > 0
     if inertia is None or not known or not sigma_0.value or sigma_0.value < 0:
-        why = (
-            "there is no sigma_0"
-            if known
-            else "no positive inertia is known: give inertia in the experiment file, or add moving runs"
-        )
+        why = "no positive inertia is known: give inertia in the experiment file, or add moving runs"
+        why = "there is no sigma_0" if known else why
         none = Finding("no-sigma-1", NOTE, f"No estimate: (15) needs J and sigma_0, but {why}.", {"why": why})
         return Estimate(value=None, unit=unit("sigma_1", kind), warnings=(none,))
     damping = functions.presliding_damping_function()

@@ -7,9 +7,7 @@ zero at zero, the same for all loadings of a direction, each of which rests some
 
 The secant stiffness at amplitude T_j is T_j / y_j; LuGre's, from the initial one on, T_j / U_j * U_1 / y_1. Softening is named
 where U / y falls from the first knot to the last by more than chance, counts, torque noise and the error of g0 together.
-
-Where no run breaks away the bend itself limits g0 from above: a g0 at which T is too straight, or too bent, over y is
-excluded by an F test.
+Where no run breaks away, a g0 at which T is too straight, or too bent, over y is excluded by an F test.
 """
 
 from collections.abc import Sequence
@@ -45,8 +43,7 @@ class _Points(NamedTuple):
     y: Array
     T: Array
     weight: Array
-    loading: Array
-    """Which one each point is of, (n,)."""
+    loading: Array  # Which one each point is of, (n,)
 
 
 class _Bending(NamedTuple):
@@ -78,11 +75,18 @@ def stiffness_by_amplitude(
     Nothing where the loadings show too few count edges, or too few samples. Where its g0 is a lower bound LuGre bends most at
     the bound, and what falls more than that softens.
     """
-    points = _points(loadings, level.value)
-    found = _finest(points, level.value)
-    if found is None:
+    points, line = _points(loadings, level.value), None
+    # even knots, as many as the points determine, each with some of them before it
+    most = float(points.T.max(initial=0.0))
+    for count in range(min(_KNOTS[1], points.T.size // _PER_KNOT), _KNOTS[0] - 1, -1):
+        knots = most * np.arange(1, count + 1) / count
+        if most > 0 and (np.histogram(points.T, [0.0, *knots])[0] >= _PER_KNOT // 2).all():
+            line = _line(points, knots, level.value)
+        if line is not None and (np.sqrt(np.diag(line.covariance)) < _VAGUE * line.y).all():
+            break
+        line = None
+    if line is None:
         return (), None
-    knots, line = found
     secant, lugre = knots / line.y, knots / line.U * line.U[0] / line.y[0]
     rows = tuple(
         AmplitudeStiffness(kind=name, torque=T, displacement=y, value=x, standard_error=e, lugre=own, sigma_0=bristle)
@@ -165,18 +169,6 @@ def _points(loadings: Sequence[Loading], g0: float) -> _Points:
             weight = np.exp(-2 * np.maximum(U, 0.0) / g0)
         rows.append([y, -g0 * np.expm1(-U / g0), weight, np.full(y.size, k)])
     return _Points(*(np.concatenate(column) for column in zip(*rows, strict=True)))
-
-
-def _finest(points: _Points, g0: float) -> tuple[Array, _Bending] | None:
-    """Even knots, and f at them: as many as the points determine, each with some of them before it."""
-    most = float(points.T.max(initial=0.0))
-    for count in range(min(_KNOTS[1], points.T.size // _PER_KNOT), _KNOTS[0] - 1, -1):
-        knots = most * np.arange(1, count + 1) / count
-        if most > 0 and (np.histogram(points.T, [0.0, *knots])[0] >= _PER_KNOT // 2).all():
-            line = _line(points, knots, g0)
-            if line is not None and (np.sqrt(np.diag(line.covariance)) < _VAGUE * line.y).all():
-                return knots, line
-    return None
 
 
 def _line(points: _Points, knots: Array, g0: float) -> _Bending | None:

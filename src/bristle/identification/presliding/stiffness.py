@@ -110,79 +110,11 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
         loaded = max((float(piece.U.max(initial=0.0)) for piece in pieces), default=0.0)
         crossed = max(piece.edge_y.size for piece in pieces)
         least = loaded / ((crossed + 1) * quantum) if quantum > 0 else 0.0
-        edges, of = "1 count edge" if crossed == 1 else f"{crossed} count edges", unit("sigma_0", kind)
-        warnings = (_within_noise(edges, least, of),)
+        crossings, of = "1 count edge" if crossed == 1 else f"{crossed} count edges", unit("sigma_0", kind)
+        warnings = (_within_noise(crossings, least, of),)
         bound = Estimate(value=None, unit=of, interval=(least, float("inf")), warnings=warnings)
         return dict.fromkeys(("printed", "corrected", "edges", "samples"), bound)
-    return _estimates(loadings, level, quantum, kind)
-
-
-def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
-    """The estimate in the middle, with the interval that g0 anywhere between leaves, and their distance in its error.
-
-    And what near and far warn of, each kind once; a range that both exclude is the wider one.
-    """
-    other, told = {x.code: x for x in far.warnings}, list[Finding]()
-    for one in near.warnings:
-        both = (one, other.pop(one.code, one))
-        ends = [x.numbers[name] for x in both for name in ("low", "high") if one.code == "rest-excludes"]
-        told.append(_rest_excludes(min(ends), max(ends), one.numbers["unit"]) if ends else one)
-    warnings = (*told, *other.values())
-    known = [x.interval for x in (near, far) if x.interval]
-    interval = (min(low for low, _ in known), max(high for _, high in known)) if len(known) == 2 else None
-    if near.value is None or middle.value is None or far.value is None:
-        if interval:
-            interval = (interval[0], float("inf"))
-        return Estimate(value=None, unit=near.unit, interval=interval, warnings=warnings)
-    errors = [x.standard_error for x in (near, far) if x.standard_error is not None]
-    error = float(np.hypot(max(errors), (near.value - far.value) / np.sqrt(12))) if len(errors) == 2 else None
-    return Estimate(value=middle.value, unit=near.unit, standard_error=error, interval=interval, warnings=warnings)
-
-
-def printed_bias(u: Array) -> tuple[Array, Array, Array]:
-    """Relative bias of (14) for u = sigma_0 q / g0: -0.5 is half of the truth.
-
-    Returns it where rest lies on a count edge, (1 - exp(-u)) / u - 1; then its mean and its standard deviation over a
-    uniformly distributed rest position in the count; each of the shape of u, u > 0.
-    """
-    on_edge = -np.expm1(-u) / u
-    below = u < 1e-4  # where the differences below would be rounding
-    safe = np.where(below, 1.0, u)
-    at = -np.expm1(-safe) / safe
-    mean = np.where(below, 0.5 - u / 6, (1 - at) / safe)
-    square = np.where(below, 1 / 3 - u / 4, (1 - 2 * at - np.expm1(-2 * safe) / (2 * safe)) / safe**2)
-    return on_edge - 1, mean - 1, np.sqrt(np.maximum(square - mean**2, 0.0))
-
-
-def unbent(torque: Array, g0: float) -> Array:
-    """U = sigma_0 y of slow loading to this torque, N*m."""
-    return evaluate(functions.loading_displacement_function(), torque, g0, 1.0)[0]
-
-
-def of_loading(loading: Loading, g0: float) -> Piece:
-    """A loading below REACH of g0, N*m, as the estimators take it."""
-    low = loading.torque < REACH * g0
-    stop = low.size if low.all() else int(np.argmin(low))
-    reached = float(loading.displacement[:stop].max(initial=0.0))
-    edge = loading.edge_displacement <= reached
-    T = np.minimum(loading.edge_torque[edge], LIMIT * g0)
-    y, U = loading.edge_displacement[edge], unbent(T, g0)
-    # 1 - T / g0 from a line through the edges: from T itself, noise that raises U would also lower its weight
-    along = y / y[-1] if y.size else y
-    line = np.polynomial.polynomial.polyfit(along, U, min(y.size - 1, 1), w=1 - T / g0) if y.size else np.zeros(1)
-    return Piece(
-        time=loading.time[:stop],
-        y=loading.displacement[:stop],
-        U=unbent(np.minimum(loading.torque[:stop], LIMIT * g0), g0),
-        edge_y=y,
-        edge_U=U,
-        weight=np.exp(-2 * np.maximum(np.polynomial.polynomial.polyval(along, line), 0.0) / g0),
-    )
-
-
-def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, kind: Kind) -> dict[str, Estimate]:
-    """All four; the last two with the uncertainty at given g0, and the one that g0 adds."""
-    pieces = [of_loading(loading, level.value) for loading in loadings]
+    # the last two with the uncertainty at given g0, and the one that g0 adds
     value, error, freedom = by_samples(pieces)
     of_level = by_level(by_samples, loadings, level) * level.standard_error
     if quantum == 0:
@@ -212,6 +144,65 @@ def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, k
         )
         edges = samples = Estimate(value=None, unit=edges.unit, warnings=(Finding("yields", CAUTION, message),))
     return {"printed": printed, "corrected": corrected, "edges": edges, "samples": samples}
+
+
+def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
+    """The estimate in the middle, with the interval that g0 anywhere between leaves, and their distance in its error.
+
+    And what near and far warn of, each kind once; a range that both exclude is the wider one.
+    """
+    other, told = {x.code: x for x in far.warnings}, list[Finding]()
+    for one in near.warnings:
+        both = (one, other.pop(one.code, one))
+        ends = [x.numbers[name] for x in both for name in ("low", "high") if one.code == "rest-excludes"]
+        told.append(_rest_excludes(min(ends), max(ends), one.numbers["unit"]) if ends else one)
+    warnings = (*told, *other.values())
+    known = [x.interval for x in (near, far) if x.interval]
+    interval = (min(low for low, _ in known), max(high for _, high in known)) if len(known) == 2 else None
+    if near.value is None or middle.value is None or far.value is None:
+        if interval:
+            interval = (interval[0], float("inf"))
+        return Estimate(value=None, unit=near.unit, interval=interval, warnings=warnings)
+    errors = [x.standard_error for x in (near, far) if x.standard_error is not None]
+    error = float(np.hypot(max(errors), (near.value - far.value) / np.sqrt(12))) if len(errors) == 2 else None
+    return Estimate(value=middle.value, unit=near.unit, standard_error=error, interval=interval, warnings=warnings)
+
+
+def printed_bias(u: Array) -> tuple[Array, Array, Array]:
+    """Relative bias of (14) for u = sigma_0 q / g0 > 0, of its shape: -0.5 is half of the truth.
+
+    Where rest lies on a count edge, (1 - exp(-u)) / u - 1; then its mean and its standard deviation over rest anywhere in it.
+    """
+    on_edge = -np.expm1(-u) / u
+    below = u < 1e-4  # where the differences below would be rounding
+    safe = np.where(below, 1.0, u)
+    at = -np.expm1(-safe) / safe
+    mean = np.where(below, 0.5 - u / 6, (1 - at) / safe)
+    square = np.where(below, 1 / 3 - u / 4, (1 - 2 * at - np.expm1(-2 * safe) / (2 * safe)) / safe**2)
+    return on_edge - 1, mean - 1, np.sqrt(np.maximum(square - mean**2, 0.0))
+
+
+def unbent(torque: Array, g0: float) -> Array:
+    """U = sigma_0 y of slow loading to this torque, N*m."""
+    return evaluate(functions.loading_displacement_function(), torque, g0, 1.0)[0]
+
+
+def of_loading(loading: Loading, g0: float) -> Piece:
+    """A loading below REACH of g0, N*m, as the estimators take it."""
+    low = loading.torque < REACH * g0
+    stop = low.size if low.all() else int(np.argmin(low))
+    reached = float(loading.displacement[:stop].max(initial=0.0))
+    edge = loading.edge_displacement <= reached
+    T = np.minimum(loading.edge_torque[edge], LIMIT * g0)
+    y, U = loading.edge_displacement[edge], unbent(T, g0)
+    # 1 - T / g0 from a line through the edges: from T itself, noise that raises U would also lower its weight
+    along = y / y[-1] if y.size else y
+    line = np.polynomial.polynomial.polyfit(along, U, min(y.size - 1, 1), w=1 - T / g0) if y.size else np.zeros(1)
+    return Piece(
+        time=loading.time[:stop], y=loading.displacement[:stop],
+        U=unbent(np.minimum(loading.torque[:stop], LIMIT * g0), g0), edge_y=y, edge_U=U,
+        weight=np.exp(-2 * np.maximum(np.polynomial.polynomial.polyval(along, line), 0.0) / g0),
+    )  # fmt: skip  # a list of values
 
 
 def by_level(estimator: Estimator, loadings: Sequence[Loading], level: KnownValue) -> float:
@@ -363,10 +354,7 @@ ESTIMATORS: Mapping[str, Estimator] = {"edges": by_edges, "samples": by_samples}
 
 
 def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[float, float]:
-    """Mean error and standard deviation of the all-sample estimate over where in a count the joint rests.
-
-    They are found by counting the fitted displacement.
-    """
+    """Mean error and standard deviation of the all-sample estimate over where in a count the joint rests, by counting what was fitted."""
     values = []
     for phase in (np.arange(_PHASES) + 0.5) / _PHASES:
         rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # another one in each loading

@@ -7,7 +7,6 @@ the best delay is sought: scale and bend of either side are free, so that a join
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -51,7 +50,23 @@ def turning_lag(
 
     `levels` are g0 per direction, N*m; `resolution` is one encoder count, rad; None: from the data.
     """
-    lags = [lag for record in records for lag in _lags(record, loadings, levels)]
+    # how much later the torque turns, and the standard error of that, s, at each turn before which nothing slides
+    lags = list[tuple[float, float]]()
+    for record in records:
+        own = [x for x in loadings if x.file == record.file]
+        slid = [x.start for x in own if x.breakaway is not None]
+        torque, position, time = np.asarray(record.torque), np.asarray(record.position), record.time
+        for before, at, after, sign in _turns(record):
+            side = _SIDE * float(min(time[at] - time[before], time[after] - time[at]))
+            g0 = levels.get("+" if sign > 0 else "-", 0.0)
+            if any(before <= start < at for start in slid) or not g0:
+                continue
+            near = np.flatnonzero(abs(time - time[at]) < side)
+            near = near[:: 1 + near.size // _MOST]
+            s, y, far = (time[near] - time[at]) / side, sign * position[near], max(_COUNTS * own[0].quantum, _TINY)
+            if all(np.count_nonzero(rows) > _PER_SIDE and np.ptp(y[rows]) >= far for rows in (near < at, near > at)):
+                value, error = _lag(s, sign * torque[near], y, g0)
+                lags.append((side * value, float(np.hypot(side * error, record.step / 2))))
     if not lags:
         return []
     values, errors = np.array(lags).T
@@ -67,8 +82,8 @@ def turning_lag(
         return []
     moved, changes = [x for of_record in found for x in of_record], list[float]()
     for d, g0 in levels.items():
-        own = [[of_loading(x, g0) for x in of if x.direction == d] for of in (moved, loadings)]
-        changes += [by_samples(own[0])[0] / by_samples(own[1])[0] - 1] if all(own) else []
+        pieces = [[of_loading(x, g0) for x in of if x.direction == d] for of in (moved, loadings)]
+        changes += [by_samples(pieces[0])[0] / by_samples(pieces[1])[0] - 1] if all(pieces) else []
     change = max((x for x in changes if np.isfinite(x)), key=abs, default=0.0)
     if abs(change) < _SHARE:
         return []
@@ -81,26 +96,6 @@ def turning_lag(
     )
     numbers = {"seconds": seconds, "samples": samples, "when": when, "change": change, "delay": lag}
     return [Finding("turns-late", CAUTION, message, numbers)]
-
-
-def _lags(record: Record, loadings: Sequence[Loading], levels: Mapping[str, float]) -> list[tuple[float, float]]:
-    """How much later the torque turns than the displacement, and the standard error of that, s, at each turn before which nothing slides."""
-    own = [x for x in loadings if x.file == record.file]
-    slid = [x.start for x in own if x.breakaway is not None]
-    torque, position, time = np.asarray(record.torque), np.asarray(record.position), record.time
-    lags = []
-    for before, at, after, sign in _turns(record):
-        side = _SIDE * float(min(time[at] - time[before], time[after] - time[at]))
-        g0 = levels.get("+" if sign > 0 else "-", 0.0)
-        if any(before <= start < at for start in slid) or not g0:
-            continue
-        near = np.flatnonzero(abs(time - time[at]) < side)
-        near = near[:: 1 + near.size // _MOST]
-        s, y, far = (time[near] - time[at]) / side, sign * position[near], max(_COUNTS * own[0].quantum, _TINY)
-        if all(np.count_nonzero(rows) > _PER_SIDE and np.ptp(y[rows]) >= far for rows in (near < at, near > at)):
-            value, error = _lag(s, sign * torque[near], y, g0)
-            lags.append((side * value, float(np.hypot(side * error, record.step / 2))))
-    return lags
 
 
 def _turns(record: Record) -> list[tuple[int, int, int, float]]:
@@ -121,30 +116,9 @@ def _turns(record: Record) -> list[tuple[int, int, int, float]]:
     return found
 
 
-class _Torque(NamedTuple):
-    """About a turn and towards it: a quartic of time, in sides, before it and after, where they meet, its error, and g0."""
-
-    up: Array
-    """Coefficients, highest power first, (5,)."""
-    down: Array
-    turn: float
-    error: float
-    g0: float
-
-    def columns(self, s: Array) -> Array:
-        """Of the displacement: a constant, and LuGre's own with its square on either side, (n, 5)."""
-        before = s < self.turn
-        most = self.g0 / _BELOW
-        top = float(np.clip(min(np.polyval(x, self.turn) for x in (self.up, self.down)), -most, most))
-        load = np.clip(np.where(before, np.polyval(self.up, s), np.polyval(self.down, s)), -most, top)
-        rise, fall = (unbent(x * load, self.g0) - unbent(np.array(x * top), self.g0) for x in (1, -1))
-        rise, fall = np.where(before, rise, 0.0), np.where(before, 0.0, fall)
-        columns = np.column_stack([np.ones(s.size), rise, rise**2, fall, fall**2])
-        return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), _TINY))
-
-
-def _torque(s: Array, T: Array, g0: float) -> _Torque:
-    """Of times in sides and torques, (n,)."""
+def _lag(s: Array, T: Array, y: Array, g0: float) -> tuple[float, float]:
+    """The lag and its error, in sides, from times, in sides about the turn, torques and displacements towards the turn, (n,)."""
+    # the torque is a quartic of time before the turn, and one after it, which meet there
     rng, sides = np.random.default_rng(0), []
     for rows in (s < -_APART, s > _APART):
         powers = np.vander(s[rows], _ORDER)
@@ -162,26 +136,32 @@ def _torque(s: Array, T: Array, g0: float) -> _Torque:
     below = np.minimum(*(np.polyval(x[0], s[near]) for x in sides)) - T[near]
     seen = abs(float(below.mean())) + 2 * float(below.std()) / np.sqrt(below.size) if below.size else 0.0
     held = _HELD * seen / max(float(fall), _TINY)
-    error = float(np.linalg.norm([np.std(turns[1:]), at[1] - at[0], held]))
-    return _Torque(sides[0][0], sides[1][0], float(turns[0]), error, max(g0, _BELOW * top))
+    of_turn = float(np.linalg.norm([np.std(turns[1:]), at[1] - at[0], held]))
+    up, down, turn, g0 = sides[0][0], sides[1][0], float(turns[0]), max(g0, _BELOW * top)
+    most = g0 / _BELOW
+    top = float(np.clip(min(np.polyval(x, turn) for x in (up, down)), -most, most))
 
-
-def _lag(s: Array, T: Array, y: Array, g0: float) -> tuple[float, float]:
-    """The lag and its error, in sides, from times, in sides about the turn, torques and displacements towards the turn, (n,)."""
-    torque = _torque(s, T, g0)
+    def shapes(delay: float) -> Array:
+        """Of the displacement, the torque so much later: a constant, and LuGre's own with its square on either side, (n, 5)."""
+        before = s + delay < turn
+        load = np.clip(np.where(before, np.polyval(up, s + delay), np.polyval(down, s + delay)), -most, top)
+        rise, fall = (unbent(x * load, g0) - unbent(np.array(x * top), g0) for x in (1, -1))
+        rise, fall = np.where(before, rise, 0.0), np.where(before, 0.0, fall)
+        columns = np.column_stack([np.ones(s.size), rise, rise**2, fall, fall**2])
+        return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), _TINY))
 
     def fitted(delay: float) -> Array:
         """The displacements, with the torque so much later, (n,)."""
-        columns = torque.columns(s + delay)
+        columns = shapes(delay)
         return columns @ (inverse_gram(columns) @ (columns.T @ y))
 
     delay = 0.0
     for reach in _LOOKS:
         tried = (delay + reach * np.linspace(-1, 1, _LOOK)).tolist()
         delay = tried[int(np.argmin([np.sum((y - fitted(x)) ** 2) for x in tried]))]
-    columns, rest = torque.columns(s + delay), y - fitted(delay)
+    columns, rest = shapes(delay), y - fitted(delay)
     slope = (fitted(delay + _PIECE) - fitted(delay - _PIECE)) / (2 * _PIECE)
     beside = slope - columns @ (inverse_gram(columns) @ (columns.T @ slope))
     variance = float(rest @ rest) / (rest.size - columns.shape[1] - 1) * inflation(rest)
     error = np.sqrt(variance / max(float(beside @ beside), _TINY))
-    return delay, float(np.hypot(error, torque.error))
+    return delay, float(np.hypot(error, of_turn))

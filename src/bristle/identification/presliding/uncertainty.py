@@ -1,17 +1,16 @@
 """The 95 % interval of a presliding stiffness three ways: covariance, profile, bootstrap.
 
-g0 is known with an error of its own. Profile. With g0 given, u is known with an error e(g0), u being sigma_0, or its
-inverse for the estimator by all samples, whose line gives that. What g0 may be its own stage says; loading is not let
-to correct it, for its bend tells of g0 only where the model is exact. So with x = (g0 - level) / its error
+Profile. With g0 given, u is known with an error e(g0), u being sigma_0, or its inverse for the estimator by all samples.
+What g0 may be its own stage says, for the bend of the loading tells it only where the model is exact. So with
+x = (g0 - level) / its error
 
     Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2,    u is inside where Q <= F(0.95; 1, freedom) = t**2,
 
 a problem that is linear in u once x is given, and so a conditional profile.
 
-Bootstrap. Blocks of count edges (or of samples) are drawn anew, one step each; each draw has a g0 of its own, and one
-by all samples a rest position in the count. The interval is that of bootstrap-t, with the error that the covariance has
-as well. A step of the data is how the estimate errs: the truth lies on the other side of it. A step of u(x) is where
-the truth lies.
+Bootstrap-t. Blocks of count edges (or of samples) are drawn anew, one step each; each draw has a g0 of its own, and one
+by all samples a rest position in the count. A step of the data is how the estimate errs: the truth lies on the other side
+of it. A step of u(x) is where the truth lies.
 """
 
 from collections.abc import Sequence
@@ -49,16 +48,11 @@ _BEYOND = 1.3  # how far the curve is drawn, in half-widths of the interval
 class _Line(NamedTuple):
     """An estimator over g0."""
 
-    estimator: str
-    """`edges`, or `samples`, whose u is the inverse of sigma_0."""
-    x: Array
-    """(g0 - level) / its error, ascending, (k,)."""
-    u: Array
-    """(k,)."""
-    e: Array
-    """(k,)."""
-    reach: float
-    """t."""
+    estimator: str  # `edges`, or `samples`, whose u is the inverse of sigma_0
+    x: Array  # (g0 - level) / its error, ascending, (k,)
+    u: Array  # (k,)
+    e: Array  # (k,)
+    reach: float  # t
 
     def at(self, x: Array | float) -> tuple[Array, Array]:
         """U and e there, of x's shape."""
@@ -87,13 +81,13 @@ def stiffness_uncertainty(
     line = _line(loadings, level, estimator, spread)
 
     def at(x: Array) -> Conditional:
-        """U at (g0 - level) / its error, (1, K, 1)."""
+        """U at (g0 - level) / its error, (K, 1)."""
         u, e = line.at(x)
-        return Conditional(u, e[..., None] ** 2, x[..., 0] ** 2)
+        return Conditional(u, e[..., None] ** 2, x[:, 0] ** 2)
 
-    box, threshold = line.x[[0, -1]][None, None], np.array([line.reach**2])
-    profiles = ConditionalProfiles(free=at, best=np.zeros((1, 1)), threshold=threshold, box=box, looks=_LOOKS)
-    ((ends,),), (middle, _) = profiles.intervals(), line.at(0.0)
+    box = line.x[[0, -1]][None]
+    profiles = ConditionalProfiles(free=at, best=np.zeros(1), threshold=line.reach**2, box=box, looks=_LOOKS)
+    (ends,), (middle, _) = profiles.intervals(), line.at(0.0)
     about = np.unique(np.append(middle + _BEYOND * np.linspace(-1, 1, _CURVE)[:, None] * np.abs(ends - middle), ends))
     low, *_, high = sorted(line.sigma_0(ends).tolist())
     profile = low, high
@@ -111,13 +105,10 @@ def stiffness_uncertainty(
     values, shown = line.sigma_0(about), line.sigma_0(draws)
     order = np.argsort(values)
     return Uncertainty(
-        covariance=estimate.interval,
-        profile=profile,
-        bootstrap=bootstrap,
+        covariance=estimate.interval, profile=profile, bootstrap=bootstrap,
         curve=np.stack([values, profiles.heights(0, about, 0.0)])[:, order[np.isfinite(values[order])]],
-        draws=np.zeros(0) if bootstrap is None else shown[np.isfinite(shown)][:SHOWN],
-        warnings=warnings,
-    )
+        draws=np.zeros(0) if bootstrap is None else shown[np.isfinite(shown)][:SHOWN], warnings=warnings,
+    )  # fmt: skip  # a list of values
 
 
 def stiffness_scatter(

@@ -1,11 +1,10 @@
-"""The full nonlinear fit beside the grid.
+"""The full nonlinear fit beside the grid: the same data by CasADi + IPOPT, all static parameters at once.
 
-The same data by CasADi + IPOPT, all static parameters at once, from several starts. Nothing of the grid is used but its
-range of v_s: the model is the law's own expression (9) on CasADi symbols, derivatives are exact, variables are scaled
-(v_s by its logarithm), and the starts are random with a fixed seed.
+Nothing of the grid is used but its range of v_s: the model is the law's own expression (9) on CasADi symbols, derivatives
+are exact, variables are scaled (v_s by its logarithm), and the starts are random with a fixed seed.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import casadi as ca
 import numpy as np
@@ -14,6 +13,7 @@ from bristle.arrays import Array
 from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.findings import CRITICAL, NOTE, Finding
 from bristle.identification.fits import Crosscheck
+from bristle.identification.static.grid import Solution
 from bristle.identification.static.problem import Regression, unknowns_of
 from bristle.identification.static.profiles import reduced
 from bristle.model import law
@@ -33,7 +33,27 @@ def full_fit(problem: Regression, v_s_range: tuple[float, float], starts: int = 
     """
     unknowns, (low, high) = unknowns_of(problem, v_s_range), np.log(v_s_range).tolist()
     x = ca.MX.sym("x", len(problem.names))
-    residual = _residuals(problem, natural(unknowns, x), v_s_range) / (float(np.abs(problem.torque).max()) or 1.0)
+    # measured minus modelled torque in CasADi; where smoothed of fewer equations with the same sum of squares
+    few = reduced(problem, v_s_range)
+    value = dict(zip(few.names, natural(unknowns, x), strict=True))
+    others = [k for k, name in enumerate(few.linear_names) if not of_curve(name.name)]
+    extra = ca.vertcat(*(value[few.linear_names[k]] for k in others))
+    residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, others]), extra)
+    one, shape = static_of(few.law), dict(zip(few.law.shape_parameters[1:], few.shape, strict=True))
+    nothing = without_peak(few.law) | {"alpha_2": 0.0}  # of one speed alone
+    given = {**nothing, **shape, FASTEST: float(np.abs(few.velocity).max())}
+    for direction in few.directions:
+        fitted = {name: value[key] for name in one._fields if (key := ParameterName(name, direction)) in value}
+        p = one(**{name: {**given, **fitted}[name] for name in one._fields})
+        moving = few.velocity != 0
+        if len(few.directions) == 2:
+            moving = few.velocity > 0 if direction is Direction.POSITIVE else few.velocity < 0
+        if few.smooth is None:
+            residual -= ca.DM(np.where(moving, 1.0, 0.0)) * law.steady_torque(ca.DM(few.velocity), p)
+        else:
+            shares = ca.DM(few.smooth[:, moving].toarray())
+            residual -= ca.mtimes(shares, law.steady_torque(ca.DM(few.velocity[moving]), p))
+    residual /= float(np.abs(problem.torque).max()) or 1.0
     full = solver("full", x, ca.dot(residual, residual), **OPTIONS)
     rng = np.random.default_rng(SEED)
     begun = []
@@ -45,20 +65,13 @@ def full_fit(problem: Regression, v_s_range: tuple[float, float], starts: int = 
 
 
 def crosscheck(
-    problem: Regression, theta: Array, cost: float, standard_errors: Array, v_s_range: tuple[float, float]
+    problem: Regression, found: Solution, errors: Mapping[ParameterName, float | None], v_s_range: tuple[float, float]
 ) -> Crosscheck:
-    """The full fit beside the grid's: costs, parameters in units of the grid fit's standard errors, and a verdict.
-
-    `theta` and its standard errors, nan where there is none, are in the order of the problem's `names`; the range, rad/s, is
-    the one that the grid searched.
-    """
-    ended = full_fit(problem, v_s_range)
+    """The full fit beside what the grid found in a range of v_s, rad/s: costs, differences in the grid fit's standard errors, a verdict."""
+    ended, cost = full_fit(problem, v_s_range), found.cost
     costs = [float(np.sum(problem.residuals(end) ** 2)) for end in ended]
     same = _SAME * min(costs) + 1e-12 * float(problem.torque @ problem.torque)
-    values, errors, *minima = (
-        dict(zip(problem.names, one.tolist(), strict=True)) for one in (theta, standard_errors, *ended)
-    )
-    other = compared(values, cost, errors, minima, costs, same)
+    other = compared(problem.named(found.theta), cost, errors, [problem.named(end) for end in ended], costs, same)
     full, reached = other.cost_full, other.reached
     if other.agrees:
         message = (
@@ -81,27 +94,3 @@ def crosscheck(
         )
         verdict = Finding("grid-lower", NOTE, message, {"grid": cost, "full": full})
     return Crosscheck(**other._asdict(), verdict=verdict)
-
-
-def _residuals(problem: Regression, theta: Sequence[ca.MX], v_s_range: tuple[float, float]) -> ca.MX:
-    """Measured minus modelled torque in CasADi; where smoothed of fewer equations with the same sum of squares."""
-    few = reduced(problem, v_s_range)
-    value = dict(zip(few.names, theta, strict=True))
-    others = [k for k, name in enumerate(few.linear_names) if not of_curve(name.name)]
-    extra = ca.vertcat(*(value[few.linear_names[k]] for k in others))
-    residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, others]), extra)
-    one, shape = static_of(few.law), dict(zip(few.law.shape_parameters[1:], few.shape, strict=True))
-    nothing = without_peak(few.law) | {"alpha_2": 0.0}  # of one speed alone
-    given = {**nothing, **shape, FASTEST: float(np.abs(few.velocity).max())}
-    for direction in few.directions:
-        fitted = {name: value[key] for name in one._fields if (key := ParameterName(name, direction)) in value}
-        p = one(**{name: {**given, **fitted}[name] for name in one._fields})
-        moving = few.velocity != 0
-        if len(few.directions) == 2:
-            moving = few.velocity > 0 if direction is Direction.POSITIVE else few.velocity < 0
-        if few.smooth is None:
-            residual -= ca.DM(np.where(moving, 1.0, 0.0)) * law.steady_torque(ca.DM(few.velocity), p)
-        else:
-            shares = ca.DM(few.smooth[:, moving].toarray())
-            residual -= ca.mtimes(shares, law.steady_torque(ca.DM(few.velocity[moving]), p))
-    return residual

@@ -11,10 +11,12 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation.autocorrelation import unexplained
+from bristle.estimation.covariance import condition
 from bristle.estimation.score_test import Candidate, Fitted, Score, explained
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, unit_of
 from bristle.identification.candidates import candidates
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
+from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.repeats import clustered, widened
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid, solve
@@ -45,11 +47,6 @@ class PointInfo:
     search: PointSearch | None = None
     """Which points do not belong to the law; None for moving data."""
 
-    @property
-    def stick_slip(self) -> NDArray[np.bool_]:
-        """Which points stick and slip, (n,); empty for moving data."""
-        return np.array([s.stick_slip for s in self.segments], dtype=bool)
-
 
 def fit_static(
     problem: Regression,
@@ -60,20 +57,11 @@ def fit_static(
     timings: dict[str, float] | None = None,
     runs: Sequence[tuple[str, Regression]] = (),
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Fit one static problem and everything that the report shows beside the fit.
+    """Fit one static problem, with a peak in every direction, and everything that the report shows beside the fit.
 
-    Args:
-        problem: the equations; a peak in every direction.
-        options: the experiment's `fit`.
-        kind: revolute or prismatic, for units.
-        where: what is known of each equation.
-        held: hold-out runs by name, posed as the problem is.
-        timings: where the seconds of the grid and of the full fit are written, by name.
-        runs: those that can be fitted apart, by name, posed as the problem is, without its priors.
-
-    Returns:
-        Fits and cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit
-        `shared`.
+    Hold-out runs, and runs that can be fitted apart, by name, are posed as the problem is, without its priors; the seconds of the
+    grid and of the full fit are written into `timings`, by name. Returns fits and cross-checks, keyed by direction; a problem of two
+    directions that share regressors also has the fit `shared`.
     """
     v_s_range = default_range(problem.velocity)
     # of a direction that was measured at one speed alone viscous friction is told from Coulomb's by others
@@ -92,20 +80,22 @@ def fit_static(
     # the same parameters by other ways, and what is said of the whole
     plain: dict[ParameterName, float] = {}
     if len(core.problem.peaks) == 1 and problem.smooth is None:
-        plain = dict(zip(core.problem.names, map(float, plain_grid(core.problem, v_s_range)[2]), strict=True))
-    strays, three = report_strays(core, where.search, options, kind), three_ways(core, v_s_range)
-    without, of_sticking = _without_sticking(problem, core, options, kind, where.stick_slip)
+        plain = core.problem.named(plain_grid(core.problem, v_s_range)[2])
+    strays, other_points, of_strays = report_strays(core, where.search, options, kind)
+    three = three_ways(core, v_s_range)
+    sticks = np.array([s.stick_slip for s in where.segments], dtype=bool)
+    without, of_sticking = _without_sticking(problem, core, options, kind, sticks)
     measured = slice(problem.torque.size - problem.priors)
     residuals = core.solution.residuals[measured]
     in_order = residuals[np.argsort(problem.equation_velocity[measured])] if where.segments else residuals
     left = unexplained(in_order, float(np.linalg.norm(problem.measured[measured])))
-    warnings = (*left, *strays.warnings, *core.warnings, *of_sticking, *terms_left_out(core, kind, where))
+    warnings = (*left, *of_strays, *core.warnings, *of_sticking, *terms_left_out(core, kind, where))
     posed = ((file, replace(p, peaks=core.problem.peaks)) for file, p in held)
     errors = tuple(HoldOut(file=file, relative_error=p.relative_error(core.solution.theta)) for file, p in posed)
     label = _parts(problem)[-1]
     started = perf_counter()
-    errors_of_grid = np.array([core.parameters[name].standard_error or np.nan for name in core.problem.names])
-    checked = crosscheck(core.problem, core.solution.theta, core.solution.cost, errors_of_grid, v_s_range)
+    errors_of_grid = {name: e.standard_error for name, e in core.parameters.items()}
+    checked = crosscheck(core.problem, core.solution, errors_of_grid, v_s_range)
     if timings is not None:
         checked_at = perf_counter()
         solve(core.problem, v_s_range)  # once more, for its time alone
@@ -120,8 +110,8 @@ def fit_static(
             warnings=warnings,
             hold_out=errors,
             plain_grid={name.name: x for name, x in plain.items() if one or name.direction is d},
-            strays=strays.of(d),
-            other_points=strays.other.get(d),
+            strays=tuple(x for x in strays if DIRECTIONS.get(d, 0.0) * x.velocity >= 0),
+            other_points=other_points.get(d),
         )
         # as wide as the runs scatter, and then with the systematic errors
         own = {name.name: x for name, x in scatter.items() if one or name.direction is d}
@@ -138,23 +128,6 @@ def estimate_static(
     return {name.name: e for name, e in core.estimates.items()}
 
 
-def _split_unknown(
-    problem: Regression, parameters: Mapping[str, Estimate], part: Direction, kind: Kind
-) -> dict[str, Estimate]:
-    """Of one speed alone: alpha_0 stands for all friction there, alpha_2 for none; both have what is possible as their intervals, and say so."""
-    whole = parameters.get("alpha_0")
-    if "alpha_2" in parameters or whole is None or whole.value is None or whole.interval is None:
-        return {}
-    speed, high = float(np.mean(problem.speeds(part))), whole.interval[1]
-    message = (
-        f"Friction is known at one speed alone, {speed:.3g}{unit_of('velocity')}: alpha_0 + alpha_2 v = {whole.value:.4g} +/- "
-        f"{whole.standard_error or 0.0:.2g}{unit_of('torque')}. How it splits is not known, and alpha_2 is taken as 0; measure at other speeds."
-    )
-    said = (Finding("one-speed-only", CAUTION, message, {"speed": speed, "friction": whole.value}),)
-    alpha_2 = Estimate(value=0.0, unit=unit("alpha_2", kind), interval=(0.0, high / speed), warnings=said)
-    return {"alpha_0": replace(whole, interval=(0.0, high), warnings=(*whole.warnings, *said)), "alpha_2": alpha_2}
-
-
 def _parts(problem: Regression) -> tuple[Direction, ...]:
     return problem.directions if len(problem.directions) == 1 else (*problem.directions, Direction.SHARED)
 
@@ -164,8 +137,7 @@ def _too_few(problem: Regression) -> Finding | None:
     if n <= m:
         message = f"{n} points for {m} linear parameters: at least {m + 1} are needed; measure more speeds."
         return Finding("too-few-points", CRITICAL, message, {"points": n, "parameters": m, "least": m + 1})
-    scaled = problem.linear / np.maximum(np.linalg.norm(problem.linear, axis=0), 1e-300)
-    if np.linalg.cond(scaled) > 1e8:
+    if condition(problem.linear) > 1e8:
         message = (
             "The points do not separate the linear parameters (one speed only, or a regressor that never "
             "changes); measure more speeds."
@@ -179,18 +151,12 @@ def _nothing(direction: str, problem: Regression, kind: Kind, where: PointInfo, 
     names = (*static_fields_of(problem.law), *extra)
     parameters = {name: Estimate(value=None, unit=unit(name, kind), warnings=(why,)) for name in names}
     return StaticFit(
-        direction=direction,
-        law=problem.law,
-        parameters=parameters,
-        rms=None,
-        relative_error=None,
+        direction=direction, law=problem.law, parameters=parameters, rms=None, relative_error=None,
         n=problem.torque.size,
         outcome=Finding("static-too-few", CRITICAL, "Too few points for the parameters; nothing is estimated."),
-        warnings=(why,),
-        velocity=problem.velocity if problem.smooth is None else np.zeros(0),
-        torque=problem.torque if problem.smooth is None else np.zeros(0),
-        segments=where.segments,
-    )
+        warnings=(why,), velocity=problem.velocity if problem.smooth is None else np.zeros(0),
+        torque=problem.torque if problem.smooth is None else np.zeros(0), segments=where.segments,
+    )  # fmt: skip  # a list of values
 
 
 def _without_sticking(
@@ -251,7 +217,6 @@ def _by_rows(points: Sequence[Segment], torque: Array) -> list[Candidate]:
         return []
 
     def tell(found: Score, _: int) -> Finding:
-        """With its size beside the torque's."""
         share = float(found.sizes[0])
         across = share * float(np.median(np.abs(torque)))
         message = (
@@ -294,7 +259,18 @@ def _static_fit(
         names_lost = peak_parameters(problem.law)
         parameters |= {n: Estimate(value=None, unit=unit(n, kind), warnings=lost) for n in names_lost}
     parameters |= {name.name: e for name, e in core.beside.items() if name.direction is part}
-    parameters |= _split_unknown(problem, parameters, part, kind)  # of what is shared there is no alpha_0
+    whole = parameters.get("alpha_0")  # of what is shared there is none
+    if "alpha_2" not in parameters and whole is not None and whole.value is not None and whole.interval is not None:
+        # of one speed alone alpha_0 stands for all friction there, alpha_2 for none, with what is possible as their intervals
+        speed, high = float(np.mean(problem.speeds(part))), whole.interval[1]
+        message = (
+            f"Friction is known at one speed alone, {speed:.3g}{unit_of('velocity')}: alpha_0 + alpha_2 v = {whole.value:.4g} +/- "
+            f"{whole.standard_error or 0.0:.2g}{unit_of('torque')}. How it splits is not known, and alpha_2 is taken as 0; measure at other speeds."
+        )
+        said = (Finding("one-speed-only", CAUTION, message, {"speed": speed, "friction": whole.value}),)
+        parameters["alpha_0"] = replace(whole, interval=(0.0, high), warnings=(*whole.warnings, *said))
+        nothing = Estimate(value=0.0, unit=unit("alpha_2", kind), interval=(0.0, high / speed), warnings=said)
+        parameters["alpha_2"] = nothing
     order = sorted(parameters, key=lambda name: (*static_fields_of(problem.law), name).index(name))
     keep = [k for k, name in enumerate(core.names) if name in names or name in core.beside]
     torque = problem.friction(theta) if part != "shared" else problem.torque
@@ -304,23 +280,14 @@ def _static_fit(
         message = "The Stribeck term depends on points that stick and slip; without them it is not identifiable."
         outcome = Finding("static-stick-slip", CAUTION, message)
     return StaticFit(
-        direction=part,
-        law=problem.law,
-        parameters={name: parameters[name] for name in order},
+        direction=part, law=problem.law, parameters={name: parameters[name] for name in order},
         rms=float(np.sqrt(np.mean(residuals[rows] ** 2))) if rows.any() else None,
-        relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None,
-        n=int(rows.sum()),
-        outcome=outcome,
-        names=tuple(core.names[k].name for k in keep),
-        covariance=core.covariance[np.ix_(keep, keep)],
-        degrees_of_freedom=int(core.freedom),
-        profile=core.profiles.get(part),
-        uncertainty={name.name: three[name] for name in names},
+        relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None, n=int(rows.sum()),
+        outcome=outcome, names=tuple(core.names[k].name for k in keep),
+        covariance=core.covariance[np.ix_(keep, keep)], degrees_of_freedom=int(core.freedom),
+        profile=core.profiles.get(part), uncertainty={name.name: three[name] for name in names},
         without_stick_slip={n.name: e for n, e in without.items() if not two or n.direction is part},
-        velocity=velocity[rows],
-        torque=torque[rows],
-        residuals=residuals[rows],
+        velocity=velocity[rows], torque=torque[rows], residuals=residuals[rows],
         segments=tuple(s for s, row in zip(where.segments, rows.tolist(), strict=False) if row),
-        time=where.time[rows[: where.time.size]],
-        position=where.position[rows[: where.position.size]],
-    )
+        time=where.time[rows[: where.time.size]], position=where.position[rows[: where.position.size]],
+    )  # fmt: skip  # a list of values

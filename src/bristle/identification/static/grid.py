@@ -8,10 +8,10 @@ over v_s, of one set of torques or of many, and every profile rests on it.
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import chain, combinations
 from math import ceil, exp, log
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,8 +37,9 @@ _SETTLED = 1e-12  # of the residuals' variance: a step that lowers the cost by l
 _UNTOUCHED = 1e-200  # squared length of a peak's column off the others that touches no point
 
 
-class Inner(NamedTuple):
-    """The problem solved at given v_s."""
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """A static problem solved at given v_s, or at its continuous minimum, with the grid."""
 
     theta: Array
     """The parameters, in the order of the problem's `names`."""
@@ -50,25 +51,25 @@ class Inner(NamedTuple):
     """Measured minus modelled torque, (n,)."""
     jacobian: Array
     """Exact derivative of the modelled torque with respect to theta, (n, len(theta))."""
+    base_costs: tuple[float, ...] = ()
+    """Per peak, the cost without it."""
+    grid: Array = field(default_factory=lambda: np.zeros(0))
+    """v_s, rad/s, (k,)."""
+    profiles: tuple[Array, ...] = ()
+    """Per peak, the cost on the grid, minimised over all other parameters, (k,)."""
 
 
 class Projected:
-    """A problem with its linear columns projected out, for one set of torques or for many.
+    """A problem of n equations with its linear columns projected out, for one set of torques or for many.
 
-    Args:
-        problem: n equations.
-        dropped: names of linear parameters, alpha_1 of a peak among them, that are left out: a face of the problem, on
-            which they are zero.
+    Linear parameters, alpha_1 of a peak among them, that are `dropped` are zero: a face of the problem.
     """
 
     def __init__(self, problem: Regression, dropped: Sequence[ParameterName] = ()) -> None:
-        """Factor the linear columns once."""
         m, self.problem, self.size = len(problem.linear_names), problem, len(problem.linear_names) + len(problem.peaks)
         self.kept = [k for k in range(self.size) if not dropped or problem.names[k] not in dropped]
         columns, self.peaks = [k for k in self.kept if k < m], [k - m for k in self.kept if k >= m]
-        linear, self.lower = problem.linear, problem.lower
-        if dropped:
-            linear, self.lower = linear[:, columns], self.lower[columns]
+        linear, self.lower = problem.linear[:, columns] if dropped else problem.linear, problem.lower[columns]
         self.q, self.r_inverse = orthonormal(linear)
         self.torque_in_q = self.q.T @ problem.torque
         self.rest = problem.torque - self.q @ self.torque_in_q
@@ -103,23 +104,20 @@ class Projected:
         shapes = self.problem.shapes(v_s)
         alpha_1, along, broken = self._peak(shapes)
         costs = np.maximum(self.rest_cost - alpha_1 * along, 0.0)
-        if broken.size:
-            costs[broken] = self._bounded(shapes[:, broken])
-        return costs
-
-    def _bounded(self, shapes: Array) -> Array:
-        """The least J_s with each of some Stribeck columns (n, k), on any face that breaks no bound, (k,)."""
+        if not broken.size:
+            return costs
+        # the least on any face that breaks no bound
         bounded = [name for name, low in zip(self.problem.linear_names, self.lower, strict=True) if np.isfinite(low)]
-        least = np.full(shapes.shape[1], np.inf)
+        costs[broken], shapes = np.inf, shapes[:, broken]
         for dropped in subsets(bounded)[1:]:
             face = Projected(self.problem, dropped)
-            alpha_1, along, broken = face._peak(shapes)
-            costs = np.maximum(face.rest_cost - alpha_1 * along, 0.0)
-            costs[broken] = np.inf
-            least = np.minimum(least, costs)
-        return least
+            alpha_1, along, lost = face._peak(shapes)
+            of_face = np.maximum(face.rest_cost - alpha_1 * along, 0.0)
+            of_face[lost] = np.inf
+            costs[broken] = np.minimum(costs[broken], of_face)
+        return costs
 
-    def at(self, v_s: float) -> Inner:
+    def at(self, v_s: float) -> Solution:
         """The problem at one v_s, from what is projected already; one peak."""
         shape, slope = self.problem.slopes(np.array([v_s]))
         inside, left = self.without(shape)
@@ -131,7 +129,9 @@ class Projected:
             if alpha_1 > 0 and (linear > self.lower).all():
                 residuals = self.rest - off * alpha_1
                 jacobian = np.concatenate([self.problem.linear, shape, slope * alpha_1], axis=1)
-                return Inner(np.array([*linear, alpha_1, v_s]), float(residuals @ residuals), (), residuals, jacobian)
+                return Solution(
+                    np.array([*linear, alpha_1, v_s]), float(residuals @ residuals), (), residuals, jacobian
+                )
         return solve_at(self.problem, [v_s])
 
     def _split(self, shapes: Array) -> tuple[Array, Array, Array]:
@@ -204,7 +204,7 @@ class Projected:
         return self.r_inverse @ in_q
 
 
-def solve_at(problem: Regression, v_s: Sequence[float]) -> Inner:
+def solve_at(problem: Regression, v_s: Sequence[float]) -> Solution:
     """Linear least squares (13) at given v_s, one per peak, bounded where the free solution breaks a bound."""
     design, slopes = problem.columns(v_s)
     solution = least_squares(design, problem.torque)
@@ -217,29 +217,12 @@ def solve_at(problem: Regression, v_s: Sequence[float]) -> Inner:
     residuals = problem.torque - design @ solution
     peaks = len(v_s)
     jacobian = np.concatenate([design, slopes * solution[solution.size - peaks :]], axis=1)
-    return Inner(np.array([*solution, *v_s]), float(residuals @ residuals), held, residuals, jacobian)
+    return Solution(np.array([*solution, *v_s]), float(residuals @ residuals), held, residuals, jacobian)
 
 
 def subsets(items: Sequence[T]) -> list[tuple[T, ...]]:
     """Every subset, the empty one first: the faces of what some bounds leave, by which of them hold."""
     return list(chain.from_iterable(combinations(items, size) for size in range(len(items) + 1)))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Solution:
-    """A solved static problem: at its continuous minimum what `Inner` says, and the grid."""
-
-    theta: Array
-    cost: float
-    residuals: Array
-    jacobian: Array
-    at_bound: tuple[ParameterName, ...]
-    base_costs: tuple[float, ...]
-    """Per peak, the cost without it."""
-    grid: Array
-    """v_s, rad/s, (k,)."""
-    profiles: tuple[Array, ...]
-    """Per peak, the cost on the grid, minimised over all other parameters, (k,)."""
 
 
 def default_range(velocity: Array) -> tuple[float, float]:
@@ -255,47 +238,42 @@ def default_range(velocity: Array) -> tuple[float, float]:
 
 
 def solve(problem: Regression, v_s_range: tuple[float, float], grid: int = GRID) -> Solution:
-    """The grid over v_s, refined to its continuous minimum, with alpha_0, alpha_1, alpha_2 >= 0.
+    """The grid over v_s, of `grid` >= 3 values even in log(v_s), refined to its continuous minimum, with alpha_0, alpha_1, alpha_2 >= 0.
 
-    Args:
-        problem: n equations; more equations than linear parameters.
-        v_s_range: lowest and highest v_s, rad/s, 0 < low < high.
-        grid: values in it, >= 3, spaced evenly in log(v_s).
+    Of more equations than linear parameters; the range of v_s, rad/s, has 0 < low < high.
     """
-    values = log_grid(v_s_range, grid)
-    projected = Projected(problem)
-    profiles: tuple[Array, ...] = ()
-    bases: tuple[float, ...] = ()
+    values, projected = log_grid(v_s_range, grid), Projected(problem)
     if not problem.peaks:
-        inner = solve_at(problem, [])
-    elif len(problem.peaks) == 1:
-        profiles = (projected.costs(values),)
-        bases = (projected.base_cost,)
-        inner = _refine(projected, values, profiles[0])
-    else:
-        surface, bases = projected.surface(values, values)
-        profiles = (surface.min(axis=1), surface.min(axis=0))
-        first, second = np.unravel_index(surface.argmin(), surface.shape)
-        inner = solve_at(problem, _descend(problem, [values[first], values[second]], v_s_range))
-    return Solution(**inner._asdict(), base_costs=bases, grid=values, profiles=profiles)
+        return replace(solve_at(problem, []), grid=values)
+    if len(problem.peaks) == 1:
+        costs = projected.costs(values)
+        inner = _refine(projected, values, costs)
+        return replace(inner, base_costs=(projected.base_cost,), grid=values, profiles=(costs,))
+    surface, bases = projected.surface(values, values)
+    first, second = np.unravel_index(surface.argmin(), surface.shape)
+    inner = descended(problem, [values[first], values[second]], v_s_range)
+    return replace(inner, base_costs=bases, grid=values, profiles=(surface.min(axis=1), surface.min(axis=0)))
 
 
-def descended(
-    problem: Regression, solution: Solution, v_s: Sequence[float], v_s_range: tuple[float, float]
-) -> Solution:
-    """The solution with the minimum nearest to other v_s, one per peak; what was solved on the grid stays."""
-    inner = solve_at(problem, _descend(problem, list(v_s), v_s_range))
-    return replace(solution, **inner._asdict())
+def descended(problem: Regression, v_s: Sequence[float], v_s_range: tuple[float, float]) -> Solution:
+    """The continuous minimum, over all parameters at once, nearest to some v_s, one per peak."""
+    unknowns = unknowns_of(problem, v_s_range)
+
+    def linearised(x: Array) -> tuple[Array, Array]:
+        """Residuals, (n,), and their exact Jacobian, (n, p), at scaled parameters, (p,)."""
+        theta = unknowns.natural(x)
+        return problem.residuals(theta), -problem.jacobian(theta) * unknowns.slopes(x)
+
+    start = unknowns.scaled(problem.named(solve_at(problem, v_s).theta))
+    with suppress(InputError):  # where nothing depends on v_s, they stay
+        start = minimise(linearised, start, unknowns.lower, unknowns.upper, settled=_SETTLED).x
+    return solve_at(problem, unknowns.natural(start)[len(problem.names) - len(v_s) :].tolist())
 
 
 def plain_grid(
     problem: Regression, v_s_range: tuple[float, float], count: int = PLAIN_GRID
 ) -> tuple[Array, Array, Array]:
-    """The paper's method as it stands, (13).
-
-    The best of `count` evenly spaced values of v_s, for a problem of one direction. Returns the grid (count,), J_s on
-    it (count,), and theta at its best value.
-    """
+    """The paper's method as it stands, (13), in one direction: evenly spaced v_s (count,), J_s there, and theta at the best."""
     values = np.linspace(*v_s_range, count)
     costs = Projected(problem).costs(values)
     return values, costs, solve_at(problem, [float(values[costs.argmin()])]).theta
@@ -327,7 +305,7 @@ def plain_grids(problem: Regression, torques: Array, v_s_range: tuple[float, flo
     return theta
 
 
-def _refine(projected: Projected, values: Array, costs: Array) -> Inner:
+def _refine(projected: Projected, values: Array, costs: Array) -> Solution:
     """The problem at the continuous minimum of the profile between the neighbours of its lowest grid value.
 
     The start is the minimum of the quartic through five grid values; from there the exact slope is followed by the
@@ -365,18 +343,3 @@ def _lowest(quartic: list[float], t: float) -> tuple[float, float]:
             break
         t -= max(-1.0, min(1.0, (((4 * a * t + 3 * b) * t + 2 * c) * t + d) / (2 * bend)))
     return t, bend
-
-
-def _descend(problem: Regression, v_s: list[float], v_s_range: tuple[float, float]) -> list[float]:
-    """The v_s of every direction at the continuous minimum near some of them, over all parameters at once."""
-    unknowns = unknowns_of(problem, v_s_range)
-
-    def linearised(x: Array) -> tuple[Array, Array]:
-        """Residuals, (n,), and their exact Jacobian, (n, p), at scaled parameters, (p,)."""
-        theta = unknowns.natural(x)
-        return problem.residuals(theta), -problem.jacobian(theta) * unknowns.slopes(x)
-
-    start = unknowns.scaled(dict(zip(problem.names, solve_at(problem, v_s).theta.tolist(), strict=True)))
-    with suppress(InputError):  # where nothing depends on v_s, they stay
-        start = minimise(linearised, start, unknowns.lower, unknowns.upper, settled=_SETTLED).x
-    return [float(x) for x in unknowns.natural(start)[len(problem.names) - len(v_s) :]]

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,17 +89,13 @@ def strays_under_all(
 
     What is off one law may be what another has and that one lacks: only a point that is off all of them is none of friction's.
     """
-    places = _places(searches)
-    for law in laws:
+    places, points = None, sliding_points(searches)
+    for found in chain([searches], (search_points(experiment, points, law) for law in laws)):
+        own = frozenset(x.points[k].place for x in found if not x.misfit for k in x.strays)
+        places = own if places is None else places & own
         if not places:
             break
-        places &= _places(search_points(experiment, sliding_points(searches), law))
-    return places
-
-
-def _places(searches: Sequence[PointSearch]) -> frozenset[tuple[str, int, int]]:
-    """Of all strays."""
-    return frozenset(x.points[k].place for x in searches if not x.misfit for k in x.strays)
+    return places or frozenset()
 
 
 def _search(sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence[str], law: Law) -> PointSearch:
@@ -224,7 +221,6 @@ def points_problem(
         )
 
     def signal(name: str) -> Array:
-        """Of each point, (n,)."""
         return np.array([getattr(s, name) for s in points], dtype=float)
 
     velocity, torque, middles = signal("velocity"), signal("torque"), load_columns(asked, signal, len(points))

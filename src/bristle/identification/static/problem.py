@@ -4,9 +4,8 @@
     (9)-(12)
 
 with another peak and more terms where the law has them. Everything is linear but v_s, and what else the shape of a
-law's peak takes, which is held while v_s is searched (`shape`). The unknowns stand in one vector, theta = (linear...,
-alpha_1 per peak, v_s per peak), where a peak is a direction that has a Stribeck term. Moving data pass both sides
-through the same linear smoothing; points at constant velocity pass as they are.
+law's peak takes, which is held (`shape`). theta = (linear..., alpha_1 per peak, v_s per peak), where a peak is a direction
+that has a Stribeck term. Moving data pass both sides through one linear smoothing; points pass as they are.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -58,8 +57,7 @@ class Regression:
     smooth: sparse.csr_array | None = None
     """The decimation filter as a matrix, shape (n, N)."""
     memory: dict[tuple[object, str, bytes, tuple[float, ...]], Tables] = field(default_factory=dict, repr=False)
-    """Columns that were smoothed already: smoothing is the dear part of moving data, and every fit asks for the same
-    grid."""
+    """Columns that were smoothed already, which takes long: every fit asks for the same grid."""
     priors: int = 0
     """How many of the last equations are priors, not measurements."""
     shifts: Mapping[str, Array] = field(default_factory=dict)
@@ -238,26 +236,13 @@ def from_records(
 ) -> tuple[Regression, tuple[Array, Array], int]:
     """The problem for moving data, as robot identification poses it.
 
-    Both sides of the equation, sgn(v) formed before, go through one zero-phase decimation filter: 4th-order
-    Butterworth, forward and backward, at 0.8 of the new Nyquist frequency. Equations whose kernel reaches past an end
-    of a segment between gaps are dropped.
+    Both sides of the equation, sgn(v) formed before, go through one zero-phase filter that keeps one sample in `decimation`:
+    4th-order Butterworth, forward and backward, at 0.8 of the new Nyquist frequency. Equations whose kernel reaches past an
+    end of a segment between gaps are dropped. An `inertia` that is known, kg*m**2, is taken off; `weights` are coefficients of
+    gravity and links, where the level rises with that load; None: as the linear columns alone have them.
 
-    Args:
-        records: with velocity, torque, and acceleration or position where a regressor needs them.
-        directions: as in `Regression`.
-        regressors: of inertia, offset, gravity.
-        decimation: keep one sample in this many, >= 1 (1: nothing is filtered).
-        inertia: where it is known, kg*m**2: its torque is taken off.
-        law: of the friction.
-        weights: coefficients of gravity and links, where the level rises with that load; None: as the linear columns alone
-            have them.
-
-    Returns:
-        The problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation;
-        samples dropped at ends.
-
-    Raises:
-        InputError: where a segment is too short for the filter, with the length it needs.
+    Returns the problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation; samples
+    dropped at ends. Raises InputError where a segment is too short for the filter, or a record lacks a signal.
     """
     filters = [
         decimator([np.diff([*r.starts, r.time.size])], r.decimation(decimation), r.file, at_limits(r)) for r in records
@@ -335,16 +320,10 @@ def _build(
     if smooth is not None:
         columns, torque = smooth @ columns, smooth @ torque
     return Regression(
-        directions=sides,
-        peaks=sides,
-        velocity=velocity,
-        torque=torque,
-        linear=columns,
-        linear_names=(*friction, *(ParameterName(name, Direction.SHARED) for name in extra)),
-        law=law,
-        shape=tuple(own.middle for own in law.peak.own),
-        smooth=smooth,
-    )
+        directions=sides, peaks=sides, velocity=velocity, torque=torque, linear=columns,
+        linear_names=(*friction, *(ParameterName(name, Direction.SHARED) for name in extra)), law=law,
+        shape=tuple(own.middle for own in law.peak.own), smooth=smooth,
+    )  # fmt: skip  # a list of values
 
 
 def _moves(velocity: Array, direction: str) -> Array:

@@ -1,12 +1,9 @@
 """The exact profile of every parameter of a static fit: where its cost, minimised over all others, is below a threshold.
 
-At given v_s the problem is linear, so that the profiles of the others follow no path: see
-`estimation.conditional_profile`; eta is log(v_s). Moving data are profiled in few equations: the same static problem, a
-hundred times smaller (`reduced`).
-
-What the shape of a peak takes beside v_s, as the free exponent does, is searched around the grid, which holds it. The
-cost at its best v_s and linear parameters, as a function of such a parameter, is its profile: the interval comes of it,
-as that of v_s does. Those of the others are the union over what the profile allows.
+At given v_s the problem is linear: see `estimation.conditional_profile`; eta is log(v_s). Moving data are profiled in few
+equations: the same static problem, a hundred times smaller (`reduced`). What the shape of a peak takes beside v_s, as the
+free exponent does, is searched around the grid, which holds it: its interval comes of the cost over it, and those of the
+others are the union over what that allows.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -20,7 +17,7 @@ from scipy.interpolate import BSpline
 from scipy.optimize import brentq, minimize_scalar
 
 from bristle.arrays import Array
-from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Face, Looks
+from bristle.estimation.conditional_profile import ConditionalProfiles, Face, Looks
 from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
 from bristle.identification.fits import Profile
 from bristle.identification.static.grid import GRID, PLAIN_GRID, Projected, Solution, solve, subsets
@@ -58,11 +55,6 @@ class StaticProfiles(NamedTuple):
     linear: ConditionalProfiles
     """Of the linear parameters, alpha_1 among them."""
 
-    @property
-    def better(self) -> Array | None:
-        """Values of v_s, (peaks,), at which the profiles met a cost lower than the solution's; None: they met none."""
-        return None if self.linear.better is None else np.exp(self.linear.better)
-
     def curve(self, name: ParameterName, value: float, low: float, high: float) -> Array:
         """A linear parameter's profile, (2, k), from half a width below its interval to half a width above."""
         j, wide = self.problem.names.index(name), high - low
@@ -95,24 +87,21 @@ def profiled(
     box = np.array([np.clip(ends, solution.grid[0], solution.grid[-1]) for ends in v_s.values()]).reshape(peaks, 2)
     bounded = np.isfinite(few.least[: len(names)])
 
+    def over_log(projected: Projected) -> Face:
+        return lambda log_v_s: projected.conditional(np.exp(log_v_s))
+
     def faces(j: int) -> Iterator[Face]:
         """Every face on which parameter j is free."""
         may_vanish = [name for k, name in enumerate(names) if bounded[k] and k != j]
-        return (_over_log(Projected(few, dropped)) for dropped in subsets(may_vanish))
+        return (over_log(Projected(few, dropped)) for dropped in subsets(may_vanish))
 
     linear = ConditionalProfiles(
-        free=_over_log(projected),
-        faces=faces,
-        bounded=bounded,
-        best=np.log(best)[None],
-        cost=np.array([solution.cost]),
-        threshold=np.array([threshold]),
-        box=np.log(box)[None],
-        searched=(float(np.log(solution.grid[0])), float(np.log(solution.grid[-1]))),
-        looks=_LOOKS[peaks],
+        free=over_log(projected), faces=faces, bounded=bounded, best=np.log(best), cost=solution.cost,
+        threshold=threshold, box=np.log(box),
+        searched=(float(np.log(solution.grid[0])), float(np.log(solution.grid[-1]))), looks=_LOOKS[peaks],
         tolerance=_ROUNDING * projected.rest_cost,
-    )
-    intervals = dict(zip(names, map(tuple, linear.intervals()[0].tolist()), strict=True))
+    )  # fmt: skip  # a list of values
+    intervals = dict(zip(names, map(tuple, linear.intervals().tolist()), strict=True))
     for name, (low, high) in v_s.items():
         if low == 0 or not np.isfinite(high):
             alpha_1 = name._replace(name="alpha_1")
@@ -137,25 +126,17 @@ def drawn_profiles(
         first, last = max(int(near.min()) - 1, 0), min(int(near.max()) + 1, grid.size - 1)
         around = np.sort(np.append(np.geomspace(min(grid[first], best), max(grid[last], best), _NEAR), best))
         profiles[direction] = Profile(
-            v_s=solution.grid,
-            cost=solution.profiles[k],
-            near_v_s=around,
-            near_cost=costs(around),
-            plain_v_s=plain_v_s,
-            plain_cost=costs(plain_v_s) if plain else solution.profiles[k],
-            best=best,
-            best_cost=solution.cost,
-            threshold=threshold,
-        )
+            v_s=solution.grid, cost=solution.profiles[k], near_v_s=around, near_cost=costs(around),
+            plain_v_s=plain_v_s, plain_cost=costs(plain_v_s) if plain else solution.profiles[k], best=best,
+            best_cost=solution.cost, threshold=threshold,
+        )  # fmt: skip  # a list of values
     return profiles
 
 
 def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
-    """The problem in fewer equations and velocities.
+    """The problem in fewer equations and velocities, with the same costs for every v_s in the range, to about 1e-8 of the torque's.
 
-    The same sums of squares for every theta with v_s in the range, to about 1e-8 of the torque's. Nothing is left out
-    that the columns or the torque hold, so the costs are the same, not only the minimum. Points that are not smoothed
-    are returned as they are.
+    Points that are not smoothed are returned as they are.
     """
     if problem.smooth is None:
         return problem
@@ -170,9 +151,18 @@ def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
     velocities, shares = [], []
     for sign in (1.0, -1.0) if two else (1.0,):
         moving = problem.velocity * sign > 0 if two else problem.velocity != 0
-        nodes, sums = _gathered(problem.velocity[moving], (problem.smooth[:, moving].T @ basis).T)
-        velocities.append(sign * nodes)
-        shares.append(sign * sums)
+        speed, weight = np.abs(problem.velocity[moving]), problem.smooth[:, moving].T @ basis
+        # A cubic spline in log(abs(v)) through a friction curve's values at some nodes meets it within about 1e-9 of its
+        # size, so each sample's share of a sum can be handed to the nodes. Slower than 1e-7 of the fastest it is constant.
+        high = float(np.log(speed.max()))
+        low = max(float(np.log(speed.min())), high + np.log(_SLOWEST))
+        at = np.linspace(low, max(high, low + 1.0), _NODES)
+        knots = np.concatenate([[at[0]] * 4, at[2:-2], [at[-1]] * 4])
+        on_samples = BSpline.design_matrix(np.clip(np.log(speed), at[0], at[-1]), knots, 3)
+        on_nodes: Array = BSpline.design_matrix(at, knots, 3).toarray()
+        of_splines = np.asarray(on_samples.T @ (weight.T * np.sign(problem.velocity[moving])).T, dtype=np.float64)
+        velocities.append(sign * np.exp(at))
+        shares.append(sign * np.asarray(np.linalg.solve(on_nodes.T, of_splines).T, dtype=np.float64))
     return replace(
         problem,
         velocity=np.concatenate(velocities),
@@ -182,35 +172,6 @@ def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
         known=None,
         memory={},
     )
-
-
-def _gathered(velocity: Array, shares: Array) -> tuple[Array, Array]:
-    """Few velocities that stand for many: the same weighted sums of any odd curve as smooth as a friction law.
-
-    A cubic spline in log(abs(v)) through the curve's values at the nodes meets it within about 1e-9 of its size, so
-    each sample's share can be handed to the nodes. Slower than 1e-7 of the fastest sample, a curve counts as constant.
-
-    Args:
-        velocity: of the samples, none zero, (N,).
-        shares: of each sample in r sums, (r, N).
-
-    Returns:
-        The nodes, positive, (m,), and their shares, (r, m).
-    """
-    speed = np.abs(velocity)
-    high = float(np.log(speed.max()))
-    low = max(float(np.log(speed.min())), high + np.log(_SLOWEST))
-    at = np.linspace(low, max(high, low + 1.0), _NODES)
-    knots = np.concatenate([[at[0]] * 4, at[2:-2], [at[-1]] * 4])
-    on_samples = BSpline.design_matrix(np.clip(np.log(speed), at[0], at[-1]), knots, 3)
-    on_nodes: Array = BSpline.design_matrix(at, knots, 3).toarray()
-    of_splines = np.asarray(on_samples.T @ (shares * np.sign(velocity)).T, dtype=np.float64)
-    nodes: Array = np.exp(at)
-    return nodes, np.asarray(np.linalg.solve(on_nodes.T, of_splines).T, dtype=np.float64)
-
-
-def _over_log(projected: Projected) -> Face:
-    return lambda log_v_s: Conditional(*(each[None] for each in projected.conditional(np.exp(log_v_s[0]))))
 
 
 def others(solution: Solution, peaks: int, peak: int) -> Array:
@@ -223,12 +184,8 @@ def with_best_shape(problem: Regression, v_s_range: tuple[float, float]) -> Regr
     """The problem with the shape at which its cost is least; itself where its peak has nothing beside v_s."""
     if not problem.law.peak.own or not problem.peaks:
         return problem
-
-    def cost(shape: tuple[float, ...]) -> float:
-        """The least there is with this shape."""
-        return solve(replace(problem, shape=shape), v_s_range).cost
-
-    best, _ = _searched(cost, tuple(own.searched for own in problem.law.peak.own))
+    ranges = tuple(own.searched for own in problem.law.peak.own)
+    best, _ = _searched(lambda shape: solve(replace(problem, shape=shape), v_s_range).cost, ranges)
     return replace(problem, shape=best)
 
 
@@ -284,7 +241,7 @@ def over_shapes(
         return one, solve(one, v_s_range)
 
     def above(k: int, u: float) -> float:
-        """By how much the cost passes the threshold at a logarithm of it."""
+        """The cost less the threshold at a logarithm of it."""
         return solved(k, float(np.exp(u)))[1].cost - threshold
 
     for k, own in enumerate(problem.law.peak.own if problem.shape and problem.peaks else ()):

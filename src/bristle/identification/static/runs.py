@@ -1,7 +1,4 @@
-"""A static fit from an experiment's runs.
-
-From points at constant velocity, direction by direction or of both, or from moving runs.
-"""
+"""A static fit from an experiment's runs: points at constant velocity, of a direction or both, or moving runs."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence

@@ -4,13 +4,11 @@ Friction without a bristle, with columns at a few v_s in place of the Stribeck t
 small solve.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
@@ -27,6 +25,7 @@ from bristle.identification.moving_runs import (
     swings,
     terms_of,
 )
+from bristle.identification.static.grid import subsets
 from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records
 from bristle.identification.static.strays import refit
@@ -72,12 +71,9 @@ class BetterSetUp:
 class _Trial(NamedTuple):
     """What can be tried on some data."""
 
-    possible: Sequence[str]
-    """Regressors that the signals allow."""
-    pose: Callable[[tuple[str, ...]], Regression]
-    """All that is possible, at once, in some directions."""
-    part: Callable[[int], NDArray[np.int_]]
-    """Of each of so many equations the part that it belongs to, (n,)."""
+    possible: Sequence[str]  # Regressors that the signals allow
+    pose: Callable[[tuple[str, ...]], Regression]  # All that is possible, at once, in some directions
+    blocks: int  # Into so many stretches the equations are cut, of which a part is every fifth
 
 
 def better_for_motion(experiment: Experiment, records: Sequence[Record]) -> BetterSetUp | None:
@@ -138,7 +134,8 @@ def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     has = {name for name in signals if all(getattr(r, name) is not None for r in records)}
     has |= {"link_torque"} if "links" in asked else set()  # else it is known, and no column
     known = {*(r.made_of for r in records), *(() if fixed is None else ("inertia",))}
-    possible = [name for name, terms in REGRESSORS.items() if set(terms.needs) <= has] + _periodic(asked)
+    possible = [name for name, terms in REGRESSORS.items() if set(terms.needs) <= has]
+    possible += [name for name in asked if name not in REGRESSORS]  # what repeats with the position is not tried
     possible = [name for name in possible if name not in known]
     turns = not slides(experiment.joint.kind) and "position" in has
     if "gravity" in possible and not (turns and swings([np.asarray(r.position) for r in records])):
@@ -146,20 +143,15 @@ def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     return _Trial(
         possible,
         lambda sides: from_records(records, sides, possible, experiment.fit.every, fixed)[0],
-        lambda n: np.arange(n) * _BLOCKS // n % _PARTS,
+        _BLOCKS,
     )
-
-
-def _periodic(asked: Sequence[str]) -> list[str]:
-    """What repeats with the position is there where it is asked for, and not tried."""
-    return [name for name in asked if name not in REGRESSORS]
 
 
 def _of_points(points: Sequence[Segment], asked: Sequence[str] = ()) -> _Trial:
     ordered = sorted(points, key=lambda s: s.velocity)
     possible = ["offset", *(["gravity"] if all(s.position is not None for s in points) else []), "quadratic"]
-    possible += _periodic(asked)
-    return _Trial(possible, lambda sides: points_problem(ordered, sides, possible), lambda n: np.arange(n) % _PARTS)
+    possible += [name for name in asked if name not in REGRESSORS]
+    return _Trial(possible, lambda sides: points_problem(ordered, sides, possible), len(ordered))
 
 
 def _sides(points: Sequence[Segment]) -> tuple[str, ...]:
@@ -184,16 +176,20 @@ def _simplest(asked: SetUp, ways: Sequence[tuple[str, ...]], trial: _Trial) -> B
 
     None has friction that drives. None where nothing can be tried.
     """
-    posed = {sides: trial.pose(sides) for sides in ways}
-    products = {sides: _products(problem, trial.part) for sides, problem in posed.items()}
-    driven = {sides for sides, problem in posed.items() if _drives(problem)}
-    tried: list[tuple[int, Array, SetUp]] = []
-    for set_up in _candidates(asked, ways, trial.possible):
-        found = products[set_up.directions].errors(set_up.regressors)
-        drives = set_up.directions in driven and "gravity" not in set_up.regressors
-        drives = drives or products[set_up.directions].falls(set_up.regressors)
-        if found is not None and (set_up == asked or not drives):
-            tried.append((*found, set_up))
+    tried = list[tuple[int, Array, SetUp]]()
+    for sides in ways:
+        problem = trial.pose(sides)
+        products, driven = _products(problem, trial.blocks), _drives(problem)
+        # all that was asked for with any of what is possible beside; an offset where one friction serves both directions
+        told, beside = (
+            [x for x in names if x != "offset" or sides == ("both",)] for names in (asked.regressors, trial.possible)
+        )
+        for some in subsets([x for x in beside if x not in told]):
+            set_up = SetUp(sides, (*told, *some))
+            found = products.errors(set_up.regressors)
+            drives = (driven and "gravity" not in set_up.regressors) or products.falls(set_up.regressors)
+            if found is not None and (set_up == asked or not drives):
+                tried.append((*found, set_up))
     first = next((errors for _, errors, set_up in tried if set_up == asked), None)
     if first is None:
         return None
@@ -209,15 +205,6 @@ def _simplest(asked: SetUp, ways: Sequence[tuple[str, ...]], trial: _Trial) -> B
     return BetterSetUp(asked, chosen, float(np.linalg.norm(first)), float(np.linalg.norm(errors)))
 
 
-def _candidates(asked: SetUp, ways: Sequence[tuple[str, ...]], possible: Sequence[str]) -> Iterator[SetUp]:
-    """All that was asked for with any of what is possible beside; an offset where one friction serves both directions."""
-    for sides in ways:
-        told = [name for name in asked.regressors if name != "offset" or sides == ("both",)]
-        more = [name for name in possible if name not in told and (name != "offset" or sides == ("both",))]
-        for count in range(len(more) + 1):
-            yield from (SetUp(sides, (*told, *some)) for some in combinations(more, count))
-
-
 def _drives(problem: Regression) -> bool:
     """Whether what would be called the friction of a direction drives the joint, as gravity may; not asked of both or of one alone."""
     if len(problem.directions) == 1:
@@ -229,16 +216,11 @@ def _drives(problem: Regression) -> bool:
 class _Products(NamedTuple):
     """What predicting parts of the equations from the rest takes: sums over each of k parts, columns of unit length."""
 
-    names: list[str]
-    """The parameter of each column, empty where it is friction's, (p,)."""
-    gram: Array
-    """(k, p, p)."""
-    moment: Array
-    """Columns times torque, (k, p)."""
-    power: Array
-    """Torque squared, (k,)."""
-    norm: float
-    """Of the measured torque."""
+    names: list[str]  # The parameter of each column, empty where it is friction's, (p,)
+    gram: Array  # (k, p, p)
+    moment: Array  # Columns times torque, (k, p)
+    power: Array  # Torque squared, (k,)
+    norm: float  # Of the measured torque
     n: int
 
     def falls(self, regressors: Sequence[str]) -> bool:
@@ -268,13 +250,13 @@ class _Products(NamedTuple):
         return len(keep), errors
 
 
-def _products(problem: Regression, part: Callable[[int], NDArray[np.int_]]) -> _Products:
+def _products(problem: Regression, blocks: int) -> _Products:
     v_s = np.array(_BENT) * float(np.abs(problem.velocity).max())
     bent = [problem.shapes(v_s, k) for k in range(len(problem.peaks))]
     X, y = np.concatenate([problem.linear, *bent], axis=1), problem.torque
     X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
     names = ["" if of_curve(name.name) else name.name for name in problem.linear_names]
-    parts = [part(y.size) == k for k in range(_PARTS)]
+    parts = [np.arange(y.size) * blocks // y.size % _PARTS == k for k in range(_PARTS)]
     return _Products(
         names=names + [""] * (X.shape[1] - len(names)),
         gram=np.array([X[m].T @ X[m] for m in parts]),

@@ -1,10 +1,8 @@
-"""One static problem solved and judged.
+"""One static problem solved and judged: which Stribeck terms the data support, and an interval and warnings on each parameter."""
 
-Which Stribeck terms the data support, and an interval and its warnings on each parameter.
-"""
-
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import compress
 from math import sqrt
 
@@ -15,7 +13,8 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import correlated, inflation
 from bristle.estimation.levels import NO_SIGN, SIGNIFICANCE
-from bristle.estimation.linear import best_column_p_value, first_order
+from bristle.estimation.linear import best_column_p_value
+from bristle.estimation.score_test import moved_by
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import Estimate, Profile
 from bristle.identification.shared_findings import at_bound, curve_held, takes_up_peak
@@ -97,36 +96,41 @@ def solve_static(
     full, _ = uncertainty.covariance(np.concatenate([jacobian, more], axis=1), solution.cost, variance_inflation)
     profiles = drawn_profiles(problem, solution, v_s_range, likelihood.threshold)
     beside = _beside(problem, of_shape, np.sqrt(np.diag(with_more)[free.sum() :]), solution, kind)
-    parameters = _estimates(problem, solution, covariance[: free.sum(), : free.sum()], free, intervals, kind)
     doubted = {
         d for d, reason in dropped.items() if {reason.code, getattr(reason.numbers.get("why"), "code", None)} & _THERE
     }
-    for name, own in parameters.items():  # a peak that is there but not bounded, alpha_0 and alpha_2 take up
-        if name.name in {"alpha_0", "alpha_2"} and name.direction in doubted:
-            parameters[name] = replace(own, warnings=(*own.warnings, takes_up_peak()))
+    # each parameter with its interval by the profile; the standard error is that of the exact Jacobian
+    errors, parameters = np.full(len(problem.names), np.nan), dict[ParameterName, Estimate]()
+    errors[free] = np.sqrt(np.diag(covariance)[: free.sum()])
+    for name, value, error in zip(problem.names, solution.theta.tolist(), errors.tolist(), strict=True):
+        (low, high), told = intervals[name], [at_bound()] if name in solution.at_bound else []
+        if name.name == "alpha_1" and not is_closed(intervals[name._replace(name="v_s")]):
+            message = "No finite interval: v_s has none, and alpha_1 grows with v_s."
+            told.append(Finding("alpha-1-open", CAUTION, message))
+        elif name.name == "v_s" and low == 0:
+            told.append(Finding("v-s-open-below", CAUTION, "No finite interval: the data allow v_s down to zero."))
+        elif name.name == "v_s" and np.isinf(high):
+            told.append(Finding("v-s-open-above", CAUTION, "No finite interval: the data set no upper limit on v_s."))
+        elif name.name in {"alpha_0", "alpha_2"} and name.direction in doubted:
+            told.append(takes_up_peak())  # a peak that is there but not bounded
+        parameters[name] = Estimate(
+            value=value, unit=unit(name.name, kind), standard_error=error if np.isfinite(error) else None,
+            interval=(min(low, value), max(high, value)),  # of an exact fit rounding makes the profile
+            warnings=tuple(told),
+        )  # fmt: skip  # a list of values
     names = list(compress(problem.names, free))
-    moved = {constant: first_order(jacobian[:, free], change) for constant, change in problem.shifts.items()}
+    moved = {constant: moved_by(jacobian[:, free], change) for constant, change in problem.shifts.items()}
     reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
     ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
-    v_s = {d: intervals[name] for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)}
-    warnings = _fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
-    outcome = _outcome(problem, solution, dropped, v_s_range)
+    warnings = _fit_warnings(problem, solution, jacobian[:, free], intervals, profiles, v_s_range)
+    outcome = _outcome(problem, solution, dropped, warnings)
     return StaticSolution(
-        problem=problem,
-        solution=solution,
-        parameters=parameters,
+        problem=problem, solution=solution, parameters=parameters,
         shifts={constant: dict(zip(names, by.tolist(), strict=True)) for constant, by in moved.items()},
-        names=(*names, *list(beside)[: alone - free.sum()]),
-        covariance=covariance,
-        freedom=freedom,
-        outcome=outcome,
-        warnings=(*dropped.values(), *warnings, *again),
-        profiles=profiles,
-        dropped=dropped,
-        profiled=likelihood,
-        student=dict(zip(problem.names, zip(*(x.tolist() for x in ends), strict=True), strict=True)),
-        beside=beside,
-    )
+        names=(*names, *list(beside)[: alone - free.sum()]), covariance=covariance, freedom=freedom, outcome=outcome,
+        warnings=(*dropped.values(), *warnings, *again), profiles=profiles, dropped=dropped, profiled=likelihood,
+        student=dict(zip(problem.names, zip(*(x.tolist() for x in ends), strict=True), strict=True)), beside=beside,
+    )  # fmt: skip  # a list of values
 
 
 def _beside(
@@ -135,20 +139,18 @@ def _beside(
     """What the law has beside the problem's parameters, of each direction."""
     beside = dict[ParameterName, Estimate]()
     for d in problem.directions:
-        for (name, interval), value, error in zip(of_shape.items(), problem.shape, errors.tolist(), strict=False):
+        own = zip(of_shape.items(), problem.shape, errors.tolist(), strict=False) if d in problem.peaks else ()
+        for (name, interval), value, error in own:
             message = "No finite interval: the data allow it to the end of what is searched."
-            warnings = () if is_closed(interval) else (Finding("shape-open", CAUTION, message),)
-            shown = Estimate(
-                value=value, unit=unit(name, kind), standard_error=error, interval=interval, warnings=warnings
-            )
-            if d in problem.peaks:
-                beside[ParameterName(name, d)] = shown
+            told = () if is_closed(interval) else (Finding("shape-open", CAUTION, message),)
+            shown = Estimate(value=value, unit=unit(name, kind), standard_error=error, interval=interval, warnings=told)
+            beside[ParameterName(name, d)] = shown
         if problem.law.terms:
-            fastest, values = float(problem.speeds(d).max()), dict(zip(problem.names, solution.theta, strict=True))
+            fastest, values = float(problem.speeds(d).max()), problem.named(solution.theta)
             held = min(values[ParameterName(name, d)] for name in problem.law.coefficients) < 0
             measured = Finding("fastest-measured", NOTE, "Not estimated: the fastest speed that was measured.")
-            told = (measured, *((curve_held(fastest),) if held else ()))
-            beside[ParameterName(FASTEST, d)] = Estimate(value=fastest, unit=unit(FASTEST, kind), warnings=told)
+            said = (measured, *((curve_held(fastest),) if held else ()))
+            beside[ParameterName(FASTEST, d)] = Estimate(value=fastest, unit=unit(FASTEST, kind), warnings=said)
     return beside
 
 
@@ -161,14 +163,14 @@ def _settled(
     """
     not_asked = Finding("no-stribeck-asked", NOTE, "Not fitted: fit.law is coulomb-viscous.")
     asked, points, least = options.model == "coulomb-viscous", problem.torque.size, len(problem.names) + 1
-    dropped, solution = dict[Direction, Finding](), None
+    dropped, solution, judged = dict[Direction, Finding](), None, options.model != "stribeck"
     if points < least:
         message = f"{points} points are too few for a Stribeck term; at least {least} are needed."
         few = Finding("too-few-for-peak", NOTE, message, {"points": points, "least": least})
         dropped = dict.fromkeys(problem.peaks, not_asked if asked else few)
     else:
         solution = solve(problem, v_s_range)
-        dropped = {} if options.model == "stribeck" else _unsupported(problem, solution)
+        dropped = _without_peak(problem, partial(_unsupported, problem, solution)) if judged else {}
     if asked and points >= least:
         message = "Not fitted, for fit.law is coulomb-viscous, although these data show a Stribeck term."
         left_out = Finding("peak-left-out", NOTE, message)
@@ -179,80 +181,73 @@ def _settled(
         if solution is None or dropped:
             solution = solve(kept, v_s_range)
         likelihood = profiled(kept, solution, _inflation(kept, solution))
-        if likelihood.better is not None:
-            solution = descended(kept, solution, likelihood.better.tolist(), v_s_range)
+        if (better := likelihood.linear.better) is not None:
+            found = descended(kept, np.exp(better).tolist(), v_s_range)
+            solution = replace(found, base_costs=solution.base_costs, grid=solution.grid, profiles=solution.profiles)
             message = "A profile found a lower cost than the grid; the fit was repeated from there."
             likelihood = profiled(kept, solution, _inflation(kept, solution))
             again = (Finding("refitted-from-grid", NOTE, message),)
-        unbounded = {} if options.model == "stribeck" else _unbounded(kept, solution, likelihood)
+        unbounded = _without_peak(kept, partial(_unbounded, kept, solution, likelihood)) if judged else {}
         if not unbounded:
             return kept, solution, likelihood, again, dropped
         dropped |= unbounded
 
 
-def _unbounded(problem: Regression, solution: Solution, likelihood: StaticProfiles) -> dict[Direction, Finding]:
-    """Directions whose v_s has an end outside the range searched, or no speed below it, each with the reason."""
-    unbounded, names, best = {}, problem.names[-len(problem.peaks) :], problem.split(solution.theta)[1].tolist()
-    for direction, name, v_s in zip(problem.peaks, names, best, strict=False):
-        low, high = likelihood.intervals[name]
-        speeds, why = problem.speeds(direction), None
-        if low == 0:
-            why = Finding("v-s-down-to-zero", NOTE, "these speeds set no lower limit on v_s (slower ones would)")
-        elif np.isinf(high):
-            message = "these speeds set no upper limit on v_s (faster ones, or more of them, would)"
-            why = Finding("v-s-up-to-any", NOTE, message)
-        elif (slowest := float(speeds.min())) >= v_s:
-            message = (
-                f"no speed lies below its v_s of {v_s:.3g}{unit_of('velocity')} (the slowest is {slowest:.3g}{unit_of('velocity')}; "
-                "slower ones would decide)"
-            )
-            why = Finding("none-below-v-s", NOTE, message, {"slowest": slowest, "v_s": v_s})
-        if why is not None:
-            unbounded[direction] = _no_stribeck(direction, why)
-    return unbounded
-
-
-def _no_stribeck(direction: Direction, why: Finding) -> Finding:
-    message = f"Stribeck term not identifiable{in_direction(direction)}: {why.message}; Coulomb and viscous friction alone are fitted."
-    return Finding("no-stribeck", NOTE, message, {"direction": direction, "why": why})
-
-
-def _unsupported(problem: Regression, solution: Solution) -> dict[Direction, Finding]:
-    """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the reason."""
-    variance_inflation = _inflation(problem, solution)
-    projected = Projected(problem)
-    noise = 1e-20 * float(problem.torque @ problem.torque)
-    v_s = problem.split(solution.theta)[1].tolist()
-    dropped = {}
+def _without_peak(problem: Regression, why_not: Callable[[int, Direction], Finding | None]) -> dict[Direction, Finding]:
+    """The directions that get no Stribeck term, each with the reason, as one has it."""
+    found = dict[Direction, Finding]()
     for k, direction in enumerate(problem.peaks):
-        off, length = projected.off(solution.grid, k)
-        gain = max(solution.base_costs[k] - solution.cost, 0.0)
-        unexplained = max(solution.cost, noise) or 1.0  # a torque of zero throughout has neither
-        ratio = gain / unexplained / variance_inflation
-        p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
-        speeds, why = problem.speeds(direction), None
-        fastest, slowest = float(speeds.max()), float(speeds.min())
-        if p > SIGNIFICANCE:
-            why = Finding("no-peak", NOTE, "no sign of a Stribeck peak")
-            if p < NO_SIGN:
-                message = f"noise alone would look as much like a Stribeck peak in {100 * p:.0f} % of cases"
-                why = Finding("like-noise", NOTE, message, {"percent": 100 * p})
-        elif v_s[k] * problem.law.peak.reach > fastest:
-            seen = problem.law.peak.reach
-            message = (
-                f"its v_s of {v_s[k]:.3g}{unit_of('velocity')} would lie near the fastest speed, {fastest:.3g}{unit_of('velocity')}, "
-                f"so the term would bend the whole curve instead of dropping at low speed (speeds beyond {seen:g} v_s would decide)"
-            )
-            why = Finding("bend", NOTE, message, {"v_s": v_s[k], "fastest": fastest, "seen": seen})
-        elif v_s[k] < UNTOUCHED * slowest:
-            message = (
-                f"its v_s of {v_s[k]:.3g}{unit_of('velocity')} would lie below a third of the slowest speed, "
-                f"{slowest:.3g}{unit_of('velocity')}, so the term would depend on that one speed (slower ones would decide)"
-            )
-            why = Finding("one-speed", NOTE, message, {"v_s": v_s[k], "slowest": slowest})
+        why = why_not(k, direction)
         if why is not None:
-            dropped[direction] = _no_stribeck(direction, why)
-    return dropped
+            message = f"Stribeck term not identifiable{in_direction(direction)}: {why.message}; Coulomb and viscous friction alone are fitted."
+            found[direction] = Finding("no-stribeck", NOTE, message, {"direction": direction, "why": why})
+    return found
+
+
+def _unbounded(
+    problem: Regression, solution: Solution, likelihood: StaticProfiles, k: int, direction: Direction
+) -> Finding | None:
+    """That the v_s of a peak has an end outside the range searched, or no speed below it."""
+    low, high = likelihood.intervals[ParameterName("v_s", direction)]
+    slowest, v_s = float(problem.speeds(direction).min()), float(problem.split(solution.theta)[1][k])
+    if low == 0:
+        return Finding("v-s-down-to-zero", NOTE, "these speeds set no lower limit on v_s (slower ones would)")
+    if np.isinf(high):
+        message = "these speeds set no upper limit on v_s (faster ones, or more of them, would)"
+        return Finding("v-s-up-to-any", NOTE, message)
+    message = (
+        f"no speed lies below its v_s of {v_s:.3g}{unit_of('velocity')} (the slowest is {slowest:.3g}{unit_of('velocity')}; "
+        "slower ones would decide)"
+    )
+    return Finding("none-below-v-s", NOTE, message, {"slowest": slowest, "v_s": v_s}) if slowest >= v_s else None
+
+
+def _unsupported(problem: Regression, solution: Solution, k: int, direction: Direction) -> Finding | None:
+    """That the Stribeck term of a peak is noise, or a bend over all speeds instead of a peak."""
+    projected, noise = Projected(problem), 1e-20 * float(problem.torque @ problem.torque)
+    off, length = projected.off(solution.grid, k)
+    gain = max(solution.base_costs[k] - solution.cost, 0.0)
+    unexplained = max(solution.cost, noise) or 1.0  # a torque of zero throughout has neither
+    ratio = gain / unexplained / _inflation(problem, solution)
+    p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
+    speeds, v_s, seen = problem.speeds(direction), float(problem.split(solution.theta)[1][k]), problem.law.peak.reach
+    fastest, slowest, of = float(speeds.max()), float(speeds.min()), unit_of("velocity")
+    if SIGNIFICANCE < p < NO_SIGN:
+        message = f"noise alone would look as much like a Stribeck peak in {100 * p:.0f} % of cases"
+        return Finding("like-noise", NOTE, message, {"percent": 100 * p})
+    if p > SIGNIFICANCE:
+        return Finding("no-peak", NOTE, "no sign of a Stribeck peak")
+    if v_s * seen > fastest:
+        message = (
+            f"its v_s of {v_s:.3g}{of} would lie near the fastest speed, {fastest:.3g}{of}, so the term would bend the whole "
+            f"curve instead of dropping at low speed (speeds beyond {seen:g} v_s would decide)"
+        )
+        return Finding("bend", NOTE, message, {"v_s": v_s, "fastest": fastest, "seen": seen})
+    message = (
+        f"its v_s of {v_s:.3g}{of} would lie below a third of the slowest speed, {slowest:.3g}{of}, so the term would depend "
+        "on that one speed (slower ones would decide)"
+    )
+    return Finding("one-speed", NOTE, message, {"v_s": v_s, "slowest": slowest}) if v_s < UNTOUCHED * slowest else None
 
 
 def _inflation(problem: Regression, solution: Solution) -> float:
@@ -260,54 +255,16 @@ def _inflation(problem: Regression, solution: Solution) -> float:
     return inflation(solution.residuals) if problem.smooth is not None else 1.0
 
 
-def _estimates(
-    problem: Regression,
-    solution: Solution,
-    covariance: Array,
-    free: Array,
-    intervals: Mapping[ParameterName, tuple[float, float]],
-    kind: Kind,
-) -> dict[ParameterName, Estimate]:
-    """Each parameter with its interval by the profile; the standard error is that of the exact Jacobian."""
-    errors = np.full(len(problem.names), np.nan)
-    errors[free] = np.sqrt(np.diag(covariance))
-    out = {}
-    for name, value, error in zip(problem.names, solution.theta, errors, strict=True):
-        plain_name = name.name
-        low, high = intervals[name]
-        warnings: tuple[Finding, ...] = ()
-        if name in solution.at_bound:
-            warnings = (at_bound(),)
-        if plain_name == "alpha_1" and not is_closed(intervals[name._replace(name="v_s")]):
-            message = "No finite interval: v_s has none, and alpha_1 grows with v_s."
-            warnings = (*warnings, Finding("alpha-1-open", CAUTION, message))
-        if plain_name == "v_s" and not is_closed((low, high)):
-            below = Finding("v-s-open-below", CAUTION, "No finite interval: the data allow v_s down to zero.")
-            above = Finding("v-s-open-above", CAUTION, "No finite interval: the data set no upper limit on v_s.")
-            warnings = (*warnings, below if low == 0 else above)
-        standard_error = None if name in solution.at_bound or not np.isfinite(error) else float(error)
-        out[name] = Estimate(
-            value=float(value),
-            unit=unit(plain_name, kind),
-            standard_error=standard_error,
-            interval=(float(min(low, value)), float(max(high, value))),  # of an exact fit rounding makes the profile
-            warnings=warnings,
-        )
-    return out
-
-
 def _outcome(
-    problem: Regression, solution: Solution, dropped: Mapping[Direction, Finding], v_s_range: tuple[float, float]
+    problem: Regression, solution: Solution, dropped: Mapping[Direction, Finding], warnings: Sequence[Finding]
 ) -> Finding:
     if dropped and not problem.peaks:
-        asked = all(reason.code in {"peak-left-out", "no-stribeck-asked"} for reason in dropped.values())
-        if asked:
+        if all(reason.code in {"peak-left-out", "no-stribeck-asked"} for reason in dropped.values()):
             message = "Coulomb and viscous friction alone are fitted, as fit.law asks."
             return Finding("static-as-asked", NOTE, message)
         message = "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted."
         return Finding("static-no-stribeck", NOTE, message)
-    _, v_s = problem.split(solution.theta)
-    if any(s <= v_s_range[0] * 1.001 or s >= v_s_range[1] / 1.001 for s in v_s):
+    if any(warning.code == "at-edge" for warning in warnings):
         message = "The best v_s lies at the edge of the range searched; these velocities do not bracket it."
         return Finding("static-at-edge", CRITICAL, message)
     if solution.at_bound:
@@ -320,19 +277,18 @@ def _fit_warnings(
     problem: Regression,
     solution: Solution,
     jacobian: Array,
-    intervals: Mapping[Direction, tuple[float, float]],
+    intervals: Mapping[ParameterName, tuple[float, float]],
     profiles: Mapping[Direction, Profile],
     v_s_range: tuple[float, float],
-    variance_inflation: float,
 ) -> tuple[Finding, ...]:
-    """Each warning about a fit as a whole; `jacobian` is of the free parameters, (n, p), `intervals` are of v_s."""
+    """Each warning about a fit as a whole; `jacobian` is of the free parameters, (n, p)."""
     warnings = []
     for name in map(problem.text, solution.at_bound):
         message = f"{name} lies at its physical bound of zero; an unconstrained fit would make it negative."
         warnings.append(Finding("bound", CAUTION, message, {"name": name}))
     low, high = v_s_range
     for direction, profile in profiles.items():
-        interval, where = intervals[direction], in_direction(direction)
+        interval, where = intervals[ParameterName("v_s", direction)], in_direction(direction)
         if interval[0] == 0 and np.isinf(interval[1]):
             message = f"v_s is not identifiable from these speeds{where}: its profile is flat."
             warnings.append(Finding("flat-profile", CRITICAL, message, {"direction": direction}))
@@ -367,7 +323,7 @@ def _fit_warnings(
             "strongly correlated."
         )
         warnings.append(Finding("ill-conditioned", CAUTION, message, {"condition": condition}))
-    if variance_inflation > 2:
+    if (variance_inflation := _inflation(problem, solution)) > 2:
         warnings.append(correlated(problem.residuals(solution.theta), sqrt(variance_inflation)))
     return tuple(warnings)
 

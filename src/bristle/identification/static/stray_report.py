@@ -1,7 +1,6 @@
 """What is said of points that do not belong to the law: how far off they are, and what the fit becomes without them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,27 +16,15 @@ from bristle.model.parameters import Direction, Kind
 _LISTED = 50  # points that a warning names; of more it says how many there are
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StrayReport:
-    """What is said of the points of one solve that do not belong to its law."""
-
-    strays: tuple[Stray, ...] = ()
-    other: Mapping[Direction, OtherPoints] = field(default_factory=dict)
-    """The fit with another choice of points, by direction."""
-    warnings: tuple[Finding, ...] = ()
-
-    def of(self, part: Direction) -> tuple[Stray, ...]:
-        """Those of a direction; all of what both share."""
-        return tuple(stray for stray in self.strays if DIRECTIONS.get(part, 0.0) * stray.velocity >= 0)
-
-
-def report_strays(core: StaticSolution, search: PointSearch | None, options: FitOptions, kind: Kind) -> StrayReport:
-    """The strays of a solve, and the fit without them, or with them where they are left out.
+def report_strays(
+    core: StaticSolution, search: PointSearch | None, options: FitOptions, kind: Kind
+) -> tuple[tuple[Stray, ...], Mapping[Direction, OtherPoints], tuple[Finding, ...]]:
+    """The strays of a solve; by direction the fit without them, or with them where they are left out; and what is said of both.
 
     `search` says which points do not belong; None: nobody looked.
     """
     if search is None:
-        return StrayReport()
+        return (), {}, ()
     side = search.sides[0] if len(search.sides) == 1 else ""
     warnings = []
     if search.resting:
@@ -57,7 +44,7 @@ def report_strays(core: StaticSolution, search: PointSearch | None, options: Fit
         left = core.problem.residuals(core.solution.theta)
         warnings.append(Finding("misfit", CAUTION, message, numbers, {"torque": float(np.sqrt(np.mean(left**2)))}))
     if search.misfit or not named:
-        return StrayReport(warnings=tuple(warnings))
+        return (), {}, tuple(warnings)
     dropped = options.drops_strays and bool(search.left_out)
     second = solve_static(search.problem.rows(search.sliding if dropped else search.kept), options, kind)
     strays = tuple(_stray(search, k, options, kind) for k in search.strays)
@@ -70,7 +57,11 @@ def report_strays(core: StaticSolution, search: PointSearch | None, options: Fit
             values.append(f"{text} {estimate.value:.4g}{off}{unit_of(text)}")
     other = f"{', '.join(values)}; relative error {error:.2g} % instead of {now:.2g} %."
     names = dict.fromkeys((*core.parameters, *second.parameters))
-    moved = tuple(core.problem.text(n) for n in names if _differ(core.parameters.get(n), second.parameters.get(n)))
+    # by more than a standard error, or one of the two is not identified
+    ours, theirs = ({n: e.value for n, e in x.parameters.items() if e.value is not None} for x in (core, second))
+    errors = {n: core.parameters[n].standard_error or 0.0 for n in ours}
+    alike = {n for n in ours.keys() & theirs.keys() if abs(ours[n] - theirs[n]) <= errors[n]}
+    moved = tuple(core.problem.text(n) for n in names if n not in alike)
     numbers = {"count": len(search.strays), "points": _told(named)}
     message = f"{_points(len(search.strays))} off the law of the others"
     if dropped:
@@ -91,7 +82,7 @@ def report_strays(core: StaticSolution, search: PointSearch | None, options: Fit
         else:
             warning = Finding("strays", CAUTION, f"{message} {advice}", numbers)
     parts = search.problem.directions
-    return StrayReport(strays=strays, other={d: _other_points(second, d) for d in parts}, warnings=(*warnings, warning))
+    return strays, {d: _other_points(second, d) for d in parts}, (*warnings, warning)
 
 
 def _advice(search: PointSearch, options: FitOptions) -> str:
@@ -148,13 +139,6 @@ def _stray(search: PointSearch, k: int, options: FitOptions, kind: Kind) -> Stra
         file=file, where=where, velocity=s.velocity, torque=s.torque, deviations=float(search.deviations[k]),
         without={name: e.value for name, e in own.items() if e.value is not None},
     )  # fmt: skip  # a list of values
-
-
-def _differ(one: Estimate | None, other: Estimate | None) -> bool:
-    """Whether they differ by more than a standard error of the first, or one of the two is not identified."""
-    if one is None or other is None or one.value is None or other.value is None:
-        return True
-    return abs(one.value - other.value) > (one.standard_error or 0.0)
 
 
 def _other_points(solved: StaticSolution, part: Direction) -> OtherPoints:

@@ -4,11 +4,10 @@ One after another the point is left out whose absence lowers the cost of the ref
 this is no chance; where no point alone is, pairs are tried, then threes, for strays can hide each other. At most an
 eighth of the points are strays: where one more would be, it is the law that does not fit.
 
-To leave a point out is to give it a parameter of its own. So at a given v_s the cost falls by r**2 / (1 - h), with r
-the point's residual and h its leverage, and by a quadratic form in their residuals for two or three: all of them are
-tried at every v_s of a grid in a few array operations, and the best few are refitted exactly (Cook and Weisberg,
-Residuals and Influence in Regression, 1982). Of more than a thousand points one hardly moves the law: the grid is then the
-v_s of the fit, and those are left out together that the test finds and that are at least half as far off as the farthest.
+At a given v_s the cost falls by r**2 / (1 - h), with r the point's residual and h its leverage, and by a quadratic form
+for two or three: all are tried at every v_s of a grid, and the best few are refitted exactly (Cook and Weisberg, Residuals
+and Influence in Regression, 1982). Of more than a thousand points one hardly moves the law: the grid is then the v_s of
+the fit, and those are left out together that the test finds and that are at least half as far off as the farthest.
 """
 
 from collections.abc import Iterator, Sequence
@@ -123,10 +122,8 @@ class _Node(NamedTuple):
     """The problem at one v_s of each peak."""
 
     cost: float
-    residuals: Array
-    """(n,)."""
-    basis: Array
-    """Orthonormal columns of the fit, (n, p)."""
+    residuals: Array  # (n,)
+    basis: Array  # Orthonormal columns of the fit, (n, p)
 
     def falls(self, among: NDArray[np.intp], at: NDArray[np.intp]) -> Array:
         """By how much the cost falls without each of some sets of points, (k,): r' (I - H)**-1 r of their own, by elimination.

@@ -1,9 +1,7 @@
-"""The 95 % intervals of a static fit three ways: covariance, profile, bootstrap; and where they part.
+"""The 95 % intervals of a static fit three ways, covariance, profile, bootstrap, and where they part; and what runs say, for `repeats`.
 
 The bootstrap draws points anew at the same velocities and fits them again by the whole grid; what is costly to fit goes
 by one step. v_s is stepped by its logarithm: an interval need be neither symmetric nor normal.
-
-And what each of several runs says of it, for `repeats`.
 """
 
 from collections.abc import Sequence
@@ -13,16 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.estimation import interval_comparison
-from bristle.estimation.bootstrap import (
-    FEW,
-    REFITS,
-    SHOWN,
-    Resampled,
-    block_bootstrap,
-    linear_refit,
-    residual_bootstrap,
-)
+from bristle.estimation import bootstrap, interval_comparison
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Uncertainty
 from bristle.identification.static.batch import Batch
@@ -38,16 +27,14 @@ _FEW = 8  # points beyond the parameters, below which they are few
 _DRAWN, _BEYOND = 61, 0.6  # values of v_s on its drawn profile, and how far beyond its interval, in widths of it
 
 
-def three_ways(
-    solved: StaticSolution, v_s_range: tuple[float, float], seed: int = SEED
-) -> dict[ParameterName, Uncertainty]:
-    """The intervals of every parameter of a solved and judged problem, by its names; `seed` is that of the bootstrap."""
+def three_ways(solved: StaticSolution, v_s_range: tuple[float, float]) -> dict[ParameterName, Uncertainty]:
+    """The intervals of every parameter of a solved and judged problem, by its names."""
     n, names = solved.problem.torque.size, solved.problem.names
     spare = n - len(names)
     few = f"{n} points for {len(names)} parameters" if spare < _FEW else None
-    drawn = resample(solved.problem, solved.solution, v_s_range, seed=seed, covariance=solved.covariance)
+    drawn = resample(solved.problem, solved.solution, v_s_range, covariance=solved.covariance)
     out = {}
-    for name, value, low, high, draws in zip(names, solved.solution.theta.tolist(), *drawn[:3], strict=True):
+    for name, value, low, high, draws in zip(names, solved.solution.theta.tolist(), *drawn, strict=True):
         at_bound, resampled = name in solved.solution.at_bound, None if np.isnan(low) else (float(low), float(high))
         covariance, profile = solved.student[name], solved.profiled.intervals[name]
         warnings = interval_comparison.warnings(value, covariance, profile, resampled, at_bound=at_bound, few=few)
@@ -56,18 +43,14 @@ def three_ways(
             warnings = (Finding("intervals-at-bound", CAUTION, message),)
         elif resampled is None:
             message = (
-                f"No bootstrap: the residuals are correlated over so long that fewer than {FEW} blocks are left to "
+                f"No bootstrap: the residuals are correlated over so long that fewer than {bootstrap.FEW} blocks are left to "
                 "resample."
             )
-            warnings = (*warnings, Finding("no-blocks", NOTE, message, {"least": FEW}))
+            warnings = (*warnings, Finding("no-blocks", NOTE, message, {"least": bootstrap.FEW}))
         out[name] = Uncertainty(
-            covariance=(0.0, covariance[1]) if at_bound else covariance,
-            profile=profile,
-            bootstrap=resampled,
-            curve=_curve(solved, name, value),
-            draws=draws[np.isfinite(draws)][:SHOWN],
-            warnings=warnings,
-        )
+            covariance=(0.0, covariance[1]) if at_bound else covariance, profile=profile, bootstrap=resampled,
+            curve=_curve(solved, name, value), draws=draws[np.isfinite(draws)][:bootstrap.SHOWN], warnings=warnings,
+        )  # fmt: skip  # a list of values
     return out
 
 
@@ -103,52 +86,60 @@ class StaticDraws(NamedTuple):
     """(p,)."""
     draws: Array
     """(p, b)."""
-    wild: bool
-    """Whether signs and sizes of residuals are drawn, not their places."""
 
 
 def resample(
     problem: Regression,
     solution: Solution,
     v_s_range: tuple[float, float],
-    draws: int = REFITS,
+    draws: int = bootstrap.REFITS,
     seed: int = SEED,
     covariance: Array | None = None,
 ) -> StaticDraws:
-    """Intervals of every parameter in the order of the problem's `names`.
+    """Intervals of every parameter in the order of the problem's `names`, by so many `draws`, >= 40 (of moving data always as many).
 
     Points of which each stands alone, with at most one peak, are fitted again, up to `MANY`; parameters of others go one
-    step of Gauss and Newton, those at a bound none, and none does where moving data leave too few blocks to draw.
-
-    Args:
-        problem: the equations.
-        solution: its solution.
-        v_s_range: as it was solved with.
-        draws: resampled sets, >= 40; of moving data there are always as many.
-        seed: of the generator.
-        covariance: of the parameters at no bound; of moving data alone.
+    step of Gauss and Newton, those at a bound none, and none does where moving data leave too few blocks to draw: of these the
+    `covariance` of the parameters at no bound is needed.
     """
     keep = np.ones(len(problem.names), dtype=bool)
     alone = problem.smooth is None and len(problem.peaks) < 2 and not problem.shape
     if alone and problem.torque.size <= MANY:
-        drawn, errors = _refitted(problem, solution, v_s_range, draws, seed)
+        center, as_logarithm = solution.theta[:, None], problem.logarithmic[:, None]
+
+        def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
+            """How far the grid's estimates lie off, and their errors, inf where nothing is seen of a parameter."""
+            torques = (problem.torque - solution.residuals)[:, None] + residuals
+            if not problem.peaks:
+                theta, errors = bootstrap.linear_refit(problem.linear, torques, uneven)
+                return theta - center, errors
+            batch = Batch(problem, torques, v_s_range)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                steps = np.where(as_logarithm, np.log(batch.theta / center), batch.theta - center)
+            size = np.where(as_logarithm, np.column_stack([center, batch.theta[:, 1:]]), 1.0)
+            return steps, batch.errors(robust=uneven) / size
+
+        J, left = solution.jacobian, solution.residuals
+        drawn, errors = bootstrap.residual_bootstrap(J, left, problem.velocity, refit, draws, seed)
     else:
         keep = np.array([name not in solution.at_bound for name in problem.names])
         if not keep.any():
             nothing = np.full(keep.size, np.nan)
-            return StaticDraws(nothing, nothing, np.full((keep.size, draws), np.nan), wild=False)
+            return StaticDraws(nothing, nothing, np.full((keep.size, draws), np.nan))
         size = np.where(problem.logarithmic, solution.theta, 1.0)[keep]
         J, left, measured = solution.jacobian[:, keep] * size, solution.residuals, problem.torque.size - problem.priors
         if problem.shape and problem.peaks:
             J = np.concatenate([J, own_columns(problem, solution)], axis=1)
         if problem.smooth is None or covariance is None:
-            drawn, errors = residual_bootstrap(J, left, problem.velocity, seed=seed)
+            drawn, errors = bootstrap.residual_bootstrap(J, left, problem.velocity, seed=seed)
         else:
             sigma = float(np.sqrt(solution.cost / max(left.size - size.size, 1)))
-            drawn = block_bootstrap(-J[:measured], left[:measured], priors=-J[measured:], sigma=sigma, seed=seed)
+            drawn = bootstrap.block_bootstrap(
+                -J[:measured], left[:measured], priors=-J[measured:], sigma=sigma, seed=seed
+            )
             errors = np.sqrt(np.diag(covariance)[: size.size]) / size
         errors = errors[: size.size]  # what the shape has beside stands after them
-    if problem.smooth is not None and drawn.blocks < FEW:
+    if problem.smooth is not None and drawn.blocks < bootstrap.FEW:
         keep[:], errors = False, errors[:0]
     ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())]).reshape(-1, 2)
     best, logarithmic, floor = (each[keep, None] for each in (solution.theta, problem.logarithmic, problem.least))
@@ -162,27 +153,7 @@ def resample(
         return out
 
     low, high = moved(ends).T
-    return StaticDraws(low, high, moved(drawn.steps.T[: best.size]), drawn.wild)
-
-
-def _refitted(
-    problem: Regression, solution: Solution, v_s_range: tuple[float, float], draws: int, seed: int
-) -> tuple[Resampled, Array]:
-    best, logarithmic = solution.theta[:, None], problem.logarithmic[:, None]
-
-    def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
-        """How far the grid's estimates lie off, and their errors, inf where nothing is seen of a parameter."""
-        torques = (problem.torque - solution.residuals)[:, None] + residuals
-        if not problem.peaks:
-            theta, errors = linear_refit(problem.linear, torques, uneven)
-            return theta - best, errors
-        batch = Batch(problem, torques, v_s_range)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            steps = np.where(logarithmic, np.log(batch.theta / best), batch.theta - best)
-        size = np.where(logarithmic, np.column_stack([best, batch.theta[:, 1:]]), 1.0)
-        return steps, batch.errors(robust=uneven) / size
-
-    return residual_bootstrap(solution.jacobian, solution.residuals, problem.velocity, refit, draws, seed)
+    return StaticDraws(low, high, moved(drawn.steps.T[: best.size]))
 
 
 def parts_of_runs(

@@ -1,6 +1,7 @@
 """What to measure next, all of it: constant velocities, slow loading and a tracking motion within limits, and the intervals to expect."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +10,7 @@ from bristle.arrays import Array, result
 from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding, in_direction
 from bristle.identification.fisher import covariance, static_information
-from bristle.identification.limits import Limits, followed, limits_of, shortened
+from bristle.identification.limits import Limits, followed, limits_of
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -277,7 +278,7 @@ def _within_time(
     """Velocities and loadings within the limit of time: every time is shortened by one share where all of it would take longer."""
     share = 1.0
     while share > 0.02:
-        short = shortened(limits, share)
+        short = replace(limits, hold=limits.hold * share)  # all take this share of their time
         runs = tuple(plan_velocities(start, d, short, velocities, aim, share) for d in start.directions)
         loadings = tuple(plan_loading(measured, joint, start, d, short, share) for d in SIGNED)
         parts = in_turn([v for x in runs for v in x.velocities], largest_deflection(start), short)

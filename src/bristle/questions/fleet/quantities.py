@@ -16,7 +16,7 @@ from scipy.special import fdtrc
 from bristle.arrays import Array
 from bristle.estimation.covariance import student
 from bristle.estimation.moderation import normal_errors
-from bristle.estimation.robust import Differences, RobustFit, differences_of, fit_differences
+from bristle.estimation.robust import RobustFit, differences_of, fit_differences
 from bristle.estimation.step_test import Levels
 from bristle.questions.fleet.roster import Roster
 
@@ -173,11 +173,10 @@ def adjusted(quantity: Quantity, tests: int) -> Adjusted:
     """
     gaps = ~np.isfinite(quantity.covariates)
     covariates = np.where(gaps, 0.0, quantity.covariates)
-    told, pairs = np.asarray(~gaps.any(axis=1), dtype=bool), differences_of(quantity.joint)
-    inside = told[pairs.first] & told[pairs.second]
-    pairs = Differences(pairs.first[inside], pairs.second[inside])
-    fit, X = fit_differences(quantity.y, quantity.known, covariates, pairs, quantity.unit), covariates
-    knots, p, most = np.zeros(0), nan, min(KNOTS, pairs.first.size // PER_KNOT)
+    told, first = np.asarray(~gaps.any(axis=1), dtype=bool), differences_of(quantity.joint)
+    first = first[told[first] & told[first + 1]]
+    fit, X = fit_differences(quantity.y, quantity.known, covariates, first, quantity.unit), covariates
+    knots, p, most = np.zeros(0), nan, min(KNOTS, first.size // PER_KNOT)
     if (np.bincount(quantity.joint) > 1).sum() >= LEAST_JOINTS and most > 1:
         days = np.unique(np.round(quantity.time))
         knots = days if days.size <= most else np.unique(np.quantile(quantity.time, np.linspace(0, 1, most)))
@@ -185,7 +184,7 @@ def adjusted(quantity: Quantity, tests: int) -> Adjusted:
         # Functions linear between knots, each 1 at one of them and 0 at the others, without the first: (n, k - 1).
         hats = np.stack([np.interp(quantity.time, knots, row) for row in np.eye(knots.size)[1:]], axis=1)
         both = np.concatenate([covariates, hats], axis=1)
-        shifted = fit_differences(quantity.y, quantity.known, both, pairs, quantity.unit)
+        shifted = fit_differences(quantity.y, quantity.known, both, first, quantity.unit)
         p = _shift_p(shifted, covariates.shape[1])
         if p < SHIFTED / max(tests, 1):
             fit, X = shifted, both

@@ -18,6 +18,7 @@ from bristle.identification.static.batch import COARSE, Batch
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.grid import PLAIN_GRID, Projected, plain_grid, solve
 from bristle.identification.static.problem import log_grid
+from bristle.identification.static.profiles import profiled
 from bristle.identification.static.solution import is_closed
 from bristle.identification.static.uncertainty import resample
 from bristle.progress import Progress
@@ -219,10 +220,12 @@ def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: boo
     """Coverage of bristle's own intervals; the bootstrap only where v_s can be known."""
     few = np.ascontiguousarray(torques[:, :INTERVAL_SETS])
     fits = Batch(case.problem(few[:, 0]), few, case.v_s_range)
-    ends = {"covariance": fits.covariance_intervals(), "profile": fits.profile_intervals()}
+    reach = covariance.student(max(len(few) - len(case.names), 1)) * fits.errors()
+    solved = [(p, solve(p, case.v_s_range)) for p in map(case.problem, few.T)]
+    low, high = np.array([list(profiled(p, solution).intervals.values()) for p, solution in solved]).T
+    ends = {"covariance": (fits.theta - reach, fits.theta + reach), "profile": (low, high)}
     if identifiable:
-        problems = [case.problem(torque) for torque in few.T[:BOOTSTRAP_SETS]]
-        drawn = [resample(p, solve(p, case.v_s_range), case.v_s_range, DRAWS) for p in problems]
+        drawn = [resample(p, solution, case.v_s_range, DRAWS) for p, solution in solved[:BOOTSTRAP_SETS]]
         ends["bootstrap-t"] = np.stack([x.low for x in drawn], axis=1), np.stack([x.high for x in drawn], axis=1)
     truth, found = case.theta[:, None], list[Coverage]()
     for kind, (low, high) in ends.items():

@@ -13,7 +13,7 @@ from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.fisher import Information, motion_information, names_of, static_information, values_of
+from bristle.identification.fisher import Information, gram, motion_jacobian, names_of, static_information, values_of
 from bristle.identification.moving_runs import load_columns, regressors_of
 from bristle.identification.results import Joint
 from bristle.model.parameters import (
@@ -206,7 +206,7 @@ def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Exp
     extra = {name: column for name, column in terms.items() if name in (fit.names if fit is not None else values)}
     friction = names_of(model.p)
     point = np.array([*values_of(model.p), *(values[name] for name in extra)])
-    matrix = motion_information(course.velocity, motion.period, model.p, noise, extra)
+    matrix = gram(motion_jacobian(course.velocity, motion.period, model.p, extra), noise)
     held = [name for name in friction if name in model.assumed and name.name in peak_parameters(joint.law)]
     errors = {name: e.standard_error for name, e in model.estimates.items() if e.standard_error}
     if fit is not None:
