@@ -101,19 +101,10 @@ def drive_torque_slopes_function() -> ca.Function:
 
 @cache
 def loading_displacement_function() -> ca.Function:
-    """(T, g0, sigma_0) -> (y, y_g0, y_sigma_0): `law.loading_displacement`, rad, with its derivatives."""
+    """(T, g0, sigma_0) -> (y, y_T, y_g0, y_sigma_0): `law.loading_displacement`, rad, with its derivatives."""
     s = _symbols("T", "g0", "sigma_0")
     y = law.loading_displacement(**s)
-    free = {name: s[name] for name in ("g0", "sigma_0")}
-    return _function("loading_displacement", s, {"y": y, **_derivatives("y", y, free)})
-
-
-@cache
-def loading_slope_function() -> ca.Function:
-    """(T, g0, sigma_0) -> (y, y_T, y_g0, y_sigma_0): `loading_displacement`, with the slope over T as well."""
-    s = _symbols("T", "g0", "sigma_0")
-    y = law.loading_displacement(**s)
-    return _function("loading_slope", s, {"y": y, **_derivatives("y", y, s)})
+    return _function("loading_displacement", s, {"y": y, **_derivatives("y", y, s)})
 
 
 @cache

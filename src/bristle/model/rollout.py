@@ -25,7 +25,6 @@ _ONE = np.zeros(1, dtype=np.intp)
 """Where one motion begins."""
 _PASSES = 50
 """At most this many scans of a chunk to settle where z changes sign."""
-
 _STILL = 1e-12
 """Where z changes sign has settled when z changes there by at most this share of alpha_0 / sigma_0 from one scan to the next."""
 
@@ -123,7 +122,8 @@ def rollout_jacobian(
     errors are those of `rollout`; where z0 is not given, the derivative of the steady start is part of `by_parameters`.
     """
     velocity = np.asarray(velocity, dtype=np.float64)
-    rows = np.empty((len(_fields(parameters)) * _sets(parameters) + 1, velocity.size))
+    sets = 1 if isinstance(parameters, Lugre) else 2
+    rows = np.empty((len(fields_of(parameters.law)) * sets + 1, velocity.size))
     rolled = rollout_into(list(rows), velocity, step, parameters, z0)
     return RolloutJacobian(
         z=rolled.z, torque=rolled.torque, by_parameters=_frozen(rows[:-1].T), by_z0=_frozen(rows[-1])
@@ -147,13 +147,14 @@ def rollout_into(
     and z0's, which is each motion's own. All else as in `rollout_jacobian` and `rollout`.
     """
     velocity, step = _checked(velocity, step)
-    law, fields = parameters.law, _fields(parameters)
+    law, fields = parameters.law, fields_of(parameters.law)
     names, count = functions.step_parameters(law), len(fields)
     advance, friction = (
         vectorised(functions.step_sensitivity_function(law)),
         vectorised(functions.torque_sensitivity_function(law)),
     )
-    enters, rises = _positions(names, parameters), 0 if level is None else len(level) - 1
+    sets, rises = 1 if isinstance(parameters, Lugre) else 2, 0 if level is None else len(level) - 1
+    enters = np.array([count * k + fields.index(name) for k in range(sets) for name in names])  # columns of these
     z_all, torque = np.empty((2, velocity.size))
     *every, by_z0 = rows
     by_parameters, by_level = every[: len(every) - rises], every[len(every) - rises :]
@@ -226,8 +227,7 @@ def _acting(parameters: _Parameters, z: Array, v: Array) -> Sequence[float | Arr
 
 def _acting_over(parameters: _Parameters, signs: Array, nodes: Nodes) -> Sequence[float | Array]:
     """The set that acts over each step, where z has these signs, with the level that a load adds to."""
-    acting = parameters if isinstance(parameters, Lugre) else _acting(parameters, signs, nodes.heading)
-    return _with_level(acting, None if nodes.level is None else nodes.rise[0])
+    return _with_level(_acting(parameters, signs, nodes.heading), None if nodes.level is None else nodes.rise[0])
 
 
 def _with_level(acting: Sequence[float | Array], level: Array | None) -> Sequence[float | Array]:
@@ -242,26 +242,11 @@ def _by_set(rows: Array, parameters: _Parameters, z: Array, v: Array, names: Seq
     """
     if isinstance(parameters, Lugre):
         return rows
-    fields, one = _fields(parameters), lugre_of(parameters.law)
+    fields, one = fields_of(parameters.law), lugre_of(parameters.law)
     of_one = Pair(one(*[1.0] * len(fields)), one(*[0.0] * len(fields)))
     shares = dict(zip(fields, _acting(of_one, z, v), strict=True))
     positive = np.array([shares[name] for name in names])
     return np.vstack([rows * positive, rows * (1 - positive)])
-
-
-def _fields(parameters: _Parameters) -> tuple[str, ...]:
-    """Names of the parameters of a set."""
-    return fields_of(parameters.law)
-
-
-def _sets(parameters: _Parameters) -> int:
-    return 1 if isinstance(parameters, Lugre) else 2
-
-
-def _positions(names: Sequence[str], parameters: _Parameters) -> Index:
-    """Columns of the Jacobian in which these parameters stand."""
-    fields = _fields(parameters)
-    return np.array([len(fields) * k + fields.index(name) for k in range(_sets(parameters)) for name in names])
 
 
 def _start(velocity: Array, parameters: _Parameters, level: Array | None = None) -> tuple[float, Array]:
@@ -270,7 +255,7 @@ def _start(velocity: Array, parameters: _Parameters, level: Array | None = None)
     first = np.zeros((1, 1)) if level is None or not velocity.size else level[:, :1]
     acting = _with_level(_acting(parameters, v, v), first[0])
     z, *by = evaluate(functions.steady_deflection_function(parameters.law), v, *acting)
-    names, fields = functions.step_parameters(parameters.law), _fields(parameters)
+    names, fields = functions.step_parameters(parameters.law), fields_of(parameters.law)
     rows = np.array([by[fields.index(name)] for name in names])
     return float(z[0]), np.append(_by_set(rows, parameters, v, v, names)[:, 0], first[1:, 0] * by[0][0])
 
