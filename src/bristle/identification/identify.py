@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.constants import ONE, torque_scale
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import AS_WRITTEN, GONE
@@ -63,11 +62,7 @@ from bristle.identification.settling import without_settling
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import beside_moving, fit_moving, fit_points, is_superseded
-from bristle.identification.static.set_up import (
-    better_for_motion,
-    better_for_points,
-    directions_of_points,
-)
+from bristle.identification.static.set_up import better_for_motion, better_for_points, directions_of_points
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
 from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, of_load, unit
@@ -89,6 +84,7 @@ _NOTHING = 1e-3
 """Of the torque: a Coulomb friction that is less is none."""
 _CHOICES = 2
 """Of a law by moving runs: of the load, and of the peak and terms beside it."""
+_OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
 
 
 def identify_joint(
@@ -121,8 +117,7 @@ def identify_joint(
         measured = _with_directions(measured)
     measured, told = _with_regressors(measured)
     measured, laws = _with_law(with_periods(measured))
-    under = laws
-    joint = identified(measured, under)
+    under, joint = laws, identified(measured, laws)
     measured, joint, delay, doubts = _on_time(measured, joint, partial(identified, laws=under))
     told |= delay
     if (scale := next((w for w in measured.findings if w.code == "scale-by-gravity"), None)) is not None:
@@ -147,12 +142,12 @@ def identify_joint(
         joint = identified(measured, under, near=joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty)
     step(progress, "comparing friction models")
     models = _models(measured, joint, timings, ended)
-    joint = replace(joint, models=models, laws=laws, warnings=(*law_warnings(laws), *doubts, *joint.warnings))
-    joint, other = replace(joint, settings={**joint.settings, **told}), 0.0
+    other = 0.0
     if {APART, SYMMETRIC} <= bic.keys():
-        apart = measured.experiment.fit.directions == "separate"
-        joint = replace(joint, settings={**joint.settings, "chosen directions": _chosen(bic, apart=apart)})
+        told["chosen directions"] = _chosen(bic, apart=measured.experiment.fit.directions == "separate")
         other = float(expit(-np.nan_to_num(abs(bic[APART] - bic[SYMMETRIC]), nan=np.inf) / 2))
+    warnings = (*law_warnings(laws), *doubts, *joint.warnings)
+    joint = replace(joint, models=models, laws=laws, settings={**joint.settings, **told}, warnings=warnings)
     return replace(joint, accuracy=accuracy_of(joint, measured, other)).with_subjects()
 
 
@@ -238,9 +233,13 @@ def _on_time(
         early = Finding("acts-early", CRITICAL, message, {"early": late}, {"torque": np.inf})
         half = max(r.step for r in measured.moving(hold_out=False)) / 2  # of a sample: rows are told apart no finer
         doubts = (early,) if late > max(_SURE * error, half) else _feedback(measured, joint, late)
-        return measured, joint, {"chosen delay": _of_drive(late, error) + _at_once(measured)}, doubts
-    when = "late" if late > 0 else "early"
-    told = f"logged {abs(late):.3g} s {when}, which is taken off (signals.torque.delay overrules)"
+        told = _of_drive(late, error)
+        said = (w for run in measured.runs for w in run.record.warnings if w.code == "commands-at-once")
+        if (at_once := next(said, None)) is not None:  # nothing says whether commands are held between samples
+            lower, of = at_once.numbers["lower"], unit("alpha_2", measured.experiment.joint.kind)
+            told += f"; ASSUMED not held between samples: held (--held), alpha_2 is {lower:.2g} {of} lower"
+        return measured, joint, {"chosen delay": told}, doubts
+    told = f"logged {abs(late):.3g} s {'late' if late > 0 else 'early'}, which is taken off (signals.torque.delay overrules)"
     return measured, joint, {"chosen delay": told} if late else {}, ()
 
 
@@ -258,25 +257,14 @@ def _feedback(measured: Measured, joint: Joint, late: float) -> tuple[Finding, .
     viscous = [x.estimate for x in chosen(joint) if x.parameter.name == "alpha_2" and x.estimate.value is not None]
     if any((e.value or 0.0) - lower < -_FAR * (e.standard_error or 0.0) for e in viscous):
         return ()
-    speed = float(
-        np.sqrt(np.mean(np.concatenate([np.asarray(r.velocity) for r in measured.moving(hold_out=False)]) ** 2))
-    )
+    velocity = np.concatenate([np.asarray(r.velocity) for r in measured.moving(hold_out=False)])
+    speed = float(np.sqrt(np.mean(velocity**2)))
     message = (
         f"ASSUMED: the drive compares its commands with measurements as old as they are. Where it compares them with those of the "
         f"moment, alpha_2 is {lower:.2g} {of} lower, and these data do not tell: write `fresh: true` (or `false`) under signals.command, "
         "or --fresh (--not-fresh)."
     )
     return (Finding("feedback-unknown", CAUTION, message, {"lower": lower}, {"torque": lower * speed}),)
-
-
-def _at_once(measured: Measured) -> str:
-    """That commands are assumed not to be held between samples, where nothing says so."""
-    said = (w for run in measured.runs for w in run.record.warnings if w.code == "commands-at-once")
-    lower = next((float(w.numbers["lower"]) for w in said), None)
-    of = unit("alpha_2", measured.experiment.joint.kind)
-    return (
-        "" if lower is None else f"; ASSUMED not held between samples: held (--held), alpha_2 is {lower:.2g} {of} lower"
-    )
 
 
 def _of_drive(late: float, error: float) -> str:
@@ -371,21 +359,41 @@ def _identified(
     uncertainty: bool = False,
     progress: Progress | None,
 ) -> Joint:
-    """The same under one law, which `laws` may have chosen on the points, without models side by side.
-
-    `near` is a fit of the same runs, seen otherwise: theirs begins there.
-    """
+    """The same under one law, which `laws` may have chosen on the points, without models side by side; moving runs begin at `near`."""
     experiment, training = measured.experiment, _training(measured)
-    points = measured.points(hold_out=False)
+    points, stages = measured.points(hold_out=False), DynamicStages()
+    static: dict[str, StaticFit] = {}
+    checks: dict[str, Crosscheck] = {}
     step(progress, "fitting friction vs velocity")
-    static, checks = _static(measured, points, timings)
-    stages = DynamicStages()
+    if points:
+        static, checks = fit_points(measured, points, timings)
+    elif not training and (not measured.slow or {run.kind for run in measured.runs} & {"ramp", "points"}):
+        raise InputError(nothing_to_fit(measured))
+    elif training and experiment.fit.predict == "torque":
+        static, checks = fit_moving(experiment, training, measured.moving(hold_out=True), timings)
     if training:
         step(progress, "fitting the moving runs")
-        stages = _moving(
-            measured, static, near, timings, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress
+        started = perf_counter()
+        stages = fit_with_priors(
+            experiment,
+            training,
+            measured.moving(hold_out=True),
+            static,
+            partial(_presliding, experiment, measured.slow) if measured.slow else None,
+            near,
+            static_is_apart=bool(points),
+            crosscheck=crosscheck,
+            uncertainty=uncertainty,
+            progress=progress,
         )
+        if timings is not None:
+            timings["moving runs"] = perf_counter() - started
         static = static if points else beside_moving(static, stages.alone)
+        fit = stages.joint or stages.alone
+        J = fit.parameters.get(INERTIA) if fit else None
+        if stages.presliding is not None and experiment.inertia is None and J is not None and J.value:
+            known = KnownValue(J.value, J.standard_error or 0.0, _OF_MOVING_RUNS, J.shifts)  # sigma_1 by (15)
+            stages = stages._replace(presliding=with_damping(stages.presliding, known, experiment.joint.kind))
     elif measured.slow:
         step(progress, "fitting slow loading")
         stages = DynamicStages(presliding=_presliding(experiment, measured.slow, static))
@@ -395,7 +403,10 @@ def _identified(
     return Joint(
         name=experiment.joint.name,
         kind=experiment.joint.kind,
-        inputs=tuple(_input(run.record) for run in measured.runs),
+        inputs=tuple(
+            Input(file=r.file, sha256=r.sha256, rows=r.rows, dropped=r.dropped, notes=r.notes, labels=r.labels)
+            for r in (run.record for run in measured.runs)
+        ),
         segments=tuple(s for candidates in measured.segments for s in candidates),
         static=static,
         crosscheck=checks,
@@ -403,7 +414,7 @@ def _identified(
         tracking=stages.alone,
         joint_fit=stages.joint,
         consistency=stages.consistency,
-        warnings=_joint_warnings(measured, points, static),
+        warnings=_joint_warnings(measured, static),
         torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
         travel=measured.travel,
         torque_constant=measured.torque_constant,
@@ -478,63 +489,6 @@ def _training(measured: Measured) -> tuple[Record, ...]:
     return training
 
 
-def _moving(
-    measured: Measured,
-    static: Mapping[str, StaticFit],
-    near: TrackingFit | Values | None,
-    timings: dict[str, float] | None,
-    *,
-    crosscheck: bool,
-    uncertainty: bool,
-    progress: Progress | None,
-) -> DynamicStages:
-    """All parameters from the moving runs, beside the other stages.
-
-    sigma_1 by (15) with their inertia, where no other is known.
-    """
-    experiment, started = measured.experiment, perf_counter()
-    stages = fit_with_priors(
-        experiment,
-        measured.moving(hold_out=False),
-        measured.moving(hold_out=True),
-        static,
-        partial(_presliding, experiment, measured.slow) if measured.slow else None,
-        near,
-        static_is_apart=bool(measured.points(hold_out=False)),
-        crosscheck=crosscheck,
-        uncertainty=uncertainty,
-        progress=progress,
-    )
-    if timings is not None:
-        timings["moving runs"] = perf_counter() - started
-    fit = stages.joint or stages.alone
-    J = fit.parameters.get(INERTIA) if fit else None
-    if stages.presliding is None or experiment.inertia is not None or J is None or not J.value:
-        return stages
-    known = KnownValue(J.value, J.standard_error or 0.0, _of_moving_runs(), J.shifts)
-    return stages._replace(presliding=with_damping(stages.presliding, known, experiment.joint.kind))
-
-
-def _of_moving_runs() -> Finding:
-    return Finding("of-moving-runs", NOTE, "the moving runs")
-
-
-def _static(
-    measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
-) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Static fits and their cross-checks from the points, or else from the moving runs."""
-    training, kinds = measured.moving(hold_out=False), {run.kind for run in measured.runs}
-    if points:
-        return fit_points(measured, points, timings)
-    if training:
-        by_velocity = measured.experiment.fit.predict == "torque"
-        held = measured.moving(hold_out=True)
-        return fit_moving(measured.experiment, training, held, timings) if by_velocity else ({}, {})
-    if not measured.slow or kinds & {"ramp", "points"}:
-        raise InputError(nothing_to_fit(measured))
-    return {}, {}
-
-
 def _models(
     measured: Measured, joint: Joint, timings: dict[str, float] | None, apart: Values | None
 ) -> tuple[ModelComparison, ...]:
@@ -587,19 +541,18 @@ def _breakaway_torque(
     if fit is None:
         return None
     estimates: Mapping[Any, Estimate] = fit.parameters
-    wanted = [
-        key
+    level, peak = (
+        [name, ParameterName(name, Direction(direction)), ParameterName(name, Direction.BOTH)]
         for name in ("alpha_0", "alpha_1")
-        for key in (name, ParameterName(name, Direction(direction)), ParameterName(name, Direction.BOTH))
-    ]
-    terms = [key for key in wanted if key in estimates and estimates[key].value]
-    if not terms or terms[0] not in wanted[:3]:
+    )
+    terms = [key for key in (*level, *peak) if key in estimates and estimates[key].value]
+    if not terms or terms[0] not in level:
         return None
     value = sum(estimates[key].value or 0.0 for key in terms)
     share = np.array([float(name in terms) for name in fit.names])
     error = float(np.sqrt(share @ fit.covariance @ share)) if share.size else 0.0
     if len(terms) == 2:
-        source = _of_moving_runs() if moving else Finding("of-static-fit", NOTE, "the static fit")
+        source = _OF_MOVING_RUNS if moving else Finding("of-static-fit", NOTE, "the static fit")
     elif moving:
         message = "alpha_0 of the moving runs, which show no peak"
         source = Finding("of-moving-runs-without-peak", NOTE, message)
@@ -612,29 +565,16 @@ def _breakaway_torque(
     return KnownValue(value, error, source, shifts)
 
 
-def _input(record: Record) -> Input:
-    return Input(
-        file=record.file,
-        sha256=record.sha256,
-        rows=record.rows,
-        dropped=record.dropped,
-        notes=record.notes,
-        labels=record.labels,
-    )
-
-
-def _joint_warnings(measured: Measured, points: Sequence[Segment], static: dict[str, StaticFit]) -> tuple[Finding, ...]:
-    experiment, warnings = measured.experiment, list(measured.warnings)
+def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> tuple[Finding, ...]:
+    experiment, warnings, kept = measured.experiment, list(measured.warnings), measured.points(hold_out=False)
     for key in experiment.fit.gone:
         message = f"fit.{key} is a key of earlier versions, and is not read as it was: {GONE[key]}."
         warnings.append(Finding("key-gone", CAUTION, message, {"key": key}))
-    told = {w.code for w in warnings}
+    told, of = {w.code for w in warnings}, effort_unit(experiment.joint.kind)
     if experiment.coasting is not None and experiment.coasting.known is None:
-        of = effort_unit(experiment.joint.kind)
         message = f"Nothing of the joint is known, so friction is per inertia, in {of}: write `coasting: {{inertia: 0.02 kg*m^2}}`, or its gravity."
         warnings.append(Finding("per-inertia", CAUTION, message, {"unit": of}))
     elif has_own_unit(experiment.joint.kind) and "constant-unseen" not in told and measured.link_inertia is None:
-        of = effort_unit(experiment.joint.kind)
         constant = "torque_constant: 0.35 N*m/A"
         lacks, lines = {
             "A": ("torque constant is", constant),
@@ -655,23 +595,7 @@ def _joint_warnings(measured: Measured, points: Sequence[Segment], static: dict[
             why = Finding("none-kept", CAUTION, message, {"tried": tried})
         message = f"Direction {other} is not identified: {why}."
         warnings.append(Finding("direction-unknown", CAUTION, message, {"direction": other, "why": why}))
-    warnings += _segment_warnings(measured)
-    unused = tuple(run.record.file for run in measured.runs if run.kind == "presliding" and run.hold_out)
-    if unused:
-        message = f"Held-out presliding runs are not used: {', '.join(unused)}."
-        warnings.append(Finding("held-out-unused", NOTE, message, {"files": unused}))
-    if experiment.truth and not experiment.simulated:
-        message = "True parameters are given (truth), but the data are not declared simulated."
-        warnings.append(Finding("truth-undeclared", CAUTION, message))
-    warnings += point_warnings(measured, points, static)
-    warnings += offset_of_points(experiment, static)
-    return tuple(warnings)
-
-
-def _segment_warnings(measured: Measured) -> list[Finding]:
-    """Warnings about kept segments, counted: each is listed with its segment."""
-    kept = measured.points(hold_out=False)
-    warnings = []
+    # of kept segments, counted: each warning is listed with its segment
     told = {file for d in measured.warnings if d.code == "velocity-factor" for file in d.numbers["files"]}
     differ = sum(any(d.code == "position-differs" for d in s.warnings) for s in kept)
     if differ and not told:
@@ -681,4 +605,13 @@ def _segment_warnings(measured: Measured) -> list[Finding]:
     if others:
         message = f"The torque of {others} of {len(kept)} kept segments is questionable; the list of segments says why."
         warnings.append(Finding("torques-doubted", CAUTION, message, {"doubted": others, "kept": len(kept)}))
-    return warnings
+    unused = tuple(run.record.file for run in measured.runs if run.kind == "presliding" and run.hold_out)
+    if unused:
+        message = f"Held-out presliding runs are not used: {', '.join(unused)}."
+        warnings.append(Finding("held-out-unused", NOTE, message, {"files": unused}))
+    if experiment.truth and not experiment.simulated:
+        message = "True parameters are given (truth), but the data are not declared simulated."
+        warnings.append(Finding("truth-undeclared", CAUTION, message))
+    warnings += point_warnings(measured, kept, static)
+    warnings += offset_of_points(experiment, static)
+    return tuple(warnings)
