@@ -34,18 +34,15 @@ _COMPANION = {"v_s": "alpha_1", "sigma_1": "sigma_0"}  # what means nothing with
 
 def loads_alike(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[Finding]:
     """The coefficients of a load that another parameter makes up for: a variance inflation, 1 / (1 - R**2), above 10."""
-    n = problem.size
-    free = np.flatnonzero(np.isfinite(solution.scaled_errors))
-    J = solution.minimum.jacobian[:n, free]
+    free, found = np.flatnonzero(np.isfinite(solution.scaled_errors)), list[Finding]()
+    J, names = solution.minimum.jacobian[: problem.size, free], [solution.names[k] for k in free]
     J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)
-    names, found = [solution.names[k] for k in free], list[Finding]()
     for j, name in enumerate(names):
         if not isinstance(name, ParameterName) or not of_load(name.name):
             continue
         others = np.delete(J, j, axis=1)
         made = np.linalg.lstsq(others, J[:, j], rcond=None)[0]
-        left = float(np.sum((J[:, j] - others @ made) ** 2))
-        inflation = 1 / max(left, 1e-12)
+        inflation = 1 / max(float(np.sum((J[:, j] - others @ made) ** 2)), 1e-12)
         if inflation > _INFLATED:
             other = [x for k, x in enumerate(names) if k != j][int(np.argmax(np.abs(made)))]
             message = (
@@ -96,9 +93,8 @@ def bristle_doubts(
     differ = _halves_differ(problem, solution)
     doubts: dict[ParameterName, Finding] = {}
     for direction in problem.directions:
-        names = [ParameterName(name, direction) for name in BRISTLE]
         reason = _unresolved(problem, solution, direction, estimates)
-        for name in names:
+        for name in (ParameterName(name, direction) for name in BRISTLE):
             why = reason or differ.get(name)
             if why is not None and name in estimates and name not in problem.with_prior:
                 doubts[name] = why
@@ -171,8 +167,7 @@ def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Esti
             own = e.warnings if name in weak else ()
             told = companion in own or not {"unseen-bend", "unseen-shape"}.isdisjoint(w.code for w in own)
             reasons = (*own, companion) if alone and not told else own
-            doubted = not {w.code for w in reasons}.isdisjoint(UNRESOLVED)
-            interval = None if doubted else e.interval
+            interval = e.interval if UNRESOLVED.isdisjoint(w.code for w in reasons) else None
             out[name] = replace(e, value=None, standard_error=None, interval=interval, warnings=reasons)
     return out
 
@@ -272,8 +267,7 @@ def asked_peak(
     known, rest = solution.minimum.jacobian[:, seen], solution.minimum.residuals
     # the derivative of the residuals by an alpha_1 at zero, at some values of v_s
     fixed = {name: value for name, value in problem.fixed.items() if name != alpha_1}
-    values = {name: value for name, value in solution.values.items() if name != v_s} | {alpha_1: 0.0}
-    weight = problem.weight
+    values, weight = {n: x for n, x in solution.values.items() if n != v_s} | {alpha_1: 0.0}, problem.weight
     speeds = np.geomspace(_SLOWEST, 1 / problem.law.peak.reach, _SPEEDS) * problem.fastest
     columns = np.zeros((rest.size, _SPEEDS))
     for k, speed in enumerate(speeds.tolist()):

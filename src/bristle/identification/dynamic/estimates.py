@@ -1,7 +1,6 @@
 """What a fit of moving data says of each parameter, and of itself: estimates with intervals, what the motion does not see, physics."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from math import sqrt
 
 import numpy as np
@@ -12,14 +11,7 @@ from bristle.estimation.covariance import student
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import MATTERS, moved_by
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction
-from bristle.identification.dynamic.claims import (
-    WIDE,
-    beside_a_peak,
-    bristle_doubts,
-    peak_doubts,
-    warned,
-    without_weak,
-)
+from bristle.identification.dynamic.claims import WIDE, beside_a_peak, bristle_doubts, peak_doubts, warned, without_weak
 from bristle.identification.dynamic.descent import FEWEST, LOGARITHMIC, equations_left
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, sets_of
 from bristle.identification.dynamic.what_is_left import Left, known_and_left
@@ -46,11 +38,8 @@ def estimates_of(
     None has where the fit did not converge, or leaves more than there was.
     """
     estimates = _estimates(solution._replace(scaled_errors=left.errors), kind)
-    anything = (0.0, float("inf"))
-    estimates |= {
-        name: Estimate(value=None, unit=unit(name.name, kind), interval=anything, warnings=(why,))
-        for name, why in dropped.items()
-    }
+    for name, why in dropped.items():
+        estimates[name] = Estimate(value=None, unit=unit(name.name, kind), interval=(0.0, np.inf), warnings=(why,))
     if not solution.minimum.converged or problem.percent(equations_left(problem, solution)) > _NOTHING:
         message = "Not estimated: the fit did not converge, or leaves more than was measured."
         estimates = warned(estimates, dict.fromkeys(estimates, Finding("unseen-unconverged", NOTE, message)))
@@ -62,8 +51,8 @@ def estimates_of(
         )
         few = Finding("unseen-too-few", NOTE, message, {"equations": equations, "unknowns": unknowns, "least": least})
         estimates = warned(estimates, dict.fromkeys(estimates, few))
-    doubts = {name: why for name, why in peak_doubts(problem, solution).items() if name not in shown}
-    estimates = warned(estimates, doubts)
+    doubts = peak_doubts(problem, solution)
+    estimates = warned(estimates, {name: why for name, why in doubts.items() if name not in shown})
     estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
     message = (
         "Not identifiable from this motion: v_s lies near the fastest speed, so that the Stribeck term bends the whole curve, which is known at "
@@ -72,11 +61,11 @@ def estimates_of(
     kept = {name: Finding("unseen-shape", NOTE, message) for name, code in shown.items() if code == "unseen-bend"}
     estimates = warned(estimates, kept)
     beside = {n._replace(name=name) for n in kept for name in ("alpha_0", "alpha_2")} & estimates.keys()
-    bent = [name for name, why in dropped.items() if why.code == "unseen-bend"]
+    bent = {
+        n._replace(name="alpha_0") for n, why in dropped.items() if why.code == "unseen-bend" and n.name == "alpha_1"
+    }
     only_sum = Finding("only-sum-seen", NOTE, "Were v_s above these speeds, this would contain alpha_1.")
-    for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
-        if name in estimates:
-            estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, only_sum))
+    estimates = warned(estimates, dict.fromkeys(bent & estimates.keys(), only_sum))
     estimates = warned(estimates, dict.fromkeys((*beside, *beside_a_peak(problem, solution)), takes_up_peak()))
     J = estimates.get(INERTIA)
     if (
@@ -130,8 +119,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[Parame
 
 def _of_inertia(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> float:
     """By how much the friction of a solution would change without its inertia, rms, N*m, to first order."""
-    known, _ = known_and_left(problem, solution)
-    seen = solution.scaled_errors < np.inf
+    (known, _), seen = known_and_left(problem, solution), solution.scaled_errors < np.inf
     names = [name for name, is_seen in zip(solution.names, seen, strict=True) if is_seen]
     at, of = names.index(INERTIA), [isinstance(n, ParameterName) and of_friction(n.name) for n in names]
     made = known[:, at] * solution.minimum.x[seen][at]
@@ -171,8 +159,7 @@ def search_findings(
             )
             yield Finding("shape-held", CAUTION, message, {"names": names, "value": own.middle})
     if not solution.minimum.converged:
-        message = "The fit reached its limit of iterations before it converged."
-        yield Finding("out-of-steps", CRITICAL, message)
+        yield Finding("out-of-steps", CRITICAL, "The fit reached its limit of iterations before it converged.")
     if solution.widening > sqrt(2):
         yield correlated(rows, solution.widening)
 
@@ -187,11 +174,9 @@ def hardly_seen_findings(
     solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName, Estimate]
 ) -> list[Finding]:
     """The directions in parameter space that the data hardly see."""
-    keep = seen_parameters(solution)
+    keep, warnings = seen_parameters(solution), []
     jacobian = solution.minimum.jacobian[:, keep]
-    jacobian = jacobian / np.linalg.norm(jacobian, axis=0)
-    _, values, directions = np.linalg.svd(jacobian, full_matrices=False)
-    warnings = []
+    _, values, directions = np.linalg.svd(jacobian / np.linalg.norm(jacobian, axis=0), full_matrices=False)
     for value, direction in zip(values, directions, strict=True):
         if value < _UNSEEN * values[0]:
             large = np.flatnonzero(np.abs(direction) > 0.3 * np.abs(direction).max())

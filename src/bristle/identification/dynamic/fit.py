@@ -151,12 +151,9 @@ def _settled(
         search, others = False, ()
     solution = solve_dynamic(problem, start, others, progress, search=search)
     # weights that even out runs whose residuals scatter differently, by more than half
-    rows, (_, run) = (
-        equations_left(problem, solution),
-        np.unique([m.file for m in problem.motions], return_inverse=True),
-    )
+    _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
     by_run = np.repeat(run, [m.size for m in problem.motions])
-    scatter = np.sqrt(np.bincount(by_run, rows**2) / np.bincount(by_run))
+    scatter = np.sqrt(np.bincount(by_run, equations_left(problem, solution) ** 2) / np.bincount(by_run))
     if scatter.max() > _UNEVEN * scatter.min():
         weights = (float(np.sqrt(np.mean(scatter**2))) / np.maximum(scatter, 1e-6 * scatter.max())).tolist()
         motions = tuple(replace(m, weight=weights[k]) for m, k in zip(problem.motions, run, strict=True))
@@ -201,10 +198,9 @@ def _not_shown(
     """
     if problem.stribeck == "stribeck":
         return {}
-    upper = dict(zip(problem.names, solution.posed.unknowns.upper.tolist(), strict=True))
-    size = solution.scaled_errors * solution.posed.unknowns.scale
-    errors = dict(zip(solution.names, size.tolist(), strict=True))
-    doubts = peak_doubts(problem, solution)
+    unknowns, doubts = solution.posed.unknowns, peak_doubts(problem, solution)
+    upper = dict(zip(problem.names, unknowns.upper.tolist(), strict=True))
+    errors = dict(zip(solution.names, (solution.scaled_errors * unknowns.scale).tolist(), strict=True))
     message = (
         "Not identifiable from this motion: v_s lies near the fastest speed, so the term would bend the whole curve "
         "instead of dropping at low speed."

@@ -29,13 +29,8 @@ from bristle.identification.dynamic.descent import (
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.output_error import simulation
-from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
-from bristle.identification.dynamic.uncertainty import (
-    parts_of_runs,
-    profile_until_stable,
-    shifts_of,
-    with_three_ways,
-)
+from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem
+from bristle.identification.dynamic.uncertainty import parts_of_runs, profile_until_stable, shifts_of, with_three_ways
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.repeats import clustered, widened, with_priors_beside
@@ -50,7 +45,6 @@ from bristle.progress import Progress
 _SURER = 1.5  # times: one stage knows a parameter better than another if its error is smaller by this
 _WORSE = 1.5  # times the relative error of the moving runs alone, beyond which the joint fit is doubted
 _BENDS = 0.01  # a start for the bristle's deflection where no stage gives one, as a share of the travel
-
 
 Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
 
@@ -112,10 +106,7 @@ def fit_with_priors(
         return profile_until_stable(solved, lambda end: refit(others=[end], search=False), progress)
 
     def finished(solved: DynamicSolution, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
-        """The fit without the bias of encoder counts, and with its intervals three ways.
-
-        Each only where there are counts, and where intervals are asked for.
-        """
+        """The fit without the bias of counts, where there are any, and with intervals three ways, where they are asked for."""
         fit = without_count_bias(solved, records, pose, count) if count else solved.fit
         return with_three_ways(solved, fit, profiles) if uncertainty else fit
 
@@ -141,13 +132,23 @@ def fit_with_priors(
     if not priors:
         return DynamicStages(alone, presliding=slow)
     ended = {**solved.problem.fixed, **solved.values}
-    solved, profiles = fitted(with_priors(problem, priors, alone.rms), ended)
+    solved, profiles = fitted(replace(problem, priors=tuple(priors), sigma=alone.rms), ended)
     joint = finished(solved, profiles)
     joint = widened(joint, with_priors_beside(scatter, by_runs, joint), LOGARITHMIC)
     joint = with_systematic(joint, shifts_of(solved))
-    agree = _consistency(priors, alone, joint)
-    joint = replace(joint, warnings=(*joint.warnings, *_disagreements(agree, alone, joint)))
-    return DynamicStages(alone, joint, agree, slow)
+    agree, warnings = _consistency(priors, alone, joint), [*joint.warnings]
+    apart = tuple(c.parameter for c in agree if c.verdict.code not in {"stage-agrees", "stage-unseen"})
+    if apart:
+        message = f"The moving runs and the other stages differ by more than chance in {', '.join(map(str, apart))}."
+        warnings.append(Finding("stages-differ", CAUTION, message, {"names": apart}))
+    of_joint, of_alone = joint.relative_error, alone.relative_error
+    if of_joint > _WORSE * of_alone:
+        message = (
+            "The joint fit explains the moving runs much worse than a fit of these alone (relative error "
+            f"{of_joint:.3g} % instead of {of_alone:.3g} %): the stages contradict each other."
+        )
+        warnings.append(Finding("stages-do-not-fit", CRITICAL, message, {"joint": of_joint, "alone": of_alone}))
+    return DynamicStages(alone, replace(joint, warnings=tuple(warnings)), agree, slow)
 
 
 def fit_alone(experiment: Experiment, records: Sequence[Record], static: Mapping[str, StaticFit]) -> TrackingFit:
@@ -190,10 +191,8 @@ def _from(
 ) -> dict[ParameterName, float]:
     """Where a fit of the same runs ended, and a start where it tells nothing."""
     known = near.known if isinstance(near, TrackingFit) else without_deflections(near)
-    told = {
-        name: x for name, x in carried(problem, known).items() if name in start and (x or name.name not in LOGARITHMIC)
-    }
-    return {**start, **told}
+    told = carried(problem, known)
+    return {**start, **{n: x for n, x in told.items() if n in start and (x or n.name not in LOGARITHMIC)}}
 
 
 def _problem(
@@ -349,17 +348,12 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
         for k, (name, value, error) in enumerate(zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True)):
             moving, both = alone.parameters[name], joint.parameters[name]
             if moving.value is None or moving.standard_error is None:
-                verdict = Finding("stage-unseen", NOTE, "Not identifiable from the tracking runs.")
-                difference = None
+                verdict, difference = Finding("stage-unseen", NOTE, "Not identifiable from the tracking runs."), None
             else:
                 apart = [by - prior.shifts[c][k] if c in prior.shifts else by for c, by in moving.shifts.items()]
                 difference = (moving.value - value) / hypot(error, moving.standard_error, *apart)
-                verdict = _verdict(
-                    prior.stage,
-                    abs(difference) > limit,
-                    error / abs(value or 1.0),
-                    moving.standard_error / abs(moving.value or 1.0),
-                )
+                shares = error / abs(value or 1.0), moving.standard_error / abs(moving.value or 1.0)
+                verdict = _verdict(prior.stage, abs(difference) > limit, *shares)
             rows.append(
                 Consistency(
                     parameter=name,
@@ -377,33 +371,15 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
     return tuple(rows)
 
 
-def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: TrackingFit) -> list[Finding]:
-    """What the stages' disagreement warns of in the joint fit."""
-    warnings = []
-    apart = [c.parameter for c in agree if c.verdict.code not in {"stage-agrees", "stage-unseen"}]
-    if apart:
-        names = ", ".join(map(str, apart))
-        message = f"The moving runs and the other stages differ by more than chance in {names}."
-        warnings.append(Finding("stages-differ", CAUTION, message, {"names": tuple(apart)}))
-    if joint.relative_error > _WORSE * alone.relative_error:
-        of_joint, of_alone = joint.relative_error, alone.relative_error
-        message = (
-            "The joint fit explains the moving runs much worse than a fit of these alone (relative error "
-            f"{of_joint:.3g} % instead of {of_alone:.3g} %): the stages contradict each other."
-        )
-        warnings.append(Finding("stages-do-not-fit", CRITICAL, message, {"joint": of_joint, "alone": of_alone}))
-    return warnings
-
-
 def _verdict(stage: str, differ: bool, stage_share: float, own_share: float) -> Finding:
     if not differ:
         return Finding("stage-agrees", NOTE, "They agree.")
     differ_by = "They differ by more than chance"
     if max(own_share, stage_share) < _SURER * min(own_share, stage_share):
-        message = f"{differ_by}, and neither is much more precise: see the warnings of both."
-        return Finding("stage-differs", CAUTION, message)
+        return Finding(
+            "stage-differs", CAUTION, f"{differ_by}, and neither is much more precise: see the warnings of both."
+        )
     if own_share > stage_share:
-        message = f"{differ_by}; check the moving data first, which are less precise."
-        return Finding("distrust-moving", CAUTION, message)
+        return Finding("distrust-moving", CAUTION, f"{differ_by}; check the moving data first, which are less precise.")
     message = f"{differ_by}; check the {stage} stage first, which is less precise."
     return Finding("distrust-stage", CAUTION, message, {"stage": stage})

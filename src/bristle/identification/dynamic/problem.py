@@ -6,7 +6,7 @@ Each segment between gaps has a bristle deflection z0 of its own to begin with. 
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 from typing import Any, Literal, NamedTuple
 
@@ -21,7 +21,7 @@ from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError
 from bristle.estimation.nonlinear import Block
 from bristle.identification.load_levels import Load, levels_of, load_of
-from bristle.identification.moving_runs import decimator, extra_columns, given_by, known_torque
+from bristle.identification.moving_runs import DIRECTIONS, decimator, extra_columns, given_by, known_torque
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, fields_of, lugre_of
@@ -287,11 +287,10 @@ def dynamic_problem(
                     load=None if load is None else load.at(part),
                 )
             )
-    every = np.concatenate([m.velocity for m in motions])
-    signs = {Direction.POSITIVE: 1.0, Direction.NEGATIVE: -1.0}
-    along = {d: every * signs[d] if d in signs else np.abs(every) for d in map(Direction, directions)}
-    # up to which speed a law with terms has been measured
-    fastest = {ParameterName(FASTEST, d): float(v.max()) for d, v in along.items()} if law.terms else {}
+    fastest = dict[ParameterName, float]()
+    for d in map(Direction, directions) if law.terms else ():  # up to which speed a law with terms has been measured
+        along = (m.velocity * DIRECTIONS[d] if d in DIRECTIONS else np.abs(m.velocity) for m in motions)
+        fastest[ParameterName(FASTEST, d)] = max(float(v.max()) for v in along)
     return DynamicProblem(
         motions=tuple(motions),
         directions=tuple(map(Direction, directions)),
@@ -441,8 +440,3 @@ def friction_and_load(problem: DynamicProblem, values: Values) -> tuple[Array, A
             friction.append(m.smoothed(T))
             carried.append(m.smoothed(level[1]))
     return np.concatenate(friction), np.concatenate(carried)
-
-
-def with_priors(problem: DynamicProblem, priors: Sequence[Prior], sigma: float) -> DynamicProblem:
-    """The problem with what other stages say; `sigma` is what its residuals scatter by, N*m."""
-    return replace(problem, priors=tuple(priors), sigma=sigma)

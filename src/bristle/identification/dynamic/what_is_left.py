@@ -120,14 +120,12 @@ def known_and_left(problem: DynamicProblem, solution: MultistartSolution[Unknown
 
 def columns_of(problem: DynamicProblem, regressors: Sequence[str]) -> Array:
     """The columns of some regressors, as the equations weigh them, (n, k)."""
-
-    def weighted(m: Motion) -> Array:
-        """Of one motion."""
+    rows = []
+    for m in problem.motions:
         signals = {"position": m.position, "velocity": m.velocity}
-        of = load_columns(regressors, lambda signal: signals[signal], m.time.size)
-        return m.weighted(np.stack(list(of.values()), axis=1))
-
-    return np.concatenate([weighted(m) for m in problem.motions])
+        columns = load_columns(regressors, signals.__getitem__, m.time.size)
+        rows.append(m.weighted(np.stack(list(columns.values()), axis=1)))
+    return np.concatenate(rows)
 
 
 def _delay(
@@ -181,8 +179,7 @@ def _without_counts(found: Score, made: Array) -> tuple[float, float]:
 
 
 def _drift(friction: float, found: Score, _: int) -> Finding:
-    by = float(found.sizes[0])
-    how = "grows" if by > 0 else "falls"
+    by, how = float(found.sizes[0]), "grows" if found.sizes[0] > 0 else "falls"
     message = (
         f"The torque {how} by {100 * abs(by):.0f} % in the course of a run, all else alike, which would explain {100 * found.share:.0f} % of "
         "what the fit leaves: a joint that warms up, or a sensor that does. Numbers are of the middle of the run; warm the joint up first, "
