@@ -78,7 +78,9 @@ class Simulated:
         simulated: dict[int, tuple[Array, dict[Unknown, Array]]] = {}
         for size, chosen in alike.items():  # windows of one length go in one call
             x0 = np.array([[known[InitialState(name, k)] for name in states] for k in chosen]).T
-            start = np.vstack([x0, np.repeat(np.eye(3, 3 + _free(self.law)).T.reshape(-1, 1), len(chosen), axis=1)])
+            start = np.vstack(
+                [x0, np.repeat(np.eye(3, 3 + 2 * len(fields) + len(LOADS)).T.reshape(-1, 1), len(chosen), axis=1)]
+            )
             drives = [w.drive[:-1, None] + np.diff(w.drive)[:, None] * middle for w in (windows[k] for k in chosen)]
             steps = [np.repeat(windows[k].step / every, every) for k in chosen]
             inputs = np.vstack([np.concatenate([x.ravel() for x in drives]), np.concatenate(steps)])
@@ -176,11 +178,6 @@ def _means(samples: int, decimation: int) -> sparse.csr_array | None:
     return sparse.csr_array((weight, (block, np.arange(samples))))
 
 
-def _free(of: Law) -> int:
-    """How many parameters the state is differentiated by: a pair of sets, and the loads."""
-    return 2 * len(fields_of(of)) + len(LOADS)
-
-
 @lru_cache(maxsize=16)
 def _chain(steps: int, every: int, current: Current, of: Law, windows: int) -> ca.Function:
     """Many steps of the state and, beside it, of its derivatives by its start and by the parameters.
@@ -188,7 +185,8 @@ def _chain(steps: int, every: int, current: Current, of: Law, windows: int) -> c
     Of all these, y at every sample but the first. (the start: y, v, z and their derivatives, column by column; the
     steps' inputs; the parameters) -> (1 + 3 + parameters, samples - 1), and so on for each window.
     """
-    free, count = _free(of), 2 * len(fields_of(of))
+    count = 2 * len(fields_of(of))
+    free = count + len(LOADS)  # what the state is differentiated by: a pair of sets, and the loads
     x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", free + 2)
     by = ca.SX.sym("by", 3, 3 + free)
     # ((y, v, z), (drive, h), (pair, inertia and other loads, k_t, R)) -> (y, v, z) after h
@@ -202,11 +200,8 @@ def _chain(steps: int, every: int, current: Current, of: Law, windows: int) -> c
     source = ca.horzcat(ca.SX(3, 3), ca.jacobian(new, p)[:, :free])
     moved = ca.densify(ca.jacobian(new, x) @ by + source)
     both = ca.Function("both", [ca.vertcat(x, ca.vec(by)), u, p], [ca.vertcat(new, ca.vec(moved))], {"cse": True})
-    start, inputs, constants = (
-        ca.MX.sym("start", both.size1_in(0)),
-        ca.MX.sym("inputs", 2, steps),
-        ca.MX.sym("p", free + 2),
-    )
+    start, inputs = ca.MX.sym("start", both.size1_in(0)), ca.MX.sym("inputs", 2, steps)
+    constants = ca.MX.sym("p", free + 2)
     ends = both.mapaccum(steps)(start, inputs, ca.repmat(constants, 1, steps))
     one = ca.Function("chain", [start, inputs, constants], [ends[::3, every - 1 :: every]])
     return one if windows == 1 else one.map(windows, "thread", threads())
