@@ -34,10 +34,11 @@ def reading(path: Path) -> Iterator[Any]:
     data = read_at_most(path, LARGEST, "a results file")
     try:
         yield parsed(data.decode("utf-8"))
-    except InputError as error:
-        raise _no_results(path, str(error)) from error
-    except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep, not as pydantic wants it
-        raise _no_results(path, first_reason(error)) from error
+    except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep, not as pydantic or we want it
+        why = one_line(str(error) if isinstance(error, InputError) else first_reason(error), _SHOWN)
+        raise InputError(
+            f"{path}: is no results file of schema bristle-results/3 or 2 ({why}); expected a results.json that bristle wrote"
+        ) from error
 
 
 def is_results(path: Path) -> bool:
@@ -71,7 +72,6 @@ def schema_of(adapter: "TypeAdapter[Any]", title: str) -> dict[str, Any]:
 
     class Complete(GenerateJsonSchema):
         def field_is_required(self, field: Any, total: bool) -> bool:  # noqa: ARG002  # whatever it is
-            """Every field is written, so that each is required."""
             return True
 
     document = adapter.json_schema(mode="serialization", schema_generator=Complete)
@@ -145,10 +145,3 @@ def check_most(what: str, count: int) -> None:
     """InputError where a file has more of something than it may."""
     if count > _MOST[what]:
         raise InputError(f"it has {count} {what}, more than {_MOST[what]}")
-
-
-def _no_results(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path}: is no results file of schema bristle-results/3 or 2 ({one_line(why, _SHOWN)}); "
-        "expected a results.json that bristle wrote"
-    )

@@ -195,7 +195,7 @@ def _law_of_motion(
 def _on_time(
     measured: Measured, joint: Joint, identified: Callable[..., Joint]
 ) -> tuple[Measured, Joint, dict[str, str], tuple[Finding, ...]]:
-    """Moving runs whose torque was logged late or early, without that, identified anew, and what is said of it, and doubted; else as they were.
+    """Moving runs without the delay of their torque, identified anew, and what is said of it, and doubted; else as they were.
 
     A delay is told to first order, and taken where it is one of a log and the fit then leaves a tenth less. A drive that was told
     what to follow has one: it is taken where the fit then leaves no more, with its interval.
@@ -244,10 +244,9 @@ def _on_time(
 
 
 def _feedback(measured: Measured, joint: Joint, late: float) -> tuple[Finding, ...]:
-    """That a drive may compare its commands with measurements of the moment, and what friction then is, where nothing says which.
+    """What friction is where a drive compares its commands with measurements of the moment, and nothing says whether.
 
-    Measurements as old as the commands are as a friction of K_p times the delay, which nothing else tells from viscous friction;
-    nothing is said where that is more than there is.
+    Measurements as old as the commands are as a friction of K_p times the delay, which nothing else tells from viscous friction.
     """
     command, experiment = measured.experiment.signals.command, measured.experiment
     gain = (experiment.motor_constants or ONE).at_joint().kp
@@ -279,10 +278,7 @@ def _of_drive(late: float, error: float) -> str:
 
 
 def _with_regressors(measured: Measured) -> tuple[Measured, dict[str, str]]:
-    """The same with the regressors that explain most of what is left of parts held out, and what is said of them.
-
-    Where the file says nothing of regressors, and leaves the set-up to the data.
-    """
+    """The same with the regressors that explain most of what is left of parts held out, and what is said of them; the file overrules."""
     experiment, moving, points = measured.experiment, measured.moving(hold_out=False), measured.points(hold_out=False)
     fit, better = experiment.fit, None
     if fit.set_up == AS_WRITTEN or "regressors" in fit.model_fields_set or fit.predict != "torque":
@@ -301,10 +297,7 @@ def _with_regressors(measured: Measured) -> tuple[Measured, dict[str, str]]:
 
 
 def _with_directions(measured: Measured, directions: str | None = None) -> Measured:
-    """The same with directions, whose offset is a regressor where one set of friction serves both.
-
-    None: as a first choice one for both, of moving runs that go both ways; a simulated position is fitted as ever.
-    """
+    """With directions, or one for both of moving runs that go both ways; an offset is a regressor where one friction serves both."""
     fit, training = measured.experiment.fit, measured.moving(hold_out=False)
     ways = len(moved_in(training)) if training else 0
     chosen = directions or ("symmetric" if ways == len(DIRECTIONS) and fit.predict == "torque" else "separate")
@@ -314,10 +307,9 @@ def _with_directions(measured: Measured, directions: str | None = None) -> Measu
 
 
 def _wider(measured: Measured, alone: TrackingFit | None) -> Measured | None:
-    """Moving runs through a wider low pass, where their fit leaves less through it: the narrow one took what the motion does.
+    """Moving runs through the widest low pass that leaves no more than the spectra's own; None where none leaves a tenth less.
 
-    Equations and decimation are the same; noise that a wider one lets in makes it leave more. The widest that leaves no
-    more than the spectra's own; None where the next one does not leave a tenth less, or the file asks for one.
+    The narrow one then took what the motion does: noise that a wider one lets in makes a fit leave more.
     """
     experiment = measured.experiment
     if experiment.fit.position_cutoff is not None or alone is None or alone.quantity != "torque":
@@ -427,10 +419,7 @@ def _identified(
 
 
 def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
-    """What was measured, under a law: the one asked for, or the one that its points choose; and the laws side by side on them.
-
-    Moving runs choose after they were fitted: until then theirs is the paper's.
-    """
+    """What was measured, under the law asked for, or the one that its points choose; and the laws side by side on them."""
     asked = measured.experiment.fit.law
     laws = laws_of_points(measured, measured.experiment.fit.friction) if measured.points(hold_out=False) else None
     if laws is not None and term_that_pays(measured.experiment.fit, laws) == WITH_DRAG:
@@ -445,10 +434,9 @@ def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
 
 
 def _as_two(joint: Joint, bic: float) -> float:
-    """The BIC of a friction for each direction of moving runs: infinite where one of them is none, which leaves an offset, ...
+    """The BIC of a friction for each direction of moving runs: infinite where one of them is none, which leaves an offset.
 
-    ... and nan where the two differ by a constant alone, as an offset makes them: a better BIC is then that of two bristles, about
-    reversals that the model does not describe.
+    And nan where the two differ by a constant alone: a better BIC is then of two bristles, about reversals that no model describes.
     """
     fit = joint.moving
     least = 0.0 if fit is None else _NOTHING * float(np.sqrt(np.mean(fit.measured**2)))
@@ -466,10 +454,7 @@ def _brakes(values: Mapping[ParameterName, float]) -> bool:
 
 
 def _training(measured: Measured) -> tuple[Record, ...]:
-    """The moving runs that are fitted.
-
-    Raises InputError where they do not go together, there should be some, or a torque of moving or slow runs is noise.
-    """
+    """The moving runs that are fitted. Raises InputError where there should be some, they contradict one another, or a torque is noise."""
     experiment, training = measured.experiment, measured.moving(hold_out=False)
     for record in measured.slow:
         q, torque = record.position, record.torque
@@ -533,8 +518,7 @@ def _breakaway_torque(
 ) -> KnownValue | None:
     """g0 = alpha_0 + alpha_1 of a direction, with the error that their covariance gives.
 
-    Where no Stribeck term was seen alpha_0 is a lower bound of it, for a peak below the slowest speed is not seen; it is g0 itself
-    where the experiment says that there is none.
+    Where no Stribeck term was seen alpha_0 is a lower bound of it, or g0 itself where the experiment says that there is no peak.
     """
     moving = isinstance(fits, TrackingFit)
     fit = fits if isinstance(fits, TrackingFit) else fits.get(direction) or fits.get("both")

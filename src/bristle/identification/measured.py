@@ -121,9 +121,8 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     experiment = experiment.model_copy(update={"runs": tuple(moving)})
     message = f"Constant velocities held: {held}, too few for points; taken as a motion, of which all samples are used."
     note = Finding("few-held", NOTE, message, {"held": held})
-    return measured_of(
-        experiment, _changed(read_runs(experiment), lambda record: replace(record, notes=(*record.notes, note)))
-    )
+    runs = _changed(read_runs(experiment), lambda record: replace(record, notes=(*record.notes, note)))
+    return measured_of(experiment, runs)
 
 
 def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
@@ -141,13 +140,10 @@ def judged(whole: Measured) -> Measured:
 
 
 def _filtered(experiment: Experiment, runs: tuple[Run, ...]) -> tuple[Experiment, tuple[Run, ...]]:
-    """With the decimation that the fitted moving runs need, and others through their low pass, where none is asked for.
-
-    How much faster than the slowest each moving run was sampled its notes then say.
-    """
+    """With the decimation that the fitted moving runs need, and others through their low pass, where none is asked for."""
     slowest = max((r for r in _records(runs) if r.time.size > 1), key=lambda r: r.step, default=None)
 
-    def beside_slowest(record: Record) -> Record:
+    def beside_slowest(record: Record) -> Record:  # how much faster it was sampled its notes then say
         if slowest is None or not (ratio := slowest.step / record.step) > ONE_RATE or record.oversampled != 1:
             return record
         message = f"Sampled {ratio:.3g} times as fast as {slowest.file}: it is decimated by so much more, for equations as far apart."
@@ -174,7 +170,7 @@ def _filtered(experiment: Experiment, runs: tuple[Run, ...]) -> tuple[Experiment
 
 
 def _records(runs: Sequence[Run]) -> list[Record]:
-    """Of the moving runs."""
+    """The moving ones."""
     return [run.record for run in runs if run.kind == "tracking"]
 
 
@@ -192,8 +188,7 @@ def _through(record: Record, cutoff: float) -> Record:
 
 def through_wider(measured: Measured, factor: float) -> Measured:
     """The same with the low pass of every moving run so many times as wide, and the decimation as it is."""
-    runs = _changed(measured.runs, lambda r: _through(r, usable(r, factor * r.cutoff)))
-    return replace(measured, runs=runs)
+    return replace(measured, runs=_changed(measured.runs, lambda r: _through(r, usable(r, factor * r.cutoff))))
 
 
 def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool = False) -> Measured:
@@ -209,14 +204,10 @@ def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool 
         gains = {"position": motor.at_joint().kp, "velocity": motor.at_joint().kd}
 
     def earlier(record: Record) -> Record:
-        """A moving run with its torque as it was then."""
-
         def moved(x: Array, by: float = late) -> Array:
-            """A signal so much later."""
             return np.interp(record.time + by, record.time, x)
 
         def torque(by: float) -> Array:
-            """That of the drive, so much later."""
             made = moved(np.asarray(record.torque), by)
             for name, gain in gains.items():
                 was = np.asarray(getattr(record, name))
@@ -227,8 +218,7 @@ def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool 
             return record
         shifts = {name: moved(x) for name, x in record.torque_shifts.items()}
         if error:
-            told = f"the delay, {late:.3g} +/- {error:.2g} s"
-            shifts[told] = (torque(late + error) - torque(late - error)) / 2
+            shifts[f"the delay, {late:.3g} +/- {error:.2g} s"] = (torque(late + error) - torque(late - error)) / 2
         voltage = None if record.voltage is None else moved(record.voltage)
         return replace(record, torque=torque(late), voltage=voltage, torque_shifts=shifts)
 
@@ -286,14 +276,11 @@ def _overlap(a: Record, b: Record) -> bool:
     """Whether two records of one file share rows and what they measured there: two joints of one file share rows alone."""
     rows = (a.time, b.time) if a.lines is None or b.lines is None else (a.lines, b.lines)
     _, of_a, of_b = np.intersect1d(*rows, return_indices=True)
-    if not of_a.size:
-        return False
     names = ["torque" if a.voltage is None else "voltage"]
     names += [] if a.velocity_estimated or b.velocity_estimated else ["velocity"]
-    for name in names:
-        x, y = getattr(a, name), getattr(b, name)
-        if x is None or y is None or not np.array_equal(x[of_a], y[of_b]):
-            return False
+    pairs = [(getattr(a, name), getattr(b, name)) for name in names]
+    if not of_a.size or any(x is None or y is None or not np.array_equal(x[of_a], y[of_b]) for x, y in pairs):
+        return False
     p, q = a.position, b.position
     if p is None or q is None:
         return (p is None) == (q is None)

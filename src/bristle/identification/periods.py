@@ -41,8 +41,7 @@ def with_periods(measured: Measured) -> Measured:
     whole, turn = turn_of(experiment.joint.kind)
     most = int(whole / 2 / float(np.median(steps[steps > 0]))) if steps.any() else np.iinfo(np.int64).max
     if isinstance(experiment.fit.orders, tuple):
-        too_fine = [k for k in experiment.fit.orders if k > most]
-        if too_fine:
+        if too_fine := [k for k in experiment.fit.orders if k > most]:
             raise InputError(
                 f"{experiment.path.name}: fit.orders: got {too_fine[0]}; expected at most {most}, half of a period between two "
                 "equations of the moving runs: leave it out, lower fit.decimation, or measure slower"
@@ -51,24 +50,23 @@ def with_periods(measured: Measured) -> Measured:
     if training:
         problem, start = posed_and_start(experiment, directions(experiment, training), training, {}, None)
         known, rest = known_and_left(problem, solve_dynamic(problem, start))
-        every_order = _tried(experiment, problem.position, most)
-        columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in every_order}
+        tried = _tried(experiment, problem.position, most)
+        columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in tried}
     else:
         known, rest, columns = _of_points(measured, asked)
-    orders, tried, last = shown_orders(known, rest, columns), len(columns), max(columns, default=0)
-    found = with_options(measured, orders=orders)
-    numbers = {"tried": tried, "last": last, "turn": turn}
+    orders, count, last = shown_orders(known, rest, columns), len(columns), max(columns, default=0)
+    found, numbers = with_options(measured, orders=orders), {"tried": count, "last": last, "turn": turn}
     if orders:
         first, named = min(columns), ", ".join(map(str, orders))
         message = (
-            f"Of {tried} orders, from {first} to {last} per {turn}, {named} explain more of what the fit without them leaves "
+            f"Of {count} orders, from {first} to {last} per {turn}, {named} explain more of what the fit without them leaves "
             "than chance does (F tests at 1 %, corrected for all orders tried): they are fitted. To keep them, write "
             f"orders: [{named}] under fit."
         )
         note = Finding("orders-found", NOTE, message, {**numbers, "first": first, "orders": orders})
     else:
         message = (
-            f"Of {tried} orders, up to {last} per {turn}, none explains more of what the fit leaves than chance does (F tests at 1 %, "
+            f"Of {count} orders, up to {last} per {turn}, none explains more of what the fit leaves than chance does (F tests at 1 %, "
             "corrected for all orders tried): nothing that repeats with the position is fitted."
         )
         note = Finding("no-orders", NOTE, message, numbers)
@@ -116,10 +114,7 @@ def _tried(experiment: Experiment, positions: Array, most: int) -> range:
 
 
 def _of_points(measured: Measured, asked: Sequence[str]) -> tuple[Array, Array, dict[int, Array]]:
-    """Of the fit of points at constant velocity the derivatives by all parameters, (n, p), what it leaves, N*m, (n,), and columns of orders, (n, k).
-
-    Half as many orders as points are tried.
-    """
+    """Of points the derivatives of their fit, (n, p), what it leaves, N*m, (n,), and columns of half as many orders as points, (n, k)."""
     experiment, kept = measured.experiment, measured.points(hold_out=False)
     if not kept:
         return np.zeros((0, 0)), np.zeros(0), {}
@@ -135,8 +130,6 @@ def _of_points(measured: Measured, asked: Sequence[str]) -> tuple[Array, Array, 
         for run, found in zip(measured.runs, measured.segments, strict=True)
         for s in (with_loads(run.record, found, every) if run.kind == "ramp" else found)
     }
-    whole = points_problem([placed[s.place] for s in points], sides, every, law)
-    width = 2 * len(asked)
-    columns = whole.linear[:, whole.linear.shape[1] - width * len(tried) :]
-    by_order = {k: columns[:, width * j : width * (j + 1)] for j, k in enumerate(tried)}
-    return problem.jacobian(theta), problem.residuals(theta), by_order
+    columns = points_problem([placed[s.place] for s in points], sides, every, law).linear
+    each = np.split(columns[:, columns.shape[1] - 2 * len(asked) * len(tried) :], max(len(tried), 1), axis=1)
+    return problem.jacobian(theta), problem.residuals(theta), dict(zip(tried, each, strict=False))

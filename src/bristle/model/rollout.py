@@ -236,10 +236,7 @@ def _with_level(acting: Sequence[float | Array], level: Array | None) -> Sequenc
 
 
 def _by_set(rows: Array, parameters: _Parameters, z: Array, v: Array, names: Sequence[str]) -> Array:
-    """Derivatives with respect to the acting set's `names`, shared out between the sets they came from.
-
-    (m, n), or (2 m, n) for a pair.
-    """
+    """Derivatives with respect to the acting set, (m, n), shared out between the sets that they came from, (2 m, n) for a pair."""
     if isinstance(parameters, Lugre):
         return rows
     fields, one = fields_of(parameters.law), lugre_of(parameters.law)
@@ -263,10 +260,7 @@ def _start(velocity: Array, parameters: _Parameters, level: Array | None = None)
 def _chunks(
     velocity: Array, step: Array, parameters: _Parameters, coarsening: float, level: Array | None, begins: Index
 ) -> Iterator[tuple[slice, Nodes, slice]]:
-    """Chunks of samples, each with the nodes from its first sample to the next chunk's first (or to the end).
-
-    And which of the motions begin after its first sample.
-    """
+    """Chunks of samples, each with its nodes up to the next chunk's first, and which of the motions begin after its first sample."""
     v_s = parameters.v_s if isinstance(parameters, Lugre) else min(p.v_s for p in parameters)
     for start in range(0, velocity.size, AT_ONCE):
         stop = min(start + AT_ONCE, velocity.size)

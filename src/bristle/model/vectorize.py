@@ -161,11 +161,7 @@ class Vectorised:
         return out
 
     def _run_small(self, inputs: Sequence[Array], shape: tuple[int, ...]) -> Sequence[Array]:
-        """Each instruction at the shape of its own operands.
-
-        What depends on one input only is not repeated over the others. A large value of the full shape that is not
-        needed any more is written over: fresh memory is slow.
-        """
+        """Each instruction at the shape of its own operands; a large value that is done with is written over, for fresh memory is slow."""
         registers = self._registers.copy()
         registers[: self._n_in] = inputs
         reuse = prod(shape) >= _REUSE

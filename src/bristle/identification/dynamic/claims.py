@@ -191,10 +191,7 @@ def _passes(problem: DynamicProblem, reach: float) -> Iterator[tuple[Direction, 
 
 
 def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Finding]:
-    """The bristle's parameters on which the first halves of all runs and the second ones differ, each fitted by one step.
-
-    Whether runs differ from one another is asked apart (`repeats`).
-    """
+    """The bristle's parameters in which the halves of all runs differ, each fitted by one step (of whole runs: `repeats`)."""
     n = problem.size
     J, left = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
     largest = np.abs(J).max(axis=0)

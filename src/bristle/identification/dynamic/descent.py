@@ -259,10 +259,9 @@ def solve_dynamic(
 
 
 def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
-    """Starts at the deflections of the bristle that leave less than those beside them do, from a count to a third of the travel.
+    """Starts at deflections of the bristle that leave less than those beside them, from a count to a third of the travel.
 
-    Each is held while all else descends a little, from where the stiffer one before ended: over sigma_0 the cost has many
-    minima, and a descent finds the next.
+    All else descends a little from where the stiffer one ended: over sigma_0 the cost has many minima, and a descent finds the next.
     """
     few = thinned(problem)
     sigma_0 = [n for n in few.friction_names if n.name == "sigma_0" and n not in few.fixed and n not in few.with_prior]

@@ -146,10 +146,7 @@ def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[Paramete
 def _corrected(
     biased: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]
 ) -> tuple[TrackingFit, dict[ParameterName, Finding]]:
-    """The fit with the bias of each parameter taken off, and the scatter that comes with it, both in `moved`.
-
-    And the friction parameters whose bias changes too much between the estimate and the truth to be taken off.
-    """
+    """The fit without the bias of each parameter, with its scatter, both in `moved`; and doubts where it changes too much up to the truth."""
     parameters, large, doubts = dict(biased.parameters), [], dict[ParameterName, Finding]()
     for name, e in biased.parameters.items():
         if e.value is None or e.standard_error is None or name not in moved:

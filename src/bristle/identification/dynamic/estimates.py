@@ -16,7 +16,7 @@ from bristle.identification.dynamic.descent import FEWEST, LOGARITHMIC, equation
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, sets_of
 from bristle.identification.dynamic.what_is_left import Left, known_and_left
 from bristle.identification.fits import Estimate
-from bristle.identification.shared_findings import at_bound, curve_held, not_passive, takes_up_peak
+from bristle.identification.shared_findings import AT_BOUND, TAKES_UP_PEAK, curve_held, not_passive
 from bristle.model.law import is_passive
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import INERTIA, Kind, ParameterName, bends_down, least_of, of_friction, unit
@@ -66,7 +66,7 @@ def estimates_of(
     }
     only_sum = Finding("only-sum-seen", NOTE, "Were v_s above these speeds, this would contain alpha_1.")
     estimates = warned(estimates, dict.fromkeys(bent & estimates.keys(), only_sum))
-    estimates = warned(estimates, dict.fromkeys((*beside, *beside_a_peak(problem, solution)), takes_up_peak()))
+    estimates = warned(estimates, dict.fromkeys((*beside, *beside_a_peak(problem, solution)), TAKES_UP_PEAK))
     J = estimates.get(INERTIA)
     if (
         J is not None
@@ -103,7 +103,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[Parame
             if value >= least:
                 low = max(low, least)
             if value == least and of_friction(bare):
-                warnings.append(at_bound())
+                warnings.append(AT_BOUND)
         if relative > WIDE and of_friction(bare) and np.isfinite(least_of(bare)):
             message = "Not identifiable from this motion: its standard error is more than ten times its value."
             warnings.append(wide(relative) if relative < 10 else Finding("unseen-far", NOTE, message))

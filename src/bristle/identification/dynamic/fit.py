@@ -143,10 +143,7 @@ def fit_tracking(
 def _settled(
     problem: DynamicProblem, start: Values, others: Sequence[Values], progress: Progress | None, *, search: bool
 ) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Finding], dict[ParameterName, str]]:
-    """The problem as it is solved in the end, its solution, why Stribeck terms that are none are not in it, and which are shown to be there.
-
-    It has the weights that its runs ask for, and not those terms. Of what is shown the code of what spoke against it.
-    """
+    """The problem with the weights that its runs ask for, its solution, why Stribeck terms are not in it, and what spoke against those shown."""
     if problem.size < FEWEST * len(problem.names):  # of which nothing is estimated
         search, others = False, ()
     solution = solve_dynamic(problem, start, others, progress, search=search)

@@ -180,10 +180,9 @@ def _means(samples: int, decimation: int) -> sparse.csr_array | None:
 
 @lru_cache(maxsize=16)
 def _chain(steps: int, every: int, current: Current, of: Law, windows: int) -> ca.Function:
-    """Many steps of the state and, beside it, of its derivatives by its start and by the parameters.
+    """Steps of windows, with derivatives: (start, inputs, parameters) -> (1 + 3 + parameters, samples - 1), for each window.
 
-    Of all these, y at every sample but the first. (the start: y, v, z and their derivatives, column by column; the
-    steps' inputs; the parameters) -> (1 + 3 + parameters, samples - 1), and so on for each window.
+    The start is y, v, z and their derivatives, column by column; the outputs are y's, at every sample but the first.
     """
     count = 2 * len(fields_of(of))
     free = count + len(LOADS)  # what the state is differentiated by: a pair of sets, and the loads

@@ -202,10 +202,7 @@ def _problem(
     fixed: Mapping[ParameterName, float],
     predict: str = "torque",
 ) -> DynamicProblem:
-    """The problem that some records pose, with the experiment's options, in the directions `moving`.
-
-    Where it predicts the position the motor is simulated, whose inertia is a parameter, fixed or not.
-    """
+    """The problem that some records pose; where it predicts the position the motor is simulated, whose inertia is a parameter, fixed or not."""
     (known, _), options, asked = inertia(experiment), experiment.fit, regressors(experiment)
     count, law = _count(experiment, records), options.friction
     if predict == "torque":
@@ -259,11 +256,7 @@ def _start(
 
 
 def _stiffness(slow: Presliding | None, direction: Direction) -> Estimate | None:
-    """sigma_0 from presliding of one direction, or of both by their inverse variances.
-
-    Its standard error is that of a normal distribution that scatters as its own Student distribution does. None where
-    there is none with an error.
-    """
+    """sigma_0 from presliding of one direction, or of both by their inverse variances; its error is normal, and scatters as its own does."""
     fits = [fit for d, fit in slow.fits.items() if direction in (Direction.BOTH, d)] if slow else []
     known = [
         (fit.sigma_0.value, fit.sigma_0.standard_error**2 * _scatter(fit.degrees_of_freedom), fit.sigma_0.shifts)

@@ -370,9 +370,9 @@ def equation_error(
 def _together(
     problem: DynamicProblem, known: Values
 ) -> Iterator[tuple[dict[int, slice], tuple[ParameterName, ...], dict[str, Any]]]:
-    """Motions that are rolled out in one call, for a call costs as much as a thousand samples.
+    """Motions that are rolled out in one call, which costs as much as a thousand samples.
 
-    Which of the problem's, each with where its samples stand; by what the derivatives of their level are; and what `rollout` is given.
+    Which, each with where its samples stand; by what the derivatives of their level are; and what `rollout` is given.
     """
     sizes = np.array([m.velocity.size for m in problem.motions])
     group = (np.cumsum(sizes) - sizes) // AT_ONCE

@@ -137,12 +137,9 @@ def _delay(
     found: Score,
     _: int,
 ) -> Finding | None:
-    """Whether the torque was logged early or late: all equations ask for it, and those far from reversals as well.
+    """Whether the torque was logged early or late: all equations ask for it, and those far from reversals, or it may be presliding.
 
     `made`, (n,), is what counts make of it.
-
-    At a reversal a bristle that the model does not describe, or that the encoder does not show, delays the torque as
-    well; and what only some equations ask for is no delay.
     """
     far = _far_from_reversals(problem, solution)
     apart = score(fit.known[far], fit.rest[far], (fit.weight * column)[far, None])
@@ -200,10 +197,7 @@ def _by_load(law: str, found: Score, _: int) -> Finding:
 
 
 def _shifted(problem: DynamicProblem, values: Values, torque: Sequence[Array], width: float) -> Array:
-    """What a position that is ahead by one, rad, in the direction of motion does to the equations, (n,): inertia, presliding and sliding.
-
-    It turns within so much of the largest speed. A difference of the modelled torque of each motion, (N,).
-    """
+    """What a position that runs ahead by one, rad, does to the equations, (n,); it turns within a width of the largest speed."""
     top = problem.fastest
     small, motions = _SMALL * max(float(np.ptp(m.position)) for m in problem.motions), []
     for m in problem.motions:
@@ -305,11 +299,10 @@ def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
 
 
 def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
-    """What counts of the encoder add to the delay that each equation asks for, times the squares of the column beside all others, (n,).
+    """What counts add to the delay that each equation asks for, times the squares of its column beside all others, (n,).
 
-    Counts make noise in the acceleration, a, which is in the residuals, -J a, and in what a delay multiplies,
-    -alpha_2 a - J da/dt: the regression finds a delay of -J alpha_2 sum(a**2) / (squares of the column beside all
-    others), which is none (errors in variables).
+    Their noise in the acceleration a is in the residuals, -J a, and in a delay's column, -alpha_2 a - J da/dt: the regression finds a delay
+    of -J alpha_2 sum(a**2) / squares, which is none (errors in variables).
     """
     inertia = solution.values.get(INERTIA, problem.fixed.get(INERTIA, 0.0))
     if not (problem.count and problem.cutoff and inertia):

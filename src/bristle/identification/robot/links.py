@@ -103,16 +103,10 @@ def torque_constant(found: LinkScale, kind: Kind, effort: str = "A") -> Estimate
         )
         why = Finding("constant-unseen", CAUTION, message, {"explained": found.explained, "left": found.left})
         return Estimate(value=None, unit=in_torque, warnings=(why,))
-    reach = student(np.inf) * found.error
-    error = found.error / found.scale**2
+    reach, error = student(np.inf) * found.error, found.error / found.scale**2
     digits = 2 - int(np.floor(np.log10(error)))  # of the error three: it is printed wherever a torque is spoken of
-    value, error = round(1 / found.scale, digits), round(error, digits)
-    return Estimate(
-        value=value,
-        unit=in_torque,
-        standard_error=error,
-        interval=(1 / (found.scale + reach), 1 / (found.scale - reach)),
-    )
+    value, ends = round(1 / found.scale, digits), (1 / (found.scale + reach), 1 / (found.scale - reach))
+    return Estimate(value=value, unit=in_torque, standard_error=round(error, digits), interval=ends)
 
 
 def scale_warnings(found: LinkScale) -> Iterator[Finding]:
@@ -174,13 +168,9 @@ def order_warnings(
     as gravity. Which swaps a log cannot show depends on it: those of joints whose links weigh little.
     """
     links = body.torques(course.q, course.v, course.a, gravity=gravity)
-    as_given = _score(course, moved, links)
-    found = []
-    identity = list(range(len(names)))
-    orders = [identity[::-1]]
-    for i, k in combinations(identity, 2):
-        orders.append([k if x == i else i if x == k else x for x in identity])
-    for order in orders:
+    as_given, found, identity = _score(course, moved, links), [], list(range(len(names)))
+    swapped = ([k if x == i else i if x == k else x for x in identity] for i, k in combinations(identity, 2))
+    for order in (identity[::-1], *swapped):
         if order == identity or any(course.kinds[i] != course.kinds[k] for i, k in enumerate(order)):
             continue
         other = replace(course, **{name: getattr(course, name)[:, order] for name in ("q", "v", "a", "torque")})

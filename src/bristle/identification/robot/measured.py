@@ -71,19 +71,16 @@ def measure_robot(
             progress(f"links of {part.name}", len(measured), len(parts))
         measured.append(done)
     # a torque constant that was free is doubted where another joint, whose constant is known, doubts the masses
-    scales = {
-        m.experiment.joint.name: w.numbers["scale"] for m in measured for w in m.findings if w.code == "links-scale"
-    }
-    for name, scale in list(scales.items())[:1]:
+    scales = ((m.experiment.joint.name, w) for m in measured for w in m.findings if w.code == "links-scale")
+    for name, scale in [(name, w.numbers["scale"]) for name, w in scales][:1]:
         message = (
             f"The torque constant comes out of the URDF's masses, and at {name}, whose constant is known, the links' "
             f"torque would fit {scale:.3g} times as large: this constant, and friction with it, may be off as much."
         )
         doubt = Finding("constant-by-masses", CAUTION, message, {"joint": name, "scale": scale})
-        measured = [
-            replace(m, findings=(*m.findings, doubt)) if m.torque_constant and m.torque_constant.value else m
-            for m in measured
-        ]
+        for k, m in enumerate(measured):
+            if m.torque_constant and m.torque_constant.value:
+                measured[k] = replace(m, findings=(*m.findings, doubt))
     return tuple(measured)
 
 
@@ -188,11 +185,9 @@ def _with_constant(
         links = {} if clear else {"link_torque": None}
         bare = tuple(run.having(torque=np.asarray(run.record.torque) / by, torque_shifts={}, **links) for run in runs)
         return in_own_unit(experiment, asked), bare
-    constants = experiment.motor_constants
-    known = PlusMinus(value=K, standard_error=error)
-    own = experiment.model_copy(
-        update={"motor_constants": constants and constants.model_copy(update={"torque_constant": known})}
-    )
+    constants, known = experiment.motor_constants, PlusMinus(value=K, standard_error=error)
+    scaled_by = constants and constants.model_copy(update={"torque_constant": known})
+    own = experiment.model_copy(update={"motor_constants": scaled_by})
     (constant,) = (c for c in own.torque_constants if c.name == "torque_constant")
     scaled = []
     for run in runs:
@@ -234,8 +229,9 @@ def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bo
             message = f"{reached} unit of the torque or current, the torque constant and the gear."
             found.append(Finding("effort-far-beyond", CRITICAL, message, numbers))
         else:
-            message = f"{reached} torque constant, the gear and the URDF."
-            found.append(Finding("effort-beyond", CAUTION, message, numbers))
+            found.append(
+                Finding("effort-beyond", CAUTION, f"{reached} torque constant, the gear and the URDF.", numbers)
+            )
     return found
 
 

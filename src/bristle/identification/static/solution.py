@@ -18,7 +18,7 @@ from bristle.estimation.levels import NO_SIGN, SIGNIFICANCE
 from bristle.estimation.linear import best_column_p_value, first_order
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import Estimate, Profile
-from bristle.identification.shared_findings import at_bound, curve_held, takes_up_peak
+from bristle.identification.shared_findings import AT_BOUND, TAKES_UP_PEAK, curve_held
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import (
@@ -103,7 +103,7 @@ def solve_static(
     }
     for name, own in parameters.items():  # a peak that is there but not bounded, alpha_0 and alpha_2 take up
         if name.name in {"alpha_0", "alpha_2"} and name.direction in doubted:
-            parameters[name] = replace(own, warnings=(*own.warnings, takes_up_peak()))
+            parameters[name] = replace(own, warnings=(*own.warnings, TAKES_UP_PEAK))
     names = list(compress(problem.names, free))
     moved = {constant: first_order(jacobian[:, free], change) for constant, change in problem.shifts.items()}
     reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
@@ -277,7 +277,7 @@ def _estimates(
         low, high = intervals[name]
         warnings: tuple[Finding, ...] = ()
         if name in solution.at_bound:
-            warnings = (at_bound(),)
+            warnings = (AT_BOUND,)
         if plain_name == "alpha_1" and not is_closed(intervals[name._replace(name="v_s")]):
             message = "No finite interval: v_s has none, and alpha_1 grows with v_s."
             warnings = (*warnings, Finding("alpha-1-open", CAUTION, message))
