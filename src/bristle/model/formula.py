@@ -10,6 +10,7 @@ from typing import Any
 import casadi as ca
 
 from bristle.errors import InputError
+from bristle.model.operations import walked
 
 Formula = Any
 """A SymPy expression of z, v and the parameters: SymPy ships no types."""
@@ -26,22 +27,17 @@ def formula_of(expression: Any, signed: Mapping[str, float] | None = None) -> Fo
     sympy, operations = _sympy(), _operations()
     symbols = ca.symvar(expression)
     function = ca.Function("formula", symbols, [ca.densify(expression)])
-    work: dict[int, Formula] = {}
-    result: Formula = sympy.Integer(0)  # a structurally zero output has no instruction
-    for k in range(function.n_instructions()):
-        code, read, write = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
-        if code == ca.OP_INPUT:
-            work[write[0]] = symbol_of(symbols[read[0]].name(), signed)
-        elif code == ca.OP_CONST:
-            value = float(function.instruction_constant(k))
-            work[write[0]] = sympy.Rational(repr(value)) if abs(value) > _GUARD else sympy.Integer(0)
-        elif code == ca.OP_OUTPUT:
-            result = work[read[0]]
-        elif code in operations:
-            work[write[0]] = operations[code](*(work[place] for place in read))
-        else:
+
+    def constant(x: float) -> Formula:
+        return sympy.Rational(repr(x)) if abs(x) > _GUARD else sympy.Integer(0)
+
+    def operation(code: int, operands: list[Formula], _: int) -> Formula:
+        if code not in operations:
             raise InputError(f"CasADi operation number {code} cannot be written as a formula")
-    return result
+        return operations[code](*operands)
+
+    found = walked(function, lambda place, _: symbol_of(symbols[place].name(), signed), constant, operation)
+    return found.get((0, 0), sympy.Integer(0))
 
 
 def symbol_of(name: str, signed: Mapping[str, float] | None = None) -> Formula:

@@ -1,17 +1,48 @@
-"""What each of CasADi's scalar operations is called in NumPy."""
+"""CasADi functions instruction by instruction, and what each of its scalar operations is called in NumPy."""
 
 from collections.abc import Callable
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+T = TypeVar("T")
 Floats = NDArray[np.float64]
 Operation = Callable[..., object]
 """A ufunc: takes operands and, last, the array to write to; without that one, returns a new value."""
 
 _ZERO = np.array(0.0)
+
+
+def walked(
+    function: ca.Function,
+    operand: Callable[[int, int], T],
+    constant: Callable[[float], T],
+    operation: Callable[[int, list[T], int], T],
+) -> dict[tuple[int, int], T]:
+    """What a CasADi function makes of whatever stands for its values: (output, element of it) -> value, but for structural zeros.
+
+    Args:
+        function: expanded where it is no SX function.
+        operand: (input, element of it, column after column) -> value.
+        constant: number -> value.
+        operation: (CasADi's number of it, operands, number of the instruction) -> value.
+    """
+    function = function if function.is_a("SXFunction") else function.expand()
+    work, outputs = dict[int, T](), dict[tuple[int, int], T]()
+    for k in range(function.n_instructions()):
+        code, read, write = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        if code == ca.OP_OUTPUT:
+            outputs[write[0], function.sparsity_out(write[0]).find()[write[1]]] = work[read[0]]
+        elif code == ca.OP_INPUT:
+            work[write[0]] = operand(read[0], function.sparsity_in(read[0]).find()[read[1]])
+        elif code == ca.OP_CONST:
+            work[write[0]] = constant(float(function.instruction_constant(k)))
+        else:
+            work[write[0]] = operation(code, [work[r] for r in read], k)
+    return outputs
 
 
 def choose(condition: Floats, value: Floats, otherwise: Floats, out: Floats | None = None) -> object:

@@ -94,10 +94,8 @@ def rollout(
     """
     velocity, step = _checked(velocity, step)
     z_all, torque = np.empty((2, velocity.size))
-    advance, friction = (
-        vectorised(functions.step_function(parameters.law)),
-        vectorised(functions.torque_function(parameters.law)),
-    )
+    advance = vectorised(functions.step_function(parameters.law))
+    friction = vectorised(functions.torque_function(parameters.law))
     risen = None if level is None else level[None]
     starts = np.atleast_1d(_start(velocity, parameters, risen)[0] if z0 is None else z0)
     z = float(starts[0])
@@ -149,10 +147,8 @@ def rollout_into(
     velocity, step = _checked(velocity, step)
     law, fields = parameters.law, fields_of(parameters.law)
     names, count = functions.step_parameters(law), len(fields)
-    advance, friction = (
-        vectorised(functions.step_sensitivity_function(law)),
-        vectorised(functions.torque_sensitivity_function(law)),
-    )
+    advance = vectorised(functions.step_sensitivity_function(law))
+    friction = vectorised(functions.torque_sensitivity_function(law))
     sets, rises = 1 if isinstance(parameters, Lugre) else 2, 0 if level is None else len(level) - 1
     enters = np.array([count * k + fields.index(name) for k in range(sets) for name in names])  # columns of these
     z_all, torque = np.empty((2, velocity.size))
@@ -266,21 +262,9 @@ def _chunks(
         stop = min(start + AT_ONCE, velocity.size)
         h = step[start:stop] if step.ndim else float(step)
         own = slice(*np.searchsorted(begins, [start, stop], side="right").tolist())
-        yield (
-            slice(start, stop),
-            with_extra_nodes(
-                Nodes(
-                    velocity[start : stop + 1],
-                    h,
-                    slice(0, stop - start),
-                    None if level is None else level[:, start : stop + 1],
-                    begins[own] - start,
-                ),
-                v_s,
-                coarsening,
-            ),
-            own,
-        )
+        risen = None if level is None else level[:, start : stop + 1]
+        nodes = Nodes(velocity[start : stop + 1], h, slice(0, stop - start), risen, begins[own] - start)
+        yield slice(start, stop), with_extra_nodes(nodes, v_s, coarsening), own
 
 
 def _settled(nodes: Nodes, z0: float, starts: Array, parameters: _Parameters) -> tuple[Nodes, Array]:

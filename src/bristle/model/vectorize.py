@@ -6,6 +6,7 @@ No compiler, no Python loop over samples.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import count
 from math import gcd, prod
 from operator import itemgetter
 from typing import Any
@@ -15,7 +16,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from bristle.arrays import Array
-from bristle.model.operations import OPERATIONS, Operation, choose
+from bristle.model.operations import OPERATIONS, Operation, choose, walked
 
 _IF_ELSE_ZERO, _NOT = OPERATIONS[ca.OP_IF_ELSE_ZERO], OPERATIONS[ca.OP_NOT]
 _BLOCK = 16_384
@@ -66,50 +67,37 @@ class Vectorised:
                 f"{name}: inputs and outputs have sizes {sizes}; expected 1x1 each: split vectors into scalars"
             )
         self._name, self._n_in = name, n_in
-        self._read(function if function.is_a("SXFunction") else function.expand())
+        self._read(function)
         self._plans: dict[tuple[bool, ...], _Plan] = {}
-        self._spare: list[
-            Array
-        ] = []  # buffers of calls that have ended, for the next: fresh memory is slow, and threads may call at once
+        # buffers of calls that have ended, for the next: fresh memory is slow, and threads may call at once
+        self._spare: list[Array] = []
 
     def _read(self, function: ca.Function) -> None:
         """Walk the instructions; values 0..n_in-1 are the inputs, each other value is assigned once."""
         self._constants: dict[int, float] = {}
         self._program: list[_Instruction] = []
-        self._outputs: dict[int, int] = {}
-        work: dict[int, int] = {}
-        value = self._n_in
-        for k in range(function.n_instructions()):
-            code, read, write = (
-                function.instruction_id(k),
-                function.instruction_input(k),
-                function.instruction_output(k),
-            )
-            if code == ca.OP_INPUT:
-                work[write[0]] = read[0]
-                continue
-            if code == ca.OP_OUTPUT:
-                self._outputs[write[0]] = work[read[0]]
-                continue
-            if code == ca.OP_CONST:
-                self._constants[value] = float(function.instruction_constant(k))
-            elif code in OPERATIONS:
-                self._program.append(_Instruction(OPERATIONS[code], value, tuple(work[r] for r in read)))
-            else:
+        numbers = count(self._n_in)
+
+        def constant(x: float) -> int:
+            value = next(numbers)
+            self._constants[value] = x
+            return value
+
+        def operation(code: int, operands: list[int], _: int) -> int:
+            if code not in OPERATIONS:
                 raise ValueError(
-                    f"{self._name}: CasADi operation number {code} has no NumPy counterpart; write the expression without it"
+                    f"{function.name()}: CasADi operation number {code} has no NumPy counterpart; write the expression without it"
                 )
-            work[write[0]] = value
-            value += 1
-        for row in range(self._n_out):  # a structurally zero output has no instruction
-            if row not in self._outputs:
-                self._outputs[row], self._constants[value] = value, 0.0
-                value += 1
-        self._n_values = value
-        self._outputs = {row: self._outputs[row] for row in range(self._n_out)}
-        self._registers: list[Any] = [None] * value
-        for register, constant in self._constants.items():
-            self._registers[register] = np.array(constant)
+            self._program.append(_Instruction(OPERATIONS[code], next(numbers), tuple(operands)))
+            return self._program[-1].value
+
+        found = walked(function, lambda place, _: place, constant, operation)
+        rows = range(self._n_out)  # a structurally zero output has no instruction
+        self._outputs = {row: found[row, 0] if (row, 0) in found else constant(0.0) for row in rows}
+        self._n_values = next(numbers)
+        self._registers: list[Any] = [None] * self._n_values
+        for register, number in self._constants.items():
+            self._registers[register] = np.array(number)
         self._program = _with_choices(self._program, set(self._outputs.values()))
         last = {operand: k for k, instruction in enumerate(self._program) for operand in instruction.operands}
         values = list(self._outputs.values())
