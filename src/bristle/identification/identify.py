@@ -70,20 +70,14 @@ from bristle.progress import Progress, step
 
 _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9
 """Times the low pass that the spectra choose, and what a fit leaves through the first of these where it took motion."""
-_CLEARLY = 10.0
-"""A difference in BIC that is very strong evidence (Kass and Raftery 1995)."""
-_LATEST = 0.05
-"""s: no log is later, and what asks for more is another term, as friction that rises with load."""
-_SHIFTS = 3
-"""Times that a delay of the torque is looked for: each is told to first order."""
+_CLEARLY = 10.0  # a difference in BIC that is very strong evidence (Kass and Raftery 1995)
+_LATEST = 0.05  # s: no log is later, and what asks for more is another term, as friction that rises with load
+_SHIFTS = 3  # times that a delay of the torque is looked for: each is told to first order
 _SURE, _FAR = 5.0, 3.0
 """Standard errors: by which a drive is told to act before its commands, and by which viscous friction is not below zero."""
-_ROUNDS = 4
-"""Times that holds are told what they had not settled, at the most."""
-_NOTHING = 1e-3
-"""Of the torque: a Coulomb friction that is less is none."""
-_CHOICES = 2
-"""Of a law by moving runs: of the load, and of the peak and terms beside it."""
+_ROUNDS = 4  # times that holds are told what they had not settled, at the most
+_NOTHING = 1e-3  # of the torque: a Coulomb friction that is less is none
+_CHOICES = 2  # of a law by moving runs: of the load, and of the peak and terms beside it
 _OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
 
 

@@ -46,15 +46,12 @@ from bristle.model.parameters import (
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.vectorize import evaluate
 
-DRAWS = 60
-"""Joints drawn from the covariance of the identified parameters."""
+DRAWS = 60  # joints drawn from the covariance of the identified parameters
 SEED = 0
 DEFLECTION = 1e-3
 """Where nothing shows the bristle's stiffness: its deflection in slow sliding, as a share of how far the joint goes."""
-INERTIAL = 0.1
-"""Torque of the largest acceleration where no inertia is known, as a share of alpha_0."""
-_MOST_MOVED = 5.0
-"""How far a logarithm is drawn from the estimate: what is known by less than that factor is not known."""
+INERTIAL = 0.1  # torque of the largest acceleration where no inertia is known, as a share of alpha_0
+_MOST_MOVED = 5.0  # how far a logarithm is drawn from the estimate: what is known by less than that factor is not known
 
 
 class Source(StrEnum):

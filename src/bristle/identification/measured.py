@@ -26,10 +26,8 @@ from bristle.identification.static.points import PointSearch, point_regressors, 
 if TYPE_CHECKING:
     import pandas as pd
 
-_STILL = 1e-12
-"""Of the fastest point: a slower one is at rest, and its velocity rounding."""
-_ROUNDING = 1e-12
-"""Of a position: what unwrapping makes of it."""
+_STILL = 1e-12  # of the fastest point: a slower one is at rest, and its velocity rounding
+_ROUNDING = 1e-12  # of a position: what unwrapping makes of it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,8 +16,7 @@ NOT_IDENTIFIABLE = UNRESOLVED | {
 """Kinds by which a motion refuses a parameter."""
 
 
-AT_BOUND = Finding("at-bound", CAUTION, "At its physical bound of zero: the interval is one-sided.")
-"""Of an estimate."""
+AT_BOUND = Finding("at-bound", CAUTION, "At its physical bound of zero: the interval is one-sided.")  # of an estimate
 TAKES_UP_PEAK = Finding(
     "takes-up-peak",
     CAUTION,

@@ -91,8 +91,7 @@ _CAUSES = {
 """Codes that say why a fit leaves what it leaves ..."""
 _WIDENS = {"clipped-left-out", "runs-move", "runs-scatter", "torque-coarse", "torques-doubted"}
 """... or why its errors are as large ..."""
-_SIZES = {"unexplained", "misfit"}
-"""... and those that say how much."""
+_SIZES = {"unexplained", "misfit"}  # ... and those that say how much
 
 
 def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) -> Finding:

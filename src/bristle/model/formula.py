@@ -12,8 +12,7 @@ import casadi as ca
 from bristle.errors import InputError
 from bristle.model.operations import walked
 
-Formula = Any
-"""A SymPy expression of z, v and the parameters: SymPy ships no types."""
+Formula = Any  # a SymPy expression of z, v and the parameters: SymPy ships no types
 _GUARD = 1e-90  # a constant below it keeps an evaluation finite at rest, and has no place in a formula
 
 

@@ -16,15 +16,12 @@ from bristle.model.parameters import Lugre, Pair, fields_of, lugre_of
 from bristle.model.time_refinement import Index, Nodes, inserted, with_extra_nodes
 from bristle.model.vectorize import evaluate, scan, vectorised
 
-AT_ONCE = 15_000
-"""Samples worked on at a time."""
+AT_ONCE = 15_000  # samples worked on at a time
 _FADED = 1e-150
 """Added to each sensitivity's source, so that what is forgotten decays to it and not to denormal numbers, which are
 slow."""
-_ONE = np.zeros(1, dtype=np.intp)
-"""Where one motion begins."""
-_PASSES = 50
-"""At most this many scans of a chunk to settle where z changes sign."""
+_ONE = np.zeros(1, dtype=np.intp)  # where one motion begins
+_PASSES = 50  # at most this many scans of a chunk to settle where z changes sign
 _STILL = 1e-12
 """Where z changes sign has settled when z changes there by at most this share of alpha_0 / sigma_0 from one scan to the next."""
 

@@ -22,10 +22,8 @@ _IF_ELSE_ZERO, _NOT = OPERATIONS[ca.OP_IF_ELSE_ZERO], OPERATIONS[ca.OP_NOT]
 _BLOCK = 16_384
 """Elements worked on at a time: a function's dozen buffers then stay in the cache. Up to here, buffers and blocks cost
 more than they save."""
-_TOGETHER = 10
-"""Ticks that are written out as one, at most."""
-_REUSE = 4096
-"""Elements from which looking for memory to write over is worth the while."""
+_TOGETHER = 10  # ticks that are written out as one, at most
+_REUSE = 4096  # elements from which looking for memory to write over is worth the while
 
 
 @dataclass(frozen=True, slots=True)

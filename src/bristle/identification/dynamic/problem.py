@@ -39,8 +39,7 @@ class InitialState(NamedTuple):
 
 
 Unknown = ParameterName | InitialState
-Values = Mapping[Any, float]
-"""Of parameters, or of every unknown."""
+Values = Mapping[Any, float]  # of parameters, or of every unknown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

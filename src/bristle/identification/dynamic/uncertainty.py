@@ -36,8 +36,7 @@ from bristle.progress import Progress
 _RESTARTS = 3
 _STEP = 1e-2  # of a standard error: by so much either way a constant is moved where the motor is simulated
 
-Refit = Callable[[Values], DynamicSolution]
-"""Fits again, also from a start with every unknown in it."""
+Refit = Callable[[Values], DynamicSolution]  # fits again, also from a start with every unknown in it
 
 
 def profile_until_stable(

@@ -64,8 +64,7 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale |
     return LinkScale(scale=value, error=error, explained=abs(value) * own, left=left)
 
 
-UNSEEN = LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)
-"""Of links of which nothing tells."""
+UNSEEN = LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)  # of links of which nothing tells
 
 
 def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], found: LinkScale) -> LinkScale:
