@@ -23,7 +23,7 @@ from bristle.control.plant import Current, State, plant_step
 from bristle.data.differentiation import between_gaps
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Motion, Unknown, Values, by_name
+from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Motion, Unknown, Values
 from bristle.identification.moving_runs import LOADS
 from bristle.model import law, motor
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -88,7 +88,8 @@ class Simulated:
             for k, first, rows in zip(chosen, start.T, np.split(np.asarray(ends), len(chosen), axis=1), strict=True):
                 whole = np.concatenate([first[::3, None], rows], axis=1)
                 begun, sets, loads = np.split(whole[1:], [3, 3 + 2 * len(fields)])
-                slopes = by_name(problem, sets if pair else sets[: len(fields)] + sets[len(fields) :])
+                by_set = sets if pair else sets[: len(fields)] + sets[len(fields) :]
+                slopes: dict[Unknown, Array] = dict(zip(problem.friction_names, by_set, strict=True))
                 slopes |= dict(zip(_LOADS, loads, strict=True))
                 slopes |= {InitialState(name, k): row for name, row in zip(states, begun, strict=True)}
                 simulated[k] = windows[k].measured - whole[0], slopes

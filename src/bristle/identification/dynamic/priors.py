@@ -247,9 +247,7 @@ def _start(
             "sigma_0": sigma_0,
             "sigma_1": float(sigma_1),
         }
-        for name, value in first.items():  # what both directions share starts at their mean
-            key = ParameterName(name, d)
-            out[key] = (out[key] + value) / 2 if key in out else value
+        out |= {ParameterName(name, d): value for name, value in first.items()}
     if extra.get(INERTIA, 1.0) <= 0:  # a linear fit that knows no presliding may well find a negative one
         extra[INERTIA] = 1e-3 * torque / speed
     return out | extra
@@ -311,12 +309,13 @@ def _priors(
                 priors.append(Prior("static", tuple(ParameterName(fit.names[k], d) for k in rows), means, root, shifts))
         bristle = _stiffness(slow, d)
         if bristle is not None:
-            value, error = bristle.value or 0.0, bristle.standard_error or 1.0
-            sigma_0 = _single("presliding", ParameterName("sigma_0", d), value, error)
-            priors.append(replace(sigma_0, shifts={c: np.array([by]) for c, by in bristle.shifts.items()}))
+            value, root = np.array([bristle.value or 0.0]), np.array([[1 / (bristle.standard_error or 1.0)]])
+            shifts = {c: np.array([by]) for c, by in bristle.shifts.items()}
+            priors.append(Prior("presliding", (ParameterName("sigma_0", d),), value, root, shifts))
     _, known = inertia(experiment)
     if known is not None and INERTIA in problem.extra_names:
-        priors.append(_single("experiment file", INERTIA, known.value, known.standard_error or 0.0))
+        value, root = np.array([known.value]), np.array([[1 / (known.standard_error or np.inf)]])
+        priors.append(Prior("experiment file", (INERTIA,), value, root))
     free = set(problem.names)
     return [prior for prior in priors if free.issuperset(prior.names)]
 
@@ -324,10 +323,6 @@ def _priors(
 def _scatter(freedom: float) -> float:
     """By how much the variance of a Student distribution exceeds the square of its standard error."""
     return 1 + 2 / (freedom - 2) if freedom > 2 else 4.0  # n / (n - 2)
-
-
-def _single(stage: str, name: ParameterName, value: float, error: float) -> Prior:
-    return Prior(stage, (name,), np.array([value]), np.array([[1 / error]]))
 
 
 def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit) -> tuple[Consistency, ...]:

@@ -7,7 +7,6 @@ Each segment between gaps has a bristle deflection z0 of its own to begin with. 
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import product
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -347,20 +346,18 @@ def equation_error(
 ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
     """Of each motion measured less modelled torque, N*m, (N,), and the derivative of the latter by each unknown."""
     p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
-    keys = [ParameterName(name, d) for d, name in product(problem.directions, fields_of(problem.law))]
+    keys = problem.friction_names
     for parts, raised, given in _together(problem, known):
         size, (first, *others) = given["velocity"].size, parts
         every: tuple[Unknown, ...] = (*keys, InitialState("z0", first))
-        # a motion by itself has memory; a shared parameter has it once
-        own: dict[Unknown, Array] = {} if others else memory[first]
-        own_memory = (own.pop(key, None) for key in every)
-        rows = [np.empty(size) if row is None else row for row in own_memory]
+        own: dict[Unknown, Array] = {} if others else memory[first]  # a motion by itself has memory
+        rows = [own[key] if key in own else np.empty(size) for key in every]
         between = [np.empty(size) for _ in raised]
         torque = rollout_into([*rows[:-1], *between, rows[-1]], parameters=p, **given).torque
-        slope_of = by_name(problem, rows[:-1])
         for k, at in parts.items():
             m = problem.motions[k]
-            slopes = {name: row[at] for name, row in slope_of.items()} | {InitialState("z0", k): rows[-1][at]}
+            slopes: dict[Unknown, Array] = {name: row[at] for name, row in zip(keys, rows[:-1], strict=True)}
+            slopes[InitialState("z0", k)] = rows[-1][at]
             slopes |= dict(zip(problem.extra_names, m.extra.T, strict=True))
             slopes |= {name: slopes[name] + row[at] for name, row in zip(raised, between, strict=True)}
             yield m.torque - torque[at] - m.extra @ extra, slopes
@@ -403,15 +400,6 @@ def _level(motion: Motion, known: Values) -> tuple[Array | None, tuple[Parameter
     rises, slopes = load.by({name.name: known[name] for name in weights})
     by = np.array([known[name] for name in levels])
     return np.vstack([by @ rises, rises, np.einsum("m,mkn->kn", by, slopes)]), (*levels, *weights)
-
-
-def by_name(problem: DynamicProblem, rows: Iterable[Array]) -> dict[Unknown, Array]:
-    """The derivatives by each LuGre parameter, (N,) each, by name; those of a shared one are added up."""
-    slope_of: dict[Unknown, Array] = {}
-    for (d, name), row in zip(product(problem.directions, fields_of(problem.law)), rows, strict=True):
-        key = ParameterName(name, d)
-        slope_of[key] = slope_of[key] + row if key in slope_of else row
-    return slope_of
 
 
 def modelled(problem: DynamicProblem, values: Values) -> list[Array]:
