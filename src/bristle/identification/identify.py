@@ -322,14 +322,12 @@ def _wider(measured: Measured, alone: TrackingFit | None) -> Measured | None:
 def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     """What was chosen, why, and what overrules it."""
     more = bic[APART] - bic[SYMMETRIC]
+    took, left = ("each its own friction", "one") if apart else ("the same friction both ways", "two")
     if np.isnan(more):
         return "the same friction both ways, for two differ by a constant alone, as an offset does (fit.directions overrules)"
     if not np.isfinite(more):
-        took, left = ("each its own friction", "one") if apart else ("the same friction both ways", "two")
         return f"{took}, for {left} would leave a direction without friction, or drive it (fit.directions overrules)"
-    took, left, higher = (
-        ("each its own friction", "one fits", -more) if apart else ("the same friction both ways", "two fit", more)
-    )
+    left, higher = ("one fits", -more) if apart else ("two fit", more)
     how = "worse" if higher >= 0 else f"better, by less than {_CLEARLY:g}"
     return f"{took}; {left} {how} (BIC {'higher' if higher >= 0 else 'lower'} by {abs(higher):.3g}; fit.directions overrules)"
 

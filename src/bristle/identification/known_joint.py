@@ -359,13 +359,8 @@ def draws_of(
     """Joints from the covariance of the fit of moving runs and errors of constants, each with its inertia.
 
     What is positive is drawn by its logarithm. There are none without such a fit, or without what they would scatter by.
-
-    Args:
-        joint: identified.
-        known: what is known of it.
-        travel: as in `KnownJoint.filled`.
-        J: inertia where that was not fitted, kg*m**2.
-        statistical: False: by errors of constants alone.
+    `travel` is as in `KnownJoint.filled`; `J` is the inertia where that was not fitted, kg*m**2; with `statistical` False they scatter
+    by errors of constants alone.
     """
     fit = joint.moving
     shown = {} if fit is None else {name: e for name, e in fit.parameters.items() if e.value is not None}

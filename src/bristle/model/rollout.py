@@ -50,13 +50,7 @@ class RolloutJacobian(Rollout):
 
 
 def load_level(rises: Mapping[str, float], motor: Array, links: Array) -> Array:
-    """By how much the coefficients of a level (`law.load_levels`), by name, raise it, N*m, (n,).
-
-    Args:
-        rises: the coefficients.
-        motor: torque of the motor, N*m, (n,).
-        links: torque of gravity and links on the joint, N*m, (n,).
-    """
+    """By how much the coefficients of a level (`law.load_levels`), by name, raise it under torques of motor and links, N*m, (n,)."""
     function = functions.load_levels_function()
     columns = dict(zip(function.name_out(), evaluate(function, motor, links), strict=True))
     return np.asarray(sum((rises[name] * columns[name] for name in rises), np.zeros_like(motor)))

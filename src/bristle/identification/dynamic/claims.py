@@ -158,9 +158,7 @@ def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Esti
     )
     out, companion = dict(estimates), Finding("unseen-companion", NOTE, message)
     for name, e in estimates.items():
-        first = _COMPANION.get(name.name)
-        companions = {ParameterName(first, d) for d in (name.direction, Direction.BOTH)} if first else set()
-        alone = not weak.isdisjoint(companions)
+        alone = name._replace(name=_COMPANION.get(name.name, "")) in weak
         nothing = any(warning.code in {"unseen-unconverged", "unseen-too-few"} for warning in e.warnings)
         if nothing or (name.name not in asked and (alone or name in weak)):
             # the reason, and the interval where that is not doubted itself

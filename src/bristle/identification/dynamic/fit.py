@@ -68,14 +68,9 @@ def fit_tracking(
 ) -> DynamicSolution:
     """All parameters of moving data with intervals and warnings.
 
-    Args:
-        problem: the training runs.
-        start: LuGre parameters and extra regressors by name, from the other stages or guessed.
-        kind: of the joint, for units.
-        held: hold-out runs by name, posed as the problem is.
-        others: starts before it, whole, as other fits ended.
-        progress: told of each start.
-        search: whether to look for more starts.
+    `start` has LuGre parameters and extra regressors by name; `others` are starts before it, whole, as other fits ended, and with
+    `search` more are looked for, of which `progress` is told. `held` are hold-out runs by name, posed as the problem is; `kind` is the
+    joint's, for units.
 
     Raises InputError where a start shows no dependence on any parameter.
     """

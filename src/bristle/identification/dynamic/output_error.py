@@ -103,14 +103,11 @@ def simulation(
     decimation: int,
     horizon: float | None = None,
 ) -> DynamicProblem:
-    """The problem that moving records pose to the simulated motor.
+    """The problem that moving records, with position and voltage or torque, pose to the simulated motor.
 
-    Args:
-        records: with position, and voltage or torque.
-        posed: the same records as `tracking` poses them, not decimated, the inertia among the regressors.
-        constants: of the motor; needed where the records have a voltage.
-        horizon: length of a window, s; None: `HORIZON`, or half of a segment where that is less.
-        decimation: samples of a window over which measured and simulated position are averaged to one equation.
+    `posed` is that of the torque, not decimated, the inertia among its regressors; `constants` are needed where the records have a
+    voltage. Over `decimation` samples of a window measured and simulated position are averaged to one equation. Windows are as long as
+    `horizon`, s; None: `HORIZON`, or half of a segment where that is less.
 
     Raises InputError where a record has no position, or nothing tells the inertia.
     """

@@ -76,17 +76,10 @@ def fit_with_priors(
 ) -> DynamicStages:
     """All parameters from moving runs: alone, with what the other stages say as priors, and how the two agree.
 
-    Args:
-        experiment: with its options.
-        records: training runs.
-        held: hold-out runs.
-        static: the static fits.
-        load: makes the presliding stage from fits that tell g0; None where there are no such runs.
-        near: a fit of the same runs, with another filter, delay or law, or its values, where theirs begins.
-        static_is_apart: whether the static fits rest on other data than these runs.
-        crosscheck: whether to solve the problem by CasADi and IPOPT as well, which takes long.
-        uncertainty: whether to give each parameter its intervals three ways, by profile and bootstrap too.
-        progress: called with what is done, how much of it, and of how much.
+    Of `held` runs the errors are told. `static_is_apart`: the static fits rest on other data than these runs; `load` makes the
+    presliding stage from fits that tell g0, and is None where there are no such runs. A fit of the same runs with another filter,
+    delay or law, or its values, is `near`: theirs begins there. With `crosscheck` the problem is solved by CasADi and IPOPT as well,
+    which takes long; with `uncertainty` each parameter gets its intervals by profile and bootstrap too.
 
     Raises InputError where a run lacks a signal, or shows none of the parameters.
     """

@@ -53,14 +53,8 @@ def measure_robot(
 
     With a URDF the torque of the links is known: it stands in each record, its scale gives a torque constant that is free,
     and the order of joints and gravity's direction are checked against the log. Without one the other joints' motion is in
-    each torque, and it is said how much.
-
-    Args:
-        robot: its file.
-        progress: told of every step.
-        share: makes the joints' parts of the work.
-        only: the one joint that is wanted; None: all.
-        constant: its torque constant, where that was free and is found already.
+    each torque, and it is said how much. `share` makes the joints' parts of the work, and `progress` is told of every step. `only` is
+    the one joint that is wanted, of which a torque constant that was free, and is found already, is `constant`.
 
     Raises InputError where a file cannot be used as declared.
     """
