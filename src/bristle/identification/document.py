@@ -115,30 +115,26 @@ def joints_of(document: Document) -> tuple[Joint, ...]:
     """Its joints. Raises InputError where samples contradict one another, or a fit has not the parameters of its law, in the joint's units."""
     for joint in document.joints.values():
         check_samples(joint)
-        for fit in (*joint.static.values(), joint.tracking, joint.joint_fit):
-            if fit is not None:
-                _check_parameters(joint, fit)
+        fits: tuple[StaticFit | TrackingFit | None, ...] = (*joint.static.values(), joint.tracking, joint.joint_fit)
+        for fit in filter(None, fits):
+            moving = fit if isinstance(fit, TrackingFit) else None
+            found = {ParameterName.parse(str(name)): e for name, e in fit.parameters.items()}
+            if odd := {*map(str, fit.uncertainty)} - {*map(str, fit.parameters)}:
+                raise InputError(f"{joint.name}: uncertainty: {short(min(odd))} is none of the fit's parameters")
+            there = {name.name for name in (*found, *(moving.fixed if moving else {})) if of_friction(name.name)}
+            asked = {*(fields_of if moving else static_fields_of)(fit.law)} - {FASTEST}
+            if there and (lacking := asked - there):
+                raise InputError(f"{joint.name}: has no {min(lacking)}, and its law, {fit.law.name}, has one")
+            for name, e in found.items():
+                if of_friction(name.name) and e.unit != (expected := unit(name.name, joint.kind)):
+                    raise InputError(f"{joint.name}: {name}: got the unit {short(e.unit)}; expected {expected}")
+            rises = {name.name for name in found if of_load(name.name)}
+            if moving and (rises or moving.load.size) and rises not in map(set, LOADS.values()):
+                told = " and ".join(sorted(rises)) or "none"
+                raise InputError(
+                    f"{joint.name}: has {told} as coefficients of its load; expected those of one of {', '.join(LOADS)}"
+                )
     return tuple(document.joints.values())
-
-
-def _check_parameters(joint: Joint, fit: StaticFit | TrackingFit) -> None:
-    moving = fit if isinstance(fit, TrackingFit) else None
-    found = {ParameterName.parse(str(name)): e for name, e in fit.parameters.items()}
-    if odd := {*map(str, fit.uncertainty)} - {*map(str, fit.parameters)}:
-        raise InputError(f"{joint.name}: uncertainty: {short(min(odd))} is none of the fit's parameters")
-    there = {name.name for name in (*found, *(moving.fixed if moving else {})) if of_friction(name.name)}
-    asked = {*(fields_of if moving else static_fields_of)(fit.law)} - {FASTEST}
-    if there and (lacking := asked - there):
-        raise InputError(f"{joint.name}: has no {min(lacking)}, and its law, {fit.law.name}, has one")
-    for name, e in found.items():
-        if of_friction(name.name) and e.unit != (expected := unit(name.name, joint.kind)):
-            raise InputError(f"{joint.name}: {name}: got the unit {short(e.unit)}; expected {expected}")
-    rises = {name.name for name in found if of_load(name.name)}
-    if moving and (rises or moving.load.size) and rises not in map(set, LOADS.values()):
-        told = " and ".join(sorted(rises)) or "none"
-        raise InputError(
-            f"{joint.name}: has {told} as coefficients of its load; expected those of one of {', '.join(LOADS)}"
-        )
 
 
 def check_most(what: str, count: int) -> None:

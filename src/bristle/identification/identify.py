@@ -157,7 +157,14 @@ def _sided(
         sided = _with_directions(measured, "separate")
         each = identified(sided, near=ended)
         bic, _ = compared(each.tracking)
-        bic[APART] = _as_two(each, bic[APART])
+        if (fit := each.moving) is not None:
+            # nan where the two differ by a constant alone: a better BIC is then of two bristles, about reversals that no model describes;
+            # infinite where one of them is no friction, which leaves an offset
+            if any(w.code == "offset-or-friction" for w in fit.warnings):
+                bic[APART] = np.nan
+            least = _NOTHING * float(np.sqrt(np.mean(fit.measured**2)))
+            levels = (e.value for name, e in fit.parameters.items() if name.name == "alpha_0")
+            bic[APART] = bic[APART] if all(x is not None and x > least for x in levels) else np.inf
         measured, joint = (sided, each) if bic[APART] < bic[SYMMETRIC] - _CLEARLY else (measured, joint)
     return measured, joint, bic, ended
 
@@ -423,19 +430,6 @@ def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
     if laws is None:
         return with_law(measured, PAPER), None
     return with_law(measured, laws.chosen.law), laws.under(laws.chosen.law)
-
-
-def _as_two(joint: Joint, bic: float) -> float:
-    """The BIC of a friction for each direction of moving runs: infinite where one of them is none, which leaves an offset.
-
-    And nan where the two differ by a constant alone: a better BIC is then of two bristles, about reversals that no model describes.
-    """
-    fit = joint.moving
-    least = 0.0 if fit is None else _NOTHING * float(np.sqrt(np.mean(fit.measured**2)))
-    levels = [] if fit is None else [e.value for name, e in fit.parameters.items() if name.name == "alpha_0"]
-    if not all(x is not None and x > least for x in levels):
-        return np.inf
-    return np.nan if fit is not None and any(w.code == "offset-or-friction" for w in fit.warnings) else bic
 
 
 def _brakes(values: Mapping[ParameterName, float]) -> bool:

@@ -123,12 +123,6 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     return measured_of(experiment, runs)
 
 
-def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
-    """Runs that were read, the constant-velocity ones cut into segments. Raises InputError as `measure`."""
-    experiment, runs = _filtered(experiment, runs)
-    return judged(Measured(experiment=experiment, runs=runs, segments=_included(experiment, runs)))
-
-
 def judged(whole: Measured) -> Measured:
     """The same with points left out that do not belong to the law of the others."""
     searches = search_points(whole.experiment, whole.points(hold_out=False))
@@ -137,8 +131,11 @@ def judged(whole: Measured) -> Measured:
     return replace(whole, segments=segments, searches=searches)
 
 
-def _filtered(experiment: Experiment, runs: tuple[Run, ...]) -> tuple[Experiment, tuple[Run, ...]]:
-    """With the decimation that the fitted moving runs need, and others through their low pass, where none is asked for."""
+def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
+    """Runs that were read, the constant-velocity ones cut into segments. Raises InputError as `measure`.
+
+    Moving runs have the decimation that the fitted ones need, and others go through their low pass, where none is asked for.
+    """
     slowest = max((r for r in _records(runs) if r.time.size > 1), key=lambda r: r.step, default=None)
 
     def beside_slowest(record: Record) -> Record:  # how much faster it was sampled its notes then say
@@ -164,7 +161,8 @@ def _filtered(experiment: Experiment, runs: tuple[Run, ...]) -> tuple[Experiment
         fits = np.diff([*record.starts, record.time.size]).max() >= shortest
         return without_short_segments(record, shortest, "decimated") if fits and record.velocity is not None else record
 
-    return _asking(experiment, decimation=every), _changed(runs, decimable)
+    experiment, runs = _asking(experiment, decimation=every), _changed(runs, decimable)
+    return judged(Measured(experiment=experiment, runs=runs, segments=_included(experiment, runs)))
 
 
 def _records(runs: Sequence[Run]) -> list[Record]:
@@ -234,8 +232,7 @@ def with_law(measured: Measured, law: str) -> Measured:
 def with_options(measured: Measured, **options: object) -> Measured:
     """The same with other options under `fit`, by which the points are judged anew."""
     experiment = _asking(measured.experiment, **options)
-    posed = measured_of(experiment, measured.runs)
-    return replace(measured, experiment=experiment, segments=posed.segments, searches=posed.searches)
+    return judged(replace(measured, experiment=experiment, segments=_included(experiment, measured.runs)))
 
 
 def _asking(experiment: Experiment, **options: object) -> Experiment:

@@ -293,28 +293,24 @@ def chained(tick: ca.Function, samples: int) -> ca.Function:
     scalars: some such ticks are written out as one.
     """
     together = gcd(samples, _TOGETHER) if tick.is_a("SXFunction") else 1
-    some, calls = (tick if together == 1 else _written_out(tick, together)), samples // together
-    memory, inputs, constants = (
-        ca.MX.sym(name, tick.size1_in(k), columns)
-        for k, (name, columns) in enumerate((("memory", 1), ("inputs", samples), ("constants", 1)))
-    )
+
+    def arguments(kind: Any, count: int) -> list[Any]:
+        columns = {"memory": 1, "inputs": count, "constants": 1}
+        return [kind.sym(name, tick.size1_in(k), wide) for k, (name, wide) in enumerate(columns.items())]
+
+    some, calls = tick, samples // together
+    if together > 1:  # their inputs, and their outputs, one below the other
+        memory, inputs, constants = arguments(ca.SX, together)
+        end, each = memory, []
+        for k in range(together):
+            end, output = tick(end, inputs[:, k], constants)
+            each.append(output)
+        some = ca.Function("ticks", [memory, ca.vec(inputs), constants], [end, ca.vertcat(*each)])
+    memory, inputs, constants = arguments(ca.MX, samples)
     grouped = ca.reshape(inputs, inputs.shape[0] * together, calls)
     ends, outputs = some.mapaccum(calls)(memory, grouped, ca.repmat(constants, 1, calls))
     outputs = ca.reshape(outputs, tick.size1_out(1), samples)
     return ca.Function("chained", [memory, inputs, constants], [ends[:, -1], outputs])
-
-
-def _written_out(tick: ca.Function, count: int) -> ca.Function:
-    """So many ticks of scalars as one: their inputs, and their outputs, one below the other."""
-    memory, inputs, constants = (
-        ca.SX.sym(name, tick.size1_in(k), columns)
-        for k, (name, columns) in enumerate((("memory", 1), ("inputs", count), ("constants", 1)))
-    )
-    end, outputs = memory, []
-    for k in range(count):
-        end, output = tick(end, inputs[:, k], constants)
-        outputs.append(output)
-    return ca.Function("ticks", [memory, ca.vec(inputs), constants], [end, ca.vertcat(*outputs)])
 
 
 def scan(a: Array, b: Array, z0: float | Array) -> Array:

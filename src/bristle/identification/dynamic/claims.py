@@ -234,19 +234,6 @@ class AskedPeak(NamedTuple):
     """By how much each unknown, scaled, would move with it."""
 
 
-def beside_a_peak(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[ParameterName]:
-    """alpha_0 and alpha_2 of a direction without a Stribeck term that the residuals ask for, moved by it by more than a standard error."""
-    errors = dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True))
-    names = list[ParameterName]()
-    for direction in problem.directions:
-        without = problem.fixed.get(ParameterName("alpha_1", direction)) == 0
-        asked = asked_peak(problem, solution, direction) if without else None
-        moved = {} if asked is None else asked.moved
-        mine = (ParameterName(name, direction) for name in ("alpha_0", "alpha_2"))
-        names += [name for name in mine if abs(moved.get(name, 0.0)) > errors.get(name, np.inf)]
-    return names
-
-
 def asked_peak(
     problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction, chance: float = RARE
 ) -> AskedPeak | None:

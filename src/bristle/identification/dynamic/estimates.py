@@ -11,7 +11,7 @@ from bristle.estimation.covariance import student
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import MATTERS, moved_by
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction
-from bristle.identification.dynamic.claims import WIDE, beside_a_peak, bristle_doubts, peak_doubts, warned, without_weak
+from bristle.identification.dynamic.claims import WIDE, asked_peak, bristle_doubts, peak_doubts, warned, without_weak
 from bristle.identification.dynamic.descent import FEWEST, LOGARITHMIC, equations_left
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, sets_of
 from bristle.identification.dynamic.what_is_left import Left, known_and_left
@@ -66,7 +66,15 @@ def estimates_of(
     }
     only_sum = Finding("only-sum-seen", NOTE, "Were v_s above these speeds, this would contain alpha_1.")
     estimates = warned(estimates, dict.fromkeys(bent & estimates.keys(), only_sum))
-    estimates = warned(estimates, dict.fromkeys((*beside, *beside_a_peak(problem, solution)), TAKES_UP_PEAK))
+    errors = dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True))
+    for (
+        direction
+    ) in problem.directions:  # without a term that the residuals ask for, and that moves them by more than an error
+        without = problem.fixed.get(ParameterName("alpha_1", direction)) == 0
+        moved = asked.moved if without and (asked := asked_peak(problem, solution, direction)) else {}
+        mine = (ParameterName(name, direction) for name in ("alpha_0", "alpha_2"))
+        beside |= {name for name in mine if abs(moved.get(name, 0.0)) > errors.get(name, np.inf)}
+    estimates = warned(estimates, dict.fromkeys(beside, TAKES_UP_PEAK))
     J = estimates.get(INERTIA)
     if (
         J is not None

@@ -136,6 +136,10 @@ def simulation(
             if whole.time.size - first < _SHORTEST:
                 break
             samples = slice(first, min(first + size, whole.time.size))
+            # means over blocks of samples, (blocks, samples); the last block takes what is left
+            n = samples.stop - first
+            block = np.minimum(np.arange(n) // every, max(n // every - 1, 0))
+            means = sparse.csr_array(((1 / np.bincount(block))[block], (block, np.arange(n))))
             windows.append(
                 Window(
                     file=record.file,
@@ -145,7 +149,7 @@ def simulation(
                     torque=whole.torque[samples],
                     extra=whole.extra[samples],
                     shifts={name: shift[samples] for name, shift in whole.shifts.items()},
-                    smooth=_means(samples.stop - samples.start, every),
+                    smooth=None if every == 1 else means,
                     measured=record.position[part][samples],
                     drive=drive[part][samples],
                 )
@@ -165,15 +169,6 @@ def with_more_torque(problem: DynamicProblem, constant: str, share: float) -> Dy
         if isinstance(w, Window)
     ]
     return replace(problem, motions=tuple(moved))
-
-
-def _means(samples: int, decimation: int) -> sparse.csr_array | None:
-    """Means over blocks of samples as a matrix, (blocks, samples); the last block takes what is left."""
-    if decimation == 1:
-        return None
-    block = np.minimum(np.arange(samples) // decimation, max(samples // decimation - 1, 0))
-    weight = 1 / np.bincount(block)[block]
-    return sparse.csr_array((weight, (block, np.arange(samples))))
 
 
 @lru_cache(maxsize=16)

@@ -164,7 +164,17 @@ def posed_and_start(
     for d, own in product(whole.directions, whole.law.peak.own):
         fit = _static_of(static, d)
         shape[ParameterName(own.name, d)] = _value(fit.parameters.get(own.name) if fit else None, own.middle)
-    fixed = {**whole.fixed, **shape, **_fixed(experiment, whole)}
+    fixed, known = {**whole.fixed, **shape}, (*whole.friction_names, *whole.extra_names)
+    if experiment.fit.model == "coulomb-viscous":  # v_s then multiplies nothing
+        nothing = without_peak(whole.law)
+        fixed |= {n: nothing[n.name] for n in whole.friction_names if n.name in nothing}
+    for name, value in experiment.fit.fixed.items():  # a bare name stands for both directions
+        meant = [n for n in known if name in (str(n), n.name)]
+        if not meant:
+            raise InputError(
+                f"{experiment.path.name}: fit.fixed: {name} is no parameter of the moving runs; expected one of {', '.join(map(str, known))}"
+            )
+        fixed |= dict.fromkeys(meant, value)
     start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
     whole = replace(whole, fixed=fixed)
     if experiment.fit.predict == "torque":
@@ -267,23 +277,6 @@ def _value(e: Estimate | None, otherwise: float) -> float:
     return otherwise if e is None or not e.value else e.value
 
 
-def _fixed(experiment: Experiment, problem: DynamicProblem) -> dict[ParameterName, float]:
-    """What the experiment file fixes, by the problem's names: a bare name stands for both directions."""
-    known = (*problem.friction_names, *problem.extra_names)
-    fixed: dict[ParameterName, float] = {}
-    for name, value in experiment.fit.fixed.items():
-        meant = [n for n in known if name in (str(n), n.name)]
-        if not meant:
-            raise InputError(
-                f"{experiment.path.name}: fit.fixed: {name} is no parameter of the moving runs; expected one of {', '.join(map(str, known))}"
-            )
-        fixed |= dict.fromkeys(meant, value)
-    if experiment.fit.model == "coulomb-viscous":  # v_s then multiplies nothing
-        nothing = without_peak(problem.law)
-        fixed |= {n: nothing[n.name] for n in problem.friction_names if n.name in nothing and n not in fixed}
-    return fixed
-
-
 def _priors(
     problem: DynamicProblem, experiment: Experiment, static: Mapping[str, StaticFit], slow: Presliding | None
 ) -> list[Prior]:
@@ -320,7 +313,7 @@ def _scatter(freedom: float) -> float:
 
 def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit) -> tuple[Consistency, ...]:
     """Each parameter of each stage beside the moving data alone and the joint fit."""
-    rows = []
+    rows, differ = [], "They differ by"
     # combined standard errors by which none of so many parameters differs by chance (normal, Bonferroni)
     count = sum(alone.parameters[name].value is not None for prior in priors for name in prior.names)
     limit = float(ndtri(1 - SIGNIFICANCE / (2 * max(count, 1))))
@@ -333,8 +326,18 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
             else:
                 apart = [by - prior.shifts[c][k] if c in prior.shifts else by for c, by in moving.shifts.items()]
                 difference = (moving.value - value) / hypot(error, moving.standard_error, *apart)
-                shares = error / abs(value or 1.0), moving.standard_error / abs(moving.value or 1.0)
-                verdict = _verdict(prior.stage, abs(difference) > limit, *shares)
+                stage, own = error / abs(value or 1.0), moving.standard_error / abs(moving.value or 1.0)
+                if abs(difference) <= limit:
+                    verdict = Finding("stage-agrees", NOTE, "They agree.")
+                elif max(own, stage) < _SURER * min(own, stage):
+                    message = f"{differ} more than chance, and neither is much more precise: see the warnings of both."
+                    verdict = Finding("stage-differs", CAUTION, message)
+                elif own > stage:
+                    message = f"{differ} more than chance; check the moving data first, which are less precise."
+                    verdict = Finding("distrust-moving", CAUTION, message)
+                else:
+                    message = f"{differ} more than chance; check the {prior.stage} stage first, which is less precise."
+                    verdict = Finding("distrust-stage", CAUTION, message, {"stage": prior.stage})
             rows.append(
                 Consistency(
                     parameter=name,
@@ -350,17 +353,3 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
                 )
             )
     return tuple(rows)
-
-
-def _verdict(stage: str, differ: bool, stage_share: float, own_share: float) -> Finding:
-    if not differ:
-        return Finding("stage-agrees", NOTE, "They agree.")
-    differ_by = "They differ by more than chance"
-    if max(own_share, stage_share) < _SURER * min(own_share, stage_share):
-        return Finding(
-            "stage-differs", CAUTION, f"{differ_by}, and neither is much more precise: see the warnings of both."
-        )
-    if own_share > stage_share:
-        return Finding("distrust-moving", CAUTION, f"{differ_by}; check the moving data first, which are less precise.")
-    message = f"{differ_by}; check the {stage} stage first, which is less precise."
-    return Finding("distrust-stage", CAUTION, message, {"stage": stage})
