@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from bristle.errors import InputError, check_regular, one_line, read_at_most, short
 from bristle.identification.fits import StaticFit, TrackingFit
+from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Document, Joint, adapter, first_reason
 from bristle.identification.samples import check_samples, put_back
 from bristle.model.laws.parts import FASTEST
@@ -115,8 +116,8 @@ def joints_of(document: Document) -> tuple[Joint, ...]:
     """Its joints. Raises InputError where samples contradict one another, or a fit has not the parameters of its law, in the joint's units."""
     for joint in document.joints.values():
         check_samples(joint)
-        fits: tuple[StaticFit | TrackingFit | None, ...] = (*joint.static.values(), joint.tracking, joint.joint_fit)
-        for fit in filter(None, fits):
+        fits: list[StaticFit | TrackingFit] = [*joint.static.values(), *moving_fits(joint).values()]
+        for fit in fits:
             moving = fit if isinstance(fit, TrackingFit) else None
             found = {ParameterName.parse(str(name)): e for name, e in fit.parameters.items()}
             if odd := {*map(str, fit.uncertainty)} - {*map(str, fit.parameters)}:
