@@ -11,7 +11,7 @@ from bristle.data.experiment.signals import Signals
 from bristle.findings import NOTE, Finding
 from bristle.identification.measured import Measured, measure, measured_of
 from bristle.identification.moving_runs import regressors
-from bristle.identification.robot.links import UNSEEN, link_scale, scale_beside_bristles, torque_constant
+from bristle.identification.robot.links import link_scale, scale_beside_bristles, torque_constant
 from bristle.model.parameters import effort, effort_unit, unit
 
 _CONSTANTS = {"current": "torque_constant", "position error": "kp"}
@@ -41,7 +41,7 @@ def measure_scaled(experiment: Experiment) -> Measured:
     asked = [name for name in regressors(own) if name != "gravity" and name not in own.fit.load]
     beside = own.model_copy(update={"fit": own.fit.model_copy(update={"regressors": (*asked, "links")})})
     records = [with_gravity(run).record for run in measured.runs if run.kind == "tracking" and not run.hold_out]
-    seen = (link_scale(beside, records) if records else None) or UNSEEN
+    seen = link_scale(beside, records)
     refined = scale_beside_bristles(beside, records, seen)
     kind, drive, of = experiment.joint.kind, effort(own.joint.kind), effort_unit(own.joint.kind)
     constant = torque_constant(refined if seen.told else seen, kind, of)

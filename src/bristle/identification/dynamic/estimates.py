@@ -76,17 +76,20 @@ def estimates_of(
         beside |= {name for name in mine if abs(moved.get(name, 0.0)) > errors.get(name, np.inf)}
     estimates = warned(estimates, dict.fromkeys(beside, TAKES_UP_PEAK))
     J = estimates.get(INERTIA)
-    if (
-        J is not None
-        and J.interval is not None
-        and J.interval[1] < 0
-        and (share := _of_inertia(problem, solution) / left.friction) < MATTERS
-    ):
-        message = (
-            f"Not identifiable from this motion: it comes out at {J.value:.2g} {J.unit}, and none is below zero; without it friction would change "
-            f"by {100 * share:.1g} %."
-        )
-        estimates = warned(estimates, {INERTIA: Finding("unseen-inertia", NOTE, message, {"share": share})})
+    if J is not None and J.interval is not None and J.interval[1] < 0:
+        # by how much friction would change without it, rms, to first order
+        (known, _), seen = known_and_left(problem, solution), solution.scaled_errors < np.inf
+        names = [name for name, is_seen in zip(solution.names, seen, strict=True) if is_seen]
+        at, of = names.index(INERTIA), [isinstance(n, ParameterName) and of_friction(n.name) for n in names]
+        made = known[:, at] * solution.minimum.x[seen][at]
+        known[:, at] = 0.0
+        changed = known[:, of] @ moved_by(known, made)[of] / problem.weight
+        if (share := float(np.sqrt(np.mean(changed**2))) / left.friction) < MATTERS:
+            message = (
+                f"Not identifiable from this motion: it comes out at {J.value:.2g} {J.unit}, and none is below zero; without it friction "
+                f"would change by {100 * share:.1g} %."
+            )
+            estimates = warned(estimates, {INERTIA: Finding("unseen-inertia", NOTE, message, {"share": share})})
     return without_weak(problem, estimates)
 
 
@@ -123,17 +126,6 @@ def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[Parame
             warnings=tuple(warnings),
         )
     return out
-
-
-def _of_inertia(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> float:
-    """By how much the friction of a solution would change without its inertia, rms, N*m, to first order."""
-    (known, _), seen = known_and_left(problem, solution), solution.scaled_errors < np.inf
-    names = [name for name, is_seen in zip(solution.names, seen, strict=True) if is_seen]
-    at, of = names.index(INERTIA), [isinstance(n, ParameterName) and of_friction(n.name) for n in names]
-    made = known[:, at] * solution.minimum.x[seen][at]
-    known[:, at] = 0.0
-    changed = known[:, of] @ moved_by(known, made)[of]
-    return float(np.sqrt(np.mean((changed / problem.weight) ** 2)))
 
 
 def wide(share: float) -> Finding:

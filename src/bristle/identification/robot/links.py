@@ -46,13 +46,18 @@ class LinkScale:
         return self.explained > self.left and _SURELY * self.error < abs(self.scale)
 
 
-def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale | None:
-    """The scale of the links' torque in some moving runs, by the static fit with the links as a regressor; None of too few samples."""
+UNSEEN = LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)  # of links of which nothing tells
+
+
+def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale:
+    """The scale of the links' torque in some moving runs, by the static fit with the links as a regressor; UNSEEN of too few samples."""
+    if not records:
+        return UNSEEN
     asked = tuple(dict.fromkeys((*regressors(experiment), "links")))
     every = experiment.fit.decimation or decimation(records)
     problem = from_records(records, directions(experiment, records), asked, every, None)[0]
     if problem.torque.size <= len(problem.names):
-        return None
+        return UNSEEN
     estimate = estimate_static(problem, experiment.fit, experiment.joint.kind)["links"]
     value, error = estimate.value or 0.0, estimate.standard_error or np.inf
     # RMS of the links' column beside all other columns, and of the torque beside all
@@ -62,9 +67,6 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale |
     rests = (y - A @ np.linalg.lstsq(A, y, rcond=None)[0] for y, A in pairs)
     own, left = (float(np.sqrt(np.mean(rest**2))) for rest in rests)
     return LinkScale(scale=value, error=error, explained=abs(value) * own, left=left)
-
-
-UNSEEN = LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)  # of links of which nothing tells
 
 
 def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], found: LinkScale) -> LinkScale:

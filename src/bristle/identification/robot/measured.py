@@ -82,8 +82,7 @@ def against_urdf(robot: Robot) -> dict[str, tuple[Finding, ...]]:
     """By joint, what the logs of a robot say against its URDF, without a search for torque constants. Raises InputError as `measure_robot`."""
     found = {}
     for part in _parts(robot, None):
-        scale = None if part.joint.free else _scale(part)
-        found[part.name] = (*part.findings, *(() if scale is None else scale_warnings(scale)))
+        found[part.name] = (*part.findings, *(() if part.joint.free else scale_warnings(_scale(part))))
     return found
 
 
@@ -136,18 +135,16 @@ class _Part(NamedTuple):
         return self.joint.experiment.joint.name
 
 
-def _scale(part: _Part) -> LinkScale | None:
-    """How the joint's torque goes with that of the links, by the static law; None where nothing tells it."""
-    training = _training(part.runs)
-    return link_scale(part.joint.experiment, training) if part.linked and training else None
+def _scale(part: _Part) -> LinkScale:
+    """How the joint's torque goes with that of the links, by the static law."""
+    return link_scale(part.joint.experiment, _training(part.runs)) if part.linked else UNSEEN
 
 
 def _measured(part: _Part) -> Measured:
     """One joint: in N*m, or where its torque constant is not seen in A."""
-    experiment, runs, found = part.joint.experiment, part.runs, _scale(part)
+    experiment, runs, seen = part.joint.experiment, part.runs, _scale(part)
     findings, constant = list(part.findings), None
     if part.linked and part.joint.free:
-        seen = found or UNSEEN
         beside = in_own_unit(experiment, tuple(dict.fromkeys((*regressors(experiment), "links"))))
         # it may be told by more than the links: then it is a regressor, and no constant; where the log is not as declared, nothing is told
         wrong = any(f.code in {"joint-order", "gravity-direction"} for f in findings)
@@ -155,8 +152,8 @@ def _measured(part: _Part) -> Measured:
         constant = part.constant or torque_constant(refined if seen.told else seen, experiment.joint.kind)
         experiment, runs = _with_constant(experiment, runs, refined, constant.value, constant.standard_error)
         findings += [] if constant.value else constant.warnings
-    elif found is not None:
-        findings += scale_warnings(found)
+    else:
+        findings += scale_warnings(seen)
     runs = tuple(map(without_links, runs))
     refuse_repeated(experiment, runs)
     whole = measured_of(experiment, runs)
