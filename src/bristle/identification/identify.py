@@ -379,8 +379,8 @@ def _identified(
         )
         if timings is not None:
             timings["moving runs"] = perf_counter() - started
-        static = static if points else beside_moving(static, stages.alone)
-        fit = stages.joint or stages.alone
+        static = static if points else beside_moving(static, stages.tracking)
+        fit = stages.joint_fit or stages.tracking
         J = fit.parameters.get(INERTIA) if fit else None
         if stages.presliding is not None and experiment.inertia is None and J is not None and J.value:
             known = KnownValue(J.value, J.standard_error or 0.0, _OF_MOVING_RUNS, J.shifts)  # sigma_1 by (15)
@@ -390,7 +390,7 @@ def _identified(
         stages = DynamicStages(presliding=_presliding(experiment, measured.slow, static))
     if asked_law == AUTO:
         static = with_averages(static, laws)
-        stages = stages._replace(alone=with_averages_of_motion(stages.alone, laws))
+        stages = stages._replace(tracking=with_averages_of_motion(stages.tracking, laws))
     return Joint(
         name=experiment.joint.name,
         kind=experiment.joint.kind,
@@ -401,10 +401,7 @@ def _identified(
         segments=tuple(s for candidates in measured.segments for s in candidates),
         static=static,
         crosscheck=checks,
-        presliding=stages.presliding,
-        tracking=stages.alone,
-        joint_fit=stages.joint,
-        consistency=stages.consistency,
+        **stages._asdict(),
         warnings=_joint_warnings(measured, static),
         torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
         travel=measured.travel,

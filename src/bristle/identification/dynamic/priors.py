@@ -52,9 +52,9 @@ Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
 class DynamicStages(NamedTuple):
     """What moving runs tell, alone and beside the other stages; None, or empty, where there is no such thing."""
 
-    alone: TrackingFit | None = None
+    tracking: TrackingFit | None = None
     """All parameters from the moving runs alone."""
-    joint: TrackingFit | None = None
+    joint_fit: TrackingFit | None = None
     """The same with what the other stages say as priors."""
     consistency: tuple[Consistency, ...] = ()
     """Each parameter of each stage beside these two."""

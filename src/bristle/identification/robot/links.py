@@ -138,13 +138,10 @@ def thinned(course: Course, decimation: int, file: str) -> tuple[Course, Array]:
     smooth, _ = decimator([np.array([course.time.size])], decimation, file)
     moved = np.hstack([course.v > 0, course.v < 0]).astype(float)
     filtered = np.asarray(smooth @ np.hstack([course.q, course.v, course.a, course.torque, moved]))
-    q, v, a, torque, plus, minus = np.split(filtered, 6, axis=1)
-    every = max(1, len(q) // _SAMPLES)
-    thin = Course(
-        time=np.asarray(smooth @ course.time)[::every], q=q[::every], v=v[::every], a=a[::every], torque=torque[::every],
-        kinds=course.kinds,
-    )  # fmt: skip  # a list of values
-    return thin, np.hstack([plus, minus])[::every]
+    every = max(1, len(filtered) // _SAMPLES)
+    q, v, a, torque, *ways = np.split(filtered[::every], 6, axis=1)
+    time = np.asarray(smooth @ course.time)[::every]
+    return replace(course, time=time, q=q, v=v, a=a, torque=torque), np.hstack(ways)
 
 
 def _score(course: Course, moved: Array, links: Array) -> float:
