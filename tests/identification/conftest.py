@@ -109,12 +109,6 @@ def torque_of(run: Record) -> Array:
     return run.torque
 
 
-def velocity_of(run: Record) -> Array:
-    """The same."""
-    assert run.velocity is not None
-    return run.velocity
-
-
 def with_torque(run: Record, change: Callable[[Array], Array]) -> Record:
     """The run with another torque, made of its own."""
     return replace(run, torque=change(torque_of(run)))

@@ -50,7 +50,6 @@ from .conftest import (
     tones,
     torque_of,
     value_of,
-    velocity_of,
     way,
     white,
     with_torque,
@@ -275,7 +274,7 @@ def test_the_motion_between_the_counts_is_nearer_to_the_truth() -> None:
     smooth = between_counts(read, quantum)
     assert smooth.position is not None
     assert np.std(smooth.position - position) < quantum / np.sqrt(12)
-    assert np.std(velocity_of(smooth) - V) < np.std(velocity_of(read) - V) / 3
+    assert np.std(np.asarray(smooth.velocity) - V) < np.std(np.asarray(read.velocity) - V) / 3
     assert between_counts(read, quantum / 10).velocity == pytest.approx(read.velocity)
 
 

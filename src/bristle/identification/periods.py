@@ -52,10 +52,25 @@ def with_periods(measured: Measured) -> Measured:
         known, rest = known_and_left(problem, solve_dynamic(problem, start))
         tried = _tried(experiment, problem.position, most)
         columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in tried}
+    elif kept := measured.points(hold_out=False):  # half as many orders as points are tried
+        (sides, points), *_ = groups(experiment, kept)  # what is shared comes from one solve
+        posed = points_problem(points, sides, point_regressors(experiment), experiment.fit.friction)
+        theta = solve(posed, default_range(posed.velocity)).theta
+        known, rest = posed.jacobian(theta), posed.residuals(theta)
+        tried = _tried(experiment, np.array([s.position for s in points], dtype=float), len(points) // 2)
+        names = [name for k in tried for name in with_orders(asked, (k,), experiment.joint.kind)]
+        placed = {
+            s.place: s
+            for run, found in zip(measured.runs, measured.segments, strict=True)
+            for s in (with_loads(run.record, found, names) if run.kind == "ramp" else found)
+        }
+        linear = points_problem([placed[s.place] for s in points], sides, names, experiment.fit.friction).linear
+        each = np.split(linear[:, linear.shape[1] - 2 * len(asked) * len(tried) :], max(len(tried), 1), axis=1)
+        columns = dict(zip(tried, each, strict=False))
     else:
-        known, rest, columns = _of_points(measured, asked)
+        known, rest, columns = np.zeros((0, 0)), np.zeros(0), {}
     orders, count, last = shown_orders(known, rest, columns), len(columns), max(columns, default=0)
-    found, numbers = with_options(measured, orders=orders), {"tried": count, "last": last, "turn": turn}
+    shown, numbers = with_options(measured, orders=orders), {"tried": count, "last": last, "turn": turn}
     if orders:
         first, named = min(columns), ", ".join(map(str, orders))
         message = (
@@ -70,7 +85,7 @@ def with_periods(measured: Measured) -> Measured:
             "corrected for all orders tried): nothing that repeats with the position is fitted."
         )
         note = Finding("no-orders", NOTE, message, numbers)
-    return replace(found, findings=(*found.findings, note))
+    return replace(shown, findings=(*shown.findings, note))
 
 
 def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tuple[int, ...]:
@@ -111,25 +126,3 @@ def _tried(experiment: Experiment, positions: Array, most: int) -> range:
     """The orders of which the positions hold a period, up to a highest one."""
     (turn, _), reach = turn_of(experiment.joint.kind), float(np.ptp(positions))
     return range(max(int(np.ceil(turn / reach)), 1), min(most, _MOST) + 1) if reach > 0 else range(0)
-
-
-def _of_points(measured: Measured, asked: Sequence[str]) -> tuple[Array, Array, dict[int, Array]]:
-    """Of points the derivatives of their fit, (n, p), what it leaves, N*m, (n,), and columns of half as many orders as points, (n, k)."""
-    experiment, kept = measured.experiment, measured.points(hold_out=False)
-    if not kept:
-        return np.zeros((0, 0)), np.zeros(0), {}
-    (sides, points), *_ = groups(experiment, kept)  # what is shared comes from one solve
-    law = experiment.fit.friction
-    problem = points_problem(points, sides, point_regressors(experiment), law)
-    theta = solve(problem, default_range(problem.velocity)).theta
-    tried = _tried(experiment, np.array([s.position for s in points], dtype=float), len(points) // 2)
-    names = {k: with_orders(asked, (k,), experiment.joint.kind) for k in tried}
-    every = [name for of in names.values() for name in of]
-    placed = {
-        s.place: s
-        for run, found in zip(measured.runs, measured.segments, strict=True)
-        for s in (with_loads(run.record, found, every) if run.kind == "ramp" else found)
-    }
-    columns = points_problem([placed[s.place] for s in points], sides, every, law).linear
-    each = np.split(columns[:, columns.shape[1] - 2 * len(asked) * len(tried) :], max(len(tried), 1), axis=1)
-    return problem.jacobian(theta), problem.residuals(theta), dict(zip(tried, each, strict=False))
