@@ -234,7 +234,14 @@ def _on_time(
         early = Finding("acts-early", CRITICAL, message, {"early": late}, {"torque": np.inf})
         half = max(r.step for r in measured.moving(hold_out=False)) / 2  # of a sample: rows are told apart no finer
         doubts = (early,) if late > max(_SURE * error, half) else _feedback(measured, joint, late)
-        told = _of_drive(late, error)
+        told, reach = "as the drive makes it of its commands", student(np.inf) * error
+        if reach < _LATEST:
+            digits = max(1 - int(np.floor(np.log10(error))), 0)
+            value, off, low, high = (f"{x:.{digits}f}" for x in (-late, error, -late - reach, -late + reach))
+            told += f", {value} +/- {off} s late [{low}, {high}]"
+        else:
+            told += "; its delay is not identifiable, and taken as 0"
+        told += " (signals.command.delay, negative, overrules)"
         said = (w for run in measured.runs for w in run.record.warnings if w.code == "commands-at-once")
         if (at_once := next(said, None)) is not None:  # nothing says whether commands are held between samples
             lower, of = at_once.numbers["lower"], unit("alpha_2", measured.experiment.joint.kind)
@@ -265,17 +272,6 @@ def _feedback(measured: Measured, joint: Joint, late: float) -> tuple[Finding, .
         "or --fresh (--not-fresh)."
     )
     return (Finding("feedback-unknown", CAUTION, message, {"lower": lower}, {"torque": lower * speed}),)
-
-
-def _of_drive(late: float, error: float) -> str:
-    """What is said of the delay of a drive, whose torque as its commands have it is so late, negative, s, with a standard error, s."""
-    overrules = "(signals.command.delay, negative, overrules)"
-    reach = student(np.inf) * error
-    if not reach < _LATEST:
-        return f"as the drive makes it of its commands; its delay is not identifiable, and taken as 0 {overrules}"
-    digits = max(1 - int(np.floor(np.log10(error))), 0)
-    value, off, low, high = (f"{x:.{digits}f}" for x in (-late, error, -late - reach, -late + reach))
-    return f"as the drive makes it of its commands, {value} +/- {off} s late [{low}, {high}] {overrules}"
 
 
 def _with_regressors(measured: Measured) -> tuple[Measured, dict[str, str]]:
