@@ -427,9 +427,8 @@ def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
 
 def _brakes(values: Mapping[ParameterName, float]) -> bool:
     """Whether v abs(v) is drag in every direction, and a load makes friction rise: what pushes is none."""
-    return all(
-        x > 0 for name, x in values.items() if name.name in law_named(WITH_DRAG).coefficients or of_load(name.name)
-    )
+    drag = law_named(WITH_DRAG).coefficients
+    return all(x > 0 for name, x in values.items() if name.name in drag or of_load(name.name))
 
 
 def _training(measured: Measured) -> tuple[Record, ...]:
@@ -442,13 +441,11 @@ def _training(measured: Measured) -> tuple[Record, ...]:
             refuse_noise(experiment, q - q.mean(), torque, f"of {record.file}, taken as presliding", nothing)
     if training:
         refuse_opposing_runs(experiment, training)
-    elif experiment.fit.load:
+    elif experiment.fit.load or experiment.fit.predict == "position":
+        load = "".join(experiment.fit.load[:1])
+        asked, what = (f"fit.law: {load}", "the load") if load else ("fit.predict: position", "predict")
         raise InputError(
-            f"{experiment.path.name}: fit.law: {experiment.fit.load[0]} needs a tracking run to fit; add one under runs, or leave the load out"
-        )
-    elif experiment.fit.predict == "position":
-        raise InputError(
-            f"{experiment.path.name}: fit.predict: position needs a tracking run to fit; add one under runs, or leave predict out"
+            f"{experiment.path.name}: {asked} needs a tracking run to fit; add one under runs, or leave {what} out"
         )
     return training
 

@@ -100,12 +100,8 @@ def lugre_of(law: Law) -> type[Lugre[Any]]:
 def _of_law(base: type[Any], law: Law) -> type[Any]:
     """A named tuple like `base`, with the fields of a law after its own."""
     named = namedtuple(base.__name__, (*base._fields, *law.more))  # type: ignore[misc]  # fields that are known at run time
-    body = {
-        "__slots__": (),
-        "law": property(lambda _: law),
-        "__reduce__": lambda self: (_restored, (base, law, tuple(self))),
-    }
-    return type(base.__name__, (named, base), body)
+    own = {"law": property(lambda _: law), "__reduce__": lambda self: (_restored, (base, law, tuple(self)))}
+    return type(base.__name__, (named, base), {"__slots__": (), **own})
 
 
 def _restored(base: type[Any], law: Law, values: tuple[Any, ...]) -> Any:
@@ -166,7 +162,7 @@ def peak_parameters(law: Law) -> tuple[str, ...]:
 
 def reserved_names() -> frozenset[str]:
     """Names that a part of a law cannot give its own parameters."""
-    return frozenset((*_UNITS, FASTEST))
+    return frozenset(_UNITS)
 
 
 class Pair(NamedTuple, Generic[T]):
@@ -336,7 +332,8 @@ def effort(kind: Kind) -> str:
         "V": "voltage",
         "N": "force",
         "N*m": "torque",
-        **dict.fromkeys(("rad", "m"), "position error"),
+        "rad": "position error",
+        "m": "position error",
     }
     return own.get(effort_unit(kind), "deceleration")
 
