@@ -136,7 +136,8 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
 
     Moving runs have the decimation that the fitted ones need, and others go through their low pass, where none is asked for.
     """
-    slowest = max((r for r in _records(runs) if r.time.size > 1), key=lambda r: r.step, default=None)
+    moving = [run.record for run in runs if run.kind == "tracking"]
+    slowest = max((r for r in moving if r.time.size > 1), key=lambda r: r.step, default=None)
 
     def beside_slowest(record: Record) -> Record:  # how much faster it was sampled its notes then say
         if slowest is None or not (ratio := slowest.step / record.step) > ONE_RATE or record.oversampled != 1:
@@ -150,7 +151,7 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
     if fitted and experiment.fit.position_cutoff is None:
         widest = max(r.cutoff for r in fitted)
         runs = tuple(_changed((run,), lambda r: _through(r, widest))[0] if run.hold_out else run for run in runs)
-    every, moving = experiment.fit.decimation or 1, _records(runs)
+    every, moving = experiment.fit.decimation or 1, [run.record for run in runs if run.kind == "tracking"]
     if experiment.fit.decimation is None and moving:
         longest = min(int(np.diff([*r.starts, r.time.size]).max() / r.oversampled) for r in moving)
         every = longest_decimation(decimation(fitted or moving), longest)
@@ -163,11 +164,6 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
 
     experiment, runs = _asking(experiment, decimation=every), _changed(runs, decimable)
     return judged(Measured(experiment=experiment, runs=runs, segments=_included(experiment, runs)))
-
-
-def _records(runs: Sequence[Run]) -> list[Record]:
-    """The moving ones."""
-    return [run.record for run in runs if run.kind == "tracking"]
 
 
 def _changed(runs: Sequence[Run], change: Callable[[Record], Record]) -> tuple[Run, ...]:

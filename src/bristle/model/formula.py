@@ -23,8 +23,19 @@ def formula_of(expression: Any, signed: Mapping[str, float] | None = None) -> Fo
 
     Raises InputError where SymPy is not installed, or an operation has no place in a formula.
     """
-    sympy, operations = _sympy(), _operations()
-    symbols = ca.symvar(expression)
+    sympy, symbols = _sympy(), ca.symvar(expression)
+    operations: dict[int, Callable[..., Formula]] = {
+        ca.OP_ASSIGN: operator.pos, ca.OP_ADD: operator.add, ca.OP_SUB: operator.sub, ca.OP_MUL: operator.mul,
+        ca.OP_DIV: operator.truediv, ca.OP_NEG: operator.neg, ca.OP_TWICE: lambda a: 2 * a, ca.OP_INV: lambda a: 1 / a,
+        ca.OP_SQ: lambda a: a**2, ca.OP_POW: operator.pow, ca.OP_CONSTPOW: operator.pow, ca.OP_SQRT: sympy.sqrt,
+        ca.OP_FABS: sympy.Abs, ca.OP_SIGN: sympy.sign, ca.OP_EXP: _exp, ca.OP_EXPM1: lambda a: sympy.exp(a) - 1,
+        ca.OP_LOG: sympy.log, ca.OP_LOG1P: lambda a: sympy.log(1 + a), ca.OP_FMIN: sympy.Min, ca.OP_FMAX: sympy.Max,
+        ca.OP_SIN: sympy.sin, ca.OP_COS: sympy.cos, ca.OP_TAN: sympy.tan, ca.OP_SINH: sympy.sinh, ca.OP_COSH: sympy.cosh,
+        ca.OP_TANH: sympy.tanh, ca.OP_ATAN: sympy.atan, ca.OP_ERF: sympy.erf,
+        ca.OP_LT: sympy.Lt, ca.OP_LE: sympy.Le, ca.OP_EQ: sympy.Eq, ca.OP_NE: sympy.Ne,
+        ca.OP_NOT: sympy.Not, ca.OP_AND: sympy.And, ca.OP_OR: sympy.Or,
+        ca.OP_IF_ELSE_ZERO: lambda asked, a: sympy.Piecewise((a, asked), (0, True)),
+    }  # fmt: skip  # a table
     function = ca.Function("formula", symbols, [ca.densify(expression)])
 
     def constant(x: float) -> Formula:
@@ -44,23 +55,6 @@ def symbol_of(name: str, signed: Mapping[str, float] | None = None) -> Formula:
     value = (signed or {}).get(name)
     sign = {} if value is None else {"negative": True} if value < 0 else {"nonnegative": True}
     return _sympy().Symbol(name, real=True, **sign)
-
-
-def _operations() -> dict[int, Callable[..., Formula]]:
-    """What CasADi's operations are in SymPy."""
-    sympy = _sympy()
-    return {
-        ca.OP_ASSIGN: operator.pos, ca.OP_ADD: operator.add, ca.OP_SUB: operator.sub, ca.OP_MUL: operator.mul,
-        ca.OP_DIV: operator.truediv, ca.OP_NEG: operator.neg, ca.OP_TWICE: lambda a: 2 * a, ca.OP_INV: lambda a: 1 / a,
-        ca.OP_SQ: lambda a: a**2, ca.OP_POW: operator.pow, ca.OP_CONSTPOW: operator.pow, ca.OP_SQRT: sympy.sqrt,
-        ca.OP_FABS: sympy.Abs, ca.OP_SIGN: sympy.sign, ca.OP_EXP: _exp, ca.OP_EXPM1: lambda a: sympy.exp(a) - 1,
-        ca.OP_LOG: sympy.log, ca.OP_LOG1P: lambda a: sympy.log(1 + a), ca.OP_FMIN: sympy.Min, ca.OP_FMAX: sympy.Max,
-        ca.OP_SIN: sympy.sin, ca.OP_COS: sympy.cos, ca.OP_TAN: sympy.tan, ca.OP_SINH: sympy.sinh, ca.OP_COSH: sympy.cosh,
-        ca.OP_TANH: sympy.tanh, ca.OP_ATAN: sympy.atan, ca.OP_ERF: sympy.erf,
-        ca.OP_LT: sympy.Lt, ca.OP_LE: sympy.Le, ca.OP_EQ: sympy.Eq, ca.OP_NE: sympy.Ne,
-        ca.OP_NOT: sympy.Not, ca.OP_AND: sympy.And, ca.OP_OR: sympy.Or,
-        ca.OP_IF_ELSE_ZERO: lambda asked, a: sympy.Piecewise((a, asked), (0, True)),
-    }  # fmt: skip  # a table
 
 
 def _exp(a: Formula) -> Formula:

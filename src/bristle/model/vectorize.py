@@ -65,16 +65,12 @@ class Vectorised:
                 f"{name}: inputs and outputs have sizes {sizes}; expected 1x1 each: split vectors into scalars"
             )
         self._name, self._n_in = name, n_in
-        self._read(function)
         self._plans: dict[tuple[bool, ...], _Plan] = {}
         # buffers of calls that have ended, for the next: fresh memory is slow, and threads may call at once
         self._spare: list[Array] = []
-
-    def _read(self, function: ca.Function) -> None:
-        """Walk the instructions; values 0..n_in-1 are the inputs, each other value is assigned once."""
         self._constants: dict[int, float] = {}
         self._program: list[_Instruction] = []
-        numbers = count(self._n_in)
+        numbers = count(n_in)  # values 0..n_in-1 are the inputs, each other value is assigned once
 
         def constant(x: float) -> int:
             value = next(numbers)
@@ -84,7 +80,7 @@ class Vectorised:
         def operation(code: int, operands: list[int], _: int) -> int:
             if code not in OPERATIONS:
                 raise ValueError(
-                    f"{function.name()}: CasADi operation number {code} has no NumPy counterpart; write the expression without it"
+                    f"{name}: CasADi operation number {code} has no NumPy counterpart; write the expression without it"
                 )
             self._program.append(_Instruction(OPERATIONS[code], next(numbers), tuple(operands)))
             return self._program[-1].value

@@ -144,12 +144,6 @@ def fit_with_priors(
     return DynamicStages(alone, replace(joint, warnings=tuple(warnings)), agree, slow)
 
 
-def fit_alone(experiment: Experiment, records: Sequence[Record], static: Mapping[str, StaticFit]) -> TrackingFit:
-    """All parameters of moving runs, beside no other stage, as they come out of the fit. Raises InputError as `fit_with_priors`."""
-    problem, start = posed_and_start(experiment, directions(experiment, records), records, static, None)
-    return fit_tracking(problem, start, experiment.joint.kind).fit
-
-
 def posed_and_start(
     experiment: Experiment,
     moving: tuple[str, ...],

@@ -13,7 +13,8 @@ from bristle.data.record import Record
 from bristle.data.robot.rigid_body import RigidBody
 from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, CRITICAL, Finding
-from bristle.identification.dynamic.priors import fit_alone
+from bristle.identification.dynamic.fit import fit_tracking
+from bristle.identification.dynamic.priors import posed_and_start
 from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import decimator, directions, regressors
 from bristle.identification.static.fit import estimate_static
@@ -78,7 +79,9 @@ def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], fou
     """
     if not found.scale:
         return found
-    fit = fit_alone(experiment, records, fit_moving(experiment, records, (), None)[0])
+    static, _ = fit_moving(experiment, records, (), None)
+    problem, start = posed_and_start(experiment, directions(experiment, records), records, static, None)
+    fit = fit_tracking(problem, start, experiment.joint.kind).fit
     links = fit.parameters[ParameterName("links", Direction.SHARED)]
     if not links.value or not links.standard_error or links.standard_error > found.error or fit.rms >= found.left:
         return found
