@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import bristle
 from bristle.arrays import Array, Interval
 from bristle.data.record import Record
 from bristle.findings import NOTE, Finding
@@ -14,6 +15,7 @@ from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
 from bristle.identification.fits import Estimate, TrackingFit
 from bristle.identification.presliding.stiffness import KnownValue
+from bristle.identification.results import Joint
 from bristle.model.functions import loading_displacement_function, steady_torque_function
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout
@@ -107,12 +109,6 @@ def torque_of(run: Record) -> Array:
     return run.torque
 
 
-def velocity_of(run: Record) -> Array:
-    """The same."""
-    assert run.velocity is not None
-    return run.velocity
-
-
 def with_torque(run: Record, change: Callable[[Array], Array]) -> Record:
     """The run with another torque, made of its own."""
     return replace(run, torque=change(torque_of(run)))
@@ -181,6 +177,19 @@ def experiment_file(
         encoding="utf-8",
     )
     return path
+
+
+def written(path: Path, **columns: Array) -> Path:
+    """A log of columns, (n,) each, by name."""
+    np.savetxt(path, np.column_stack([*columns.values()]), "%.9g", ",", header=",".join(columns), comments="")
+    return path
+
+
+def drafted(*logs: Path, told: bristle.Told | None = None) -> Joint:
+    """The joint of some logs, as they are drafted with what is told of them."""
+    path = logs[0].with_suffix(".yaml")
+    path.write_text(bristle.draft(*logs, told=told)[0], encoding="utf-8")
+    return bristle.identify(path).joint()
 
 
 def points_file(folder: Path, velocity: Array, torque: Array, fit: str = "", more: str = "") -> Path:

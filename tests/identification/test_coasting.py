@@ -14,6 +14,8 @@ from bristle.identification.known_joint import chosen, inertia_of
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 
+from .conftest import drafted, written
+
 GRAVITY, J, COULOMB, VISCOUS = 0.695, 0.0225, 5e-3, 3e-4
 COUNT = 2 * np.pi / 4096
 
@@ -29,7 +31,7 @@ def swing(folder: Path, zero: float = 0.0) -> list[Path]:
     logs = []
     for k, start in enumerate((1.2, 1.9, 2.6)):
         q = solve_ivp(rates, (0, 40), [start, 0.0], "LSODA", t, rtol=1e-9, atol=1e-11, max_step=5e-3).y[0]
-        logs.append(written(folder / f"swing_{k}.csv", t, np.round((q + zero) / COUNT) * COUNT))
+        logs.append(written(folder / f"swing_{k}.csv", t=t, q=np.round((q + zero) / COUNT) * COUNT))
     return logs
 
 
@@ -40,22 +42,8 @@ def spin(folder: Path) -> list[Path]:
         stops = inertia / B * np.log(1 + B * abs(start) / C)
         t = np.arange(0, stops, 1 / 200)
         q = (abs(start) + C / B) * inertia / B * -np.expm1(-B * t / inertia) - C / B * t
-        logs.append(written(folder / f"spin_{k}.csv", t, np.sign(start) * np.round(q / COUNT) * COUNT))
+        logs.append(written(folder / f"spin_{k}.csv", t=t, q=np.sign(start) * np.round(q / COUNT) * COUNT))
     return logs
-
-
-def written(path: Path, t: Array, q: Array) -> Path:
-    """A log of time and position."""
-    np.savetxt(path, np.column_stack([t, q]), "%.9g", ",", header="t,q", comments="")
-    return path
-
-
-def identified(logs: list[Path], told: bristle.Told) -> Joint:
-    """The joint of some logs as they are drafted."""
-    text, _ = bristle.draft(*logs, told=told)
-    path = logs[0].with_name("draft.yaml")
-    path.write_text(text, encoding="utf-8")
-    return bristle.identify(path).joint()
 
 
 def near(joint: Joint, widest: float, **truth: float) -> None:
@@ -73,9 +61,8 @@ def near(joint: Joint, widest: float, **truth: float) -> None:
 def test_a_pendulum_that_was_let_go(tmp_path: Path, known: str, zero: float) -> None:
     """Coulomb and viscous friction, and what is not known of gravity and inertia, wherever the encoder has its zero."""
     of_gravity = bristle.Told(coasting=True, gravity=f"{GRAVITY} N*m")
-    joint = identified(
-        swing(tmp_path, zero), of_gravity if known == "gravity" else bristle.Told(coasting=True, inertia=f"{J} kg*m^2")
-    )
+    of_inertia = bristle.Told(coasting=True, inertia=f"{J} kg*m^2")
+    joint = drafted(*swing(tmp_path, zero), told=of_gravity if known == "gravity" else of_inertia)
     near(joint, 0.15, alpha_0=COULOMB, alpha_2=VISCOUS)
     assert verdict(joint).trust is Trust.USE
     found = {row.parameter.name: row.estimate.value for row in chosen(joint)}
@@ -83,7 +70,7 @@ def test_a_pendulum_that_was_let_go(tmp_path: Path, known: str, zero: float) -> 
         assert found["inertia"] == pytest.approx(J, rel=0.001)
     else:
         assert np.hypot(found["gravity_sin"] or 0.0, found["gravity_cos"] or 0.0) == pytest.approx(GRAVITY, rel=0.001)
-    assert inertia_of(load_experiment(tmp_path / "draft.yaml"), joint) == pytest.approx(J, rel=0.001)
+    assert inertia_of(load_experiment(tmp_path / "swing_0.yaml"), joint) == pytest.approx(J, rel=0.001)
 
 
 def test_a_hand_that_holds_before_it_lets_go_is_no_friction(tmp_path: Path) -> None:
@@ -93,8 +80,8 @@ def test_a_hand_that_holds_before_it_lets_go_is_no_friction(tmp_path: Path) -> N
         q = np.loadtxt(log, delimiter=",", skiprows=1)[:, 1]
         trembles = COUNT * np.round(rng.normal(0, 0.2, 150 * k).cumsum())
         whole = np.concatenate([q[0] + trembles - trembles[-1], q])
-        written(log, np.arange(whole.size) / 150, whole)
-    joint = identified(logs, bristle.Told(coasting=True, gravity=f"{GRAVITY} N*m"))
+        written(log, t=np.arange(whole.size) / 150, q=whole)
+    joint = drafted(*logs, told=bristle.Told(coasting=True, gravity=f"{GRAVITY} N*m"))
     near(joint, 0.15, alpha_0=COULOMB, alpha_2=VISCOUS)
     said = [next(n for n in x.notes if n.code == "rests-left-out") for x in joint.inputs]
     assert [n.numbers["rows"] >= 140 * k for k, n in enumerate(said, 1)] == [True, True, True]
@@ -106,7 +93,7 @@ def test_a_hand_that_holds_before_it_lets_go_is_no_friction(tmp_path: Path) -> N
 )
 def test_a_wheel_that_spins_down(tmp_path: Path, told: str | None, kind: str, by: float) -> None:
     """In N m with an inertia, whose error is in those of friction; else per inertia, in units of an acceleration, which is said."""
-    joint = identified(spin(tmp_path), bristle.Told(coasting=True, inertia=told))
+    joint = drafted(*spin(tmp_path), told=bristle.Told(coasting=True, inertia=told))
     assert joint.kind == kind
     near(joint, 0.05, alpha_0=2 * COULOMB * by)
     near(joint, 0.25, alpha_2=VISCOUS / 15 * by)
@@ -123,27 +110,16 @@ def test_what_contradicts_coasting_is_refused(tmp_path: Path) -> None:
     """A torque, another kind of run, what the torque is made of as a regressor, and both gravity and inertia: one sentence each."""
     (log,) = spin(tmp_path)[:1]
     text, _ = bristle.draft(log, told=bristle.Told(coasting=True, inertia="1 kg*m^2"))
-    bad = {
-        'coasting: {inertia: "1 kg*m^2", gravity: 1 N*m}': "got gravity and inertia; expected one of them",
-        'coasting: {inertia: "1 kg*m^2"}\ninertia: 1 kg*m^2': "coasting: got inertia beside it",
-        "coasting: {gravity: 1 N*m}\ninertia: 1 kg*m^2": None,
-    }
-    for line, says in bad.items():
-        check(tmp_path, text.replace('coasting: {inertia: "1 kg*m^2"}', line), says)
-    check(tmp_path, text.replace("tracking}", "ramp}"), "got a run of kind ramp beside it; expected tracking runs")
-    check(
-        tmp_path,
-        text.replace("signals:", 'signals:\n  torque: {column: "q", unit: "N*m"}'),
-        r"got signals\.torque beside it",
-    )
-    check(tmp_path, text.replace("regressors: []", "regressors: [inertia]"), r"got fit\.regressors: inertia beside it")
-
-
-def check(folder: Path, text: str, says: str | None) -> None:
-    """That a file is refused in a sentence, or taken."""
-    (folder / "bad.yaml").write_text(text, encoding="utf-8")
-    if says is None:
-        load_experiment(folder / "bad.yaml")
-        return
-    with pytest.raises(InputError, match=says):
-        load_experiment(folder / "bad.yaml")
+    line, path = 'coasting: {inertia: "1 kg*m^2"}', tmp_path / "bad.yaml"
+    for old, new, says in (
+        (line, 'coasting: {inertia: "1 kg*m^2", gravity: 1 N*m}', "got gravity and inertia; expected one of them"),
+        (line, f"{line}\ninertia: 1 kg*m^2", "coasting: got inertia beside it"),
+        ("tracking}", "ramp}", "got a run of kind ramp beside it; expected tracking runs"),
+        ("signals:", 'signals:\n  torque: {column: "q", unit: "N*m"}', r"got signals\.torque beside it"),
+        ("regressors: []", "regressors: [inertia]", r"got fit\.regressors: inertia beside it"),
+    ):
+        path.write_text(text.replace(old, new), encoding="utf-8")
+        with pytest.raises(InputError, match=says):
+            load_experiment(path)
+    path.write_text(text.replace(line, "coasting: {gravity: 1 N*m}\ninertia: 1 kg*m^2"), encoding="utf-8")
+    load_experiment(path)

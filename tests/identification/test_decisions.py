@@ -13,7 +13,7 @@ from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.model.parameters import Lugre, ParameterName
 
-from .conftest import codes, experiment_file, holds, white
+from .conftest import codes, drafted, experiment_file, holds, white, written
 
 TRUTH = Lugre(0.8, 0.3, 0.5, 0.06, 2000.0, 5.0)
 INERTIA, RATE = 0.05, 500.0
@@ -44,15 +44,6 @@ def tracked(joint: Joint) -> dict[str, Estimate]:
     """What its moving runs give, by name."""
     assert joint.tracking is not None
     return {name.name: e for name, e in joint.tracking.parameters.items()}
-
-
-def drafted(folder: Path, t: Array, q: Array, torque: Array) -> Joint:
-    """What is identified of a log as it is drafted, with no more than its columns told."""
-    np.savetxt(folder / "log.csv", np.stack([t, q, torque], axis=1), "%.9g", ",", header="t,q,tau", comments="")
-    text, _ = bristle.draft(folder / "log.csv")
-    (folder / "log.yaml").write_text(text, encoding="utf-8")
-    (joint,) = bristle.identify(folder / "log.yaml").joints
-    return joint
 
 
 def clean() -> Array:
@@ -200,19 +191,15 @@ def test_a_drive_that_is_told_what_to_follow_tells_friction(tmp_path: Path, late
     torque, kp, kd = clean() + white(t.size, 0.01), 40.0 * gains, 1.5 * gains
     ahead, v_d = np.interp(t + late, t, torque), np.gradient(0.9 * q, t)
     q_d = q + (ahead - kd * (v_d - v)) / kp
-    np.savetxt(
-        tmp_path / "log.csv", np.stack([t, q, v, q_d, v_d], 1), "%.9g", ",", header="t,q,dq,q_des,dq_des", comments=""
-    )
-    told = bristle.Told(kp=f"{kp} N*m/rad", kd=f"{kd} N*m*s/rad")
-    text, _ = bristle.draft(tmp_path / "log.csv", told=told)
-    (tmp_path / "log.yaml").write_text(text, encoding="utf-8")
-    joint = bristle.identify(tmp_path / "log.yaml").joint()
+    log = written(tmp_path / "log.csv", t=t, q=q, dq=v, q_des=q_d, dq_des=v_d)
+    joint = drafted(log, told=bristle.Told(kp=f"{kp} N*m/rad", kd=f"{kd} N*m*s/rad"))
     near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
     assert "ASSUMED not held between samples: held (--held), alpha_2 is" in joint.settings["chosen delay"]
     first = " ".join(bristle.Results(joints=(joint,)).text().split())
     assert "rad/s, ASSUMED commands are not held between samples" in first.partition(";")[0]
     found, error = map(float, joint.settings["chosen delay"].split(" s late")[0].split(", ")[1].split(" +/- "))
     assert abs(found - late) <= 3 * error < 0.001
+    text = (tmp_path / "log.yaml").read_text(encoding="utf-8")
     declared = text.replace('"q_des", unit: "rad"', f'"q_des", unit: "rad", delay: {-late!r} s')
     (tmp_path / "log.yaml").write_text(declared, encoding="utf-8")
     again = bristle.identify(tmp_path / "log.yaml").joint()
@@ -228,13 +215,12 @@ def test_what_a_drive_compares_its_commands_with(tmp_path: Path) -> None:
     """
     t, q, v, _ = motion()
     torque, kp, kd, late = clean() + white(t.size, 0.01), 40.0, 1.5, 0.008
-    q_d = np.interp(t + late, t, q + (torque + kd * v) / kp)
-    np.savetxt(tmp_path / "log.csv", np.stack([t, q, v, q_d], 1), "%.9g", ",", header="t,q,dq,q_des", comments="")
+    log = written(tmp_path / "log.csv", t=t, q=q, dq=v, q_des=np.interp(t + late, t, q + (torque + kd * v) / kp))
     gains = {"kp": f"{kp} N*m/rad", "kd": f"{kd} N*m*s/rad", "held": False}
 
     def identified(fresh: bool | None, delay: str = "") -> Joint:
         """As it is drafted."""
-        text, _ = bristle.draft(tmp_path / "log.csv", told=bristle.Told(fresh=fresh, **gains))  # type: ignore[arg-type]  # by name
+        text, _ = bristle.draft(log, told=bristle.Told(fresh=fresh, **gains))  # type: ignore[arg-type]  # by name
         (tmp_path / "log.yaml").write_text(
             text.replace('"q_des", unit: "rad"', f'"q_des", unit: "rad"{delay}'), encoding="utf-8"
         )
@@ -255,10 +241,8 @@ def test_a_drive_that_would_act_before_it_is_told_is_not_believed(tmp_path: Path
     t, q, v, _ = motion()
     torque = clean() + white(t.size, 0.01)
     q_d = q + (np.interp(t - 0.02, t, torque) + 1.5 * v) / 40
-    np.savetxt(tmp_path / "log.csv", np.stack([t, q, v, q_d], 1), "%.9g", ",", header="t,q,dq,q_des", comments="")
-    text, _ = bristle.draft(tmp_path / "log.csv", told=bristle.Told(kp="40 N*m/rad", kd="1.5 N*m*s/rad", held=False))
-    (tmp_path / "log.yaml").write_text(text, encoding="utf-8")
-    joint = bristle.identify(tmp_path / "log.yaml").joint()
+    told = bristle.Told(kp="40 N*m/rad", kd="1.5 N*m*s/rad", held=False)
+    joint = drafted(written(tmp_path / "log.csv", t=t, q=q, dq=v, q_des=q_d), told=told)
     assert verdict(joint).trust is Trust.DO_NOT_USE
     assert "acts-early" in codes(joint.warnings)
     assert "commands-at-once" not in codes(joint.warnings)
@@ -276,7 +260,7 @@ def test_a_peak_that_is_not_claimed_is_in_the_band(tmp_path: Path) -> None:
 
     torque, count = friction(v) + 0.05 * acceleration, 2 * np.pi / 2**14
     torque += 0.02 * np.sqrt(np.mean(torque**2)) * np.random.default_rng(3).standard_normal(t.size)
-    joint = drafted(tmp_path, t, count * np.round(q / count), torque)
+    joint = drafted(written(tmp_path / "log.csv", t=t, q=count * np.round(q / count), tau=torque))
     known = joint.accuracy
     assert known is not None
     speeds = np.linspace(known.slowest, known.fastest, 60)
@@ -291,7 +275,7 @@ def test_a_stroke_too_slow_for_v_s_gives_its_curve_and_no_peak(tmp_path: Path) -
     v = size * w * np.cos(w * t)
     torque = bristle.simulate(v, 1 / 2000, TRUTH) - INERTIA * size * w**2 * np.sin(w * t)
     q = np.floor(size * np.sin(w * t) * 2**18 / (2 * np.pi)) * 2 * np.pi / 2**18
-    joint = drafted(tmp_path, t[::4], q[::4], (torque + white(t.size, 0.005))[::4])
+    joint = drafted(written(tmp_path / "log.csv", t=t[::4], q=q[::4], tau=(torque + white(t.size, 0.005))[::4]))
     assert verdict(joint).trust is Trust.USE
     speeds = np.linspace(0.1, 1, 30) * size * w
     found, _ = known_curve(joint, speeds)
@@ -308,7 +292,7 @@ def test_two_velocities_are_a_motion(tmp_path: Path) -> None:
     t, speed = np.arange(0, 24, 1 / RATE), 0.02
     v = speed * np.tanh(40 * np.sin(2 * np.pi * t / 12))
     torque = bristle.simulate(v, 1 / RATE, TRUTH) + INERTIA * np.gradient(v, t)
-    joint = drafted(tmp_path, t, np.cumsum(v) / RATE, torque + white(t.size, 0.005))
+    joint = drafted(written(tmp_path / "log.csv", t=t, q=np.cumsum(v) / RATE, tau=torque + white(t.size, 0.005)))
     found, _ = known_curve(joint, np.array([speed, -speed]))
     true = TRUTH.alpha_0 + TRUTH.alpha_1 * np.exp(-((speed / TRUTH.v_s) ** 2)) + TRUTH.alpha_2 * speed
     assert np.abs(found) == pytest.approx([true, true], rel=0.02)

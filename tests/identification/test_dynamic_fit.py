@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from bristle.arrays import Array
@@ -19,7 +18,6 @@ from bristle.identification.dynamic import descent
 from bristle.identification.dynamic.claims import bristle_doubts
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.descent import fit, solve_dynamic
-from bristle.identification.dynamic.descent import least_squares as posed_about
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import (
@@ -28,7 +26,6 @@ from bristle.identification.dynamic.problem import (
     Prior,
     dynamic_problem,
     residuals,
-    with_priors,
 )
 from bristle.identification.dynamic.what_is_left import pattern_left
 from bristle.identification.fits import TrackingFit
@@ -53,7 +50,6 @@ from .conftest import (
     tones,
     torque_of,
     value_of,
-    velocity_of,
     way,
     white,
     with_torque,
@@ -109,23 +105,6 @@ def test_without_noise_the_truth_comes_back(p: Lugre[float] | Pair[float]) -> No
     assert minimum.cost < 1e-16
     for name, true in by_name(p).items():
         assert values[name] == pytest.approx(true, rel=1e-4)
-
-
-def test_two_routes_agree() -> None:
-    """SciPy's least_squares, given the same residuals and no Jacobian of ours, ends where the descent ends, to 1e-2 standard errors."""
-    problem = posed(record(noise=3e-4), decimation=5)
-    start = shifted(TRUTH, 1.1) | {Z0: 0.0}
-    values, minimum = fit(problem, start)
-    about = posed_about(problem, start)
-
-    def rows(x: Array) -> Array:
-        """Residuals alone."""
-        return about.evaluate(x)[0]
-
-    first = about.unknowns.scaled(start)
-    other = least_squares(rows, first, x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    assert 2 * other.cost == pytest.approx(minimum.cost, rel=1e-8)
-    assert (np.abs(other.x - about.unknowns.scaled(values)) < 1e-2 * spread_of(minimum))[:-1].all()
 
 
 @SETS
@@ -236,7 +215,7 @@ def test_a_prior_pulls_as_far_as_it_is_sure() -> None:
     moves = []
     for share in (1.0, 1e-3):
         prior = Prior("static", (v_s,), np.array([value + 2 * error]), np.array([[1 / (share * error)]]))
-        found = fitted(with_priors(problem, [prior], alone.rms)).parameters[v_s]
+        found = fitted(replace(problem, priors=(prior,), sigma=alone.rms)).parameters[v_s]
         assert error_of(found) < error
         moves.append((value_of(found) - value) / (2 * error))
     assert 0.25 < moves[0] < 0.75
@@ -295,7 +274,7 @@ def test_the_motion_between_the_counts_is_nearer_to_the_truth() -> None:
     smooth = between_counts(read, quantum)
     assert smooth.position is not None
     assert np.std(smooth.position - position) < quantum / np.sqrt(12)
-    assert np.std(velocity_of(smooth) - V) < np.std(velocity_of(read) - V) / 3
+    assert np.std(np.asarray(smooth.velocity) - V) < np.std(np.asarray(read.velocity) - V) / 3
     assert between_counts(read, quantum / 10).velocity == pytest.approx(read.velocity)
 
 

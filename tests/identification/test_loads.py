@@ -156,11 +156,7 @@ def test_names_of_loads() -> None:
     for wrong in ("link-load", "gaussian+link-load+gear-load", "gaussian+heavy-load", "auto+link-load"):
         with pytest.raises(ValueError, match="expected"):
             FitOptions(law=wrong)
-
-
-def test_a_stored_law_has_no_load() -> None:
-    """What a results file or an export holds is a curve: a load in its place is refused, not dropped."""
-    with pytest.raises(KeyError):
+    with pytest.raises(KeyError):  # what a results file or an export holds is a curve
         law_named("gaussian+gear-load")
 
 

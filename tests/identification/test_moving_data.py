@@ -52,15 +52,6 @@ def values(
     return dict(zip(problem.names, solve(problem, default_range(problem.velocity)).theta, strict=True))
 
 
-def test_inertia_and_friction_are_told_apart() -> None:
-    """From moving data the same solve gives inertia, offset (zero) and all four static parameters, within 2 % of the truth."""
-    found = values(moving(), ("both",), ("inertia", "offset"))
-    assert found[parse("inertia")] == pytest.approx(INERTIA, rel=0.01)
-    assert found[parse("offset")] == pytest.approx(0.0, abs=1e-4)
-    for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
-        assert found[parse(name)] == pytest.approx(getattr(STRONG, name), rel=0.02)
-
-
 def test_filtering_both_sides_is_unbiased() -> None:
     """sgn(v) and the Stribeck shape are formed before the filter, so noise-free data give back the exact parameters although both are smoothed."""
     found = values(moving(noise=0.0), ("+", "-"), ("inertia",))

@@ -6,7 +6,6 @@ import pytest
 
 from bristle.arrays import Array
 from bristle.model import law
-from bristle.model import rollout as module
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout, rollout_jacobian
 
@@ -49,14 +48,6 @@ def test_derivative_by_the_start(gripper: Lugre[float]) -> None:
         gripper.sigma_0 * (1 - gripper.sigma_1 * v[0] / float(law.stribeck(v[0], gripper))), rel=1e-12
     )
     assert np.abs(by_z0[-1]) < 1e-100
-
-
-def test_value_is_that_of_rollout(pair: Pair[float]) -> None:
-    """The torque and deflection that come with the Jacobian are those of `rollout`, for one set and for a pair."""
-    for p in (pair.positive, pair):
-        plain, full = rollout(motion(), STEP, p), rollout_jacobian(motion(), STEP, p)
-        np.testing.assert_allclose(full.torque, plain.torque, rtol=1e-12)
-        np.testing.assert_allclose(full.z, plain.z, rtol=1e-12)
 
 
 def test_jacobian_equals_that_of_mapaccum(gripper: Lugre[float]) -> None:
@@ -104,15 +95,3 @@ def test_empty_and_single_sample(pair: Pair[float]) -> None:
     slope = -pair.negative.alpha_1 * shape * 2 * 0.05**2 / pair.negative.v_s**3
     np.testing.assert_allclose(row[6:], [-1, -shape, -0.05, slope, 0, 0], atol=1e-12)
     np.testing.assert_array_equal(row[:6], np.zeros(6))
-
-
-def test_chunks_leave_no_seam(pair: Pair[float], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Sensitivities are carried from chunk to chunk."""
-    sets: tuple[Lugre[float] | Pair[float], ...] = (pair.positive, pair)
-    whole = [rollout_jacobian(motion(), STEP, p) for p in sets]
-    monkeypatch.setattr(module, "AT_ONCE", 37)
-    for p, expected in zip(sets, whole, strict=True):
-        scale = np.abs(expected.by_parameters).max(axis=0)
-        parts = rollout_jacobian(motion(), STEP, p)
-        np.testing.assert_allclose(parts.by_parameters / scale, expected.by_parameters / scale, atol=1e-6)
-        np.testing.assert_allclose(parts.by_z0, expected.by_z0, atol=1e-6 * np.abs(expected.by_z0).max())

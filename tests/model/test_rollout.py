@@ -156,16 +156,6 @@ def test_constant_velocity_stays_in_steady_state(v: float, sign: int, p: Lugre[f
     np.testing.assert_allclose(torque, float(expected), rtol=1e-9 * (1 + p.sigma_1 * v / p.alpha_0))
 
 
-def test_steady_state_is_reached_from_rest(table_set: Lugre[float]) -> None:
-    """From z = 0, after many relaxation times, T_f is T_ss."""
-    v = 0.05
-    time = 40 * (table_set.alpha_0 + table_set.alpha_1) / (table_set.sigma_0 * v)
-    torque = rollout(np.full(1001, v), time / 1000, table_set, z0=0.0).torque
-    assert torque[-1] == pytest.approx(
-        float(evaluate(functions.steady_torque_function(), v, *table_set[:4])[0]), rel=1e-12
-    )
-
-
 def test_at_rest_the_bristle_holds(gripper: Lugre[float]) -> None:
     """With v = 0 throughout, z stays at z0 and T_f = sigma_0 z0; by default z0 = 0."""
     held = rollout(np.zeros(10), 1e-3, gripper, z0=1e-3)
@@ -261,14 +251,6 @@ def test_signs_of_deflection_settle_whatever_the_stiffness(
     parts = rollout(v, 1e-3, pair)
     np.testing.assert_allclose(whole.z, parts.z, atol=1e-9 * np.abs(parts.z).max())
     np.testing.assert_allclose(whole.torque, parts.torque, atol=1e-6 * np.abs(parts.torque).max())
-
-
-def test_a_step_cut_where_velocity_is_linear_changes_little(gripper: Lugre[float]) -> None:
-    """More samples on the same piecewise-linear velocity give the same torque at the old ones, within the error of the scheme."""
-    v = slow(np.arange(1001) * 1e-3)
-    finer = np.interp(np.arange(3001) / 3, np.arange(1001), v)
-    difference = rollout(v, 1e-3, gripper).torque - rollout(finer, 1e-3 / 3, gripper).torque[::3]
-    assert np.abs(difference).max() <= 1e-5 * 0.025
 
 
 def test_fast_reversals_need_the_extra_nodes(gripper: Lugre[float], monkeypatch: pytest.MonkeyPatch) -> None:

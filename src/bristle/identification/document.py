@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from bristle.errors import InputError, check_regular, one_line, read_at_most, short
 from bristle.identification.fits import StaticFit, TrackingFit
+from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Document, Joint, adapter, first_reason
 from bristle.identification.samples import check_samples, put_back
 from bristle.model.laws.parts import FASTEST
@@ -34,10 +35,11 @@ def reading(path: Path) -> Iterator[Any]:
     data = read_at_most(path, LARGEST, "a results file")
     try:
         yield parsed(data.decode("utf-8"))
-    except InputError as error:
-        raise _no_results(path, str(error)) from error
-    except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep, not as pydantic wants it
-        raise _no_results(path, first_reason(error)) from error
+    except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep, not as pydantic or we want it
+        why = one_line(str(error) if isinstance(error, InputError) else first_reason(error), _SHOWN)
+        raise InputError(
+            f"{path}: is no results file of schema bristle-results/3 or 2 ({why}); expected a results.json that bristle wrote"
+        ) from error
 
 
 def is_results(path: Path) -> bool:
@@ -71,7 +73,6 @@ def schema_of(adapter: "TypeAdapter[Any]", title: str) -> dict[str, Any]:
 
     class Complete(GenerateJsonSchema):
         def field_is_required(self, field: Any, total: bool) -> bool:  # noqa: ARG002  # whatever it is
-            """Every field is written, so that each is required."""
             return True
 
     document = adapter.json_schema(mode="serialization", schema_generator=Complete)
@@ -115,40 +116,29 @@ def joints_of(document: Document) -> tuple[Joint, ...]:
     """Its joints. Raises InputError where samples contradict one another, or a fit has not the parameters of its law, in the joint's units."""
     for joint in document.joints.values():
         check_samples(joint)
-        for fit in (*joint.static.values(), joint.tracking, joint.joint_fit):
-            if fit is not None:
-                _check_parameters(joint, fit)
+        fits: list[StaticFit | TrackingFit] = [*joint.static.values(), *moving_fits(joint).values()]
+        for fit in fits:
+            moving = fit if isinstance(fit, TrackingFit) else None
+            found = {ParameterName.parse(str(name)): e for name, e in fit.parameters.items()}
+            if odd := {*map(str, fit.uncertainty)} - {*map(str, fit.parameters)}:
+                raise InputError(f"{joint.name}: uncertainty: {short(min(odd))} is none of the fit's parameters")
+            there = {name.name for name in (*found, *(moving.fixed if moving else {})) if of_friction(name.name)}
+            asked = {*(fields_of if moving else static_fields_of)(fit.law)} - {FASTEST}
+            if there and (lacking := asked - there):
+                raise InputError(f"{joint.name}: has no {min(lacking)}, and its law, {fit.law.name}, has one")
+            for name, e in found.items():
+                if of_friction(name.name) and e.unit != (expected := unit(name.name, joint.kind)):
+                    raise InputError(f"{joint.name}: {name}: got the unit {short(e.unit)}; expected {expected}")
+            rises = {name.name for name in found if of_load(name.name)}
+            if moving and (rises or moving.load.size) and rises not in map(set, LOADS.values()):
+                told = " and ".join(sorted(rises)) or "none"
+                raise InputError(
+                    f"{joint.name}: has {told} as coefficients of its load; expected those of one of {', '.join(LOADS)}"
+                )
     return tuple(document.joints.values())
-
-
-def _check_parameters(joint: Joint, fit: StaticFit | TrackingFit) -> None:
-    moving = fit if isinstance(fit, TrackingFit) else None
-    found = {ParameterName.parse(str(name)): e for name, e in fit.parameters.items()}
-    if odd := {*map(str, fit.uncertainty)} - {*map(str, fit.parameters)}:
-        raise InputError(f"{joint.name}: uncertainty: {short(min(odd))} is none of the fit's parameters")
-    there = {name.name for name in (*found, *(moving.fixed if moving else {})) if of_friction(name.name)}
-    asked = {*(fields_of if moving else static_fields_of)(fit.law)} - {FASTEST}
-    if there and (lacking := asked - there):
-        raise InputError(f"{joint.name}: has no {min(lacking)}, and its law, {fit.law.name}, has one")
-    for name, e in found.items():
-        if of_friction(name.name) and e.unit != (expected := unit(name.name, joint.kind)):
-            raise InputError(f"{joint.name}: {name}: got the unit {short(e.unit)}; expected {expected}")
-    rises = {name.name for name in found if of_load(name.name)}
-    if moving and (rises or moving.load.size) and rises not in map(set, LOADS.values()):
-        told = " and ".join(sorted(rises)) or "none"
-        raise InputError(
-            f"{joint.name}: has {told} as coefficients of its load; expected those of one of {', '.join(LOADS)}"
-        )
 
 
 def check_most(what: str, count: int) -> None:
     """InputError where a file has more of something than it may."""
     if count > _MOST[what]:
         raise InputError(f"it has {count} {what}, more than {_MOST[what]}")
-
-
-def _no_results(path: Path, why: str) -> InputError:
-    return InputError(
-        f"{path}: is no results file of schema bristle-results/3 or 2 ({one_line(why, _SHOWN)}); "
-        "expected a results.json that bristle wrote"
-    )

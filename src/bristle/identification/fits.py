@@ -31,8 +31,7 @@ def _law(name: str) -> Law:
         raise ValueError(f"got the law {short(name)}; expected one of {error.args[0]}") from None
 
 
-LawByName = Annotated[Law, JsonForm(str, lambda law: law.name, _law)]
-"""In JSON, its name."""
+LawByName = Annotated[Law, JsonForm(str, lambda law: law.name, _law)]  # in JSON, its name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.constants import ONE, torque_scale
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import AS_WRITTEN, GONE
@@ -63,11 +62,7 @@ from bristle.identification.settling import without_settling
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import beside_moving, fit_moving, fit_points, is_superseded
-from bristle.identification.static.set_up import (
-    better_for_motion,
-    better_for_points,
-    directions_of_points,
-)
+from bristle.identification.static.set_up import better_for_motion, better_for_points, directions_of_points
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
 from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, of_load, unit
@@ -75,20 +70,15 @@ from bristle.progress import Progress, step
 
 _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9
 """Times the low pass that the spectra choose, and what a fit leaves through the first of these where it took motion."""
-_CLEARLY = 10.0
-"""A difference in BIC that is very strong evidence (Kass and Raftery 1995)."""
-_LATEST = 0.05
-"""s: no log is later, and what asks for more is another term, as friction that rises with load."""
-_SHIFTS = 3
-"""Times that a delay of the torque is looked for: each is told to first order."""
+_CLEARLY = 10.0  # a difference in BIC that is very strong evidence (Kass and Raftery 1995)
+_LATEST = 0.05  # s: no log is later, and what asks for more is another term, as friction that rises with load
+_SHIFTS = 3  # times that a delay of the torque is looked for: each is told to first order
 _SURE, _FAR = 5.0, 3.0
 """Standard errors: by which a drive is told to act before its commands, and by which viscous friction is not below zero."""
-_ROUNDS = 4
-"""Times that holds are told what they had not settled, at the most."""
-_NOTHING = 1e-3
-"""Of the torque: a Coulomb friction that is less is none."""
-_CHOICES = 2
-"""Of a law by moving runs: of the load, and of the peak and terms beside it."""
+_ROUNDS = 4  # times that holds are told what they had not settled, at the most
+_NOTHING = 1e-3  # of the torque: a Coulomb friction that is less is none
+_CHOICES = 2  # of a law by moving runs: of the load, and of the peak and terms beside it
+_OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
 
 
 def identify_joint(
@@ -121,8 +111,7 @@ def identify_joint(
         measured = _with_directions(measured)
     measured, told = _with_regressors(measured)
     measured, laws = _with_law(with_periods(measured))
-    under = laws
-    joint = identified(measured, under)
+    under, joint = laws, identified(measured, laws)
     measured, joint, delay, doubts = _on_time(measured, joint, partial(identified, laws=under))
     told |= delay
     if (scale := next((w for w in measured.findings if w.code == "scale-by-gravity"), None)) is not None:
@@ -147,12 +136,12 @@ def identify_joint(
         joint = identified(measured, under, near=joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty)
     step(progress, "comparing friction models")
     models = _models(measured, joint, timings, ended)
-    joint = replace(joint, models=models, laws=laws, warnings=(*law_warnings(laws), *doubts, *joint.warnings))
-    joint, other = replace(joint, settings={**joint.settings, **told}), 0.0
+    other = 0.0
     if {APART, SYMMETRIC} <= bic.keys():
-        apart = measured.experiment.fit.directions == "separate"
-        joint = replace(joint, settings={**joint.settings, "chosen directions": _chosen(bic, apart=apart)})
+        told["chosen directions"] = _chosen(bic, apart=measured.experiment.fit.directions == "separate")
         other = float(expit(-np.nan_to_num(abs(bic[APART] - bic[SYMMETRIC]), nan=np.inf) / 2))
+    warnings = (*law_warnings(laws), *doubts, *joint.warnings)
+    joint = replace(joint, models=models, laws=laws, settings={**joint.settings, **told}, warnings=warnings)
     return replace(joint, accuracy=accuracy_of(joint, measured, other)).with_subjects()
 
 
@@ -168,7 +157,14 @@ def _sided(
         sided = _with_directions(measured, "separate")
         each = identified(sided, near=ended)
         bic, _ = compared(each.tracking)
-        bic[APART] = _as_two(each, bic[APART])
+        if (fit := each.moving) is not None:
+            # nan where the two differ by a constant alone: a better BIC is then of two bristles, about reversals that no model describes;
+            # infinite where one of them is no friction, which leaves an offset
+            if any(w.code == "offset-or-friction" for w in fit.warnings):
+                bic[APART] = np.nan
+            least = _NOTHING * float(np.sqrt(np.mean(fit.measured**2)))
+            levels = (e.value for name, e in fit.parameters.items() if name.name == "alpha_0")
+            bic[APART] = bic[APART] if all(x is not None and x > least for x in levels) else np.inf
         measured, joint = (sided, each) if bic[APART] < bic[SYMMETRIC] - _CLEARLY else (measured, joint)
     return measured, joint, bic, ended
 
@@ -200,7 +196,7 @@ def _law_of_motion(
 def _on_time(
     measured: Measured, joint: Joint, identified: Callable[..., Joint]
 ) -> tuple[Measured, Joint, dict[str, str], tuple[Finding, ...]]:
-    """Moving runs whose torque was logged late or early, without that, identified anew, and what is said of it, and doubted; else as they were.
+    """Moving runs without the delay of their torque, identified anew, and what is said of it, and doubted; else as they were.
 
     A delay is told to first order, and taken where it is one of a log and the fit then leaves a tenth less. A drive that was told
     what to follow has one: it is taken where the fit then leaves no more, with its interval.
@@ -238,17 +234,27 @@ def _on_time(
         early = Finding("acts-early", CRITICAL, message, {"early": late}, {"torque": np.inf})
         half = max(r.step for r in measured.moving(hold_out=False)) / 2  # of a sample: rows are told apart no finer
         doubts = (early,) if late > max(_SURE * error, half) else _feedback(measured, joint, late)
-        return measured, joint, {"chosen delay": _of_drive(late, error) + _at_once(measured)}, doubts
-    when = "late" if late > 0 else "early"
-    told = f"logged {abs(late):.3g} s {when}, which is taken off (signals.torque.delay overrules)"
+        told, reach = "as the drive makes it of its commands", student(np.inf) * error
+        if reach < _LATEST:
+            digits = max(1 - int(np.floor(np.log10(error))), 0)
+            value, off, low, high = (f"{x:.{digits}f}" for x in (-late, error, -late - reach, -late + reach))
+            told += f", {value} +/- {off} s late [{low}, {high}]"
+        else:
+            told += "; its delay is not identifiable, and taken as 0"
+        told += " (signals.command.delay, negative, overrules)"
+        said = (w for run in measured.runs for w in run.record.warnings if w.code == "commands-at-once")
+        if (at_once := next(said, None)) is not None:  # nothing says whether commands are held between samples
+            lower, of = at_once.numbers["lower"], unit("alpha_2", measured.experiment.joint.kind)
+            told += f"; ASSUMED not held between samples: held (--held), alpha_2 is {lower:.2g} {of} lower"
+        return measured, joint, {"chosen delay": told}, doubts
+    told = f"logged {abs(late):.3g} s {'late' if late > 0 else 'early'}, which is taken off (signals.torque.delay overrules)"
     return measured, joint, {"chosen delay": told} if late else {}, ()
 
 
 def _feedback(measured: Measured, joint: Joint, late: float) -> tuple[Finding, ...]:
-    """That a drive may compare its commands with measurements of the moment, and what friction then is, where nothing says which.
+    """What friction is where a drive compares its commands with measurements of the moment, and nothing says whether.
 
-    Measurements as old as the commands are as a friction of K_p times the delay, which nothing else tells from viscous friction;
-    nothing is said where that is more than there is.
+    Measurements as old as the commands are as a friction of K_p times the delay, which nothing else tells from viscous friction.
     """
     command, experiment = measured.experiment.signals.command, measured.experiment
     gain = (experiment.motor_constants or ONE).at_joint().kp
@@ -258,9 +264,8 @@ def _feedback(measured: Measured, joint: Joint, late: float) -> tuple[Finding, .
     viscous = [x.estimate for x in chosen(joint) if x.parameter.name == "alpha_2" and x.estimate.value is not None]
     if any((e.value or 0.0) - lower < -_FAR * (e.standard_error or 0.0) for e in viscous):
         return ()
-    speed = float(
-        np.sqrt(np.mean(np.concatenate([np.asarray(r.velocity) for r in measured.moving(hold_out=False)]) ** 2))
-    )
+    velocity = np.concatenate([np.asarray(r.velocity) for r in measured.moving(hold_out=False)])
+    speed = float(np.sqrt(np.mean(velocity**2)))
     message = (
         f"ASSUMED: the drive compares its commands with measurements as old as they are. Where it compares them with those of the "
         f"moment, alpha_2 is {lower:.2g} {of} lower, and these data do not tell: write `fresh: true` (or `false`) under signals.command, "
@@ -269,32 +274,8 @@ def _feedback(measured: Measured, joint: Joint, late: float) -> tuple[Finding, .
     return (Finding("feedback-unknown", CAUTION, message, {"lower": lower}, {"torque": lower * speed}),)
 
 
-def _at_once(measured: Measured) -> str:
-    """That commands are assumed not to be held between samples, where nothing says so."""
-    said = (w for run in measured.runs for w in run.record.warnings if w.code == "commands-at-once")
-    lower = next((float(w.numbers["lower"]) for w in said), None)
-    of = unit("alpha_2", measured.experiment.joint.kind)
-    return (
-        "" if lower is None else f"; ASSUMED not held between samples: held (--held), alpha_2 is {lower:.2g} {of} lower"
-    )
-
-
-def _of_drive(late: float, error: float) -> str:
-    """What is said of the delay of a drive, whose torque as its commands have it is so late, negative, s, with a standard error, s."""
-    overrules = "(signals.command.delay, negative, overrules)"
-    reach = student(np.inf) * error
-    if not reach < _LATEST:
-        return f"as the drive makes it of its commands; its delay is not identifiable, and taken as 0 {overrules}"
-    digits = max(1 - int(np.floor(np.log10(error))), 0)
-    value, off, low, high = (f"{x:.{digits}f}" for x in (-late, error, -late - reach, -late + reach))
-    return f"as the drive makes it of its commands, {value} +/- {off} s late [{low}, {high}] {overrules}"
-
-
 def _with_regressors(measured: Measured) -> tuple[Measured, dict[str, str]]:
-    """The same with the regressors that explain most of what is left of parts held out, and what is said of them.
-
-    Where the file says nothing of regressors, and leaves the set-up to the data.
-    """
+    """The same with the regressors that explain most of what is left of parts held out, and what is said of them; the file overrules."""
     experiment, moving, points = measured.experiment, measured.moving(hold_out=False), measured.points(hold_out=False)
     fit, better = experiment.fit, None
     if fit.set_up == AS_WRITTEN or "regressors" in fit.model_fields_set or fit.predict != "torque":
@@ -313,10 +294,7 @@ def _with_regressors(measured: Measured) -> tuple[Measured, dict[str, str]]:
 
 
 def _with_directions(measured: Measured, directions: str | None = None) -> Measured:
-    """The same with directions, whose offset is a regressor where one set of friction serves both.
-
-    None: as a first choice one for both, of moving runs that go both ways; a simulated position is fitted as ever.
-    """
+    """With directions, or one for both of moving runs that go both ways; an offset is a regressor where one friction serves both."""
     fit, training = measured.experiment.fit, measured.moving(hold_out=False)
     ways = len(moved_in(training)) if training else 0
     chosen = directions or ("symmetric" if ways == len(DIRECTIONS) and fit.predict == "torque" else "separate")
@@ -326,10 +304,9 @@ def _with_directions(measured: Measured, directions: str | None = None) -> Measu
 
 
 def _wider(measured: Measured, alone: TrackingFit | None) -> Measured | None:
-    """Moving runs through a wider low pass, where their fit leaves less through it: the narrow one took what the motion does.
+    """Moving runs through the widest low pass that leaves no more than the spectra's own; None where none leaves a tenth less.
 
-    Equations and decimation are the same; noise that a wider one lets in makes it leave more. The widest that leaves no
-    more than the spectra's own; None where the next one does not leave a tenth less, or the file asks for one.
+    The narrow one then took what the motion does: noise that a wider one lets in makes a fit leave more.
     """
     experiment = measured.experiment
     if experiment.fit.position_cutoff is not None or alone is None or alone.quantity != "torque":
@@ -348,14 +325,12 @@ def _wider(measured: Measured, alone: TrackingFit | None) -> Measured | None:
 def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     """What was chosen, why, and what overrules it."""
     more = bic[APART] - bic[SYMMETRIC]
+    took, left = ("each its own friction", "one") if apart else ("the same friction both ways", "two")
     if np.isnan(more):
         return "the same friction both ways, for two differ by a constant alone, as an offset does (fit.directions overrules)"
     if not np.isfinite(more):
-        took, left = ("each its own friction", "one") if apart else ("the same friction both ways", "two")
         return f"{took}, for {left} would leave a direction without friction, or drive it (fit.directions overrules)"
-    took, left, higher = (
-        ("each its own friction", "one fits", -more) if apart else ("the same friction both ways", "two fit", more)
-    )
+    left, higher = ("one fits", -more) if apart else ("two fit", more)
     how = "worse" if higher >= 0 else f"better, by less than {_CLEARLY:g}"
     return f"{took}; {left} {how} (BIC {'higher' if higher >= 0 else 'lower'} by {abs(higher):.3g}; fit.directions overrules)"
 
@@ -371,39 +346,59 @@ def _identified(
     uncertainty: bool = False,
     progress: Progress | None,
 ) -> Joint:
-    """The same under one law, which `laws` may have chosen on the points, without models side by side.
-
-    `near` is a fit of the same runs, seen otherwise: theirs begins there.
-    """
+    """The same under one law, which `laws` may have chosen on the points, without models side by side; moving runs begin at `near`."""
     experiment, training = measured.experiment, _training(measured)
-    points = measured.points(hold_out=False)
+    points, stages = measured.points(hold_out=False), DynamicStages()
+    static: dict[str, StaticFit] = {}
+    checks: dict[str, Crosscheck] = {}
     step(progress, "fitting friction vs velocity")
-    static, checks = _static(measured, points, timings)
-    stages = DynamicStages()
+    if points:
+        static, checks = fit_points(measured, points, timings)
+    elif not training and (not measured.slow or {run.kind for run in measured.runs} & {"ramp", "points"}):
+        raise InputError(nothing_to_fit(measured))
+    elif training and experiment.fit.predict == "torque":
+        static, checks = fit_moving(experiment, training, measured.moving(hold_out=True), timings)
     if training:
         step(progress, "fitting the moving runs")
-        stages = _moving(
-            measured, static, near, timings, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress
+        started = perf_counter()
+        stages = fit_with_priors(
+            experiment,
+            training,
+            measured.moving(hold_out=True),
+            static,
+            partial(_presliding, experiment, measured.slow) if measured.slow else None,
+            near,
+            static_is_apart=bool(points),
+            crosscheck=crosscheck,
+            uncertainty=uncertainty,
+            progress=progress,
         )
-        static = static if points else beside_moving(static, stages.alone)
+        if timings is not None:
+            timings["moving runs"] = perf_counter() - started
+        static = static if points else beside_moving(static, stages.tracking)
+        fit = stages.joint_fit or stages.tracking
+        J = fit.parameters.get(INERTIA) if fit else None
+        if stages.presliding is not None and experiment.inertia is None and J is not None and J.value:
+            known = KnownValue(J.value, J.standard_error or 0.0, _OF_MOVING_RUNS, J.shifts)  # sigma_1 by (15)
+            stages = stages._replace(presliding=with_damping(stages.presliding, known, experiment.joint.kind))
     elif measured.slow:
         step(progress, "fitting slow loading")
         stages = DynamicStages(presliding=_presliding(experiment, measured.slow, static))
     if asked_law == AUTO:
         static = with_averages(static, laws)
-        stages = stages._replace(alone=with_averages_of_motion(stages.alone, laws))
+        stages = stages._replace(tracking=with_averages_of_motion(stages.tracking, laws))
     return Joint(
         name=experiment.joint.name,
         kind=experiment.joint.kind,
-        inputs=tuple(_input(run.record) for run in measured.runs),
+        inputs=tuple(
+            Input(file=r.file, sha256=r.sha256, rows=r.rows, dropped=r.dropped, notes=r.notes, labels=r.labels)
+            for r in (run.record for run in measured.runs)
+        ),
         segments=tuple(s for candidates in measured.segments for s in candidates),
         static=static,
         crosscheck=checks,
-        presliding=stages.presliding,
-        tracking=stages.alone,
-        joint_fit=stages.joint,
-        consistency=stages.consistency,
-        warnings=_joint_warnings(measured, points, static),
+        **stages._asdict(),
+        warnings=_joint_warnings(measured, static),
         torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
         travel=measured.travel,
         torque_constant=measured.torque_constant,
@@ -416,10 +411,7 @@ def _identified(
 
 
 def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
-    """What was measured, under a law: the one asked for, or the one that its points choose; and the laws side by side on them.
-
-    Moving runs choose after they were fitted: until then theirs is the paper's.
-    """
+    """What was measured, under the law asked for, or the one that its points choose; and the laws side by side on them."""
     asked = measured.experiment.fit.law
     laws = laws_of_points(measured, measured.experiment.fit.friction) if measured.points(hold_out=False) else None
     if laws is not None and term_that_pays(measured.experiment.fit, laws) == WITH_DRAG:
@@ -433,32 +425,14 @@ def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
     return with_law(measured, laws.chosen.law), laws.under(laws.chosen.law)
 
 
-def _as_two(joint: Joint, bic: float) -> float:
-    """The BIC of a friction for each direction of moving runs: infinite where one of them is none, which leaves an offset, ...
-
-    ... and nan where the two differ by a constant alone, as an offset makes them: a better BIC is then that of two bristles, about
-    reversals that the model does not describe.
-    """
-    fit = joint.moving
-    least = 0.0 if fit is None else _NOTHING * float(np.sqrt(np.mean(fit.measured**2)))
-    levels = [] if fit is None else [e.value for name, e in fit.parameters.items() if name.name == "alpha_0"]
-    if not all(x is not None and x > least for x in levels):
-        return np.inf
-    return np.nan if fit is not None and any(w.code == "offset-or-friction" for w in fit.warnings) else bic
-
-
 def _brakes(values: Mapping[ParameterName, float]) -> bool:
     """Whether v abs(v) is drag in every direction, and a load makes friction rise: what pushes is none."""
-    return all(
-        x > 0 for name, x in values.items() if name.name in law_named(WITH_DRAG).coefficients or of_load(name.name)
-    )
+    drag = law_named(WITH_DRAG).coefficients
+    return all(x > 0 for name, x in values.items() if name.name in drag or of_load(name.name))
 
 
 def _training(measured: Measured) -> tuple[Record, ...]:
-    """The moving runs that are fitted.
-
-    Raises InputError where they do not go together, there should be some, or a torque of moving or slow runs is noise.
-    """
+    """The moving runs that are fitted. Raises InputError where there should be some, they contradict one another, or a torque is noise."""
     experiment, training = measured.experiment, measured.moving(hold_out=False)
     for record in measured.slow:
         q, torque = record.position, record.torque
@@ -467,72 +441,13 @@ def _training(measured: Measured) -> tuple[Record, ...]:
             refuse_noise(experiment, q - q.mean(), torque, f"of {record.file}, taken as presliding", nothing)
     if training:
         refuse_opposing_runs(experiment, training)
-    elif experiment.fit.load:
+    elif experiment.fit.load or experiment.fit.predict == "position":
+        load = "".join(experiment.fit.load[:1])
+        asked, what = (f"fit.law: {load}", "the load") if load else ("fit.predict: position", "predict")
         raise InputError(
-            f"{experiment.path.name}: fit.law: {experiment.fit.load[0]} needs a tracking run to fit; add one under runs, or leave the load out"
-        )
-    elif experiment.fit.predict == "position":
-        raise InputError(
-            f"{experiment.path.name}: fit.predict: position needs a tracking run to fit; add one under runs, or leave predict out"
+            f"{experiment.path.name}: {asked} needs a tracking run to fit; add one under runs, or leave {what} out"
         )
     return training
-
-
-def _moving(
-    measured: Measured,
-    static: Mapping[str, StaticFit],
-    near: TrackingFit | Values | None,
-    timings: dict[str, float] | None,
-    *,
-    crosscheck: bool,
-    uncertainty: bool,
-    progress: Progress | None,
-) -> DynamicStages:
-    """All parameters from the moving runs, beside the other stages.
-
-    sigma_1 by (15) with their inertia, where no other is known.
-    """
-    experiment, started = measured.experiment, perf_counter()
-    stages = fit_with_priors(
-        experiment,
-        measured.moving(hold_out=False),
-        measured.moving(hold_out=True),
-        static,
-        partial(_presliding, experiment, measured.slow) if measured.slow else None,
-        near,
-        static_is_apart=bool(measured.points(hold_out=False)),
-        crosscheck=crosscheck,
-        uncertainty=uncertainty,
-        progress=progress,
-    )
-    if timings is not None:
-        timings["moving runs"] = perf_counter() - started
-    fit = stages.joint or stages.alone
-    J = fit.parameters.get(INERTIA) if fit else None
-    if stages.presliding is None or experiment.inertia is not None or J is None or not J.value:
-        return stages
-    known = KnownValue(J.value, J.standard_error or 0.0, _of_moving_runs(), J.shifts)
-    return stages._replace(presliding=with_damping(stages.presliding, known, experiment.joint.kind))
-
-
-def _of_moving_runs() -> Finding:
-    return Finding("of-moving-runs", NOTE, "the moving runs")
-
-
-def _static(
-    measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
-) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Static fits and their cross-checks from the points, or else from the moving runs."""
-    training, kinds = measured.moving(hold_out=False), {run.kind for run in measured.runs}
-    if points:
-        return fit_points(measured, points, timings)
-    if training:
-        by_velocity = measured.experiment.fit.predict == "torque"
-        held = measured.moving(hold_out=True)
-        return fit_moving(measured.experiment, training, held, timings) if by_velocity else ({}, {})
-    if not measured.slow or kinds & {"ramp", "points"}:
-        raise InputError(nothing_to_fit(measured))
-    return {}, {}
 
 
 def _models(
@@ -579,27 +494,25 @@ def _breakaway_torque(
 ) -> KnownValue | None:
     """g0 = alpha_0 + alpha_1 of a direction, with the error that their covariance gives.
 
-    Where no Stribeck term was seen alpha_0 is a lower bound of it, for a peak below the slowest speed is not seen; it is g0 itself
-    where the experiment says that there is none.
+    Where no Stribeck term was seen alpha_0 is a lower bound of it, or g0 itself where the experiment says that there is no peak.
     """
     moving = isinstance(fits, TrackingFit)
     fit = fits if isinstance(fits, TrackingFit) else fits.get(direction) or fits.get("both")
     if fit is None:
         return None
     estimates: Mapping[Any, Estimate] = fit.parameters
-    wanted = [
-        key
+    level, peak = (
+        [name, ParameterName(name, Direction(direction)), ParameterName(name, Direction.BOTH)]
         for name in ("alpha_0", "alpha_1")
-        for key in (name, ParameterName(name, Direction(direction)), ParameterName(name, Direction.BOTH))
-    ]
-    terms = [key for key in wanted if key in estimates and estimates[key].value]
-    if not terms or terms[0] not in wanted[:3]:
+    )
+    terms = [key for key in (*level, *peak) if key in estimates and estimates[key].value]
+    if not terms or terms[0] not in level:
         return None
     value = sum(estimates[key].value or 0.0 for key in terms)
     share = np.array([float(name in terms) for name in fit.names])
     error = float(np.sqrt(share @ fit.covariance @ share)) if share.size else 0.0
     if len(terms) == 2:
-        source = _of_moving_runs() if moving else Finding("of-static-fit", NOTE, "the static fit")
+        source = _OF_MOVING_RUNS if moving else Finding("of-static-fit", NOTE, "the static fit")
     elif moving:
         message = "alpha_0 of the moving runs, which show no peak"
         source = Finding("of-moving-runs-without-peak", NOTE, message)
@@ -612,29 +525,16 @@ def _breakaway_torque(
     return KnownValue(value, error, source, shifts)
 
 
-def _input(record: Record) -> Input:
-    return Input(
-        file=record.file,
-        sha256=record.sha256,
-        rows=record.rows,
-        dropped=record.dropped,
-        notes=record.notes,
-        labels=record.labels,
-    )
-
-
-def _joint_warnings(measured: Measured, points: Sequence[Segment], static: dict[str, StaticFit]) -> tuple[Finding, ...]:
-    experiment, warnings = measured.experiment, list(measured.warnings)
+def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> tuple[Finding, ...]:
+    experiment, warnings, kept = measured.experiment, list(measured.warnings), measured.points(hold_out=False)
     for key in experiment.fit.gone:
         message = f"fit.{key} is a key of earlier versions, and is not read as it was: {GONE[key]}."
         warnings.append(Finding("key-gone", CAUTION, message, {"key": key}))
-    told = {w.code for w in warnings}
+    told, of = {w.code for w in warnings}, effort_unit(experiment.joint.kind)
     if experiment.coasting is not None and experiment.coasting.known is None:
-        of = effort_unit(experiment.joint.kind)
         message = f"Nothing of the joint is known, so friction is per inertia, in {of}: write `coasting: {{inertia: 0.02 kg*m^2}}`, or its gravity."
         warnings.append(Finding("per-inertia", CAUTION, message, {"unit": of}))
     elif has_own_unit(experiment.joint.kind) and "constant-unseen" not in told and measured.link_inertia is None:
-        of = effort_unit(experiment.joint.kind)
         constant = "torque_constant: 0.35 N*m/A"
         lacks, lines = {
             "A": ("torque constant is", constant),
@@ -655,23 +555,7 @@ def _joint_warnings(measured: Measured, points: Sequence[Segment], static: dict[
             why = Finding("none-kept", CAUTION, message, {"tried": tried})
         message = f"Direction {other} is not identified: {why}."
         warnings.append(Finding("direction-unknown", CAUTION, message, {"direction": other, "why": why}))
-    warnings += _segment_warnings(measured)
-    unused = tuple(run.record.file for run in measured.runs if run.kind == "presliding" and run.hold_out)
-    if unused:
-        message = f"Held-out presliding runs are not used: {', '.join(unused)}."
-        warnings.append(Finding("held-out-unused", NOTE, message, {"files": unused}))
-    if experiment.truth and not experiment.simulated:
-        message = "True parameters are given (truth), but the data are not declared simulated."
-        warnings.append(Finding("truth-undeclared", CAUTION, message))
-    warnings += point_warnings(measured, points, static)
-    warnings += offset_of_points(experiment, static)
-    return tuple(warnings)
-
-
-def _segment_warnings(measured: Measured) -> list[Finding]:
-    """Warnings about kept segments, counted: each is listed with its segment."""
-    kept = measured.points(hold_out=False)
-    warnings = []
+    # of kept segments, counted: each warning is listed with its segment
     told = {file for d in measured.warnings if d.code == "velocity-factor" for file in d.numbers["files"]}
     differ = sum(any(d.code == "position-differs" for d in s.warnings) for s in kept)
     if differ and not told:
@@ -681,4 +565,13 @@ def _segment_warnings(measured: Measured) -> list[Finding]:
     if others:
         message = f"The torque of {others} of {len(kept)} kept segments is questionable; the list of segments says why."
         warnings.append(Finding("torques-doubted", CAUTION, message, {"doubted": others, "kept": len(kept)}))
-    return warnings
+    unused = tuple(run.record.file for run in measured.runs if run.kind == "presliding" and run.hold_out)
+    if unused:
+        message = f"Held-out presliding runs are not used: {', '.join(unused)}."
+        warnings.append(Finding("held-out-unused", NOTE, message, {"files": unused}))
+    if experiment.truth and not experiment.simulated:
+        message = "True parameters are given (truth), but the data are not declared simulated."
+        warnings.append(Finding("truth-undeclared", CAUTION, message))
+    warnings += point_warnings(measured, kept, static)
+    warnings += offset_of_points(experiment, static)
+    return tuple(warnings)

@@ -11,7 +11,7 @@ from bristle.data.experiment.signals import Signals
 from bristle.findings import NOTE, Finding
 from bristle.identification.measured import Measured, measure, measured_of
 from bristle.identification.moving_runs import regressors
-from bristle.identification.robot.links import UNSEEN, link_scale, scale_beside_bristles, torque_constant
+from bristle.identification.robot.links import link_scale, scale_beside_bristles, torque_constant
 from bristle.model.parameters import effort, effort_unit, unit
 
 _CONSTANTS = {"current": "torque_constant", "position error": "kp"}
@@ -31,7 +31,6 @@ def measure_scaled(experiment: Experiment) -> Measured:
         return measured
 
     def with_gravity(run: Run) -> Run:
-        """The run, with the torque of its gravity where it moves."""
         record = run.record
         if run.kind != "tracking" or record.torque is None or record.acceleration is None:
             return run
@@ -42,7 +41,7 @@ def measure_scaled(experiment: Experiment) -> Measured:
     asked = [name for name in regressors(own) if name != "gravity" and name not in own.fit.load]
     beside = own.model_copy(update={"fit": own.fit.model_copy(update={"regressors": (*asked, "links")})})
     records = [with_gravity(run).record for run in measured.runs if run.kind == "tracking" and not run.hold_out]
-    seen = (link_scale(beside, records) if records else None) or UNSEEN
+    seen = link_scale(beside, records)
     refined = scale_beside_bristles(beside, records, seen)
     kind, drive, of = experiment.joint.kind, effort(own.joint.kind), effort_unit(own.joint.kind)
     constant = torque_constant(refined if seen.told else seen, kind, of)
@@ -55,22 +54,15 @@ def measure_scaled(experiment: Experiment) -> Measured:
     error = float(np.hypot(constant.standard_error or 0.0, K * relative))
     known = PlusMinus(value=K, standard_error=error)
 
-    def scaled(signals: Signals) -> Signals:
-        """The torque in its effort, times that scale."""
+    def scaled(signals: Signals) -> Signals:  # the torque in its effort, times that scale
         told = {"unit": of, "scale": f"{K!r} +/- {error!r} {constant.unit}"}
         return signals.model_copy(update={"torque": signals.torque and signals.torque.model_copy(update=told)})
 
     of_runs = (r if r.signals is None else r.model_copy(update={"signals": scaled(r.signals)}) for r in own.runs)
-    in_torque = own.model_copy(
-        update={
-            "joint": experiment.joint,
-            "inertia": experiment.inertia,
-            "plan": experiment.plan,
-            "motor_constants": ONE.model_copy(update={"kp": None, name: known}) if name else None,
-            "signals": scaled(own.signals),
-            "runs": tuple(of_runs),
-        }
-    )
+    changed = {"signals": scaled(own.signals), "runs": tuple(of_runs)}
+    changed["motor_constants"] = ONE.model_copy(update={"kp": None, name: known}) if name else None
+    as_written = {key: getattr(experiment, key) for key in ("joint", "inertia", "plan")}
+    in_torque = own.model_copy(update=changed | as_written)
     (told,) = in_torque.torque_constants
     torques = [K * np.asarray(run.record.torque) for run in measured.runs]
     runs = tuple(

@@ -46,15 +46,12 @@ from bristle.model.parameters import (
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.vectorize import evaluate
 
-DRAWS = 60
-"""Joints drawn from the covariance of the identified parameters."""
+DRAWS = 60  # joints drawn from the covariance of the identified parameters
 SEED = 0
 DEFLECTION = 1e-3
 """Where nothing shows the bristle's stiffness: its deflection in slow sliding, as a share of how far the joint goes."""
-INERTIAL = 0.1
-"""Torque of the largest acceleration where no inertia is known, as a share of alpha_0."""
-_MOST_MOVED = 5.0
-"""How far a logarithm is drawn from the estimate: what is known by less than that factor is not known."""
+INERTIAL = 0.1  # torque of the largest acceleration where no inertia is known, as a share of alpha_0
+_MOST_MOVED = 5.0  # how far a logarithm is drawn from the estimate: what is known by less than that factor is not known
 
 
 class Source(StrEnum):
@@ -86,12 +83,10 @@ def stage_estimates(joint: Joint) -> Iterator[Known]:
     """The static parameters of each direction, its sigma_0 by the recommended method and its sigma_1; last the torque constant of a robot."""
     slow = joint.presliding.fits if joint.presliding else {}
     for d in dict.fromkeys((*joint.static, *slow)):
-        if d in joint.static:
-            fit = joint.static[d].parameters
-            yield from (Known(Source.STATIC, ParameterName(name, Direction(d)), e) for name, e in fit.items())
-        if d in slow:
-            bristle = {"sigma_0": slow[d].sigma_0, "sigma_1": slow[d].sigma_1}
-            yield from (Known(Source.PRESLIDING, ParameterName(name, Direction(d)), e) for name, e in bristle.items())
+        fit = joint.static[d].parameters if d in joint.static else {}
+        yield from (Known(Source.STATIC, ParameterName(name, Direction(d)), e) for name, e in fit.items())
+        bristle = {"sigma_0": slow[d].sigma_0, "sigma_1": slow[d].sigma_1} if d in slow else {}
+        yield from (Known(Source.PRESLIDING, ParameterName(name, Direction(d)), e) for name, e in bristle.items())
     if joint.torque_constant is not None:
         yield Known(Source.TRACKING, ParameterName("torque_constant", Direction.SHARED), joint.torque_constant)
 
@@ -117,13 +112,12 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
     fitted = {FASTEST, *(row.parameter.name for row in moving)}
     beside = {row.parameter.name for row in staged if row.source is Source.STATIC and row.estimate.value is not None}
     rows = []
-    for row in moving:
+    for row in moving:  # what was fitted beside a curve goes with it
         name, d = row.parameter
-        # what was fitted beside a curve goes with it
-        has, is_of_stage = (
-            (_within(d, curves), _within(d, static)) if of_curve(name) else (bool(curves), name in beside)
-        )
-        if has or not is_of_stage:
+        is_of_curve = of_curve(name)
+        if (_within(d, curves) if is_of_curve else curves) or not (
+            _within(d, static) if is_of_curve else name in beside
+        ):
             rows.append(row)
     for row in staged:
         name, d = row.parameter
@@ -137,12 +131,11 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
             best[row.parameter] = row
     order = {name: k for k, name in enumerate((*Lugre._fields, *sorted(friction_names())))}
     ways = list(Direction)
-    return tuple(
-        sorted(
-            best.values(),
-            key=lambda row: (ways.index(row.parameter.direction), order.get(row.parameter.name, len(order))),
-        )
-    )
+
+    def place(row: Known) -> tuple[int, int]:
+        return ways.index(row.parameter.direction), order.get(row.parameter.name, len(order))
+
+    return tuple(sorted(best.values(), key=place))
 
 
 def _within(direction: Direction, known: Collection[Direction]) -> bool:
@@ -267,11 +260,9 @@ def known_joint(joint: Joint) -> KnownJoint:
     """
     known = as_identified(joint)
     links = {} if joint.link_inertia is None else {INERTIA: joint.link_inertia}  # a rotor's may be lost in their error
-    for name, own in [
-        (n, e) for n, e in known.estimates.items() if n.name == INERTIA.name
-    ]:  # static fits have it in `both`
-        low, high = own.interval or (0.0, 0.0)
-        if not links and low <= (own.value or 0.0) < 0 < high:
+    for name, own in known.estimates.items():
+        low, high = own.interval or (0.0, 0.0)  # static fits have an inertia in `both`
+        if name.name == INERTIA.name and not links and low <= (own.value or 0.0) < 0 < high:
             known = replace(known, estimates={n: e for n, e in known.estimates.items() if n != name})
     faults = [fault_of(name, value) for name, value in (*known.given.items(), *known.held.items())]
     for name, e in known.estimates.items():
@@ -337,13 +328,13 @@ def inertia_of(experiment: Experiment | None, joint: Joint) -> float | None:
 
     None where nothing tells it. Without an experiment, what was identified alone.
     """
-    declared = experiment.inertia.value if experiment and experiment.inertia else None
-    motor = experiment.motor_constants.at_joint().inertia if experiment and experiment.motor_constants else None
-    identified = [row.estimate.value for row in chosen(joint) if row.parameter.name == INERTIA.name]
-    identified += [fit.known.get(INERTIA) for fit in reversed(moving_fits(joint).values())]
-    known = experiment.coasting.inertia if experiment and experiment.coasting else None
-    coasting = None if known is None else known.value
-    own = next((J for J in (*identified, declared, coasting, motor) if J is not None and J > 0), None)
+    every = [row.estimate.value for row in chosen(joint) if row.parameter.name == INERTIA.name]
+    every += [fit.known.get(INERTIA) for fit in reversed(moving_fits(joint).values())]
+    if experiment is not None:
+        told = (experiment.inertia, experiment.coasting.inertia if experiment.coasting else None)
+        every += [x.value for x in told if x is not None]
+        every += [experiment.motor_constants.at_joint().inertia] if experiment.motor_constants else []
+    own = next((J for J in every if J is not None and J > 0), None)
     return own if joint.link_inertia is None else (own or 0.0) + joint.link_inertia
 
 
@@ -368,13 +359,8 @@ def draws_of(
     """Joints from the covariance of the fit of moving runs and errors of constants, each with its inertia.
 
     What is positive is drawn by its logarithm. There are none without such a fit, or without what they would scatter by.
-
-    Args:
-        joint: identified.
-        known: what is known of it.
-        travel: as in `KnownJoint.filled`.
-        J: inertia where that was not fitted, kg*m**2.
-        statistical: False: by errors of constants alone.
+    `travel` is as in `KnownJoint.filled`; `J` is the inertia where that was not fitted, kg*m**2; with `statistical` False they scatter
+    by errors of constants alone.
     """
     fit = joint.moving
     shown = {} if fit is None else {name: e for name, e in fit.parameters.items() if e.value is not None}

@@ -26,10 +26,8 @@ from bristle.identification.static.points import PointSearch, point_regressors, 
 if TYPE_CHECKING:
     import pandas as pd
 
-_STILL = 1e-12
-"""Of the fastest point: a slower one is at rest, and its velocity rounding."""
-_ROUNDING = 1e-12
-"""Of a position: what unwrapping makes of it."""
+_STILL = 1e-12  # of the fastest point: a slower one is at rest, and its velocity rounding
+_ROUNDING = 1e-12  # of a position: what unwrapping makes of it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,15 +119,8 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     experiment = experiment.model_copy(update={"runs": tuple(moving)})
     message = f"Constant velocities held: {held}, too few for points; taken as a motion, of which all samples are used."
     note = Finding("few-held", NOTE, message, {"held": held})
-    return measured_of(
-        experiment, _changed(read_runs(experiment), lambda record: replace(record, notes=(*record.notes, note)))
-    )
-
-
-def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
-    """Runs that were read, the constant-velocity ones cut into segments. Raises InputError as `measure`."""
-    experiment, runs = _filtered(experiment, runs)
-    return judged(Measured(experiment=experiment, runs=runs, segments=_included(experiment, runs)))
+    runs = _changed(read_runs(experiment), lambda record: replace(record, notes=(*record.notes, note)))
+    return measured_of(experiment, runs)
 
 
 def judged(whole: Measured) -> Measured:
@@ -140,14 +131,15 @@ def judged(whole: Measured) -> Measured:
     return replace(whole, segments=segments, searches=searches)
 
 
-def _filtered(experiment: Experiment, runs: tuple[Run, ...]) -> tuple[Experiment, tuple[Run, ...]]:
-    """With the decimation that the fitted moving runs need, and others through their low pass, where none is asked for.
+def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
+    """Runs that were read, the constant-velocity ones cut into segments. Raises InputError as `measure`.
 
-    How much faster than the slowest each moving run was sampled its notes then say.
+    Moving runs have the decimation that the fitted ones need, and others go through their low pass, where none is asked for.
     """
-    slowest = max((r for r in _records(runs) if r.time.size > 1), key=lambda r: r.step, default=None)
+    moving = [run.record for run in runs if run.kind == "tracking"]
+    slowest = max((r for r in moving if r.time.size > 1), key=lambda r: r.step, default=None)
 
-    def beside_slowest(record: Record) -> Record:
+    def beside_slowest(record: Record) -> Record:  # how much faster it was sampled its notes then say
         if slowest is None or not (ratio := slowest.step / record.step) > ONE_RATE or record.oversampled != 1:
             return record
         message = f"Sampled {ratio:.3g} times as fast as {slowest.file}: it is decimated by so much more, for equations as far apart."
@@ -159,7 +151,7 @@ def _filtered(experiment: Experiment, runs: tuple[Run, ...]) -> tuple[Experiment
     if fitted and experiment.fit.position_cutoff is None:
         widest = max(r.cutoff for r in fitted)
         runs = tuple(_changed((run,), lambda r: _through(r, widest))[0] if run.hold_out else run for run in runs)
-    every, moving = experiment.fit.decimation or 1, _records(runs)
+    every, moving = experiment.fit.decimation or 1, [run.record for run in runs if run.kind == "tracking"]
     if experiment.fit.decimation is None and moving:
         longest = min(int(np.diff([*r.starts, r.time.size]).max() / r.oversampled) for r in moving)
         every = longest_decimation(decimation(fitted or moving), longest)
@@ -170,12 +162,8 @@ def _filtered(experiment: Experiment, runs: tuple[Run, ...]) -> tuple[Experiment
         fits = np.diff([*record.starts, record.time.size]).max() >= shortest
         return without_short_segments(record, shortest, "decimated") if fits and record.velocity is not None else record
 
-    return _asking(experiment, decimation=every), _changed(runs, decimable)
-
-
-def _records(runs: Sequence[Run]) -> list[Record]:
-    """Of the moving runs."""
-    return [run.record for run in runs if run.kind == "tracking"]
+    experiment, runs = _asking(experiment, decimation=every), _changed(runs, decimable)
+    return judged(Measured(experiment=experiment, runs=runs, segments=_included(experiment, runs)))
 
 
 def _changed(runs: Sequence[Run], change: Callable[[Record], Record]) -> tuple[Run, ...]:
@@ -192,8 +180,7 @@ def _through(record: Record, cutoff: float) -> Record:
 
 def through_wider(measured: Measured, factor: float) -> Measured:
     """The same with the low pass of every moving run so many times as wide, and the decimation as it is."""
-    runs = _changed(measured.runs, lambda r: _through(r, usable(r, factor * r.cutoff)))
-    return replace(measured, runs=runs)
+    return replace(measured, runs=_changed(measured.runs, lambda r: _through(r, usable(r, factor * r.cutoff))))
 
 
 def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool = False) -> Measured:
@@ -209,14 +196,10 @@ def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool 
         gains = {"position": motor.at_joint().kp, "velocity": motor.at_joint().kd}
 
     def earlier(record: Record) -> Record:
-        """A moving run with its torque as it was then."""
-
         def moved(x: Array, by: float = late) -> Array:
-            """A signal so much later."""
             return np.interp(record.time + by, record.time, x)
 
         def torque(by: float) -> Array:
-            """That of the drive, so much later."""
             made = moved(np.asarray(record.torque), by)
             for name, gain in gains.items():
                 was = np.asarray(getattr(record, name))
@@ -227,8 +210,7 @@ def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool 
             return record
         shifts = {name: moved(x) for name, x in record.torque_shifts.items()}
         if error:
-            told = f"the delay, {late:.3g} +/- {error:.2g} s"
-            shifts[told] = (torque(late + error) - torque(late - error)) / 2
+            shifts[f"the delay, {late:.3g} +/- {error:.2g} s"] = (torque(late + error) - torque(late - error)) / 2
         voltage = None if record.voltage is None else moved(record.voltage)
         return replace(record, torque=torque(late), voltage=voltage, torque_shifts=shifts)
 
@@ -246,8 +228,7 @@ def with_law(measured: Measured, law: str) -> Measured:
 def with_options(measured: Measured, **options: object) -> Measured:
     """The same with other options under `fit`, by which the points are judged anew."""
     experiment = _asking(measured.experiment, **options)
-    posed = measured_of(experiment, measured.runs)
-    return replace(measured, experiment=experiment, segments=posed.segments, searches=posed.searches)
+    return judged(replace(measured, experiment=experiment, segments=_included(experiment, measured.runs)))
 
 
 def _asking(experiment: Experiment, **options: object) -> Experiment:
@@ -286,14 +267,11 @@ def _overlap(a: Record, b: Record) -> bool:
     """Whether two records of one file share rows and what they measured there: two joints of one file share rows alone."""
     rows = (a.time, b.time) if a.lines is None or b.lines is None else (a.lines, b.lines)
     _, of_a, of_b = np.intersect1d(*rows, return_indices=True)
-    if not of_a.size:
-        return False
     names = ["torque" if a.voltage is None else "voltage"]
     names += [] if a.velocity_estimated or b.velocity_estimated else ["velocity"]
-    for name in names:
-        x, y = getattr(a, name), getattr(b, name)
-        if x is None or y is None or not np.array_equal(x[of_a], y[of_b]):
-            return False
+    pairs = [(getattr(a, name), getattr(b, name)) for name in names]
+    if not of_a.size or any(x is None or y is None or not np.array_equal(x[of_a], y[of_b]) for x, y in pairs):
+        return False
     p, q = a.position, b.position
     if p is None or q is None:
         return (p is None) == (q is None)

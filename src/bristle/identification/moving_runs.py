@@ -129,9 +129,7 @@ def load_columns(regressors: Sequence[str], signal: Callable[[str], Array], n: i
     needs = {what for regressor in regressors for what in terms_of(regressor).needs}
     signals = [signal(what) if what in needs else np.zeros(n) for what in _NEEDED]
     terms = dict(zip(LOADS, evaluate(load_terms_function(), *signals), strict=True))
-    columns = {
-        name: terms[name] for regressor in REGRESSORS if regressor in regressors for name in REGRESSORS[regressor].names
-    }
+    columns = {name: terms[name] for regressor, x in REGRESSORS.items() if regressor in regressors for name in x.names}
     for regressor in regressors:
         if regressor.startswith(PERIODIC) and (names := terms_of(regressor).names):
             stem, _, order = regressor.removesuffix(_PER_METRE).partition("_")
@@ -159,14 +157,11 @@ def regressors(experiment: Experiment) -> tuple[str, ...]:
 
     A fixed inertia is not asked for. By which load the friction rises comes last.
     """
-    asked = declared(experiment)
+    asked, (fixed, _) = declared(experiment), inertia(experiment)
     if asked is None:
         asked = ("inertia",) if experiment.fit.directions == "separate" else ("inertia", "offset")
-    fixed, _ = inertia(experiment)
-    known = {
-        *({"inertia"} if fixed is not None else ()),
-        *((experiment.coasting.made_of,) if experiment.coasting else ()),
-    }
+    made_of = experiment.coasting.made_of if experiment.coasting else None
+    known = {made_of, "inertia" if fixed is not None else None}
     return (*(r for r in asked if r not in known), *experiment.fit.load)
 
 

@@ -41,8 +41,7 @@ def with_periods(measured: Measured) -> Measured:
     whole, turn = turn_of(experiment.joint.kind)
     most = int(whole / 2 / float(np.median(steps[steps > 0]))) if steps.any() else np.iinfo(np.int64).max
     if isinstance(experiment.fit.orders, tuple):
-        too_fine = [k for k in experiment.fit.orders if k > most]
-        if too_fine:
+        if too_fine := [k for k in experiment.fit.orders if k > most]:
             raise InputError(
                 f"{experiment.path.name}: fit.orders: got {too_fine[0]}; expected at most {most}, half of a period between two "
                 "equations of the moving runs: leave it out, lower fit.decimation, or measure slower"
@@ -51,28 +50,42 @@ def with_periods(measured: Measured) -> Measured:
     if training:
         problem, start = posed_and_start(experiment, directions(experiment, training), training, {}, None)
         known, rest = known_and_left(problem, solve_dynamic(problem, start))
-        every_order = _tried(experiment, problem.position, most)
-        columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in every_order}
+        tried = _tried(experiment, problem.position, most)
+        columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in tried}
+    elif kept := measured.points(hold_out=False):  # half as many orders as points are tried
+        (sides, points), *_ = groups(experiment, kept)  # what is shared comes from one solve
+        posed = points_problem(points, sides, point_regressors(experiment), experiment.fit.friction)
+        theta = solve(posed, default_range(posed.velocity)).theta
+        known, rest = posed.jacobian(theta), posed.residuals(theta)
+        tried = _tried(experiment, np.array([s.position for s in points], dtype=float), len(points) // 2)
+        names = [name for k in tried for name in with_orders(asked, (k,), experiment.joint.kind)]
+        placed = {
+            s.place: s
+            for run, found in zip(measured.runs, measured.segments, strict=True)
+            for s in (with_loads(run.record, found, names) if run.kind == "ramp" else found)
+        }
+        linear = points_problem([placed[s.place] for s in points], sides, names, experiment.fit.friction).linear
+        each = np.split(linear[:, linear.shape[1] - 2 * len(asked) * len(tried) :], max(len(tried), 1), axis=1)
+        columns = dict(zip(tried, each, strict=False))
     else:
-        known, rest, columns = _of_points(measured, asked)
-    orders, tried, last = shown_orders(known, rest, columns), len(columns), max(columns, default=0)
-    found = with_options(measured, orders=orders)
-    numbers = {"tried": tried, "last": last, "turn": turn}
+        known, rest, columns = np.zeros((0, 0)), np.zeros(0), {}
+    orders, count, last = shown_orders(known, rest, columns), len(columns), max(columns, default=0)
+    shown, numbers = with_options(measured, orders=orders), {"tried": count, "last": last, "turn": turn}
     if orders:
         first, named = min(columns), ", ".join(map(str, orders))
         message = (
-            f"Of {tried} orders, from {first} to {last} per {turn}, {named} explain more of what the fit without them leaves "
+            f"Of {count} orders, from {first} to {last} per {turn}, {named} explain more of what the fit without them leaves "
             "than chance does (F tests at 1 %, corrected for all orders tried): they are fitted. To keep them, write "
             f"orders: [{named}] under fit."
         )
         note = Finding("orders-found", NOTE, message, {**numbers, "first": first, "orders": orders})
     else:
         message = (
-            f"Of {tried} orders, up to {last} per {turn}, none explains more of what the fit leaves than chance does (F tests at 1 %, "
+            f"Of {count} orders, up to {last} per {turn}, none explains more of what the fit leaves than chance does (F tests at 1 %, "
             "corrected for all orders tried): nothing that repeats with the position is fitted."
         )
         note = Finding("no-orders", NOTE, message, numbers)
-    return replace(found, findings=(*found.findings, note))
+    return replace(shown, findings=(*shown.findings, note))
 
 
 def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tuple[int, ...]:
@@ -113,30 +126,3 @@ def _tried(experiment: Experiment, positions: Array, most: int) -> range:
     """The orders of which the positions hold a period, up to a highest one."""
     (turn, _), reach = turn_of(experiment.joint.kind), float(np.ptp(positions))
     return range(max(int(np.ceil(turn / reach)), 1), min(most, _MOST) + 1) if reach > 0 else range(0)
-
-
-def _of_points(measured: Measured, asked: Sequence[str]) -> tuple[Array, Array, dict[int, Array]]:
-    """Of the fit of points at constant velocity the derivatives by all parameters, (n, p), what it leaves, N*m, (n,), and columns of orders, (n, k).
-
-    Half as many orders as points are tried.
-    """
-    experiment, kept = measured.experiment, measured.points(hold_out=False)
-    if not kept:
-        return np.zeros((0, 0)), np.zeros(0), {}
-    (sides, points), *_ = groups(experiment, kept)  # what is shared comes from one solve
-    law = experiment.fit.friction
-    problem = points_problem(points, sides, point_regressors(experiment), law)
-    theta = solve(problem, default_range(problem.velocity)).theta
-    tried = _tried(experiment, np.array([s.position for s in points], dtype=float), len(points) // 2)
-    names = {k: with_orders(asked, (k,), experiment.joint.kind) for k in tried}
-    every = [name for of in names.values() for name in of]
-    placed = {
-        s.place: s
-        for run, found in zip(measured.runs, measured.segments, strict=True)
-        for s in (with_loads(run.record, found, every) if run.kind == "ramp" else found)
-    }
-    whole = points_problem([placed[s.place] for s in points], sides, every, law)
-    width = 2 * len(asked)
-    columns = whole.linear[:, whole.linear.shape[1] - width * len(tried) :]
-    by_order = {k: columns[:, width * j : width * (j + 1)] for j, k in enumerate(tried)}
-    return problem.jacobian(theta), problem.residuals(theta), by_order

@@ -95,8 +95,7 @@ def _equations(record: Record, number: int) -> list[tuple[Array, ...]]:
     """Velocity, acceleration, position, torque and number of the run, of each stretch without a gap, through the low pass."""
     from scipy.signal import butter, sosfiltfilt
 
-    found: list[tuple[Array, ...]] = []
-    step = record.step
+    found, step = list[tuple[Array, ...]](), record.step
     if record.position is None or record.torque is None:
         return found
     for start, stop in pairwise([*record.starts, record.time.size]):
@@ -121,8 +120,7 @@ def _opinion(data: _Data) -> SecondOpinion | None:
     blocks = np.unique(data.block)
     if data.v.size < 8 or blocks.size < 3:
         return None
-    top = float(np.abs(data.v).max())
-    both = data.v.min() < 0 < data.v.max()
+    top, both = float(np.abs(data.v).max()), data.v.min() < 0 < data.v.max()
     ladder = [
         tuple(x for x in choice if x)
         for choice in product(("", "separate"), ("", "offset"), ("", "gravity"), SHAPES)
@@ -135,17 +133,12 @@ def _opinion(data: _Data) -> SecondOpinion | None:
         names, X = _columns(data, ("separate", "peak") if both else ("peak",), share * top)
         return float(np.median(np.abs(data.torque - X @ _solve(names, X, data.torque))))
 
-    best = min(SHARES, key=left_by_peak)
-    tried = []
+    best, outs, tried = min(SHARES, key=left_by_peak), [data.block == k for k in blocks], []
     for set_up in ladder:
         names, X = _columns(data, set_up, best * top)
         if X.shape[1] * 2 > data.v.size or np.linalg.cond(X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)) > ALIKE:
             continue
-        left = []
-        for k in blocks:
-            out = data.block == k
-            theta = _solve(names, X[~out], data.torque[~out])
-            left.append(data.torque[out] - X[out] @ theta)
+        left = [data.torque[out] - X[out] @ _solve(names, X[~out], data.torque[~out]) for out in outs]
         stray = 5 * 1.4826 * float(np.median(np.abs(np.concatenate(left)))) or np.inf
         tried.append((set_up, np.array([float(np.mean(np.minimum(np.abs(x), stray) ** 2)) for x in left])))
     if not tried:
@@ -160,7 +153,7 @@ def _opinion(data: _Data) -> SecondOpinion | None:
     set_up, errors = min(within, key=lambda x: (len(_columns(data, x[0], 1.0)[0]), float(x[1].mean())))
     names, X = _columns(data, set_up, best * top)
     theta = _solve(names, X, data.torque)
-    without = np.array([_solve(names, X[data.block != k], data.torque[data.block != k]) for k in blocks])
+    without = np.array([_solve(names, X[~out], data.torque[~out]) for out in outs])
     size = float(np.mean(data.torque**2))
     return SecondOpinion(
         set_up=set_up,

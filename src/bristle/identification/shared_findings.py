@@ -16,9 +16,13 @@ NOT_IDENTIFIABLE = UNRESOLVED | {
 """Kinds by which a motion refuses a parameter."""
 
 
-def at_bound() -> Finding:
-    """Of an estimate at its physical bound."""
-    return Finding("at-bound", CAUTION, "At its physical bound of zero: the interval is one-sided.")
+AT_BOUND = Finding("at-bound", CAUTION, "At its physical bound of zero: the interval is one-sided.")  # of an estimate
+TAKES_UP_PEAK = Finding(
+    "takes-up-peak",
+    CAUTION,
+    "It takes up part of a Stribeck term that these speeds show but do not bound: it describes the measured speeds, and no others.",
+)
+"""Of a parameter beside a Stribeck term that is there, and left out."""
 
 
 def curve_held(fastest: float) -> Finding:
@@ -38,15 +42,6 @@ def not_passive(p: Lugre[float], direction: str) -> Finding:
         f"{least:.3g}{of}. The fit stands; test a compensator that uses it with care."
     )
     return Finding("not-passive", CAUTION, message, {"direction": direction, "alpha_2": p.alpha_2, "least": least})
-
-
-def takes_up_peak() -> Finding:
-    """Of a parameter beside a Stribeck term that is there, and left out."""
-    message = (
-        "It takes up part of a Stribeck term that these speeds show but do not bound: it describes the measured "
-        "speeds, and no others."
-    )
-    return Finding("takes-up-peak", CAUTION, message)
 
 
 def not_shown(names: Iterable[object]) -> tuple[Finding, ...]:

@@ -56,18 +56,17 @@ def verdict(joint: Joint) -> Verdict:
     The reason is the weightiest critical finding about them, or else what makes the band as wide. Where none has a value, the
     weightiest of all that there is. Notes are no reason, and neither are findings about a fit that no value comes from.
     """
-    found = value_warnings(joint)
-    if all(row.estimate.value is None for row in chosen(joint)):
+    found, rows = value_warnings(joint), chosen(joint)
+    if all(row.estimate.value is None for row in rows):
         static, moving = (x.outcome for x in joint.static.values()), (x.outcome for x in moving_fits(joint).values())
         why = _weightiest((*found, *joint.all_warnings(), *static, *moving))
         return Verdict(Trust.DO_NOT_USE, why[0] if why else None)
-    known = joint.accuracy
-    if known is None and not any(row.parameter.name == "alpha_0" and row.estimate.value for row in chosen(joint)):
-        none = any(row.parameter.name == "alpha_0" and row.estimate.value == 0 for row in chosen(joint))
+    known, levels = joint.accuracy, [row.estimate.value for row in rows if row.parameter.name == "alpha_0"]
+    if known is None and not any(levels):
         message = (
             "Coulomb friction comes out as nothing: an offset, viscous friction or another term takes up what is measured, and these "
             "data do not tell them apart. Move at several speeds, both ways, or leave a term out under fit.regressors."
-            if none
+            if 0 in levels
             else "No run slides: the stiffness alone may be used. Move at several speeds, both ways."
         )
         worst = found[0] if found and found[0].severity is Severity.CRITICAL else None
@@ -93,8 +92,7 @@ _CAUSES = {
 """Codes that say why a fit leaves what it leaves ..."""
 _WIDENS = {"clipped-left-out", "runs-move", "runs-scatter", "torque-coarse", "torques-doubted"}
 """... or why its errors are as large ..."""
-_SIZES = {"unexplained", "misfit"}
-"""... and those that say how much."""
+_SIZES = {"unexplained", "misfit"}  # ... and those that say how much
 
 
 def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) -> Finding:

@@ -10,9 +10,9 @@ from typing import Any
 import casadi as ca
 
 from bristle.errors import InputError
+from bristle.model.operations import walked
 
-Formula = Any
-"""A SymPy expression of z, v and the parameters: SymPy ships no types."""
+Formula = Any  # a SymPy expression of z, v and the parameters: SymPy ships no types
 _GUARD = 1e-90  # a constant below it keeps an evaluation finite at rest, and has no place in a formula
 
 
@@ -23,38 +23,8 @@ def formula_of(expression: Any, signed: Mapping[str, float] | None = None) -> Fo
 
     Raises InputError where SymPy is not installed, or an operation has no place in a formula.
     """
-    sympy, operations = _sympy(), _operations()
-    symbols = ca.symvar(expression)
-    function = ca.Function("formula", symbols, [ca.densify(expression)])
-    work: dict[int, Formula] = {}
-    result: Formula = sympy.Integer(0)  # a structurally zero output has no instruction
-    for k in range(function.n_instructions()):
-        code, read, write = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
-        if code == ca.OP_INPUT:
-            work[write[0]] = symbol_of(symbols[read[0]].name(), signed)
-        elif code == ca.OP_CONST:
-            value = float(function.instruction_constant(k))
-            work[write[0]] = sympy.Rational(repr(value)) if abs(value) > _GUARD else sympy.Integer(0)
-        elif code == ca.OP_OUTPUT:
-            result = work[read[0]]
-        elif code in operations:
-            work[write[0]] = operations[code](*(work[place] for place in read))
-        else:
-            raise InputError(f"CasADi operation number {code} cannot be written as a formula")
-    return result
-
-
-def symbol_of(name: str, signed: Mapping[str, float] | None = None) -> Formula:
-    """A symbol that stands for a number, of the sign of its value where that is given."""
-    value = (signed or {}).get(name)
-    sign = {} if value is None else {"negative": True} if value < 0 else {"nonnegative": True}
-    return _sympy().Symbol(name, real=True, **sign)
-
-
-def _operations() -> dict[int, Callable[..., Formula]]:
-    """What CasADi's operations are in SymPy."""
-    sympy = _sympy()
-    return {
+    sympy, symbols = _sympy(), ca.symvar(expression)
+    operations: dict[int, Callable[..., Formula]] = {
         ca.OP_ASSIGN: operator.pos, ca.OP_ADD: operator.add, ca.OP_SUB: operator.sub, ca.OP_MUL: operator.mul,
         ca.OP_DIV: operator.truediv, ca.OP_NEG: operator.neg, ca.OP_TWICE: lambda a: 2 * a, ca.OP_INV: lambda a: 1 / a,
         ca.OP_SQ: lambda a: a**2, ca.OP_POW: operator.pow, ca.OP_CONSTPOW: operator.pow, ca.OP_SQRT: sympy.sqrt,
@@ -66,6 +36,25 @@ def _operations() -> dict[int, Callable[..., Formula]]:
         ca.OP_NOT: sympy.Not, ca.OP_AND: sympy.And, ca.OP_OR: sympy.Or,
         ca.OP_IF_ELSE_ZERO: lambda asked, a: sympy.Piecewise((a, asked), (0, True)),
     }  # fmt: skip  # a table
+    function = ca.Function("formula", symbols, [ca.densify(expression)])
+
+    def constant(x: float) -> Formula:
+        return sympy.Rational(repr(x)) if abs(x) > _GUARD else sympy.Integer(0)
+
+    def operation(code: int, operands: list[Formula], _: int) -> Formula:
+        if code not in operations:
+            raise InputError(f"CasADi operation number {code} cannot be written as a formula")
+        return operations[code](*operands)
+
+    found = walked(function, lambda place, _: symbol_of(symbols[place].name(), signed), constant, operation)
+    return found.get((0, 0), sympy.Integer(0))
+
+
+def symbol_of(name: str, signed: Mapping[str, float] | None = None) -> Formula:
+    """A symbol that stands for a number, of the sign of its value where that is given."""
+    value = (signed or {}).get(name)
+    sign = {} if value is None else {"negative": True} if value < 0 else {"nonnegative": True}
+    return _sympy().Symbol(name, real=True, **sign)
 
 
 def _exp(a: Formula) -> Formula:

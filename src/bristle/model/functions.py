@@ -87,9 +87,8 @@ def cogging_function(waves: tuple[tuple[float, float, float], ...]) -> ca.Functi
     """(q) -> the cogging torque of some waves, (k, cogging_sin, cogging_cos) each, by `law.periodic_terms`, N*m."""
     q = ca.SX.sym("q")
     terms = [(law.periodic_terms(q, ca.SX(0), k), a, b) for k, a, b in waves]
-    return ca.Function(
-        "cogging", [q], [sum((a * x["cogging_sin"] + b * x["cogging_cos"] for x, a, b in terms), ca.SX(0))]
-    )
+    torque = sum((a * x["cogging_sin"] + b * x["cogging_cos"] for x, a, b in terms), ca.SX(0))
+    return ca.Function("cogging", [q], [torque])
 
 
 def drive_torque_slopes_function() -> ca.Function:
@@ -101,19 +100,10 @@ def drive_torque_slopes_function() -> ca.Function:
 
 @cache
 def loading_displacement_function() -> ca.Function:
-    """(T, g0, sigma_0) -> (y, y_g0, y_sigma_0): `law.loading_displacement`, rad, with its derivatives."""
+    """(T, g0, sigma_0) -> (y, y_T, y_g0, y_sigma_0): `law.loading_displacement`, rad, with its derivatives."""
     s = _symbols("T", "g0", "sigma_0")
     y = law.loading_displacement(**s)
-    free = {name: s[name] for name in ("g0", "sigma_0")}
-    return _function("loading_displacement", s, {"y": y, **_derivatives("y", y, free)})
-
-
-@cache
-def loading_slope_function() -> ca.Function:
-    """(T, g0, sigma_0) -> (y, y_T, y_g0, y_sigma_0): `loading_displacement`, with the slope over T as well."""
-    s = _symbols("T", "g0", "sigma_0")
-    y = law.loading_displacement(**s)
-    return _function("loading_slope", s, {"y": y, **_derivatives("y", y, s)})
+    return _function("loading_displacement", s, {"y": y, **_derivatives("y", y, s)})
 
 
 @cache
@@ -145,11 +135,9 @@ def torque_function(of: Law = GAUSSIAN) -> ca.Function:
 @cache
 def torque_sensitivity_function(of: Law = GAUSSIAN) -> ca.Function:
     """(z, v, *Lugre) -> (T, T_z, T_alpha_0, ..., T_sigma_1): T_f with its partial derivatives."""
-    s, p = _symbols("z", "v"), _lugre(of)
-    T = law.torque(s["z"], s["v"], p)
-    return _function(
-        "torque_sensitivity", {**s, **p._asdict()}, {"T": T, **_derivatives("T", T, {"z": s["z"], **p._asdict()})}
-    )
+    z, v, p = ca.SX.sym("z"), ca.SX.sym("v"), _lugre(of)
+    T, by = law.torque(z, v, p), {"z": z, **p._asdict()}
+    return _function("torque_sensitivity", {"z": z, "v": v, **p._asdict()}, {"T": T, **_derivatives("T", T, by)})
 
 
 @cache

@@ -14,8 +14,7 @@ import casadi as ca
 from bristle.model.laws.parts import FASTEST, Expression, Law
 from bristle.model.parameters import Lugre, Pair, Stribeck, lugre_of
 
-_TINY = 1e-100
-"""Keeps (1 - exp(-x)) / x and its derivatives finite at x = 0, where both are exact to rounding."""
+_TINY = 1e-100  # keeps (1 - exp(-x)) / x and its derivatives finite at x = 0, where both are exact to rounding
 
 
 def stribeck(v: Expression, p: Lugre[Any] | Stribeck[Any]) -> Expression:
@@ -100,8 +99,7 @@ def loading_displacement(T: Expression, g0: Expression, sigma_0: Expression) -> 
     return -(g0 / sigma_0) * ca.log1p(-T / g0)
 
 
-DAMPING_RATIO = 0.1
-"""What (15) assumes of the bristle in presliding: 0.2 sqrt(J sigma_0) is 2 * 0.1 sqrt(J sigma_0)."""
+DAMPING_RATIO = 0.1  # what (15) assumes of the bristle in presliding: 0.2 sqrt(J sigma_0) is 2 * 0.1 sqrt(J sigma_0)
 
 
 def presliding_damping(sigma_0: Expression, J: Expression, damping_ratio: Expression) -> Expression:

@@ -10,8 +10,7 @@ import casadi as ca
 
 from bristle.model.parameters import Motor
 
-Expression = Any
-"""A float, an array or a CasADi symbol: CasADi carries no types."""
+Expression = Any  # a float, an array or a CasADi symbol: CasADi carries no types
 
 
 def current_rate(i: Expression, V: Expression, w: Expression, m: Motor[Any]) -> Expression:

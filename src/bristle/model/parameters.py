@@ -5,11 +5,11 @@ tuple knows the law whose parameters it holds. Units are SI strings that pint re
 """
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections import namedtuple
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from functools import cache
 from math import isfinite
-from operator import itemgetter
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from bristle.arrays import JsonForm
@@ -99,36 +99,9 @@ def lugre_of(law: Law) -> type[Lugre[Any]]:
 
 def _of_law(base: type[Any], law: Law) -> type[Any]:
     """A named tuple like `base`, with the fields of a law after its own."""
-    fields = (*base._fields, *law.more)
-
-    def new(cls: type[Any], *values: Any, **by_name: Any) -> Any:
-        """The tuple; raises TypeError where a field is missing, or there is one too many."""
-        rest = fields[len(values) :]
-        if len(values) > len(fields) or set(rest) != by_name.keys():
-            raise TypeError(f"{base.__name__} of {law.name}: expected {', '.join(fields)}")
-        return tuple.__new__(cls, (*values, *(by_name[name] for name in rest)))
-
-    def make(cls: type[Any], values: Iterable[Any]) -> Any:
-        """The tuple of these values, in the order of the fields."""
-        return cls(*values)
-
-    def of_law(_: Any) -> Law:
-        """Whose parameters these are."""
-        return law
-
-    def replaced(self: Any, **by_name: Any) -> Any:
-        """The same with other values of some fields."""
-        return type(self)(**{**self._asdict(), **by_name})
-
-    own = {name: property(itemgetter(k)) for k, name in enumerate(fields) if k >= len(base._fields)}
-    body = {
-        "__slots__": (), "_fields": fields, "law": property(of_law), "__new__": new, **own,
-        "_make": classmethod(make), "_replace": replaced,
-        "_asdict": lambda self: dict(zip(fields, self, strict=True)),
-        "__reduce__": lambda self: (_restored, (base, law, tuple(self))),
-        "__repr__": lambda self: f"{base.__name__}({', '.join(f'{k}={x!r}' for k, x in self._asdict().items())})",
-    }  # fmt: skip  # a list of values
-    return type(base.__name__, (base,), body)
+    named = namedtuple(base.__name__, (*base._fields, *law.more))  # type: ignore[misc]  # fields that are known at run time
+    own = {"law": property(lambda _: law), "__reduce__": lambda self: (_restored, (base, law, tuple(self)))}
+    return type(base.__name__, (named, base), {"__slots__": (), **own})
 
 
 def _restored(base: type[Any], law: Law, values: tuple[Any, ...]) -> Any:
@@ -189,7 +162,7 @@ def peak_parameters(law: Law) -> tuple[str, ...]:
 
 def reserved_names() -> frozenset[str]:
     """Names that a part of a law cannot give its own parameters."""
-    return frozenset((*_UNITS, FASTEST))
+    return frozenset(_UNITS)
 
 
 class Pair(NamedTuple, Generic[T]):
@@ -275,40 +248,30 @@ class Motor(NamedTuple, Generic[T]):
     """Combined inertia of rotor and link, kg*m**2, > 0."""
 
 
-_UNITS: dict[str, tuple[str, str]] = {
-    "alpha_0": ("N*m", "N"),
-    "alpha_1": ("N*m", "N"),
-    "alpha_2": ("N*m*s/rad", "N*s/m"),
-    "v_s": ("rad/s", "m/s"),
-    FASTEST: ("rad/s", "m/s"),
-    "sigma_0": ("N*m/rad", "N/m"),
-    "sigma_1": ("N*m*s/rad", "N*s/m"),
-    "k_t": ("N*m/A", "N/A"),
-    "torque_constant": ("N*m/A", "N/A"),
-    "R": ("ohm", "ohm"),
-    "L": ("H", "H"),
-    "J": ("kg*m**2", "kg"),
-    "K_p": ("N*m/rad", "N/m"),
-    "K_i": ("N*m/(rad*s)", "N/(m*s)"),
-    "K_d": ("N*m*s/rad", "N*s/m"),
-    "inertia": ("kg*m**2", "kg"),
-    "offset": ("N*m", "N"),
-    "gravity_sin": ("N*m", "N"),
-    "gravity_cos": ("N*m", "N"),
-    "quadratic": ("N*m*s**2/rad**2", "N*s**2/m**2"),
-    "links": ("1", "1"),
-    "link_load": ("1", "1"),
-    "motor_load": ("1", "1"),
-    "gear_load": ("1", "1"),
-    "gear_load_squared": ("1/(N*m)", "1/N"),
-    "time": ("s", "s"),
-    "position": ("rad", "m"),
-    "velocity": ("rad/s", "m/s"),
-    "acceleration": ("rad/s**2", "m/s**2"),
-    "torque": ("N*m", "N"),
-    "current": ("A", "A"),
-    "voltage": ("V", "V"),
+_UNITS = {
+    name: (unit, unit.replace("(N*m)", "N").replace("N*m", "N").replace("rad", "m").replace("kg*m**2", "kg"))
+    for unit, names in {
+        "N*m": "alpha_0 alpha_1 torque offset gravity_sin gravity_cos",
+        "N*m*s/rad": "alpha_2 sigma_1 K_d",
+        "N*m*s**2/rad**2": "quadratic",
+        "N*m/rad": "sigma_0 K_p",
+        "N*m/(rad*s)": "K_i",
+        "N*m/A": "k_t torque_constant",
+        "kg*m**2": "J inertia",
+        "1": "links link_load motor_load gear_load",
+        "1/(N*m)": "gear_load_squared",
+        "rad": "position",
+        "rad/s": f"v_s {FASTEST} velocity",
+        "rad/s**2": "acceleration",
+        "s": "time",
+        "ohm": "R",
+        "H": "L",
+        "A": "current",
+        "V": "voltage",
+    }.items()
+    for name in names.split()
 }
+"""SI units of parameters and signals, of a revolute joint and of a prismatic one, which has N for N*m and m for rad."""
 
 
 def unit(name: str, kind: Kind = "revolute") -> str:

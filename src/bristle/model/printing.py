@@ -9,6 +9,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from bristle.errors import InputError
+from bristle.model.operations import walked
 
 FUNCTIONS = {
     ca.OP_EXP: "exp", ca.OP_EXPM1: "expm1", ca.OP_LOG: "log", ca.OP_POW: "pow", ca.OP_CONSTPOW: "pow", ca.OP_SQRT: "sqrt",
@@ -60,31 +61,19 @@ def statements(function: ca.Function, operand: Callable[[int, int], str], langua
 
     Raises InputError where the language has no counterpart of an operation, which is of a law from outside.
     """
-    function = function if function.is_a("SXFunction") else function.expand()
-    ends = [0]
-    for k in range(function.n_out()):
-        ends.append(ends[-1] + function.numel_out(k))
-    outputs = [Term(language.constant(0.0))] * ends[-1]  # an element that is zero by structure has no instruction
-    work: dict[int, Term] = {}
-    lines = []
-    for k in range(function.n_instructions()):
-        code, read, write = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
-        if code == ca.OP_INPUT:
-            place, element = read
-            work[write[0]] = Term(operand(place, function.sparsity_in(place).find()[element]))
-        elif code == ca.OP_OUTPUT:
-            place, element = write
-            outputs[ends[place] + function.sparsity_out(place).find()[element]] = work[read[0]]
-        elif code == ca.OP_CONST:
-            work[write[0]] = Term(language.constant(float(function.instruction_constant(k))))
-        else:
-            try:
-                value = language.operation(code, [work[r] for r in read])
-            except KeyError:
-                raise InputError(
-                    f"{function.name()}: CasADi operation number {code} has no {language.name} counterpart; "
-                    "write the expression without it"
-                ) from None
-            work[write[0]] = Term(f"{language.prefix}{k}", value.truth)
-            lines.append(language.assignment(f"{language.prefix}{k}", value))
-    return Printed(tuple(lines), tuple(outputs))
+    lines, zero = list[str](), Term(language.constant(0.0))
+
+    def operation(code: int, operands: list[Term], k: int) -> Term:
+        try:
+            value = language.operation(code, operands)
+        except KeyError:
+            raise InputError(
+                f"{function.name()}: CasADi operation number {code} has no {language.name} counterpart; "
+                "write the expression without it"
+            ) from None
+        lines.append(language.assignment(f"{language.prefix}{k}", value))
+        return Term(f"{language.prefix}{k}", value.truth)
+
+    found = walked(function, lambda *place: Term(operand(*place)), lambda x: Term(language.constant(x)), operation)
+    places = ((k, element) for k in range(function.n_out()) for element in range(function.numel_out(k)))
+    return Printed(tuple(lines), tuple(found.get(place, zero) for place in places))

@@ -16,16 +16,12 @@ from bristle.model.parameters import Lugre, Pair, fields_of, lugre_of
 from bristle.model.time_refinement import Index, Nodes, inserted, with_extra_nodes
 from bristle.model.vectorize import evaluate, scan, vectorised
 
-AT_ONCE = 15_000
-"""Samples worked on at a time."""
+AT_ONCE = 15_000  # samples worked on at a time
 _FADED = 1e-150
 """Added to each sensitivity's source, so that what is forgotten decays to it and not to denormal numbers, which are
 slow."""
-_ONE = np.zeros(1, dtype=np.intp)
-"""Where one motion begins."""
-_PASSES = 50
-"""At most this many scans of a chunk to settle where z changes sign."""
-
+_ONE = np.zeros(1, dtype=np.intp)  # where one motion begins
+_PASSES = 50  # at most this many scans of a chunk to settle where z changes sign
 _STILL = 1e-12
 """Where z changes sign has settled when z changes there by at most this share of alpha_0 / sigma_0 from one scan to the next."""
 
@@ -54,13 +50,7 @@ class RolloutJacobian(Rollout):
 
 
 def load_level(rises: Mapping[str, float], motor: Array, links: Array) -> Array:
-    """By how much the coefficients of a level (`law.load_levels`), by name, raise it, N*m, (n,).
-
-    Args:
-        rises: the coefficients.
-        motor: torque of the motor, N*m, (n,).
-        links: torque of gravity and links on the joint, N*m, (n,).
-    """
+    """By how much the coefficients of a level (`law.load_levels`), by name, raise it under torques of motor and links, N*m, (n,)."""
     function = functions.load_levels_function()
     columns = dict(zip(function.name_out(), evaluate(function, motor, links), strict=True))
     return np.asarray(sum((rises[name] * columns[name] for name in rises), np.zeros_like(motor)))
@@ -95,10 +85,8 @@ def rollout(
     """
     velocity, step = _checked(velocity, step)
     z_all, torque = np.empty((2, velocity.size))
-    advance, friction = (
-        vectorised(functions.step_function(parameters.law)),
-        vectorised(functions.torque_function(parameters.law)),
-    )
+    advance = vectorised(functions.step_function(parameters.law))
+    friction = vectorised(functions.torque_function(parameters.law))
     risen = None if level is None else level[None]
     starts = np.atleast_1d(_start(velocity, parameters, risen)[0] if z0 is None else z0)
     z = float(starts[0])
@@ -123,7 +111,8 @@ def rollout_jacobian(
     errors are those of `rollout`; where z0 is not given, the derivative of the steady start is part of `by_parameters`.
     """
     velocity = np.asarray(velocity, dtype=np.float64)
-    rows = np.empty((len(_fields(parameters)) * _sets(parameters) + 1, velocity.size))
+    sets = 1 if isinstance(parameters, Lugre) else 2
+    rows = np.empty((len(fields_of(parameters.law)) * sets + 1, velocity.size))
     rolled = rollout_into(list(rows), velocity, step, parameters, z0)
     return RolloutJacobian(
         z=rolled.z, torque=rolled.torque, by_parameters=_frozen(rows[:-1].T), by_z0=_frozen(rows[-1])
@@ -147,13 +136,12 @@ def rollout_into(
     and z0's, which is each motion's own. All else as in `rollout_jacobian` and `rollout`.
     """
     velocity, step = _checked(velocity, step)
-    law, fields = parameters.law, _fields(parameters)
+    law, fields = parameters.law, fields_of(parameters.law)
     names, count = functions.step_parameters(law), len(fields)
-    advance, friction = (
-        vectorised(functions.step_sensitivity_function(law)),
-        vectorised(functions.torque_sensitivity_function(law)),
-    )
-    enters, rises = _positions(names, parameters), 0 if level is None else len(level) - 1
+    advance = vectorised(functions.step_sensitivity_function(law))
+    friction = vectorised(functions.torque_sensitivity_function(law))
+    sets, rises = 1 if isinstance(parameters, Lugre) else 2, 0 if level is None else len(level) - 1
+    enters = np.array([count * k + fields.index(name) for k in range(sets) for name in names])  # columns of these
     z_all, torque = np.empty((2, velocity.size))
     *every, by_z0 = rows
     by_parameters, by_level = every[: len(every) - rises], every[len(every) - rises :]
@@ -226,8 +214,7 @@ def _acting(parameters: _Parameters, z: Array, v: Array) -> Sequence[float | Arr
 
 def _acting_over(parameters: _Parameters, signs: Array, nodes: Nodes) -> Sequence[float | Array]:
     """The set that acts over each step, where z has these signs, with the level that a load adds to."""
-    acting = parameters if isinstance(parameters, Lugre) else _acting(parameters, signs, nodes.heading)
-    return _with_level(acting, None if nodes.level is None else nodes.rise[0])
+    return _with_level(_acting(parameters, signs, nodes.heading), None if nodes.level is None else nodes.rise[0])
 
 
 def _with_level(acting: Sequence[float | Array], level: Array | None) -> Sequence[float | Array]:
@@ -236,32 +223,14 @@ def _with_level(acting: Sequence[float | Array], level: Array | None) -> Sequenc
 
 
 def _by_set(rows: Array, parameters: _Parameters, z: Array, v: Array, names: Sequence[str]) -> Array:
-    """Derivatives with respect to the acting set's `names`, shared out between the sets they came from.
-
-    (m, n), or (2 m, n) for a pair.
-    """
+    """Derivatives with respect to the acting set, (m, n), shared out between the sets that they came from, (2 m, n) for a pair."""
     if isinstance(parameters, Lugre):
         return rows
-    fields, one = _fields(parameters), lugre_of(parameters.law)
+    fields, one = fields_of(parameters.law), lugre_of(parameters.law)
     of_one = Pair(one(*[1.0] * len(fields)), one(*[0.0] * len(fields)))
     shares = dict(zip(fields, _acting(of_one, z, v), strict=True))
     positive = np.array([shares[name] for name in names])
     return np.vstack([rows * positive, rows * (1 - positive)])
-
-
-def _fields(parameters: _Parameters) -> tuple[str, ...]:
-    """Names of the parameters of a set."""
-    return fields_of(parameters.law)
-
-
-def _sets(parameters: _Parameters) -> int:
-    return 1 if isinstance(parameters, Lugre) else 2
-
-
-def _positions(names: Sequence[str], parameters: _Parameters) -> Index:
-    """Columns of the Jacobian in which these parameters stand."""
-    fields = _fields(parameters)
-    return np.array([len(fields) * k + fields.index(name) for k in range(_sets(parameters)) for name in names])
 
 
 def _start(velocity: Array, parameters: _Parameters, level: Array | None = None) -> tuple[float, Array]:
@@ -270,7 +239,7 @@ def _start(velocity: Array, parameters: _Parameters, level: Array | None = None)
     first = np.zeros((1, 1)) if level is None or not velocity.size else level[:, :1]
     acting = _with_level(_acting(parameters, v, v), first[0])
     z, *by = evaluate(functions.steady_deflection_function(parameters.law), v, *acting)
-    names, fields = functions.step_parameters(parameters.law), _fields(parameters)
+    names, fields = functions.step_parameters(parameters.law), fields_of(parameters.law)
     rows = np.array([by[fields.index(name)] for name in names])
     return float(z[0]), np.append(_by_set(rows, parameters, v, v, names)[:, 0], first[1:, 0] * by[0][0])
 
@@ -278,30 +247,15 @@ def _start(velocity: Array, parameters: _Parameters, level: Array | None = None)
 def _chunks(
     velocity: Array, step: Array, parameters: _Parameters, coarsening: float, level: Array | None, begins: Index
 ) -> Iterator[tuple[slice, Nodes, slice]]:
-    """Chunks of samples, each with the nodes from its first sample to the next chunk's first (or to the end).
-
-    And which of the motions begin after its first sample.
-    """
+    """Chunks of samples, each with its nodes up to the next chunk's first, and which of the motions begin after its first sample."""
     v_s = parameters.v_s if isinstance(parameters, Lugre) else min(p.v_s for p in parameters)
     for start in range(0, velocity.size, AT_ONCE):
         stop = min(start + AT_ONCE, velocity.size)
         h = step[start:stop] if step.ndim else float(step)
         own = slice(*np.searchsorted(begins, [start, stop], side="right").tolist())
-        yield (
-            slice(start, stop),
-            with_extra_nodes(
-                Nodes(
-                    velocity[start : stop + 1],
-                    h,
-                    slice(0, stop - start),
-                    None if level is None else level[:, start : stop + 1],
-                    begins[own] - start,
-                ),
-                v_s,
-                coarsening,
-            ),
-            own,
-        )
+        risen = None if level is None else level[:, start : stop + 1]
+        nodes = Nodes(velocity[start : stop + 1], h, slice(0, stop - start), risen, begins[own] - start)
+        yield slice(start, stop), with_extra_nodes(nodes, v_s, coarsening), own
 
 
 def _settled(nodes: Nodes, z0: float, starts: Array, parameters: _Parameters) -> tuple[Nodes, Array]:

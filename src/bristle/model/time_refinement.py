@@ -92,8 +92,8 @@ def inserted(nodes: Nodes, steps: Index, fractions: Array) -> tuple[Nodes, Index
     if nodes.level is not None:
         level = np.empty((len(nodes.level), is_old.size))
         level[:, old], level[:, new] = nodes.level, between
-    if isinstance(nodes.h, float):
-        return Nodes(v, nodes.h * portion, old[nodes.samples], level, old[nodes.begins]), old
-    h = np.empty(portion.size)
-    h[old[:-1]], h[new] = nodes.h, nodes.h[steps]
+    h: float | Array = nodes.h
+    if isinstance(nodes.h, np.ndarray):
+        h = np.empty(portion.size)
+        h[old[:-1]], h[new] = nodes.h, nodes.h[steps]
     return Nodes(v, h * portion, old[nodes.samples], level, old[nodes.begins]), old

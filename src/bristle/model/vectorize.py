@@ -6,6 +6,7 @@ No compiler, no Python loop over samples.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import count
 from math import gcd, prod
 from operator import itemgetter
 from typing import Any
@@ -15,16 +16,14 @@ import numpy as np
 from scipy.linalg import lapack
 
 from bristle.arrays import Array
-from bristle.model.operations import OPERATIONS, Operation, choose
+from bristle.model.operations import OPERATIONS, Operation, choose, walked
 
 _IF_ELSE_ZERO, _NOT = OPERATIONS[ca.OP_IF_ELSE_ZERO], OPERATIONS[ca.OP_NOT]
 _BLOCK = 16_384
 """Elements worked on at a time: a function's dozen buffers then stay in the cache. Up to here, buffers and blocks cost
 more than they save."""
-_TOGETHER = 10
-"""Ticks that are written out as one, at most."""
-_REUSE = 4096
-"""Elements from which looking for memory to write over is worth the while."""
+_TOGETHER = 10  # ticks that are written out as one, at most
+_REUSE = 4096  # elements from which looking for memory to write over is worth the while
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,50 +65,33 @@ class Vectorised:
                 f"{name}: inputs and outputs have sizes {sizes}; expected 1x1 each: split vectors into scalars"
             )
         self._name, self._n_in = name, n_in
-        self._read(function if function.is_a("SXFunction") else function.expand())
         self._plans: dict[tuple[bool, ...], _Plan] = {}
-        self._spare: list[
-            Array
-        ] = []  # buffers of calls that have ended, for the next: fresh memory is slow, and threads may call at once
-
-    def _read(self, function: ca.Function) -> None:
-        """Walk the instructions; values 0..n_in-1 are the inputs, each other value is assigned once."""
+        # buffers of calls that have ended, for the next: fresh memory is slow, and threads may call at once
+        self._spare: list[Array] = []
         self._constants: dict[int, float] = {}
         self._program: list[_Instruction] = []
-        self._outputs: dict[int, int] = {}
-        work: dict[int, int] = {}
-        value = self._n_in
-        for k in range(function.n_instructions()):
-            code, read, write = (
-                function.instruction_id(k),
-                function.instruction_input(k),
-                function.instruction_output(k),
-            )
-            if code == ca.OP_INPUT:
-                work[write[0]] = read[0]
-                continue
-            if code == ca.OP_OUTPUT:
-                self._outputs[write[0]] = work[read[0]]
-                continue
-            if code == ca.OP_CONST:
-                self._constants[value] = float(function.instruction_constant(k))
-            elif code in OPERATIONS:
-                self._program.append(_Instruction(OPERATIONS[code], value, tuple(work[r] for r in read)))
-            else:
+        numbers = count(n_in)  # values 0..n_in-1 are the inputs, each other value is assigned once
+
+        def constant(x: float) -> int:
+            value = next(numbers)
+            self._constants[value] = x
+            return value
+
+        def operation(code: int, operands: list[int], _: int) -> int:
+            if code not in OPERATIONS:
                 raise ValueError(
-                    f"{self._name}: CasADi operation number {code} has no NumPy counterpart; write the expression without it"
+                    f"{name}: CasADi operation number {code} has no NumPy counterpart; write the expression without it"
                 )
-            work[write[0]] = value
-            value += 1
-        for row in range(self._n_out):  # a structurally zero output has no instruction
-            if row not in self._outputs:
-                self._outputs[row], self._constants[value] = value, 0.0
-                value += 1
-        self._n_values = value
-        self._outputs = {row: self._outputs[row] for row in range(self._n_out)}
-        self._registers: list[Any] = [None] * value
-        for register, constant in self._constants.items():
-            self._registers[register] = np.array(constant)
+            self._program.append(_Instruction(OPERATIONS[code], next(numbers), tuple(operands)))
+            return self._program[-1].value
+
+        found = walked(function, lambda place, _: place, constant, operation)
+        rows = range(self._n_out)  # a structurally zero output has no instruction
+        self._outputs = {row: found[row, 0] if (row, 0) in found else constant(0.0) for row in rows}
+        self._n_values = next(numbers)
+        self._registers: list[Any] = [None] * self._n_values
+        for register, number in self._constants.items():
+            self._registers[register] = np.array(number)
         self._program = _with_choices(self._program, set(self._outputs.values()))
         last = {operand: k for k, instruction in enumerate(self._program) for operand in instruction.operands}
         values = list(self._outputs.values())
@@ -161,11 +143,7 @@ class Vectorised:
         return out
 
     def _run_small(self, inputs: Sequence[Array], shape: tuple[int, ...]) -> Sequence[Array]:
-        """Each instruction at the shape of its own operands.
-
-        What depends on one input only is not repeated over the others. A large value of the full shape that is not
-        needed any more is written over: fresh memory is slow.
-        """
+        """Each instruction at the shape of its own operands; a large value that is done with is written over, for fresh memory is slow."""
         registers = self._registers.copy()
         registers[: self._n_in] = inputs
         reuse = prod(shape) >= _REUSE
@@ -311,28 +289,24 @@ def chained(tick: ca.Function, samples: int) -> ca.Function:
     scalars: some such ticks are written out as one.
     """
     together = gcd(samples, _TOGETHER) if tick.is_a("SXFunction") else 1
-    some, calls = (tick if together == 1 else _written_out(tick, together)), samples // together
-    memory, inputs, constants = (
-        ca.MX.sym(name, tick.size1_in(k), columns)
-        for k, (name, columns) in enumerate((("memory", 1), ("inputs", samples), ("constants", 1)))
-    )
+
+    def arguments(kind: Any, count: int) -> list[Any]:
+        columns = {"memory": 1, "inputs": count, "constants": 1}
+        return [kind.sym(name, tick.size1_in(k), wide) for k, (name, wide) in enumerate(columns.items())]
+
+    some, calls = tick, samples // together
+    if together > 1:  # their inputs, and their outputs, one below the other
+        memory, inputs, constants = arguments(ca.SX, together)
+        end, each = memory, []
+        for k in range(together):
+            end, output = tick(end, inputs[:, k], constants)
+            each.append(output)
+        some = ca.Function("ticks", [memory, ca.vec(inputs), constants], [end, ca.vertcat(*each)])
+    memory, inputs, constants = arguments(ca.MX, samples)
     grouped = ca.reshape(inputs, inputs.shape[0] * together, calls)
     ends, outputs = some.mapaccum(calls)(memory, grouped, ca.repmat(constants, 1, calls))
     outputs = ca.reshape(outputs, tick.size1_out(1), samples)
     return ca.Function("chained", [memory, inputs, constants], [ends[:, -1], outputs])
-
-
-def _written_out(tick: ca.Function, count: int) -> ca.Function:
-    """So many ticks of scalars as one: their inputs, and their outputs, one below the other."""
-    memory, inputs, constants = (
-        ca.SX.sym(name, tick.size1_in(k), columns)
-        for k, (name, columns) in enumerate((("memory", 1), ("inputs", count), ("constants", 1)))
-    )
-    end, outputs = memory, []
-    for k in range(count):
-        end, output = tick(end, inputs[:, k], constants)
-        outputs.append(output)
-    return ca.Function("ticks", [memory, ca.vec(inputs), constants], [end, ca.vertcat(*outputs)])
 
 
 def scan(a: Array, b: Array, z0: float | Array) -> Array:

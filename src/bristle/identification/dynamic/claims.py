@@ -34,18 +34,15 @@ _COMPANION = {"v_s": "alpha_1", "sigma_1": "sigma_0"}  # what means nothing with
 
 def loads_alike(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[Finding]:
     """The coefficients of a load that another parameter makes up for: a variance inflation, 1 / (1 - R**2), above 10."""
-    n = problem.size
-    free = np.flatnonzero(np.isfinite(solution.scaled_errors))
-    J = solution.minimum.jacobian[:n, free]
+    free, found = np.flatnonzero(np.isfinite(solution.scaled_errors)), list[Finding]()
+    J, names = solution.minimum.jacobian[: problem.size, free], [solution.names[k] for k in free]
     J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)
-    names, found = [solution.names[k] for k in free], list[Finding]()
     for j, name in enumerate(names):
         if not isinstance(name, ParameterName) or not of_load(name.name):
             continue
         others = np.delete(J, j, axis=1)
         made = np.linalg.lstsq(others, J[:, j], rcond=None)[0]
-        left = float(np.sum((J[:, j] - others @ made) ** 2))
-        inflation = 1 / max(left, 1e-12)
+        inflation = 1 / max(float(np.sum((J[:, j] - others @ made) ** 2)), 1e-12)
         if inflation > _INFLATED:
             other = [x for k, x in enumerate(names) if k != j][int(np.argmax(np.abs(made)))]
             message = (
@@ -96,9 +93,8 @@ def bristle_doubts(
     differ = _halves_differ(problem, solution)
     doubts: dict[ParameterName, Finding] = {}
     for direction in problem.directions:
-        names = [ParameterName(name, direction) for name in BRISTLE]
         reason = _unresolved(problem, solution, direction, estimates)
-        for name in names:
+        for name in (ParameterName(name, direction) for name in BRISTLE):
             why = reason or differ.get(name)
             if why is not None and name in estimates and name not in problem.with_prior:
                 doubts[name] = why
@@ -162,17 +158,14 @@ def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Esti
     )
     out, companion = dict(estimates), Finding("unseen-companion", NOTE, message)
     for name, e in estimates.items():
-        first = _COMPANION.get(name.name)
-        companions = {ParameterName(first, d) for d in (name.direction, Direction.BOTH)} if first else set()
-        alone = not weak.isdisjoint(companions)
+        alone = name._replace(name=_COMPANION.get(name.name, "")) in weak
         nothing = any(warning.code in {"unseen-unconverged", "unseen-too-few"} for warning in e.warnings)
         if nothing or (name.name not in asked and (alone or name in weak)):
             # the reason, and the interval where that is not doubted itself
             own = e.warnings if name in weak else ()
             told = companion in own or not {"unseen-bend", "unseen-shape"}.isdisjoint(w.code for w in own)
             reasons = (*own, companion) if alone and not told else own
-            doubted = not {w.code for w in reasons}.isdisjoint(UNRESOLVED)
-            interval = None if doubted else e.interval
+            interval = e.interval if UNRESOLVED.isdisjoint(w.code for w in reasons) else None
             out[name] = replace(e, value=None, standard_error=None, interval=interval, warnings=reasons)
     return out
 
@@ -196,10 +189,7 @@ def _passes(problem: DynamicProblem, reach: float) -> Iterator[tuple[Direction, 
 
 
 def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Finding]:
-    """The bristle's parameters on which the first halves of all runs and the second ones differ, each fitted by one step.
-
-    Whether runs differ from one another is asked apart (`repeats`).
-    """
+    """The bristle's parameters in which the halves of all runs differ, each fitted by one step (of whole runs: `repeats`)."""
     n = problem.size
     J, left = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
     largest = np.abs(J).max(axis=0)
@@ -244,19 +234,6 @@ class AskedPeak(NamedTuple):
     """By how much each unknown, scaled, would move with it."""
 
 
-def beside_a_peak(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[ParameterName]:
-    """alpha_0 and alpha_2 of a direction without a Stribeck term that the residuals ask for, moved by it by more than a standard error."""
-    errors = dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True))
-    names = list[ParameterName]()
-    for direction in problem.directions:
-        without = problem.fixed.get(ParameterName("alpha_1", direction)) == 0
-        asked = asked_peak(problem, solution, direction) if without else None
-        moved = {} if asked is None else asked.moved
-        mine = (ParameterName(name, direction) for name in ("alpha_0", "alpha_2"))
-        names += [name for name in mine if abs(moved.get(name, 0.0)) > errors.get(name, np.inf)]
-    return names
-
-
 def asked_peak(
     problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction, chance: float = RARE
 ) -> AskedPeak | None:
@@ -272,8 +249,7 @@ def asked_peak(
     known, rest = solution.minimum.jacobian[:, seen], solution.minimum.residuals
     # the derivative of the residuals by an alpha_1 at zero, at some values of v_s
     fixed = {name: value for name, value in problem.fixed.items() if name != alpha_1}
-    values = {name: value for name, value in solution.values.items() if name != v_s} | {alpha_1: 0.0}
-    weight = problem.weight
+    values, weight = {n: x for n, x in solution.values.items() if n != v_s} | {alpha_1: 0.0}, problem.weight
     speeds = np.geomspace(_SLOWEST, 1 / problem.law.peak.reach, _SPEEDS) * problem.fastest
     columns = np.zeros((rest.size, _SPEEDS))
     for k, speed in enumerate(speeds.tolist()):

@@ -45,17 +45,15 @@ def check_tracking(solved: DynamicSolution) -> Crosscheck:
     costs = [float(np.sum(posed.evaluate(end)[0] ** 2)) for end in ended]
     errors = {name: e.standard_error for name, e in solved.fit.parameters.items()}
     other = compared(values, best, errors, [unknowns.values(end) for end in ended], costs, _SAME * best)
-    known = {name: other.parameters[name] for name in other.difference_in_se}
-    lowest, reached = other.cost_full, other.reached
-    share = f"{reached} of {STARTS} IPOPT starts reached"
-    against = f"({lowest:.6g} against {best:.6g})"
-    numbers: dict[str, float] = {"lowest": lowest, "cost": best, "reached": reached, "starts": STARTS}
+    known, lowest = {name: other.parameters[name] for name in other.difference_in_se}, other.cost_full
+    share, against = f"{other.reached} of {STARTS} IPOPT starts reached", f"({lowest:.6g} against {best:.6g})"
+    numbers: dict[str, float] = {"lowest": lowest, "cost": best, "reached": other.reached, "starts": STARTS}
     if other.agrees:
         message = (
             "Gauss-Newton on the rollout and IPOPT on the full simulation agree: the largest difference is "
             f"{other.worst:.2g} standard errors. {share} the lowest cost."
         )
-        numbers = {"worst": other.worst, "reached": reached, "starts": STARTS}
+        numbers = {"worst": other.worst, "reached": other.reached, "starts": STARTS}
         verdict = Finding("ipopt-agrees", NOTE, message, numbers)
     elif lowest < best:
         message = f"IPOPT found a lower cost {against}: do not use this fit. {share} the lowest cost."
@@ -105,7 +103,5 @@ def _torque(velocity: Array, step: Array, p: ca.MX, problem: DynamicProblem, z0:
 
 
 def _acting(q: Any, problem: DynamicProblem, z: Any, v: Any) -> Lugre[Any]:
-    parts = ca.vertsplit(q)
-    if len(problem.directions) == 1:
-        return lugre_of(problem.law)(*parts)
-    return law.active(z, v, pair_of(parts, problem.law))
+    parts, one = ca.vertsplit(q), len(problem.directions) == 1
+    return lugre_of(problem.law)(*parts) if one else law.active(z, v, pair_of(parts, problem.law))

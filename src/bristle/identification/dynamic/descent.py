@@ -90,21 +90,21 @@ def polished(
         return posed, minimum
     values = posed.unknowns.values(minimum.x)
     near = least_squares(problem, values)
-    start, lower, upper = near.unknowns.scaled(values), near.unknowns.lower, near.unknowns.upper
+    start, bounds = near.unknowns.scaled(values), (near.unknowns.lower, near.unknowns.upper)
     by_torque = problem.quantity == "torque"
-    better = minimise(near.evaluate, start, lower, upper, _MORE) if by_torque else descend(near, start, _POLISH)
+    better = minimise(near.evaluate, start, *bounds, _MORE) if by_torque else descend(near, start, _POLISH)
     if better.cost > minimum.cost:
         return posed, minimum
     return near, better._replace(steps=minimum.steps + better.steps)
 
 
-def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
-    """The free parameters and what each motion begins with: typical sizes from the data, of z0 from the values `at`.
+def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
+    """The problem over its scaled unknowns about some values; the rows of priors come last.
 
-    And bounds. What stands as a logarithm lies in the range that a motion can show. None shows a v_s below 1e-4 of its
-    fastest speed, nor one so near to it that the term is a bend over all speeds; nor a bristle that bends by more than
-    ten times the travel or less than a billionth of it; nor an alpha_1 far above every torque, which would have held
-    the joint. z0 lies within twice the typical deflection.
+    Typical sizes are those of the data, of z0 of the values `at`. What stands as a logarithm lies in the range that a motion
+    can show. None shows a v_s below 1e-4 of its fastest speed, nor one so near to it that the term is a bend over all
+    speeds; nor a bristle that bends by more than ten times the travel or less than a billionth of it; nor an alpha_1 far
+    above every torque, which would have held the joint. z0 lies within twice the typical deflection.
     """
     torque, speed = max(float(np.abs(m.torque).max()) for m in problem.motions), problem.fastest
     travel = problem.travel or speed
@@ -124,29 +124,17 @@ def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
         "v0": (speed, -np.inf, np.inf),
         "y0": (position, -np.inf, np.inf),
     }
-    table |= {
-        n.name: (torque / (top or 1.0), -np.inf, np.inf) for n, top in zip(problem.extra_names, columns, strict=True)
-    }
-    table |= {
-        n.name: (_RISES / (torque if n.name == "gear_load_squared" else 1.0), 0.0, np.inf)
-        for n in problem.extra_names
-        if of_load(n.name)
-    }
+    for (name, _), top in zip(problem.extra_names, columns, strict=True):
+        table[name] = (torque / (top or 1.0), -np.inf, np.inf)
+        if of_load(name):
+            table[name] = (_RISES / (torque if name == "gear_load_squared" else 1.0), 0.0, np.inf)
     bare = [name.name for name in problem.names]
     scale, lower, upper = np.array([table[name] for name in bare]).T
-    return Unknowns(
-        names=problem.names,
-        logarithmic=np.isin(bare, LOGARITHMIC),
-        scale=scale,
-        lower=lower,
-        upper=upper,
-        least=np.array([-np.inf if name == INERTIA.name else least_of(name) for name in bare]),
+    least = np.array([-np.inf if name == INERTIA.name else least_of(name) for name in bare])
+    logarithmic = np.isin(bare, LOGARITHMIC)
+    unknowns = Unknowns(
+        names=problem.names, logarithmic=logarithmic, scale=scale, lower=lower, upper=upper, least=least
     )
-
-
-def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
-    """The problem over its scaled unknowns about some values; the rows of priors come last."""
-    unknowns = unknowns_of(problem, at)
     return LeastSquares(
         unknowns=unknowns,
         evaluate=_evaluation(problem, unknowns),
@@ -202,8 +190,7 @@ def with_deflections(problem: DynamicProblem, start: Values) -> dict[Unknown, fl
     The deflection that carries its first torque, within the steady one, and the first position. Where a motion goes on
     from the one before, the deflection is that to which the estimated velocity has brought it.
     """
-    p = parameters(problem, start)
-    out, end = dict(start), 0.0
+    p, out, end = parameters(problem, start), dict(start), 0.0
     for k, m in enumerate(problem.motions):
         acting = p if isinstance(p, Lugre) else p[int(m.torque[0] < 0)]
         most = acting.alpha_0 / acting.sigma_0
@@ -272,10 +259,9 @@ def solve_dynamic(
 
 
 def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
-    """Starts at the deflections of the bristle that leave less than those beside them do, from a count to a third of the travel.
+    """Starts at deflections of the bristle that leave less than those beside them, from a count to a third of the travel.
 
-    Each is held while all else descends a little, from where the stiffer one before ended: over sigma_0 the cost has many
-    minima, and a descent finds the next.
+    All else descends a little from where the stiffer one ended: over sigma_0 the cost has many minima, and a descent finds the next.
     """
     few = thinned(problem)
     sigma_0 = [n for n in few.friction_names if n.name == "sigma_0" and n not in few.fixed and n not in few.with_prior]
@@ -307,12 +293,12 @@ def _of_both(problem: DynamicProblem) -> DynamicProblem:
         names = (*names, _OFFSET)
     one = replace(problem, motions=motions, extra_names=names, directions=(Direction.BOTH,), priors=(), fixed={})
     both = {
-        n
-        for n in problem.fixed
+        n: x
+        for n, x in problem.fixed.items()
         if n.direction not in SIGNED or {n._replace(direction=d) for d in SIGNED} <= problem.fixed.keys()
     }
-    known = carried(one, {n: problem.fixed[n] for n in both})
-    return replace(one, fixed={n: x for n, x in known.items() if n.name in {m.name for m in both}})
+    held = {n.name for n in both}
+    return replace(one, fixed={n: x for n, x in carried(one, both).items() if n.name in held})
 
 
 def carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> dict[ParameterName, float]:

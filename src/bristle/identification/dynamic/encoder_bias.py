@@ -56,8 +56,7 @@ def without_count_bias(
     """
     if any(r.position is None for r in records):
         return solved.fit
-    rng = np.random.default_rng(_SEED)
-    true = [between_counts(r, resolution) for r in records]
+    rng, true = np.random.default_rng(_SEED), [between_counts(r, resolution) for r in records]
     smooth = pose(true, solved.problem.fixed)
     # root mean square residuals of the smooth motion over those of the readings, both at the estimate
     left, right = (float(np.linalg.norm(residuals(x, solved.values)[0])) for x in (smooth, solved.problem))
@@ -70,13 +69,10 @@ def without_count_bias(
     told = ([solved.values[name] for name in prior.names] for prior in solved.problem.priors)
     priors = tuple(replace(x, value=np.array(own)) for x, own in zip(solved.problem.priors, told, strict=True))
     known = [name for name in solved.problem.names if isinstance(name, ParameterName)]
-    minimum = solved.solution.minimum
+    minimum, ends = solved.solution.minimum, []
     enough = _EXACT**2 * minimum.cost / minimum.residuals.size
-    ends = []
     for count in (0.0, *[resolution] * REPETITIONS):
-        counted = list[
-            Record
-        ]()  # as an encoder of these counts, 0 for one without, resting anywhere in one, has the motion
+        counted = list[Record]()  # the motion by an encoder of such counts, 0: without, that rests anywhere in one
         for r, torque in zip(true, torques, strict=True):
             position, phase = np.asarray(r.position), rng.uniform()
             position = np.asarray(quantise(position + phase * count, count)).ravel() if count else position
@@ -150,10 +146,7 @@ def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[Paramete
 def _corrected(
     biased: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]
 ) -> tuple[TrackingFit, dict[ParameterName, Finding]]:
-    """The fit with the bias of each parameter taken off, and the scatter that comes with it, both in `moved`.
-
-    And the friction parameters whose bias changes too much between the estimate and the truth to be taken off.
-    """
+    """The fit without the bias of each parameter, with its scatter, both in `moved`; and doubts where it changes too much up to the truth."""
     parameters, large, doubts = dict(biased.parameters), [], dict[ParameterName, Finding]()
     for name, e in biased.parameters.items():
         if e.value is None or e.standard_error is None or name not in moved:
@@ -181,5 +174,4 @@ def _corrected(
     )
     warning = (Finding("count-bias", CAUTION, message, {"names": tuple(large)}),) if large else ()
     bias_of = {name: bias for name, (bias, _) in moved.items()}
-    warnings = (*biased.warnings, *warning)
-    return replace(biased, parameters=parameters, count_bias=bias_of, warnings=warnings), doubts
+    return replace(biased, parameters=parameters, count_bias=bias_of, warnings=(*biased.warnings, *warning)), doubts

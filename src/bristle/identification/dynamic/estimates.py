@@ -1,7 +1,6 @@
 """What a fit of moving data says of each parameter, and of itself: estimates with intervals, what the motion does not see, physics."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from math import sqrt
 
 import numpy as np
@@ -12,19 +11,12 @@ from bristle.estimation.covariance import student
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import MATTERS, moved_by
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction
-from bristle.identification.dynamic.claims import (
-    WIDE,
-    beside_a_peak,
-    bristle_doubts,
-    peak_doubts,
-    warned,
-    without_weak,
-)
+from bristle.identification.dynamic.claims import WIDE, asked_peak, bristle_doubts, peak_doubts, warned, without_weak
 from bristle.identification.dynamic.descent import FEWEST, LOGARITHMIC, equations_left
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, sets_of
 from bristle.identification.dynamic.what_is_left import Left, known_and_left
 from bristle.identification.fits import Estimate
-from bristle.identification.shared_findings import at_bound, curve_held, not_passive, takes_up_peak
+from bristle.identification.shared_findings import AT_BOUND, TAKES_UP_PEAK, curve_held, not_passive
 from bristle.model.law import is_passive
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import INERTIA, Kind, ParameterName, bends_down, least_of, of_friction, unit
@@ -46,11 +38,8 @@ def estimates_of(
     None has where the fit did not converge, or leaves more than there was.
     """
     estimates = _estimates(solution._replace(scaled_errors=left.errors), kind)
-    anything = (0.0, float("inf"))
-    estimates |= {
-        name: Estimate(value=None, unit=unit(name.name, kind), interval=anything, warnings=(why,))
-        for name, why in dropped.items()
-    }
+    for name, why in dropped.items():
+        estimates[name] = Estimate(value=None, unit=unit(name.name, kind), interval=(0.0, np.inf), warnings=(why,))
     if not solution.minimum.converged or problem.percent(equations_left(problem, solution)) > _NOTHING:
         message = "Not estimated: the fit did not converge, or leaves more than was measured."
         estimates = warned(estimates, dict.fromkeys(estimates, Finding("unseen-unconverged", NOTE, message)))
@@ -62,8 +51,8 @@ def estimates_of(
         )
         few = Finding("unseen-too-few", NOTE, message, {"equations": equations, "unknowns": unknowns, "least": least})
         estimates = warned(estimates, dict.fromkeys(estimates, few))
-    doubts = {name: why for name, why in peak_doubts(problem, solution).items() if name not in shown}
-    estimates = warned(estimates, doubts)
+    doubts = peak_doubts(problem, solution)
+    estimates = warned(estimates, {name: why for name, why in doubts.items() if name not in shown})
     estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
     message = (
         "Not identifiable from this motion: v_s lies near the fastest speed, so that the Stribeck term bends the whole curve, which is known at "
@@ -72,24 +61,35 @@ def estimates_of(
     kept = {name: Finding("unseen-shape", NOTE, message) for name, code in shown.items() if code == "unseen-bend"}
     estimates = warned(estimates, kept)
     beside = {n._replace(name=name) for n in kept for name in ("alpha_0", "alpha_2")} & estimates.keys()
-    bent = [name for name, why in dropped.items() if why.code == "unseen-bend"]
+    bent = {
+        n._replace(name="alpha_0") for n, why in dropped.items() if why.code == "unseen-bend" and n.name == "alpha_1"
+    }
     only_sum = Finding("only-sum-seen", NOTE, "Were v_s above these speeds, this would contain alpha_1.")
-    for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
-        if name in estimates:
-            estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, only_sum))
-    estimates = warned(estimates, dict.fromkeys((*beside, *beside_a_peak(problem, solution)), takes_up_peak()))
+    estimates = warned(estimates, dict.fromkeys(bent & estimates.keys(), only_sum))
+    errors = dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True))
+    for (
+        direction
+    ) in problem.directions:  # without a term that the residuals ask for, and that moves them by more than an error
+        without = problem.fixed.get(ParameterName("alpha_1", direction)) == 0
+        moved = asked.moved if without and (asked := asked_peak(problem, solution, direction)) else {}
+        mine = (ParameterName(name, direction) for name in ("alpha_0", "alpha_2"))
+        beside |= {name for name in mine if abs(moved.get(name, 0.0)) > errors.get(name, np.inf)}
+    estimates = warned(estimates, dict.fromkeys(beside, TAKES_UP_PEAK))
     J = estimates.get(INERTIA)
-    if (
-        J is not None
-        and J.interval is not None
-        and J.interval[1] < 0
-        and (share := _of_inertia(problem, solution) / left.friction) < MATTERS
-    ):
-        message = (
-            f"Not identifiable from this motion: it comes out at {J.value:.2g} {J.unit}, and none is below zero; without it friction would change "
-            f"by {100 * share:.1g} %."
-        )
-        estimates = warned(estimates, {INERTIA: Finding("unseen-inertia", NOTE, message, {"share": share})})
+    if J is not None and J.interval is not None and J.interval[1] < 0:
+        # by how much friction would change without it, rms, to first order
+        (known, _), seen = known_and_left(problem, solution), solution.scaled_errors < np.inf
+        names = [name for name, is_seen in zip(solution.names, seen, strict=True) if is_seen]
+        at, of = names.index(INERTIA), [isinstance(n, ParameterName) and of_friction(n.name) for n in names]
+        made = known[:, at] * solution.minimum.x[seen][at]
+        known[:, at] = 0.0
+        changed = known[:, of] @ moved_by(known, made)[of] / problem.weight
+        if (share := float(np.sqrt(np.mean(changed**2))) / left.friction) < MATTERS:
+            message = (
+                f"Not identifiable from this motion: it comes out at {J.value:.2g} {J.unit}, and none is below zero; without it friction "
+                f"would change by {100 * share:.1g} %."
+            )
+            estimates = warned(estimates, {INERTIA: Finding("unseen-inertia", NOTE, message, {"share": share})})
     return without_weak(problem, estimates)
 
 
@@ -114,7 +114,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[Parame
             if value >= least:
                 low = max(low, least)
             if value == least and of_friction(bare):
-                warnings.append(at_bound())
+                warnings.append(AT_BOUND)
         if relative > WIDE and of_friction(bare) and np.isfinite(least_of(bare)):
             message = "Not identifiable from this motion: its standard error is more than ten times its value."
             warnings.append(wide(relative) if relative < 10 else Finding("unseen-far", NOTE, message))
@@ -126,18 +126,6 @@ def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[Parame
             warnings=tuple(warnings),
         )
     return out
-
-
-def _of_inertia(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> float:
-    """By how much the friction of a solution would change without its inertia, rms, N*m, to first order."""
-    known, _ = known_and_left(problem, solution)
-    seen = solution.scaled_errors < np.inf
-    names = [name for name, is_seen in zip(solution.names, seen, strict=True) if is_seen]
-    at, of = names.index(INERTIA), [isinstance(n, ParameterName) and of_friction(n.name) for n in names]
-    made = known[:, at] * solution.minimum.x[seen][at]
-    known[:, at] = 0.0
-    changed = known[:, of] @ moved_by(known, made)[of]
-    return float(np.sqrt(np.mean((changed / problem.weight) ** 2)))
 
 
 def wide(share: float) -> Finding:
@@ -171,8 +159,7 @@ def search_findings(
             )
             yield Finding("shape-held", CAUTION, message, {"names": names, "value": own.middle})
     if not solution.minimum.converged:
-        message = "The fit reached its limit of iterations before it converged."
-        yield Finding("out-of-steps", CRITICAL, message)
+        yield Finding("out-of-steps", CRITICAL, "The fit reached its limit of iterations before it converged.")
     if solution.widening > sqrt(2):
         yield correlated(rows, solution.widening)
 
@@ -187,11 +174,9 @@ def hardly_seen_findings(
     solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName, Estimate]
 ) -> list[Finding]:
     """The directions in parameter space that the data hardly see."""
-    keep = seen_parameters(solution)
+    keep, warnings = seen_parameters(solution), []
     jacobian = solution.minimum.jacobian[:, keep]
-    jacobian = jacobian / np.linalg.norm(jacobian, axis=0)
-    _, values, directions = np.linalg.svd(jacobian, full_matrices=False)
-    warnings = []
+    _, values, directions = np.linalg.svd(jacobian / np.linalg.norm(jacobian, axis=0), full_matrices=False)
     for value, direction in zip(values, directions, strict=True):
         if value < _UNSEEN * values[0]:
             large = np.flatnonzero(np.abs(direction) > 0.3 * np.abs(direction).max())

@@ -68,14 +68,9 @@ def fit_tracking(
 ) -> DynamicSolution:
     """All parameters of moving data with intervals and warnings.
 
-    Args:
-        problem: the training runs.
-        start: LuGre parameters and extra regressors by name, from the other stages or guessed.
-        kind: of the joint, for units.
-        held: hold-out runs by name, posed as the problem is.
-        others: starts before it, whole, as other fits ended.
-        progress: told of each start.
-        search: whether to look for more starts.
+    `start` has LuGre parameters and extra regressors by name; `others` are starts before it, whole, as other fits ended, and with
+    `search` more are looked for, of which `progress` is told. `held` are hold-out runs by name, posed as the problem is; `kind` is the
+    joint's, for units.
 
     Raises InputError where a start shows no dependence on any parameter.
     """
@@ -143,20 +138,14 @@ def fit_tracking(
 def _settled(
     problem: DynamicProblem, start: Values, others: Sequence[Values], progress: Progress | None, *, search: bool
 ) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Finding], dict[ParameterName, str]]:
-    """The problem as it is solved in the end, its solution, why Stribeck terms that are none are not in it, and which are shown to be there.
-
-    It has the weights that its runs ask for, and not those terms. Of what is shown the code of what spoke against it.
-    """
+    """The problem with the weights that its runs ask for, its solution, why Stribeck terms are not in it, and what spoke against those shown."""
     if problem.size < FEWEST * len(problem.names):  # of which nothing is estimated
         search, others = False, ()
     solution = solve_dynamic(problem, start, others, progress, search=search)
     # weights that even out runs whose residuals scatter differently, by more than half
-    rows, (_, run) = (
-        equations_left(problem, solution),
-        np.unique([m.file for m in problem.motions], return_inverse=True),
-    )
+    _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
     by_run = np.repeat(run, [m.size for m in problem.motions])
-    scatter = np.sqrt(np.bincount(by_run, rows**2) / np.bincount(by_run))
+    scatter = np.sqrt(np.bincount(by_run, equations_left(problem, solution) ** 2) / np.bincount(by_run))
     if scatter.max() > _UNEVEN * scatter.min():
         weights = (float(np.sqrt(np.mean(scatter**2))) / np.maximum(scatter, 1e-6 * scatter.max())).tolist()
         motions = tuple(replace(m, weight=weights[k]) for m, k in zip(problem.motions, run, strict=True))
@@ -201,10 +190,9 @@ def _not_shown(
     """
     if problem.stribeck == "stribeck":
         return {}
-    upper = dict(zip(problem.names, solution.posed.unknowns.upper.tolist(), strict=True))
-    size = solution.scaled_errors * solution.posed.unknowns.scale
-    errors = dict(zip(solution.names, size.tolist(), strict=True))
-    doubts = peak_doubts(problem, solution)
+    unknowns, doubts = solution.posed.unknowns, peak_doubts(problem, solution)
+    upper = dict(zip(problem.names, unknowns.upper.tolist(), strict=True))
+    errors = dict(zip(solution.names, (solution.scaled_errors * unknowns.scale).tolist(), strict=True))
     message = (
         "Not identifiable from this motion: v_s lies near the fastest speed, so the term would bend the whole curve "
         "instead of dropping at low speed."

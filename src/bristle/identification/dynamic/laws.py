@@ -90,7 +90,17 @@ def fitted_to_motion(
     problem = replace(whole, fixed=known, motions=motions)
     if problem.size <= len(problem.names) + 1:
         return None
-    start = {n: x for n, x in _start(problem, alone).items() if n not in problem.fixed}
+    # the values of the other law; a small peak where it has none, no other term, an inertia above zero
+    began = alone.known
+    start = {name: in_direction(began, *name) or 0.0 for name in (*problem.friction_names, *problem.extra_names)}
+    for name in problem.friction_names:
+        if name.name == "alpha_1" and not start[name]:
+            start[name] = _START["alpha_1"] * began[name._replace(name="alpha_0")]
+            start[name._replace(name="v_s")] = _START["v_s"] * problem.fastest
+    start |= {n: _START["load"] for n in problem.extra_names if n.name in LINEAR and not start[n]}
+    if INERTIA in start:
+        start[INERTIA] = max(start[INERTIA], 0.0)
+    start = {name: x for name, x in start.items() if name not in problem.fixed}
     try:
         enough = _WORTH * alone.rms**2 * inflation(alone.residuals)
         posed, minimum = solved(problem, with_deflections(problem, start), _STEPS, enough=enough)
@@ -98,22 +108,6 @@ def fitted_to_motion(
         return None
     values = posed.unknowns.values(minimum.x)
     return MovingLaw(law, problem, values, minimum.residuals, minimum.jacobian, posed.unknowns, minimum.x)
-
-
-def _start(problem: DynamicProblem, alone: TrackingFit) -> dict[ParameterName, float]:
-    """The values of the other law; a small peak where it has none, no other term, an inertia above zero."""
-    known = alone.known
-    start = {name: in_direction(known, *name) or 0.0 for name in (*problem.friction_names, *problem.extra_names)}
-    for name in problem.friction_names:
-        if name.name == "alpha_1" and not start[name]:
-            start[name] = _START["alpha_1"] * known[name._replace(name="alpha_0")]
-            start[name._replace(name="v_s")] = _START["v_s"] * problem.fastest
-    for name in problem.extra_names:
-        if name.name in LINEAR and not start[name]:
-            start[name] = _START["load"]
-    if INERTIA in start:
-        start[INERTIA] = max(start[INERTIA], 0.0)
-    return start
 
 
 def left_out_costs(one: MovingLaw, parts: Sequence[NDArray[np.bool_]]) -> list[float | None]:

@@ -23,7 +23,7 @@ from bristle.control.plant import Current, State, plant_step
 from bristle.data.differentiation import between_gaps
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Motion, Unknown, Values, by_name
+from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Motion, Unknown, Values
 from bristle.identification.moving_runs import LOADS
 from bristle.model import law, motor
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -78,7 +78,9 @@ class Simulated:
         simulated: dict[int, tuple[Array, dict[Unknown, Array]]] = {}
         for size, chosen in alike.items():  # windows of one length go in one call
             x0 = np.array([[known[InitialState(name, k)] for name in states] for k in chosen]).T
-            start = np.vstack([x0, np.repeat(np.eye(3, 3 + _free(self.law)).T.reshape(-1, 1), len(chosen), axis=1)])
+            start = np.vstack(
+                [x0, np.repeat(np.eye(3, 3 + 2 * len(fields) + len(LOADS)).T.reshape(-1, 1), len(chosen), axis=1)]
+            )
             drives = [w.drive[:-1, None] + np.diff(w.drive)[:, None] * middle for w in (windows[k] for k in chosen)]
             steps = [np.repeat(windows[k].step / every, every) for k in chosen]
             inputs = np.vstack([np.concatenate([x.ravel() for x in drives]), np.concatenate(steps)])
@@ -86,7 +88,8 @@ class Simulated:
             for k, first, rows in zip(chosen, start.T, np.split(np.asarray(ends), len(chosen), axis=1), strict=True):
                 whole = np.concatenate([first[::3, None], rows], axis=1)
                 begun, sets, loads = np.split(whole[1:], [3, 3 + 2 * len(fields)])
-                slopes = by_name(problem, sets if pair else sets[: len(fields)] + sets[len(fields) :])
+                by_set = sets if pair else sets[: len(fields)] + sets[len(fields) :]
+                slopes: dict[Unknown, Array] = dict(zip(problem.friction_names, by_set, strict=True))
                 slopes |= dict(zip(_LOADS, loads, strict=True))
                 slopes |= {InitialState(name, k): row for name, row in zip(states, begun, strict=True)}
                 simulated[k] = windows[k].measured - whole[0], slopes
@@ -100,14 +103,11 @@ def simulation(
     decimation: int,
     horizon: float | None = None,
 ) -> DynamicProblem:
-    """The problem that moving records pose to the simulated motor.
+    """The problem that moving records, with position and voltage or torque, pose to the simulated motor.
 
-    Args:
-        records: with position, and voltage or torque.
-        posed: the same records as `tracking` poses them, not decimated, the inertia among the regressors.
-        constants: of the motor; needed where the records have a voltage.
-        horizon: length of a window, s; None: `HORIZON`, or half of a segment where that is less.
-        decimation: samples of a window over which measured and simulated position are averaged to one equation.
+    `posed` is that of the torque, not decimated, the inertia among its regressors; `constants` are needed where the records have a
+    voltage. Over `decimation` samples of a window measured and simulated position are averaged to one equation. Windows are as long as
+    `horizon`, s; None: `HORIZON`, or half of a segment where that is less.
 
     Raises InputError where a record has no position, or nothing tells the inertia.
     """
@@ -136,6 +136,10 @@ def simulation(
             if whole.time.size - first < _SHORTEST:
                 break
             samples = slice(first, min(first + size, whole.time.size))
+            # means over blocks of samples, (blocks, samples); the last block takes what is left
+            n = samples.stop - first
+            block = np.minimum(np.arange(n) // every, max(n // every - 1, 0))
+            means = sparse.csr_array(((1 / np.bincount(block))[block], (block, np.arange(n))))
             windows.append(
                 Window(
                     file=record.file,
@@ -145,7 +149,7 @@ def simulation(
                     torque=whole.torque[samples],
                     extra=whole.extra[samples],
                     shifts={name: shift[samples] for name, shift in whole.shifts.items()},
-                    smooth=_means(samples.stop - samples.start, every),
+                    smooth=None if every == 1 else means,
                     measured=record.position[part][samples],
                     drive=drive[part][samples],
                 )
@@ -167,28 +171,14 @@ def with_more_torque(problem: DynamicProblem, constant: str, share: float) -> Dy
     return replace(problem, motions=tuple(moved))
 
 
-def _means(samples: int, decimation: int) -> sparse.csr_array | None:
-    """Means over blocks of samples as a matrix, (blocks, samples); the last block takes what is left."""
-    if decimation == 1:
-        return None
-    block = np.minimum(np.arange(samples) // decimation, max(samples // decimation - 1, 0))
-    weight = 1 / np.bincount(block)[block]
-    return sparse.csr_array((weight, (block, np.arange(samples))))
-
-
-def _free(of: Law) -> int:
-    """How many parameters the state is differentiated by: a pair of sets, and the loads."""
-    return 2 * len(fields_of(of)) + len(LOADS)
-
-
 @lru_cache(maxsize=16)
 def _chain(steps: int, every: int, current: Current, of: Law, windows: int) -> ca.Function:
-    """Many steps of the state and, beside it, of its derivatives by its start and by the parameters.
+    """Steps of windows, with derivatives: (start, inputs, parameters) -> (1 + 3 + parameters, samples - 1), for each window.
 
-    Of all these, y at every sample but the first. (the start: y, v, z and their derivatives, column by column; the
-    steps' inputs; the parameters) -> (1 + 3 + parameters, samples - 1), and so on for each window.
+    The start is y, v, z and their derivatives, column by column; the outputs are y's, at every sample but the first.
     """
-    free, count = _free(of), 2 * len(fields_of(of))
+    count = 2 * len(fields_of(of))
+    free = count + len(LOADS)  # what the state is differentiated by: a pair of sets, and the loads
     x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", free + 2)
     by = ca.SX.sym("by", 3, 3 + free)
     # ((y, v, z), (drive, h), (pair, inertia and other loads, k_t, R)) -> (y, v, z) after h
@@ -202,11 +192,8 @@ def _chain(steps: int, every: int, current: Current, of: Law, windows: int) -> c
     source = ca.horzcat(ca.SX(3, 3), ca.jacobian(new, p)[:, :free])
     moved = ca.densify(ca.jacobian(new, x) @ by + source)
     both = ca.Function("both", [ca.vertcat(x, ca.vec(by)), u, p], [ca.vertcat(new, ca.vec(moved))], {"cse": True})
-    start, inputs, constants = (
-        ca.MX.sym("start", both.size1_in(0)),
-        ca.MX.sym("inputs", 2, steps),
-        ca.MX.sym("p", free + 2),
-    )
+    start, inputs = ca.MX.sym("start", both.size1_in(0)), ca.MX.sym("inputs", 2, steps)
+    constants = ca.MX.sym("p", free + 2)
     ends = both.mapaccum(steps)(start, inputs, ca.repmat(constants, 1, steps))
     one = ca.Function("chain", [start, inputs, constants], [ends[::3, every - 1 :: every]])
     return one if windows == 1 else one.map(windows, "thread", threads())

@@ -29,13 +29,8 @@ from bristle.identification.dynamic.descent import (
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.output_error import simulation
-from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
-from bristle.identification.dynamic.uncertainty import (
-    parts_of_runs,
-    profile_until_stable,
-    shifts_of,
-    with_three_ways,
-)
+from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem
+from bristle.identification.dynamic.uncertainty import parts_of_runs, profile_until_stable, shifts_of, with_three_ways
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.repeats import clustered, widened, with_priors_beside
@@ -51,16 +46,15 @@ _SURER = 1.5  # times: one stage knows a parameter better than another if its er
 _WORSE = 1.5  # times the relative error of the moving runs alone, beyond which the joint fit is doubted
 _BENDS = 0.01  # a start for the bristle's deflection where no stage gives one, as a share of the travel
 
-
 Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
 
 
 class DynamicStages(NamedTuple):
     """What moving runs tell, alone and beside the other stages; None, or empty, where there is no such thing."""
 
-    alone: TrackingFit | None = None
+    tracking: TrackingFit | None = None
     """All parameters from the moving runs alone."""
-    joint: TrackingFit | None = None
+    joint_fit: TrackingFit | None = None
     """The same with what the other stages say as priors."""
     consistency: tuple[Consistency, ...] = ()
     """Each parameter of each stage beside these two."""
@@ -82,17 +76,10 @@ def fit_with_priors(
 ) -> DynamicStages:
     """All parameters from moving runs: alone, with what the other stages say as priors, and how the two agree.
 
-    Args:
-        experiment: with its options.
-        records: training runs.
-        held: hold-out runs.
-        static: the static fits.
-        load: makes the presliding stage from fits that tell g0; None where there are no such runs.
-        near: a fit of the same runs, with another filter, delay or law, or its values, where theirs begins.
-        static_is_apart: whether the static fits rest on other data than these runs.
-        crosscheck: whether to solve the problem by CasADi and IPOPT as well, which takes long.
-        uncertainty: whether to give each parameter its intervals three ways, by profile and bootstrap too.
-        progress: called with what is done, how much of it, and of how much.
+    Of `held` runs the errors are told. `static_is_apart`: the static fits rest on other data than these runs; `load` makes the
+    presliding stage from fits that tell g0, and is None where there are no such runs. A fit of the same runs with another filter,
+    delay or law, or its values, is `near`: theirs begins there. With `crosscheck` the problem is solved by CasADi and IPOPT as well,
+    which takes long; with `uncertainty` each parameter gets its intervals by profile and bootstrap too.
 
     Raises InputError where a run lacks a signal, or shows none of the parameters.
     """
@@ -112,10 +99,7 @@ def fit_with_priors(
         return profile_until_stable(solved, lambda end: refit(others=[end], search=False), progress)
 
     def finished(solved: DynamicSolution, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
-        """The fit without the bias of encoder counts, and with its intervals three ways.
-
-        Each only where there are counts, and where intervals are asked for.
-        """
+        """The fit without the bias of counts, where there are any, and with intervals three ways, where they are asked for."""
         fit = without_count_bias(solved, records, pose, count) if count else solved.fit
         return with_three_ways(solved, fit, profiles) if uncertainty else fit
 
@@ -141,19 +125,23 @@ def fit_with_priors(
     if not priors:
         return DynamicStages(alone, presliding=slow)
     ended = {**solved.problem.fixed, **solved.values}
-    solved, profiles = fitted(with_priors(problem, priors, alone.rms), ended)
+    solved, profiles = fitted(replace(problem, priors=tuple(priors), sigma=alone.rms), ended)
     joint = finished(solved, profiles)
     joint = widened(joint, with_priors_beside(scatter, by_runs, joint), LOGARITHMIC)
     joint = with_systematic(joint, shifts_of(solved))
-    agree = _consistency(priors, alone, joint)
-    joint = replace(joint, warnings=(*joint.warnings, *_disagreements(agree, alone, joint)))
-    return DynamicStages(alone, joint, agree, slow)
-
-
-def fit_alone(experiment: Experiment, records: Sequence[Record], static: Mapping[str, StaticFit]) -> TrackingFit:
-    """All parameters of moving runs, beside no other stage, as they come out of the fit. Raises InputError as `fit_with_priors`."""
-    problem, start = posed_and_start(experiment, directions(experiment, records), records, static, None)
-    return fit_tracking(problem, start, experiment.joint.kind).fit
+    agree, warnings = _consistency(priors, alone, joint), [*joint.warnings]
+    apart = tuple(c.parameter for c in agree if c.verdict.code not in {"stage-agrees", "stage-unseen"})
+    if apart:
+        message = f"The moving runs and the other stages differ by more than chance in {', '.join(map(str, apart))}."
+        warnings.append(Finding("stages-differ", CAUTION, message, {"names": apart}))
+    of_joint, of_alone = joint.relative_error, alone.relative_error
+    if of_joint > _WORSE * of_alone:
+        message = (
+            "The joint fit explains the moving runs much worse than a fit of these alone (relative error "
+            f"{of_joint:.3g} % instead of {of_alone:.3g} %): the stages contradict each other."
+        )
+        warnings.append(Finding("stages-do-not-fit", CRITICAL, message, {"joint": of_joint, "alone": of_alone}))
+    return DynamicStages(alone, replace(joint, warnings=tuple(warnings)), agree, slow)
 
 
 def posed_and_start(
@@ -170,7 +158,17 @@ def posed_and_start(
     for d, own in product(whole.directions, whole.law.peak.own):
         fit = _static_of(static, d)
         shape[ParameterName(own.name, d)] = _value(fit.parameters.get(own.name) if fit else None, own.middle)
-    fixed = {**whole.fixed, **shape, **_fixed(experiment, whole)}
+    fixed, known = {**whole.fixed, **shape}, (*whole.friction_names, *whole.extra_names)
+    if experiment.fit.model == "coulomb-viscous":  # v_s then multiplies nothing
+        nothing = without_peak(whole.law)
+        fixed |= {n: nothing[n.name] for n in whole.friction_names if n.name in nothing}
+    for name, value in experiment.fit.fixed.items():  # a bare name stands for both directions
+        meant = [n for n in known if name in (str(n), n.name)]
+        if not meant:
+            raise InputError(
+                f"{experiment.path.name}: fit.fixed: {name} is no parameter of the moving runs; expected one of {', '.join(map(str, known))}"
+            )
+        fixed |= dict.fromkeys(meant, value)
     start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
     whole = replace(whole, fixed=fixed)
     if experiment.fit.predict == "torque":
@@ -190,10 +188,8 @@ def _from(
 ) -> dict[ParameterName, float]:
     """Where a fit of the same runs ended, and a start where it tells nothing."""
     known = near.known if isinstance(near, TrackingFit) else without_deflections(near)
-    told = {
-        name: x for name, x in carried(problem, known).items() if name in start and (x or name.name not in LOGARITHMIC)
-    }
-    return {**start, **told}
+    told = carried(problem, known)
+    return {**start, **{n: x for n, x in told.items() if n in start and (x or n.name not in LOGARITHMIC)}}
 
 
 def _problem(
@@ -203,10 +199,7 @@ def _problem(
     fixed: Mapping[ParameterName, float],
     predict: str = "torque",
 ) -> DynamicProblem:
-    """The problem that some records pose, with the experiment's options, in the directions `moving`.
-
-    Where it predicts the position the motor is simulated, whose inertia is a parameter, fixed or not.
-    """
+    """The problem that some records pose; where it predicts the position the motor is simulated, whose inertia is a parameter, fixed or not."""
     (known, _), options, asked = inertia(experiment), experiment.fit, regressors(experiment)
     count, law = _count(experiment, records), options.friction
     if predict == "torque":
@@ -251,20 +244,14 @@ def _start(
             "sigma_0": sigma_0,
             "sigma_1": float(sigma_1),
         }
-        for name, value in first.items():  # what both directions share starts at their mean
-            key = ParameterName(name, d)
-            out[key] = (out[key] + value) / 2 if key in out else value
+        out |= {ParameterName(name, d): value for name, value in first.items()}
     if extra.get(INERTIA, 1.0) <= 0:  # a linear fit that knows no presliding may well find a negative one
         extra[INERTIA] = 1e-3 * torque / speed
     return out | extra
 
 
 def _stiffness(slow: Presliding | None, direction: Direction) -> Estimate | None:
-    """sigma_0 from presliding of one direction, or of both by their inverse variances.
-
-    Its standard error is that of a normal distribution that scatters as its own Student distribution does. None where
-    there is none with an error.
-    """
+    """sigma_0 from presliding of one direction, or of both by their inverse variances; its error is normal, and scatters as its own does."""
     fits = [fit for d, fit in slow.fits.items() if direction in (Direction.BOTH, d)] if slow else []
     known = [
         (fit.sigma_0.value, fit.sigma_0.standard_error**2 * _scatter(fit.degrees_of_freedom), fit.sigma_0.shifts)
@@ -282,23 +269,6 @@ def _stiffness(slow: Presliding | None, direction: Direction) -> Estimate | None
 
 def _value(e: Estimate | None, otherwise: float) -> float:
     return otherwise if e is None or not e.value else e.value
-
-
-def _fixed(experiment: Experiment, problem: DynamicProblem) -> dict[ParameterName, float]:
-    """What the experiment file fixes, by the problem's names: a bare name stands for both directions."""
-    known = (*problem.friction_names, *problem.extra_names)
-    fixed: dict[ParameterName, float] = {}
-    for name, value in experiment.fit.fixed.items():
-        meant = [n for n in known if name in (str(n), n.name)]
-        if not meant:
-            raise InputError(
-                f"{experiment.path.name}: fit.fixed: {name} is no parameter of the moving runs; expected one of {', '.join(map(str, known))}"
-            )
-        fixed |= dict.fromkeys(meant, value)
-    if experiment.fit.model == "coulomb-viscous":  # v_s then multiplies nothing
-        nothing = without_peak(problem.law)
-        fixed |= {n: nothing[n.name] for n in problem.friction_names if n.name in nothing and n not in fixed}
-    return fixed
 
 
 def _priors(
@@ -319,12 +289,13 @@ def _priors(
                 priors.append(Prior("static", tuple(ParameterName(fit.names[k], d) for k in rows), means, root, shifts))
         bristle = _stiffness(slow, d)
         if bristle is not None:
-            value, error = bristle.value or 0.0, bristle.standard_error or 1.0
-            sigma_0 = _single("presliding", ParameterName("sigma_0", d), value, error)
-            priors.append(replace(sigma_0, shifts={c: np.array([by]) for c, by in bristle.shifts.items()}))
+            value, root = np.array([bristle.value or 0.0]), np.array([[1 / (bristle.standard_error or 1.0)]])
+            shifts = {c: np.array([by]) for c, by in bristle.shifts.items()}
+            priors.append(Prior("presliding", (ParameterName("sigma_0", d),), value, root, shifts))
     _, known = inertia(experiment)
     if known is not None and INERTIA in problem.extra_names:
-        priors.append(_single("experiment file", INERTIA, known.value, known.standard_error or 0.0))
+        value, root = np.array([known.value]), np.array([[1 / (known.standard_error or np.inf)]])
+        priors.append(Prior("experiment file", (INERTIA,), value, root))
     free = set(problem.names)
     return [prior for prior in priors if free.issuperset(prior.names)]
 
@@ -334,13 +305,9 @@ def _scatter(freedom: float) -> float:
     return 1 + 2 / (freedom - 2) if freedom > 2 else 4.0  # n / (n - 2)
 
 
-def _single(stage: str, name: ParameterName, value: float, error: float) -> Prior:
-    return Prior(stage, (name,), np.array([value]), np.array([[1 / error]]))
-
-
 def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit) -> tuple[Consistency, ...]:
     """Each parameter of each stage beside the moving data alone and the joint fit."""
-    rows = []
+    rows, differ = [], "They differ by"
     # combined standard errors by which none of so many parameters differs by chance (normal, Bonferroni)
     count = sum(alone.parameters[name].value is not None for prior in priors for name in prior.names)
     limit = float(ndtri(1 - SIGNIFICANCE / (2 * max(count, 1))))
@@ -349,17 +316,22 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
         for k, (name, value, error) in enumerate(zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True)):
             moving, both = alone.parameters[name], joint.parameters[name]
             if moving.value is None or moving.standard_error is None:
-                verdict = Finding("stage-unseen", NOTE, "Not identifiable from the tracking runs.")
-                difference = None
+                verdict, difference = Finding("stage-unseen", NOTE, "Not identifiable from the tracking runs."), None
             else:
                 apart = [by - prior.shifts[c][k] if c in prior.shifts else by for c, by in moving.shifts.items()]
                 difference = (moving.value - value) / hypot(error, moving.standard_error, *apart)
-                verdict = _verdict(
-                    prior.stage,
-                    abs(difference) > limit,
-                    error / abs(value or 1.0),
-                    moving.standard_error / abs(moving.value or 1.0),
-                )
+                stage, own = error / abs(value or 1.0), moving.standard_error / abs(moving.value or 1.0)
+                if abs(difference) <= limit:
+                    verdict = Finding("stage-agrees", NOTE, "They agree.")
+                elif max(own, stage) < _SURER * min(own, stage):
+                    message = f"{differ} more than chance, and neither is much more precise: see the warnings of both."
+                    verdict = Finding("stage-differs", CAUTION, message)
+                elif own > stage:
+                    message = f"{differ} more than chance; check the moving data first, which are less precise."
+                    verdict = Finding("distrust-moving", CAUTION, message)
+                else:
+                    message = f"{differ} more than chance; check the {prior.stage} stage first, which is less precise."
+                    verdict = Finding("distrust-stage", CAUTION, message, {"stage": prior.stage})
             rows.append(
                 Consistency(
                     parameter=name,
@@ -375,35 +347,3 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
                 )
             )
     return tuple(rows)
-
-
-def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: TrackingFit) -> list[Finding]:
-    """What the stages' disagreement warns of in the joint fit."""
-    warnings = []
-    apart = [c.parameter for c in agree if c.verdict.code not in {"stage-agrees", "stage-unseen"}]
-    if apart:
-        names = ", ".join(map(str, apart))
-        message = f"The moving runs and the other stages differ by more than chance in {names}."
-        warnings.append(Finding("stages-differ", CAUTION, message, {"names": tuple(apart)}))
-    if joint.relative_error > _WORSE * alone.relative_error:
-        of_joint, of_alone = joint.relative_error, alone.relative_error
-        message = (
-            "The joint fit explains the moving runs much worse than a fit of these alone (relative error "
-            f"{of_joint:.3g} % instead of {of_alone:.3g} %): the stages contradict each other."
-        )
-        warnings.append(Finding("stages-do-not-fit", CRITICAL, message, {"joint": of_joint, "alone": of_alone}))
-    return warnings
-
-
-def _verdict(stage: str, differ: bool, stage_share: float, own_share: float) -> Finding:
-    if not differ:
-        return Finding("stage-agrees", NOTE, "They agree.")
-    differ_by = "They differ by more than chance"
-    if max(own_share, stage_share) < _SURER * min(own_share, stage_share):
-        message = f"{differ_by}, and neither is much more precise: see the warnings of both."
-        return Finding("stage-differs", CAUTION, message)
-    if own_share > stage_share:
-        message = f"{differ_by}; check the moving data first, which are less precise."
-        return Finding("distrust-moving", CAUTION, message)
-    message = f"{differ_by}; check the {stage} stage first, which is less precise."
-    return Finding("distrust-stage", CAUTION, message, {"stage": stage})

@@ -6,8 +6,7 @@ Each segment between gaps has a bristle deflection z0 of its own to begin with. 
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import product
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -21,7 +20,7 @@ from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError
 from bristle.estimation.nonlinear import Block
 from bristle.identification.load_levels import Load, levels_of, load_of
-from bristle.identification.moving_runs import decimator, extra_columns, given_by, known_torque
+from bristle.identification.moving_runs import DIRECTIONS, decimator, extra_columns, given_by, known_torque
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, fields_of, lugre_of
@@ -39,8 +38,7 @@ class InitialState(NamedTuple):
 
 
 Unknown = ParameterName | InitialState
-Values = Mapping[Any, float]
-"""Of parameters, or of every unknown."""
+Values = Mapping[Any, float]  # of parameters, or of every unknown
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -287,11 +285,10 @@ def dynamic_problem(
                     load=None if load is None else load.at(part),
                 )
             )
-    every = np.concatenate([m.velocity for m in motions])
-    signs = {Direction.POSITIVE: 1.0, Direction.NEGATIVE: -1.0}
-    along = {d: every * signs[d] if d in signs else np.abs(every) for d in map(Direction, directions)}
-    # up to which speed a law with terms has been measured
-    fastest = {ParameterName(FASTEST, d): float(v.max()) for d, v in along.items()} if law.terms else {}
+    fastest = dict[ParameterName, float]()
+    for d in map(Direction, directions) if law.terms else ():  # up to which speed a law with terms has been measured
+        along = (m.velocity * DIRECTIONS[d] if d in DIRECTIONS else np.abs(m.velocity) for m in motions)
+        fastest[ParameterName(FASTEST, d)] = max(float(v.max()) for v in along)
     return DynamicProblem(
         motions=tuple(motions),
         directions=tuple(map(Direction, directions)),
@@ -349,20 +346,18 @@ def equation_error(
 ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
     """Of each motion measured less modelled torque, N*m, (N,), and the derivative of the latter by each unknown."""
     p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
-    keys = [ParameterName(name, d) for d, name in product(problem.directions, fields_of(problem.law))]
+    keys = problem.friction_names
     for parts, raised, given in _together(problem, known):
         size, (first, *others) = given["velocity"].size, parts
         every: tuple[Unknown, ...] = (*keys, InitialState("z0", first))
-        # a motion by itself has memory; a shared parameter has it once
-        own: dict[Unknown, Array] = {} if others else memory[first]
-        own_memory = (own.pop(key, None) for key in every)
-        rows = [np.empty(size) if row is None else row for row in own_memory]
+        own: dict[Unknown, Array] = {} if others else memory[first]  # a motion by itself has memory
+        rows = [own[key] if key in own else np.empty(size) for key in every]
         between = [np.empty(size) for _ in raised]
         torque = rollout_into([*rows[:-1], *between, rows[-1]], parameters=p, **given).torque
-        slope_of = by_name(problem, rows[:-1])
         for k, at in parts.items():
             m = problem.motions[k]
-            slopes = {name: row[at] for name, row in slope_of.items()} | {InitialState("z0", k): rows[-1][at]}
+            slopes: dict[Unknown, Array] = {name: row[at] for name, row in zip(keys, rows[:-1], strict=True)}
+            slopes[InitialState("z0", k)] = rows[-1][at]
             slopes |= dict(zip(problem.extra_names, m.extra.T, strict=True))
             slopes |= {name: slopes[name] + row[at] for name, row in zip(raised, between, strict=True)}
             yield m.torque - torque[at] - m.extra @ extra, slopes
@@ -371,9 +366,9 @@ def equation_error(
 def _together(
     problem: DynamicProblem, known: Values
 ) -> Iterator[tuple[dict[int, slice], tuple[ParameterName, ...], dict[str, Any]]]:
-    """Motions that are rolled out in one call, for a call costs as much as a thousand samples.
+    """Motions that are rolled out in one call, which costs as much as a thousand samples.
 
-    Which of the problem's, each with where its samples stand; by what the derivatives of their level are; and what `rollout` is given.
+    Which, each with where its samples stand; by what the derivatives of their level are; and what `rollout` is given.
     """
     sizes = np.array([m.velocity.size for m in problem.motions])
     group = (np.cumsum(sizes) - sizes) // AT_ONCE
@@ -407,15 +402,6 @@ def _level(motion: Motion, known: Values) -> tuple[Array | None, tuple[Parameter
     return np.vstack([by @ rises, rises, np.einsum("m,mkn->kn", by, slopes)]), (*levels, *weights)
 
 
-def by_name(problem: DynamicProblem, rows: Iterable[Array]) -> dict[Unknown, Array]:
-    """The derivatives by each LuGre parameter, (N,) each, by name; those of a shared one are added up."""
-    slope_of: dict[Unknown, Array] = {}
-    for (d, name), row in zip(product(problem.directions, fields_of(problem.law)), rows, strict=True):
-        key = ParameterName(name, d)
-        slope_of[key] = slope_of[key] + row if key in slope_of else row
-    return slope_of
-
-
 def modelled(problem: DynamicProblem, values: Values) -> list[Array]:
     """The modelled torque of every sample of each motion, what is known included, N*m, (N,) each."""
     known: Values = {**problem.fixed, **values}
@@ -441,8 +427,3 @@ def friction_and_load(problem: DynamicProblem, values: Values) -> tuple[Array, A
             friction.append(m.smoothed(T))
             carried.append(m.smoothed(level[1]))
     return np.concatenate(friction), np.concatenate(carried)
-
-
-def with_priors(problem: DynamicProblem, priors: Sequence[Prior], sigma: float) -> DynamicProblem:
-    """The problem with what other stages say; `sigma` is what its residuals scatter by, N*m."""
-    return replace(problem, priors=tuple(priors), sigma=sigma)

@@ -36,8 +36,7 @@ from bristle.progress import Progress
 _RESTARTS = 3
 _STEP = 1e-2  # of a standard error: by so much either way a constant is moved where the motor is simulated
 
-Refit = Callable[[Values], DynamicSolution]
-"""Fits again, also from a start with every unknown in it."""
+Refit = Callable[[Values], DynamicSolution]  # fits again, also from a start with every unknown in it
 
 
 def profile_until_stable(
@@ -96,14 +95,9 @@ def _three(
     low, high = moved(np.array(profile.interval)).tolist()
     ends = None if drawn is None or blocks < FEW else moved(drawn[0]).tolist()
     bootstrap = None if ends is None else (ends[0], ends[1])
-    at_bound = value == 0
-    few = f"{blocks} blocks of independent residuals"
-    warnings = [*profile.warnings]
+    at_bound, few, warnings = value == 0, f"{blocks} blocks of independent residuals", [*profile.warnings]
     if at_bound:
-        message = (
-            "At its physical bound of zero: the intervals are one-sided; there is no bootstrap, which does not respect "
-            "bounds."
-        )
+        message = "At its physical bound of zero: the intervals are one-sided; there is no bootstrap, which does not respect bounds."
         warnings.append(Finding("no-bootstrap-at-bound", CAUTION, message))
     elif blocks < FEW:
         warnings.append(too_few(few))
@@ -126,9 +120,8 @@ def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tup
 
     It is by the logarithm of what the descent sees as its logarithm.
     """
-    posed, minimum = solved.solution.posed, solved.solution.minimum
+    minimum, unknowns = solved.solution.minimum, solved.solution.posed.unknowns
     free = np.flatnonzero(np.isfinite(solved.solution.scaled_errors))
-    unknowns = posed.unknowns
     slope = np.where(unknowns.logarithmic, 1.0, unknowns.scale)[free]
     n, file = solved.problem.size, solved.problem.file
     J, left = -minimum.jacobian[:n, free] / slope, minimum.residuals[:n]

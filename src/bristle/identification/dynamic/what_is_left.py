@@ -120,14 +120,12 @@ def known_and_left(problem: DynamicProblem, solution: MultistartSolution[Unknown
 
 def columns_of(problem: DynamicProblem, regressors: Sequence[str]) -> Array:
     """The columns of some regressors, as the equations weigh them, (n, k)."""
-
-    def weighted(m: Motion) -> Array:
-        """Of one motion."""
+    rows = []
+    for m in problem.motions:
         signals = {"position": m.position, "velocity": m.velocity}
-        of = load_columns(regressors, lambda signal: signals[signal], m.time.size)
-        return m.weighted(np.stack(list(of.values()), axis=1))
-
-    return np.concatenate([weighted(m) for m in problem.motions])
+        columns = load_columns(regressors, signals.__getitem__, m.time.size)
+        rows.append(m.weighted(np.stack(list(columns.values()), axis=1)))
+    return np.concatenate(rows)
 
 
 def _delay(
@@ -139,12 +137,9 @@ def _delay(
     found: Score,
     _: int,
 ) -> Finding | None:
-    """Whether the torque was logged early or late: all equations ask for it, and those far from reversals as well.
+    """Whether the torque was logged early or late: all equations ask for it, and those far from reversals, or it may be presliding.
 
     `made`, (n,), is what counts make of it.
-
-    At a reversal a bristle that the model does not describe, or that the encoder does not show, delays the torque as
-    well; and what only some equations ask for is no delay.
     """
     far = _far_from_reversals(problem, solution)
     (apart,) = scores(fit.known[far], fit.rest[far], [(fit.weight * column)[far, None]])
@@ -181,8 +176,7 @@ def _without_counts(found: Score, made: Array) -> tuple[float, float]:
 
 
 def _drift(friction: float, found: Score, _: int) -> Finding:
-    by = float(found.sizes[0])
-    how = "grows" if by > 0 else "falls"
+    by, how = float(found.sizes[0]), "grows" if found.sizes[0] > 0 else "falls"
     message = (
         f"The torque {how} by {100 * abs(by):.0f} % in the course of a run, all else alike, which would explain {100 * found.share:.0f} % of "
         "what the fit leaves: a joint that warms up, or a sensor that does. Numbers are of the middle of the run; warm the joint up first, "
@@ -203,10 +197,7 @@ def _by_load(law: str, found: Score, _: int) -> Finding:
 
 
 def _shifted(problem: DynamicProblem, values: Values, torque: Sequence[Array], width: float) -> Array:
-    """What a position that is ahead by one, rad, in the direction of motion does to the equations, (n,): inertia, presliding and sliding.
-
-    It turns within so much of the largest speed. A difference of the modelled torque of each motion, (N,).
-    """
+    """What a position that runs ahead by one, rad, does to the equations, (n,); it turns within a width of the largest speed."""
     top = problem.fastest
     small, motions = _SMALL * max(float(np.ptp(m.position)) for m in problem.motions), []
     for m in problem.motions:
@@ -308,11 +299,10 @@ def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
 
 
 def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
-    """What counts of the encoder add to the delay that each equation asks for, times the squares of the column beside all others, (n,).
+    """What counts add to the delay that each equation asks for, times the squares of its column beside all others, (n,).
 
-    Counts make noise in the acceleration, a, which is in the residuals, -J a, and in what a delay multiplies,
-    -alpha_2 a - J da/dt: the regression finds a delay of -J alpha_2 sum(a**2) / (squares of the column beside all
-    others), which is none (errors in variables).
+    Their noise in the acceleration a is in the residuals, -J a, and in a delay's column, -alpha_2 a - J da/dt: the regression finds a delay
+    of -J alpha_2 sum(a**2) / squares, which is none (errors in variables).
     """
     inertia = solution.values.get(INERTIA, problem.fixed.get(INERTIA, 0.0))
     if not (problem.count and problem.cutoff and inertia):

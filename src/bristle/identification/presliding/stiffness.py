@@ -400,7 +400,7 @@ def with_shifts(
         slopes = {name: by_level(estimator, loadings, level) for name, estimator in ESTIMATORS.items()}
         quantum, first = max(loading.quantum for loading in loadings), first_torques(loadings, level.value)
         if quantum > 0 and first.size:
-            by_g0 = evaluate(functions.loading_displacement_function(), first, level.value, 1.0)[1]
+            by_g0 = evaluate(functions.loading_displacement_function(), first, level.value, 1.0)[2]
             slopes["corrected"] = float(np.mean(by_g0)) / quantum
     found = dict[str, Estimate]()
     for name, e in estimates.items():

@@ -13,7 +13,8 @@ from bristle.data.record import Record
 from bristle.data.robot.rigid_body import RigidBody
 from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, CRITICAL, Finding
-from bristle.identification.dynamic.priors import fit_alone
+from bristle.identification.dynamic.fit import fit_tracking
+from bristle.identification.dynamic.priors import posed_and_start
 from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import decimator, directions, regressors
 from bristle.identification.static.fit import estimate_static
@@ -46,13 +47,18 @@ class LinkScale:
         return self.explained > self.left and _SURELY * self.error < abs(self.scale)
 
 
-def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale | None:
-    """The scale of the links' torque in some moving runs, by the static fit with the links as a regressor; None of too few samples."""
+UNSEEN = LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)  # of links of which nothing tells
+
+
+def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale:
+    """The scale of the links' torque in some moving runs, by the static fit with the links as a regressor; UNSEEN of too few samples."""
+    if not records:
+        return UNSEEN
     asked = tuple(dict.fromkeys((*regressors(experiment), "links")))
     every = experiment.fit.decimation or decimation(records)
     problem = from_records(records, directions(experiment, records), asked, every, None)[0]
     if problem.torque.size <= len(problem.names):
-        return None
+        return UNSEEN
     estimate = estimate_static(problem, experiment.fit, experiment.joint.kind)["links"]
     value, error = estimate.value or 0.0, estimate.standard_error or np.inf
     # RMS of the links' column beside all other columns, and of the torque beside all
@@ -64,10 +70,6 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale |
     return LinkScale(scale=value, error=error, explained=abs(value) * own, left=left)
 
 
-UNSEEN = LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)
-"""Of links of which nothing tells."""
-
-
 def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], found: LinkScale) -> LinkScale:
     """The scale of the links' torque by the fit of all LuGre parameters, where that explains the runs better.
 
@@ -77,7 +79,9 @@ def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], fou
     """
     if not found.scale:
         return found
-    fit = fit_alone(experiment, records, fit_moving(experiment, records, (), None)[0])
+    static, _ = fit_moving(experiment, records, (), None)
+    problem, start = posed_and_start(experiment, directions(experiment, records), records, static, None)
+    fit = fit_tracking(problem, start, experiment.joint.kind).fit
     links = fit.parameters[ParameterName("links", Direction.SHARED)]
     if not links.value or not links.standard_error or links.standard_error > found.error or fit.rms >= found.left:
         return found
@@ -103,16 +107,10 @@ def torque_constant(found: LinkScale, kind: Kind, effort: str = "A") -> Estimate
         )
         why = Finding("constant-unseen", CAUTION, message, {"explained": found.explained, "left": found.left})
         return Estimate(value=None, unit=in_torque, warnings=(why,))
-    reach = student(np.inf) * found.error
-    error = found.error / found.scale**2
+    reach, error = student(np.inf) * found.error, found.error / found.scale**2
     digits = 2 - int(np.floor(np.log10(error)))  # of the error three: it is printed wherever a torque is spoken of
-    value, error = round(1 / found.scale, digits), round(error, digits)
-    return Estimate(
-        value=value,
-        unit=in_torque,
-        standard_error=error,
-        interval=(1 / (found.scale + reach), 1 / (found.scale - reach)),
-    )
+    value, ends = round(1 / found.scale, digits), (1 / (found.scale + reach), 1 / (found.scale - reach))
+    return Estimate(value=value, unit=in_torque, standard_error=round(error, digits), interval=ends)
 
 
 def scale_warnings(found: LinkScale) -> Iterator[Finding]:
@@ -143,13 +141,10 @@ def thinned(course: Course, decimation: int, file: str) -> tuple[Course, Array]:
     smooth, _ = decimator([np.array([course.time.size])], decimation, file)
     moved = np.hstack([course.v > 0, course.v < 0]).astype(float)
     filtered = np.asarray(smooth @ np.hstack([course.q, course.v, course.a, course.torque, moved]))
-    q, v, a, torque, plus, minus = np.split(filtered, 6, axis=1)
-    every = max(1, len(q) // _SAMPLES)
-    thin = Course(
-        time=np.asarray(smooth @ course.time)[::every], q=q[::every], v=v[::every], a=a[::every], torque=torque[::every],
-        kinds=course.kinds,
-    )  # fmt: skip  # a list of values
-    return thin, np.hstack([plus, minus])[::every]
+    every = max(1, len(filtered) // _SAMPLES)
+    q, v, a, torque, *ways = np.split(filtered[::every], 6, axis=1)
+    time = np.asarray(smooth @ course.time)[::every]
+    return replace(course, time=time, q=q, v=v, a=a, torque=torque), np.hstack(ways)
 
 
 def _score(course: Course, moved: Array, links: Array) -> float:
@@ -174,13 +169,9 @@ def order_warnings(
     as gravity. Which swaps a log cannot show depends on it: those of joints whose links weigh little.
     """
     links = body.torques(course.q, course.v, course.a, gravity=gravity)
-    as_given = _score(course, moved, links)
-    found = []
-    identity = list(range(len(names)))
-    orders = [identity[::-1]]
-    for i, k in combinations(identity, 2):
-        orders.append([k if x == i else i if x == k else x for x in identity])
-    for order in orders:
+    as_given, found, identity = _score(course, moved, links), [], list(range(len(names)))
+    swapped = ([k if x == i else i if x == k else x for x in identity] for i, k in combinations(identity, 2))
+    for order in (identity[::-1], *swapped):
         if order == identity or any(course.kinds[i] != course.kinds[k] for i, k in enumerate(order)):
             continue
         other = replace(course, **{name: getattr(course, name)[:, order] for name in ("q", "v", "a", "torque")})

@@ -53,14 +53,8 @@ def measure_robot(
 
     With a URDF the torque of the links is known: it stands in each record, its scale gives a torque constant that is free,
     and the order of joints and gravity's direction are checked against the log. Without one the other joints' motion is in
-    each torque, and it is said how much.
-
-    Args:
-        robot: its file.
-        progress: told of every step.
-        share: makes the joints' parts of the work.
-        only: the one joint that is wanted; None: all.
-        constant: its torque constant, where that was free and is found already.
+    each torque, and it is said how much. `share` makes the joints' parts of the work, and `progress` is told of every step. `only` is
+    the one joint that is wanted, of which a torque constant that was free, and is found already, is `constant`.
 
     Raises InputError where a file cannot be used as declared.
     """
@@ -71,19 +65,16 @@ def measure_robot(
             progress(f"links of {part.name}", len(measured), len(parts))
         measured.append(done)
     # a torque constant that was free is doubted where another joint, whose constant is known, doubts the masses
-    scales = {
-        m.experiment.joint.name: w.numbers["scale"] for m in measured for w in m.findings if w.code == "links-scale"
-    }
-    for name, scale in list(scales.items())[:1]:
+    scales = ((m.experiment.joint.name, w) for m in measured for w in m.findings if w.code == "links-scale")
+    for name, scale in [(name, w.numbers["scale"]) for name, w in scales][:1]:
         message = (
             f"The torque constant comes out of the URDF's masses, and at {name}, whose constant is known, the links' "
             f"torque would fit {scale:.3g} times as large: this constant, and friction with it, may be off as much."
         )
         doubt = Finding("constant-by-masses", CAUTION, message, {"joint": name, "scale": scale})
-        measured = [
-            replace(m, findings=(*m.findings, doubt)) if m.torque_constant and m.torque_constant.value else m
-            for m in measured
-        ]
+        for k, m in enumerate(measured):
+            if m.torque_constant and m.torque_constant.value:
+                measured[k] = replace(m, findings=(*m.findings, doubt))
     return tuple(measured)
 
 
@@ -91,8 +82,7 @@ def against_urdf(robot: Robot) -> dict[str, tuple[Finding, ...]]:
     """By joint, what the logs of a robot say against its URDF, without a search for torque constants. Raises InputError as `measure_robot`."""
     found = {}
     for part in _parts(robot, None):
-        scale = None if part.joint.free else _scale(part)
-        found[part.name] = (*part.findings, *(() if scale is None else scale_warnings(scale)))
+        found[part.name] = (*part.findings, *(() if part.joint.free else scale_warnings(_scale(part))))
     return found
 
 
@@ -145,18 +135,16 @@ class _Part(NamedTuple):
         return self.joint.experiment.joint.name
 
 
-def _scale(part: _Part) -> LinkScale | None:
-    """How the joint's torque goes with that of the links, by the static law; None where nothing tells it."""
-    training = _training(part.runs)
-    return link_scale(part.joint.experiment, training) if part.linked and training else None
+def _scale(part: _Part) -> LinkScale:
+    """How the joint's torque goes with that of the links, by the static law."""
+    return link_scale(part.joint.experiment, _training(part.runs)) if part.linked else UNSEEN
 
 
 def _measured(part: _Part) -> Measured:
     """One joint: in N*m, or where its torque constant is not seen in A."""
-    experiment, runs, found = part.joint.experiment, part.runs, _scale(part)
+    experiment, runs, seen = part.joint.experiment, part.runs, _scale(part)
     findings, constant = list(part.findings), None
     if part.linked and part.joint.free:
-        seen = found or UNSEEN
         beside = in_own_unit(experiment, tuple(dict.fromkeys((*regressors(experiment), "links"))))
         # it may be told by more than the links: then it is a regressor, and no constant; where the log is not as declared, nothing is told
         wrong = any(f.code in {"joint-order", "gravity-direction"} for f in findings)
@@ -164,8 +152,8 @@ def _measured(part: _Part) -> Measured:
         constant = part.constant or torque_constant(refined if seen.told else seen, experiment.joint.kind)
         experiment, runs = _with_constant(experiment, runs, refined, constant.value, constant.standard_error)
         findings += [] if constant.value else constant.warnings
-    elif found is not None:
-        findings += scale_warnings(found)
+    else:
+        findings += scale_warnings(seen)
     runs = tuple(map(without_links, runs))
     refuse_repeated(experiment, runs)
     whole = measured_of(experiment, runs)
@@ -188,11 +176,9 @@ def _with_constant(
         links = {} if clear else {"link_torque": None}
         bare = tuple(run.having(torque=np.asarray(run.record.torque) / by, torque_shifts={}, **links) for run in runs)
         return in_own_unit(experiment, asked), bare
-    constants = experiment.motor_constants
-    known = PlusMinus(value=K, standard_error=error)
-    own = experiment.model_copy(
-        update={"motor_constants": constants and constants.model_copy(update={"torque_constant": known})}
-    )
+    constants, known = experiment.motor_constants, PlusMinus(value=K, standard_error=error)
+    scaled_by = constants and constants.model_copy(update={"torque_constant": known})
+    own = experiment.model_copy(update={"motor_constants": scaled_by})
     (constant,) = (c for c in own.torque_constants if c.name == "torque_constant")
     scaled = []
     for run in runs:
@@ -234,8 +220,9 @@ def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bo
             message = f"{reached} unit of the torque or current, the torque constant and the gear."
             found.append(Finding("effort-far-beyond", CRITICAL, message, numbers))
         else:
-            message = f"{reached} torque constant, the gear and the URDF."
-            found.append(Finding("effort-beyond", CAUTION, message, numbers))
+            found.append(
+                Finding("effort-beyond", CAUTION, f"{reached} torque constant, the gear and the URDF.", numbers)
+            )
     return found
 
 

@@ -17,7 +17,7 @@ from bristle.estimation.linear import best_column_p_value
 from bristle.estimation.score_test import moved_by
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import Estimate, Profile
-from bristle.identification.shared_findings import at_bound, curve_held, takes_up_peak
+from bristle.identification.shared_findings import AT_BOUND, TAKES_UP_PEAK, curve_held
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import (
@@ -103,7 +103,7 @@ def solve_static(
     errors, parameters = np.full(len(problem.names), np.nan), dict[ParameterName, Estimate]()
     errors[free] = np.sqrt(np.diag(covariance)[: free.sum()])
     for name, value, error in zip(problem.names, solution.theta.tolist(), errors.tolist(), strict=True):
-        (low, high), told = intervals[name], [at_bound()] if name in solution.at_bound else []
+        (low, high), told = intervals[name], [AT_BOUND] if name in solution.at_bound else []
         if name.name == "alpha_1" and not is_closed(intervals[name._replace(name="v_s")]):
             message = "No finite interval: v_s has none, and alpha_1 grows with v_s."
             told.append(Finding("alpha-1-open", CAUTION, message))
@@ -112,7 +112,7 @@ def solve_static(
         elif name.name == "v_s" and np.isinf(high):
             told.append(Finding("v-s-open-above", CAUTION, "No finite interval: the data set no upper limit on v_s."))
         elif name.name in {"alpha_0", "alpha_2"} and name.direction in doubted:
-            told.append(takes_up_peak())  # a peak that is there but not bounded
+            told.append(TAKES_UP_PEAK)  # a peak that is there but not bounded
         parameters[name] = Estimate(
             value=value, unit=unit(name.name, kind), standard_error=error if np.isfinite(error) else None,
             interval=(min(low, value), max(high, value)),  # of an exact fit rounding makes the profile

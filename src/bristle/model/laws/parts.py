@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any
 
-Expression = Any
-"""A float or a CasADi symbol: CasADi carries no types."""
+Expression = Any  # a float or a CasADi symbol: CasADi carries no types
 
 FASTEST = "v_end"
 """The parameter that a law with terms has beside their coefficients: the fastest speed that was measured, rad/s. It is

@@ -5,6 +5,7 @@ import re
 from collections.abc import Collection
 from importlib.metadata import entry_points
 from itertools import product
+from keyword import iskeyword
 
 from bristle.model.laws import exponential, free_exponent, gaussian, lorentzian, quadratic
 from bristle.model.laws.check import fault_of
@@ -65,7 +66,7 @@ def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
 
     brought = part.own if isinstance(part, Peak) else (part.coefficient,)
     others = reserved_names() | {own.name for other in _PARTS.values() if other != part for own in _own(other)}
-    taken = [own.name for own in brought if own.name in others or not _NAME.fullmatch(own.name)]
+    taken = [x.name for x in brought if x.name in others or iskeyword(x.name) or not _NAME.fullmatch(x.name)]
     if taken:
         raise ValueError(
             f"{part.name}: got a parameter called {taken[0]!r}; expected letters, digits and _, and a name that no other has"

@@ -68,7 +68,7 @@ def plan_loading(
     for loading in slow.loadings if slow else ():
         keep = loading.edge_torque < PEAKS[-1] * g0
         if keep.sum() > 2:
-            y, y_T = evaluate(functions.loading_slope_function(), loading.edge_torque[keep], g0, p.sigma_0)[:2]
+            y, y_T = evaluate(functions.loading_displacement_function(), loading.edge_torque[keep], g0, p.sigma_0)[:2]
             left = y - loading.edge_displacement[keep]
             residuals.append((left - left.mean()) / y_T)
     noise = 0.0
@@ -97,7 +97,7 @@ def design_loading(
     g0, rises = p.alpha_0 + p.alpha_1, share * RISES
     noise = noise / CYCLES**0.5
     scatter = np.array([[_stiffness_error(p, r * g0, g0_error, noise, count, rise) for r in PEAKS] for rise in rises])
-    y, y_T = evaluate(functions.loading_slope_function(), PEAKS * g0, g0, p.sigma_0)[:2]
+    y, y_T = evaluate(functions.loading_displacement_function(), PEAKS * g0, g0, p.sigma_0)[:2]
     viscous = (p.sigma_1 + p.alpha_2) * y_T / rises[:, None]
     errors = np.hypot(scatter, viscous * p.sigma_0)
     best = errors.min(axis=1)  # the shortest rise that is at most a tenth worse than the longest
@@ -126,7 +126,7 @@ def _stiffness_error(p: Lugre[float], peak: float, g0_error: float, noise: float
         return np.inf
     looked = int(min(edges, 400))  # of a finer encoder they stand for the others
     T = g0 * -np.expm1(-p.sigma_0 / g0 * reach * (np.arange(looked) + 0.5) / looked)  # where the edges are, no model
-    _, y_T, y_g0, y_sigma_0 = evaluate(functions.loading_slope_function(), T, g0, p.sigma_0)
+    _, y_T, y_g0, y_sigma_0 = evaluate(functions.loading_displacement_function(), T, g0, p.sigma_0)
     averages = rise / _TENTH
     alone = max(1.0, edges / averages) * looked / edges if np.isfinite(edges) else looked / averages
     rows = np.column_stack([y_sigma_0, np.ones(looked), y_g0]) / (y_T * noise * np.sqrt(alone))[:, None]
