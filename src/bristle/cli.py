@@ -40,9 +40,14 @@ app = typer.Typer(
 )
 
 
+def given(metavar: str, meaning: str) -> Any:
+    """An argument, by what it is called in the usage."""
+    return typer.Argument(metavar=metavar, help=meaning, show_default=False)
+
+
 def optional(none: str, file: str = "The experiment file") -> Any:
     """The argument that is an experiment file, or none, which means what is said."""
-    return typer.Argument(metavar="EXPERIMENT", help=f"{file}; none: {none}.", show_default=False)
+    return given("EXPERIMENT", f"{file}; none: {none}.")
 
 
 def output_path(text: str) -> Path:
@@ -52,9 +57,9 @@ def output_path(text: str) -> Path:
     return Path(text)
 
 
-def to(metavar: str, meaning: str) -> Any:
-    """The option -o that names what to write."""
-    return typer.Option("-o", "--output", parser=output_path, metavar=metavar, help=meaning)
+def to(metavar: str, meaning: str, *names: str) -> Any:
+    """The option that names what to write: -o, or another."""
+    return typer.Option(*(names or ("-o", "--output")), parser=output_path, metavar=metavar, help=meaning)
 
 
 def lands(what: str, thing: str = "page") -> Any:
@@ -62,9 +67,14 @@ def lands(what: str, thing: str = "page") -> Any:
     return to("DIR", f"Where the {thing} lands [default: reports/NAME{what}].")
 
 
-def asked(metavar: str, meaning: str) -> Any:
-    """An option that takes one thing: a QUANTITY with its unit, a number N, a NAME."""
-    return typer.Option(metavar=metavar, help=meaning)
+def asked(metavar: str, meaning: str, *names: str) -> Any:
+    """An option that takes one thing: a QUANTITY with its unit, a number N, a NAME; called as its parameter, or by these names."""
+    return typer.Option(*names, metavar=metavar, help=meaning)
+
+
+def flag(names: str, meaning: str) -> Any:
+    """An option that is there or not, or one of two."""
+    return typer.Option(names, help=meaning, show_default=False)
 
 
 def per_signal(metavar: str, what: str) -> Any:
@@ -75,12 +85,9 @@ def per_signal(metavar: str, what: str) -> Any:
     )
 
 
-ExperimentFile = Annotated[
-    Path, typer.Argument(metavar="EXPERIMENT", help="The experiment file, YAML.", show_default=False)
-]
+ExperimentFile = Annotated[Path, given("EXPERIMENT", "The experiment file, YAML.")]
 Uncertainty = Annotated[
-    bool,
-    typer.Option("--uncertainty", help="Intervals of moving runs by profile and bootstrap too, which takes a while."),
+    bool, flag("--uncertainty", "Intervals of moving runs by profile and bootstrap too, which takes a while.")
 ]
 Workers = Annotated[
     int | None,
@@ -90,7 +97,7 @@ OfRobot = Annotated[
     str | None,
     typer.Option("--joint", metavar="NAME", help="Which joint, where the file is of a robot.", show_default=False),
 ]
-Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where a joint is not to be used.")]
+Strict = Annotated[bool, flag("--strict", "Exit with 3 where a joint is not to be used.")]
 Need = Annotated[
     str | None, asked("PERCENT", "To how much of friction it has to be known (95 %), to be used [default: 10%].")
 ]
@@ -112,21 +119,15 @@ OF_LOGS: dict[str, Any] = {
     "inertia": Annotated[
         str | None, asked("QUANTITY", "Of the joint, as 0.0089 kg*m^2, or with its error: then it is a prior.")
     ],
-    "held": Annotated[
-        bool | None,
-        typer.Option("--held/--not-held", help="Whether the drive holds commands between samples.", show_default=False),
-    ],
+    "held": Annotated[bool | None, flag("--held/--not-held", "Whether the drive holds commands between samples.")],
     "fresh": Annotated[
-        bool | None,
-        typer.Option(
-            "--fresh/--not-fresh", help="Whether the drive compares commands with new measurements.", show_default=False
-        ),
+        bool | None, flag("--fresh/--not-fresh", "Whether the drive compares commands with new measurements.")
     ],
     "gravity": Annotated[
         str | None, asked("GRAVITY", "Its largest torque, as 0.7 N*m, or 'mass: 1.2 kg, centre: 0.06 m', or a URDF.")
     ],
     "coasting": Annotated[
-        bool, typer.Option("--coasting", help="Nothing drives the joint: --inertia or --gravity says what is known.")
+        bool, flag("--coasting", "Nothing drives the joint: --inertia or --gravity says what is known.")
     ],
     "directions": Annotated[
         str | None, asked("WORD", "One friction for both, or one each: auto, symmetric or separate.")
@@ -173,18 +174,11 @@ def _root(
 @app.command()
 def report(
     experiments: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            metavar="EXPERIMENT",
-            help="Experiment files, of one joint or a robot each; none: the embedded Ed-Ro (simulated).",
-            show_default=False,
-        ),
+        list[Path] | None, optional("the embedded Ed-Ro (simulated)", "Experiment files, of one joint or a robot each")
     ] = None,
     output: Annotated[Path | None, lands("", "report")] = None,
     uncertainty: Uncertainty = False,
-    mailed: Annotated[
-        bool, typer.Option("--zip", help="Write all of it as report.zip in the folder as well, to mail.")
-    ] = False,
+    mailed: Annotated[bool, flag("--zip", "Write all of it as report.zip in the folder as well, to mail.")] = False,
     workers: Workers = None,
     need: Need = None,
     strict: Strict = False,
@@ -222,24 +216,18 @@ def report(
 def identify(
     sources: Annotated[
         list[Path] | None,
-        typer.Argument(
-            metavar="EXPERIMENT|LOG...",
-            help="The experiment file, or logs as `bristle new` takes them; none: the embedded Ed-Ro (simulated).",
-            show_default=False,
+        given(
+            "EXPERIMENT|LOG...",
+            "The experiment file, or logs as `bristle new` takes them; none: the embedded Ed-Ro (simulated).",
         ),
     ] = None,
     joint: OfRobot = None,
     output: Annotated[Path | None, to("FILE", "Write results.json here as well.")] = None,
-    save: Annotated[
-        Path | None,
-        typer.Option(
-            "--save", parser=output_path, metavar="FILE", help="Of logs: write the experiment file here, too."
-        ),
-    ] = None,
+    save: Annotated[Path | None, to("FILE", "Of logs: write the experiment file here, too.", "--save")] = None,
     full: Annotated[
-        bool, typer.Option("--full", help="Print each fit: statistics, correlations, cross-checks, every warning.")
+        bool, flag("--full", "Print each fit: statistics, correlations, cross-checks, every warning.")
     ] = False,
-    laws: Annotated[bool, typer.Option("--laws", help="Print the friction laws side by side.")] = False,
+    laws: Annotated[bool, flag("--laws", "Print the friction laws side by side.")] = False,
     uncertainty: Uncertainty = False,
     workers: Workers = None,
     need: Need = None,
@@ -289,14 +277,11 @@ def identify(
     for sentence in guessed:
         complain(f"guessed: {sentence}")
     _tell([results.text(full=full)])
-    if uncertainty:
-        from bristle.questions.joint_report.console import interval_lines
+    from bristle.questions.joint_report.console import interval_lines, law_lines
 
-        _tell(interval_lines(results.joints))
-    if laws:
-        from bristle.questions.joint_report.console import law_lines
-
-        _tell(law_lines(results.joints))
+    for asked_for, lines in ((uncertainty, interval_lines), (laws, law_lines)):
+        if asked_for:
+            _tell(lines(results.joints))
     if output is not None:
         write_text(output, results.to_json(output.parent))
         print_lines([f"Results: {output}"], done=True)
@@ -355,23 +340,19 @@ def validate(
     Example: bristle validate wrist.yaml -o reports/wrist-validate
     """
     folder = output_folder(output, experiment, "-validate")
-    with shown():
+    results, beside = None, list[str]()
+    with shown() as progress:
+        from bristle import report_of
         from bristle import validate as run
+        from bristle.api.identifying import identified
+        from bristle.questions.joint_report.console import law_lines
         from bristle.questions.method_validation.run import check_request
 
         check_request(repetitions, starts, noise)
-    results, beside = None, list[str]()
-    if experiment is not None:  # each fit beside a full nonlinear one on the same data
-        with shown() as progress:
-            from bristle.api.identifying import identified
-            from bristle.questions.joint_report.console import law_lines
-
+        if experiment is not None:  # each fit beside a full nonlinear one on the same data
             results = identified(experiment, joint=joint, crosscheck=True, progress=progress)
             results.whole_joint()
             beside = [*results.checks(), *law_lines(results.joints)]
-    with shown() as progress:
-        from bristle import report_of
-
         validated = run(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
         checked = report_of(validated)
     _tell([checked.text(), *beside])
@@ -427,9 +408,7 @@ def explore(
 
 @app.command()
 def export(
-    experiment: Annotated[
-        Path, typer.Argument(metavar="RESULTS", help="A results.json, or an experiment file.", show_default=False)
-    ],
+    experiment: Annotated[Path, given("RESULTS", "A results.json, or an experiment file.")],
     to: Annotated[
         str, asked("FORMAT", "c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, matlab or latex.")
     ],
@@ -470,10 +449,8 @@ def export(
 
 @app.command()
 def compare(
-    first: Annotated[Path, typer.Argument(metavar="A", help="results.json of the first session.", show_default=False)],
-    second: Annotated[
-        Path, typer.Argument(metavar="B", help="results.json of the second session.", show_default=False)
-    ],
+    first: Annotated[Path, given("A", "results.json of the first session.")],
+    second: Annotated[Path, given("B", "results.json of the second session.")],
     output: Annotated[Path | None, to("DIR", "Write a page with a figure and tables here.")] = None,
 ) -> None:
     """Compare two sessions: which parameters changed.
@@ -498,17 +475,13 @@ def compare(
 def fleet(
     catalog: Annotated[
         str,
-        typer.Argument(
-            metavar="CATALOG",
-            help="A table (CSV, Parquet) with the columns file, unit and session, or a pattern such as 'logs/{unit}/{session}/{type}.yaml'.",
-            show_default=False,
+        given(
+            "CATALOG",
+            "A table (CSV, Parquet) with the columns file, unit and session, or a pattern such as 'logs/{unit}/{session}/{type}.yaml'.",
         ),
     ],
     output: Annotated[
-        str | None,
-        typer.Option(
-            "-o", "--output", metavar="DIR", help="Where dataset and page land [default: reports/NAME-fleet]."
-        ),
+        str | None, asked("DIR", "Where dataset and page land [default: reports/NAME-fleet].", "-o", "--output")
     ] = None,
     scheduler: Annotated[
         str | None,
@@ -516,7 +489,7 @@ def fleet(
     ] = None,
     workers: Workers = None,
     memory: Annotated[str | None, asked("SIZE", "Of each of these processes, as '2 GiB'.")] = None,
-    verify: Annotated[bool, typer.Option("--verify", help="Hash every file anew, changed or not.")] = False,
+    verify: Annotated[bool, flag("--verify", "Hash every file anew, changed or not.")] = False,
     rate: Annotated[float, asked("X", "False discovery rate among the joints that changed.")] = 0.05,
     baseline: Annotated[int, asked("N", "First sessions of a joint, against which it is compared.")] = 3,
     tls_ca_file: Annotated[
@@ -524,7 +497,7 @@ def fleet(
     ] = None,
     tls_cert: Annotated[Path | None, asked("FILE", "The same: the client's certificate.")] = None,
     tls_key: Annotated[Path | None, asked("FILE", "The same: the client's key.")] = None,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with 3 where a joint changed.")] = False,
+    strict: Annotated[bool, flag("--strict", "Exit with 3 where a joint changed.")] = False,
 ) -> None:
     """Watch a fleet: which joints changed, which units differ.
 
@@ -533,7 +506,8 @@ def fleet(
     Example: bristle fleet catalog.csv -o reports/robots --strict
     """
     with shown() as progress:
-        from bristle.api.fleets import connected, fleet_on
+        from bristle import fleet as run
+        from bristle.api.fleets import connected
         from bristle.questions.fleet.catalog import called
 
         certificates = {"ca": tls_ca_file, "cert": tls_cert, "key": tls_key}
@@ -543,8 +517,8 @@ def fleet(
         folder = output or str(Path("reports") / f"{called(catalog)}-fleet")
         if "://" not in folder:
             check_folder(Path(folder), FLEET)
-        found = fleet_on(
-            cluster, catalog, folder, verify=verify, rate=rate, baseline=baseline, progress=progress,
+        found = run(
+            catalog, folder, client=cluster, verify=verify, rate=rate, baseline=baseline, progress=progress,
             begun=lambda address: print_lines([f"Dashboard: {address}"] if address else []),
         )  # fmt: skip  # a list of values
     _tell([found.text(), found.counts])
@@ -570,7 +544,7 @@ def sensitivity(
         int, typer.Option(help="Of the Sobol indices, a power of two from 32 up; 0: leave them out.")
     ] = 1024,
     symbolic: Annotated[
-        bool, typer.Option("--symbolic", help="Print the derivatives as formulas and as LaTeX, and nothing else.")
+        bool, flag("--symbolic", "Print the derivatives as formulas and as LaTeX, and nothing else.")
     ] = False,
 ) -> None:
     """Show which parameters matter, and when.
@@ -602,13 +576,10 @@ def plan(
     experiment: ExperimentFile,
     joint: OfRobot = None,
     output: Annotated[Path | None, to("FILE", "Write the references that a controller plays here, CSV.")] = None,
-    page: Annotated[
-        Path | None,
-        typer.Option("--page", parser=output_path, metavar="DIR", help="Write a page with figures and tables here."),
-    ] = None,
+    page: Annotated[Path | None, to("DIR", "Write a page with figures and tables here.", "--page")] = None,
     velocities: Annotated[int, asked("N", "Runs at constant velocity in each direction.")] = 12,
     aim: Annotated[
-        str, typer.Option("--for", metavar="NAME", help="The parameter whose interval is to shrink, as v_s or sigma_0.")
+        str, asked("NAME", "The parameter whose interval is to shrink, as v_s or sigma_0.", "--for")
     ] = "all",
 ) -> None:
     """Plan what to measure next.
@@ -643,10 +614,9 @@ def plan(
 def new(
     logs: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="LOG...",
-            help="Logs of one joint (CSV, Parquet, MAT, NPZ, HDF5, ROS bag), a URDF and logs of its robot, or a half-filled experiment file.",
-            show_default=False,
+        given(
+            "LOG...",
+            "Logs of one joint (CSV, Parquet, MAT, NPZ, HDF5, ROS bag), a URDF and logs of its robot, or a half-filled experiment file.",
         ),
     ],
     output: Annotated[Path | None, to("FILE", "Write the draft here instead of printing it.")] = None,
@@ -694,9 +664,7 @@ def new(
 
 @app.command()
 def explain(
-    code: Annotated[
-        str, typer.Argument(metavar="CODE", help="What stands in brackets behind a warning.", show_default=False)
-    ],
+    code: Annotated[str, given("CODE", "What stands in brackets behind a warning.")],
 ) -> None:
     """Explain a warning, and say what to do.
 

@@ -16,13 +16,13 @@ from bristle.questions.fleet.dataset import (
     OF_TASK,
     ORDER,
     assembled,
-    failure_bytes,
     known_results,
     part_files,
     parts_of,
     read_parts,
     read_tasks,
     schema_of,
+    task_bytes,
     task_file,
     write_parts,
 )
@@ -120,7 +120,7 @@ def test_a_damaged_task_is_told(tmp_path: Path) -> None:
     """Of tasks whose files cannot be read the keys are told, the others are read."""
     (tmp_path / "tasks").mkdir()
     for key in ("a", "b"):
-        Path(task_file(str(tmp_path), key)).write_bytes(failure_bytes(key, "two\nlines"))
+        Path(task_file(str(tmp_path), key)).write_bytes(task_bytes(key, (), "two\nlines"))
     Path(task_file(str(tmp_path), "b")).write_bytes(b"")
     table, damaged = read_tasks(str(tmp_path), {"a", "b", "c"})
     assert damaged == {"b", "c"}

@@ -40,14 +40,8 @@ if TYPE_CHECKING:
     from bristle.page.report import Report
 
 
-_ROOMS = {
-    Comparison: "session_comparison",
-    Plan: "experiment_design",
-    SensitivityStudy: "sensitivity",
-    Study: "compensation",
-    Validation: "method_validation",
-}
-"""The question whose `report.py` makes sections of each kind of result; it is imported only then, for it draws."""
+Answer = Comparison | Plan | SensitivityStudy | Study | Validation
+"""What questions give. The `report.py` beside each makes sections of it; it is imported only then, for it draws."""
 
 
 def report(
@@ -324,7 +318,7 @@ def complete(experiment: Path | str) -> tuple[str, str]:
     return completed(Path(experiment))
 
 
-def report_of(result: Comparison | Plan | SensitivityStudy | Study | Validation | Fleet) -> "Report":
+def report_of(result: Answer | Fleet) -> "Report":
     """What was found, as sections: `text()` is what the command prints, `write(folder)` the page with its figures and tables.
 
     >>> import bristle
@@ -340,10 +334,9 @@ def report_of(result: Comparison | Plan | SensitivityStudy | Study | Validation 
     """
     if isinstance(result, Fleet):
         return result.report()
-    room = _ROOMS.get(type(result))
-    if room is None:
+    if not isinstance(result, Answer):
         raise InputError(
             f"got a {type(result).__name__}; expected what adapt, compare, fleet, plan, sensitivity or validate gave"
         )
-    made: Report = import_module(f"bristle.questions.{room}.report").report(result)
+    made: Report = import_module(f"{type(result).__module__.rpartition('.')[0]}.report").report(result)
     return made

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from bristle import __version__
 from bristle.errors import InputError
-from bristle.questions.fleet.dataset import failure_bytes, task_bytes, task_file
+from bristle.questions.fleet.dataset import task_bytes, task_file
 from bristle.questions.fleet.files import exists, is_remote, local_path, name_of, read_bytes, stamp, write_whole
 from bristle.questions.fleet.survey import FleetInput, Surveyed, laid_out, survey, surveyed_of, without_folder
 
@@ -160,7 +160,7 @@ def _rows(task: FleetTask, identify: Identify) -> bytes:
             sentence = without_folder(str(error), task.file.path, str(path.parent), *([folder] if folder else []))
             if _may_pass(error) or _changed(task):
                 raise InputError(sentence) from error
-            return failure_bytes(task.key, sentence)
+            return task_bytes(task.key, (), sentence)
 
 
 def _changed_meanwhile(one: FleetInput) -> InputError:
