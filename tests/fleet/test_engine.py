@@ -49,7 +49,7 @@ class Reads:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.names: list[str] = []
-        for module, name in ((survey, "digest_of"), (survey, "read_text"), (survey, "read_bytes")):
+        for module, name in ((files, "digest_of"), (survey, "read_text"), (files, "read_bytes")):
             monkeypatch.setattr(module, name, self._counting(getattr(module, name)))
 
     def _counting(self, read: Any) -> Any:
@@ -215,10 +215,10 @@ def test_what_a_killed_run_left_is_taken_up(ran: Any, tmp_path: Path, monkeypatc
                     raise KeyboardInterrupt
             yield call, end
 
-    monkeypatch.setattr(engine, "spread", interrupted)
+    monkeypatch.setattr(cluster, "spread", interrupted)
     with pytest.raises(KeyboardInterrupt):
         ran()
-    monkeypatch.setattr(engine, "spread", spread)
+    monkeypatch.setattr(cluster, "spread", spread)
     assert len(tree(Path("out/tasks"))) >= 2
     found = ran()
     assert found.identified <= 2
@@ -240,9 +240,10 @@ def test_a_full_disk_leaves_what_was(ran: Any, tmp_path: Path, monkeypatch: pyte
         """Only small files fit."""
         if "/results/" in name or "/tasks/" in name:
             raise OSError(errno.ENOSPC, "No space left on device", name)
-        files.write_whole(name, data)
+        write_whole(name, data)
 
-    for module in ("tasks", "engine", "dataset"):
+    write_whole = files.write_whole
+    for module in ("tasks", "files", "dataset"):
         monkeypatch.setattr(f"bristle.questions.fleet.{module}.write_whole", full)
     with pytest.raises(OSError, match="No space left") as stopped:
         ran()

@@ -67,14 +67,14 @@ def ishigami_exact() -> tuple[Array, Array]:
 
 def indices(
     function: Callable[[Array], Array], box: Mapping[ParameterName, tuple[float, float]], samples: int, seed: int = 0
-) -> tuple[sobol.Indices, ...]:
+) -> tuple[sobol.Output, ...]:
     """Those of each output of any function, (n, p) -> (n,) or (n, outputs), as those of a joint are made."""
     spans = [Span(name, low, high, low > 0 and high > 10 * low) for name, (low, high) in box.items()]
     values = function(saltelli(spans, samples, seed))
-    return tuple(analysed(spans, column, seed) for column in values.reshape(len(values), -1).T)
+    return tuple(analysed("x", "torque", spans, column, seed) for column in values.reshape(len(values), -1).T)
 
 
-def shares(found: sobol.Indices) -> tuple[Array, Array]:
+def shares(found: sobol.Output) -> tuple[Array, Array]:
     """First-order and total indices of one output."""
     return np.array([e.first for e in found.effects]), np.array([e.total for e in found.effects])
 
@@ -147,8 +147,7 @@ def test_breakaway_torque_is_additive(found: Global) -> None:
 
     Alpha_2 has nothing of it, and the mean is that of the sum.
     """
-    own = found.outputs[1].indices
-    assert own is not None
+    own = found.outputs[1]
     variance = np.array([0.01**2, 0.009**2, 0.0])
     for index in shares(own):
         assert index == pytest.approx(variance / variance.sum(), abs=0.01)
@@ -170,12 +169,9 @@ def test_shares_are_shares(found: Global) -> None:
 
     Torque and breakaway get all samples, the loops as many as they can afford: a power of two each, times p + 2.
     """
-    owns = [output.indices for output in found.outputs]
-    assert [own and own.samples for own in owns] == [1024, 1024, 32]
-    assert [own and own.evaluations for own in owns] == [5120, 5120, 160]
-    for output in found.outputs:
-        own = output.indices
-        assert own is not None
+    assert [own.samples for own in found.outputs] == [1024, 1024, 32]
+    assert [own.evaluations for own in found.outputs] == [5120, 5120, 160]
+    for own in found.outputs:
         first, total = shares(own)
         half = np.array([e.first_half for e in own.effects])
         assert first.sum() <= 1 + np.sqrt(np.sum(half**2))
@@ -270,10 +266,9 @@ def test_rms_torque_has_degree_one(factor: float, amplitude: float, frequency: f
 def test_the_compensator_keeps_the_nominal_model() -> None:
     """Over a box that is next to nothing the loop is that of the nominal plant and model, not of the subject's own."""
     p = GRIPPER._replace(alpha_0=0.05)
-    own = global_sensitivity(p, named({"alpha_2": (0.0393999, 0.0394001)}), SUBJECT, samples=32).outputs[2].indices
+    own = global_sensitivity(p, named({"alpha_2": (0.0393999, 0.0394001)}), SUBJECT, samples=32).outputs[2]
     case = SUBJECT.case(plant=Pair(p, p), model=Pair(p, p))
     run = simulate(LoopOptions(compensator=SUBJECT.compensator), [case], SUBJECT.sine(2.0, 1.0), SUBJECT.period)
-    assert own is not None
     assert own.mean == pytest.approx(run.rms_error(0.5).item(), rel=1e-4)
 
 
@@ -282,10 +277,8 @@ def test_the_plant_is_drawn() -> None:
 
     Over a box above the model, that explains all of the variance.
     """
-    own = global_sensitivity(GRIPPER, named({"alpha_2": (0.05, 0.08)}), SUBJECT, samples=32).outputs[2].indices
-    assert own is not None
-    exact = global_sensitivity(GRIPPER, named({"alpha_2": (0.0394, 0.03941)}), SUBJECT, samples=32).outputs[2].indices
-    assert exact is not None
+    own = global_sensitivity(GRIPPER, named({"alpha_2": (0.05, 0.08)}), SUBJECT, samples=32).outputs[2]
+    exact = global_sensitivity(GRIPPER, named({"alpha_2": (0.0394, 0.03941)}), SUBJECT, samples=32).outputs[2]
     assert own.mean > 1.2 * exact.mean
     assert own.effects[0].total == pytest.approx(1.0, abs=0.2)
 
@@ -305,8 +298,7 @@ def test_loops_have_settled() -> None:
 def test_one_direction_alone_is_drawn() -> None:
     """A name with its sign moves that set only: half of it reaches the breakaway torque, which is the mean of both."""
     box = named({"alpha_0+": (0.01, 0.03), "alpha_1": (0.0, 0.01)})
-    own = global_sensitivity(PAIR, box, SUBJECT, samples=1024).outputs[1].indices
-    assert own is not None
+    own = global_sensitivity(PAIR, box, SUBJECT, samples=1024).outputs[1]
     assert shares(own)[0] == pytest.approx([0.5, 0.5], abs=0.01)
     assert own.mean == pytest.approx((0.02 + PAIR.negative.alpha_0) / 2 + 0.005, rel=1e-4)
     sets = joints_at(PAIR, ordered(box, PAIR.law), np.array([[0.011, 0.002]]))
@@ -318,12 +310,10 @@ def test_one_direction_alone_is_drawn() -> None:
 def test_an_output_that_nothing_changes_has_no_indices() -> None:
     """sigma_1 has no part in the breakaway torque: None, with the reason, where shares of no variance do not exist."""
     torque, breakaway, _ = global_sensitivity(GRIPPER, named({"sigma_1": (0.01, 0.02)}), SUBJECT, samples=32).outputs
-    assert torque.indices is not None
-    assert breakaway.indices is None
+    assert torque.effects
+    assert not breakaway.effects
     assert breakaway.reason is not None
     assert breakaway.reason.code == "nothing-changes-it"
-    (flat,) = indices(lambda x: 3.0 + 0 * x[:, 0], named({"x": (0.0, 1.0)}), 32)
-    assert (flat.effects, flat.mean, flat.deviation) == ((), 3.0, 0.0)
 
 
 def test_loops_that_cannot_be_run_say_so() -> None:
@@ -340,9 +330,9 @@ def test_loops_that_cannot_be_run_say_so() -> None:
     }
     for said, (p, subject) in cases.items():
         *others, loop = global_sensitivity(p, BOX, subject, samples=32).outputs
-        assert loop.indices is None
+        assert not loop.effects
         assert said in str(loop.reason)
-        assert all(output.indices is not None for output in others)
+        assert all(output.effects for output in others)
     assert loop.reason is not None
     assert (loop.reason.code, loop.reason.numbers) == ("loop-diverges", {"diverged": 160, "drawn": 160})
 
@@ -396,9 +386,7 @@ def test_the_figure_shows_the_indices(found: Global, kind: JointKind) -> None:
     Whiskers are inside.
     """
     figure = sobol_figure(found, kind, name="<a> & $b$", simulated=True)
-    for ax, output in zip(figure.axes, found.outputs, strict=True):
-        own = output.indices
-        assert own is not None
+    for ax, own in zip(figure.axes, found.outputs, strict=True):
         assert bars(ax) == [*shares(own)[0], *shares(own)[1]]
         assert f"{own.samples} samples" in ax.texts[0].get_text()
         assert [label.get_text() for label in ax.get_xticklabels()] == ["α₀", "α₁", "α₂"]
@@ -414,13 +402,13 @@ def test_the_figure_shows_the_indices(found: Global, kind: JointKind) -> None:
 def test_the_figure_says_what_there_is_not(found: Global) -> None:
     """A panel without indices says why, and the legend stands in one that has them."""
     outputs = (
-        replace(found.outputs[0], indices=None, reason=Finding("x", Severity.NOTE, "Nothing is known.")),
+        replace(found.outputs[0], effects=(), reason=Finding("x", Severity.NOTE, "Nothing is known.")),
         *found.outputs[1:],
     )
     figure = sobol_figure(replace(found, outputs=outputs), "revolute", name="x", simulated=False)
     assert "Nothing is known." in [text.get_text() for text in figure.axes[0].texts]
     assert [ax.get_legend() is not None for ax in figure.axes] == [False, True, False]
-    nothing = tuple(replace(output, indices=None, reason=Finding("x", Severity.NOTE, "None.")) for output in outputs)
+    nothing = tuple(replace(output, effects=(), reason=Finding("x", Severity.NOTE, "None.")) for output in outputs)
     assert render_as(sobol_figure(replace(found, outputs=nothing), "revolute", name="x", simulated=False), "svg")
     assert replace(found, outputs=nothing).to_frame("revolute").empty
 
@@ -431,7 +419,7 @@ def test_table_and_sentences_hold_the_same_numbers(found: Global) -> None:
     The sentences name the largest first, what was drawn, the seed, and that it is simulated.
     """
     frame = found.to_frame("revolute")
-    effects = [e for output in found.outputs if output.indices for e in output.indices.effects]
+    effects = [e for output in found.outputs for e in output.effects]
     assert frame["total"].tolist() == [e.total for e in effects]
     assert frame["upper"].tolist() == [0.025, 0.01, 0.05] * 3
     assert frame["unit"].tolist()[:3] == ["N*m", "N*m", "N*m*s/rad"]

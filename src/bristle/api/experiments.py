@@ -31,6 +31,7 @@ from bristle.questions.sensitivity.joint import motion_of, of_gripper, of_joint
 from bristle.questions.sensitivity.study import SAMPLES, SensitivityStudy, check_samples, study_sensitivity
 from bristle.questions.session_comparison.compare import compare as compare_sessions
 from bristle.questions.session_comparison.results import Comparison
+from bristle.questions.session_comparison.results_file import read_session, session_of
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper
 from bristle.workers import REPORT, sharing
@@ -142,8 +143,6 @@ def compare(first: Results | Path | str, second: Results | Path | str) -> Compar
     Raises InputError in one sentence where a file is no results file, both are one file, or they have no joint in common, of one kind and in the same
     units.
     """
-    from bristle.questions.session_comparison.results_file import read_session, session_of
-
     results = "results as identify gave them, or the path of their file"
     given = [x if isinstance(x, Results) else path_of(x, results) for x in (first, second)]
     sessions = [session_of(x.joints) if isinstance(x, Results) else read_session(x) for x in given]

@@ -7,7 +7,7 @@ from math import inf
 
 from bristle.api.joints import read_if_results
 from bristle.api.results import Results, choose
-from bristle.api.sources import JointLogs, Source, SourceText, names_of, open_all
+from bristle.api.sources import JointLogs, Source, names_of, open_all
 from bristle.data.experiment.load import Experiment
 from bristle.data.robot.robot_file import Robot
 from bristle.errors import InputError, short
@@ -15,7 +15,7 @@ from bristle.findings import Severity
 from bristle.identification.identify import identify_joint
 from bristle.identification.known_gravity import measure_scaled
 from bristle.identification.measured import Measured
-from bristle.identification.results import NEED, Joint
+from bristle.identification.results import NEED, Joint, WrittenExperiment
 from bristle.identification.robot.measured import measure_robot
 from bristle.progress import Progress
 from bristle.workers import Share, sharing
@@ -87,7 +87,7 @@ def identified(
     return _identified(files, joint, share, progress, each, crosscheck=crosscheck, uncertainty=uncertainty, need=need)
 
 
-_Files = Sequence[tuple[Experiment | Robot, SourceText | None]]
+_Files = Sequence[tuple[Experiment | Robot, WrittenExperiment | None]]
 
 
 def _chosen(files: _Files, joint: str | None) -> list[str]:

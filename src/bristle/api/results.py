@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from bristle.api.sources import JointLogs, path_of, source_text
+from bristle.api.sources import JointLogs, path_of, placed
 from bristle.errors import InputError, short, short_list
 from bristle.findings import Finding, Severity
 from bristle.identification.document import document_of, joints_of, reading, with_samples
@@ -146,7 +146,7 @@ class Results:
         """
         from bristle.questions.joint_report.results_file import to_json
 
-        return to_json(self.whole_joints(), self.logs.written(Path(folder)))
+        return to_json(self.whole_joints(), tuple(self.logs.written(Path(folder))))
 
     def uncertainty(self) -> "pd.DataFrame":
         """One row per joint, fit and parameter: the 95 % interval by covariance, profile and bootstrap, and their warnings."""
@@ -255,7 +255,7 @@ def read_results(path: Path | str) -> Results:
         document = document_of(with_samples(found))
         joints = joints_of(document)
         session_of(joints)  # which refuses numbers that are none
-        texts = tuple(source_text(x, path.parent) for x in document.experiments)
+        texts = tuple(placed(x, path.parent) for x in document.experiments)
     return Results(
         joints=joints, logs=JointLogs(texts=texts), whole=document.joints.keys() <= (document.samples or {}).keys()
     )

@@ -107,24 +107,19 @@ def _dated(ax: Axes) -> None:
     ax.set_xlabel("Session (UTC)")
 
 
-class Spread(NamedTuple):
-    """What units of a type are beside: their mean, and the band in which 95 % of them are."""
-
-    mean: float
-    low: float
-    high: float
-
-
 @styled
-def units_figure(name: str, label: str, rows: pd.DataFrame, spread: Spread, *, simulated: bool) -> Figure:
-    """The units of one type, those of `rows` of `Findings.units`, by value: their own with intervals, shrunken ones beside, mean and spread."""
+def units_figure(
+    name: str, label: str, rows: pd.DataFrame, spread: tuple[float, float, float], *, simulated: bool
+) -> Figure:
+    """The units of one type, those of `rows` of `Findings.units`, by value: their own with intervals, shrunken ones beside, and `spread_of` them."""
     rows = rows.head(POINTS).sort_values("value", kind="stable")
     x, value, outside = np.arange(1, len(rows) + 1), rows["value"].to_numpy(float), rows["outside"].to_numpy(bool)
     reach = 1.96 * rows["standard_error"].to_numpy(float)
     figure, (ax,) = panels(3.2, name, simulated)
-    if np.isfinite(spread.low):
-        ax.axhspan(spread.low, spread.high, color=_GREY, alpha=0.18, linewidth=0, label="95 % of the units")
-    ax.axhline(spread.mean, color=_GREY, linestyle="--", linewidth=1.8, label="mean")
+    mean, low, high = spread
+    if np.isfinite(low):
+        ax.axhspan(low, high, color=_GREY, alpha=0.18, linewidth=0, label="95 % of the units")
+    ax.axhline(mean, color=_GREY, linestyle="--", linewidth=1.8, label="mean")
     ax.plot(x + 0.3, rows["shrunken"], "D", color=_GREY, markerfacecolor="none", markersize=5.5, label="shrunken")
     for own, colour, marker, what in ((~outside, _BLUE, "o", "within"), (outside, _VERMILION, "s", "outside")):
         ax.vlines(
@@ -137,24 +132,23 @@ def units_figure(name: str, label: str, rows: pd.DataFrame, spread: Spread, *, s
     ends = np.concatenate([value - reach, value + reach])
     ends = ends[(ends > least - wide) & (ends < most + wide)]
     bottom, top = ends.min(initial=least), ends.max(initial=most)
-    ax.set(
-        xlim=(0.4, len(rows) + 0.8), ylim=(bottom - 0.06 * (top - bottom or wide), top + 0.06 * (top - bottom or wide))
-    )
+    margin = 0.06 * (top - bottom or wide)
+    ax.set(xlim=(0.4, len(rows) + 0.8), ylim=(bottom - margin, top + margin))
     ax.set(xlabel="Units of the type, ordered by value", ylabel=label)
     ax.xaxis.set_major_locator(MaxNLocator(8, integer=True))
     return figure
 
 
-def spread_of(row: Any, values: Array) -> Spread:
-    """Of a row of `Findings.types` and the values of its units.
+def spread_of(row: Any, values: Array) -> tuple[float, float, float]:
+    """Mean and band in which 95 % of the units are, of a row of `Findings.types` and the values of its units.
 
     By logarithms where every value is positive, as the spread was estimated; else in parts of the median size.
     """
     mean, reach = float(row.mean), 1.96 * float(row.spread_percent) / 100
     if (values > 0).all():
-        return Spread(mean, mean * float(np.exp(-reach)), mean * float(np.exp(reach)))
+        return mean, mean * float(np.exp(-reach)), mean * float(np.exp(reach))
     size = reach * float(np.median(np.abs(values)))
-    return Spread(mean, mean - size, mean + size)
+    return mean, mean - size, mean + size
 
 
 @styled

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -68,18 +68,7 @@ class TaskEnd(NamedTuple):
 def versions() -> tuple[tuple[str, str], ...]:
     """What results depend on, by name: bristle, Python, NumPy, SciPy and CasADi of this process."""
     python = ".".join(map(str, sys.version_info[:2]))
-    return (
-        ("bristle", __version__),
-        ("Python", python),
-        *((name, _version(name)) for name in ("numpy", "scipy", "casadi")),
-    )
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "none"
+    return ("bristle", __version__), ("Python", python), *((x, version(x)) for x in ("numpy", "scipy", "casadi"))
 
 
 def version_difference(here: Sequence[tuple[str, str]], there: Sequence[tuple[str, str]], worker: str) -> str:

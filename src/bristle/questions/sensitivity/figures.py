@@ -232,17 +232,17 @@ def sobol_figure(sobol: Global, kind: Kind, *, name: str, simulated: bool) -> Fi
     figure, axes = panels(0.5 + 2.35 * len(sobol.outputs), name, simulated, len(sobol.outputs))
     figure.subplots_adjust(hspace=0.5)
     for ax, output in zip(axes, sobol.outputs, strict=True):
-        heading, indices = output.heading(kind), output.indices
-        if indices is None:
+        heading = output.heading(kind)
+        if not output.effects:
             ax.set(xticks=[], yticks=[])
             reason = fill(printable(str(output.reason)), 68)
             ax.annotate(reason, (0.5, 0.5), xycoords="axes fraction", ha="center", va="center", fontsize=9)
         else:
-            mean = f"{measured(indices.mean, indices.deviation)} {pretty(unit(output.quantity, kind))}"
-            heading += f": {mean}; {indices.samples} samples"
+            mean = f"{measured(output.mean, output.deviation)} {pretty(unit(output.quantity, kind))}"
+            heading += f": {mean}; {output.samples} samples"
             ax.set_ylabel("Share of variance")
-            x, ends = np.arange(len(indices.effects)), [0.0, 1.0]
-            _, first, first_half, total, total_half = map(np.array, zip(*indices.effects, strict=True))
+            x, ends = np.arange(len(output.effects)), [0.0, 1.0]
+            _, first, first_half, total, total_half = map(np.array, zip(*output.effects, strict=True))
             for height, half, label, colour, hatch, shift in (
                 (first, first_half, "first order: alone", "#0072B2", "", -0.19),
                 (total, total_half, "total: with interactions", "#E69F00", "///", 0.19),
@@ -255,10 +255,10 @@ def sobol_figure(sobol: Global, kind: Kind, *, name: str, simulated: bool) -> Fi
             ax.set_ylim(min(ends) - 0.05, max(ends) + 0.05)
             ax.axhline(0.0, color="black", linewidth=0.8)
             ax.set_yticks(np.linspace(0, 1, 5))
-            ax.set_xticks(x, [symbol(e.parameter).replace(" (", "\n(") for e in indices.effects])
+            ax.set_xticks(x, [symbol(e.parameter).replace(" (", "\n(") for e in output.effects])
             ax.grid(visible=False, axis="x")
         ax.annotate(heading, (0, 1), (0, 4), "axes fraction", "offset points", fontsize=9)
-    if drawn := [ax for ax, output in zip(axes, sobol.outputs, strict=True) if output.indices is not None]:
+    if drawn := [ax for ax, output in zip(axes, sobol.outputs, strict=True) if output.effects]:
         low, high = drawn[0].get_ylim()
         drawn[0].set_ylim(low, high + 0.3)  # for the legend
         drawn[0].legend(loc="upper right", ncols=2)

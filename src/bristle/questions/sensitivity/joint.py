@@ -140,13 +140,9 @@ def of_gripper(
     for name in Lugre._fields:  # with the paper's value, and all else in proportion
         e, value = known.estimate(name, Direction.POSITIVE), getattr(p, name)
         if e is not None and e.value:
-            by, error, ends, systematic = value / e.value, e.standard_error, e.interval, e.systematic
-            e = replace(
-                e, value=value, standard_error=None if error is None else by * error,
-                interval=None if ends is None else (by * ends[0], by * ends[1]),
-                systematic=None if systematic is None else by * systematic,
-                shifts={constant: by * shift for constant, shift in e.shifts.items()},
-            )  # fmt: skip  # a list of values
+            by, error = value / e.value, e.standard_error
+            ends = e.interval and (by * e.interval[0], by * e.interval[1])
+            e = Estimate(value=value, unit=e.unit, standard_error=error and by * error, interval=ends)
         if e is not None:
             estimates[ParameterName(name, Direction.BOTH)] = e
     friction = "Friction: gripper rotation (+) of Table 1, in both directions; the paper's own numbers."

@@ -198,8 +198,8 @@ def _measurement(study: SensitivityStudy, expected: Expected, k: int, informatio
 
 def _indices(study: SensitivityStudy, sobol: Global) -> list[Section]:
     """The Sobol indices, and the largest of all outputs."""
-    effects = [(effect, x) for x in sobol.outputs if x.indices is not None for effect in x.indices.effects]
-    bare = sum(x.indices is None for x in sobol.outputs)
+    effects = [(effect, x) for x in sobol.outputs for effect in x.effects]
+    bare = sum(not x.effects for x in sobol.outputs)
     lost = f"{bare} of {len(sobol.outputs)} outputs cannot be analysed" if bare else ""
     caption = lost
     if effects:

@@ -6,6 +6,7 @@ samples * (parameters + 2) evaluations.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import nan
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -87,27 +88,20 @@ class Effect(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Indices:
-    """Of one output."""
-
-    effects: tuple[Effect, ...]
-    """In the order of the box; empty where the output does not vary over it, so that there are no shares."""
-    mean: float
-    deviation: float
-    """Standard deviation over the box."""
-    samples: int
-    evaluations: int
-    """samples * (parameters + 2)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Output:
-    """One output of a joint."""
+    """One output of a joint, and its indices."""
 
     name: str
     quantity: _Quantity
     """What has its unit."""
-    indices: Indices | None
+    effects: tuple[Effect, ...] = ()
+    """In the order of the box; empty where there are no indices."""
+    mean: float = nan
+    deviation: float = nan
+    """Standard deviation over the box."""
+    samples: int = 0
+    evaluations: int = 0
+    """samples * (parameters + 2)."""
     reason: Finding | None = None
     """Why there are no indices, where there are none."""
 
@@ -142,10 +136,10 @@ class Global:
                 "output": output.called(kind), "parameter": str(drawn.parameter), "lower": drawn.low, "upper": drawn.high,
                 "unit": unit(drawn.parameter.name, kind), "drawn": "log-uniform" if drawn.logarithmic else "uniform",
                 "first": effect.first, "first_half": effect.first_half, "total": effect.total, "total_half": effect.total_half,
-                "samples": output.indices.samples, "evaluations": output.indices.evaluations,
+                "samples": output.samples, "evaluations": output.evaluations,
             }
-            for output in self.outputs if output.indices is not None
-            for drawn, effect in zip(self.spans, output.indices.effects, strict=True)
+            for output in self.outputs if output.effects
+            for drawn, effect in zip(self.spans, output.effects, strict=True)
         ]  # fmt: skip  # a table
         return pd.DataFrame(rows)
 
@@ -156,17 +150,20 @@ def saltelli(spans: Sequence[Span], samples: int, seed: int) -> Array:
     return np.column_stack([span.at(share) for span, share in zip(spans, shares.T, strict=True)])
 
 
-def analysed(spans: Sequence[Span], values: Array, seed: int) -> Indices:
-    """The indices of one output by its values at the points of `saltelli`, (samples * (p + 2),)."""
-    effects: tuple[Effect, ...] = ()
-    if np.ptp(values) > 1e-12 * np.abs(values).max():  # else it does not depend on the parameters
-        by_kind = _salib().analyze.sobol.analyze(
-            _problem(spans), values, calc_second_order=False, num_resamples=200, conf_level=CONFIDENCE, seed=seed + 1
-        )  # SALib takes a seed of zero for none
-        columns = (by_kind[kind].tolist() for kind in ("S1", "S1_conf", "ST", "ST_conf"))
-        effects = tuple(Effect(span.parameter, *row) for span, *row in zip(spans, *columns, strict=True))
-    return Indices(
-        effects=effects, mean=float(values.mean()), deviation=float(values.std()),
+def analysed(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array | Finding, seed: int) -> Output:
+    """An output by its values at the points of `saltelli`, (samples * (p + 2),), or why there are none."""
+    if isinstance(values, Finding):
+        return Output(name=name, quantity=quantity, reason=values)
+    if not np.ptp(values) > 1e-12 * np.abs(values).max():
+        flat = Finding("nothing-changes-it", NOTE, "None of the parameters drawn changes it.")
+        return Output(name=name, quantity=quantity, reason=flat)
+    by_kind = _salib().analyze.sobol.analyze(
+        _problem(spans), values, calc_second_order=False, num_resamples=200, conf_level=CONFIDENCE, seed=seed + 1
+    )  # SALib takes a seed of zero for none
+    columns = (by_kind[kind].tolist() for kind in ("S1", "S1_conf", "ST", "ST_conf"))
+    return Output(
+        name=name, quantity=quantity, mean=float(values.mean()), deviation=float(values.std()),
+        effects=tuple(Effect(span.parameter, *row) for span, *row in zip(spans, *columns, strict=True)),
         samples=values.size // (len(spans) + 2), evaluations=values.size,
     )  # fmt: skip  # a list of values
 
@@ -258,9 +255,9 @@ def global_sensitivity(
     levels = [evaluate(functions.steady_torque_function(p.law), 1e-200, *p.stribeck)[0] for p in drawn]
     breakaways = np.asarray(np.mean(levels, axis=0))
     outputs = (
-        _output("RMS friction torque", "torque", spans, _batched(torque, points, _ROWS), seed),
-        _output("breakaway torque", "torque", spans, breakaways, seed),
-        _output("RMS error of the simulated loop", "position", spans, tracking(), seed),
+        analysed("RMS friction torque", "torque", spans, _batched(torque, points, _ROWS), seed),
+        analysed("breakaway torque", "torque", spans, breakaways, seed),
+        analysed("RMS error of the simulated loop", "position", spans, tracking(), seed),
     )
     return Global(spans=spans, outputs=outputs, amplitude=subject.amplitude, frequency=subject.frequency, seed=seed)
 
@@ -278,16 +275,6 @@ def _affordable(parameters: int, ticks: int) -> int:
 
 def _batched(function: Callable[[Array], Array], points: Array, size: int) -> Array:
     return np.concatenate([function(points[first : first + size]) for first in range(0, len(points), size)])
-
-
-def _output(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array | Finding, seed: int) -> Output:
-    """An output by its values at Saltelli's points, or why there are none."""
-    if not isinstance(values, Finding):
-        indices = analysed(spans, values, seed)
-        if indices.effects:
-            return Output(name=name, quantity=quantity, indices=indices)
-        values = Finding("nothing-changes-it", NOTE, "None of the parameters drawn changes it.")
-    return Output(name=name, quantity=quantity, indices=None, reason=values)
 
 
 def ordered(box: Box, law: Law) -> tuple[Span, ...]:

@@ -330,18 +330,18 @@ def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
     )
     found = []
     for output in sobol.outputs:
-        start, indices = output.heading(kind), output.indices
-        if indices is None:
+        start = output.heading(kind)
+        if not output.effects:
             found.append(Finding("no-indices", NOTE, f"{start}: {output.reason}"))
             continue
-        first, *others = sorted(indices.effects, key=lambda e: -e.total)
+        first, *others = sorted(output.effects, key=lambda e: -e.total)
         named = [first, *(e for e in others if e.total >= _SMALL_INDEX)]
         listed = ", ".join(f"{e.parameter} {e.total:.2f} ± {e.total_half:.2f} ({e.first:.2f} alone)" for e in named)
-        share = 1 - sum(e.first for e in indices.effects)
+        share = 1 - sum(e.first for e in output.effects)
         more = f"; interactions account for {share:.2f}" if share >= _SMALL_INDEX else ""
-        message = f"{start}: total index {listed}{more}; {indices.samples} samples, {indices.evaluations} evaluations."
+        message = f"{start}: total index {listed}{more}; {output.samples} samples, {output.evaluations} evaluations."
         total = tuple((e.parameter, e.total) for e in (first, *others))
-        numbers = {"total": total, "samples": indices.samples, "evaluations": indices.evaluations}
+        numbers = {"total": total, "samples": output.samples, "evaluations": output.evaluations}
         found.append(Finding("sobol-indices", NOTE, message, numbers))
     return (
         *found,
