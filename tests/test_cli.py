@@ -332,6 +332,23 @@ BAD = [
     *bad("many velocities", [(*PLAN, "--velocities", MANY)], f"got {MANY} velocities; expected 4 to 1000"),
     *bad("many samples", [("sensitivity", "e.yaml", "--samples", str(2**40))], f"samples: got {2**40}; expected a power of two"),
     *bad("many samples", [("sensitivity", "e.yaml", "--samples", MANY, "-o", "out")], f"samples: got {MANY}; expected a power of two"),
+    *(row for option, value, named in (
+        ("--repetitions", "3", "repetitions: got 3; expected 20 to 100000"), ("--starts", "0", "starts: got 0"),
+        ("--noise", "0", "noise: got 0; expected a positive share of alpha_0"), ("--noise", "nan", "noise: got nan"),
+        ("--noise", "inf", "noise: got inf"), ("--noise", "much", "--noise"), ("-o", "data.csv", "data.csv: is a file"),
+    ) for row in bad("validation that cannot be", [(*VALIDATE, option, value)], named)),
+    *(row for option, value, named in (
+        ("--amplitude", "0.5", "amplitude: got '0.5'; expected a number with its unit"),
+        ("--amplitude", "5 mm", "amplitude: unit 'mm' is no unit of rad"),
+        ("--amplitude", "-1 rad", "amplitude: got -1 rad; expected a quantity above 0"),
+        ("--amplitude", "1e300 rad", "amplitude: got '1e300 rad'; expected a finite size"),
+        ("--frequency", "3 rad/s", "frequency: unit 'rad/s' is no unit of Hz"),
+        ("--frequency", "0 Hz", "frequency: got 0 Hz; expected a quantity above 0"),
+        ("--frequency", "1e12 Hz", "frequency: got 1e+12 Hz; expected 1e-06 to 10000 Hz"),
+        ("--frequency", "1e-12 Hz", "frequency: got 1e-12 Hz; expected 1e-06 to 10000 Hz"),
+        ("--samples", "100", "samples: got 100; expected a power of two"),
+        ("--samples", "16", "samples: got 16; expected a power of two from 32 to 131072"),
+    ) for row in bad("motion that cannot be", [("sensitivity", "e.yaml", "-o", "out", option, value)], named)),
     *bad("many workers", [(*REPORT, "--workers", MANY), (*IDENTIFY, "--workers", MANY)], "'--workers'"),
     *bad("a long baseline", [("fleet", "data.csv", "--baseline", MANY, "-o", "out")], f"baseline: got {MANY}; expected 1 to 10000"),
     *(row for options in ("position: [0 rad, 1e5 rad]", "hold: 1e6 s, position: [-1e7 rad, 1e7 rad]", "rate: 100 kHz",
@@ -525,9 +542,7 @@ def adaptations() -> dict[Path, Ran]:
 
 @pytest.fixture
 def adapted(
-    tmp_path_factory: pytest.TempPathFactory,
-    monkeypatch: pytest.MonkeyPatch,
-    adaptations: dict[Path, Ran],
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch, adaptations: dict[Path, Ran]
 ) -> tuple[Path, Ran]:
     """The folder of one moving run of which `bristle adapt` wrote into out, once for all tests here, and what it said."""
     for name, value in {"LONG": 4.0, "SETTLE": 1.0, "SHORT": 4.0}.items():

@@ -663,9 +663,7 @@ def new(
 
 
 @app.command()
-def explain(
-    code: Annotated[str, given("CODE", "What stands in brackets behind a warning.")],
-) -> None:
+def explain(code: Annotated[str, given("CODE", "What stands in brackets behind a warning.")]) -> None:
     """Explain a warning, and say what to do.
 
     What it means, and why it has its severity.

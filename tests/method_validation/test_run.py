@@ -28,7 +28,6 @@ from bristle.questions.method_validation.results import (
     FREE,
     MOST_DECLINED,
     SAME_COST,
-    CaseResult,
     RandomStarts,
     Validation,
 )
@@ -555,47 +554,6 @@ def test_final_velocities_that_agree_have_plain_labels(validation: Validation) -
         assert max(map(len, labels)) <= 7
         assert ax.yaxis.label.get_window_extent().x0 >= 0
         assert ax.yaxis.label.get_window_extent().y1 <= figure.bbox.y1
-
-
-def test_bad_input_gets_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Exit code 2, one sentence, and nothing on the disk changes; also where nothing could be fitted, as it is said first."""
-    write(tmp_path, FEW)
-    monkeypatch.chdir(tmp_path)
-    before, failed = tree(tmp_path), []
-    for option, value, named in (
-        ("--repetitions", "3", "repetitions: got 3; expected 20 to 100000"),
-        ("--starts", "0", "starts: got 0"),
-        ("--noise", "0", "noise: got 0; expected a positive share of alpha_0"),
-        ("--noise", "nan", "noise: got nan"),
-        ("--noise", "inf", "noise: got inf"),
-        ("--noise", "much", "--noise"),
-        ("-o", "wrist.csv", "wrist.csv: is a file"),
-    ):
-        ran = run("validate", "wrist.yaml", option, value)
-        if (ran.code, len(ran.said)) != (2, 1) or named not in ran.said[0] or tree(tmp_path) != before:
-            failed.append((option, value, ran))
-    assert failed == []
-
-
-def test_an_interrupt_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C within the validation: 130, and nothing half-written."""
-
-    def interrupted(*_: object) -> CaseResult:
-        raise KeyboardInterrupt
-
-    path = write(tmp_path, speeds(both=False))
-    monkeypatch.setattr(running, "validate_case", interrupted)
-    monkeypatch.chdir(tmp_path)
-    before = tree(tmp_path)
-    assert run("validate", path).code == 130
-    assert tree(tmp_path) == before
-
-
-def test_help_has_an_example() -> None:
-    """The help of the command shows how it is called, and each of its options."""
-    shown = run("validate", "--help").out
-    assert "Example: bristle validate" in shown
-    assert all(option in shown for option in ("--output", "--repetitions", "--starts", "--noise", "--strict"))
 
 
 def test_without_lmfit_the_validation_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -146,17 +146,6 @@ def test_the_documentation_prints_these_formulas() -> None:
     assert shown.items() <= short.items()
 
 
-def test_latex_braces_are_balanced() -> None:
-    """Every LaTeX formula closes what it opens, in order."""
-    for row in paper().rows():
-        depth = 0
-        for character in row.latex:
-            depth += (character == "{") - (character == "}")
-            assert depth >= 0
-        assert depth == 0
-        assert row.latex.count(r"\left") == row.latex.count(r"\right")
-
-
 def test_without_sympy_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """A missing SymPy is said in one sentence, with the command that installs it; on the command line that is all."""
     monkeypatch.setitem(sys.modules, "sympy", None)

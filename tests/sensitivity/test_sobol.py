@@ -337,14 +337,6 @@ def test_loops_that_cannot_be_run_say_so() -> None:
     assert (loop.reason.code, loop.reason.numbers) == ("loop-diverges", {"diverged": 160, "drawn": 160})
 
 
-def test_progress_counts_up() -> None:
-    """Progress is told before each batch, with one total, from none done to all but one; all is done where it ends."""
-    told: list[tuple[str, int, int]] = []
-    global_sensitivity(GRIPPER, BOX, SUBJECT, samples=512, progress=lambda *x: told.append(x))
-    assert [done for _, done, _ in told] == list(range(told[0][2]))
-    assert {total for _, _, total in told} == {5}
-
-
 def test_without_salib_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """A missing SALib is said at once, before anything is simulated, with the command that installs it."""
     monkeypatch.setitem(sys.modules, "SALib", None)

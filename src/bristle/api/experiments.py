@@ -163,10 +163,7 @@ def sensitivity(
     """Which parameters of a joint matter: along a motion, over amplitude and frequency, over their intervals; and what a motion would tell.
 
     >>> import bristle
-    >>> v = [-1.0, -0.6, -0.3, -0.15, -0.08, -0.04, -0.02, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0]
-    >>> T = [-0.059, -0.0431, -0.0312, -0.0254, -0.0241, -0.0250, -0.0252, 0.0251, 0.0250, 0.0241, 0.0254, 0.0312, 0.0431, 0.059]
-    >>> fit = bristle.fit(v, T, directions="symmetric")
-    >>> study = bristle.sensitivity(fit, samples=0)
+    >>> study = bristle.sensitivity("wrist.yaml", samples=0)
     >>> print(bristle.report_of(study).text()[:20])
     alpha_0 matters most
 
@@ -204,10 +201,7 @@ def validate(
     """The grid search validated against full nonlinear fits, on points SIMULATED from the fitted model at the joint's own velocities.
 
     >>> import bristle
-    >>> v = [-1.0, -0.6, -0.3, -0.15, -0.08, -0.04, -0.02, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0]
-    >>> T = [-0.059, -0.0431, -0.0312, -0.0254, -0.0241, -0.0250, -0.0252, 0.0251, 0.0250, 0.0241, 0.0254, 0.0312, 0.0431, 0.059]
-    >>> fit = bristle.fit(v, T, directions="symmetric")
-    >>> checked = bristle.validate(fit, repetitions=20, starts=2)
+    >>> checked = bristle.validate("wrist.yaml", repetitions=20, starts=2)
     >>> len(checked.cases)
     1
 
@@ -246,12 +240,9 @@ def plan(
     """What to measure next on a joint: constant velocities, slow loading and a tracking motion, and the intervals to expect.
 
     >>> import bristle
-    >>> v = [-1.0, -0.6, -0.3, -0.15, -0.08, -0.04, -0.02, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0]
-    >>> T = [-0.059, -0.0431, -0.0312, -0.0254, -0.0241, -0.0250, -0.0252, 0.0251, 0.0250, 0.0241, 0.0254, 0.0312, 0.0431, 0.059]
-    >>> fit = bristle.fit(v, T, directions="symmetric")
-    >>> plan = bristle.plan(fit, velocities=4)
-    >>> print(bristle.report_of(plan).text()[:48])
-    joint: measure 4 speeds from 0.02 to 1 rad/s in
+    >>> plan = bristle.plan("wrist.yaml", velocities=4)
+    >>> print(bristle.report_of(plan).text()[:49])
+    points: measure 4 speeds from 0.02 to 1 rad/s in
 
     Args:
         experiment: with limits under `plan`, or else as far as its runs went; or what `identify` or a fit of arrays gave.

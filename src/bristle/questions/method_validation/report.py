@@ -37,10 +37,7 @@ def report(validation: Validation) -> Report:
         f"first data set also from {validation.starts} random starts; starts are drawn within the grid's bounds. Seed "
         f"{validation.seed}.{'' if LMFIT else ' lmfit is not installed and was not compared.'}"
     )
-    sections = [
-        Section("", findings=claims[:1]),
-        Section("Verdict", text=how, findings=claims[1:], id="verdict"),
-    ]
+    sections = [Section("", findings=claims[:1]), Section("Verdict", text=how, findings=claims[1:], id="verdict")]
     if case_set.skipped:
         lines = tuple(f"{case_set.title} {direction}: {why.coded}" for direction, why in case_set.skipped.items())
         skipped = tuple(case_set.skipped.items())

@@ -16,15 +16,7 @@ from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fisher import Information, motion_information, names_of, static_information, values_of
 from bristle.identification.moving_runs import load_columns, regressors_of
 from bristle.identification.results import Joint
-from bristle.model.parameters import (
-    Direction,
-    Lugre,
-    ParameterName,
-    effort,
-    peak_parameters,
-    static_estimated_of,
-    unit,
-)
+from bristle.model.parameters import Direction, Lugre, ParameterName, effort, peak_parameters, static_estimated_of, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.formulas import Formulas, formulas
