@@ -9,7 +9,7 @@ import pytest
 
 import bristle
 from bristle import Results, api
-from bristle.api import identifying, joints
+from bristle.api import identifying
 from bristle.api.sources import JointLogs
 from bristle.data.experiment.load import load_experiment
 from bristle.identification.fits import StaticFit
@@ -158,8 +158,7 @@ def test_what_is_identified_is_not_identified_again(
     def no_more(*_: object, **__: object) -> Joint:
         raise AssertionError("identified again")
 
-    for module in (joints, identifying):
-        monkeypatch.setattr(module, "identify_joint", no_more)
+    monkeypatch.setattr(identifying, "identify_joint", no_more)
     of_results = (
         bristle.plan(clean, velocities=4),
         bristle.sensitivity(clean, samples=0),

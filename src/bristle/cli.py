@@ -353,7 +353,7 @@ def validate(
             results = identified(experiment, joint=joint, crosscheck=True, progress=progress)
             results.whole_joint()
             beside = [*results.checks(), *law_lines(results.joints)]
-        validated = run(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
+        validated = run(results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
         checked = report_of(validated)
     _tell([checked.text(), *beside])
     if validated.cases:

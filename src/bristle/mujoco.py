@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from bristle.api.exporting import exported_joints
-from bristle.api.joints import read_if_results
+from bristle.api.identifying import read_if_results
 from bristle.api.results import Results
 from bristle.control.adaptation import Learnt
 from bristle.control.compensator import CompensatorState, advanced

@@ -570,7 +570,7 @@ def test_the_api_validates_an_experiment(tmp_path: Path, monkeypatch: pytest.Mon
     quick(monkeypatch)
     path = write(tmp_path, speeds(both=False))
     results = identify(path)
-    first = bristle.validate(identified=results, repetitions=20, starts=2).cases[0]
+    first = bristle.validate(results, repetitions=20, starts=2).cases[0]
     assert first.case.label == "wrist (+)"
     again = bristle.validate(path, repetitions=20, starts=2).cases[0]
     assert again.starts.best.tolist() == first.starts.best.tolist()

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from bristle.api.exporting import explorers
 from bristle.api.fleets import Fleet
-from bristle.api.identifying import identified, identify
-from bristle.api.joints import Known, asked_joint, read_if_results
+from bristle.api.identifying import Known, asked_joint, identified, identify, read_if_results
 from bristle.api.results import Results, write_results
 from bristle.api.sources import Source, path_of
 from bristle.data.experiment.draft import Told
@@ -97,13 +96,7 @@ def report(
     return results
 
 
-def adapt(
-    experiment: Known | None = None,
-    *,
-    joint: str | None = None,
-    identified: Results | None = None,
-    progress: Progress | None = None,
-) -> Study:
+def adapt(experiment: Known | None = None, *, joint: str | None = None, progress: Progress | None = None) -> Study:
     """The identified joint in closed loop: the paper's experiments 3.3 to 5, what goes beyond them, and replays of the measured tracking runs.
 
     >>> import bristle, numpy as np
@@ -117,13 +110,12 @@ def adapt(
     >>> print(bristle.report_of(study).text()[:54])
     joint, 0.2 Hz: RMS error 23.7 mrad without, 0.129 mrad
 
-    With no experiment the four joints of the embedded Ed-Ro (simulated), `identified` already or else first; of several
-    joints the one named `joint`. Raises InputError in one sentence where a file cannot be used, nothing is known of the
-    inertia or of part of the model, or the loop cannot be run as asked.
+    With no experiment the four joints of the embedded Ed-Ro (simulated); of several joints the one named `joint`. Raises
+    InputError in one sentence where a file cannot be used, nothing is known of the inertia or of part of the model, or the
+    loop cannot be run as asked.
     """
     if experiment is None:
-        subjects = of_paper((identified or identify(progress=progress)).joints)
-        return study(subjects, progress=progress, paper=True)
+        return study(of_paper(identify(progress=progress).joints), progress=progress, paper=True)
     asked = asked_joint(experiment, joint)
     asked_parts(asked.experiment)  # what cannot be is said before minutes are spent
     measured, found = asked.identified(progress)
@@ -192,7 +184,6 @@ def validate(
     experiment: Known | None = None,
     *,
     joint: str | None = None,
-    identified: Results | None = None,
     repetitions: int = REPETITIONS,
     starts: int = STARTS,
     noise: float | None = None,
@@ -210,7 +201,6 @@ def validate(
     Args:
         experiment: of one joint, or what `identify` or a fit of arrays gave.
         joint: which, where there are several.
-        identified: it, identified already.
         repetitions: data sets for each method that is fast; the solvers of full fits see the first 50.
         starts: random starts of each such solver on one data set.
         noise: standard deviation of a point's torque over alpha_0; None: the fit's own, or both levels of the sweep.
@@ -219,13 +209,13 @@ def validate(
     Raises InputError in one sentence where a file cannot be used, or a number makes no validation.
     """
     check_request(repetitions, starts, noise)
-    known = experiment if identified is None else identified
-    source = None if known is None else read_if_results(known)
-    if isinstance(source, Results):  # which needs no logs
-        found: Joint | None = source.whole_joint(None if isinstance(known, Fit) else joint)
+    source = None if experiment is None else read_if_results(experiment)
+    if source is None:
+        case_set = sweep(noise)
+    elif isinstance(source, Results):  # which needs no logs
+        case_set = joint_cases(source.whole_joint(None if isinstance(experiment, Fit) else joint), noise)
     else:
-        found = None if source is None else asked_joint(source, joint).identified(progress)[1]
-    case_set = joint_cases(found, noise) if found else sweep(noise)
+        case_set = joint_cases(asked_joint(source, joint).identified(progress)[1], noise)
     return validate_cases(case_set, repetitions=repetitions, starts=starts, progress=progress)
 
 

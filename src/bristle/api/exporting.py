@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bristle import __version__
-from bristle.api.identifying import identify
-from bristle.api.joints import Known, read_if_results
+from bristle.api.identifying import Known, identify, read_if_results
 from bristle.api.results import Results
 from bristle.control.compensator import Compensator
 from bristle.data.experiment.load import Experiment
