@@ -26,10 +26,16 @@ from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.problem import from_points
 from bristle.identification.systematic import shifted
 from bristle.model.parameters import Lugre, ParameterName, unit
-from bristle.questions.session_comparison import results_file
 from bristle.questions.session_comparison.compare import compare, holm
 from bristle.questions.session_comparison.report import forest_figure, report
-from bristle.questions.session_comparison.results import Change, Comparison, Session, SessionFit, SessionJoint
+from bristle.questions.session_comparison.results import (
+    Change,
+    Comparison,
+    Session,
+    SessionFit,
+    SessionJoint,
+    read_session,
+)
 from bristle.simulation.bench import steady_points
 
 from ..conftest import TRUTH, experiment, run, speeds, tree
@@ -449,7 +455,7 @@ def sessions(tmp_path_factory: pytest.TempPathFactory) -> Files:
 def test_what_was_written_is_read_back(sessions: Files) -> None:
     """Every estimate and covariance of results.json comes back to the last digit."""
     document = json.loads(sessions[0].read_text(encoding="utf-8"))["joints"][HOSTILE]["static"]
-    joint = results_file.read_session(sessions[0])[HOSTILE]
+    joint = read_session(sessions[0])[HOSTILE]
     assert [fit.source for fit in joint.fits] == ["static +", "static -"]
     for fit, (d, written) in zip(joint.fits, document.items(), strict=True):
         assert {n.name: e.value for n, e in fit.parameters.items()} == {

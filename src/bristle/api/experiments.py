@@ -29,8 +29,7 @@ from bristle.questions.method_validation.run import validate as validate_cases
 from bristle.questions.sensitivity.joint import motion_of, of_gripper, of_joint
 from bristle.questions.sensitivity.study import SAMPLES, SensitivityStudy, check_samples, study_sensitivity
 from bristle.questions.session_comparison.compare import compare as compare_sessions
-from bristle.questions.session_comparison.results import Comparison
-from bristle.questions.session_comparison.results_file import read_session, session_of
+from bristle.questions.session_comparison.results import Comparison, read_session, session_of
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper
 from bristle.workers import REPORT, sharing

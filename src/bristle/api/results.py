@@ -18,7 +18,7 @@ from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.progress import Progress
 from bristle.questions.compensation.study import Study, adverse, worth_of_each
-from bristle.questions.session_comparison.results_file import session_of
+from bristle.questions.session_comparison.results import session_of
 from bristle.workers import Share
 
 if TYPE_CHECKING:

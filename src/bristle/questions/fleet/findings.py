@@ -17,12 +17,20 @@ from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.estimation.robust import variance_interval
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.questions.fleet.changes import change_rows, decide, ranked, settled_sessions, step_tests
+from bristle.questions.fleet.changes import (
+    change_rows,
+    decide,
+    own_levels,
+    population_of,
+    ranked,
+    settled_sessions,
+    step_tests,
+    unit_rows,
+)
 from bristle.questions.fleet.notes import anew, compared, headline, notes
 from bristle.questions.fleet.quality import failures, new_warnings, quality, warned, warnings_begun
 from bristle.questions.fleet.quantities import COVARIATES, Adjusted, QuantityKey, adjusted, quantity_of
 from bristle.questions.fleet.roster import Roster, named_rows, roster
-from bristle.questions.fleet.units import own_levels, population_of, unit_rows
 
 RATE = 0.05
 """Of false discoveries among the joints that are said to have changed, on average."""
