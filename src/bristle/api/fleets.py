@@ -47,9 +47,8 @@ class Fleet(NamedTuple):
     @property
     def counts(self) -> str:
         """What the run did, in a line."""
-        return (
-            f"{counted(self.identified, 'joint session')} identified, {self.unchanged} unchanged, {self.failed} failed"
-        )
+        done = f"{counted(self.identified, 'joint session')} identified"
+        return f"{done}, {self.unchanged} unchanged, {self.failed} failed"
 
     @property
     def changed(self) -> int:
@@ -81,18 +80,18 @@ class Fleet(NamedTuple):
         from bristle.page.output_folder import FLEET, MARKER
         from bristle.questions.fleet.files import claim_folder, is_remote, joined_path, make_folder, write_whole
 
-        report = self.report(folder)
-        if not is_remote(str(folder)):
+        report, there = self.report(folder), str(folder)
+        if not is_remote(there):
             return str(report.write(folder))
         with tempfile.TemporaryDirectory(prefix="bristle-") as place:
             made = report.write(Path(place) / "page").parent
             files = sorted(x.relative_to(made).as_posix() for x in made.rglob("*") if x.is_file() and x.name != MARKER)
-            claim_folder(str(folder), {*files, *FLEET})
+            claim_folder(there, {*files, *FLEET})
             for part in ("figures", "tables"):
-                make_folder(joined_path(str(folder), part))
+                make_folder(joined_path(there, part))
             for name in sorted(files, key="index.html".__eq__):  # which comes last
-                write_whole(joined_path(str(folder), name), (made / name).read_bytes())
-        return joined_path(str(folder), "index.html")
+                write_whole(joined_path(there, name), (made / name).read_bytes())
+        return joined_path(there, "index.html")
 
 
 def fleet(
@@ -218,11 +217,11 @@ def connected(
 
 def _client(client: Any, workers: int | None, memory: str | None) -> AbstractContextManager[Any]:
     """The client that is given, or comes of a context, else the one of this process, else of a cluster of its own."""
-    from bristle.questions.fleet.cluster import checked_client, local_client, running_client
+    from bristle.questions.fleet.cluster import known_client, local_client
 
     if isinstance(client, AbstractContextManager) and not hasattr(client, "scheduler"):
         return client
-    known = running_client() if client is None else checked_client(client)
+    known = known_client(client)
     if known is None:
         return local_client(workers, memory)
     if workers is not None or memory is not None:

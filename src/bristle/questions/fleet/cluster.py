@@ -88,22 +88,17 @@ def check_installed() -> None:
         raise InputError(f"a fleet needs {error.name}; install it with pip install 'bristle[fleet]'") from error
 
 
-def running_client() -> Client | None:
-    """The Dask client of this process, where there is one. Raises InputError where it is asynchronous."""
+def known_client(client: Client | None) -> Client | None:
+    """A client that can be used: the one that is given, else that of this process. Raises InputError where it is none, or asynchronous."""
+    from distributed import Client as DaskClient
     from distributed import get_client
 
-    with suppress(ValueError):
-        return checked_client(get_client())
-    return None
-
-
-def checked_client(client: Client) -> Client:
-    """A client that can be used. Raises InputError where it is none, or asynchronous."""
-    from distributed import Client as DaskClient
-
-    if not isinstance(client, DaskClient):
+    if client is None:
+        with suppress(ValueError):
+            client = get_client()
+    if client is not None and not isinstance(client, DaskClient):
         raise InputError(f"client: got {short(client)}; expected a distributed.Client")
-    if client.asynchronous:
+    if client is not None and client.asynchronous:
         raise InputError("client: got an asynchronous client; expected one of Client(asynchronous=False)")
     return client
 
@@ -122,9 +117,8 @@ def local_client(workers: int | None = None, memory: str | None = None) -> Itera
     from distributed import Client as DaskClient
     from distributed import LocalCluster
 
-    if getattr(
-        current_process(), "_inheriting", False
-    ):  # a worker that begins, and runs the user's script to get there
+    # A worker that begins runs the user's script to get there.
+    if getattr(current_process(), "_inheriting", False):
         raise SystemExit(_UNGUARDED)
     processes, limit, port = workers or cores(), _bytes_of(memory), _DASHBOARD
     with socket.socket() as one:
@@ -199,10 +193,9 @@ async def _greeted(scheduler: str, security: Any) -> None:
 def _security(certificates: Mapping[str, str] | None) -> Any:
     from distributed import Security
 
-    if not certificates:
-        return None
     by = {"ca": "tls_ca_file", "cert": "tls_client_cert", "key": "tls_client_key"}
-    return Security(require_encryption=True, **{by[name]: file for name, file in certificates.items()})
+    known = {by[name]: file for name, file in (certificates or {}).items()}
+    return Security(require_encryption=True, **known) if known else None
 
 
 @contextmanager
