@@ -26,6 +26,7 @@ from bristle.data.experiment import yaml_file
 from bristle.data.experiment.load import load_experiment
 from bristle.errors import InputError
 from bristle.identification.measured import measure
+from bristle.model.parameters import Lugre, unit
 from bristle.model.rollout import rollout
 from bristle.page import output_folder as report_files
 from bristle.page.plain import interval
@@ -418,15 +419,7 @@ def test_units_far_off_are_fitted_without_a_word(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_options_far_off_are_taken_without_a_warning(tmp_path: Path) -> None:
     """Values beyond reason, and nothing left to fit, end in a result."""
-    every = {
-        "alpha_0": "N*m",
-        "alpha_1": "N*m",
-        "alpha_2": "N*m*s/rad",
-        "v_s": "rad/s",
-        "sigma_0": "N*m/rad",
-        "sigma_1": "N*m*s/rad",
-    }
-    nothing = ", ".join(f"{name}: 1 {unit}" for name, unit in (every | {"inertia": "kg*m**2"}).items())
+    nothing = ", ".join(f"{name}: 1 {unit(name)}" for name in (*Lugre._fields, "inertia"))
     for fixed in (nothing, "alpha_0: 1e29 N*m"):
         files = whole_joint("", f"fit: {{decimation: 2, fixed: {{{fixed}}}}}\n")
         assert run("identify", placed(tmp_path, files)).code == 0

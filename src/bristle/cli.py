@@ -10,16 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bristle.errors import InputError, short_list
-from bristle.page.output_folder import (
-    FLEET,
-    check_absent,
-    check_apart,
-    check_file,
-    check_folder,
-    resolved,
-    staged,
-    write_text,
-)
+from bristle.page import output_folder as files
 from bristle.progress import shown
 from bristle.terminal import complain, print_found, print_lines
 from bristle.workers import REPORT, cores, prepared
@@ -198,15 +189,9 @@ def report(
         from bristle import report as run
 
         results = run(
-            *sources,
-            folder=folder,
-            uncertainty=uncertainty,
-            need=need,
-            workers=workers,
-            mailed=mailed,
-            found=lambda results: _tell(results.outcomes()),
-            progress=progress,
-        )
+            *sources, folder=folder, uncertainty=uncertainty, need=need, workers=workers, mailed=mailed,
+            found=lambda results: _tell(results.outcomes()), progress=progress,
+        )  # fmt: skip  # a list of values
     print_lines([f"Report: {folder / 'index.html'}"], done=True)
     _finish(results, strict)
 
@@ -245,7 +230,7 @@ def identify(
     """
     for path in (output, save):  # what takes minutes is not computed to be refused
         if path is not None:
-            check_absent(path)
+            files.check_absent(path)
     told = _told(of_logs)
     guessed: tuple[str, ...] = ()
     with shown() as progress:
@@ -254,21 +239,21 @@ def identify(
         from bristle.api.sources import load_text
         from bristle.data.json_table import is_json_log
 
-        files: list[Any] = list(sources or [])
-        own = {"", ".yaml", ".yml", *([] if files and is_json_log(files[0]) else [".json"])}
-        are_logs = bool(files) and files[0].suffix.lower() not in own
+        inputs: list[Any] = list(sources or [])
+        own = {"", ".yaml", ".yml", *([] if inputs and is_json_log(inputs[0]) else [".json"])}
+        are_logs = bool(inputs) and inputs[0].suffix.lower() not in own
         if not are_logs and (save is not None or told != Told()):
             raise InputError(
                 "an experiment file, or none, was given with options of logs; write them into it, or give logs"
             )
         if are_logs:
-            text, guessed = draft(*files, told=told, folder=save and save.parent, progress=progress)
-            files = [load_text(text, save or files[0].with_name(f"the draft for {files[0].name}"))]
+            text, guessed = draft(*inputs, told=told, folder=save and save.parent, progress=progress)
+            inputs = [load_text(text, save or inputs[0].with_name(f"the draft for {inputs[0].name}"))]
         if save is not None:
-            write_text(save, text)
+            files.write_text(save, text)
         try:
             results = run(
-                *files, joint=joint, progress=progress, uncertainty=uncertainty, need=need, workers=workers or cores()
+                *inputs, joint=joint, progress=progress, uncertainty=uncertainty, need=need, workers=workers or cores()
             )
         except InputError:
             if save is not None:
@@ -283,7 +268,7 @@ def identify(
         if asked_for:
             _tell(lines(results.joints))
     if output is not None:
-        write_text(output, results.to_json(output.parent))
+        files.write_text(output, results.to_json(output.parent))
         print_lines([f"Results: {output}"], done=True)
     _finish(results, strict)
 
@@ -301,7 +286,7 @@ def inspect(
     Example: bristle inspect wrist.yaml -o segments.png
     """
     if output is not None:
-        check_file(output)
+        files.check_file(output)
     with shown():
         from bristle import inspect as run
         from bristle.page.page import figure_kind, save_figure
@@ -398,7 +383,7 @@ def explore(
 
     Example: bristle explore reports/wrist/results.json -o explore.html
     """
-    check_absent(output)
+    files.check_absent(output)
     with shown() as progress:
         from bristle import explore as run
 
@@ -432,7 +417,7 @@ def export(
     Example: bristle export reports/wrist/results.json --to c -o wrist.h
     """
     if output is not None:
-        check_absent(output)
+        files.check_absent(output)
     with shown() as progress:
         from bristle import export as run
 
@@ -441,7 +426,7 @@ def export(
             compensator=compensator, adapt=adapt, step=step, progress=progress,
         )  # fmt: skip  # a list of values
         landing = output or Path(handed.artefact.name)
-        check_absent(landing)
+        files.check_absent(landing)
     _tell([handed.text()])
     handed.write(landing)
     print_lines([f"File: {landing}"], done=True)
@@ -460,7 +445,7 @@ def compare(
     Example: bristle compare reports/may/results.json reports/june/results.json -o reports/may-june
     """
     if output is not None:
-        check_folder(output)
+        files.check_folder(output)
     with shown():
         from bristle import compare as run
         from bristle import report_of
@@ -516,7 +501,7 @@ def fleet(
             raise typer.BadParameter("got an empty path; name a folder, or . for the folder you are in")
         folder = output or str(Path("reports") / f"{called(catalog)}-fleet")
         if "://" not in folder:
-            check_folder(Path(folder), FLEET)
+            files.check_folder(Path(folder), files.FLEET)
         found = run(
             catalog, folder, client=cluster, verify=verify, rate=rate, baseline=baseline, progress=progress,
             begun=lambda address: print_lines([f"Dashboard: {address}"] if address else []),
@@ -589,11 +574,11 @@ def plan(
     Example: bristle plan wrist.yaml -o next.csv --page reports/wrist-plan --for v_s
     """
     if output is not None:
-        check_file(output)
+        files.check_file(output)
     if page is not None:
-        check_folder(page)
+        files.check_folder(page)
     if page is not None and output is not None:
-        check_apart(output, page)
+        files.check_apart(output, page)
     with shown() as progress:
         from bristle import plan as run
         from bristle import report_of
@@ -601,7 +586,7 @@ def plan(
         planned = run(experiment, joint=joint, velocities=velocities, aim=aim, progress=progress)
     made = report_of(planned)
     _tell([made.text()])
-    with nullcontext() if output is None else staged(output, planned.reference_csv().encode()):
+    with nullcontext() if output is None else files.staged(output, planned.reference_csv().encode()):
         written = None if page is None else made.write(page)
     if output is not None:
         print_lines([f"References: {output}, {planned.duration:.0f} s"], done=True)
@@ -630,7 +615,7 @@ def new(
     Example: bristle new velocity_*.csv -o wrist.yaml --unit position=deg --column current=i --torque-constant "0.35 N*m/A"
     """
     if output is not None:
-        check_absent(output)
+        files.check_absent(output)
     told = _told(of_logs)
     halves = [log for log in logs if log.suffix.lower() in {".yaml", ".yml"}]
     with shown() as progress:
@@ -657,7 +642,7 @@ def new(
         print_lines([text])
     else:
         print_lines([f"Draft: {output}"])
-        write_text(output, text)
+        files.write_text(output, text)
     for sentence in sentences:
         complain(sentence)
 
@@ -680,9 +665,9 @@ def output_folder(output: Path | None, experiment: Path | None, what: str = "", 
     if output is None:
         name = "edro" if experiment is None else experiment.stem
         if experiment is not None and experiment.name == "results.json":
-            name = resolved(experiment).parent.name or name
+            name = files.resolved(experiment).parent.name or name
         output = Path("reports") / f"{name}{what}"
-    check_folder(output, claims)
+    files.check_folder(output, claims)
     return output
 
 

@@ -528,14 +528,9 @@ def joint_of(static_fits: dict[str, StaticFit]) -> Joint:
 def static_fit(direction: str, alpha_0: float | None) -> StaticFit:
     """Coulomb friction alone, or none for too few points."""
     values = {"alpha_0": alpha_0, "alpha_1": None, "alpha_2": None, "v_s": None}
-    return StaticFit(
-        direction=direction,
-        parameters={name: Estimate(value=x, unit="") for name, x in values.items()},
-        rms=None,
-        relative_error=None,
-        n=2,
-        outcome=TOO_FEW if alpha_0 is None else NO_PEAK,
-    )
+    parameters = {name: Estimate(value=x, unit="") for name, x in values.items()}
+    outcome = TOO_FEW if alpha_0 is None else NO_PEAK
+    return StaticFit(direction=direction, parameters=parameters, rms=None, relative_error=None, n=2, outcome=outcome)
 
 
 def test_final_velocities_that_agree_have_plain_labels(validation: Validation) -> None:

@@ -25,16 +25,6 @@ from bristle.model.vectorize import evaluate
 from bristle.page.style import render_as
 from bristle.questions.sensitivity import sobol
 from bristle.questions.sensitivity.figures import sobol_figure
-from bristle.questions.sensitivity.sobol import (
-    Global,
-    Span,
-    analysed,
-    box_of,
-    global_sensitivity,
-    joints_at,
-    ordered,
-    saltelli,
-)
 from bristle.questions.sensitivity.study import sobol_sentences
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import JointLoop
@@ -69,9 +59,9 @@ def indices(
     function: Callable[[Array], Array], box: Mapping[ParameterName, tuple[float, float]], samples: int, seed: int = 0
 ) -> tuple[sobol.Output, ...]:
     """Those of each output of any function, (n, p) -> (n,) or (n, outputs), as those of a joint are made."""
-    spans = [Span(name, low, high, low > 0 and high > 10 * low) for name, (low, high) in box.items()]
-    values = function(saltelli(spans, samples, seed))
-    return tuple(analysed("x", "torque", spans, column, seed) for column in values.reshape(len(values), -1).T)
+    spans = [sobol.Span(name, low, high, low > 0 and high > 10 * low) for name, (low, high) in box.items()]
+    values = function(sobol.saltelli(spans, samples, seed))
+    return tuple(sobol.analysed("x", "torque", spans, column, seed) for column in values.reshape(len(values), -1).T)
 
 
 def shares(found: sobol.Output) -> tuple[Array, Array]:
@@ -91,11 +81,11 @@ def _few_loops(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def found() -> Global:
+def found() -> sobol.Global:
     """The gripper over a box of three parameters, with few loops."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sobol, "_TICKS", 1)
-        return global_sensitivity(GRIPPER, BOX, SUBJECT, samples=1024)
+        return sobol.global_sensitivity(GRIPPER, BOX, SUBJECT, samples=1024)
 
 
 @pytest.mark.parametrize(("seed", "order"), [(0, (0, 1, 2)), (7, (0, 1, 2)), (0, (2, 0, 1)), (0, (1, 0, 2))])
@@ -142,7 +132,7 @@ def test_steady_friction_is_additive() -> None:
         assert own.deviation == pytest.approx(np.sqrt(np.sum((slope * width) ** 2) / 12), rel=1e-3)
 
 
-def test_breakaway_torque_is_additive(found: Global) -> None:
+def test_breakaway_torque_is_additive(found: sobol.Global) -> None:
     """For alpha_0 + alpha_1 of independent uniform parameters S_i = Var_i / sum Var, within 0.01.
 
     Alpha_2 has nothing of it, and the mean is that of the sum.
@@ -164,7 +154,7 @@ def test_a_wide_interval_is_drawn_by_its_logarithm() -> None:
     assert own.deviation**2 == pytest.approx(variance.sum() / 12, rel=1e-2)
 
 
-def test_shares_are_shares(found: Global) -> None:
+def test_shares_are_shares(found: sobol.Global) -> None:
     """First-order indices sum to no more than one, and no total is below its first order, both within confidence.
 
     Torque and breakaway get all samples, the loops as many as they can afford: a power of two each, times p + 2.
@@ -179,14 +169,16 @@ def test_shares_are_shares(found: Global) -> None:
         assert (first + half >= 0).all()
 
 
-def test_same_seed_same_result_whatever_the_order(found: Global) -> None:
+def test_same_seed_same_result_whatever_the_order(found: sobol.Global) -> None:
     """A seed fixes samples and bootstrap, zero too, and the order of the box changes nothing; another seed gives other numbers.
 
     Progress is told before each batch, with one total, from none done to all but one; all is done where it ends.
     """
     told: list[tuple[str, int, int]] = []
     box = dict(reversed(BOX.items()))
-    again = global_sensitivity(Pair(GRIPPER, GRIPPER), box, SUBJECT, samples=1024, progress=lambda *x: told.append(x))
+    again = sobol.global_sensitivity(
+        Pair(GRIPPER, GRIPPER), box, SUBJECT, samples=1024, progress=lambda *x: told.append(x)
+    )
     assert again == found
     assert [(done, total) for _, done, total in told] == [(k, len(told)) for k in range(len(told))]
     assert len(told) > 3
@@ -266,7 +258,7 @@ def test_rms_torque_has_degree_one(factor: float, amplitude: float, frequency: f
 def test_the_compensator_keeps_the_nominal_model() -> None:
     """Over a box that is next to nothing the loop is that of the nominal plant and model, not of the subject's own."""
     p = GRIPPER._replace(alpha_0=0.05)
-    own = global_sensitivity(p, named({"alpha_2": (0.0393999, 0.0394001)}), SUBJECT, samples=32).outputs[2]
+    own = sobol.global_sensitivity(p, named({"alpha_2": (0.0393999, 0.0394001)}), SUBJECT, samples=32).outputs[2]
     case = SUBJECT.case(plant=Pair(p, p), model=Pair(p, p))
     run = simulate(LoopOptions(compensator=SUBJECT.compensator), [case], SUBJECT.sine(2.0, 1.0), SUBJECT.period)
     assert own.mean == pytest.approx(run.rms_error(0.5).item(), rel=1e-4)
@@ -277,8 +269,8 @@ def test_the_plant_is_drawn() -> None:
 
     Over a box above the model, that explains all of the variance.
     """
-    own = global_sensitivity(GRIPPER, named({"alpha_2": (0.05, 0.08)}), SUBJECT, samples=32).outputs[2]
-    exact = global_sensitivity(GRIPPER, named({"alpha_2": (0.0394, 0.03941)}), SUBJECT, samples=32).outputs[2]
+    own = sobol.global_sensitivity(GRIPPER, named({"alpha_2": (0.05, 0.08)}), SUBJECT, samples=32).outputs[2]
+    exact = sobol.global_sensitivity(GRIPPER, named({"alpha_2": (0.0394, 0.03941)}), SUBJECT, samples=32).outputs[2]
     assert own.mean > 1.2 * exact.mean
     assert own.effects[0].total == pytest.approx(1.0, abs=0.2)
 
@@ -298,10 +290,10 @@ def test_loops_have_settled() -> None:
 def test_one_direction_alone_is_drawn() -> None:
     """A name with its sign moves that set only: half of it reaches the breakaway torque, which is the mean of both."""
     box = named({"alpha_0+": (0.01, 0.03), "alpha_1": (0.0, 0.01)})
-    own = global_sensitivity(PAIR, box, SUBJECT, samples=1024).outputs[1]
+    own = sobol.global_sensitivity(PAIR, box, SUBJECT, samples=1024).outputs[1]
     assert shares(own)[0] == pytest.approx([0.5, 0.5], abs=0.01)
     assert own.mean == pytest.approx((0.02 + PAIR.negative.alpha_0) / 2 + 0.005, rel=1e-4)
-    sets = joints_at(PAIR, ordered(box, PAIR.law), np.array([[0.011, 0.002]]))
+    sets = sobol.joints_at(PAIR, sobol.ordered(box, PAIR.law), np.array([[0.011, 0.002]]))
     assert sets.negative.alpha_0 == PAIR.negative.alpha_0
     drawn = [float(x[0]) for x in (sets.positive.alpha_0, sets.positive.alpha_1, sets.negative.alpha_1)]
     assert drawn == [0.011, 0.002, 0.002]
@@ -309,7 +301,9 @@ def test_one_direction_alone_is_drawn() -> None:
 
 def test_an_output_that_nothing_changes_has_no_indices() -> None:
     """sigma_1 has no part in the breakaway torque: None, with the reason, where shares of no variance do not exist."""
-    torque, breakaway, _ = global_sensitivity(GRIPPER, named({"sigma_1": (0.01, 0.02)}), SUBJECT, samples=32).outputs
+    torque, breakaway, _ = sobol.global_sensitivity(
+        GRIPPER, named({"sigma_1": (0.01, 0.02)}), SUBJECT, samples=32
+    ).outputs
     assert torque.effects
     assert not breakaway.effects
     assert breakaway.reason is not None
@@ -329,7 +323,7 @@ def test_loops_that_cannot_be_run_say_so() -> None:
         "diverge": (GRIPPER._replace(alpha_2=3.0), braked),
     }
     for said, (p, subject) in cases.items():
-        *others, loop = global_sensitivity(p, BOX, subject, samples=32).outputs
+        *others, loop = sobol.global_sensitivity(p, BOX, subject, samples=32).outputs
         assert not loop.effects
         assert said in str(loop.reason)
         assert all(output.effects for output in others)
@@ -342,7 +336,7 @@ def test_without_salib_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setitem(sys.modules, "SALib", None)
     told: list[object] = []
     with pytest.raises(ValueError, match=r"pip install 'bristle\[sensitivity\]'"):
-        global_sensitivity(GRIPPER, BOX, SUBJECT, progress=lambda *x: told.append(x))
+        sobol.global_sensitivity(GRIPPER, BOX, SUBJECT, progress=lambda *x: told.append(x))
     assert not told
 
 
@@ -357,13 +351,13 @@ def test_the_box_of_a_fit() -> None:
     }  # fmt: skip  # a table
     estimates = named({name: Estimate(value=x, unit="-", interval=own) for name, (x, own) in intervals.items()})
     estimates[parse("alpha_2")] = Estimate(value=None, unit="-")
-    box, said = box_of(estimates)
+    box, said = sobol.box_of(estimates)
     assert box == named({"alpha_0+": (0.01, 0.03), "alpha_1+": (0.0, 0.02), "v_s": (pytest.approx(0.0007), 0.2)})
     assert [(d.code, str(d.numbers["name"])) for d in said] == [
         ("box-cut", "alpha_1+"), ("box-cut", "v_s"), ("box-held", "sigma_0"), ("box-held", "sigma_1"),
     ]  # fmt: skip  # a table
     assert said[1].numbers["low"] == box[parse("v_s")][0]
-    assert [str(span.parameter) for span in ordered(box, GAUSSIAN)] == ["alpha_0+", "alpha_1+", "v_s"]
+    assert [str(span.parameter) for span in sobol.ordered(box, GAUSSIAN)] == ["alpha_0+", "alpha_1+", "v_s"]
 
 
 def bars(ax: Axes) -> list[float]:
@@ -372,7 +366,7 @@ def bars(ax: Axes) -> list[float]:
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_the_figure_shows_the_indices(found: Global, kind: JointKind) -> None:
+def test_the_figure_shows_the_indices(found: sobol.Global, kind: JointKind) -> None:
     """Each bar is as high as its index, each panel names output, unit and samples; a joint that slides has a force.
 
     Whiskers are inside.
@@ -391,7 +385,7 @@ def test_the_figure_shows_the_indices(found: Global, kind: JointKind) -> None:
     assert render_as(figure, "png")
 
 
-def test_the_figure_says_what_there_is_not(found: Global) -> None:
+def test_the_figure_says_what_there_is_not(found: sobol.Global) -> None:
     """A panel without indices says why, and the legend stands in one that has them."""
     outputs = (
         replace(found.outputs[0], effects=(), reason=Finding("x", Severity.NOTE, "Nothing is known.")),
@@ -405,7 +399,7 @@ def test_the_figure_says_what_there_is_not(found: Global) -> None:
     assert replace(found, outputs=nothing).to_frame("revolute").empty
 
 
-def test_table_and_sentences_hold_the_same_numbers(found: Global) -> None:
+def test_table_and_sentences_hold_the_same_numbers(found: sobol.Global) -> None:
     """One row for each output and parameter.
 
     The sentences name the largest first, what was drawn, the seed, and that it is simulated.

@@ -225,13 +225,9 @@ def write_results(
         files["explore.html"] = encoded(played.html)
     report = import_module("bristle.questions.joint_report.report").report(
         results.whole_joints(),
-        title=names[0] if len(names) == 1 else f"{len(names)} joints",
-        seed=0,
-        explored=None if played is None else played.joints,
-        begun=begun,
-        files=files,
-        **told,
-    )
+        title=names[0] if len(names) == 1 else f"{len(names)} joints", seed=0,
+        explored=None if played is None else played.joints, begun=begun, files=files, **told,
+    )  # fmt: skip  # a list of values
     index: Path = report.write(folder, progress, mailed=mailed)
     return index
 

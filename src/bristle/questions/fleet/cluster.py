@@ -39,14 +39,6 @@ _LOGGERS = ("distributed", "tornado", "bokeh")
 _UNGUARDED = 'in a script, put the call of bristle.fleet below if __name__ == "__main__":, for the worker processes read the script as well'
 
 
-class Call(NamedTuple):
-    """A function that is to be called on a worker."""
-
-    key: str
-    function: Callable[..., Any]
-    arguments: tuple[Any, ...]
-
-
 class Reach(NamedTuple):
     """What all workers reach."""
 
@@ -291,23 +283,26 @@ def _digests(names: list[str]) -> list[str] | None:
 
 
 class _UnderWay:
-    """Calls that workers were given, by the key of each one's latest attempt."""
+    """Calls of a function that workers were given, by the key of each one's latest attempt."""
 
-    def __init__(self, client: Client) -> None:
+    def __init__(self, client: Client, name: str, function: Callable[..., Any]) -> None:
         from distributed import as_completed
 
-        self.client, self.attempts, self.looked = client, count(), monotonic()
+        self.client, self.function, self.looked = client, function, monotonic()
+        self.keys = map(
+            f"{name}-{secrets.token_hex(4)}-{{}}".format, count()
+        )  # by which nobody knows an earlier attempt
         self.ended = as_completed(loop=client.loop, with_results=True, raise_errors=False)
-        self.calls: dict[Any, tuple[Call, Any]] = {}
+        self.calls: dict[Any, tuple[tuple[Any, ...], Any]] = {}
 
-    def begin(self, call: Call) -> None:
-        """Under a key of its own, by which nobody knows an earlier attempt."""
-        future = self.client.submit(call.function, *call.arguments, key=f"{call.key}-{next(self.attempts)}", pure=False)
-        self.calls[future.key] = call, future
+    def begin(self, arguments: tuple[Any, ...]) -> None:
+        """Give a call to the workers, once more where it was before."""
+        future = self.client.submit(self.function, *arguments, key=next(self.keys), pure=False)
+        self.calls[future.key] = arguments, future
         self.ended.add(future)
 
-    def ends(self) -> Iterator[tuple[Call, Any, Any]]:
-        """The next calls that end, each with its future and its result; waits for one."""
+    def ends(self) -> Iterator[tuple[tuple[Any, ...], Any, Any]]:
+        """The arguments of the next calls that end, each with its future and its result; waits for one."""
         while not self.ended.has_ready():
             sleep(_POLL)
             if self.client.status != "running":
@@ -317,8 +312,8 @@ class _UnderWay:
         self.looked = monotonic()
         for future, result in self.ended.next_batch(block=False):
             if future.key in self.calls:  # else it was begun again meanwhile
-                call, _ = self.calls.pop(future.key)
-                yield call, future, result
+                arguments, _ = self.calls.pop(future.key)
+                yield arguments, future, result
                 future.release()
 
     def _again(self) -> None:
@@ -326,14 +321,16 @@ class _UnderWay:
         wait_for_worker(self.client)
         self.looked = monotonic()
         if not any(self.client.processing().values()):
-            for call, future in list(self.calls.values()):
+            for arguments, future in list(self.calls.values()):
                 del self.calls[future.key]
                 self.client.cancel([future], force=True)
-                self.begin(call)
+                self.begin(arguments)
 
 
-def spread(client: Client, calls: Iterable[Call], window: int) -> Iterator[tuple[Call, Any]]:
-    """Call functions on workers, at most `window` of them under way, and give each with its result or exception as it ends.
+def spread(
+    client: Client, name: str, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]], window: int
+) -> Iterator[tuple[tuple[Any, ...], Any]]:
+    """Call a function on workers, at most `window` times at once; gives the arguments of each call with its result or exception as it ends.
 
     What was lost with a worker, and what no worker holds although it has not ended, is called again. Where workers died of a call,
     it ends last and alone: others may have died with it.
@@ -342,7 +339,7 @@ def spread(client: Client, calls: Iterable[Call], window: int) -> Iterator[tuple
     """
     from distributed import KilledWorker
 
-    todo, under_way, deadly = iter(calls), _UnderWay(client), list[Call]()
+    todo, under_way, deadly = iter(calls), _UnderWay(client, name, function), list[tuple[Any, ...]]()
     try:
         while True:
             for call in islice(todo, window - len(under_way.calls)):
@@ -364,4 +361,4 @@ def spread(client: Client, calls: Iterable[Call], window: int) -> Iterator[tuple
         with suppress(Exception):  # a scheduler that is gone has nothing to cancel
             client.cancel([future for _, future in under_way.calls.values()])
     if deadly:
-        yield from spread(client, deadly, 1)
+        yield from spread(client, name, function, deadly, 1)

@@ -4,7 +4,6 @@ What is finished stays whatever ends the run: the rows of each task lie in the o
 """
 
 import os
-import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from time import monotonic
@@ -230,12 +229,8 @@ def _survey(
     tell, found = _telling(progress, "looking at files", len(paths)), dict[str, Surveyed]()
     batches = [[(path, ledger.get(path)) for path in paths[k : k + BATCH]] for k in range(0, len(paths), BATCH)]
     if reach.inputs:
-        token = secrets.token_hex(4)
-        calls = (
-            cluster.Call(f"bristle-survey-{token}-{k}", survey_files, (batch, verify))
-            for k, batch in enumerate(batches)
-        )
-        ends = ((call.arguments[0], end) for call, end in cluster.spread(client, calls, 4 * cluster.threads_of(client)))
+        calls, window = ((batch, verify) for batch in batches), 4 * cluster.threads_of(client)
+        ends = ((call[0], end) for call, end in cluster.spread(client, "bristle-survey", survey_files, calls, window))
     else:
         ends = ((batch, survey_files(batch, verify)) for batch in batches)
     for batch, end in ends:
@@ -281,13 +276,13 @@ def _identified(
     Returns the keys that were identified, and by key the failures that are to be tried again. Raises InputError where a worker
     cannot take part, and OSError where the output is full.
     """
-    token, threads = secrets.token_hex(4), cluster.threads_of(client)
+    threads, calls = cluster.threads_of(client), ((task, identify) for task in tasks)
     window = SENT_WINDOW * threads if sent else max(LEAST_WINDOW, WINDOW * threads)
-    calls = (cluster.Call(f"bristle-identify-{task.key}-{token}", identify_task, (task, identify)) for task in tasks)
     tell, identified, failures = _telling(progress, "identifying", total), set[str](), dict[str, str]()
     tell(0)
-    for done, (call, end) in enumerate(cluster.spread(client, calls, window), 1):
-        key = call.arguments[0].key
+    ends = cluster.spread(client, "bristle-identify", identify_task, calls, window)
+    for done, ((task, _), end) in enumerate(ends, 1):
+        key = task.key
         how = TaskEnd(key, failure=_of_worker(end)) if isinstance(end, BaseException) else end
         if how.refused:
             raise InputError(how.refused)

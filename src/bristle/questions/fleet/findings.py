@@ -17,16 +17,7 @@ from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.estimation.robust import variance_interval
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.questions.fleet.changes import (
-    change_rows,
-    decide,
-    own_levels,
-    population_of,
-    ranked,
-    settled_sessions,
-    step_tests,
-    unit_rows,
-)
+from bristle.questions.fleet import changes
 from bristle.questions.fleet.notes import anew, compared, headline, notes
 from bristle.questions.fleet.quality import failures, new_warnings, quality, warned, warnings_begun
 from bristle.questions.fleet.quantities import COVARIATES, Adjusted, QuantityKey, adjusted, quantity_of
@@ -87,13 +78,13 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     every = list(_quantities(frame, people, said))
     known = [x for x in every if x.tested]
     said.extend(compared(known, frame, people))
-    tests = [step_tests(x, baseline) for x in known]
-    decided = decide(tests, len(people.table), rate)
-    changes = change_rows(tests, decided, frame)
-    joints = ranked(people, changes, decided)
+    tests = [changes.step_tests(x, baseline) for x in known]
+    decided = changes.decide(tests, len(people.table), rate)
+    steps = changes.change_rows(tests, decided, frame)
+    joints = changes.ranked(people, steps, decided)
     parts = np.split(decided.named, np.cumsum([x.which.size for x in tests], dtype=int))  # and an empty one at the end
-    settled = [settled_sessions(x, part) for x, part in zip(tests, parts[: len(tests)], strict=True)]
-    units = unit_rows(known, settled, people, rate)
+    settled = [changes.settled_sessions(x, part) for x, part in zip(tests, parts[: len(tests)], strict=True)]
+    units = changes.unit_rows(known, settled, people, rate)
     begun = warnings_begun(frame, people)
     said.extend(anew(people))
     fresh = new_warnings(begun, frame, people, dict(joints.loc[joints["changed"], "since"]))
@@ -109,13 +100,13 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
         outside=[pair in odd for pair in zip(joints["unit"], joints["joint"], strict=True)],
         untested=np.where(joints["adjusted_p"].notna(), "", why),
     )
-    own = ["unit", "joint", *changes.columns.drop("number")]
-    changes = changes.join(people.table[["unit", "joint"]], on="number")[own]
+    own = ["unit", "joint", *steps.columns.drop("number")]
+    steps = steps.join(people.table[["unit", "joint"]], on="number")[own]
     order = ["changed", "p", "unit", "joint"]
-    changes = changes.sort_values(order, ascending=[False, True, True, True], ignore_index=True)
+    steps = steps.sort_values(order, ascending=[False, True, True, True], ignore_index=True)
     return Findings(
         headline=headline(joints, rate), notes=notes(whole, every, joints, said, baseline),
-        joints=joints.reset_index(drop=True)[list(_JOINTS)], changes=changes, series=_series(known, settled, frame),
+        joints=joints.reset_index(drop=True)[list(_JOINTS)], changes=steps, series=_series(known, settled, frame),
         types=_types(known, settled), units=units, quality=quality(frame[frame["left_out"].isna()]),
         warned=warned(begun, people), failures=failures(whole), rate=rate, baseline=baseline,
         simulated=bool((frame["simulated"] == True).any()),  # noqa: E712  # where it is known
@@ -191,7 +182,7 @@ def _types(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]]) -> pd
         row |= {"shift_percent": shift, "shift_p": one.shift_p}
         for name in COVARIATES:
             row |= _ends(name, *one.effect(name))
-        known = population_of(one, most)
+        known = changes.population_of(one, most)
         if known is not None:
             reach = student(known.freedom) * known.mean_error
             typical = float(np.median(one.variance)) / max(float(np.median(most)), 1.0)
@@ -216,7 +207,7 @@ def _series(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]], fram
     parts = [np.zeros((3, 0))]
     for one, most in zip(every, settled, strict=True):
         q = one.of
-        mean, variance = own_levels(one, most)
+        mean, variance = changes.own_levels(one, most)
         reach = student(one.fit.freedom) * np.sqrt(variance[q.joint] + one.variance)
         reach = np.where(q.now[q.joint], reach, np.nan)
         parts.append(np.stack([q.shown(x) for x in (one.y, mean[q.joint] - reach, mean[q.joint] + reach)]))

@@ -21,21 +21,9 @@ from bristle.identification.static.problem import log_grid
 from bristle.identification.static.solution import is_closed
 from bristle.identification.static.uncertainty import resample
 from bristle.progress import Progress
+from bristle.questions.method_validation import results
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.cases import CaseSet
-from bristle.questions.method_validation.results import (
-    FINE_ENOUGH,
-    FREE,
-    MOST_DECLINED,
-    SAME_COST,
-    CaseResult,
-    CostCurve,
-    Coverage,
-    GridResolution,
-    MethodResult,
-    RandomStarts,
-    Validation,
-)
 from bristle.questions.method_validation.solvers import Local, ValidationCase
 from bristle.simulation.bench import steady_points
 
@@ -70,21 +58,21 @@ def validate(
     starts: int = STARTS,
     seed: int = SEED,
     progress: Progress | None = None,
-) -> Validation:
+) -> results.Validation:
     """Validate every case: grids over `repetitions` data sets, local solvers over the first `LOCAL_SETS` of them.
 
     There each begins at one random start; the first data set is fitted from `starts` random starts besides. Case k
     draws its noise and its starts from the seed (seed, k).
     """
-    results = []
+    found = []
     for k, case in enumerate(case_set.cases):
         if progress:
             progress(f"validating {case.label}", k, len(case_set.cases))
-        results.append(validate_case(case, repetitions, starts, np.random.default_rng([seed, k])))
-    return Validation(case_set=case_set, cases=tuple(results), repetitions=repetitions, starts=starts, seed=seed)
+        found.append(validate_case(case, repetitions, starts, np.random.default_rng([seed, k])))
+    return results.Validation(case_set=case_set, cases=tuple(found), repetitions=repetitions, starts=starts, seed=seed)
 
 
-def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.random.Generator) -> CaseResult:
+def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.random.Generator) -> results.CaseResult:
     """One case, with noise and starts from one generator; arguments as in `validate`."""
     torques = np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, repetitions).T)
     few = torques[:, : min(LOCAL_SETS, repetitions)]
@@ -115,11 +103,11 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
         lowest[: cost.size] = np.fmin(lowest[: cost.size], cost)
     refused = profile_threshold(1.0, case.velocity.size, len(case.names))
     by_method = {
-        name: MethodResult(
+        name: results.MethodResult(
             name=name, repetitions=costs[name].size, bias=np.median(theta, axis=1) - case.theta, spread=spread(theta),
             coverage=covers_truth(case, theta, costs[name]).mean(axis=1),
             failed=_share_above(costs[name], lowest, refused),
-            other_minimum=None if name in PLAIN_GRIDS.values() else _share_above(costs[name], lowest, 1 + SAME_COST),
+            other_minimum=None if name in PLAIN_GRIDS.values() else _share_above(costs[name], lowest, 1 + results.SAME_COST),
             seconds=seconds,
         )
         for name, (theta, seconds) in answers.items()
@@ -130,11 +118,11 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
     steps, spreads = np.abs(answers[POLISHED][0] - grid[:, :local]).max(axis=1), by_method[REFINED].spread
     v_s = [estimate_static(case.problem(t), FitOptions(), "revolute", case.v_s_range).get("v_s") for t in few.T]
     declined = float(np.mean([x is None or x.interval is None or not is_closed(x.interval) for x in v_s]))
-    return CaseResult(
+    return results.CaseResult(
         case=case, methods=by_method, starts=random_starts, declined=declined,
         resolution=_resolution(case, grid, {n: answers[name][0] for n, name in PLAIN_GRIDS.items()}),
         cost_curve=_cost_curve(case, torques[:, 0], random_starts),
-        coverage=interval_coverage(case, torques, identifiable=declined <= MOST_DECLINED),
+        coverage=interval_coverage(case, torques, identifiable=declined <= results.MOST_DECLINED),
         polish_shift=max(float(step / s) if s > 0 else np.inf for step, s in zip(steps, spreads, strict=True)),
         cost_deficit=float(max(deficits.max(), 1 - random_starts.cost["IPOPT"].min() / random_starts.best_cost)),
     )  # fmt: skip  # a list of values
@@ -165,30 +153,30 @@ def _each(fit: Local, torques: Array, initial: Array) -> tuple[Array, float]:
     )
 
 
-def _resolution(case: ValidationCase, grid: Array, plain: Mapping[int, Array]) -> GridResolution:
+def _resolution(case: ValidationCase, grid: Array, plain: Mapping[int, Array]) -> results.GridResolution:
     floor = float(spread(grid[-1]))
     low, high = case.v_s_range
-    return GridResolution(
+    return results.GridResolution(
         counts=tuple(plain),
         error=np.array([np.sqrt(np.mean((theta[-1] - grid[-1]) ** 2)) for theta in plain.values()]),
         floor=floor,
-        predicted=1 + int(np.ceil((high - low) / (np.sqrt(12) * FINE_ENOUGH * floor))) if floor > 0 else 0,
+        predicted=1 + int(np.ceil((high - low) / (np.sqrt(12) * results.FINE_ENOUGH * floor))) if floor > 0 else 0,
     )
 
 
 def _from_starts(
     case: ValidationCase, torque: Array, best: Array, initial: Array, solvers: Mapping[str, Local]
-) -> RandomStarts:
+) -> results.RandomStarts:
     """One data set from every start (s, p), by every local solver, and by IPOPT with v_s free."""
     torques = np.repeat(torque[:, None], len(initial), axis=1)
-    fits = {**solvers, FREE: methods.ipopt(case, free=True)}
+    fits = {**solvers, results.FREE: methods.ipopt(case, free=True)}
     final = {name: _each(fit, torques, initial)[0] for name, fit in fits.items()}
     cost = {name: methods.costs(case, torques, theta) for name, theta in final.items()}
     best_cost = float(methods.costs(case, torque[:, None], best[:, None])[0])
-    return RandomStarts(initial_v_s=initial[:, -1], final=final, cost=cost, best=best, best_cost=best_cost)
+    return results.RandomStarts(initial_v_s=initial[:, -1], final=final, cost=cost, best=best, best_cost=best_cost)
 
 
-def _cost_curve(case: ValidationCase, torque: Array, starts: RandomStarts) -> CostCurve:
+def _cost_curve(case: ValidationCase, torque: Array, starts: results.RandomStarts) -> results.CostCurve:
     projected, coarse = Projected(case.problem(torque)), log_grid(case.v_s_range, _DRAWN)
     threshold = profile_threshold(starts.best_cost, torque.size, len(case.names))
     allowed = np.append(coarse[projected.costs(coarse) <= threshold], starts.best[-1])
@@ -196,7 +184,7 @@ def _cost_curve(case: ValidationCase, torque: Array, starts: RandomStarts) -> Co
     near = np.geomspace(allowed.min() / step, min(allowed.max() * step, case.v_s_range[1]), _DRAWN)
     values = np.unique(np.concatenate([coarse, near[near > coarse[0]]]))
     plain = {n: float(methods.plain(case, torque[:, None], n)[-1, 0]) for n in PLAIN_GRIDS}
-    return CostCurve(v_s=values, cost=projected.costs(values), threshold=threshold, plain=plain)
+    return results.CostCurve(v_s=values, cost=projected.costs(values), threshold=threshold, plain=plain)
 
 
 def covers_truth(case: ValidationCase, theta: Array, cost: Array) -> NDArray[np.bool_]:
@@ -215,7 +203,7 @@ def covers_truth(case: ValidationCase, theta: Array, cost: Array) -> NDArray[np.
     return np.asarray(np.abs(theta - case.theta[:, None]) <= covariance.student(n - p) * error)
 
 
-def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: bool) -> tuple[Coverage, ...]:
+def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: bool) -> tuple[results.Coverage, ...]:
     """Coverage of bristle's own intervals; the bootstrap only where v_s can be known."""
     few = np.ascontiguousarray(torques[:, :INTERVAL_SETS])
     fits = Batch(case.problem(few[:, 0]), few, case.v_s_range)
@@ -224,8 +212,8 @@ def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: boo
         problems = [case.problem(torque) for torque in few.T[:BOOTSTRAP_SETS]]
         drawn = [resample(p, solve(p, case.v_s_range), case.v_s_range, DRAWS) for p in problems]
         ends["bootstrap-t"] = np.stack([x.low for x in drawn], axis=1), np.stack([x.high for x in drawn], axis=1)
-    truth, found = case.theta[:, None], list[Coverage]()
+    truth, found = case.theta[:, None], list[results.Coverage]()
     for kind, (low, high) in ends.items():
         share = ((low <= truth) & (truth <= high)).mean(axis=1)
-        found.append(Coverage(kind=kind, repetitions=low.shape[1], share=share))
+        found.append(results.Coverage(kind=kind, repetitions=low.shape[1], share=share))
     return tuple(found)

@@ -16,15 +16,7 @@ from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, of_friction, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.questions.sensitivity.local import SineMotion, motion
-from bristle.simulation import edro
-from bristle.simulation.joint_loop import (
-    JointLoop,
-    fastest_measured,
-    of_experiment,
-    of_paper,
-    one_way,
-    requested_motion,
-)
+from bristle.simulation import edro, joint_loop
 
 RANGE = (1e-6, 1e4)
 """Of a motion's amplitude over the measured travel, and of its peak speed over the fastest measured one."""
@@ -72,7 +64,7 @@ def within(moved: SineMotion, kind: JointKind, limits: Limits) -> SineMotion:
 
 def of_joint(
     measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
-) -> tuple[KnownFriction, SineMotion, JointLoop | str]:
+) -> tuple[KnownFriction, SineMotion, joint_loop.JointLoop | str]:
     """A user's joint: what is known of it, the motion, and its loop, or why there is none. Raises InputError where law or motion cannot be."""
     experiment, known = measured.experiment, known_joint(joint)
     directions = known.directions
@@ -81,7 +73,7 @@ def of_joint(
             f"{joint.name}: nothing is known of its friction vs velocity; sensitivity needs ramp, points or tracking runs that were fitted"
         )
     limits = _limits(measured)
-    default = requested_motion(experiment.adapt, fastest_measured(joint))
+    default = joint_loop.requested_motion(experiment.adapt, joint_loop.fastest_measured(joint))
     moved = within(motion_of(joint.kind, amplitude, frequency, default), joint.kind, limits)
 
     # One set or a pair, with a bristle where none was seen, which is among the assumptions.
@@ -112,7 +104,7 @@ def of_joint(
     p = sets[0] if len(sets) == 1 else Pair(*sets)
     model = KnownFriction(p, estimates, tuple(assumed), tuple(assumptions))
     try:
-        return model, moved, replace(of_experiment(experiment, joint), carried=None)
+        return model, moved, replace(joint_loop.of_experiment(experiment, joint), carried=None)
     except InputError as error:
         return model, moved, str(error)
 
@@ -129,9 +121,9 @@ def _limits(measured: Measured) -> Limits:
 
 def of_gripper(
     measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
-) -> tuple[KnownFriction, SineMotion, JointLoop | str]:
+) -> tuple[KnownFriction, SineMotion, joint_loop.JointLoop | str]:
     """The paper's gripper rotation (+) in both directions, with intervals as identified from its simulated logs. Raises as `of_joint` does."""
-    subject = one_way(of_paper([joint])[0])
+    subject = joint_loop.one_way(joint_loop.of_paper([joint])[0])
     default = (subject.amplitude, subject.frequency)
     moved = within(motion_of("revolute", amplitude, frequency, default), "revolute", _limits(measured))
     p = edro.TABLE_1[joint.name].positive

@@ -117,21 +117,16 @@ def local(p: Lugre[float] | Pair[float], reference: SineMotion) -> Local:
     rolled = rollout_jacobian(velocity, reference.period, p, 0.0)
     names, scaled = estimated_of(p.law), of_estimated(cleared(rolled.by_parameters), p) * values_of(p)
     # At given z and v, by the set that acts there.
-    acting: Sequence[float | Array] = (
-        p
-        if isinstance(p, Lugre)
-        else evaluate(functions.active_function(p.law), rolled.z, velocity, *p.positive, *p.negative)
-    )
+    acting: Sequence[float | Array] = p if isinstance(p, Lugre) else ()
+    if not isinstance(p, Lugre):
+        acting = evaluate(functions.active_function(p.law), rolled.z, velocity, *p.positive, *p.negative)
     _, _, *slopes = evaluate(functions.torque_sensitivity_function(p.law), rolled.z, velocity, *acting)
     by_name = dict(zip(fields_of(p.law), zip(acting, slopes, strict=True), strict=True))
     return Local(
-        names=names,
-        time=reference.period * np.arange(velocity.size, dtype=np.float64),
-        velocity=velocity,
-        torque=rolled.torque,
-        partial=np.column_stack([np.multiply(*by_name[name]) for name in names]),
+        names=names, time=reference.period * np.arange(velocity.size, dtype=np.float64), velocity=velocity,
+        torque=rolled.torque, partial=np.column_stack([np.multiply(*by_name[name]) for name in names]),
         total=scaled.reshape(velocity.size, -1, len(names)).sum(axis=1),
-    )
+    )  # fmt: skip  # a list of values
 
 
 @result
