@@ -45,9 +45,7 @@ class Results:
     @property
     def warnings(self) -> tuple[Finding, ...]:
         """Every diagnostic about a joint, one of its stages or a fit, with the joint's name first in its subject."""
-        return tuple(
-            replace(x, subject=(joint.name, *x.subject)) for joint in self.joints for x in joint.fit_warnings()
-        )
+        return tuple(replace(x, subject=(one.name, *x.subject)) for one in self.joints for x in one.fit_warnings())
 
     @property
     def serious(self) -> tuple[Finding, ...]:
@@ -88,9 +86,8 @@ class Results:
 
     def whole_joints(self, name: str | None = None) -> tuple[Joint, ...]:
         """`whole_joint` of a name; without one of each joint. Raises InputError as that does."""
-        return tuple(
-            self.whole_joint(one) for one in ([joint.name for joint in self.joints] if name is None else [name])
-        )
+        names = [joint.name for joint in self.joints] if name is None else [name]
+        return tuple(map(self.whole_joint, names))
 
     def measured_joint(self, name: str) -> Measured:
         """What a joint was identified from, its logs read now where they were not. Raises InputError as `JointLogs.of` does."""
@@ -252,9 +249,8 @@ def read_results(path: Path | str) -> Results:
         joints = joints_of(document)
         session_of(joints)  # which refuses numbers that are none
         texts = tuple(placed(x, path.parent) for x in document.experiments)
-    return Results(
-        joints=joints, logs=JointLogs(texts=texts), whole=document.joints.keys() <= (document.samples or {}).keys()
-    )
+    whole = document.joints.keys() <= (document.samples or {}).keys()
+    return Results(joints=joints, logs=JointLogs(texts=texts), whole=whole)
 
 
 def choose(names: Sequence[str], name: str | None) -> str:

@@ -210,9 +210,8 @@ def _write_ledger(output: str, surveys: Mapping[str, Surveyed]) -> None:
 
     rows = [{"path": path, "found": surveys[path].written()} for path in sorted(surveys)]
     table = pa.Table.from_pylist(rows, schema=pa.schema({"path": pa.string(), "found": pa.string()}))
-    files.write_whole(
-        files.joined_path(output, LEDGER), dataset.parquet_of(table, compression="zstd", use_dictionary=False)
-    )
+    data = dataset.parquet_of(table, compression="zstd", use_dictionary=False)
+    files.write_whole(files.joined_path(output, LEDGER), data)
 
 
 def _survey(

@@ -71,12 +71,9 @@ def _course(ax: Axes, one: Course, first: pd.Timestamp) -> None:
     margin = 0.06 * (top - bottom or wide)
     bottom, top = bottom - margin, top + margin
 
-    ax.fill_between(
-        x, np.clip(low, bottom, top), np.clip(high, bottom, top), color=_GREY, alpha=0.18, linewidth=0, label="limits"
-    )
-    ax.vlines(
-        x, np.clip(lower, bottom, top), np.clip(upper, bottom, top), color=_BLUE, linewidth=1.5, label="95 % interval"
-    )
+    limits, intervals = (np.clip(x, bottom, top) for x in ((low, high), (lower, upper)))
+    ax.fill_between(x, *limits, color=_GREY, alpha=0.18, linewidth=0, label="limits")
+    ax.vlines(x, *intervals, color=_BLUE, linewidth=1.5, label="95 % interval")
     ax.plot(x, adjusted, "D", color=_GREY, markerfacecolor="none", markersize=6.5, label="adjusted")
     ax.plot(x, value, "o", color=_BLUE, markersize=5, label="value")
     for (level, held), what in zip(levels, ("before", "after"), strict=False):
@@ -115,6 +112,7 @@ def units_figure(
     rows = rows.head(POINTS).sort_values("value", kind="stable")
     x, value, outside = np.arange(1, len(rows) + 1), rows["value"].to_numpy(float), rows["outside"].to_numpy(bool)
     reach = 1.96 * rows["standard_error"].to_numpy(float)
+    lower, upper = value - reach, value + reach
     figure, (ax,) = panels(3.2, name, simulated)
     mean, low, high = spread
     if np.isfinite(low):
@@ -122,14 +120,12 @@ def units_figure(
     ax.axhline(mean, color=_GREY, linestyle="--", linewidth=1.8, label="mean")
     ax.plot(x + 0.3, rows["shrunken"], "D", color=_GREY, markerfacecolor="none", markersize=5.5, label="shrunken")
     for own, colour, marker, what in ((~outside, _BLUE, "o", "within"), (outside, _VERMILION, "s", "outside")):
-        ax.vlines(
-            x[own], (value - reach)[own], (value + reach)[own], color=colour, linewidth=1.2, label=f"{what}, 95 %"
-        )
+        ax.vlines(x[own], lower[own], upper[own], color=colour, linewidth=1.2, label=f"{what}, 95 %")
         ax.plot(x[own], value[own], marker, color=colour, markersize=5, label=what)
     core = np.array([*value, *(x for x in spread if np.isfinite(x))])
     least, most = core.min(), core.max()
     wide = (most - least) or abs(most) or 1.0
-    ends = np.concatenate([value - reach, value + reach])
+    ends = np.concatenate([lower, upper])
     ends = ends[(ends > least - wide) & (ends < most + wide)]
     bottom, top = ends.min(initial=least), ends.max(initial=most)
     margin = 0.06 * (top - bottom or wide)

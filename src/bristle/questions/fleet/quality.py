@@ -77,10 +77,8 @@ def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
     of_joint = every.groupby("number").size()
     told = codes_of(frame.assign(number=people.joint), "number")
     told = told[told["code"].map(_severity).isin(_COUNT)].merge(every, on=whose)
-    rows = told.groupby(["number", "code"]).agg(
-        sessions=("place", "size"), place=("place", "min"), since=("session", "min")
-    )
-    rows = rows.reset_index()
+    by = told.groupby(["number", "code"])
+    rows = by.agg(sessions=("place", "size"), place=("place", "min"), since=("session", "min")).reset_index()
     rows["severity"] = rows["code"].map(_severity)
     own = of_joint.reindex(rows["number"]).to_numpy(float)
     rows["before"], rows["of"] = rows["place"], own - rows["place"]

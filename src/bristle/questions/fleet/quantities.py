@@ -149,11 +149,8 @@ class Adjusted:
         if name not in self.of.names:
             return nan, nan, nan
         k = self.of.names.index(name)
-        reach = (
-            float(student(self.fit.freedom_of_coefficients) * np.sqrt(self.fit.covariance[k, k]))
-            if self.tested
-            else inf
-        )
+        error = float(np.sqrt(self.fit.covariance[k, k])) if self.tested else inf
+        reach = student(self.fit.freedom_of_coefficients) * error if self.tested else inf
         b = float(self.fit.coefficients[k])
         return 100 * b, 100 * (b - reach), 100 * (b + reach)
 

@@ -149,9 +149,8 @@ def _course(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame
     }
     ranked = [key for key in tested if key in of_quantity] or list(of_quantity)[:1]
     shown = [key for key in ranked if key in tested and tested[key].changed][:_PANELS] or ranked[:1]
-    courses = [
-        figures.Course(_axis(next(rows_of(of_quantity[key]))), of_quantity[key], tested.get(key)) for key in shown
-    ]
+    drawn = [(of_quantity[key], tested.get(key)) for key in shown]
+    courses = [figures.Course(_axis(next(rows_of(rows))), rows, step) for rows, step in drawn]
     name, first = f"{row.unit} {row.joint}", tested.get(shown[0])
     if first is None:
         finding = f"{label(next(rows_of(of_quantity[shown[0]])))}: not tested for a change."
@@ -212,9 +211,7 @@ def _units_drawing(found: Findings, row: Any, rows: pd.DataFrame, k: int) -> Dra
     name, rows = f"Type {row.type}", tables.outside_first(rows)
     spread = figures.spread_of(row, rows["value"].to_numpy(float))
     far, many = next(rows_of(rows)), len(rows) > figures.POINTS
-    farthest = (
-        f", the farthest {shortened(str(far.unit), 24)}, {far.percent:+.3g} % from the mean" if far.outside else ""
-    )
+    farthest = f", the farthest {shortened(str(far.unit), 24)}, {far.percent:+.3g} % from the mean" * bool(far.outside)
     part = f" Drawn are the {figures.POINTS} of them that are farthest from the mean." if many else ""
     return Drawing(
         partial(figures.units_figure, name, _axis(row).replace("\n", " "), rows, spread, simulated=found.simulated),
@@ -259,12 +256,11 @@ def _quality_sections(found: Findings) -> Iterator[Section]:
             text="Joints that had a warning in none of their first sessions and then in most: look at these logs and sensors first.",
             table=_table("warned", "Warnings that began, by joint", found.warned, tables.in_warned(found.warned)),
         )
+    lost = found.failures
     yield Section(
         "Sessions that failed or are left out",
-        text="" if len(found.failures) else "None: every session was identified and used.",
-        table=_table(
-            "failures", "Sessions without a result in the findings", found.failures, tables.in_failures(found.failures)
-        ),
+        text="" if len(lost) else "None: every session was identified and used.",
+        table=_table("failures", "Sessions without a result in the findings", lost, tables.in_failures(lost)),
     )
 
 
@@ -326,10 +322,8 @@ def _type_lines(types: pd.DataFrame) -> Iterator[str]:
         shifts = [f"{quantity(row)} up to {two_digits(row.shift_percent)} %" for row in rows_of(shifted)]
         sure = rows[(rows["temperature_lower"] > 0) | (rows["temperature_upper"] < 0)]
         sure = sure.assign(far=-sure["temperature_percent"].abs()).sort_values("far", kind="stable")
-        warm = [
-            f"{quantity(row)} {change(row.temperature_percent, row.temperature_lower, row.temperature_upper)} %/K"
-            for row in rows_of(sure)
-        ]
+        sizes = sure[["temperature_percent", "temperature_lower", "temperature_upper"]].to_numpy(float)
+        warm = [f"{quantity(row)} {change(*size)} %/K" for row, size in zip(rows_of(sure), sizes, strict=True)]
         parts = [*_first("common shift", shifts), *_first("temperature", warm)]
         if parts:
             lines.append(f"Type {shortened(str(name), 24)}: {'; '.join(parts)}.")

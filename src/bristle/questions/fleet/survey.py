@@ -149,11 +149,8 @@ def _described(path: str) -> Iterator[tuple[Experiment | Robot, str | None]]:
             place.write_bytes(files.read_bytes(path, MAX_BYTES))
             urdf = _urdf_of(parse(read_text(place), files.name_of(path)))
             if urdf is not None:
-                place = laid_out(
-                    Path(folder),
-                    place.name,
-                    {OWN: place.read_bytes(), urdf: files.read_bytes(files.joined_path(files.folder_of(path), urdf))},
-                )
+                beside = files.read_bytes(files.joined_path(files.folder_of(path), urdf))
+                place = laid_out(Path(folder), place.name, {OWN: place.read_bytes(), urdf: beside})
             yield _loaded(place)
         except InputError as error:
             raise InputError(without_folder(str(error), path, folder)) from error
@@ -180,9 +177,8 @@ def _found(path: str, patterns: Sequence[str], beside: Sequence[str]) -> list[tu
     for pattern in patterns:
         for name, at in _matches(path, pattern):
             if files.is_folder(at):
-                found |= {
-                    f"{name}/{part}": files.joined_path(at, part) for part in files.names_in(at) if part.endswith(_BAG)
-                }
+                parts = (part for part in files.names_in(at) if part.endswith(_BAG))
+                found |= {f"{name}/{part}": files.joined_path(at, part) for part in parts}
                 continue
             if not files.is_remote(at):
                 check_regular(files.local_path(at))

@@ -101,9 +101,8 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
             continue
         label = joint.name if direction == "both" else f"{joint.name} ({direction})"
         design, ends = f"the {fit.n} points measured", (float(fit.profile.v_s[0]), float(fit.profile.v_s[-1]))
-        cases.append(
-            ValidationCase(label=label, design=design, truth=p, velocity=velocity, noise=level, v_s_range=ends)
-        )
+        case = ValidationCase(label=label, design=design, truth=p, velocity=velocity, noise=level, v_s_range=ends)
+        cases.append(case)
     if not cases and not skipped:
         message = "nothing to validate: the grid fitted no friction curve."
         skipped["both directions"] = Finding("no-grid-fit", NOTE, message)

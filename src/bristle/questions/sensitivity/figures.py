@@ -46,9 +46,8 @@ def time_figure(study: SensitivityStudy) -> Figure:
     figure.subplots_adjust(hspace=0.32)
     above.plot(time, velocity, color="black", linewidth=1.3)
     above.set_ylabel(f"v ({pretty(unit('velocity', study.kind))})")
-    for ax, name, colour, partial, total in zip(
-        below, names, colours(len(names)), study.local.partial[k].T, study.local.total[k].T, strict=True
-    ):
+    of_parameters = (names, colours(len(names)), study.local.partial[k].T, study.local.total[k].T)
+    for ax, name, colour, partial, total in zip(below, *of_parameters, strict=True):
         ax.plot(time, partial, "--", color="#666666", linewidth=1.2)
         ax.plot(time, total, "-", color=colour, linewidth=1.5)
         ax.set_ylabel(_starred(study, name))
@@ -58,13 +57,10 @@ def time_figure(study: SensitivityStudy) -> Figure:
         ax.yaxis.set_major_locator(MaxNLocator(3))
         ax.yaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}".replace("-", "−")))  # no exponent floats above
     handles = [below[0].lines[1], below[0].lines[0]]
-    above.legend(
-        handles, ["total", "at fixed z"], loc="lower right", ncols=2, bbox_to_anchor=(1.0, 0.98), frameon=False
-    )
+    above.legend(handles, ["total", "at fixed z"], loc="lower right", ncols=2, bbox_to_anchor=(1, 0.98), frameon=False)
     below[-1].set_xlabel(axis("time", study.kind))
-    below[0].set_title(
-        f"p · dT/dp ({pretty(unit('torque', study.kind))}), each parameter p", loc="left", pad=4, fontsize=9.5
-    )
+    of_each = f"p · dT/dp ({pretty(unit('torque', study.kind))}), each parameter p"
+    below[0].set_title(of_each, loc="left", pad=4, fontsize=9.5)
     figure.align_ylabels()
     return figure
 
@@ -91,16 +87,13 @@ def shares_figure(study: SensitivityStudy) -> Figure:
     order = [study.local.names.index(name) for name in study.local.ranking]
     figure, (ax,) = panels(3.7 + 0.5 * (len(order) - _PARAMETERS), study.name, study.simulated)
     place = np.arange(len(order), dtype=np.float64)
-    for values, shift, colour, hatch, label in (
-        (total, -0.2, "#0072B2", "", "total"),
-        (partial, 0.2, "#E69F00", "//", "at fixed z"),
-    ):
+    looks = ((total, -0.2, "#0072B2", "", "total"), (partial, 0.2, "#E69F00", "//", "at fixed z"))
+    for values, shift, colour, hatch, label in looks:
         ends, middles = np.maximum(values[order], LEAST / 10), place + shift
         ax.barh(middles, ends, _WIDTH, left=0, color=colour, hatch=hatch, edgecolor="white", linewidth=0.4, label=label)
         for y, value, end in zip(middles, values[order], ends, strict=True):
-            ax.annotate(
-                number(float(value), 2), (end, y), (3, 0), textcoords="offset points", va="center", fontsize=8.5
-            )
+            text = number(float(value), 2)
+            ax.annotate(text, (end, y), (3, 0), textcoords="offset points", va="center", fontsize=8.5)
     ax.set_xscale("log")
     ax.set_xlim(LEAST / 10, 4 * max(1.0, float(total.max()), float(partial.max())))
     ax.xaxis.set_major_formatter("{x:g}")

@@ -33,16 +33,17 @@ class KnownFriction(NamedTuple):
     """How, and what else is assumed."""
 
 
-def motion_of(
-    kind: JointKind, amplitude: str | float | None, frequency: str | float | None, default: tuple[float, float]
-) -> SineMotion:
+Request = tuple[KnownFriction, SineMotion, joint_loop.JointLoop | str]
+"""Friction model, motion, and the loop or the sentence why there is none."""
+Asked = str | float | None
+"""A quantity or an SI number; None: the default."""
+
+
+def motion_of(kind: JointKind, amplitude: Asked, frequency: Asked, default: tuple[float, float]) -> SineMotion:
     """The motion asked for, by quantities or SI numbers; None: the default's. Raises InputError where one is of another kind or not positive."""
     asked = (("amplitude", amplitude, unit("position", kind)), ("frequency", frequency, "Hz"))
-    found = [
-        standard if given is None else positive_si(name, given, si)
-        for (name, given, si), standard in zip(asked, default, strict=True)
-    ]
-    return motion(*found)
+    pairs = zip(asked, default, strict=True)
+    return motion(*(own if given is None else positive_si(name, given, si) for (name, given, si), own in pairs))
 
 
 def within(moved: SineMotion, kind: JointKind, limits: Limits) -> SineMotion:
@@ -62,9 +63,7 @@ def within(moved: SineMotion, kind: JointKind, limits: Limits) -> SineMotion:
     return moved
 
 
-def of_joint(
-    measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
-) -> tuple[KnownFriction, SineMotion, joint_loop.JointLoop | str]:
+def of_joint(measured: Measured, joint: Joint, amplitude: Asked = None, frequency: Asked = None) -> Request:
     """A user's joint: what is known of it, the motion, and its loop, or why there is none. Raises InputError where law or motion cannot be."""
     experiment, known = measured.experiment, known_joint(joint)
     directions = known.directions
@@ -119,9 +118,7 @@ def _limits(measured: Measured) -> Limits:
     return limits
 
 
-def of_gripper(
-    measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
-) -> tuple[KnownFriction, SineMotion, joint_loop.JointLoop | str]:
+def of_gripper(measured: Measured, joint: Joint, amplitude: Asked = None, frequency: Asked = None) -> Request:
     """The paper's gripper rotation (+) in both directions, with intervals as identified from its simulated logs. Raises as `of_joint` does."""
     subject = joint_loop.one_way(joint_loop.of_paper([joint])[0])
     default = (subject.amplitude, subject.frequency)

@@ -20,10 +20,9 @@ from bristle.model.parameters import Direction, Lugre, ParameterName, effort, pe
 from bristle.model.parameters import Kind as JointKind
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.formulas import Formulas, formulas
-from bristle.questions.sensitivity.joint import KnownFriction
+from bristle.questions.sensitivity.joint import KnownFriction, Request
 from bristle.questions.sensitivity.local import Local, Map, SineMotion, claimed, grid, local, ranked, sensitivity_map
 from bristle.questions.sensitivity.sobol import LEAST, Box, Global, box_of, global_sensitivity
-from bristle.simulation.joint_loop import JointLoop
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -123,16 +122,13 @@ def check_samples(samples: int) -> None:
 
 
 def study_sensitivity(
-    joint: Joint,
-    request: tuple[KnownFriction, SineMotion, JointLoop | str],
-    samples: int = SAMPLES,
-    progress: Progress | None = None,
+    joint: Joint, request: Request, samples: int = SAMPLES, progress: Progress | None = None
 ) -> SensitivityStudy:
     """Local, mapped and global sensitivity and the information of a joint.
 
     Args:
         joint: as it was identified.
-        request: friction model, motion, and the loop or the sentence why there is none, as `of_joint` gives them.
+        request: as `of_joint` gives it.
         samples: of the Sobol indices, as `check_samples` has it.
         progress: told of every step.
     """
