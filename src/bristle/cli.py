@@ -70,82 +70,73 @@ def flag(names: str, meaning: str) -> Any:
 
 def per_signal(metavar: str, what: str) -> Any:
     """An option that tells something of one signal, and may be given for several."""
-    return asked(
-        f"SIGNAL={metavar}",
-        f"{what}; SIGNAL: time, position, velocity, torque, current, voltage, command or velocity_command.",
-    )
+    signals = "time, position, velocity, torque, current, voltage, command or velocity_command"
+    return asked(f"SIGNAL={metavar}", f"{what}; SIGNAL: {signals}.")
 
 
-ExperimentFile = Annotated[Path, given("EXPERIMENT", "The experiment file, YAML.")]
-Uncertainty = Annotated[
-    bool, flag("--uncertainty", "Intervals of moving runs by profile and bootstrap too, which takes a while.")
-]
-Workers = Annotated[
-    int | None,
-    typer.Option("--workers", metavar="N", min=1, max=256, help="Processes that share the work [default: the cores]."),
-]
-OfRobot = Annotated[
-    str | None,
-    typer.Option("--joint", metavar="NAME", help="Which joint, where the file is of a robot.", show_default=False),
-]
-Strict = Annotated[bool, flag("--strict", "Exit with 3 where a joint is not to be used.")]
-Need = Annotated[
-    str | None, asked("PERCENT", "To how much of friction it has to be known (95 %), to be used [default: 10%].")
-]
-OF_LOGS: dict[str, Any] = {
-    "column": Annotated[
-        list[str] | None, per_signal("COLUMN", "Its column, by name or by number from 0; of another file FILE:COLUMN")
-    ],
-    "unit": Annotated[list[str] | None, per_signal("UNIT", "Its unit, as deg or mA")],
-    "scale": Annotated[list[str] | None, per_signal("FACTOR", "What it is multiplied by, as -1 or 35.15 N/V")],
-    "rate": Annotated[str | None, asked("QUANTITY", "Of sampling, where no column is the time, as 1 kHz.")],
-    "torque_constant": Annotated[str | None, asked("QUANTITY", "Of the motor, at the joint, as 0.35 N*m/A.")],
-    "resistance": Annotated[str | None, asked("QUANTITY", "Of the motor, as 2.1 ohm, where voltage is logged.")],
-    "kp": Annotated[str | None, asked("QUANTITY", "Of a drive that is told a position, at the joint, as 20 N*m/rad.")],
-    "kd": Annotated[str | None, asked("QUANTITY", "Of a drive that is told a velocity, at the joint, as 1 N*m*s/rad.")],
-    "torque_limit": Annotated[
-        str | None, asked("QUANTITY", "What a drive gives at the most, where commands are logged, as 23 N*m.")
-    ],
-    "gear": Annotated[str | None, asked("GEAR", "As under motor: 'ratio: 100, position: motor, velocity: motor'.")],
-    "inertia": Annotated[
-        str | None, asked("QUANTITY", "Of the joint, as 0.0089 kg*m^2, or with its error: then it is a prior.")
-    ],
-    "held": Annotated[bool | None, flag("--held/--not-held", "Whether the drive holds commands between samples.")],
-    "fresh": Annotated[
-        bool | None, flag("--fresh/--not-fresh", "Whether the drive compares commands with new measurements.")
-    ],
-    "gravity": Annotated[
-        str | None, asked("GRAVITY", "Its largest torque, as 0.7 N*m, or 'mass: 1.2 kg, centre: 0.06 m', or a URDF.")
-    ],
-    "coasting": Annotated[
-        bool, flag("--coasting", "Nothing drives the joint: --inertia or --gravity says what is known.")
-    ],
-    "directions": Annotated[
-        str | None, asked("WORD", "One friction for both, or one each: auto, symmetric or separate.")
-    ],
-    "name": Annotated[str | None, asked("NAME", "Of the joint.")],
-    "hold_out": Annotated[list[Path] | None, asked("LOG", "A log that is kept for validation; may be given again.")],
+FILE = given("EXPERIMENT", "The experiment file, YAML.")
+COMMON: dict[str, Any] = {
+    "joint": typer.Option(
+        "--joint", metavar="NAME", help="Which joint, where the file is of a robot.", show_default=False
+    ),
+    "uncertainty": flag("--uncertainty", "Intervals of moving runs by profile and bootstrap too, which takes a while."),
+    "workers": typer.Option(
+        "--workers", metavar="N", min=1, max=256, help="Processes that share the work [default: the cores]."
+    ),
+    "need": asked("PERCENT", "To how much of friction it has to be known (95 %), to be used [default: 10%]."),
+    "strict": flag("--strict", "Exit with 3 where a joint is not to be used."),
 }
-"""Options of what is told of logs, by name."""
+"""What options mean in every command that has them and says nothing else."""
+OF_LOGS: dict[str, tuple[Any, Any]] = {
+    "column": (list[str], per_signal("COLUMN", "Its column, by name or by number from 0; of another file FILE:COLUMN")),
+    "unit": (list[str], per_signal("UNIT", "Its unit, as deg or mA")),
+    "scale": (list[str], per_signal("FACTOR", "What it is multiplied by, as -1 or 35.15 N/V")),
+    "rate": (str, asked("QUANTITY", "Of sampling, where no column is the time, as 1 kHz.")),
+    "torque_constant": (str, asked("QUANTITY", "Of the motor, at the joint, as 0.35 N*m/A.")),
+    "resistance": (str, asked("QUANTITY", "Of the motor, as 2.1 ohm, where voltage is logged.")),
+    "kp": (str, asked("QUANTITY", "Of a drive that is told a position, at the joint, as 20 N*m/rad.")),
+    "kd": (str, asked("QUANTITY", "Of a drive that is told a velocity, at the joint, as 1 N*m*s/rad.")),
+    "torque_limit": (str, asked("QUANTITY", "What a drive gives at the most, where commands are logged, as 23 N*m.")),
+    "gear": (str, asked("GEAR", "As under motor: 'ratio: 100, position: motor, velocity: motor'.")),
+    "inertia": (str, asked("QUANTITY", "Of the joint, as 0.0089 kg*m^2, or with its error: then it is a prior.")),
+    "held": (bool, flag("--held/--not-held", "Whether the drive holds commands between samples.")),
+    "fresh": (bool, flag("--fresh/--not-fresh", "Whether the drive compares commands with new measurements.")),
+    "gravity": (str, asked("GRAVITY", "Its largest torque, as 0.7 N*m, or 'mass: 1.2 kg, centre: 0.06 m', or a URDF.")),
+    "coasting": (bool, flag("--coasting", "Nothing drives the joint: --inertia or --gravity says what is known.")),
+    "directions": (str, asked("WORD", "One friction for both, or one each: auto, symmetric or separate.")),
+    "name": (str, asked("NAME", "Of the joint.")),
+    "hold_out": (list[Path], asked("LOG", "A log that is kept for validation; may be given again.")),
+}
+"""Options of what is told of logs, by name: type, and what they mean."""
 
 
-def tells_of_logs(command: Callable[..., None]) -> Callable[..., None]:
-    """A command that has those options behind its own; it is given them in `of_logs`, by name."""
-    own = [p for p in signature(command).parameters.values() if p.name != "of_logs"]
-    more = [
-        Parameter(name, Parameter.POSITIONAL_OR_KEYWORD, default=False if name == "coasting" else None, annotation=of)
-        for name, of in OF_LOGS.items()
-    ]
+def command(**meant: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """A command of `app`; `meant`: what its arguments and options mean, by name.
 
-    @wraps(command)
-    def run(**given: Any) -> None:
-        of_logs = {name: given.pop(name) for name in OF_LOGS}
-        command(**given, of_logs=of_logs)
+    One that takes `of_logs` has the options of `OF_LOGS` behind its own, and is given them there, by name.
+    """
 
-    # what typer reads
-    run.__signature__ = Signature([*own, *more])  # type: ignore[attr-defined]  # as PEP 362 has it
-    run.__annotations__ = {p.name: p.annotation for p in (*own, *more)}
-    return run
+    def made(function: Callable[..., None]) -> Callable[..., None]:
+        own, means = dict(signature(function).parameters), COMMON | meant
+        of_logs = own.pop("of_logs", None) and OF_LOGS
+        every = [p.replace(annotation=Annotated[p.annotation, means[name]]) for name, p in own.items()]
+        for name, (of, option) in (of_logs or {}).items():
+            default, kind = (False, of) if name == "coasting" else (None, of | None)
+            annotation: Any = Annotated[kind, option]
+            every.append(Parameter(name, Parameter.POSITIONAL_OR_KEYWORD, default=default, annotation=annotation))
+
+        @wraps(function)
+        def run(**asked_for: Any) -> None:
+            if of_logs:
+                asked_for["of_logs"] = {name: asked_for.pop(name) for name in of_logs}
+            function(**asked_for)
+
+        # what typer reads
+        run.__signature__ = Signature(every)  # type: ignore[attr-defined]  # as PEP 362 has it
+        run.__annotations__ = {p.name: p.annotation for p in every}
+        return app.command()(run)
+
+    return made
 
 
 @app.callback(invoke_without_command=True)
@@ -162,18 +153,15 @@ def _root(
         print_lines([context.get_help()])
 
 
-@app.command()
+@command(
+    experiments=optional("the embedded Ed-Ro (simulated)", "Experiment files, of one joint or a robot each"),
+    output=lands("", "report"),
+    mailed=flag("--zip", "Write all of it as report.zip in the folder as well, to mail."),
+)
 def report(
-    experiments: Annotated[
-        list[Path] | None, optional("the embedded Ed-Ro (simulated)", "Experiment files, of one joint or a robot each")
-    ] = None,
-    output: Annotated[Path | None, lands("", "report")] = None,
-    uncertainty: Uncertainty = False,
-    mailed: Annotated[bool, flag("--zip", "Write all of it as report.zip in the folder as well, to mail.")] = False,
-    workers: Workers = None,
-    need: Need = None,
-    strict: Strict = False,
-) -> None:
+    experiments: list[Path] | None = None, output: Path | None = None, uncertainty: bool = False, mailed: bool = False,
+    workers: int | None = None, need: str | None = None, strict: bool = False,
+) -> None:  # fmt: skip  # a list of options
     """Identify, and write the report: pages and data.
 
     In the folder: index.html and its pages, results.json, figures (SVG and PNG) and tables (CSV).
@@ -196,30 +184,21 @@ def report(
     _finish(results, strict)
 
 
-@app.command()
-@tells_of_logs
+@command(
+    sources=given(
+        "EXPERIMENT|LOG...",
+        "The experiment file, or logs as `bristle new` takes them; none: the embedded Ed-Ro (simulated).",
+    ),
+    output=to("FILE", "Write results.json here as well."),
+    save=to("FILE", "Of logs: write the experiment file here, too.", "--save"),
+    full=flag("--full", "Print each fit: statistics, correlations, cross-checks, every warning."),
+    laws=flag("--laws", "Print the friction laws side by side."),
+)
 def identify(
-    sources: Annotated[
-        list[Path] | None,
-        given(
-            "EXPERIMENT|LOG...",
-            "The experiment file, or logs as `bristle new` takes them; none: the embedded Ed-Ro (simulated).",
-        ),
-    ] = None,
-    joint: OfRobot = None,
-    output: Annotated[Path | None, to("FILE", "Write results.json here as well.")] = None,
-    save: Annotated[Path | None, to("FILE", "Of logs: write the experiment file here, too.", "--save")] = None,
-    full: Annotated[
-        bool, flag("--full", "Print each fit: statistics, correlations, cross-checks, every warning.")
-    ] = False,
-    laws: Annotated[bool, flag("--laws", "Print the friction laws side by side.")] = False,
-    uncertainty: Uncertainty = False,
-    workers: Workers = None,
-    need: Need = None,
-    strict: Strict = False,
-    *,
-    of_logs: Mapping[str, Any],
-) -> None:
+    sources: list[Path] | None = None, joint: str | None = None, output: Path | None = None, save: Path | None = None,
+    full: bool = False, laws: bool = False, uncertainty: bool = False, workers: int | None = None, need: str | None = None,
+    strict: bool = False, *, of_logs: Mapping[str, Any],
+) -> None:  # fmt: skip  # a list of options
     """Print how well friction is known, and the values to use.
 
     Of one joint, or those of a robot: each parameter with its standard error and 95 % interval, and what was found.
@@ -273,12 +252,8 @@ def identify(
     _finish(results, strict)
 
 
-@app.command()
-def inspect(
-    experiment: ExperimentFile,
-    joint: OfRobot = None,
-    output: Annotated[Path | None, to("FILE", "Draw the segments into this .png or .svg file.")] = None,
-) -> None:
+@command(experiment=FILE, output=to("FILE", "Draw the segments into this .png or .svg file."))
+def inspect(experiment: Path, joint: str | None = None, output: Path | None = None) -> None:
     """Show the segments of each run, kept and rejected.
 
     With the notes on each file, and the reasons for what is rejected; -o draws them.
@@ -307,16 +282,17 @@ def inspect(
         print_lines([f"Figure: {output}"], done=True)
 
 
-@app.command()
+@command(
+    experiment=optional("a sweep over Table 1 (simulated, some minutes)"),
+    output=lands("-validate"),
+    repetitions=asked("N", "Simulated data sets of each case."),
+    starts=asked("N", "Random starts of each solver on one of them."),
+    noise=asked("X", "Noise of a point over alpha_0 [default: the fit's own]."),
+)
 def validate(
-    experiment: Annotated[Path | None, optional("a sweep over Table 1 (simulated, some minutes)")] = None,
-    joint: OfRobot = None,
-    output: Annotated[Path | None, lands("-validate")] = None,
-    repetitions: Annotated[int, asked("N", "Simulated data sets of each case.")] = 1000,
-    starts: Annotated[int, asked("N", "Random starts of each solver on one of them.")] = 100,
-    noise: Annotated[float | None, asked("X", "Noise of a point over alpha_0 [default: the fit's own].")] = None,
-    strict: Strict = False,
-) -> None:
+    experiment: Path | None = None, joint: str | None = None, output: Path | None = None, repetitions: int = 1000,
+    starts: int = 100, noise: float | None = None, strict: bool = False,
+) -> None:  # fmt: skip  # a list of options
     """Validate the fits against full nonlinear ones.
 
     Each fit is checked by CasADi and IPOPT on the same data, then the grid search where the truth is known. The validation
@@ -347,12 +323,8 @@ def validate(
         _finish(results, strict)
 
 
-@app.command()
-def adapt(
-    experiment: Annotated[Path | None, optional("the embedded Ed-Ro (simulated)")] = None,
-    joint: OfRobot = None,
-    output: Annotated[Path | None, lands("-adapt")] = None,
-) -> None:
+@command(experiment=optional("the embedded Ed-Ro (simulated)"), output=lands("-adapt"))
+def adapt(experiment: Path | None = None, joint: str | None = None, output: Path | None = None) -> None:
     """Simulate compensation and adaptation in closed loop.
 
     With the identified joint as the plant, its model adapted on line, and the adaptation replayed on the measured runs.
@@ -369,14 +341,11 @@ def adapt(
     print_lines([f"Page: {made.write(folder)}"], done=True)
 
 
-@app.command()
-def explore(
-    experiment: Annotated[
-        Path | None, optional("the embedded Ed-Ro (simulated)", "The experiment file, or a results.json")
-    ] = None,
-    joint: OfRobot = None,
-    output: Annotated[Path, to("FILE", "Where the page lands.")] = Path("explore.html"),
-) -> None:
+@command(
+    experiment=optional("the embedded Ed-Ro (simulated)", "The experiment file, or a results.json"),
+    output=to("FILE", "Where the page lands."),
+)
+def explore(experiment: Path | None = None, joint: str | None = None, output: Path = Path("explore.html")) -> None:
     """Write one page to play with the model.
 
     Sliders for the parameters, with curves, loops, responses and costs that follow them.
@@ -391,25 +360,22 @@ def explore(
     print_lines([f"Page: {page.write(output)}"], done=True)
 
 
-@app.command()
+@command(
+    experiment=given("RESULTS", "A results.json, or an experiment file."),
+    to=asked("FORMAT", "c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, matlab or latex."),
+    output=to("FILE", "Where the file lands [default: by the joint's name]."),
+    into=asked("FILE", "A URDF, SDF or MJCF to merge the values into."),
+    compensator=asked("NAME", "In C: lugre (default), lugre-feedback, lugre-observer, stribeck or coulomb."),
+    adapt=asked("LAW", "In C, adapts: partial, partial-theta, total or printed."),
+    step=asked("STEP", "Of that law: gradient, normalised or least-squares."),
+    amplitude=asked("QUANTITY", "Of the motion that a target without LuGre is fitted on."),
+    frequency=asked("QUANTITY", "Of that motion [default: 0.5 Hz]."),
+)
 def export(
-    experiment: Annotated[Path, given("RESULTS", "A results.json, or an experiment file.")],
-    to: Annotated[
-        str, asked("FORMAT", "c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, matlab or latex.")
-    ],
-    joint: OfRobot = None,
-    output: Annotated[Path | None, to("FILE", "Where the file lands [default: by the joint's name].")] = None,
-    into: Annotated[Path | None, asked("FILE", "A URDF, SDF or MJCF to merge the values into.")] = None,
-    compensator: Annotated[
-        str | None, asked("NAME", "In C: lugre (default), lugre-feedback, lugre-observer, stribeck or coulomb.")
-    ] = None,
-    adapt: Annotated[str | None, asked("LAW", "In C, adapts: partial, partial-theta, total or printed.")] = None,
-    step: Annotated[str | None, asked("STEP", "Of that law: gradient, normalised or least-squares.")] = None,
-    amplitude: Annotated[
-        str | None, asked("QUANTITY", "Of the motion that a target without LuGre is fitted on.")
-    ] = None,
-    frequency: Annotated[str | None, asked("QUANTITY", "Of that motion [default: 0.5 Hz].")] = None,
-) -> None:
+    experiment: Path, to: str, joint: str | None = None, output: Path | None = None, into: Path | None = None,
+    compensator: str | None = None, adapt: str | None = None, step: str | None = None, amplitude: str | None = None,
+    frequency: str | None = None,
+) -> None:  # fmt: skip  # a list of options
     """Hand a joint over: C code, MuJoCo, FMU, URDF and more.
 
     With what the target cannot hold, and what that loses, for this joint, on stated motions.
@@ -432,12 +398,12 @@ def export(
     print_lines([f"File: {landing}"], done=True)
 
 
-@app.command()
-def compare(
-    first: Annotated[Path, given("A", "results.json of the first session.")],
-    second: Annotated[Path, given("B", "results.json of the second session.")],
-    output: Annotated[Path | None, to("DIR", "Write a page with a figure and tables here.")] = None,
-) -> None:
+@command(
+    first=given("A", "results.json of the first session."),
+    second=given("B", "results.json of the second session."),
+    output=to("DIR", "Write a page with a figure and tables here."),
+)
+def compare(first: Path, second: Path, output: Path | None = None) -> None:
     """Compare two sessions: which parameters changed.
 
     A parameter changed where both values differ by more than their joint uncertainty.
@@ -456,34 +422,27 @@ def compare(
         print_lines([f"Page: {report.write(output)}"], done=True)
 
 
-@app.command()
+@command(
+    catalog=given(
+        "CATALOG",
+        "A table (CSV, Parquet) with the columns file, unit and session, or a pattern such as 'logs/{unit}/{session}/{type}.yaml'.",
+    ),
+    output=asked("DIR", "Where dataset and page land [default: reports/NAME-fleet].", "-o", "--output"),
+    scheduler=asked("ADDRESS", "Of a running Dask cluster, as tcp://host:8786 [default: the cores of this machine]."),
+    memory=asked("SIZE", "Of each of these processes, as '2 GiB'."),
+    verify=flag("--verify", "Hash every file anew, changed or not."),
+    rate=asked("X", "False discovery rate among the joints that changed."),
+    baseline=asked("N", "First sessions of a joint, against which it is compared."),
+    tls_ca_file=asked("FILE", "Of a scheduler by TLS: certificate of the authority, PEM."),
+    tls_cert=asked("FILE", "The same: the client's certificate."),
+    tls_key=asked("FILE", "The same: the client's key."),
+    strict=flag("--strict", "Exit with 3 where a joint changed."),
+)
 def fleet(
-    catalog: Annotated[
-        str,
-        given(
-            "CATALOG",
-            "A table (CSV, Parquet) with the columns file, unit and session, or a pattern such as 'logs/{unit}/{session}/{type}.yaml'.",
-        ),
-    ],
-    output: Annotated[
-        str | None, asked("DIR", "Where dataset and page land [default: reports/NAME-fleet].", "-o", "--output")
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        asked("ADDRESS", "Of a running Dask cluster, as tcp://host:8786 [default: the cores of this machine]."),
-    ] = None,
-    workers: Workers = None,
-    memory: Annotated[str | None, asked("SIZE", "Of each of these processes, as '2 GiB'.")] = None,
-    verify: Annotated[bool, flag("--verify", "Hash every file anew, changed or not.")] = False,
-    rate: Annotated[float, asked("X", "False discovery rate among the joints that changed.")] = 0.05,
-    baseline: Annotated[int, asked("N", "First sessions of a joint, against which it is compared.")] = 3,
-    tls_ca_file: Annotated[
-        Path | None, asked("FILE", "Of a scheduler by TLS: certificate of the authority, PEM.")
-    ] = None,
-    tls_cert: Annotated[Path | None, asked("FILE", "The same: the client's certificate.")] = None,
-    tls_key: Annotated[Path | None, asked("FILE", "The same: the client's key.")] = None,
-    strict: Annotated[bool, flag("--strict", "Exit with 3 where a joint changed.")] = False,
-) -> None:
+    catalog: str, output: str | None = None, scheduler: str | None = None, workers: int | None = None,
+    memory: str | None = None, verify: bool = False, rate: float = 0.05, baseline: int = 3, tls_ca_file: Path | None = None,
+    tls_cert: Path | None = None, tls_key: Path | None = None, strict: bool = False,
+) -> None:  # fmt: skip  # a list of options
     """Watch a fleet: which joints changed, which units differ.
 
     Identifies each joint of each session on Dask, only what is new or changed, into a Parquet dataset in the folder.
@@ -514,24 +473,18 @@ def fleet(
         raise typer.Exit(3)
 
 
-@app.command()
+@command(
+    experiment=optional("the paper's gripper rotation (+), simulated"),
+    output=lands("-sensitivity"),
+    amplitude=asked("QUANTITY", "Of the sinusoidal motion, with its unit [default: from the experiment]."),
+    frequency=asked("QUANTITY", "Of the motion [default: from the experiment, or 0.5 Hz]."),
+    samples=typer.Option(help="Of the Sobol indices, a power of two from 32 up; 0: leave them out."),
+    symbolic=flag("--symbolic", "Print the derivatives as formulas and as LaTeX, and nothing else."),
+)
 def sensitivity(
-    experiment: Annotated[Path | None, optional("the paper's gripper rotation (+), simulated")] = None,
-    joint: OfRobot = None,
-    output: Annotated[Path | None, lands("-sensitivity")] = None,
-    amplitude: Annotated[
-        str | None, asked("QUANTITY", "Of the sinusoidal motion, with its unit [default: from the experiment].")
-    ] = None,
-    frequency: Annotated[
-        str | None, asked("QUANTITY", "Of the motion [default: from the experiment, or 0.5 Hz].")
-    ] = None,
-    samples: Annotated[
-        int, typer.Option(help="Of the Sobol indices, a power of two from 32 up; 0: leave them out.")
-    ] = 1024,
-    symbolic: Annotated[
-        bool, flag("--symbolic", "Print the derivatives as formulas and as LaTeX, and nothing else.")
-    ] = False,
-) -> None:
+    experiment: Path | None = None, joint: str | None = None, output: Path | None = None, amplitude: str | None = None,
+    frequency: str | None = None, samples: int = 1024, symbolic: bool = False,
+) -> None:  # fmt: skip  # a list of options
     """Show which parameters matter, and when.
 
     Along a motion, over amplitude and frequency, and over their intervals.
@@ -556,17 +509,17 @@ def sensitivity(
     print_lines([f"Page: {report.write(folder)}"], done=True)
 
 
-@app.command()
+@command(
+    experiment=FILE,
+    output=to("FILE", "Write the references that a controller plays here, CSV."),
+    page=to("DIR", "Write a page with figures and tables here.", "--page"),
+    velocities=asked("N", "Runs at constant velocity in each direction."),
+    aim=asked("NAME", "The parameter whose interval is to shrink, as v_s or sigma_0.", "--for"),
+)
 def plan(
-    experiment: ExperimentFile,
-    joint: OfRobot = None,
-    output: Annotated[Path | None, to("FILE", "Write the references that a controller plays here, CSV.")] = None,
-    page: Annotated[Path | None, to("DIR", "Write a page with figures and tables here.", "--page")] = None,
-    velocities: Annotated[int, asked("N", "Runs at constant velocity in each direction.")] = 12,
-    aim: Annotated[
-        str, asked("NAME", "The parameter whose interval is to shrink, as v_s or sigma_0.", "--for")
-    ] = "all",
-) -> None:
+    experiment: Path, joint: str | None = None, output: Path | None = None, page: Path | None = None, velocities: int = 12,
+    aim: str = "all",
+) -> None:  # fmt: skip  # a list of options
     """Plan what to measure next.
 
     Constant velocities, slow loading and a tracking motion, with the intervals to expect.
@@ -594,20 +547,14 @@ def plan(
         print_lines([f"Page: {written}"], done=True)
 
 
-@app.command()
-@tells_of_logs
-def new(
-    logs: Annotated[
-        list[Path],
-        given(
-            "LOG...",
-            "Logs of one joint (CSV, Parquet, MAT, NPZ, HDF5, ROS bag), a URDF and logs of its robot, or a half-filled experiment file.",
-        ),
-    ],
-    output: Annotated[Path | None, to("FILE", "Write the draft here instead of printing it.")] = None,
-    *,
-    of_logs: Mapping[str, Any],
-) -> None:
+@command(
+    logs=given(
+        "LOG...",
+        "Logs of one joint (CSV, Parquet, MAT, NPZ, HDF5, ROS bag), a URDF and logs of its robot, or a half-filled experiment file.",
+    ),
+    output=to("FILE", "Write the draft here instead of printing it."),
+)
+def new(logs: list[Path], output: Path | None = None, *, of_logs: Mapping[str, Any]) -> None:
     """Draft an experiment file from logs.
 
     It runs as it is; a half-filled file is completed by what its runs ask for.
@@ -647,8 +594,8 @@ def new(
         complain(sentence)
 
 
-@app.command()
-def explain(code: Annotated[str, given("CODE", "What stands in brackets behind a warning.")]) -> None:
+@command(code=given("CODE", "What stands in brackets behind a warning."))
+def explain(code: str) -> None:
     """Explain a warning, and say what to do.
 
     What it means, and why it has its severity.
