@@ -76,18 +76,11 @@ def run_fleet(
     verify: bool = False,
     progress: Progress | None = None,
 ) -> FleetRun:
-    """Identify what is new or changed of a fleet, and bring the dataset in the folder `output` up to date.
+    """Identify what is new or changed of a fleet, and bring the dataset in the folder `output`, which is `held`, up to date.
 
-    Args:
-        rows: of the catalog.
-        output: a folder that is `held`, or a URL of one.
-        client: of Dask.
-        identify: identifies a joint of a file, by a function that can be pickled.
-        verify: whether every input is hashed anew.
-        progress: told of every step.
-
-    Raises InputError where the workers cannot be used, or nothing at all is identified, and OSError where the output is full, or
-    the scheduler is lost. What is finished by then stays.
+    `identify` identifies a joint of a file, and can be pickled; with `verify` every input is hashed anew. Raises InputError where
+    the workers cannot be used, or nothing at all is identified, and OSError where the output is full, or the scheduler is lost.
+    What is finished by then stays.
     """
     import pyarrow as pa
     import pyarrow.compute as pc

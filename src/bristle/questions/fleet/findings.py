@@ -63,15 +63,7 @@ def check_rate(rate: float, baseline: int) -> None:
 
 
 def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) -> Findings:
-    """What a dataset of `bristle fleet` tells.
-
-    Args:
-        frame: the columns of the dataset.
-        rate: of false discoveries, between 0 and 1.
-        baseline: sessions of a joint before the first that may be changed.
-
-    Raises InputError as `check_rate` does.
-    """
+    """What a dataset of `bristle fleet` tells, at a false discovery rate, against so many first sessions. Raises InputError as `check_rate`."""
     check_rate(rate, baseline)
     whole, frame = frame, named_rows(frame)
     people, said = roster(frame, whole), list[Finding]()

@@ -84,14 +84,7 @@ class Quantity:
 
 
 def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], people: Roster) -> Quantity | None:
-    """The quantity of some rows; None where its values cannot be scaled.
-
-    Args:
-        key: which it is.
-        rows: of the quantity alone.
-        where: their numbers in the whole frame.
-        people: the joints of the frame.
-    """
+    """The quantity of some rows, whose numbers in the whole frame are `where`; None where its values cannot be scaled."""
     joint, day = people.joint[where], people.day[where]
     order = np.lexsort((day, joint))
     columns = ("value", "standard_error", "lower", "upper")

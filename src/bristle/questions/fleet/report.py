@@ -34,10 +34,7 @@ _PER_TYPE = 3
 def report(found: Findings, output: str = "", base: str = "") -> Report:
     """The headline, the joints that changed, then pages of units and of data quality; the terminal has the first of each list.
 
-    Args:
-        found: the findings.
-        output: the folder that the report is meant for: reports of joints that lie there are linked, and commands make the others.
-        base: the folder that the catalog's files are relative to.
+    Reports of joints that lie in `output`, which it is meant for, are linked; commands make the others, of files below `base`.
     """
     # Of each joint's latest session the report, where it is there, or the command that makes it.
     reports: dict[tables.Name, str | Link] = dict(tables.report_commands(found.joints, output, base)) if output else {}

@@ -110,12 +110,8 @@ def report_folders(joints: pd.DataFrame) -> dict[Name, str]:
 def report_commands(joints: pd.DataFrame, output: str, base: str = "") -> dict[Name, str]:
     """By unit and joint the command that makes the report of its latest session, for a POSIX shell, below a fleet's output folder.
 
-    There is none of a file behind a URL, which a report does not read; a name that begins with a hyphen gets ./ before it.
-
-    Args:
-        joints: of the findings.
-        output: the folder of the page.
-        base: the folder that the catalog's files are relative to.
+    The catalog's files are relative to `base`. There is none of a file behind a URL, which a report does not read; a name that
+    begins with a hyphen gets ./ before it.
     """
     folders, below = report_folders(joints), output.rstrip("/")
     files = {(str(row.unit), str(row.joint)): joined_path(base, str(row.file)) for row in rows_of(joints) if row.file}

@@ -64,11 +64,8 @@ def sweep(noise: float | None = None) -> CaseSet:
 def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
     """A case per direction in which the joint's static fit has a Stribeck term, and why the others have none.
 
-    Args:
-        joint: identified.
-        noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, corrected for its parameters.
-
-    Raises InputError where nothing at all was fitted, or a fit has a number that no joint has.
+    `noise`: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, corrected for its parameters. Raises
+    InputError where nothing at all was fitted, or a fit has a number that no joint has.
     """
     check_fitted(joint)
     cases, skipped = [], {}

@@ -124,14 +124,7 @@ def check_samples(samples: int) -> None:
 def study_sensitivity(
     joint: Joint, request: Request, samples: int = SAMPLES, progress: Progress | None = None
 ) -> SensitivityStudy:
-    """Local, mapped and global sensitivity and the information of a joint.
-
-    Args:
-        joint: as it was identified.
-        request: as `of_joint` gives it.
-        samples: of the Sobol indices, as `check_samples` has it.
-        progress: told of every step.
-    """
+    """Local, mapped and global sensitivity and the information of a joint, as asked in `request`; `samples` as `check_samples` has it."""
     model, motion, loop = request
     tell = teller(progress, 3)
     tell("derivatives along the motion")
