@@ -786,10 +786,8 @@ def test_warnings_about_signals_count(tmp_path: Path) -> None:
     log_of = log("ramp", t=time, q=position, v=60 / (2 * np.pi) * speed, tau=torque)
     ran = run("identify", placed(tmp_path, log_of), "--strict")
     assert ran.code == 3
-    assert (
-        "critical [velocity-factor]: The position of data.csv moves 0.105 times as far as its logged velocity says"
-        in ran.words
-    )
+    said = "critical [velocity-factor]: The position of data.csv moves 0.105 times as far as its logged velocity says"
+    assert said in ran.words
     assert "`unit: rpm` under signals.velocity" in ran.words
 
 
@@ -890,10 +888,8 @@ def test_a_sentence_is_one_short_line() -> None:
     """Escapes stand for what a terminal would obey; a very long sentence keeps its beginning and its end, where it says what to do."""
     assert _sentence(OSError("a\x1b[31m\nb\u202e \udc80")) == "a\\x1b[31m b\\u202e \\udc80"
     for text in ("x" * 10**6, "\x1b" * 10**6, "x" * 499 + "\x1b" * 100):
-        for error in (
-            InputError(f"file: {text}; name another"),
-            OSError(errno.ENOENT, "none; name another", f"file: {text}"),
-        ):
+        missing = OSError(errno.ENOENT, "none; name another", f"file: {text}")
+        for error in (InputError(f"file: {text}; name another"), missing):
             said = _sentence(error)
             assert len(said) < 510
             assert said.startswith("file: ")

@@ -59,9 +59,8 @@ def empty() -> Findings:
         name: getattr(some, name).iloc[:0]
         for name in ("joints", "changes", "series", "types", "units", "quality", "warned", "failures")
     }
-    return Findings(
-        headline=headline(tables["joints"], 0.05), notes=(), rate=0.05, baseline=3, simulated=False, **tables
-    )
+    said = headline(tables["joints"], 0.05)
+    return Findings(headline=said, notes=(), rate=0.05, baseline=3, simulated=False, **tables)
 
 
 def when(sessions: int) -> pd.DatetimeIndex:

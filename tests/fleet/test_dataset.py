@@ -29,11 +29,10 @@ def results(keys: list[str], rows: int = 3) -> Any:
 def sessions(keys: list[str], failures: dict[int, str] | None = None) -> pd.DataFrame:
     """A joint session of each key, from the last to the first."""
     day, why = pd.Timestamp("2026-01-01"), failures or {}
+    units = (f"r{len(keys) - k:06d}" for k in range(len(keys)))
     rows = [
-        JointSession(
-            f"r{len(keys) - k:06d}", "j", "t", day, math.nan, 2.0, "", f"f{k}", f"/f{k}", "j", key, why.get(k, "")
-        )
-        for k, key in enumerate(keys)
+        JointSession(unit, "j", "t", day, math.nan, 2.0, "", f"f{k}", f"/f{k}", "j", key, why.get(k, ""))
+        for k, (unit, key) in enumerate(zip(units, keys, strict=True))
     ]
     frame = pd.DataFrame(rows, columns=list(JointSession._fields))
     return frame.assign(session=frame["session"].astype("datetime64[us]"))

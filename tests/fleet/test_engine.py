@@ -267,9 +267,8 @@ def test_a_pattern_and_types(ran: Any, tmp_path: Path) -> None:
     mixed = ran(pd.DataFrame(rows))
     assert IDENTIFIED == []
     assert mixed.frame[mixed.frame["left_out"].notna()]["type"].unique().tolist() == ["t2"]
-    assert mixed.findings.failures["failure"].tolist() == [
-        "of type 't2', but 't1' in 1 of the 2 sessions of this joint; give it one type"
-    ]
+    said = "of type 't2', but 't1' in 1 of the 2 sessions of this joint; give it one type"
+    assert mixed.findings.failures["failure"].tolist() == [said]
 
 
 def test_one_bad_row_is_a_failure_of_that_row(ran: Any, tmp_path: Path) -> None:

@@ -189,9 +189,8 @@ def test_what_cannot_be_tested_says_why() -> None:
     assert found.headline.code == "fleet-untested"
     assert "joints-untested" in kinds(found)
     assert (found.joints["untested"] != "").all()
-    failed = frame.iloc[:3].assign(
-        value=np.nan, failure=["no such file", "no such file", "bad"], direction=None, parameter=None
-    )
+    said = ["no such file", "no such file", "bad"]
+    failed = frame.iloc[:3].assign(value=np.nan, failure=said, direction=None, parameter=None)
     none = findings(failed)
     assert none.headline.code == "fleet-untested"
     assert len(none.failures) == 2

@@ -80,9 +80,7 @@ def both_ways(case: ValidationCase, torques: Array, count: int) -> tuple[Array, 
     seed=st.integers(0, 99),
     sign=st.sampled_from([1.0, -1.0]),
 )
-def test_plain_grids_of_many_sets_are_those_of_each(
-    design: int, noise: float, count: int, seed: int, sign: float
-) -> None:
+def test_many_plain_grids_are_those_of_each(design: int, noise: float, count: int, seed: int, sign: float) -> None:
     """A plain grid over many sets at once costs what the paper's costs set by set, bounds included."""
     case = case_of(design, noise, sign)
     torques = torques_of(case, 4, seed)
@@ -136,9 +134,8 @@ def test_derivatives_are_the_regression_s() -> None:
     case = case_of(EVEN, sign=-1.0)
     theta = methods.refined(case, torques_of(case, 5))
     for k, jacobian in enumerate(methods.jacobians(case, theta)):
-        assert jacobian == pytest.approx(
-            case.problem(torques_of(case, 5)[:, k]).jacobian(theta[:, k]), rel=1e-12, abs=1e-15
-        )
+        own = case.problem(torques_of(case, 5)[:, k]).jacobian(theta[:, k])
+        assert jacobian == pytest.approx(own, rel=1e-12, abs=1e-15)
 
 
 def test_coverage_counts_the_intervals_of_the_covariance() -> None:
@@ -182,10 +179,8 @@ def test_ipopt_never_undercuts_the_refined_grid(design: int, noise: float) -> No
     assert (ends[3] >= case.v_s_range[0] * (1 - 1e-9)).all()
     assert (ends[3] <= case.v_s_range[1] * (1 + 1e-9)).all()
     assert (ends[:3] >= 0).all()
-    assert (
-        methods.costs(case, torques, ends)
-        > methods.costs(case, torques, methods.refined(case, torques)) * (1 - SAME_COST)
-    ).all()
+    lowest = methods.costs(case, torques, methods.refined(case, torques))
+    assert (methods.costs(case, torques, ends) > lowest * (1 - SAME_COST)).all()
 
 
 def test_error_of_a_fine_plain_grid_is_even_rounding() -> None:
@@ -247,11 +242,7 @@ def test_the_verdict_holds_the_numbers(validation: Validation) -> None:
     ratio = result.methods[POLISHED].seconds / result.methods[REFINED].seconds
     assert dict(numbers["fit-times"]["times"])[POLISHED] == ratio
     assert f"{POLISHED} {ratio:.2g}" in bristle.report_of(validation).text()
-    assert [diagnostic.code for diagnostic in overall(validation)] == [
-        "never-undercut",
-        "design-validated",
-        "design-validated",
-    ]
+    assert [x.code for x in overall(validation)] == ["never-undercut", "design-validated", "design-validated"]
 
 
 def test_no_sentence_decides_on_a_validation(validation: Validation, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -283,9 +274,8 @@ def test_without_slow_speeds_a_lower_cost_may_lie_outside_the_range(validation: 
     case = case_of(NONE_BELOW, 0.005)
     rng = np.random.default_rng([0, 4])
     torques = np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, 1).T)
-    starts = running._from_starts(
-        case, torques[:, 0], methods.refined(case, torques)[:, 0], methods.random_starts(case, 4, rng), {}
-    )
+    best, four = methods.refined(case, torques)[:, 0], methods.random_starts(case, 4, rng)
+    starts = running._from_starts(case, torques[:, 0], best, four, {})
     here = validation.cases[2]
     final, cost = {**here.starts.final, FREE: starts.final[FREE]}, {**here.starts.cost, FREE: starts.cost[FREE]}
     one = replace(here, case=case, starts=replace(here.starts, final=final, cost=cost, best_cost=starts.best_cost))
@@ -454,10 +444,8 @@ def test_the_page_holds_verdict_tables_and_figures(validation: Validation, tmp_p
     assert len(frames["cases"]) == 3
     assert len(frames["resolution"]) == 3 * len(RESOLUTIONS)
     assert frames["cases"]["ipopt_lead"].max() <= SAME_COST
-    assert (
-        sorted(p.suffix for p in (tmp_path / "out" / "figures").iterdir())
-        == [".csv"] * 10 + [".png"] * 10 + [".svg"] * 10
-    )
+    suffixes = sorted(p.suffix for p in (tmp_path / "out" / "figures").iterdir())
+    assert suffixes == [".csv"] * 10 + [".png"] * 10 + [".svg"] * 10
     assert validation.to_frame()["declined_percent"].tolist() == [100 * one.declined for one in validation.cases]
 
 

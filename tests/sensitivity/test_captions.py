@@ -58,9 +58,8 @@ def test_a_claim_that_holds_nowhere_is_said(known: SensitivityStudy) -> None:
     shares = np.full((2, 3, 6), 0.01)
     shares[..., 4:] = 0.5
     shares[0, 0, 4], shares[1, 2, 4] = 1e-7, 1.25
-    found = captions(
-        replace(known, map=Map(names=known.map.names, amplitudes=np.ones(2), frequencies=np.ones(3), shares=shares))
-    )
+    of = Map(names=known.map.names, amplitudes=np.ones(2), frequencies=np.ones(3), shares=shares)
+    found = captions(replace(known, map=of))
     assert found["first"] == "α₀ and α₂ have the two largest shares in 0 % of the map, 0 of 6 motions."
     assert found["map"] == "The share of σ₀ varies most over the map, from less than 0.1 % to 120 %."
 

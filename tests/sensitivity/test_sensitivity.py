@@ -55,6 +55,7 @@ SLOW_SMALL = motion(0.02, 0.2)
 with registered():
     OF_LAWS = [truth_of(law) for law in (DRAG, EXPONENT, OUTSIDE)]
 OF_LAWS_NAMED = ["a term that falls", "an exponent", "from outside"]
+Study = study.SensitivityStudy
 STEP = 1e-4
 """Relative, of the finite differences."""
 
@@ -125,9 +126,7 @@ def test_torque_is_homogeneous_in_what_is_a_torque(p: Lugre[float], at: SineMoti
 
 @FEW
 @given(sets, motions, positive, positive, positive)
-def test_shares_do_not_depend_on_units(
-    p: Lugre[float], at: SineMotion, mass: float, length: float, rate: float
-) -> None:
+def test_shares_are_without_units(p: Lugre[float], at: SineMotion, mass: float, length: float, rate: float) -> None:
     """In other units of torque, angle and time every share is the same."""
     units = (mass, mass, mass / (length * rate), length * rate, mass / length, mass / (length * rate))
     other = Lugre(*(x * u for x, u in zip(p, units, strict=True)))
@@ -192,7 +191,7 @@ def test_a_motion_has_whole_windows(amplitude: float, frequency: float) -> None:
     assert found.top_speed == pytest.approx(2 * np.pi * amplitude * frequency)
 
 
-def test_a_joint_of_points_has_an_assumed_bristle(known: study.SensitivityStudy) -> None:
+def test_a_joint_of_points_has_an_assumed_bristle(known: Study) -> None:
     """Points tell nothing of the bristle: sigma_0 and sigma_1 are assumed and said to be, and have no interval.
 
     What was fitted is what is used.
@@ -209,7 +208,7 @@ def test_a_joint_of_points_has_an_assumed_bristle(known: study.SensitivityStudy)
     assert known.motion.top_speed == pytest.approx(0.4, rel=0.05)
 
 
-def test_expected_errors_of_constant_velocities_are_the_fits_own(known: study.SensitivityStudy) -> None:
+def test_expected_errors_of_constant_velocities_are_the_fits_own(known: Study) -> None:
     """The information of the joint's own constant velocities gives the standard errors that its static fit has."""
     static = known.expected[1]
     assert static.what == "the constant velocities"
@@ -217,7 +216,7 @@ def test_expected_errors_of_constant_velocities_are_the_fits_own(known: study.Se
         assert static.errors[name] == pytest.approx(error, rel=1e-6)
 
 
-def test_the_text_says_what_was_found(known: study.SensitivityStudy) -> None:
+def test_the_text_says_what_was_found(known: Study) -> None:
     """What matters most first, with its share; six parameters with three shares each, everything else found, and every assumption.
 
     Its frame, which is its page's table, has a row for each parameter, the largest total share first.
@@ -241,9 +240,7 @@ def test_the_text_says_what_was_found(known: study.SensitivityStudy) -> None:
     pd.testing.assert_frame_equal(bristle.report_of(known).frames["shares"], frame)
 
 
-def test_no_sentence_decides_on_a_study(
-    folder: Path, known: study.SensitivityStudy, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_sentence_decides_on_a_study(folder: Path, known: Study, monkeypatch: pytest.MonkeyPatch) -> None:
     """With every template replaced by its kind's name a study comes out the same in every number, kind and severity."""
     before = held(replace(known, formulas=None)), bristle.report_of(known).text()
     without_sentences(monkeypatch)
@@ -253,7 +250,7 @@ def test_no_sentence_decides_on_a_study(
 
 
 def test_without_sympy_only_the_formulas_are_left_out(
-    folder: Path, known: study.SensitivityStudy, monkeypatch: pytest.MonkeyPatch
+    folder: Path, known: Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without SymPy everything else is found and reported.
 
@@ -279,7 +276,7 @@ def test_nothing_known_is_refused(tmp_path: Path) -> None:
         of_joint(measured, identify_joint(measured))
 
 
-def test_the_bristle_that_is_assumed_is_the_plans(folder: Path, known: study.SensitivityStudy) -> None:
+def test_the_bristle_that_is_assumed_is_the_plans(folder: Path, known: Study) -> None:
     """One joint, one guess: sigma_0 and sigma_1 are those that a plan starts from, whatever the amplitude.
 
     By sigma_0 the bristle bends by 1/1000 of the travel.
@@ -297,7 +294,7 @@ def test_the_bristle_that_is_assumed_is_the_plans(folder: Path, known: study.Sen
     assert all("and a guessed inertia of" in str(d) for d in damped)
 
 
-def test_the_whole_range_of_motions_can_be_explored(known: study.SensitivityStudy, folder: Path) -> None:
+def test_the_whole_range_of_motions_can_be_explored(known: Study, folder: Path) -> None:
     """At the corners of what is accepted, and of the maps around them, every share is a finite number.
 
     Just beyond, the motion is refused.
@@ -336,9 +333,7 @@ def test_a_position_that_stands_still_is_refused(tmp_path: Path) -> None:
         of_joint(stopped, joint)
 
 
-def test_the_command_writes_a_page(
-    folder: Path, known: study.SensitivityStudy, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_command_writes_a_page(folder: Path, known: Study, monkeypatch: pytest.MonkeyPatch) -> None:
     """The command prints what was found and writes index.html with a table and a figure of each kind.
 
     Each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is there.
@@ -363,7 +358,7 @@ def test_the_command_writes_a_page(
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_no_label_of_the_map_leaves_the_figure(known: study.SensitivityStudy, kind: JointKind) -> None:
+def test_no_label_of_the_map_leaves_the_figure(known: Study, kind: JointKind) -> None:
     """Whatever the amplitudes, every label of the map lies within the figure."""
     figure = map_figure(replace(known, kind=kind, map=replace(known.map, amplitudes=known.map.amplitudes * 1e-5)))
     figure.draw_without_rendering()
