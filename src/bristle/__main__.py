@@ -10,8 +10,7 @@ from bristle.errors import InputError, one_line
 from bristle.terminal import complain, discard, open_streams, print_lines
 from bristle.workers import interruptible, pin
 
-_LONGEST = 500
-"""Characters of an error's sentence: one of ours is shorter, the system's or click's may not be."""
+_LONGEST = 500  # characters of an error's sentence: one of ours is shorter, the system's or click's may not be
 
 
 def main() -> NoReturn:

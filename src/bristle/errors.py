@@ -5,8 +5,7 @@ import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
 
-LONGEST = 450
-"""Characters of a sentence; what is longer loses its middle."""
+LONGEST = 450  # characters of a sentence; what is longer loses its middle
 
 
 class InputError(ValueError):

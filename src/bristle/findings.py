@@ -101,8 +101,7 @@ class Finding:
         return hash((self.code, self.message))
 
 
-PLAIN = frozenset((float, int, bool, str, NoneType, np.ndarray, np.float64))
-"""Types of values that hold no others."""
+PLAIN = frozenset((float, int, bool, str, NoneType, np.ndarray, np.float64))  # types of values that hold no others
 
 
 def with_subjects(

@@ -192,8 +192,7 @@ def _explorer(known: "_Known") -> "Explorer | None":
     return None
 
 
-_Known = tuple[Sequence[Joint], dict[str, JointLoop | str]]
-"""Joints, and the loop of each or why there is none."""
+_Known = tuple[Sequence[Joint], dict[str, JointLoop | str]]  # joints, and the loop of each or why there is none
 
 
 def _known(results: Results, joint: str | None = None) -> _Known:

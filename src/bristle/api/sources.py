@@ -21,8 +21,7 @@ from bristle.identification.robot.measured import measure_robot
 from bristle.progress import Progress
 from bristle.simulation import edro
 
-Source = Experiment | Robot | Path | str
-"""An experiment, or a robot: loaded, or its file."""
+Source = Experiment | Robot | Path | str  # an experiment, or a robot: loaded, or its file
 
 
 def placed(written: WrittenExperiment, folder: Path) -> WrittenExperiment:

@@ -21,18 +21,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 REQUIRED = ("file", "unit", "session")
-CATALOG = (*REQUIRED, "joint", "type", "temperature", "load", "tags")
-"""Columns of a catalog."""
-LONGEST_TEXT = 400
-"""Characters of an entry."""
+CATALOG = (*REQUIRED, "joint", "type", "temperature", "load", "tags")  # columns of a catalog
+LONGEST_TEXT = 400  # characters of an entry
 MOST_ROWS = 2_000_000
 _MOST_BYTES = 2**30
 _SEPARATORS = (",", ";", "\t")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
-_COLDEST, _HOTTEST = -273.15, 5000.0
-"""deg C."""
-_MOST_LOAD = 1e9
-"""Of a load, whatever its unit: so that squares of it are numbers."""
+_COLDEST, _HOTTEST = -273.15, 5000.0  # deg C
+_MOST_LOAD = 1e9  # of a load, whatever its unit: so that squares of it are numbers
 _FIELD = re.compile(r"\{([^{}]*)\}")
 _YEARS = (1900, 2200)
 

@@ -24,8 +24,7 @@ from bristle.questions.fleet.roster import Roster
 
 COMPARED = 0.05
 """Level at which the estimates' own errors are compared, where the scatter between sessions is hardly known."""
-LEAST_UNITS = 5
-"""Joints of a type from which on its mean and spread are told."""
+LEAST_UNITS = 5  # joints of a type from which on its mean and spread are told
 MOST_LEFT_OUT = 50
 """Joints of a type up to which each is judged by the others alone: of more one hardly moves the spread."""
 _UNIT_COLUMNS = {

@@ -17,14 +17,12 @@ from bristle.questions.fleet.files import digest_of, joined_path, remove, write_
 from bristle.questions.fleet.tasks import version_difference, versions
 from bristle.workers import cores, pinned
 
-Client = Any
-"""A `distributed.Client`."""
+Client = Any  # a `distributed.Client`
 _LOOPBACK = "127.0.0.1"
 _DASHBOARD = 8787
 _WAIT = 60.0
 """Seconds that a scheduler or its first worker is waited for, and that nothing may end until workers are asked."""
-_POLL = 0.02
-"""Seconds between two looks at what has ended."""
+_POLL = 0.02  # seconds between two looks at what has ended
 _UNINTERRUPTED = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
 """What a worker of our own does first: it leaves an interrupt to the client, which ends it."""
 _LEAN = {

@@ -38,8 +38,7 @@ OF_TASK = (
 """Columns that a task gives; the others are the catalog's."""
 ORDER = ("unit", "joint", "session", "direction", "parameter", "file", "failure")
 PART = re.compile(r"part-\d{5}-[0-9a-f]{8}\.parquet")
-ROWS = 200_000
-"""Of a part."""
+ROWS = 200_000  # of a part
 _READERS = 16
 
 

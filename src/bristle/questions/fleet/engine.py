@@ -23,12 +23,9 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-BATCH = 50
-"""Files that one task looks at."""
-LEAST_WINDOW, WINDOW = 200, 20
-"""Tasks under way: so many, or so many a thread."""
-SENT_WINDOW = 2
-"""The same a thread where each carries its logs."""
+BATCH = 50  # files that one task looks at
+LEAST_WINDOW, WINDOW = 200, 20  # tasks under way: so many, or so many a thread
+SENT_WINDOW = 2  # the same a thread where each carries its logs
 _MEMORY = "its worker died {times}, perhaps for want of memory; give each worker more with --memory"
 
 

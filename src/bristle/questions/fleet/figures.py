@@ -15,12 +15,9 @@ from bristle.page.style import DIRECTION, panels, styled, thinned
 from bristle.page.wording import shortened
 
 _BLUE, _VERMILION, _GREY = DIRECTION["+"].colour, DIRECTION["-"].colour, "#767676"
-POINTS = 200
-"""Sessions of a panel and units of a type that are drawn, at most."""
-_BEYOND = 3.0
-"""Ends of intervals and limits count for an axis up to so many times the range of the values."""
-CODES = 5
-"""Kinds of warnings drawn over time, at most, beside failed sessions."""
+POINTS = 200  # sessions of a panel and units of a type that are drawn, at most
+_BEYOND = 3.0  # ends of intervals and limits count for an axis up to so many times the range of the values
+CODES = 5  # kinds of warnings drawn over time, at most, beside failed sessions
 _LOOKS = (
     (_BLUE, "o", "-"), (_VERMILION, "s", "--"), ("#009E73", "^", ":"), ("#CC79A7", "D", "-."), ("#997700", "v", "-"), (_GREY, "x", "--"),
 )  # fmt: skip  # a table

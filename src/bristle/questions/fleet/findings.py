@@ -23,10 +23,8 @@ from bristle.questions.fleet.quality import failures, new_warnings, quality, war
 from bristle.questions.fleet.quantities import COVARIATES, Adjusted, QuantityKey, adjusted, quantity_of
 from bristle.questions.fleet.roster import Roster, named_rows, roster
 
-RATE = 0.05
-"""Of false discoveries among the joints that are said to have changed, on average."""
-BASELINE = 3
-"""First sessions of a joint, in which it is taken not to have changed."""
+RATE = 0.05  # of false discoveries among the joints that are said to have changed, on average
+BASELINE = 3  # first sessions of a joint, in which it is taken not to have changed
 _MOST = 10_000  # sessions of one joint
 
 

@@ -13,10 +13,8 @@ from bristle.questions.fleet.quality import codes_of, critical, most_common
 from bristle.questions.fleet.quantities import LEAST_FREEDOM, Adjusted
 from bristle.questions.fleet.roster import Roster
 
-_FEW = 10.0
-"""Degrees of freedom below which the scatter between sessions is said to rest on few."""
-_NAMED = 5
-"""Steps that a sentence names."""
+_FEW = 10.0  # degrees of freedom below which the scatter between sessions is said to rest on few
+_NAMED = 5  # steps that a sentence names
 
 
 def headline(joints: pd.DataFrame, rate: float) -> Finding:

@@ -11,10 +11,8 @@ from bristle.estimation.levels import NAMED
 from bristle.page.entries import entries
 from bristle.questions.fleet.roster import Roster
 
-FAILED = "failed"
-"""The code of a session that was not identified."""
-_COUNT = ("caution", "critical")
-"""Severities of warnings that say something of the data."""
+FAILED = "failed"  # the code of a session that was not identified
+_COUNT = ("caution", "critical")  # severities of warnings that say something of the data
 _PERIODS = ((31, "D"), (366, "W-SUN"), (np.inf, "M"))
 """Days that the sessions cover, up to which a period is a day, a week that ends on Sunday, a month."""
 _COLUMNS = {

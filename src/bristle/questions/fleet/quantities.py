@@ -20,20 +20,13 @@ from bristle.estimation.robust import Differences, RobustFit, differences_of, fi
 from bristle.estimation.step_test import Levels
 from bristle.questions.fleet.roster import Roster
 
-KNOTS = 12
-"""Of the shift common to all joints over time, at the most."""
-PER_KNOT = 20
-"""Differences between sessions for each."""
-LEAST_JOINTS = 10
-"""Joints of a type from which on a common shift is told from a change of one."""
-SHIFTED = 1e-3
-"""Level of the test of a common shift, over all quantities of the fleet."""
-CLEAR = 2.0
-"""Standard errors that the median of a parameter is from zero, for it to be compared."""
-LEAST_FREEDOM = 1.5
-"""Degrees of freedom of the scatter between sessions, below which nothing is tested."""
-_FAR = 300.0
-"""Of a logarithm: what is further out is no value of friction."""
+KNOTS = 12  # of the shift common to all joints over time, at the most
+PER_KNOT = 20  # differences between sessions for each
+LEAST_JOINTS = 10  # joints of a type from which on a common shift is told from a change of one
+SHIFTED = 1e-3  # level of the test of a common shift, over all quantities of the fleet
+CLEAR = 2.0  # standard errors that the median of a parameter is from zero, for it to be compared
+LEAST_FREEDOM = 1.5  # degrees of freedom of the scatter between sessions, below which nothing is tested
+_FAR = 300.0  # of a logarithm: what is further out is no value of friction
 COVARIATES = ("temperature", "load")
 
 

@@ -17,18 +17,12 @@ from bristle.questions.fleet import figures, tables
 from bristle.questions.fleet.findings import Findings
 from bristle.questions.fleet.tables import change, day, label, probability, quantity, rows_of, value_unit
 
-_DRAWN = 30
-"""Joints with a figure, at most: those that changed, ..."""
-_LEAST_DRAWN = 3
-"""... and as many as are ranked first, whether they did or not."""
-_PANELS = 4
-"""Parameters in it."""
-_TYPES_DRAWN = 12
-"""Types with a figure of their units."""
-_MOST_CHANGED, _MOST_OUTSIDE, _MOST_TYPES, _MOST_CODES = 20, 10, 6, 4
-"""Lines of the terminal."""
-_PER_TYPE = 3
-"""Parameters named in a type's line."""
+_DRAWN = 30  # joints with a figure, at most: those that changed
+_LEAST_DRAWN = 3  # joints with a figure, at least: those that are ranked first, whether they changed or not
+_PANELS = 4  # parameters in it
+_TYPES_DRAWN = 12  # types with a figure of their units
+_MOST_CHANGED, _MOST_OUTSIDE, _MOST_TYPES, _MOST_CODES = 20, 10, 6, 4  # lines of the terminal
+_PER_TYPE = 3  # parameters named in a type's line
 
 
 def report(found: Findings, output: str = "", base: str = "") -> Report:

@@ -12,8 +12,7 @@ if TYPE_CHECKING:
 
 _IN_ORDER = 0.8
 """Of all steps from a joint's session to its next one, in the order of a catalog: with fewer forward the catalog is in no order of time."""
-_OLDEST = "2001-01-01"
-"""Clocks that were reset show 1970, 1980 or 2000."""
+_OLDEST = "2001-01-01"  # clocks that were reset show 1970, 1980 or 2000
 
 
 class JointSession(NamedTuple):

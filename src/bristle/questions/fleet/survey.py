@@ -19,14 +19,10 @@ from bristle.data.robot.robot_file import Robot, is_robot, robot_of
 from bristle.errors import InputError, check_regular, one_line, short, unreadable
 from bristle.questions.fleet import files
 
-SCHEMA = "bristle-fleet/1"
-"""Of the dataset: another one has other keys."""
-OWN = "."
-"""How the experiment file is called among its inputs: whatever its name, its content counts."""
-_KEY = 32
-"""Hexadecimal digits of a key."""
-_BAG = (".mcap", ".db3", ".yaml")
-"""Files of a folder that is a bag."""
+SCHEMA = "bristle-fleet/1"  # of the dataset: another one has other keys
+OWN = "."  # how the experiment file is called among its inputs: whatever its name, its content counts
+_KEY = 32  # hexadecimal digits of a key
+_BAG = (".mcap", ".db3", ".yaml")  # files of a folder that is a bag
 
 
 class FleetInput(NamedTuple):

@@ -13,14 +13,10 @@ from bristle.page.said import Link
 from bristle.page.wording import MISSING, in_print, measured, number, pretty, shortened, slugs, span, symbol
 from bristle.questions.fleet.files import joined_path
 
-MOST = 2000
-"""Rows of a table on a page."""
-_LONG = 160
-"""Characters of a text of a user on the page."""
-_LEAST = 1e-30
-"""p-values below this are shown as below it."""
-Name = tuple[str, str]
-"""Unit and joint."""
+MOST = 2000  # rows of a table on a page
+_LONG = 160  # characters of a text of a user on the page
+_LEAST = 1e-30  # p-values below this are shown as below it
+Name = tuple[str, str]  # unit and joint
 
 
 def change(value: float, low: float, high: float) -> str:

@@ -29,8 +29,7 @@ class Identified(NamedTuple):
     """Why there is no row."""
 
 
-Identify = Callable[[Path, str], Identified]
-"""Identifies the joint of a name in a file."""
+Identify = Callable[[Path, str], Identified]  # identifies the joint of a name in a file
 _ONE = threading.Lock()
 """CasADi's functions and NumPy's settings are of the process: threads of a worker identify one after another."""
 

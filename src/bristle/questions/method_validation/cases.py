@@ -16,8 +16,7 @@ from bristle.model.parameters import Kind as JointKind
 from bristle.questions.method_validation.solvers import ValidationCase, case_names
 from bristle.simulation import edro
 
-NOISES = (0.005, 0.05)
-"""Of the sweep: standard deviation of a point's torque over alpha_0."""
+NOISES = (0.005, 0.05)  # of the sweep: standard deviation of a point's torque over alpha_0
 MOST_POINTS = 400
 """Points of a case; of more equations so many are simulated, with as much less noise as there are fewer."""
 _SIMULATED = (

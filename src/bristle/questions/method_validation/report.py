@@ -15,8 +15,7 @@ from bristle.questions.method_validation.run import BOOTSTRAP_SETS, INTERVAL_SET
 from bristle.questions.method_validation.solvers import LMFIT
 from bristle.questions.method_validation.verdict import overall, verdict
 
-FEW = 6
-"""Cases at most of which each has its own verdict in the text, and its own section on the page."""
+FEW = 6  # cases at most of which each has its own verdict in the text, and its own section on the page
 _WORDS = {
     " elsewhere": ", other minimum", "declined": "no estimate returned", "lower_beyond": "lower outside the range",
     "ipopt_lead": "IPOPT below the grid (relative)", f"plain_{PLAIN_GRID}_error": f"error of the plain grid of {PLAIN_GRID}",

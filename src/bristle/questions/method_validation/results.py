@@ -15,12 +15,10 @@ from bristle.questions.method_validation.solvers import ValidationCase
 if TYPE_CHECKING:
     import pandas as pd
 
-SAME_COST = 1e-6
-"""Relative difference in cost below which two minima are the same."""
+SAME_COST = 1e-6  # relative difference in cost below which two minima are the same
 FINE_ENOUGH = 0.1
 """A grid is fine enough where its error of v_s is at most this share of the statistical one, which it widens by 0.5 %."""
-MOST_DECLINED = 0.5
-"""Share of data sets without a finite interval of v_s, beyond which no method can know it."""
+MOST_DECLINED = 0.5  # share of data sets without a finite interval of v_s, beyond which no method can know it
 FREE = "IPOPT, v_s free"
 
 

@@ -28,17 +28,13 @@ from bristle.questions.method_validation.solvers import Local, ValidationCase
 from bristle.simulation.bench import steady_points
 
 SEED, REPETITIONS, STARTS = 0, 1000, 100
-LOCAL_SETS = 50
-"""Data sets at most that the local solvers see, which take up to a hundred times as long as a grid."""
+LOCAL_SETS = 50  # data sets at most that the local solvers see, which take up to a hundred times as long as a grid
 INTERVAL_SETS, BOOTSTRAP_SETS, DRAWS = 200, 100, 399
 """Data sets at most of which the intervals are counted, and the bootstrap's, from so many draws each."""
-RESOLUTIONS = (8, 16, 32, 64, 125, 250, PLAIN_GRID, 1000, 2000)
-"""Values of the plain grids."""
-PLAIN_GRIDS = {values: f"plain grid of {values}" for values in RESOLUTIONS}
-"""Their names."""
+RESOLUTIONS = (8, 16, 32, 64, 125, 250, PLAIN_GRID, 1000, 2000)  # values of the plain grids
+PLAIN_GRIDS = {values: f"plain grid of {values}" for values in RESOLUTIONS}  # their names
 REFINED, POLISHED = "refined grid", "IPOPT from the grid"
-_DRAWN = 300
-"""Values of v_s over which the cost is drawn, and as many again where the data allow it."""
+_DRAWN = 300  # values of v_s over which the cost is drawn, and as many again where the data allow it
 _MOST = 100_000  # data sets, or starts
 
 

@@ -25,11 +25,9 @@ from bristle.model.laws.parts import Law
 from bristle.model.parameters import ParameterName, Stribeck
 from bristle.model.vectorize import evaluate
 
-LMFIT = find_spec("lmfit") is not None
-"""Whether lmfit is installed."""
+LMFIT = find_spec("lmfit") is not None  # whether lmfit is installed
 
-Local = Callable[[Array, Array], Array]
-"""From torques (n,) and a start theta (p,) to theta (p,)."""
+Local = Callable[[Array, Array], Array]  # from torques (n,) and a start theta (p,) to theta (p,)
 
 
 @result

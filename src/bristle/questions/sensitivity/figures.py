@@ -22,16 +22,12 @@ _COLOURS = ("#0072B2", "#56B4E9", "#D55E00", "#009E73", "#E69F00", "#CC79A7")
 """Okabe and Ito's, one for each parameter of `Lugre`, and ..."""
 _MORE_COLOURS = ("#332288", "#882255", "#000000")
 """... darker ones, in turn, for what another law has beside those: they differ in grey as well."""
-_DARK = {_COLOURS[0], _COLOURS[2], _COLOURS[3], *_MORE_COLOURS}
-"""On which text is white."""
-_PARAMETERS = len(Lugre._fields)
-"""For so many parameters figures have the height that they name; more take more."""
+_DARK = {_COLOURS[0], _COLOURS[2], _COLOURS[3], *_MORE_COLOURS}  # on which text is white
+_PARAMETERS = len(Lugre._fields)  # for so many parameters figures have the height that they name; more take more
 _STAR: dict[str, Any] = {"marker": "*", "linestyle": "", "color": "white", "markeredgecolor": "black", "markersize": 9}
 """Where the motion is on the map."""
-LEAST = 1e-3
-"""Shares below this are drawn as this."""
-_WIDTH = 0.36
-"""Of a bar, two to a parameter."""
+LEAST = 1e-3  # shares below this are drawn as this
+_WIDTH = 0.36  # of a bar, two to a parameter
 
 
 @styled

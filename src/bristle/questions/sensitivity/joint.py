@@ -35,8 +35,7 @@ class KnownFriction(NamedTuple):
 
 Request = tuple[KnownFriction, SineMotion, joint_loop.JointLoop | str]
 """Friction model, motion, and the loop or the sentence why there is none."""
-Asked = str | float | None
-"""A quantity or an SI number; None: the default."""
+Asked = str | float | None  # a quantity or an SI number; None: the default
 
 
 def motion_of(kind: JointKind, amplitude: Asked, frequency: Asked, default: tuple[float, float]) -> SineMotion:

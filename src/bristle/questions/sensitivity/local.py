@@ -23,14 +23,11 @@ from bristle.model.rollout import rollout_jacobian
 from bristle.model.vectorize import evaluate
 from bristle.simulation.references import Sine
 
-CLAIMED = frozenset({"alpha_0", "alpha_2"})
-"""The parameters that matter most, as section 3.3 of the paper has it."""
+CLAIMED = frozenset({"alpha_0", "alpha_2"})  # the parameters that matter most, as section 3.3 of the paper has it
 DURATION, PERIOD = 10.0, 1e-3
 """Of a motion, s; slow ones last two of their periods, fast ones are sampled as often as a period needs."""
-_OFTEN = 200
-"""Samples of a period, at least; a motion that is faster than so many periods in `DURATION` is cut there."""
-FREQUENCIES = (1e-6, 1e4)
-"""Hz, of a motion that makes sense."""
+_OFTEN = 200  # samples of a period, at least; a motion that is faster than so many periods in `DURATION` is cut there
+FREQUENCIES = (1e-6, 1e4)  # Hz, of a motion that makes sense
 
 
 class SineMotion(NamedTuple):

@@ -49,14 +49,11 @@ Box = Mapping[ParameterName, tuple[float, float]]
 _Quantity = Literal["torque", "position"]
 PERIODS, COUNTED = 2, 1
 """Of the reference in each closed loop, and how many of the last of them count; the error is then settled to 1 %."""
-_TICKS = 9_000_000
-"""Control periods of all closed loops together, which bounds their samples: about half a minute."""
-LEAST = 32
-"""Fewer samples tell nothing."""
+_TICKS = 9_000_000  # control periods of all closed loops together, which bounds their samples: about half a minute
+LEAST = 32  # fewer samples tell nothing
 _LONGEST, _COARSE = 300_000, 0.02
 """A loop is not simulated over more control periods, nor where one of them is a larger share of the reference's period."""
-_BATCH, _ROWS = 128, 1024
-"""Closed loops, and joints of the other outputs, between two calls of the progress."""
+_BATCH, _ROWS = 128, 1024  # closed loops, and joints of the other outputs, between two calls of the progress
 
 
 class Span(NamedTuple):

@@ -27,17 +27,12 @@ from bristle.questions.sensitivity.sobol import LEAST, Box, Global, box_of, glob
 if TYPE_CHECKING:
     import pandas as pd
 
-SAMPLES = 1024
-"""Of the Sobol indices, if no other number is given."""
+SAMPLES = 1024  # of the Sobol indices, if no other number is given
 SEED = 0
-_MOST = 2**17
-"""Samples of the Sobol indices, with which a joint of six parameters takes some minutes."""
-_NOISE = 0.05
-"""Where no moving run tells the noise: this share of alpha_0, white, at 1 kHz."""
-_NAMED = 3
-"""Parameters whose shares a sentence names."""
-_SMALL_INDEX = 0.05
-"""A parameter or an interaction with a smaller share of an output's variance is not named."""
+_MOST = 2**17  # samples of the Sobol indices, with which a joint of six parameters takes some minutes
+_NOISE = 0.05  # where no moving run tells the noise: this share of alpha_0, white, at 1 kHz
+_NAMED = 3  # parameters whose shares a sentence names
+_SMALL_INDEX = 0.05  # a parameter or an interaction with a smaller share of an output's variance is not named
 
 
 class Expected(NamedTuple):

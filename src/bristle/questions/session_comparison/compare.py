@@ -25,10 +25,8 @@ from bristle.model.parameters import ParameterName, of_shape
 from bristle.questions.session_comparison import results
 from bristle.questions.session_comparison.explain import NO_CHANGE, hints, incomparable, sentence, verdict, warnings
 
-_FEW = 4.0
-"""Degrees of freedom below which the test of a set says nothing."""
-_MANY = 1e9
-"""Degrees of freedom that count as without end."""
+_FEW = 4.0  # degrees of freedom below which the test of a set says nothing
+_MANY = 1e9  # degrees of freedom that count as without end
 
 
 def compare(first: results.Session, second: results.Session) -> results.Comparison:

@@ -59,8 +59,7 @@ class SessionJoint:
     """Checksums of its files."""
 
 
-Session = Mapping[str, SessionJoint]
-"""Joints by name."""
+Session = Mapping[str, SessionJoint]  # joints by name
 
 
 class FitPair(NamedTuple):
