@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import bristle
 from bristle.errors import InputError, short_list
 from bristle.page import output_folder as files
 from bristle.progress import shown
@@ -145,9 +146,7 @@ def _root(
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
 ) -> None:
     if version:
-        from bristle import __version__
-
-        print_lines([__version__])
+        print_lines([bristle.__version__])
         raise typer.Exit
     if context.invoked_subcommand is None:
         print_lines([context.get_help()])
@@ -174,9 +173,7 @@ def report(
     with shown() as progress:
         if workers > 1:
             prepared(*REPORT)
-        from bristle import report as run
-
-        results = run(
+        results = bristle.report(
             *sources, folder=folder, uncertainty=uncertainty, need=need, workers=workers, mailed=mailed,
             found=lambda results: _tell(results.outcomes()), progress=progress,
         )  # fmt: skip  # a list of values
@@ -213,25 +210,23 @@ def identify(
     told = _told(of_logs)
     guessed: tuple[str, ...] = ()
     with shown() as progress:
-        from bristle import Told, draft
-        from bristle import identify as run
         from bristle.api.sources import load_text
         from bristle.data.json_table import is_json_log
 
         inputs: list[Any] = list(sources or [])
         own = {"", ".yaml", ".yml", *([] if inputs and is_json_log(inputs[0]) else [".json"])}
         are_logs = bool(inputs) and inputs[0].suffix.lower() not in own
-        if not are_logs and (save is not None or told != Told()):
+        if not are_logs and (save is not None or told != bristle.Told()):
             raise InputError(
                 "an experiment file, or none, was given with options of logs; write them into it, or give logs"
             )
         if are_logs:
-            text, guessed = draft(*inputs, told=told, folder=save and save.parent, progress=progress)
+            text, guessed = bristle.draft(*inputs, told=told, folder=save and save.parent, progress=progress)
             inputs = [load_text(text, save or inputs[0].with_name(f"the draft for {inputs[0].name}"))]
         if save is not None:
             files.write_text(save, text)
         try:
-            results = run(
+            results = bristle.identify(
                 *inputs, joint=joint, progress=progress, uncertainty=uncertainty, need=need, workers=workers or cores()
             )
         except InputError:
@@ -263,13 +258,12 @@ def inspect(experiment: Path, joint: str | None = None, output: Path | None = No
     if output is not None:
         files.check_file(output)
     with shown():
-        from bristle import inspect as run
         from bristle.page.page import figure_kind, save_figure
         from bristle.questions.joint_report.console import segment_lines
 
         if output is not None:
             figure_kind(output)
-        measured = run(experiment, joint)
+        measured = bristle.inspect(experiment, joint)
     _tell(segment_lines(measured))
     if output is not None:
         from bristle.questions.joint_report.static_figures import inspect_figure
@@ -303,8 +297,6 @@ def validate(
     folder = output_folder(output, experiment, "-validate")
     results, beside = None, list[str]()
     with shown() as progress:
-        from bristle import report_of
-        from bristle import validate as run
         from bristle.api.identifying import identified
         from bristle.questions.joint_report.console import law_lines
         from bristle.questions.method_validation.run import check_request
@@ -314,8 +306,8 @@ def validate(
             results = identified(experiment, joint=joint, crosscheck=True, progress=progress)
             results.whole_joint()
             beside = [*results.checks(), *law_lines(results.joints)]
-        validated = run(results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
-        checked = report_of(validated)
+        validated = bristle.validate(results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
+        checked = bristle.report_of(validated)
     _tell([checked.text(), *beside])
     if validated.cases:
         print_lines([f"Page: {checked.write(folder)}"], done=True)
@@ -333,10 +325,7 @@ def adapt(experiment: Path | None = None, joint: str | None = None, output: Path
     """
     folder = output_folder(output, experiment, "-adapt")
     with shown() as progress:
-        from bristle import adapt as run
-        from bristle import report_of
-
-        made = report_of(run(experiment, joint=joint, progress=progress))
+        made = bristle.report_of(bristle.adapt(experiment, joint=joint, progress=progress))
     _tell([made.text()])
     print_lines([f"Page: {made.write(folder)}"], done=True)
 
@@ -354,9 +343,7 @@ def explore(experiment: Path | None = None, joint: str | None = None, output: Pa
     """
     files.check_absent(output)
     with shown() as progress:
-        from bristle import explore as run
-
-        page = run(experiment, joint=joint, progress=progress)
+        page = bristle.explore(experiment, joint=joint, progress=progress)
     print_lines([f"Page: {page.write(output)}"], done=True)
 
 
@@ -385,9 +372,7 @@ def export(
     if output is not None:
         files.check_absent(output)
     with shown() as progress:
-        from bristle import export as run
-
-        handed = run(
+        handed = bristle.export(
             experiment, to, joint=joint, into=into, amplitude=amplitude, frequency=frequency,
             compensator=compensator, adapt=adapt, step=step, progress=progress,
         )  # fmt: skip  # a list of values
@@ -413,10 +398,7 @@ def compare(first: Path, second: Path, output: Path | None = None) -> None:
     if output is not None:
         files.check_folder(output)
     with shown():
-        from bristle import compare as run
-        from bristle import report_of
-
-        report = report_of(run(first, second))
+        report = bristle.report_of(bristle.compare(first, second))
     _tell([report.text()])
     if output is not None:
         print_lines([f"Page: {report.write(output)}"], done=True)
@@ -450,7 +432,6 @@ def fleet(
     Example: bristle fleet catalog.csv -o reports/robots --strict
     """
     with shown() as progress:
-        from bristle import fleet as run
         from bristle.api.fleets import connected
         from bristle.questions.fleet.catalog import called
 
@@ -461,7 +442,7 @@ def fleet(
         folder = output or str(Path("reports") / f"{called(catalog)}-fleet")
         if "://" not in folder:
             files.check_folder(Path(folder), files.FLEET)
-        found = run(
+        found = bristle.fleet(
             catalog, folder, client=cluster, verify=verify, rate=rate, baseline=baseline, progress=progress,
             begun=lambda address: print_lines([f"Dashboard: {address}"] if address else []),
         )  # fmt: skip  # a list of values
@@ -498,13 +479,10 @@ def sensitivity(
         return
     folder = output_folder(output, experiment, "-sensitivity")
     with shown() as progress:
-        from bristle import report_of
-        from bristle import sensitivity as run
-
-        study = run(
+        study = bristle.sensitivity(
             experiment, joint=joint, amplitude=amplitude, frequency=frequency, samples=samples, progress=progress
         )
-        report = report_of(study)
+        report = bristle.report_of(study)
     _tell([report.text()])
     print_lines([f"Page: {report.write(folder)}"], done=True)
 
@@ -533,11 +511,8 @@ def plan(
     if page is not None and output is not None:
         files.check_apart(output, page)
     with shown() as progress:
-        from bristle import plan as run
-        from bristle import report_of
-
-        planned = run(experiment, joint=joint, velocities=velocities, aim=aim, progress=progress)
-    made = report_of(planned)
+        planned = bristle.plan(experiment, joint=joint, velocities=velocities, aim=aim, progress=progress)
+    made = bristle.report_of(planned)
     _tell([made.text()])
     with nullcontext() if output is None else files.staged(output, planned.reference_csv().encode()):
         written = None if page is None else made.write(page)
@@ -567,9 +542,7 @@ def new(logs: list[Path], output: Path | None = None, *, of_logs: Mapping[str, A
     halves = [log for log in logs if log.suffix.lower() in {".yaml", ".yml"}]
     with shown() as progress:
         if halves:
-            from bristle import Told, complete
-
-            if len(logs) > 1 or told != Told():
+            if len(logs) > 1 or told != bristle.Told():
                 raise InputError(
                     f"{halves[0]}: is completed by itself; give it alone, and write units and columns into it"
                 )
@@ -578,12 +551,10 @@ def new(logs: list[Path], output: Path | None = None, *, of_logs: Mapping[str, A
                     f"{output}: is in another folder than {halves[0]}, whose runs are named relative to it; "
                     f"write it beside {halves[0].name}"
                 )
-            text, said = complete(halves[0])
+            text, said = bristle.complete(halves[0])
             sentences = [said]
         else:
-            from bristle import draft
-
-            text, guessed = draft(*logs, told=told, folder=output and output.parent, progress=progress)
+            text, guessed = bristle.draft(*logs, told=told, folder=output and output.parent, progress=progress)
             sentences = [f"guessed: {sentence}" for sentence in guessed]
     if output is None:
         print_lines([text])
