@@ -13,15 +13,19 @@ from bristle.errors import InputError, short
 from bristle.findings import Severity
 from bristle.identification.known_joint import chosen
 from bristle.identification.verdict import row_warnings, verdict
+from bristle.page.output_folder import FLEET, MARKER
 from bristle.page.wording import counted
 from bristle.progress import Progress, step
+from bristle.questions.fleet import cluster, files
+from bristle.questions.fleet.catalog import read_catalog
+from bristle.questions.fleet.engine import held, run_fleet
+from bristle.questions.fleet.tasks import Identified
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from bristle.page.report import Report
     from bristle.questions.fleet.findings import Findings
-    from bristle.questions.fleet.tasks import Identified
 
 _ADDRESS = re.compile(r"([a-z]+://)?[^\s/]+:\d{1,5}")
 
@@ -77,21 +81,18 @@ class Fleet(NamedTuple):
 
         In a folder only what bristle made there before is replaced. Raises InputError where it cannot be used, with nothing half-written.
         """
-        from bristle.page.output_folder import FLEET, MARKER
-        from bristle.questions.fleet.files import claim_folder, is_remote, joined_path, make_folder, write_whole
-
         report, there = self.report(folder), str(folder)
-        if not is_remote(there):
+        if not files.is_remote(there):
             return str(report.write(folder))
         with tempfile.TemporaryDirectory(prefix="bristle-") as place:
             made = report.write(Path(place) / "page").parent
-            files = sorted(x.relative_to(made).as_posix() for x in made.rglob("*") if x.is_file() and x.name != MARKER)
-            claim_folder(there, {*files, *FLEET})
+            names = sorted(x.relative_to(made).as_posix() for x in made.rglob("*") if x.is_file() and x.name != MARKER)
+            files.claim_folder(there, {*names, *FLEET})
             for part in ("figures", "tables"):
-                make_folder(joined_path(there, part))
-            for name in sorted(files, key="index.html".__eq__):  # which comes last
-                write_whole(joined_path(there, name), (made / name).read_bytes())
-        return joined_path(there, "index.html")
+                files.make_folder(files.joined_path(there, part))
+            for name in sorted(names, key="index.html".__eq__):  # which comes last
+                files.write_whole(files.joined_path(there, name), (made / name).read_bytes())
+        return files.joined_path(there, "index.html")
 
 
 def fleet(
@@ -138,13 +139,10 @@ def fleet(
     Raises InputError in one sentence where the catalog, the output or the cluster cannot be used, or nothing at all could be identified, and
     OSError where the output is full or the scheduler is lost; what was identified by then is not identified again.
     """
-    from bristle.questions.fleet.catalog import read_catalog
-    from bristle.questions.fleet.cluster import check_installed, dashboard_of
-    from bristle.questions.fleet.engine import held, run_fleet
     from bristle.questions.fleet.findings import check_rate, findings
 
     check_rate(rate, baseline)
-    check_installed()
+    cluster.check_installed()
     step(progress, "reading the catalog")
     rows = read_catalog(catalog)
     step(progress, "starting the cluster")
@@ -154,7 +152,7 @@ def fleet(
             folder = str(Path(folder).absolute())
         stack.enter_context(held(folder))
         own = stack.enter_context(_client(client, workers, memory))
-        begun(dashboard_of(own))
+        begun(cluster.dashboard_of(own))
         run = run_fleet(rows, folder, own, identified_joint, verify=verify, progress=progress)
     step(progress, "comparing sessions")
     frame = run.table.to_pandas()
@@ -164,10 +162,8 @@ def fleet(
     return Fleet(frame, found, run.identified, run.unchanged, run.failed, where, base)
 
 
-def identified_joint(path: Path, joint: str) -> "Identified":
+def identified_joint(path: Path, joint: str) -> Identified:
     """Measure and identify one joint of a file, as a task of a fleet does. Raises InputError where that cannot be."""
-    from bristle.questions.fleet.tasks import Identified
-
     found = identify(path, joint=joint).joint()
     use, rows = verdict(found), []
     for row in chosen(found):
@@ -191,8 +187,6 @@ def connected(
 
     Raises InputError where they do not go together, and, once entered, where no scheduler answers.
     """
-    from bristle.questions.fleet.cluster import local_client, remote_client
-
     own = {"--workers": workers, "--memory": memory}
     if scheduler is not None and (odd := [name for name, value in own.items() if value is not None]):
         raise InputError(
@@ -211,19 +205,18 @@ def connected(
     if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
         raise InputError(f"--scheduler: got {short(scheduler)}; expected an address such as tcp://host:8786")
     if scheduler is None:
-        return local_client(workers, memory)
-    return remote_client(scheduler, {name: str(path) for name, path in certificates.items() if path is not None})
+        return cluster.local_client(workers, memory)
+    known = {name: str(path) for name, path in certificates.items() if path is not None}
+    return cluster.remote_client(scheduler, known)
 
 
 def _client(client: Any, workers: int | None, memory: str | None) -> AbstractContextManager[Any]:
     """The client that is given, or comes of a context, else the one of this process, else of a cluster of its own."""
-    from bristle.questions.fleet.cluster import known_client, local_client
-
     if isinstance(client, AbstractContextManager) and not hasattr(client, "scheduler"):
         return client
-    known = known_client(client)
+    known = cluster.known_client(client)
     if known is None:
-        return local_client(workers, memory)
+        return cluster.local_client(workers, memory)
     if workers is not None or memory is not None:
         name = "workers" if workers is not None else "memory"
         raise InputError(

@@ -18,6 +18,8 @@ from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.progress import Progress
 from bristle.questions.compensation.study import Study, adverse, worth_of_each
+from bristle.questions.joint_report.results_file import to_frame, to_json
+from bristle.questions.method_validation.cases import check_fitted
 from bristle.questions.session_comparison.results import session_of
 from bristle.workers import Share
 
@@ -123,7 +125,6 @@ class Results:
         Raises InputError where nothing was fitted that could be checked.
         """
         from bristle.questions.joint_report.console import checks
-        from bristle.questions.method_validation.cases import check_fitted
 
         for joint in self.joints:
             check_fitted(joint)
@@ -132,8 +133,6 @@ class Results:
 
     def to_frame(self) -> "pd.DataFrame":
         """One row per joint, direction and parameter: value, unit, standard error, interval, warnings."""
-        from bristle.questions.joint_report.results_file import to_frame
-
         return to_frame(self.joints)
 
     def to_json(self, folder: Path | str = ".") -> str:
@@ -141,8 +140,6 @@ class Results:
 
         From there it names the experiment files, whose logs are read again when a question needs them.
         """
-        from bristle.questions.joint_report.results_file import to_json
-
         return to_json(self.whole_joints(), tuple(self.logs.written(Path(folder))))
 
     def uncertainty(self) -> "pd.DataFrame":
