@@ -38,19 +38,14 @@ from .conftest import FEW, TRUTH, Ran, experiment, run, speeds, table, tree, wri
 from .pages import Elements, page_text, report_text
 
 DOCS = Path(__file__).parents[1] / "docs"
-HOSTILE = '<script>alert("1")</script> ../../&x'
-"""A joint's name that is HTML and a path."""
+HOSTILE = '<script>alert("1")</script> ../../&x'  # a joint's name that is HTML and a path
 Patch = Callable[[pytest.MonkeyPatch], None]
 GRIPPER = TABLE_1["gripper rotation"].positive
-FOLDER = None
-"""Stands for a folder among the files of a bad input."""
-PIPE = "a pipe"
-"""Stands for a pipe that nobody writes to."""
+FOLDER = None  # stands for a folder among the files of a bad input
+PIPE = "a pipe"  # stands for a pipe that nobody writes to
 
-GOOD = {"e.yaml": experiment(), "data.csv": table(FEW)}
-"""A good experiment, which each bad input spoils."""
-OWN = '{\n "schema": "bristle-results/2"}\n'
-"""What a results file of bristle's begins with."""
+GOOD = {"e.yaml": experiment(), "data.csv": table(FEW)}  # a good experiment, which each bad input spoils
+OWN = '{\n "schema": "bristle-results/2"}\n'  # what a results file of bristle's begins with
 IDENTIFY = ("identify", "e.yaml", "-o", "out.json")
 INSPECT = ("inspect", "e.yaml", "-o", "out.png")
 REPORT = ("report", "e.yaml", "-o", "out")

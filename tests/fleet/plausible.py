@@ -12,8 +12,7 @@ from bristle.questions.fleet.notes import headline
 
 HOSTILE = "</script><img src=x onerror=\"document.title='run'\"><!-- {{ 7*7 }} \\u003c"
 """A unit's name that ends a script, loads an image and opens a comment."""
-EXOTIC = "Zelle „Süd“ 'α' & <b>№ 7</b> 手首"
-"""A joint's name with quotes and letters of other scripts."""
+EXOTIC = "Zelle „Süd“ 'α' & <b>№ 7</b> 手首"  # a joint's name with quotes and letters of other scripts
 BEGIN = pd.Timestamp("2026-01-05 08:00")
 UNITS = {"alpha_0": "N*m", "alpha_1": "N*m", "alpha_2": "N*m*s/rad", "v_s": "rad/s"}
 

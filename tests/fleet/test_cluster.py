@@ -30,8 +30,7 @@ pytest.importorskip("distributed", reason="needs the extra fleet")
 pytest.importorskip("pyarrow", reason="needs the extra fleet")
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="sends signals")
 Tree = dict[str, bytes | None]
-ENOUGH = 120.0
-"""Seconds after which a process is stuck."""
+ENOUGH = 120.0  # seconds after which a process is stuck
 
 
 @pytest.fixture(scope="module")

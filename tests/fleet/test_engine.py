@@ -21,8 +21,7 @@ from bristle.questions.fleet.dataset import COLUMNS
 
 pytest.importorskip("distributed", reason="needs the extra fleet")
 pytest.importorskip("pyarrow", reason="needs the extra fleet")
-IDENTIFIED: list[str] = []
-"""The joints that were identified, in this process."""
+IDENTIFIED: list[str] = []  # the joints that were identified, in this process
 KNOWN: dict[tuple[object, ...], tasks.Identified] = {}
 """What was found in files of a content: the same fit is made once for all tests here."""
 identified_joint = fleets.identified_joint

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SMALL = FleetDesign(robots=60, joints=2)
-Plain = tuple[pd.DataFrame, FleetTruth, Findings]
-"""A dataset, what is behind it, and what is found of it."""
+Plain = tuple[pd.DataFrame, FleetTruth, Findings]  # a dataset, what is behind it, and what is found of it
 
 
 def fleet(design: FleetDesign, seed: int = 0) -> tuple[pd.DataFrame, FleetTruth]:

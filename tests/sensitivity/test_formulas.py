@@ -25,8 +25,7 @@ from bristle.simulation.edro import TABLE_1
 from ..conftest import run
 
 FEW = settings(max_examples=40, deadline=None)
-paper = cache(formulas)
-"""Those of the paper's law, made once."""
+paper = cache(formulas)  # those of the paper's law, made once
 GRIPPER = TABLE_1["gripper rotation"].positive
 CALLS: dict[str, Callable[[float], float]] = {"abs": abs, "exp": math.exp, "sign": lambda x: float((x > 0) - (x < 0))}
 OPERATORS: dict[type, Any] = {

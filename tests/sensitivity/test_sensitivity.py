@@ -56,8 +56,7 @@ with registered():
     OF_LAWS = [truth_of(law) for law in (DRAG, EXPONENT, OUTSIDE)]
 OF_LAWS_NAMED = ["a term that falls", "an exponent", "from outside"]
 Study = study.SensitivityStudy
-STEP = 1e-4
-"""Relative, of the finite differences."""
+STEP = 1e-4  # relative, of the finite differences
 
 
 def moved(p: Lugre[float] | Pair[float], name: str, share: float) -> Lugre[float] | Pair[float]:

@@ -43,8 +43,7 @@ from ..pages import Elements, assert_tables_are_named, findings, page_text
 from ..sameness import held, without_sentences
 
 SPEEDS = speeds(both=False)
-Files = tuple[Path, Path]
-"""Results files of two sessions."""
+Files = tuple[Path, Path]  # results files of two sessions
 HOSTILE = '<script>alert("1")</script> ../../&x'
 
 
@@ -533,8 +532,7 @@ def test_the_legend_stands_clear_of_title_and_axes() -> None:
         assert box.y0 >= ax.get_window_extent().y1 - 1
 
 
-Spoil = Callable[[dict[str, Any]], object]
-"""Changes one joint of a document."""
+Spoil = Callable[[dict[str, Any]], object]  # changes one joint of a document
 
 
 def plus(joint: dict[str, Any]) -> dict[str, Any]:

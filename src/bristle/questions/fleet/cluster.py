@@ -80,13 +80,12 @@ def check_installed() -> None:
 
 def known_client(client: Client | None) -> Client | None:
     """A client that can be used: the one that is given, else that of this process. Raises InputError where it is none, or asynchronous."""
-    from distributed import Client as DaskClient
-    from distributed import get_client
+    import distributed
 
     if client is None:
         with suppress(ValueError):
-            client = get_client()
-    if client is not None and not isinstance(client, DaskClient):
+            client = distributed.get_client()
+    if client is not None and not isinstance(client, distributed.Client):
         raise InputError(f"client: got {short(client)}; expected a distributed.Client")
     if client is not None and client.asynchronous:
         raise InputError("client: got an asynchronous client; expected one of Client(asynchronous=False)")
@@ -104,8 +103,7 @@ def local_client(workers: int | None = None, memory: str | None = None) -> Itera
     Raises InputError where the memory is no size.
     """
     import dask
-    from distributed import Client as DaskClient
-    from distributed import LocalCluster
+    import distributed
 
     # A worker that begins runs the user's script to get there.
     if getattr(current_process(), "_inheriting", False):
@@ -119,7 +117,7 @@ def local_client(workers: int | None = None, memory: str | None = None) -> Itera
             port = 0  # any that is free
     with quiet(), pinned(), dask.config.set(_LEAN):
         try:
-            cluster = LocalCluster(
+            cluster = distributed.LocalCluster(
                 n_workers=processes, threads_per_worker=1, processes=True, host=_LOOPBACK, memory_limit=limit or "auto",
                 dashboard_address=f"{_LOOPBACK}:{port}", silence_logs=logging.CRITICAL, preload=[_UNINTERRUPTED],
             )  # fmt: skip  # a list of values
@@ -128,7 +126,7 @@ def local_client(workers: int | None = None, memory: str | None = None) -> Itera
                 f"the worker processes did not start ({one_line(str(error), 100)}); {_UNGUARDED}"
             ) from error
         try:
-            with DaskClient(cluster, set_as_default=False) as client:
+            with distributed.Client(cluster, set_as_default=False) as client:
                 yield client
         finally:
             cluster.close(timeout=10)

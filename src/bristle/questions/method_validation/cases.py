@@ -11,8 +11,7 @@ from bristle.findings import NOTE, Finding
 from bristle.identification.known_joint import fault_of
 from bristle.identification.results import Joint
 from bristle.identification.static.grid import default_range
-from bristle.model.parameters import Direction, ParameterName
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Direction, Kind, ParameterName
 from bristle.questions.method_validation.solvers import ValidationCase, case_names
 from bristle.simulation import edro
 
@@ -31,7 +30,7 @@ class CaseSet:
     """The cases of one validation."""
 
     title: str
-    kind: JointKind
+    kind: Kind
     cases: tuple[ValidationCase, ...]
     skipped: Mapping[str, Finding] = field(default_factory=dict)
     """Directions that cannot be tried, each with the reason."""

@@ -13,8 +13,7 @@ from bristle.identification.limits import Limits, limits_of
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, of_friction, unit
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName, of_friction, unit
 from bristle.questions.sensitivity.local import SineMotion, motion
 from bristle.simulation import edro, joint_loop
 
@@ -38,14 +37,14 @@ Request = tuple[KnownFriction, SineMotion, joint_loop.JointLoop | str]
 Asked = str | float | None  # a quantity or an SI number; None: the default
 
 
-def motion_of(kind: JointKind, amplitude: Asked, frequency: Asked, default: tuple[float, float]) -> SineMotion:
+def motion_of(kind: Kind, amplitude: Asked, frequency: Asked, default: tuple[float, float]) -> SineMotion:
     """The motion asked for, by quantities or SI numbers; None: the default's. Raises InputError where one is of another kind or not positive."""
     asked = (("amplitude", amplitude, unit("position", kind)), ("frequency", frequency, "Hz"))
     pairs = zip(asked, default, strict=True)
     return motion(*(own if given is None else positive_si(name, given, si) for (name, given, si), own in pairs))
 
 
-def within(moved: SineMotion, kind: JointKind, limits: Limits) -> SineMotion:
+def within(moved: SineMotion, kind: Kind, limits: Limits) -> SineMotion:
     """The motion. Raises InputError where amplitude or peak speed is not within `RANGE` of what was measured (or declared under `plan`)."""
     q, v = unit("position", kind), unit("velocity", kind)
     how = f", which is {moved.amplitude:g} {q} at {moved.frequency:g} Hz"

@@ -22,6 +22,7 @@ from bristle.model import functions
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import (
     Direction,
+    Kind,
     Lugre,
     Pair,
     ParameterName,
@@ -35,7 +36,6 @@ from bristle.model.parameters import (
     of_friction,
     unit,
 )
-from bristle.model.parameters import Kind as JointKind
 from bristle.model.periodic import rms_torque
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress, teller
@@ -102,11 +102,11 @@ class Output:
     reason: Finding | None = None
     """Why there are no indices, where there are none."""
 
-    def called(self, kind: JointKind) -> str:
+    def called(self, kind: Kind) -> str:
         """Its name; of a joint that slides it is about a force."""
         return self.name.replace("torque", effort(kind))
 
-    def heading(self, kind: JointKind) -> str:
+    def heading(self, kind: Kind) -> str:
         """The same at the beginning of a line."""
         return f"{self.called(kind)[0].upper()}{self.called(kind)[1:]}"
 
@@ -124,7 +124,7 @@ class Global:
     """Hz."""
     seed: int
 
-    def to_frame(self, kind: JointKind) -> "pd.DataFrame":
+    def to_frame(self, kind: Kind) -> "pd.DataFrame":
         """One row for each output and parameter: the interval drawn from, both indices with their half-widths, samples."""
         import pandas as pd
 
