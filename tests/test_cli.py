@@ -18,13 +18,13 @@ import pytest
 import typer.main
 
 from bristle import __version__, cli
-from bristle.__main__ import _sentence, main
+from bristle.__main__ import _LONGEST, main
 from bristle.arrays import Array
 from bristle.cli import output_folder
 from bristle.data import text_table
 from bristle.data.experiment import yaml_file
 from bristle.data.experiment.load import load_experiment
-from bristle.errors import InputError
+from bristle.errors import InputError, one_line, reason
 from bristle.identification.measured import measure
 from bristle.model.parameters import Lugre, unit
 from bristle.model.rollout import rollout
@@ -881,15 +881,15 @@ def test_closed_streams_are_no_defect(tmp_path: Path, closed: Sequence[str]) -> 
 
 def test_a_sentence_is_one_short_line() -> None:
     """Escapes stand for what a terminal would obey; a very long sentence keeps its beginning and its end, where it says what to do."""
-    assert _sentence(OSError("a\x1b[31m\nb\u202e \udc80")) == "a\\x1b[31m b\\u202e \\udc80"
+    assert one_line(reason(OSError("a\x1b[31m\nb\u202e \udc80")), _LONGEST) == "a\\x1b[31m b\\u202e \\udc80"
     for text in ("x" * 10**6, "\x1b" * 10**6, "x" * 499 + "\x1b" * 100):
         missing = OSError(errno.ENOENT, "none; name another", f"file: {text}")
         for error in (InputError(f"file: {text}; name another"), missing):
-            said = _sentence(error)
+            said = one_line(reason(error), _LONGEST)
             assert len(said) < 510
             assert said.startswith("file: ")
             assert said.endswith("; name another")
-    assert _sentence(OSError("x" * 500)) == "x" * 500
+    assert one_line(reason(OSError("x" * 500)), _LONGEST) == "x" * 500
 
 
 def test_a_page_is_called_after_its_joint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,6 +25,13 @@ def one_line(text: str, longest: int = LONGEST) -> str:
     return line if len(line) <= longest else f"{line[: longest * 2 // 3]} ... {line[5 - longest // 3 :]}"
 
 
+def reason(error: object) -> str:
+    """What an exception says: of one of the system the file and why."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)
+
+
 def check_regular(path: Path, shown: str | None = None) -> None:
     """Raises InputError, opening with `shown` or the path, where reading may never end, as of a pipe; OSError where nothing is there."""
     mode = path.stat().st_mode

@@ -272,7 +272,7 @@ def _identified(
     ends = cluster.spread(client, "bristle-identify", identify_task, calls, window)
     for done, ((task, _), end) in enumerate(ends, 1):
         key = task.key
-        how = TaskEnd(key, failure=_of_worker(end)) if isinstance(end, BaseException) else end
+        how = TaskEnd(_of_worker(end)) if isinstance(end, BaseException) else end
         if how.refused:
             raise InputError(how.refused)
         if how.rows is not None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bristle import __version__
-from bristle.errors import InputError
+from bristle.errors import InputError, reason
 from bristle.questions.fleet.dataset import task_bytes, task_file
 from bristle.questions.fleet.files import exists, is_remote, local_path, name_of, read_bytes, stamp, write_whole
 from bristle.questions.fleet.survey import FleetInput, Surveyed, laid_out, survey, surveyed_of, without_folder
@@ -52,13 +52,10 @@ class FleetTask(NamedTuple):
 class TaskEnd(NamedTuple):
     """How a task ended."""
 
-    key: str
     failure: str = ""
     """Why nothing was identified, to be tried again in the next run."""
     rows: bytes | None = None
     """What is to be written, where the worker did not."""
-    known: bool = False
-    """Whether it was done already."""
     refused: str = ""
     """Why this worker cannot take part in the run."""
 
@@ -94,31 +91,28 @@ def identify_task(task: FleetTask, identify: Identify) -> TaskEnd:
         worker = str(get_worker().address)
     wrong = version_difference(task.versions, versions(), worker)
     if wrong:
-        return TaskEnd(task.key, refused=wrong)
+        return TaskEnd(refused=wrong)
     try:
         if task.output is not None and exists(task_file(task.output, task.key)):
-            return TaskEnd(task.key, known=True)
+            return TaskEnd()
         rows = _rows(task, identify)
     except (InputError, OSError) as error:
-        return TaskEnd(task.key, failure=_sentence(task, error))
+        return TaskEnd(failure=_sentence(task, error))
     except MemoryError:
-        return TaskEnd(task.key, failure="its worker ran out of memory; give each worker more with --memory")
+        return TaskEnd(failure="its worker ran out of memory; give each worker more with --memory")
     except Exception as error:  # noqa: BLE001  # one log of thousands must not end the run, whatever is in it
-        return TaskEnd(task.key, failure=_sentence(task, f"a defect of bristle: {type(error).__name__}: {error}"))
-    end = TaskEnd(task.key, rows=rows)
+        return TaskEnd(failure=_sentence(task, f"a defect of bristle: {type(error).__name__}: {error}"))
+    end = TaskEnd(rows=rows)
     if task.output is not None:
         with suppress(OSError, InputError):  # where the worker cannot write, the client does
             write_whole(task_file(task.output, task.key), rows)
-            end = TaskEnd(task.key)
+            end = TaskEnd()
     return end
 
 
 def _sentence(task: FleetTask, error: object) -> str:
     """Why, without the folders of this machine."""
-    text = str(error)
-    if isinstance(error, OSError) and error.strerror:
-        text = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    return without_folder(text, task.file.path) or "a defect of bristle: an error without a word"
+    return without_folder(reason(error), task.file.path) or "a defect of bristle: an error without a word"
 
 
 def _rows(task: FleetTask, identify: Identify) -> bytes:
