@@ -258,6 +258,7 @@ def test_findings_of_nothing_are_a_page(tmp_path: Path) -> None:
     (tmp_path / "tables" / "joints.csv").unlink()
     for _ in range(2):
         report(empty()).write(tmp_path)
+    assert report(empty()).text() == "No joint was tested for a change; the notes say why."
     assert (tmp_path / "results" / "part-0.parquet").read_bytes() == b"data"
     assert "No joint was tested for a change" in page_text(tmp_path / "index.html")
     page = page_text(tmp_path / "quality.html")

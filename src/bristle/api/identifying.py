@@ -63,7 +63,7 @@ def asked_joint(known: Known, name: str | None = None) -> AskedJoint:
     source = read_if_results(known)
     if isinstance(source, Results):
         joint = source.whole_joint(None if isinstance(known, Fit) else name)
-        measured = source.measured_joint(joint.name)
+        measured = source.logs.of(joint)
         return AskedJoint(measured.experiment, (measured, joint))
     loaded, _ = opened(source)
     chosen = choose(names_of(loaded), name)

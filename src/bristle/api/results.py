@@ -91,13 +91,9 @@ class Results:
         names = [joint.name for joint in self.joints] if name is None else [name]
         return tuple(map(self.whole_joint, names))
 
-    def measured_joint(self, name: str) -> Measured:
-        """What a joint was identified from, its logs read now where they were not. Raises InputError as `JointLogs.of` does."""
-        return self.logs.of(self.joint(name))
-
     @property
     def measured(self) -> tuple[Measured, ...]:
-        """`measured_joint` of each joint."""
+        """What each joint was identified from, its logs read now where they were not. Raises InputError as `JointLogs.of` does."""
         return tuple(self.logs.of(joint) for joint in self.joints)
 
     def text(self, *, full: bool = False) -> str:
