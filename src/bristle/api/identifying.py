@@ -36,10 +36,8 @@ def read_if_results(known: Known) -> Source | Results:
 class AskedJoint(NamedTuple):
     """One joint that a question is about; it is measured and identified when that is asked for."""
 
-    experiment: Experiment
-    """As its file has it: of a robot with a torque constant that is still free."""
-    source: Experiment | Robot | tuple[Measured, Joint]
-    """What its file describes; or what is known of it already."""
+    experiment: Experiment  # as its file has it: of a robot with a torque constant that is still free
+    source: Experiment | Robot | tuple[Measured, Joint]  # what its file describes; or what is known of it already
 
     def measured(self, progress: Progress | None = None) -> Measured:
         """What it was, or is to be identified from."""

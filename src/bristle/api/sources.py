@@ -133,10 +133,8 @@ def measure_joints(
 class JointLogs:
     """The logs behind some joints."""
 
-    texts: tuple[WrittenExperiment, ...] = ()
-    """The files that name them, their folders absolute."""
-    read: dict[str, Measured] = field(default_factory=dict)
-    """By joint, what was read."""
+    texts: tuple[WrittenExperiment, ...] = ()  # the files that name them, their folders absolute
+    read: dict[str, Measured] = field(default_factory=dict)  # by joint, what was read
 
     def of(self, joint: Joint) -> Measured:
         """What a joint was identified from, the same as then. Raises InputError where that is not known, or a log is missing or changed."""

@@ -36,32 +36,24 @@ _YEARS = (1900, 2200)
 class CatalogRow(NamedTuple):
     """A row as it was read; text that is not given is empty, a number nan."""
 
-    file: str
-    """As the catalog has it."""
-    path: str
-    """The same from anywhere: an absolute path, or a URL."""
+    file: str  # as the catalog has it
+    path: str  # the same from anywhere: an absolute path, or a URL
     unit: str
-    session: datetime | None
-    """UTC, without zone."""
+    session: datetime | None  # UTC, without zone
     joint: str
     type: str
-    temperature: float
-    """deg C."""
+    temperature: float  # deg C
     load: float
     tags: str
-    failure: str
-    """Why it cannot be used; empty where it can."""
+    failure: str  # why it cannot be used; empty where it can
 
 
 class _Texts(NamedTuple):
     """A catalog as text."""
 
-    rows: list[tuple[str, ...]]
-    """Each of the columns of `CATALOG`."""
-    base: str
-    """The folder that files are relative to."""
-    wrong: Mapping[int, str]
-    """By row, why it is none."""
+    rows: list[tuple[str, ...]]  # each of the columns of `CATALOG`
+    base: str  # the folder that files are relative to
+    wrong: Mapping[int, str]  # by row, why it is none
 
 
 def read_catalog(catalog: "str | Path | pd.DataFrame") -> list[CatalogRow]:

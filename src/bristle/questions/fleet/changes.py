@@ -39,8 +39,7 @@ class StepTests(NamedTuple):
     """The step tests of one quantity, a joint each."""
 
     one: Adjusted
-    which: NDArray[np.intp]
-    """Which of the quantity's joints, (t,)."""
+    which: NDArray[np.intp]  # which of the quantity's joints, (t,)
     steps: Steps
 
 
@@ -58,18 +57,12 @@ def step_tests(one: Adjusted, baseline: int) -> StepTests:
 class Decided(NamedTuple):
     """All tests of a fleet, and what they come to at a false discovery rate; t tests of m joints."""
 
-    joint: NDArray[np.intp]
-    """Number of the joint of each test, (t,)."""
-    p: Array
-    """(t,)."""
-    z: Array
-    """(t,)."""
-    named: NDArray[np.bool_]
-    """Whether the parameter of each test changed, (t,)."""
-    adjusted: Array
-    """Of each joint of the fleet, nan where it was not tested, (m,)."""
-    changed: NDArray[np.bool_]
-    """(m,)."""
+    joint: NDArray[np.intp]  # number of the joint of each test, (t,)
+    p: Array  # (t,)
+    z: Array  # (t,)
+    named: NDArray[np.bool_]  # whether the parameter of each test changed, (t,)
+    adjusted: Array  # of each joint of the fleet, nan where it was not tested, (m,)
+    changed: NDArray[np.bool_]  # (m,)
 
 
 def decide(tests: Sequence[StepTests], joints: int, rate: float) -> Decided:

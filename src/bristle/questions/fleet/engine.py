@@ -32,14 +32,10 @@ _MEMORY = "its worker died {times}, perhaps for want of memory; give each worker
 class FleetRun(NamedTuple):
     """What a run came to."""
 
-    table: "pa.Table"
-    """The dataset."""
-    identified: int
-    """Tasks that were run and have rows."""
-    unchanged: int
-    """Joint sessions whose results were known."""
-    failed: int
-    """Those without a result."""
+    table: "pa.Table"  # the dataset
+    identified: int  # tasks that were run and have rows
+    unchanged: int  # joint sessions whose results were known
+    failed: int  # those without a result
 
 
 def _telling(progress: Progress | None, what: str, total: int) -> Callable[[int], None]:

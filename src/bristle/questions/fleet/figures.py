@@ -27,12 +27,9 @@ _LOOKS = (
 class Course(NamedTuple):
     """One parameter of a joint over its sessions."""
 
-    label: str
-    """With the unit."""
-    rows: pd.DataFrame
-    """Of `Findings.series`, by session."""
-    step: Any
-    """Its row of `Findings.changes`; None where it was not tested."""
+    label: str  # with the unit
+    rows: pd.DataFrame  # of `Findings.series`, by session
+    step: Any  # its row of `Findings.changes`; None where it was not tested
 
 
 @styled

@@ -23,8 +23,7 @@ class Stamp(NamedTuple):
     """By what a file is taken to be the same without being read."""
 
     size: int
-    modified: str
-    """The time of its last modification, or what the file system has instead."""
+    modified: str  # the time of its last modification, or what the file system has instead
 
 
 def is_remote(name: str) -> bool:

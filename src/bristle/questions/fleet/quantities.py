@@ -43,28 +43,18 @@ class Quantity:
     """A parameter in a direction, of a type of joints; rows are sorted by joint and session."""
 
     key: QuantityKey
-    rows: NDArray[np.intp]
-    """Which rows of the frame, (n,)."""
-    joint: NDArray[np.intp]
-    """Its joint, numbered from 0 within the quantity, (n,)."""
-    joints: NDArray[np.intp]
-    """Their numbers in the fleet, (m,)."""
+    rows: NDArray[np.intp]  # which rows of the frame, (n,)
+    joint: NDArray[np.intp]  # its joint, numbered from 0 within the quantity, (n,)
+    joints: NDArray[np.intp]  # their numbers in the fleet, (m,)
     now: NDArray[np.bool_]
     """Whether no later baseline of the joint began; where one did, its sessions tell of the type's scatter, and are not judged, (m,)."""
-    y: Array
-    """Value on the scale, (n,)."""
-    known: Array
-    """Its variance, (n,)."""
-    scale: float
-    """What one is on the scale, in the parameter's unit; 0: logarithms."""
-    covariates: Array
-    """Less their medians, nan where not known, (n, c)."""
-    names: tuple[str, ...]
-    """Of the covariates, (c,)."""
-    time: Array
-    """Days since the first session, (n,)."""
-    unit: NDArray[np.intp]
-    """The unit of each row, (n,)."""
+    y: Array  # value on the scale, (n,)
+    known: Array  # its variance, (n,)
+    scale: float  # what one is on the scale, in the parameter's unit; 0: logarithms
+    covariates: Array  # less their medians, nan where not known, (n, c)
+    names: tuple[str, ...]  # of the covariates, (c,)
+    time: Array  # days since the first session, (n,)
+    unit: NDArray[np.intp]  # the unit of each row, (n,)
     value_unit: str
 
     def shown(self, level: Array) -> Array:
@@ -106,14 +96,10 @@ class Adjusted:
 
     of: Quantity
     fit: RobustFit
-    regressors: Array
-    """What was taken off, (n, p)."""
-    known: Array
-    """Variances with those of covariates that are not known, (n,)."""
-    knots: Array
-    """Days between which the common shift is linear, (k,); none where there is no such shift."""
-    shift_p: float
-    """How often chance alone makes a common shift as significant; nan where it cannot be told."""
+    regressors: Array  # what was taken off, (n, p)
+    known: Array  # variances with those of covariates that are not known, (n,)
+    knots: Array  # days between which the common shift is linear, (k,); none where there is no such shift
+    shift_p: float  # how often chance alone makes a common shift as significant; nan where it cannot be told
 
     @property
     def y(self) -> Array:

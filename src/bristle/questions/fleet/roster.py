@@ -22,14 +22,10 @@ _BEGINS = re.compile(r"(?:^|[\s,;])baseline(?=$|[\s,;])", re.IGNORECASE)
 class Roster:
     """Every joint of a dataset, once for each of its baselines."""
 
-    joint: NDArray[np.intp]
-    """Number of the joint of each row, (rows,)."""
-    unit: NDArray[np.intp]
-    """Number of the unit of each row, (rows,)."""
-    day: Array
-    """Of each row's session, days, (rows,)."""
-    usable: NDArray[np.bool_]
-    """Which rows have a value that findings may rest on, (rows,)."""
+    joint: NDArray[np.intp]  # number of the joint of each row, (rows,)
+    unit: NDArray[np.intp]  # number of the unit of each row, (rows,)
+    day: Array  # of each row's session, days, (rows,)
+    usable: NDArray[np.bool_]  # which rows have a value that findings may rest on, (rows,)
     table: pd.DataFrame
     """A row per joint, in the order of their numbers: unit, joint, type, sessions, first, latest, file, now (whether no later baseline began)."""
 

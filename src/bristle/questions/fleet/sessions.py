@@ -21,18 +21,14 @@ class JointSession(NamedTuple):
     unit: str
     joint: str
     type: str
-    session: object
-    """A datetime; None where it is not known."""
+    session: object  # a datetime; None where it is not known
     temperature: float
     load: float
     tags: str
     file: str
-    path: str
-    """Of the file, from anywhere."""
-    name: str
-    """Of the joint, in the file."""
-    key: str
-    """By which its results are known; empty where it cannot be identified."""
+    path: str  # of the file, from anywhere
+    name: str  # of the joint, in the file
+    key: str  # by which its results are known; empty where it cannot be identified
     failure: str
     left_out: str = ""
 

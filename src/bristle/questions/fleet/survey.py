@@ -28,8 +28,7 @@ _BAG = (".mcap", ".db3", ".yaml")  # files of a folder that is a bag
 class FleetInput(NamedTuple):
     """A file that goes into the results."""
 
-    name: str
-    """From the folder of the experiment file."""
+    name: str  # from the folder of the experiment file
     path: str
     stamp: files.Stamp
     sha256: str
@@ -39,19 +38,13 @@ class Surveyed(NamedTuple):
     """What a file of a catalog goes back to."""
 
     path: str
-    inputs: tuple[FleetInput, ...] = ()
-    """The file itself first."""
-    patterns: tuple[str, ...] = ()
-    """By which its logs are found."""
-    beside: tuple[str, ...] = ()
-    """Other files that it names, as a URDF."""
-    joints: tuple[str, ...] = ()
-    """Those that can be identified."""
+    inputs: tuple[FleetInput, ...] = ()  # the file itself first
+    patterns: tuple[str, ...] = ()  # by which its logs are found
+    beside: tuple[str, ...] = ()  # other files that it names, as a URDF
+    joints: tuple[str, ...] = ()  # those that can be identified
     robot: bool = False
-    apart: bool = False
-    """Whether signals have files of their own: then the digest of a run is not that of its file."""
-    failure: str = ""
-    """Why it cannot be used."""
+    apart: bool = False  # whether signals have files of their own: then the digest of a run is not that of its file
+    failure: str = ""  # why it cannot be used
 
     def key(self, joint: str) -> str:
         """By which results of a joint are known: content, joint, version; not where it lies, or whose it is."""

@@ -23,10 +23,8 @@ class Identified(NamedTuple):
 
     rows: Sequence[Mapping[str, Any]]
     """A row of the dataset for each value to use, with the columns that tell of it."""
-    inputs: Mapping[str, str]
-    """SHA-256 of each log as it was read, by name."""
-    reason: str = ""
-    """Why there is no row."""
+    inputs: Mapping[str, str]  # SHA-256 of each log as it was read, by name
+    reason: str = ""  # why there is no row
 
 
 Identify = Callable[[Path, str], Identified]  # identifies the joint of a name in a file
@@ -38,26 +36,19 @@ class FleetTask(NamedTuple):
     """A joint of a file that is to be identified."""
 
     key: str
-    joint: str
-    """As its file calls it."""
+    joint: str  # as its file calls it
     file: Surveyed
-    output: str | None
-    """Where the worker writes its rows; None: it returns them."""
-    sent: dict[str, bytes] | None
-    """The inputs by name, where the worker does not reach them."""
-    versions: tuple[tuple[str, str], ...]
-    """Of the client."""
+    output: str | None  # where the worker writes its rows; None: it returns them
+    sent: dict[str, bytes] | None  # the inputs by name, where the worker does not reach them
+    versions: tuple[tuple[str, str], ...]  # of the client
 
 
 class TaskEnd(NamedTuple):
     """How a task ended."""
 
-    failure: str = ""
-    """Why nothing was identified, to be tried again in the next run."""
-    rows: bytes | None = None
-    """What is to be written, where the worker did not."""
-    refused: str = ""
-    """Why this worker cannot take part in the run."""
+    failure: str = ""  # why nothing was identified, to be tried again in the next run
+    rows: bytes | None = None  # what is to be written, where the worker did not
+    refused: str = ""  # why this worker cannot take part in the run
 
 
 @cache

@@ -35,16 +35,11 @@ class ValidationCase:
     """What is simulated: one direction of a joint, measured at some velocities."""
 
     label: str
-    design: str
-    """The velocities in words."""
-    truth: Stribeck[float]
-    """Parameters that the points are simulated from."""
-    velocity: Array
-    """rad/s, (n,), none zero, n > p."""
-    noise: float
-    """Standard deviation of a point's torque, N*m, > 0."""
-    v_s_range: tuple[float, float]
-    """Where v_s is searched, rad/s."""
+    design: str  # the velocities in words
+    truth: Stribeck[float]  # parameters that the points are simulated from
+    velocity: Array  # rad/s, (n,), none zero, n > p
+    noise: float  # standard deviation of a point's torque, N*m, > 0
+    v_s_range: tuple[float, float]  # where v_s is searched, rad/s
 
     @property
     def names(self) -> tuple[str, ...]:

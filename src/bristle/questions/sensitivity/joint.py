@@ -26,10 +26,8 @@ class KnownFriction(NamedTuple):
 
     p: Lugre[float] | Pair[float]
     estimates: Mapping[ParameterName, Estimate]
-    assumed: tuple[ParameterName, ...]
-    """What is not known, and was filled in."""
-    assumptions: tuple[Finding, ...]
-    """How, and what else is assumed."""
+    assumed: tuple[ParameterName, ...]  # what is not known, and was filled in
+    assumptions: tuple[Finding, ...]  # how, and what else is assumed
 
 
 Request = tuple[KnownFriction, SineMotion, joint_loop.JointLoop | str]

@@ -33,14 +33,10 @@ FREQUENCIES = (1e-6, 1e4)  # Hz, of a motion that makes sense
 class SineMotion(NamedTuple):
     """A sinusoidal reference, amplitude sin(2 pi frequency t), with the bristle undeflected at its beginning."""
 
-    amplitude: float
-    """rad."""
-    frequency: float
-    """Hz."""
-    duration: float = DURATION
-    """s."""
-    period: float = PERIOD
-    """Time between samples, s."""
+    amplitude: float  # rad
+    frequency: float  # Hz
+    duration: float = DURATION  # s
+    period: float = PERIOD  # time between samples, s
 
     @property
     def course(self) -> Reference:
@@ -73,18 +69,12 @@ def motion(amplitude: float, frequency: float) -> SineMotion:
 class Local:
     """Derivatives along one motion."""
 
-    names: tuple[str, ...]
-    """The parameters that the columns are of: six of the paper's law."""
-    time: Array
-    """s, (n,)."""
-    velocity: Array
-    """rad/s, (n,)."""
-    torque: Array
-    """T_f, N*m, (n,)."""
-    partial: Array
-    """p dT_f / dp at fixed z, N*m, (n, 6)."""
-    total: Array
-    """The same through the bristle, N*m, (n, 6)."""
+    names: tuple[str, ...]  # the parameters that the columns are of: six of the paper's law
+    time: Array  # s, (n,)
+    velocity: Array  # rad/s, (n,)
+    torque: Array  # T_f, N*m, (n,)
+    partial: Array  # p dT_f / dp at fixed z, N*m, (n, 6)
+    total: Array  # the same through the bristle, N*m, (n, 6)
 
     def shares(self, *, partial: bool = False, last: int | None = None) -> Array:
         """RMS of each derivative over the RMS of T_f, (6,); over the whole motion, or its last samples only."""
@@ -130,14 +120,10 @@ def local(p: Lugre[float] | Pair[float], reference: SineMotion) -> Local:
 class Map:
     """Total shares in settled motion, over amplitude and frequency."""
 
-    names: tuple[str, ...]
-    """The parameters that the shares are of."""
-    amplitudes: Array
-    """rad, (a,), ascending."""
-    frequencies: Array
-    """Hz, (f,), ascending."""
-    shares: Array
-    """RMS of p dT_f / dp over the RMS of T_f, (a, f, 6)."""
+    names: tuple[str, ...]  # the parameters that the shares are of
+    amplitudes: Array  # rad, (a,), ascending
+    frequencies: Array  # Hz, (f,), ascending
+    shares: Array  # RMS of p dT_f / dp over the RMS of T_f, (a, f, 6)
 
     @property
     def first(self) -> NDArray[np.intp]:

@@ -62,8 +62,7 @@ class Span(NamedTuple):
     parameter: ParameterName
     low: float
     high: float
-    logarithmic: bool
-    """Whether its logarithm is uniform, else itself: where the interval spans more than a decade."""
+    logarithmic: bool  # whether its logarithm is uniform, else itself: where the interval spans more than a decade
 
     def at(self, share: Array) -> Array:
         """The values at shares 0 to 1 of the way from low to high."""
@@ -76,11 +75,9 @@ class Effect(NamedTuple):
     """Indices of one parameter, shares of the output's variance, each with the half-width of its 95 % interval."""
 
     parameter: ParameterName
-    first: float
-    """Of it alone, the others averaged over."""
+    first: float  # of it alone, the others averaged over
     first_half: float
-    total: float
-    """Of it with all its interactions."""
+    total: float  # of it with all its interactions
     total_half: float
 
 
@@ -89,18 +86,13 @@ class Output:
     """One output of a joint, and its indices."""
 
     name: str
-    quantity: _Quantity
-    """What has its unit."""
-    effects: tuple[Effect, ...] = ()
-    """In the order of the box; empty where there are no indices."""
+    quantity: _Quantity  # what has its unit
+    effects: tuple[Effect, ...] = ()  # in the order of the box; empty where there are no indices
     mean: float = nan
-    deviation: float = nan
-    """Standard deviation over the box."""
+    deviation: float = nan  # standard deviation over the box
     samples: int = 0
-    evaluations: int = 0
-    """samples * (parameters + 2)."""
-    reason: Finding | None = None
-    """Why there are no indices, where there are none."""
+    evaluations: int = 0  # samples * (parameters + 2)
+    reason: Finding | None = None  # why there are no indices, where there are none
 
     def called(self, kind: Kind) -> str:
         """Its name; of a joint that slides it is about a force."""
@@ -118,10 +110,8 @@ class Global:
     spans: tuple[Span, ...]
     outputs: tuple[Output, ...]
     """RMS friction torque along the reference, breakaway torque, RMS error of the compensated loop."""
-    amplitude: float
-    """Of the reference, a sine, rad."""
-    frequency: float
-    """Hz."""
+    amplitude: float  # of the reference, a sine, rad
+    frequency: float  # Hz
     seed: int
 
     def to_frame(self, kind: Kind) -> "pd.DataFrame":

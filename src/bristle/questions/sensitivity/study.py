@@ -40,10 +40,8 @@ class Expected(NamedTuple):
 
     what: str
     information: Information
-    errors: Mapping[ParameterName, float]
-    """Standard errors of the joint's own fit, by name."""
-    noise: tuple[Finding, ...]
-    """What the noise is taken from, and what is held as known."""
+    errors: Mapping[ParameterName, float]  # standard errors of the joint's own fit, by name
+    noise: tuple[Finding, ...]  # what the noise is taken from, and what is held as known
 
     @property
     def seen(self) -> NDArray[np.bool_]:

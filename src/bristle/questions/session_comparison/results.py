@@ -31,16 +31,12 @@ _FAR = 1e60
 class SessionFit:
     """What one fit of a session says."""
 
-    source: str
-    """`joint`, `tracking`, `static +`, `presliding -`, ..."""
+    source: str  # `joint`, `tracking`, `static +`, `presliding -`,
     parameters: Mapping[ParameterName, Estimate]
-    names: tuple[ParameterName, ...] = ()
-    """Those of the covariance."""
+    names: tuple[ParameterName, ...] = ()  # those of the covariance
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    freedom: float = inf
-    """Degrees of freedom."""
-    distrusted: Finding | None = None
-    """Why it is not to be trusted, if so: then it is used last."""
+    freedom: float = inf  # degrees of freedom
+    distrusted: Finding | None = None  # why it is not to be trusted, if so: then it is used last
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,15 +44,11 @@ class SessionJoint:
     """One joint in one session."""
 
     kind: Kind
-    fits: tuple[SessionFit, ...]
-    """The one to use first stands first."""
-    law: Law = GAUSSIAN
-    """Of its friction."""
+    fits: tuple[SessionFit, ...]  # the one to use first stands first
+    law: Law = GAUSSIAN  # of its friction
     simulated: bool = False
-    torque_scale: Finding | None = None
-    """As of a `Joint`."""
-    inputs: tuple[str, ...] = ()
-    """Checksums of its files."""
+    torque_scale: Finding | None = None  # as of a `Joint`
+    inputs: tuple[str, ...] = ()  # checksums of its files
 
 
 Session = Mapping[str, SessionJoint]  # joints by name
