@@ -55,15 +55,10 @@ def _course(ax: Axes, one: Course, first: pd.Timestamp) -> None:
     levels = [] if one.step is None else [(one.step.before, x[begun:place]), (one.step.after, x[place:])]
 
     core = np.array([*value, *adjusted, *(level for level, _ in levels)])
-    core = core[np.isfinite(core)]
+    core = core[np.isfinite(core)] if np.isfinite(core).any() else np.array([0.0, 1.0])
     bars = (upper - lower)[np.isfinite(upper - lower)]
-    least, most = (core.min(), core.max()) if core.size else (0.0, 1.0)
-    wide = max(most - least, bars.max(initial=0.0), 1e-9 * abs(most), 1e-300)
-    ends = np.concatenate([lower, upper, low, high])
-    ends = ends[(ends > least - _BEYOND * wide) & (ends < most + _BEYOND * wide)]
-    bottom, top = min(least, ends.min(initial=least)), max(most, ends.max(initial=most))
-    margin = 0.06 * (top - bottom or wide)
-    bottom, top = bottom - margin, top + margin
+    wide = max(np.ptp(core), bars.max(initial=0.0), 1e-9 * abs(core.max()), 1e-300)
+    bottom, top = _limits(core, np.concatenate([lower, upper, low, high]), wide, _BEYOND)
 
     limits, intervals = (np.clip(x, bottom, top) for x in ((low, high), (lower, upper)))
     ax.fill_between(x, *limits, color=_GREY, alpha=0.18, linewidth=0, label="limits")
@@ -79,6 +74,15 @@ def _course(ax: Axes, one: Course, first: pd.Timestamp) -> None:
     ax.set_ylim(bottom, top)
     ax.set_ylabel(one.label)
     ax.yaxis.set_major_locator(MaxNLocator(4))
+
+
+def _limits(core: Array, ends: Array, wide: float, beyond: float) -> tuple[float, float]:
+    """Of an axis: round all of `core`, and those ends of intervals that are not too many times as far from it as it is wide."""
+    least, most = core.min(), core.max()
+    ends = ends[(ends > least - beyond * wide) & (ends < most + beyond * wide)]
+    bottom, top = ends.min(initial=least), ends.max(initial=most)
+    margin = 0.06 * (top - bottom or wide)
+    return bottom - margin, top + margin
 
 
 def _days(times: pd.Series) -> Array:
@@ -117,13 +121,8 @@ def units_figure(
         ax.vlines(x[own], lower[own], upper[own], color=colour, linewidth=1.2, label=f"{what}, 95 %")
         ax.plot(x[own], value[own], marker, color=colour, markersize=5, label=what)
     core = np.array([*value, *(x for x in spread if np.isfinite(x))])
-    least, most = core.min(), core.max()
-    wide = (most - least) or abs(most) or 1.0
-    ends = np.concatenate([lower, upper])
-    ends = ends[(ends > least - wide) & (ends < most + wide)]
-    bottom, top = ends.min(initial=least), ends.max(initial=most)
-    margin = 0.06 * (top - bottom or wide)
-    ax.set(xlim=(0.4, len(rows) + 0.8), ylim=(bottom - margin, top + margin))
+    bottom, top = _limits(core, np.concatenate([lower, upper]), np.ptp(core) or abs(core.max()) or 1.0, 1.0)
+    ax.set(xlim=(0.4, len(rows) + 0.8), ylim=(bottom, top))
     ax.set(xlabel="Units of the type, ordered by value", ylabel=label)
     ax.xaxis.set_major_locator(MaxNLocator(8, integer=True))
     return figure

@@ -31,7 +31,7 @@ _FAR = 1e60
 class SessionFit:
     """What one fit of a session says."""
 
-    source: str  # `joint`, `tracking`, `static +`, `presliding -`,
+    source: str  # as `joint`, `tracking`, `static +` or `presliding -`
     parameters: Mapping[ParameterName, Estimate]
     names: tuple[ParameterName, ...] = ()  # those of the covariance
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
