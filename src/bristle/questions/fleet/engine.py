@@ -93,7 +93,10 @@ def run_fleet(
                             samples[system] = row.path
             reach = cluster.reach_of(client, output, samples.values())
         surveys = _survey(client, rows, _ledger(output), reach, progress, verify=verify)
-        _write_ledger(output, surveys)
+        rows_of_files = [{"path": path, "found": surveys[path].written()} for path in sorted(surveys)]
+        ledger = pa.Table.from_pylist(rows_of_files, schema=pa.schema({"path": pa.string(), "found": pa.string()}))
+        data = dataset.parquet_of(ledger, compression="zstd", use_dictionary=False)
+        files.write_whole(files.joined_path(output, LEDGER), data)
         sessions, before, known = joint_sessions(rows, surveys), dataset.parts_of(output), dataset.known_results(output)
         good = sessions[sessions["failure"] == ""]
         wanted = good.drop_duplicates("key").set_index("key")
@@ -189,15 +192,6 @@ def _ledger(output: str) -> dict[str, str]:
     except (OSError, pa.ArrowException, ValueError, KeyError):
         return {}
     return dict(zip(table["path"].to_pylist(), table["found"].to_pylist(), strict=True))
-
-
-def _write_ledger(output: str, surveys: Mapping[str, Surveyed]) -> None:
-    import pyarrow as pa
-
-    rows = [{"path": path, "found": surveys[path].written()} for path in sorted(surveys)]
-    table = pa.Table.from_pylist(rows, schema=pa.schema({"path": pa.string(), "found": pa.string()}))
-    data = dataset.parquet_of(table, compression="zstd", use_dictionary=False)
-    files.write_whole(files.joined_path(output, LEDGER), data)
 
 
 def _survey(
