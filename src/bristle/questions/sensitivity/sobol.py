@@ -18,24 +18,9 @@ from bristle.errors import InputError
 from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Estimate
-from bristle.model import functions
+from bristle.model import functions, parameters
 from bristle.model.laws.parts import FASTEST, Law
-from bristle.model.parameters import (
-    Direction,
-    Kind,
-    Lugre,
-    Pair,
-    ParameterName,
-    effort,
-    estimated_of,
-    in_direction,
-    is_positive,
-    is_possible,
-    least_of,
-    lugre_of,
-    of_friction,
-    unit,
-)
+from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName
 from bristle.model.periodic import rms_torque
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress, teller
@@ -96,7 +81,7 @@ class Output:
 
     def called(self, kind: Kind) -> str:
         """Its name; of a joint that slides it is about a force."""
-        return self.name.replace("torque", effort(kind))
+        return self.name.replace("torque", parameters.effort(kind))
 
     def heading(self, kind: Kind) -> str:
         """The same at the beginning of a line."""
@@ -121,7 +106,7 @@ class Global:
         rows = [
             {
                 "output": output.called(kind), "parameter": str(drawn.parameter), "lower": drawn.low, "upper": drawn.high,
-                "unit": unit(drawn.parameter.name, kind), "drawn": "log-uniform" if drawn.logarithmic else "uniform",
+                "unit": parameters.unit(drawn.parameter.name, kind), "drawn": "log-uniform" if drawn.logarithmic else "uniform",
                 "first": effect.first, "first_half": effect.first_half, "total": effect.total, "total_half": effect.total_half,
                 "samples": output.samples, "evaluations": output.evaluations,
             }
@@ -213,7 +198,9 @@ def global_sensitivity(
     def error(batch: Array) -> Array:
         """RMS position error of loops with these plants and one model, rad, over the last of the periods."""
         tell("Sobol: compensated loops")
-        sets = [map(lugre_of(pair.law)._make, np.column_stack(p).tolist()) for p in joints_at(pair, spans, batch)]
+        sets = [
+            map(parameters.lugre_of(pair.law)._make, np.column_stack(p).tolist()) for p in joints_at(pair, spans, batch)
+        ]
         cases = [subject.case(plant=Pair(*both), model=pair) for both in zip(*sets, strict=True)]
         course = subject.sine(subject.frequency, PERIODS / subject.frequency)
         run = simulate(LoopOptions(compensator=subject.compensator), cases, course, subject.period)
@@ -267,7 +254,7 @@ def _batched(function: Callable[[Array], Array], points: Array, size: int) -> Ar
 def ordered(box: Box, law: Law) -> tuple[Span, ...]:
     """The intervals in the order of the law's tuple, on which the samples depend."""
     directions = (Direction.BOTH, Direction.POSITIVE, Direction.NEGATIVE)
-    known = [ParameterName(name, d) for name in estimated_of(law) for d in directions]
+    known = [ParameterName(name, d) for name in parameters.estimated_of(law) for d in directions]
     ends = [(name, *box[name]) for name in known if name in box]
     return tuple(Span(name, low, high, low > 0 and high > 10 * low) for name, low, high in ends)
 
@@ -277,8 +264,10 @@ def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[A
     drawn = {span.parameter: column for span, column in zip(spans, points.T, strict=True)}
     sets = []
     for d, p in zip("+-", pair, strict=True):
-        own = ((value, in_direction(drawn, name, d)) for name, value in p._asdict().items())
-        sets.append(lugre_of(pair.law)(*(np.full(len(points), value) if x is None else x for value, x in own)))
+        own = ((value, parameters.in_direction(drawn, name, d)) for name, value in p._asdict().items())
+        sets.append(
+            parameters.lugre_of(pair.law)(*(np.full(len(points), value) if x is None else x for value, x in own))
+        )
     return Pair(*sets)
 
 
@@ -286,16 +275,16 @@ def box_of(estimates: Mapping[ParameterName, Estimate]) -> tuple[Box, tuple[Find
     """The 95 % intervals of the estimated friction parameters; a finding on each that is not finite, or is cut at its physical bound."""
     box, notes = dict[ParameterName, tuple[float, float]](), []
     for name, e in estimates.items():
-        bare, least = name.name, least_of(name.name)
-        if not of_friction(bare) or bare == FASTEST or e.value is None:
+        bare, least = name.name, parameters.least_of(name.name)
+        if not parameters.of_friction(bare) or bare == FASTEST or e.value is None:
             continue
         if e.interval is None or not np.isfinite(e.interval).all() or not max(e.interval[0], least) < e.interval[1]:
             message = f"{name}: no finite 95 % interval; it is held at {e.value:.3g} {e.unit}."
             notes.append(Finding("box-held", CAUTION, message, {"name": name, "value": e.value}))
             continue
         low, high = e.interval
-        if not is_possible(bare, low):
-            low = 0.01 * min(e.value, high) if is_positive(bare) else least
+        if not parameters.is_possible(bare, low):
+            low = 0.01 * min(e.value, high) if parameters.is_positive(bare) else least
             cut = f"{name}: its interval includes impossible values; it is drawn from {low:.3g} {e.unit} up (assumed)."
             notes.append(Finding("box-cut", CAUTION, cut, {"name": name, "low": low}))
         box[name] = (low, high)
