@@ -28,18 +28,16 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Results:
 
 def test_the_package_offers_the_api() -> None:
     """`bristle` offers what it lists, each the library's own, and refuses any other name as Python does."""
-    assert not [
-        name for name in set(bristle.__all__) - {"__version__"} if getattr(bristle, name) is not getattr(api, name)
-    ]
+    names = set(bristle.__all__) - {"__version__"}
+    assert not [name for name in names if getattr(bristle, name) is not getattr(api, name)]
     with pytest.raises(AttributeError, match="nothing_such"):
         _ = bristle.nothing_such
 
 
 def test_joints_of_one_name_are_refused(tmp_path: Path) -> None:
     """Two experiments that name the same joint are refused before anything is read, and the name is said."""
-    paths = [
-        write(tmp_path, FEW, joint=joint, stem=stem) for stem, joint in (("a", "wrist"), ("b", "elbow"), ("c", "wrist"))
-    ]
+    joints = {"a": "wrist", "b": "elbow", "c": "wrist"}
+    paths = [write(tmp_path, FEW, joint=joint, stem=stem) for stem, joint in joints.items()]
     for data in tmp_path.glob("*.csv"):
         data.unlink()
     with pytest.raises(ValueError, match=r"joint\.name: 2 experiments name their joint 'wrist'"):

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 import bristle
 from bristle import Results
-from bristle.api import experiments, identifying
+from bristle.api import experiments, identifying, sources
 from bristle.arrays import UNWRITTEN
 from bristle.data.experiment.load import load_experiment
 from bristle.errors import InputError
@@ -213,12 +213,9 @@ def test_the_file_names_nothing_absolute(fresh: Results, folder: Path) -> None:
 
 def test_the_embedded_joints_are_named_by_their_file_alone() -> None:
     """Of the embedded data set no folder is written: the file is the same on every machine."""
-    found = Results(
-        joints=(), logs=bristle.api.sources.JointLogs(texts=tuple(t for _, t in bristle.api.sources.open_all(()) if t))
-    )
-    assert [(x.file, x.folder) for x in found.logs.written(Path())] == [
-        (f"{stem}.yaml", None) for stem in ("gripper", "wrist", "elbow", "base")
-    ]
+    logs = sources.JointLogs(texts=tuple(text for _, text in sources.open_all(()) if text))
+    stems = ("gripper", "wrist", "elbow", "base")
+    assert [(x.file, x.folder) for x in logs.written(Path())] == [(f"{stem}.yaml", None) for stem in stems]
 
 
 ROBOT = """

@@ -259,10 +259,8 @@ def test_a_pattern_and_types(ran: Any, tmp_path: Path) -> None:
     found = ran("logs/{unit}/{session}/{type}.yaml")
     assert found.frame["type"].unique().tolist() == ["elbow", "wrist"]
     assert found.frame["file"].iloc[0] == "logs/r0/2026-01-01/elbow.yaml"
-    rows = [
-        {"file": f"logs/r0/2026-0{k}-01/wrist.yaml", "unit": "r0", "session": f"2026-0{k}-01", "type": f"t{k}"}
-        for k in (1, 2)
-    ]
+    days = [f"2026-0{k}-01" for k in (1, 2)]
+    rows = [{"file": f"logs/r0/{x}/wrist.yaml", "unit": "r0", "session": x, "type": f"t{x[6]}"} for x in days]
     mixed = ran(pd.DataFrame(rows))
     assert IDENTIFIED == []
     assert mixed.frame[mixed.frame["left_out"].notna()]["type"].unique().tolist() == ["t2"]

@@ -176,9 +176,8 @@ def test_same_seed_same_result_whatever_the_order(found: sobol.Global) -> None:
     """
     told: list[tuple[str, int, int]] = []
     box = dict(reversed(BOX.items()))
-    again = sobol.global_sensitivity(
-        Pair(GRIPPER, GRIPPER), box, SUBJECT, samples=1024, progress=lambda *x: told.append(x)
-    )
+    both = Pair(GRIPPER, GRIPPER)
+    again = sobol.global_sensitivity(both, box, SUBJECT, samples=1024, progress=lambda *x: told.append(x))
     assert again == found
     assert [(done, total) for _, done, total in told] == [(k, len(told)) for k in range(len(told))]
     assert len(told) > 3
@@ -379,10 +378,8 @@ def test_the_figure_shows_the_indices(found: sobol.Global, kind: JointKind) -> N
 
 def test_the_figure_says_what_there_is_not(found: sobol.Global) -> None:
     """A panel without indices says why, and the legend stands in one that has them."""
-    outputs = (
-        replace(found.outputs[0], effects=(), reason=Finding("x", Severity.NOTE, "Nothing is known.")),
-        *found.outputs[1:],
-    )
+    bare = replace(found.outputs[0], effects=(), reason=Finding("x", Severity.NOTE, "Nothing is known."))
+    outputs = (bare, *found.outputs[1:])
     figure = sobol_figure(replace(found, outputs=outputs), "revolute", name="x", simulated=False)
     assert "Nothing is known." in [text.get_text() for text in figure.axes[0].texts]
     assert [ax.get_legend() is not None for ax in figure.axes] == [False, True, False]

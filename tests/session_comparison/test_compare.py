@@ -136,9 +136,8 @@ def friction(rng: np.random.Generator, p: Lugre[float]) -> Session:
 def test_static_fits_of_one_joint_do_not_change_and_a_warmer_one_does() -> None:
     """Whole fits, v_s with its skewed profile: false alarms within binomial bounds; viscous friction less by a tenth is found, and hinted at."""
     rng, tries = np.random.default_rng(3), 50
-    assert sum(
-        any(c.changed for c in compare(friction(rng, TRUTH), friction(rng, TRUTH)).changes) for _ in range(tries)
-    ) <= most(tries, 0.05)
+    same = (compare(friction(rng, TRUTH), friction(rng, TRUTH)).changes for _ in range(tries))
+    assert sum(any(c.changed for c in changes) for changes in same) <= most(tries, 0.05)
     warm = TRUTH._replace(alpha_2=0.9 * TRUTH.alpha_2)
     warmer = [compare(friction(rng, TRUTH), friction(rng, warm)) for _ in range(20)]
     found = [x for x in warmer if change(x, "alpha_2").verdict.code == "fell"]
@@ -250,11 +249,8 @@ def test_a_set_can_change_although_none_of_its_parameters_does() -> None:
 
 def test_a_set_without_a_changed_parameter_is_named_beside_those_that_changed() -> None:
     """Where some parameters changed, the sentence names the sets that did and hold none of them, and no set that does."""
-    moved = [
-        session(fit_of(source="static -", parameters={"inertia": estimate(x, 0.1)}), correlated(k))
-        for x, k in ((1.0, 0.0), (3.0, 1.5))
-    ]
-    compared = compare(*moved)
+    a, b = (fit_of(source="static -", parameters={"inertia": estimate(x, 0.1)}) for x in (1.0, 3.0))
+    compared = compare(session(a, correlated(0.0)), session(b, correlated(1.5)))
     assert [str(c.parameter) for c in compared.changes if c.changed] == ["inertia"]
     assert "As a set, though none alone, so did those of the fit static +." in str(compared.sentence)
     apart = compare(session(correlated(0.0)), session(correlated(9.0)))
@@ -292,10 +288,8 @@ def test_a_session_does_not_differ_from_itself() -> None:
 def test_what_cannot_be_compared_is_listed_with_its_reason() -> None:
     """Not identifiable, an open interval, another direction, one session alone, other stages: each has its own reason, and no verdict."""
     opened = replace(estimate(1.0), interval=(0.5, np.inf))
-    first = fit_of(
-        source="static +",
-        parameters={"alpha_0": estimate(1.0), "alpha_1": estimate(None), "v_s": opened, "alpha_2": estimate(1.0)},
-    )
+    all_four = {"alpha_0": estimate(1.0), "alpha_1": estimate(None), "v_s": opened, "alpha_2": estimate(1.0)}
+    first = fit_of(source="static +", parameters=all_four)
     second = fit_of(source="static +", parameters={"alpha_0+": estimate(1.0), "alpha_1": estimate(1.0), "v_s": opened})
     more = fit_of(source="tracking", parameters={"sigma_0": estimate(2.0)})
     other = fit_of(source="presliding +", parameters={"sigma_0": estimate(2.0)})
@@ -318,9 +312,8 @@ def test_what_cannot_be_compared_is_listed_with_its_reason() -> None:
 
 def test_the_fit_to_use_is_the_first_that_both_know_and_trust() -> None:
     """The joint fit before tracking before static; one that did not converge comes last, and that is said."""
-    joint, moving, points = (
-        plain({"alpha_0": x}, source=s) for s, x in (("joint", 1.0), ("tracking", 2.0), ("static both", 3.0))
-    )
+    values = {"joint": 1.0, "tracking": 2.0, "static both": 3.0}
+    joint, moving, points = (plain({"alpha_0": x}, source=source) for source, x in values.items())
     assert change(compare(session(joint, moving, points), session(joint, moving, points)), "alpha_0").source == "joint"
     assert change(compare(session(moving, points), session(joint, moving, points)), "alpha_0").source == "tracking"
     bad = replace(moving, distrusted=Finding("not-converged", CRITICAL, "It did not converge."))
