@@ -47,11 +47,11 @@ def _run(folder: str, arguments: list[str]) -> None:
     """The command in this process, which it ends; its output goes into files beside the folder."""
     from bristle import __main__ as process
 
-    def sentence(bad: Exception, plain=process._sentence) -> str:  # type: ignore[no-untyped-def]  # wraps what is there
+    def sentence(error: object, plain=process.reason) -> str:  # type: ignore[no-untyped-def]  # wraps what is there
         """The sentence, and a file that says that the input was read."""
-        if _past(bad.__traceback__):
+        if isinstance(error, BaseException) and _past(error.__traceback__):
             Path(f"{folder}.past").touch()
-        return str(plain(bad))
+        return str(plain(error))
 
     os.chdir(folder)
     for number, name in ((1, "out"), (2, "err")):
@@ -59,7 +59,7 @@ def _run(folder: str, arguments: list[str]) -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_CPU, (2 * SECONDS, 2 * SECONDS))
-    process._sentence = sentence
+    process.reason = sentence
     sys.argv = ["bristle", *arguments]
     try:
         process.main()
