@@ -25,7 +25,7 @@ from distributed import Client
 
 from bristle.api.fleets import fleet, identified_joint
 from bristle.questions.fleet.catalog import read_catalog
-from bristle.questions.fleet.cluster import Call, local_client, spread
+from bristle.questions.fleet.cluster import local_client, spread
 from bristle.questions.fleet.dataset import COLUMNS, OF_TASK, schema_of, task_file, write_parts
 from bristle.questions.fleet.files import write_whole
 from bristle.questions.fleet.findings import findings
@@ -185,8 +185,8 @@ def scheduler(folder: Path) -> None:
         (output / "tasks").mkdir(parents=True)
         with local_client(2) as client:
             before, begun = memory(), perf_counter()
-            calls = (Call(f"synthetic-{k:08x}", synthetic, (str(output), f"{k:032x}")) for k in range(count))
-            done = sum(1 for _ in spread(client, calls, 200))
+            calls = ((str(output), f"{k:032x}") for k in range(count))
+            done = sum(1 for _ in spread(client, "synthetic", synthetic, calls, 200))
             seconds = perf_counter() - begun
             print(
                 f"{name}: {done} tasks, {1e3 * seconds / done:.2f} ms each with two workers; client and scheduler {before:.0f} MB before, "

@@ -9,12 +9,11 @@ import pytest
 
 import bristle
 from bristle import Results, api
-from bristle.api import identifying, joints
+from bristle.api import identifying
 from bristle.api.sources import JointLogs
 from bristle.data.experiment.load import load_experiment
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
-from bristle.identification.results import Joint
 
 from .conftest import FEW, speeds, write
 
@@ -29,18 +28,16 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Results:
 
 def test_the_package_offers_the_api() -> None:
     """`bristle` offers what it lists, each the library's own, and refuses any other name as Python does."""
-    assert not [
-        name for name in set(bristle.__all__) - {"__version__"} if getattr(bristle, name) is not getattr(api, name)
-    ]
+    names = set(bristle.__all__) - {"__version__"}
+    assert not [name for name in names if getattr(bristle, name) is not getattr(api, name)]
     with pytest.raises(AttributeError, match="nothing_such"):
         _ = bristle.nothing_such
 
 
 def test_joints_of_one_name_are_refused(tmp_path: Path) -> None:
     """Two experiments that name the same joint are refused before anything is read, and the name is said."""
-    paths = [
-        write(tmp_path, FEW, joint=joint, stem=stem) for stem, joint in (("a", "wrist"), ("b", "elbow"), ("c", "wrist"))
-    ]
+    joints = {"a": "wrist", "b": "elbow", "c": "wrist"}
+    paths = [write(tmp_path, FEW, joint=joint, stem=stem) for stem, joint in joints.items()]
     for data in tmp_path.glob("*.csv"):
         data.unlink()
     with pytest.raises(ValueError, match=r"joint\.name: 2 experiments name their joint 'wrist'"):
@@ -140,38 +137,6 @@ def test_inspect_reads_and_fits_nothing(tmp_path: Path, monkeypatch: pytest.Monk
     assert isinstance(measured, Measured)
     assert [segment.velocity for found in measured.segments for segment in found] == FEW.tolist()
     check_immutable((measured.runs, measured.segments))
-
-
-@pytest.mark.usefixtures("few_motions")
-@pytest.mark.slow
-def test_what_is_identified_is_not_identified_again(
-    clean: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Plan, sensitivity, validation and comparison of results are those of the file, and identify nothing."""
-    path = write(tmp_path, speeds())
-    of_file = (
-        bristle.plan(path, velocities=4),
-        bristle.sensitivity(path, samples=0),
-        bristle.validate(path, repetitions=20, starts=1),
-    )
-
-    def no_more(*_: object, **__: object) -> Joint:
-        raise AssertionError("identified again")
-
-    for module in (joints, identifying):
-        monkeypatch.setattr(module, "identify_joint", no_more)
-    of_results = (
-        bristle.plan(clean, velocities=4),
-        bristle.sensitivity(clean, samples=0),
-        bristle.validate(clean, repetitions=20, starts=1),
-    )
-    assert of_results[0].to_frame().equals(of_file[0].to_frame())
-    assert bristle.report_of(of_results[1]).text() == bristle.report_of(of_file[1]).text()
-    assert of_results[2].to_frame().equals(of_file[2].to_frame())
-    (tmp_path / "results.json").write_text(clean.to_json(), encoding="utf-8")
-    compared = bristle.compare(clean, tmp_path / "results.json")
-    assert not any(change.changed for change in compared.changes)
-    assert compared.to_frame().equals(bristle.compare(clean, clean).to_frame())
 
 
 def test_one_joint_of_a_results_file_is_taken(tmp_path: Path, clean: Results) -> None:

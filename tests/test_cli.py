@@ -18,14 +18,15 @@ import pytest
 import typer.main
 
 from bristle import __version__, cli
-from bristle.__main__ import _sentence, main
+from bristle.__main__ import _LONGEST, main
 from bristle.arrays import Array
 from bristle.cli import output_folder
 from bristle.data import text_table
 from bristle.data.experiment import yaml_file
 from bristle.data.experiment.load import load_experiment
-from bristle.errors import InputError
+from bristle.errors import InputError, one_line, reason
 from bristle.identification.measured import measure
+from bristle.model.parameters import Lugre, unit
 from bristle.model.rollout import rollout
 from bristle.page import output_folder as report_files
 from bristle.page.plain import interval
@@ -37,19 +38,14 @@ from .conftest import FEW, TRUTH, Ran, experiment, run, speeds, table, tree, wri
 from .pages import Elements, page_text, report_text
 
 DOCS = Path(__file__).parents[1] / "docs"
-HOSTILE = '<script>alert("1")</script> ../../&x'
-"""A joint's name that is HTML and a path."""
+HOSTILE = '<script>alert("1")</script> ../../&x'  # a joint's name that is HTML and a path
 Patch = Callable[[pytest.MonkeyPatch], None]
 GRIPPER = TABLE_1["gripper rotation"].positive
-FOLDER = None
-"""Stands for a folder among the files of a bad input."""
-PIPE = "a pipe"
-"""Stands for a pipe that nobody writes to."""
+FOLDER = None  # stands for a folder among the files of a bad input
+PIPE = "a pipe"  # stands for a pipe that nobody writes to
 
-GOOD = {"e.yaml": experiment(), "data.csv": table(FEW)}
-"""A good experiment, which each bad input spoils."""
-OWN = '{\n "schema": "bristle-results/2"}\n'
-"""What a results file of bristle's begins with."""
+GOOD = {"e.yaml": experiment(), "data.csv": table(FEW)}  # a good experiment, which each bad input spoils
+OWN = '{\n "schema": "bristle-results/2"}\n'  # what a results file of bristle's begins with
 IDENTIFY = ("identify", "e.yaml", "-o", "out.json")
 INSPECT = ("inspect", "e.yaml", "-o", "out.png")
 REPORT = ("report", "e.yaml", "-o", "out")
@@ -332,6 +328,23 @@ BAD = [
     *bad("many velocities", [(*PLAN, "--velocities", MANY)], f"got {MANY} velocities; expected 4 to 1000"),
     *bad("many samples", [("sensitivity", "e.yaml", "--samples", str(2**40))], f"samples: got {2**40}; expected a power of two"),
     *bad("many samples", [("sensitivity", "e.yaml", "--samples", MANY, "-o", "out")], f"samples: got {MANY}; expected a power of two"),
+    *(row for option, value, named in (
+        ("--repetitions", "3", "repetitions: got 3; expected 20 to 100000"), ("--starts", "0", "starts: got 0"),
+        ("--noise", "0", "noise: got 0; expected a positive share of alpha_0"), ("--noise", "nan", "noise: got nan"),
+        ("--noise", "inf", "noise: got inf"), ("--noise", "much", "--noise"), ("-o", "data.csv", "data.csv: is a file"),
+    ) for row in bad("validation that cannot be", [(*VALIDATE, option, value)], named)),
+    *(row for option, value, named in (
+        ("--amplitude", "0.5", "amplitude: got '0.5'; expected a number with its unit"),
+        ("--amplitude", "5 mm", "amplitude: unit 'mm' is no unit of rad"),
+        ("--amplitude", "-1 rad", "amplitude: got -1 rad; expected a quantity above 0"),
+        ("--amplitude", "1e300 rad", "amplitude: got '1e300 rad'; expected a finite size"),
+        ("--frequency", "3 rad/s", "frequency: unit 'rad/s' is no unit of Hz"),
+        ("--frequency", "0 Hz", "frequency: got 0 Hz; expected a quantity above 0"),
+        ("--frequency", "1e12 Hz", "frequency: got 1e+12 Hz; expected 1e-06 to 10000 Hz"),
+        ("--frequency", "1e-12 Hz", "frequency: got 1e-12 Hz; expected 1e-06 to 10000 Hz"),
+        ("--samples", "100", "samples: got 100; expected a power of two"),
+        ("--samples", "16", "samples: got 16; expected a power of two from 32 to 131072"),
+    ) for row in bad("motion that cannot be", [("sensitivity", "e.yaml", "-o", "out", option, value)], named)),
     *bad("many workers", [(*REPORT, "--workers", MANY), (*IDENTIFY, "--workers", MANY)], "'--workers'"),
     *bad("a long baseline", [("fleet", "data.csv", "--baseline", MANY, "-o", "out")], f"baseline: got {MANY}; expected 1 to 10000"),
     *(row for options in ("position: [0 rad, 1e5 rad]", "hold: 1e6 s, position: [-1e7 rad, 1e7 rad]", "rate: 100 kHz",
@@ -401,15 +414,7 @@ def test_units_far_off_are_fitted_without_a_word(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_options_far_off_are_taken_without_a_warning(tmp_path: Path) -> None:
     """Values beyond reason, and nothing left to fit, end in a result."""
-    every = {
-        "alpha_0": "N*m",
-        "alpha_1": "N*m",
-        "alpha_2": "N*m*s/rad",
-        "v_s": "rad/s",
-        "sigma_0": "N*m/rad",
-        "sigma_1": "N*m*s/rad",
-    }
-    nothing = ", ".join(f"{name}: 1 {unit}" for name, unit in (every | {"inertia": "kg*m**2"}).items())
+    nothing = ", ".join(f"{name}: 1 {unit(name)}" for name in (*Lugre._fields, "inertia"))
     for fixed in (nothing, "alpha_0: 1e29 N*m"):
         files = whole_joint("", f"fit: {{decimation: 2, fixed: {{{fixed}}}}}\n")
         assert run("identify", placed(tmp_path, files)).code == 0
@@ -525,9 +530,7 @@ def adaptations() -> dict[Path, Ran]:
 
 @pytest.fixture
 def adapted(
-    tmp_path_factory: pytest.TempPathFactory,
-    monkeypatch: pytest.MonkeyPatch,
-    adaptations: dict[Path, Ran],
+    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch, adaptations: dict[Path, Ran]
 ) -> tuple[Path, Ran]:
     """The folder of one moving run of which `bristle adapt` wrote into out, once for all tests here, and what it said."""
     for name, value in {"LONG": 4.0, "SETTLE": 1.0, "SHORT": 4.0}.items():
@@ -581,16 +584,12 @@ def test_an_interrupt_is_130(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pa
     assert tree(tmp_path) == before
 
 
-@pytest.mark.parametrize(
-    "defect", [RuntimeError("ours"), KeyError("ours"), ValueError("ours"), np.linalg.LinAlgError("ours")]
-)
-def test_our_own_defect_is_not_called_bad_input(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, defect: Exception
-) -> None:
+@pytest.mark.parametrize("of", [RuntimeError, KeyError, ValueError, np.linalg.LinAlgError])
+def test_our_own_defect_is_no_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, of: type[Exception]) -> None:
     """Any exception but InputError and OSError leaves `main`, so that Python ends with its traceback and 1."""
-    monkeypatch.setattr("bristle.api.identifying.identify_joint", _raiser(defect))
+    monkeypatch.setattr("bristle.api.identifying.identify_joint", _raiser(of("ours")))
     monkeypatch.setattr(sys, "argv", ["bristle", "identify", str(write(tmp_path, FEW))])
-    with pytest.raises(type(defect), match="ours"):
+    with pytest.raises(of, match="ours"):
         main()
 
 
@@ -778,10 +777,8 @@ def test_warnings_about_signals_count(tmp_path: Path) -> None:
     log_of = log("ramp", t=time, q=position, v=60 / (2 * np.pi) * speed, tau=torque)
     ran = run("identify", placed(tmp_path, log_of), "--strict")
     assert ran.code == 3
-    assert (
-        "critical [velocity-factor]: The position of data.csv moves 0.105 times as far as its logged velocity says"
-        in ran.words
-    )
+    said = "critical [velocity-factor]: The position of data.csv moves 0.105 times as far as its logged velocity says"
+    assert said in ran.words
     assert "`unit: rpm` under signals.velocity" in ran.words
 
 
@@ -880,17 +877,15 @@ def test_closed_streams_are_no_defect(tmp_path: Path, closed: Sequence[str]) -> 
 
 def test_a_sentence_is_one_short_line() -> None:
     """Escapes stand for what a terminal would obey; a very long sentence keeps its beginning and its end, where it says what to do."""
-    assert _sentence(OSError("a\x1b[31m\nb\u202e \udc80")) == "a\\x1b[31m b\\u202e \\udc80"
+    assert one_line(reason(OSError("a\x1b[31m\nb\u202e \udc80")), _LONGEST) == "a\\x1b[31m b\\u202e \\udc80"
     for text in ("x" * 10**6, "\x1b" * 10**6, "x" * 499 + "\x1b" * 100):
-        for error in (
-            InputError(f"file: {text}; name another"),
-            OSError(errno.ENOENT, "none; name another", f"file: {text}"),
-        ):
-            said = _sentence(error)
+        missing = OSError(errno.ENOENT, "none; name another", f"file: {text}")
+        for error in (InputError(f"file: {text}; name another"), missing):
+            said = one_line(reason(error), _LONGEST)
             assert len(said) < 510
             assert said.startswith("file: ")
             assert said.endswith("; name another")
-    assert _sentence(OSError("x" * 500)) == "x" * 500
+    assert one_line(reason(OSError("x" * 500)), _LONGEST) == "x" * 500
 
 
 def test_a_page_is_called_after_its_joint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -31,13 +31,8 @@ def test_a_finding_is_a_value() -> None:
 def test_a_finding_comes_back_from_its_file() -> None:
     """An open bound and no number too; parts of it that are findings become their text."""
     part = Finding("sum", NOTE, "A part.")
-    numbers = {
-        "ends": (-np.inf, np.float64(2.5)),
-        "count": np.int64(3),
-        "none": np.nan,
-        "why": part,
-        "names": ("a", "b"),
-    }
+    ends, count = (-np.inf, np.float64(2.5)), np.int64(3)
+    numbers = {"ends": ends, "count": count, "none": np.nan, "why": part, "names": ("a", "b")}
     made = Finding("strays", Severity.CRITICAL, "As it was.", numbers, {"friction": 0.1}, ("static", "+"))
     read = TypeAdapter(Finding)
     back = read.validate_json(read.dump_json(made))

@@ -31,12 +31,9 @@ BELOW = {
     "cli": {*CORE, "page", "questions", "api", "terminal"},
 }
 """Each floor, and those that it may import from, beside itself and the ground. The kit of pages knows no result, least squares no friction."""
-STAGES = {"static", "presliding", "dynamic"}
-"""Folders of identification that only `identify.py` puts together."""
-DRAWING = {"report", "sections", "figures"}
-"""How names of files end that make the pages of a question with a report.py."""
-ENTRANCES = {"__init__", "__main__"}
-"""Modules of the package itself: they may offer what any floor has."""
+STAGES = {"static", "presliding", "dynamic"}  # folders of identification that only `identify.py` puts together
+DRAWING = {"report", "sections", "figures"}  # how names of files end that make the pages of a question with a report.py
+ENTRANCES = {"__init__", "__main__"}  # modules of the package itself: they may offer what any floor has
 MODULES = {path.relative_to(SOURCE.parent).with_suffix("").parts for path in FILES}
 
 

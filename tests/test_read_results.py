@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 import bristle
 from bristle import Results
-from bristle.api import experiments, identifying, joints
+from bristle.api import experiments, identifying, sources
 from bristle.arrays import UNWRITTEN
 from bristle.data.experiment.load import load_experiment
 from bristle.errors import InputError
@@ -74,8 +74,7 @@ def read(folder: Path, fresh: Results, monkeypatch: pytest.MonkeyPatch) -> Resul
     def no_more(*_: object, **__: object) -> Joint:
         raise AssertionError("identified again")
 
-    for module in (joints, identifying):
-        monkeypatch.setattr(module, "identify_joint", no_more)
+    monkeypatch.setattr(identifying, "identify_joint", no_more)
     return bristle.read_results(folder / "out" / "results.json")
 
 
@@ -214,12 +213,9 @@ def test_the_file_names_nothing_absolute(fresh: Results, folder: Path) -> None:
 
 def test_the_embedded_joints_are_named_by_their_file_alone() -> None:
     """Of the embedded data set no folder is written: the file is the same on every machine."""
-    found = Results(
-        joints=(), logs=bristle.api.sources.JointLogs(texts=tuple(t for _, t in bristle.api.sources.open_all(()) if t))
-    )
-    assert [(x.file, x.folder) for x in found.logs.written(Path())] == [
-        (f"{stem}.yaml", None) for stem in ("gripper", "wrist", "elbow", "base")
-    ]
+    logs = sources.JointLogs(texts=tuple(text for _, text in sources.open_all(()) if text))
+    stems = ("gripper", "wrist", "elbow", "base")
+    assert [(x.file, x.folder) for x in logs.written(Path())] == [(f"{stem}.yaml", None) for stem in stems]
 
 
 ROBOT = """
@@ -244,7 +240,7 @@ def test_a_robot_is_read_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     path = tmp_path / "results.json"
     path.write_text(fresh.to_json(tmp_path), encoding="utf-8")
     (tmp_path / "robot.yaml").unlink()
-    monkeypatch.delattr("bristle.api.joints.identify_joint")
+    monkeypatch.delattr("bristle.api.identifying.identify_joint")
     read = bristle.read_results(path)
     assert [dict(leaves(joint)) for joint in read.joints] == [dict(leaves(joint)) for joint in fresh.joints]
     assert [x["joints"] for x in json.loads(read.to_json(tmp_path))["experiments"]] == [["shoulder", "elbow"]]

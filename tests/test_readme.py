@@ -28,8 +28,7 @@ from .conftest import TRUTH, run
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = [*(DOCS.parent / name for name in ("README.md", "CHANGELOG.md")), *sorted(DOCS.glob("*.md"))]
-MOTOR = Motor(0.35, 2.1, 0.0, 0.0)
-"""Of the logs here: N*m/A and ohm."""
+MOTOR = Motor(0.35, 2.1, 0.0, 0.0)  # of the logs here: N*m/A and ohm
 EXPERIMENT = """
 joint: {name: wrist, kind: revolute}
 motor: {torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}
@@ -40,8 +39,7 @@ signals:
 runs:
   - {files: "velocity_*.csv", experiment: ramp}
 """
-SPEEDS = np.geomspace(0.02, 0.8, 12)
-"""Of the logs, rad/s."""
+SPEEDS = np.geomspace(0.02, 0.8, 12)  # of the logs, rad/s
 
 
 def blocks(language: str, text: str = README) -> list[str]:
@@ -163,8 +161,7 @@ def runnable(page: Path) -> list[str]:
     )
 
 
-RUN_ABOVE = {"README.md", "arrays.md", "compensation.md", "tutorial.md"}
-"""Pages whose code has a test of its own here."""
+RUN_ABOVE = {"README.md", "arrays.md", "compensation.md", "tutorial.md"}  # pages whose code has a test of its own here
 RUN_HERE = [page for page in PAGES if page.name not in RUN_ABOVE and runnable(page)]
 
 

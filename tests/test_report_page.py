@@ -9,8 +9,7 @@ from tests.pages import findings
 
 from bristle.page.style import DIRECTION
 
-EXPLORER = "explore.html"
-"""The page that is not read, but played with."""
+EXPLORER = "explore.html"  # the page that is not read, but played with
 WORDS, SCREENS, BYTES, PRINTED = 6000, 12, 1_500_000, 20
 """Of a page at the most; and of the whole report with everything open:"""
 ALL_WORDS = 25_000

@@ -6,12 +6,11 @@
 import sys
 from typing import Any, NoReturn
 
-from bristle.errors import InputError, one_line
+from bristle.errors import InputError, one_line, reason
 from bristle.terminal import complain, discard, open_streams, print_lines
 from bristle.workers import interruptible, pin
 
-_LONGEST = 500
-"""Characters of an error's sentence: one of ours is shorter, the system's or click's may not be."""
+_LONGEST = 500  # characters of an error's sentence: one of ours is shorter, the system's or click's may not be
 
 
 def main() -> NoReturn:
@@ -48,18 +47,11 @@ def _run() -> int:
         discard("stdout")
         code = 0
     except (InputError, OSError) as bad:
-        complain(f"bristle: {_sentence(bad)}")
+        complain(f"bristle: {one_line(reason(bad), _LONGEST)}")
     except wrong_use as wrong:
         complain(f"bristle: {one_line(wrong.format_message(), _LONGEST)}")
     print_lines([], done=True)
     return code
-
-
-def _sentence(bad: Exception) -> str:
-    text = str(bad)
-    if isinstance(bad, OSError) and bad.strerror:
-        text = f"{bad.filename}: {bad.strerror}" if bad.filename else bad.strerror
-    return one_line(text, _LONGEST)
 
 
 if __name__ == "__main__":

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 Floats = NDArray[np.float64]
-Bound = float | Literal["inf", "-inf"]
-"""An infinite bound is a string: JSON has no infinity."""
+Bound = float | Literal["inf", "-inf"]  # an infinite bound is a string: JSON has no infinity
 
 
 @dataclass(frozen=True, slots=True)

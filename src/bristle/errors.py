@@ -5,8 +5,7 @@ import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
 
-LONGEST = 450
-"""Characters of a sentence; what is longer loses its middle."""
+LONGEST = 450  # characters of a sentence; what is longer loses its middle
 
 
 class InputError(ValueError):
@@ -26,6 +25,13 @@ def one_line(text: str, longest: int = LONGEST) -> str:
     return line if len(line) <= longest else f"{line[: longest * 2 // 3]} ... {line[5 - longest // 3 :]}"
 
 
+def reason(error: object) -> str:
+    """What an exception says: of one of the system the file and why."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return str(error)
+
+
 def check_regular(path: Path, shown: str | None = None) -> None:
     """Raises InputError, opening with `shown` or the path, where reading may never end, as of a pipe; OSError where nothing is there."""
     mode = path.stat().st_mode
@@ -35,12 +41,8 @@ def check_regular(path: Path, shown: str | None = None) -> None:
 
 
 _NOT_REGULAR = {
-    stat.S_ISDIR: "a folder",
-    stat.S_ISFIFO: "a pipe",
-    stat.S_ISCHR: "a device",
-    stat.S_ISBLK: "a device",
-    stat.S_ISSOCK: "a socket",
-}
+    stat.S_ISDIR: "a folder", stat.S_ISFIFO: "a pipe", stat.S_ISCHR: "a device", stat.S_ISBLK: "a device", stat.S_ISSOCK: "a socket",
+}  # fmt: skip  # a table
 
 
 _BIDI = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")

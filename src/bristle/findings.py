@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, is_dataclass, replace
 from enum import StrEnum
 from types import NoneType
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -39,17 +39,47 @@ def in_units(message: str, units: Mapping[str, str]) -> str:
     return _UNITS.sub(lambda found: f" {units[found[1]]}" if units.get(found[1]) else "", message)
 
 
+def _to_json(value: Any) -> Any:
+    """A list, a number or a word; whatever else by its text."""
+    match value:
+        case tuple() | list() if not hasattr(value, "_fields"):
+            return [_to_json(x) for x in value]
+        case np.generic():
+            return _to_json(value.item())
+        case float():
+            return to_bound(value)
+        case bool() | int():
+            return value
+        case _:
+            return str(value)
+
+
+def _from_json(value: Any) -> Any:
+    match value:
+        case list():
+            return tuple(map(_from_json, value))
+        case None | "inf" | "-inf":
+            return float(value or "nan")
+        case _:
+            return value
+
+
+_EACH = JsonForm(
+    dict[str, Any], lambda x: {k: _to_json(v) for k, v in x.items()}, lambda x: {k: _from_json(v) for k, v in x.items()}
+)
+
+
 @dataclass(frozen=True, slots=True)
 class Finding:
     """One thing to know about an estimate, a fit, a segment or a run; `str` gives its message."""
 
     code: str
     severity: Severity
-    message: str
+    message: Annotated[str, JsonForm(str, lambda x: in_units(x, {}), str)]
     """A sentence, in which `unit_of` stands for units of the joint until it is known."""
-    numbers: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    numbers: Annotated[Mapping[str, Any], _EACH] = field(default_factory=dict, compare=False)
     """What the message names, by name, for who computes with it; a part of it that is a finding is a text once it was written."""
-    effect: Mapping[str, float] = field(default_factory=dict)
+    effect: Mapping[str, Number] = field(default_factory=dict)
     """What it is worth, where that was computed."""
     subject: tuple[str, ...] = field(default=(), compare=False)
     """What it is about, from the stage to the parameter, as `static`, `+`, `alpha_0`, or the file and its rows; empty: the joint as a whole."""
@@ -70,65 +100,8 @@ class Finding:
     def __hash__(self) -> int:
         return hash((self.code, self.message))
 
-    @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
-        """In results.json as `WrittenFinding`."""
-        return JsonForm(WrittenFinding, _written, _read).__get_pydantic_core_schema__(source, handler)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WrittenFinding:
-    """A finding in results.json."""
-
-    code: str
-    severity: Severity
-    message: str
-    numbers: dict[str, Any]
-    """What the message names; an open bound is "inf" or "-inf", no number null."""
-    effect: dict[str, Number]
-    subject: tuple[str, ...] = ()
-    """What it is about, from the stage to the parameter; empty: the joint as a whole."""
-
-
-def _written(x: Finding) -> WrittenFinding:
-    numbers = {name: _to_json(value) for name, value in x.numbers.items()}
-    return WrittenFinding(
-        code=x.code, severity=x.severity, message=str(x), numbers=numbers, effect=dict(x.effect), subject=x.subject
-    )
-
-
-def _to_json(value: Any) -> Any:
-    """A list, a number or a word; whatever else by its text."""
-    match value:
-        case tuple() | list() if not hasattr(value, "_fields"):
-            return [_to_json(x) for x in value]
-        case np.generic():
-            return _to_json(value.item())
-        case float():
-            return to_bound(value)
-        case bool() | int():
-            return value
-        case _:
-            return str(value)
-
-
-def _read(x: WrittenFinding) -> Finding:
-    numbers = {name: _from_json(value) for name, value in x.numbers.items()}
-    return Finding(x.code, x.severity, x.message, numbers, x.effect, x.subject)
-
-
-def _from_json(value: Any) -> Any:
-    match value:
-        case list():
-            return tuple(map(_from_json, value))
-        case None | "inf" | "-inf":
-            return float(value or "nan")
-        case _:
-            return value
-
-
-PLAIN = frozenset((float, int, bool, str, NoneType, np.ndarray, np.float64))
-"""Types of values that hold no others."""
+PLAIN = frozenset((float, int, bool, str, NoneType, np.ndarray, np.float64))  # types of values that hold no others
 
 
 def with_subjects(

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from bristle.api.exporting import exported_joints
-from bristle.api.joints import read_if_results
+from bristle.api.identifying import read_if_results
 from bristle.api.results import Results
 from bristle.control.adaptation import Learnt
 from bristle.control.compensator import CompensatorState, advanced
@@ -213,22 +213,16 @@ def _check_model(model: Any, name: str) -> None:
             f"{_WORD}: the model's integrator is {integrator}, in which the friction is not held over a step; set Euler, implicit or implicitfast"
         )
     dof, joint = model.joint(name).dofadr[0], model.joint(name).id
-    twice = "and friction would count twice"
-    for what in ("damping", "frictionloss"):
-        if value := getattr(model, f"dof_{what}")[dof]:
-            raise InputError(
-                f"{_WORD}: joint {short(name)} has {what} {value:.4g} of its own, {twice}; set it to 0 in the model"
-            )
+    own = {x: getattr(model, f"dof_{x}")[dof] for x in ("damping", "frictionloss")}
+    twice = [(f"{what} {value:.4g} of its own", "set it to 0 in the model") for what, value in own.items() if value]
     if np.any(getattr(model, "dof_dampingpoly", np.zeros((model.nv, 1)))[dof]):
-        raise InputError(
-            f"{_WORD}: joint {short(name)} has a polynomial damping of its own, {twice}; set it to 0 in the model"
-        )
+        twice.append(("a polynomial damping of its own", "set it to 0 in the model"))
     lugre = getattr(mujoco.mjtDyn, "mjDYN_DCMOTOR", None)
-    transmissions = (mujoco.mjtTrn.mjTRN_JOINT.value, mujoco.mjtTrn.mjTRN_JOINTINPARENT.value)
-    on_joint = np.isin(model.actuator_trntype, transmissions) & (model.actuator_trnid[:, 0] == joint)
-    if lugre is not None and np.any(
-        on_joint & (model.actuator_dyntype == lugre.value) & (model.actuator_dynprm[:, 5] > 0)
-    ):
-        raise InputError(
-            f"{_WORD}: joint {short(name)} has a dcmotor with LuGre friction, {twice}; take it out of the model"
-        )
+    if lugre is not None:
+        transmissions = (mujoco.mjtTrn.mjTRN_JOINT.value, mujoco.mjtTrn.mjTRN_JOINTINPARENT.value)
+        on_joint = np.isin(model.actuator_trntype, transmissions) & (model.actuator_trnid[:, 0] == joint)
+        if np.any(on_joint & (model.actuator_dyntype == lugre.value) & (model.actuator_dynprm[:, 5] > 0)):
+            twice.append(("a dcmotor with LuGre friction", "take it out of the model"))
+    if twice:
+        what, remedy = twice[0]
+        raise InputError(f"{_WORD}: joint {short(name)} has {what}, and friction would count twice; {remedy}")

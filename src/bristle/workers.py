@@ -129,16 +129,13 @@ def heed() -> None:
 @contextmanager
 def pinned() -> Iterator[None]:
     """`pin` for the processes that begin meanwhile; the caller's environment is as it was afterwards."""
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    new = [name for name in _ONE_THREAD if name not in os.environ]
     pin()
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in new:
+            os.environ.pop(name, None)
 
 
 def _begin() -> None:

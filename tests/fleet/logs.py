@@ -58,12 +58,6 @@ def write_fleet_logs(
             for j, joint in enumerate(joints):
                 unit, session = f"r{u}", f"2026-0{s + 1}-01"
                 path = write_session(folder / "logs", unit, joint, session, seed=100 * u + 10 * s + j)
-                rows.append(
-                    {
-                        "file": path.relative_to(folder).as_posix(),
-                        "unit": unit,
-                        "session": session,
-                        "temperature": 20 + s,
-                    }
-                )
+                file = path.relative_to(folder).as_posix()
+                rows.append({"file": file, "unit": unit, "session": session, "temperature": 20 + s})
     return write_catalog(folder / "catalog.csv", rows)

@@ -12,8 +12,7 @@ from bristle.questions.fleet.notes import headline
 
 HOSTILE = "</script><img src=x onerror=\"document.title='run'\"><!-- {{ 7*7 }} \\u003c"
 """A unit's name that ends a script, loads an image and opens a comment."""
-EXOTIC = "Zelle „Süd“ 'α' & <b>№ 7</b> 手首"
-"""A joint's name with quotes and letters of other scripts."""
+EXOTIC = "Zelle „Süd“ 'α' & <b>№ 7</b> 手首"  # a joint's name with quotes and letters of other scripts
 BEGIN = pd.Timestamp("2026-01-05 08:00")
 UNITS = {"alpha_0": "N*m", "alpha_1": "N*m", "alpha_2": "N*m*s/rad", "v_s": "rad/s"}
 
@@ -37,36 +36,19 @@ def plausible(
     changes = _changes(blocks, sessions, rng)
     changed = changes["changed"]
     table = _joints(changes, sessions)
-    return Findings(
-        headline=Finding(
-            "fleet-changed",
-            NOTE,
-            f"{table['changed'].sum()} of {len(table)} joints changed, at a false discovery rate of 5 %; "
-            f"the clearest: {HOSTILE} {EXOTIC}, alpha_0+ by +15 % since 2026-03-02.",
-        ),
-        notes=(Finding("warned-since", CAUTION, "Look at their logs first; a failing sensor is not wear."),),
-        joints=table,
-        changes=changes.drop(columns="number"),
-        series=_series(changes.assign(changed=changed), sessions, rng),
-        types=_types(changes, sessions, rng),
-        units=_units(changes, sessions, rng),
-        quality=_quality(sessions, len(keys), rng),
-        warned=pd.DataFrame(
-            {
-                "unit": [HOSTILE],
-                "joint": [EXOTIC],
-                "code": ["clipped"],
-                "severity": ["caution"],
-                "since": [BEGIN],
-                "sessions": [2],
-                "of": [3],
-            }
-        ),
-        failures=_failures(keys, failed),
-        rate=0.05,
-        baseline=3,
-        simulated=True,
+    said = (
+        f"{table['changed'].sum()} of {len(table)} joints changed, at a false discovery rate of 5 %; "
+        f"the clearest: {HOSTILE} {EXOTIC}, alpha_0+ by +15 % since 2026-03-02."
     )
+    warned = (HOSTILE, EXOTIC, "clipped", "caution", BEGIN, 2, 3)
+    return Findings(
+        headline=Finding("fleet-changed", NOTE, said),
+        notes=(Finding("warned-since", CAUTION, "Look at their logs first; a failing sensor is not wear."),),
+        joints=table, changes=changes.drop(columns="number"), series=_series(changes.assign(changed=changed), sessions, rng),
+        types=_types(changes, sessions, rng), units=_units(changes, sessions, rng), quality=_quality(sessions, len(keys), rng),
+        warned=pd.DataFrame([warned], columns=["unit", "joint", "code", "severity", "since", "sessions", "of"]),
+        failures=_failures(keys, failed), rate=0.05, baseline=3, simulated=True,
+    )  # fmt: skip  # a list of values
 
 
 def empty() -> Findings:
@@ -76,9 +58,8 @@ def empty() -> Findings:
         name: getattr(some, name).iloc[:0]
         for name in ("joints", "changes", "series", "types", "units", "quality", "warned", "failures")
     }
-    return Findings(
-        headline=headline(tables["joints"], 0.05), notes=(), rate=0.05, baseline=3, simulated=False, **tables
-    )
+    said = headline(tables["joints"], 0.05)
+    return Findings(headline=said, notes=(), rate=0.05, baseline=3, simulated=False, **tables)
 
 
 def when(sessions: int) -> pd.DatetimeIndex:
@@ -102,15 +83,10 @@ def _changes(blocks: pd.DataFrame, sessions: int, rng: np.random.Generator) -> p
 def _joints(changes: pd.DataFrame, sessions: int) -> pd.DataFrame:
     first = changes.sort_values(["p", "number"], kind="stable").drop_duplicates("number")
     table = first.assign(
-        rank=np.arange(1, len(first) + 1),
-        adjusted_p=np.minimum(first["p"] * len(first), 1.0),
-        new_warnings=np.where(first["number"] == 0, "clipped torque-drifts", ""),
-        outside=first["number"] % 7 == 2,
-        first=when(sessions)[0],
-        latest=when(sessions)[-1],
-        file=[f"logs/{k:04d} ü.yaml" for k in first["number"]],
-        untested="",
-    )
+        rank=np.arange(1, len(first) + 1), adjusted_p=np.minimum(first["p"] * len(first), 1.0),
+        new_warnings=np.where(first["number"] == 0, "clipped torque-drifts", ""), outside=first["number"] % 7 == 2,
+        first=when(sessions)[0], latest=when(sessions)[-1], file=[f"logs/{k:04d} ü.yaml" for k in first["number"]], untested="",
+    )  # fmt: skip  # a list of values
     names = (
         "rank", "unit", "joint", "type", "sessions", "changed", "adjusted_p", "parameter", "direction", "percent", "percent_lower",
         "percent_upper", "since", "sessions_after", "new_warnings", "outside", "first", "latest", "file", "untested",

@@ -198,9 +198,8 @@ def row(path: str, unit: str = "r1", session: str = "2026-01-01", **more: str) -
 def test_a_robot_gives_a_session_of_each_joint() -> None:
     """All joints of a robot, or the one asked for; a joint that it lacks is a failure. A single joint may be called otherwise."""
     files = {"a": surveyed("a", "j1", "j2", robot=True), "b": surveyed("b", "wrist")}
-    frame = joint_sessions(
-        [row("a"), row("a", "r2", joint="j2"), row("a", "r3", joint="j9"), row("b", "r4", joint="left")], files
-    )
+    rows = [row("a"), row("a", "r2", joint="j2"), row("a", "r3", joint="j9"), row("b", "r4", joint="left")]
+    frame = joint_sessions(rows, files)
     assert frame["joint"].tolist() == ["j1", "j2", "j2", "j9", "left"]
     assert frame["name"].tolist() == ["j1", "j2", "j2", "", "wrist"]
     assert frame["failure"].tolist()[3] == "joint: got 'j9'; the file has j1, j2"
@@ -213,10 +212,8 @@ def test_two_rows_of_one_session_are_one_failure() -> None:
     files = {name: surveyed(name, "j") for name in "abc"}
     frame = joint_sessions([row("a"), row("b"), row("c", session="2026-02-01")], files)
     assert frame["file"].tolist() == ["c", "a"]
-    assert frame["failure"].tolist() == [
-        "",
-        "2 rows of the catalog are of this joint and session (a, b); name each session once",
-    ]
+    said = "2 rows of the catalog are of this joint and session (a, b); name each session once"
+    assert frame["failure"].tolist() == ["", said]
 
 
 def test_sessions_of_another_type_are_left_out() -> None:
@@ -238,10 +235,8 @@ def test_a_clock_that_goes_back_is_left_out() -> None:
     rows = [*days("r1", 1, 2, 3, 4, 5), *days("r2", 5, 6, 7, 1, 2, 8), *days("r3", 1, 2, 3)]
     frame = joint_sessions(rows, {"a": surveyed("a", "j")})
     assert frame[frame["left_out"] != ""]["session"].dt.day.tolist() == [1, 2]
-    assert (
-        frame["left_out"][8]
-        == "its time lies before 2026-01-07 00:00, of a session above it in the catalog; set the clock right"
-    )
+    said = "its time lies before 2026-01-07 00:00, of a session above it in the catalog; set the clock right"
+    assert frame["left_out"][8] == said
 
 
 def test_another_order_is_no_clock() -> None:

@@ -11,21 +11,6 @@ import pytest
 
 from bristle.errors import InputError
 from bristle.questions.fleet import dataset
-from bristle.questions.fleet.dataset import (
-    COLUMNS,
-    OF_TASK,
-    ORDER,
-    assembled,
-    failure_bytes,
-    known_results,
-    part_files,
-    parts_of,
-    read_parts,
-    read_tasks,
-    schema_of,
-    task_file,
-    write_parts,
-)
 from bristle.questions.fleet.sessions import JointSession
 
 pa = pytest.importorskip("pyarrow", reason="needs the extra fleet")
@@ -34,21 +19,20 @@ pa = pytest.importorskip("pyarrow", reason="needs the extra fleet")
 def results(keys: list[str], rows: int = 3) -> Any:
     """So many rows of each key, as tasks give them; one has an open bound."""
     names = [f"p{k}" for k in reversed(range(rows))]
-    made = {name: [None] * len(keys) * rows for name in OF_TASK} | {
+    made = {name: [None] * len(keys) * rows for name in dataset.OF_TASK} | {
         "key": np.repeat(keys, rows).tolist(), "parameter": names * len(keys), "direction": ["+"] * len(keys) * rows,
         "value": [float(k) for k in range(len(keys) * rows)], "upper": [math.inf] * len(keys) * rows, "severity": ["none"] * len(keys) * rows,
     }  # fmt: skip  # a table
-    return pa.table(made, schema=schema_of(OF_TASK, coded=False))
+    return pa.table(made, schema=dataset.schema_of(dataset.OF_TASK, coded=False))
 
 
 def sessions(keys: list[str], failures: dict[int, str] | None = None) -> pd.DataFrame:
     """A joint session of each key, from the last to the first."""
     day, why = pd.Timestamp("2026-01-01"), failures or {}
+    units = (f"r{len(keys) - k:06d}" for k in range(len(keys)))
     rows = [
-        JointSession(
-            f"r{len(keys) - k:06d}", "j", "t", day, math.nan, 2.0, "", f"f{k}", f"/f{k}", "j", key, why.get(k, "")
-        )
-        for k, key in enumerate(keys)
+        JointSession(unit, "j", "t", day, math.nan, 2.0, "", f"f{k}", f"/f{k}", "j", key, why.get(k, ""))
+        for k, (unit, key) in enumerate(zip(units, keys, strict=True))
     ]
     frame = pd.DataFrame(rows, columns=list(JointSession._fields))
     return frame.assign(session=frame["session"].astype("datetime64[us]"))
@@ -56,9 +40,9 @@ def sessions(keys: list[str], failures: dict[int, str] | None = None) -> pd.Data
 
 def test_rows_have_the_columns_and_the_order() -> None:
     """The columns are as documented, the rows sorted; of a failure there is one row, of a key that two sessions share each has its own."""
-    table = assembled(sessions(["a", "b", "a", ""], {3: "no such file"}), results(["a", "b", "c"]))
+    table = dataset.assembled(sessions(["a", "b", "a", ""], {3: "no such file"}), results(["a", "b", "c"]))
     frame = table.to_pandas()
-    assert tuple(frame.columns) == tuple(COLUMNS)
+    assert tuple(frame.columns) == tuple(dataset.COLUMNS)
     assert frame["unit"].tolist() == ["r000001", *np.repeat(["r000002", "r000003", "r000004"], 3)]
     assert frame["parameter"].tolist()[1:] == 3 * ["p0", "p1", "p2"]
     assert frame["value"].tolist()[1:] == [2, 1, 0, 5, 4, 3, 2, 1, 0]
@@ -66,16 +50,16 @@ def test_rows_have_the_columns_and_the_order() -> None:
     assert frame.loc[0, ["direction", "value", "key", "tags", "left_out"]].isna().all()
     assert (frame["upper"][1:] == math.inf).all()
     assert frame["tags"].isna().all()
-    assert frame.sort_values(list(ORDER), kind="stable").index.tolist() == list(range(10))
+    assert frame.sort_values(list(dataset.ORDER), kind="stable").index.tolist() == list(range(10))
 
 
 def test_the_order_of_tasks_does_not_show() -> None:
     """Whatever order catalog and results come in, the parts have the same names and bytes."""
     keys = [f"k{k}" for k in range(50)]
     rng = np.random.default_rng(0)
-    one = list(part_files(assembled(sessions(keys), results(keys))))
+    one = list(dataset.part_files(dataset.assembled(sessions(keys), results(keys))))
     mixed = results(keys).take(rng.permutation(150))
-    other = list(part_files(assembled(sessions(keys).sample(frac=1, random_state=1), mixed)))
+    other = list(dataset.part_files(dataset.assembled(sessions(keys).sample(frac=1, random_state=1), mixed)))
     assert one == other
 
 
@@ -83,21 +67,21 @@ def test_parts_are_written_once_and_read_once(tmp_path: Path, monkeypatch: pytes
     """Parts follow each other; one that is as it was stays; after an interrupted swap old and new rows are there once."""
     monkeypatch.setattr(dataset, "ROWS", 20)
     out, keys = str(tmp_path), [f"k{k}" for k in range(20)]
-    table = assembled(sessions(keys), results(keys))
-    write_parts(out, table, parts_of(out))
-    assert [name[:11] for name in parts_of(out)] == ["part-00000-", "part-00001-", "part-00002-"]
+    table = dataset.assembled(sessions(keys), results(keys))
+    dataset.write_parts(out, table, dataset.parts_of(out))
+    assert [name[:11] for name in dataset.parts_of(out)] == ["part-00000-", "part-00001-", "part-00002-"]
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "results").iterdir()}
-    write_parts(out, table, parts_of(out))
+    dataset.write_parts(out, table, dataset.parts_of(out))
     assert before == {path: path.stat().st_mtime_ns for path in (tmp_path / "results").iterdir()}
-    more = assembled(sessions([*keys, "k20"]), results([*keys, "k20"]))
-    write_parts(out, more, [])  # as if it had been killed before the old parts were removed
-    assert len(parts_of(out)) > 4
-    assert read_parts(out).num_rows == 60 + 63
-    known = known_results(out)
+    more = dataset.assembled(sessions([*keys, "k20"]), results([*keys, "k20"]))
+    dataset.write_parts(out, more, [])  # as if it had been killed before the old parts were removed
+    assert len(dataset.parts_of(out)) > 4
+    assert dataset.read_parts(out).num_rows == 60 + 63
+    known = dataset.known_results(out)
     assert known.num_rows == 63
     assert set(known["key"].to_pylist()) == {*keys, "k20"}
-    write_parts(out, more, parts_of(out))
-    assert read_parts(out).num_rows == 63
+    dataset.write_parts(out, more, dataset.parts_of(out))
+    assert dataset.read_parts(out).num_rows == 63
     assert len(pd.read_parquet(tmp_path / "results")) == 63
 
 
@@ -108,21 +92,21 @@ def test_other_files_are_no_parts(tmp_path: Path) -> None:
     pd.DataFrame({"a": [1]}).to_parquet(path)
     pd.DataFrame({"a": [1]}).to_parquet(tmp_path / "results" / "mine.parquet")
     with pytest.raises(InputError, match="is no part of a fleet's dataset"):
-        read_parts(str(tmp_path))
+        dataset.read_parts(str(tmp_path))
     path.write_bytes(b"PAR1")
     with pytest.raises(InputError, match="is damaged"):
-        read_parts(str(tmp_path))
+        dataset.read_parts(str(tmp_path))
     path.unlink()
-    assert read_parts(str(tmp_path)).num_rows == 0
+    assert dataset.read_parts(str(tmp_path)).num_rows == 0
 
 
 def test_a_damaged_task_is_told(tmp_path: Path) -> None:
     """Of tasks whose files cannot be read the keys are told, the others are read."""
     (tmp_path / "tasks").mkdir()
     for key in ("a", "b"):
-        Path(task_file(str(tmp_path), key)).write_bytes(failure_bytes(key, "two\nlines"))
-    Path(task_file(str(tmp_path), "b")).write_bytes(b"")
-    table, damaged = read_tasks(str(tmp_path), {"a", "b", "c"})
+        Path(dataset.task_file(str(tmp_path), key)).write_bytes(dataset.task_bytes(key, (), "two\nlines"))
+    Path(dataset.task_file(str(tmp_path), "b")).write_bytes(b"")
+    table, damaged = dataset.read_tasks(str(tmp_path), {"a", "b", "c"})
     assert damaged == {"b", "c"}
     assert table["failure"].to_pylist() == ["two lines"]
 
@@ -132,7 +116,7 @@ def test_a_hundred_thousand_sessions_are_read_at_once(tmp_path: Path) -> None:
     """1e5 joint sessions, 1e6 rows, are compacted in a minute and read by pandas in 5 s."""
     keys = [f"{k:032x}" for k in range(100_000)]
     begun = time.perf_counter()
-    write_parts(str(tmp_path), assembled(sessions(keys), results(keys, 10)), [])
+    dataset.write_parts(str(tmp_path), dataset.assembled(sessions(keys), results(keys, 10)), [])
     wrote = time.perf_counter()
     frame = pd.read_parquet(tmp_path / "results")
     read = time.perf_counter()

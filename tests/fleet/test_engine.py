@@ -21,8 +21,7 @@ from bristle.questions.fleet.dataset import COLUMNS
 
 pytest.importorskip("distributed", reason="needs the extra fleet")
 pytest.importorskip("pyarrow", reason="needs the extra fleet")
-IDENTIFIED: list[str] = []
-"""The joints that were identified, in this process."""
+IDENTIFIED: list[str] = []  # the joints that were identified, in this process
 KNOWN: dict[tuple[object, ...], tasks.Identified] = {}
 """What was found in files of a content: the same fit is made once for all tests here."""
 identified_joint = fleets.identified_joint
@@ -49,7 +48,7 @@ class Reads:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.names: list[str] = []
-        for module, name in ((survey, "digest_of"), (survey, "read_text"), (survey, "read_bytes")):
+        for module, name in ((files, "digest_of"), (survey, "read_text"), (files, "read_bytes")):
             monkeypatch.setattr(module, name, self._counting(getattr(module, name)))
 
     def _counting(self, read: Any) -> Any:
@@ -215,10 +214,10 @@ def test_what_a_killed_run_left_is_taken_up(ran: Any, tmp_path: Path, monkeypatc
                     raise KeyboardInterrupt
             yield call, end
 
-    monkeypatch.setattr(engine, "spread", interrupted)
+    monkeypatch.setattr(cluster, "spread", interrupted)
     with pytest.raises(KeyboardInterrupt):
         ran()
-    monkeypatch.setattr(engine, "spread", spread)
+    monkeypatch.setattr(cluster, "spread", spread)
     assert len(tree(Path("out/tasks"))) >= 2
     found = ran()
     assert found.identified <= 2
@@ -240,9 +239,10 @@ def test_a_full_disk_leaves_what_was(ran: Any, tmp_path: Path, monkeypatch: pyte
         """Only small files fit."""
         if "/results/" in name or "/tasks/" in name:
             raise OSError(errno.ENOSPC, "No space left on device", name)
-        files.write_whole(name, data)
+        write_whole(name, data)
 
-    for module in ("tasks", "engine", "dataset"):
+    write_whole = files.write_whole
+    for module in ("tasks", "files", "dataset"):
         monkeypatch.setattr(f"bristle.questions.fleet.{module}.write_whole", full)
     with pytest.raises(OSError, match="No space left") as stopped:
         ran()
@@ -259,16 +259,13 @@ def test_a_pattern_and_types(ran: Any, tmp_path: Path) -> None:
     found = ran("logs/{unit}/{session}/{type}.yaml")
     assert found.frame["type"].unique().tolist() == ["elbow", "wrist"]
     assert found.frame["file"].iloc[0] == "logs/r0/2026-01-01/elbow.yaml"
-    rows = [
-        {"file": f"logs/r0/2026-0{k}-01/wrist.yaml", "unit": "r0", "session": f"2026-0{k}-01", "type": f"t{k}"}
-        for k in (1, 2)
-    ]
+    days = [f"2026-0{k}-01" for k in (1, 2)]
+    rows = [{"file": f"logs/r0/{x}/wrist.yaml", "unit": "r0", "session": x, "type": f"t{x[6]}"} for x in days]
     mixed = ran(pd.DataFrame(rows))
     assert IDENTIFIED == []
     assert mixed.frame[mixed.frame["left_out"].notna()]["type"].unique().tolist() == ["t2"]
-    assert mixed.findings.failures["failure"].tolist() == [
-        "of type 't2', but 't1' in 1 of the 2 sessions of this joint; give it one type"
-    ]
+    said = "of type 't2', but 't1' in 1 of the 2 sessions of this joint; give it one type"
+    assert mixed.findings.failures["failure"].tolist() == [said]
 
 
 def test_one_bad_row_is_a_failure_of_that_row(ran: Any, tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 """Findings on simulated fleets of estimates: what wears is named and little else, what all have in common accuses nobody, and units are drawn in."""
 
+import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,8 +19,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SMALL = FleetDesign(robots=60, joints=2)
-Plain = tuple[pd.DataFrame, FleetTruth, Findings]
-"""A dataset, what is behind it, and what is found of it."""
+Plain = tuple[pd.DataFrame, FleetTruth, Findings]  # a dataset, what is behind it, and what is found of it
 
 
 def fleet(design: FleetDesign, seed: int = 0) -> tuple[pd.DataFrame, FleetTruth]:
@@ -189,9 +190,8 @@ def test_what_cannot_be_tested_says_why() -> None:
     assert found.headline.code == "fleet-untested"
     assert "joints-untested" in kinds(found)
     assert (found.joints["untested"] != "").all()
-    failed = frame.iloc[:3].assign(
-        value=np.nan, failure=["no such file", "no such file", "bad"], direction=None, parameter=None
-    )
+    said = ["no such file", "no such file", "bad"]
+    failed = frame.iloc[:3].assign(value=np.nan, failure=said, direction=None, parameter=None)
     none = findings(failed)
     assert none.headline.code == "fleet-untested"
     assert len(none.failures) == 2
@@ -400,3 +400,28 @@ def pa_table(frame: pd.DataFrame) -> "pa.Table":
     text = frame.assign(**{x: frame[x].astype(object) for x, holds in COLUMNS.items() if holds == "text"})
     text = text.assign(session=text["session"].astype("datetime64[us]"), simulated=text["simulated"].astype("boolean"))
     return pa.Table.from_pandas(text, schema=schema_of(tuple(COLUMNS), coded=True), preserve_index=False)
+
+
+DOC = (Path(__file__).parents[2] / "docs" / "fleet.md").read_text(encoding="utf-8")
+
+
+def row_of(table: str) -> str:
+    """What the document says of a table's columns."""
+    (found,) = re.findall(rf"^\| `{table}` \|[^|]*\|(.*)\|$", DOC, re.MULTILINE)
+    return str(found)
+
+
+def test_columns_of_the_dataset() -> None:
+    """The document's table has every column of the dataset, in its order."""
+    section = DOC[DOC.index("## The dataset") : DOC.index("## What it tells")]
+    first = " ".join(re.findall(r"^\|([^|]*)\|", section, re.MULTILINE))
+    named = re.findall(r"`(\w+)`", first)
+    assert sorted(named) == sorted(COLUMNS)
+
+
+def test_columns_of_the_tables() -> None:
+    """The document names the columns of every table of findings."""
+    found = findings(fleet(FleetDesign(robots=6, joints=1, sessions=5))[0])
+    names = ("joints", "changes", "types", "units", "quality", "warned", "failures", "series")
+    told = {table: set(re.findall(r"`(\w+)`", row_of(table))) for table in names}
+    assert told == {table: set(getattr(found, table).columns) for table in names}

@@ -11,7 +11,7 @@ from bristle.questions.fleet.notes import headline
 from bristle.questions.fleet.report import report
 from bristle.questions.fleet.tables import change, day, estimate, probability, totals
 
-from .plausible import HOSTILE, empty, plausible
+from .plausible import HOSTILE, plausible
 
 
 def text(found: Findings) -> str:
@@ -74,11 +74,6 @@ def test_names_have_no_control_characters_and_are_short() -> None:
     lines = text(replace(found, joints=joints)).splitlines()
     assert all(line.isprintable() for line in lines)
     assert not any(26 * "b" in line for line in lines[2:])
-
-
-def test_findings_of_nothing_are_a_sentence() -> None:
-    """Where nothing was tested, found or failed there is the headline alone."""
-    assert text(empty()) == "No joint was tested for a change; the notes say why."
 
 
 def test_a_change_has_its_sign_and_interval() -> None:

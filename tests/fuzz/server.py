@@ -4,6 +4,7 @@ Prints the text of a results file as JSON, then reads one JSON object a line, `{
 """
 
 import contextlib
+import importlib
 import json
 import os
 import resource
@@ -14,6 +15,7 @@ import time
 import traceback
 from pathlib import Path
 from types import TracebackType
+from typing import Any
 
 from .inputs import good_results
 
@@ -23,7 +25,7 @@ _PATIENCE = 30.0
 """Times that: a command that waits, and does not work, is ended then; one that works is by its time of the processor, whatever runs beside it."""
 _READERS = (
     "data",
-    "questions/session_comparison/results_file.py",
+    "questions/session_comparison/results.py",
     "identification/document.py",
     "identification/samples.py",
     "errors.py",
@@ -45,13 +47,14 @@ def _past(trace: TracebackType | None) -> bool:
 
 def _run(folder: str, arguments: list[str]) -> None:
     """The command in this process, which it ends; its output goes into files beside the folder."""
-    from bristle import __main__ as process
+    process: Any = importlib.import_module("bristle.__main__")
+    plain = process.reason
 
-    def sentence(bad: Exception, plain=process._sentence) -> str:  # type: ignore[no-untyped-def]  # wraps what is there
+    def sentence(error: object) -> str:
         """The sentence, and a file that says that the input was read."""
-        if _past(bad.__traceback__):
+        if isinstance(error, BaseException) and _past(error.__traceback__):
             Path(f"{folder}.past").touch()
-        return str(plain(bad))
+        return str(plain(error))
 
     os.chdir(folder)
     for number, name in ((1, "out"), (2, "err")):
@@ -59,7 +62,7 @@ def _run(folder: str, arguments: list[str]) -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_CPU, (2 * SECONDS, 2 * SECONDS))
-    process._sentence = sentence
+    process.reason = sentence
     sys.argv = ["bristle", *arguments]
     try:
         process.main()

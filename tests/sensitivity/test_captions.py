@@ -10,7 +10,7 @@ from bristle.identification.fisher import Information
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.questions.sensitivity.local import Map
 from bristle.questions.sensitivity.report import report
-from bristle.questions.sensitivity.sobol import Effect, Global, Indices, Output, ordered
+from bristle.questions.sensitivity.sobol import Effect, Global, Output, ordered
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
 
 from ..names import parse
@@ -18,10 +18,8 @@ from ..names import parse
 WHOLE = Output(
     name="RMS friction torque",
     quantity="torque",
-    indices=Indices(
-        effects=(Effect(parse("alpha_0"), 0.1, 0.01, 0.2, 0.01), Effect(parse("v_s"), 0.9, 0.01, 0.9512, 0.034)),
-        mean=1.0, deviation=1.0, samples=32, evaluations=128,
-    ),
+    effects=(Effect(parse("alpha_0"), 0.1, 0.01, 0.2, 0.01), Effect(parse("v_s"), 0.9, 0.01, 0.9512, 0.034)),
+    mean=1.0, deviation=1.0, samples=32, evaluations=128,
 )  # fmt: skip  # a list of values
 SPANS = ordered({parse("alpha_0"): (0.1, 0.2), parse("v_s"): (0.01, 0.02)}, GAUSSIAN)
 SOBOL = Global(spans=SPANS, outputs=(WHOLE,), amplitude=1.0, frequency=1.0, seed=0)
@@ -60,9 +58,8 @@ def test_a_claim_that_holds_nowhere_is_said(known: SensitivityStudy) -> None:
     shares = np.full((2, 3, 6), 0.01)
     shares[..., 4:] = 0.5
     shares[0, 0, 4], shares[1, 2, 4] = 1e-7, 1.25
-    found = captions(
-        replace(known, map=Map(names=known.map.names, amplitudes=np.ones(2), frequencies=np.ones(3), shares=shares))
-    )
+    of = Map(names=known.map.names, amplitudes=np.ones(2), frequencies=np.ones(3), shares=shares)
+    found = captions(replace(known, map=of))
     assert found["first"] == "α₀ and α₂ have the two largest shares in 0 % of the map, 0 of 6 motions."
     assert found["map"] == "The share of σ₀ varies most over the map, from less than 0.1 % to 120 %."
 
@@ -91,7 +88,7 @@ def test_the_strongest_correlation(known: SensitivityStudy) -> None:
 def test_the_largest_index(known: SensitivityStudy) -> None:
     """It is that of all outputs; how many of these have none is said beside it, or in its place."""
     nothing = Finding("nothing-changes-it", NOTE, "Nothing changes it.")
-    bare = Output(name="breakaway torque", quantity="torque", indices=None, reason=nothing)
+    bare = Output(name="breakaway torque", quantity="torque", reason=nothing)
     for outputs, expected in (
         ((WHOLE,), "vₛ has the largest total index, 0.951 ± 0.034 for the RMS friction torque."),
         (

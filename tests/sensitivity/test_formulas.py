@@ -25,8 +25,7 @@ from bristle.simulation.edro import TABLE_1
 from ..conftest import run
 
 FEW = settings(max_examples=40, deadline=None)
-paper = cache(formulas)
-"""Those of the paper's law, made once."""
+paper = cache(formulas)  # those of the paper's law, made once
 GRIPPER = TABLE_1["gripper rotation"].positive
 CALLS: dict[str, Callable[[float], float]] = {"abs": abs, "exp": math.exp, "sign": lambda x: float((x > 0) - (x < 0))}
 OPERATORS: dict[type, Any] = {
@@ -144,17 +143,6 @@ def test_the_documentation_prints_these_formulas() -> None:
     shown = dict(re.findall(r"^(.+)\n    = (.+)$", docs, flags=re.MULTILINE))
     assert len(shown) == 3
     assert shown.items() <= short.items()
-
-
-def test_latex_braces_are_balanced() -> None:
-    """Every LaTeX formula closes what it opens, in order."""
-    for row in paper().rows():
-        depth = 0
-        for character in row.latex:
-            depth += (character == "{") - (character == "}")
-            assert depth >= 0
-        assert depth == 0
-        assert row.latex.count(r"\left") == row.latex.count(r"\right")
 
 
 def test_without_sympy_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,16 +25,6 @@ from bristle.model.vectorize import evaluate
 from bristle.page.style import render_as
 from bristle.questions.sensitivity import sobol
 from bristle.questions.sensitivity.figures import sobol_figure
-from bristle.questions.sensitivity.sobol import (
-    Global,
-    Span,
-    analysed,
-    box_of,
-    global_sensitivity,
-    joints_at,
-    ordered,
-    saltelli,
-)
 from bristle.questions.sensitivity.study import sobol_sentences
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import JointLoop
@@ -67,14 +57,14 @@ def ishigami_exact() -> tuple[Array, Array]:
 
 def indices(
     function: Callable[[Array], Array], box: Mapping[ParameterName, tuple[float, float]], samples: int, seed: int = 0
-) -> tuple[sobol.Indices, ...]:
+) -> tuple[sobol.Output, ...]:
     """Those of each output of any function, (n, p) -> (n,) or (n, outputs), as those of a joint are made."""
-    spans = [Span(name, low, high, low > 0 and high > 10 * low) for name, (low, high) in box.items()]
-    values = function(saltelli(spans, samples, seed))
-    return tuple(analysed(spans, column, seed) for column in values.reshape(len(values), -1).T)
+    spans = [sobol.Span(name, low, high, low > 0 and high > 10 * low) for name, (low, high) in box.items()]
+    values = function(sobol.saltelli(spans, samples, seed))
+    return tuple(sobol.analysed("x", "torque", spans, column, seed) for column in values.reshape(len(values), -1).T)
 
 
-def shares(found: sobol.Indices) -> tuple[Array, Array]:
+def shares(found: sobol.Output) -> tuple[Array, Array]:
     """First-order and total indices of one output."""
     return np.array([e.first for e in found.effects]), np.array([e.total for e in found.effects])
 
@@ -91,11 +81,11 @@ def _few_loops(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
-def found() -> Global:
+def found() -> sobol.Global:
     """The gripper over a box of three parameters, with few loops."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sobol, "_TICKS", 1)
-        return global_sensitivity(GRIPPER, BOX, SUBJECT, samples=1024)
+        return sobol.global_sensitivity(GRIPPER, BOX, SUBJECT, samples=1024)
 
 
 @pytest.mark.parametrize(("seed", "order"), [(0, (0, 1, 2)), (7, (0, 1, 2)), (0, (2, 0, 1)), (0, (1, 0, 2))])
@@ -142,13 +132,12 @@ def test_steady_friction_is_additive() -> None:
         assert own.deviation == pytest.approx(np.sqrt(np.sum((slope * width) ** 2) / 12), rel=1e-3)
 
 
-def test_breakaway_torque_is_additive(found: Global) -> None:
+def test_breakaway_torque_is_additive(found: sobol.Global) -> None:
     """For alpha_0 + alpha_1 of independent uniform parameters S_i = Var_i / sum Var, within 0.01.
 
     Alpha_2 has nothing of it, and the mean is that of the sum.
     """
-    own = found.outputs[1].indices
-    assert own is not None
+    own = found.outputs[1]
     variance = np.array([0.01**2, 0.009**2, 0.0])
     for index in shares(own):
         assert index == pytest.approx(variance / variance.sum(), abs=0.01)
@@ -165,17 +154,14 @@ def test_a_wide_interval_is_drawn_by_its_logarithm() -> None:
     assert own.deviation**2 == pytest.approx(variance.sum() / 12, rel=1e-2)
 
 
-def test_shares_are_shares(found: Global) -> None:
+def test_shares_are_shares(found: sobol.Global) -> None:
     """First-order indices sum to no more than one, and no total is below its first order, both within confidence.
 
     Torque and breakaway get all samples, the loops as many as they can afford: a power of two each, times p + 2.
     """
-    owns = [output.indices for output in found.outputs]
-    assert [own and own.samples for own in owns] == [1024, 1024, 32]
-    assert [own and own.evaluations for own in owns] == [5120, 5120, 160]
-    for output in found.outputs:
-        own = output.indices
-        assert own is not None
+    assert [own.samples for own in found.outputs] == [1024, 1024, 32]
+    assert [own.evaluations for own in found.outputs] == [5120, 5120, 160]
+    for own in found.outputs:
         first, total = shares(own)
         half = np.array([e.first_half for e in own.effects])
         assert first.sum() <= 1 + np.sqrt(np.sum(half**2))
@@ -183,14 +169,15 @@ def test_shares_are_shares(found: Global) -> None:
         assert (first + half >= 0).all()
 
 
-def test_same_seed_same_result_whatever_the_order(found: Global) -> None:
+def test_same_seed_same_result_whatever_the_order(found: sobol.Global) -> None:
     """A seed fixes samples and bootstrap, zero too, and the order of the box changes nothing; another seed gives other numbers.
 
     Progress is told before each batch, with one total, from none done to all but one; all is done where it ends.
     """
     told: list[tuple[str, int, int]] = []
     box = dict(reversed(BOX.items()))
-    again = global_sensitivity(Pair(GRIPPER, GRIPPER), box, SUBJECT, samples=1024, progress=lambda *x: told.append(x))
+    both = Pair(GRIPPER, GRIPPER)
+    again = sobol.global_sensitivity(both, box, SUBJECT, samples=1024, progress=lambda *x: told.append(x))
     assert again == found
     assert [(done, total) for _, done, total in told] == [(k, len(told)) for k in range(len(told))]
     assert len(told) > 3
@@ -230,14 +217,6 @@ def test_a_narrow_stribeck_peak_is_not_missed() -> None:
     assert rms_torque(repeated(Pair(p, p)), 1.0, 0.5) == pytest.approx(np.sqrt(np.mean(whole**2)), rel=1e-3)
 
 
-def test_rms_torque_of_a_spring() -> None:
-    """Far below breakaway the joint is a spring with a damper: T = sigma_0 q + (sigma_1 + alpha_2) v."""
-    p = Lugre(1e3, 1.0, 0.1, 0.05, 5.0, 0.2)
-    A, w = 0.01, 2 * np.pi
-    exact = A * np.hypot(5.0, 0.3 * w) / np.sqrt(2)
-    assert rms_torque(repeated(Pair(p, p)), A, 1.0) == pytest.approx(exact, rel=3e-4)
-
-
 @pytest.mark.parametrize(("amplitude", "frequency", "periods"), [(1.0, 0.5, 3), (0.02, 0.2, 6), (1e-3, 0.2, 60)])
 def test_rms_torque_is_that_of_the_rollout(amplitude: float, frequency: float, periods: int) -> None:
     """Both sets of a joint, sliding or not: a rollout that went on until it was periodic has the same RMS to 2e-4."""
@@ -270,10 +249,9 @@ def test_rms_torque_has_degree_one(factor: float, amplitude: float, frequency: f
 def test_the_compensator_keeps_the_nominal_model() -> None:
     """Over a box that is next to nothing the loop is that of the nominal plant and model, not of the subject's own."""
     p = GRIPPER._replace(alpha_0=0.05)
-    own = global_sensitivity(p, named({"alpha_2": (0.0393999, 0.0394001)}), SUBJECT, samples=32).outputs[2].indices
+    own = sobol.global_sensitivity(p, named({"alpha_2": (0.0393999, 0.0394001)}), SUBJECT, samples=32).outputs[2]
     case = SUBJECT.case(plant=Pair(p, p), model=Pair(p, p))
     run = simulate(LoopOptions(compensator=SUBJECT.compensator), [case], SUBJECT.sine(2.0, 1.0), SUBJECT.period)
-    assert own is not None
     assert own.mean == pytest.approx(run.rms_error(0.5).item(), rel=1e-4)
 
 
@@ -282,10 +260,8 @@ def test_the_plant_is_drawn() -> None:
 
     Over a box above the model, that explains all of the variance.
     """
-    own = global_sensitivity(GRIPPER, named({"alpha_2": (0.05, 0.08)}), SUBJECT, samples=32).outputs[2].indices
-    assert own is not None
-    exact = global_sensitivity(GRIPPER, named({"alpha_2": (0.0394, 0.03941)}), SUBJECT, samples=32).outputs[2].indices
-    assert exact is not None
+    own = sobol.global_sensitivity(GRIPPER, named({"alpha_2": (0.05, 0.08)}), SUBJECT, samples=32).outputs[2]
+    exact = sobol.global_sensitivity(GRIPPER, named({"alpha_2": (0.0394, 0.03941)}), SUBJECT, samples=32).outputs[2]
     assert own.mean > 1.2 * exact.mean
     assert own.effects[0].total == pytest.approx(1.0, abs=0.2)
 
@@ -305,11 +281,10 @@ def test_loops_have_settled() -> None:
 def test_one_direction_alone_is_drawn() -> None:
     """A name with its sign moves that set only: half of it reaches the breakaway torque, which is the mean of both."""
     box = named({"alpha_0+": (0.01, 0.03), "alpha_1": (0.0, 0.01)})
-    own = global_sensitivity(PAIR, box, SUBJECT, samples=1024).outputs[1].indices
-    assert own is not None
+    own = sobol.global_sensitivity(PAIR, box, SUBJECT, samples=1024).outputs[1]
     assert shares(own)[0] == pytest.approx([0.5, 0.5], abs=0.01)
     assert own.mean == pytest.approx((0.02 + PAIR.negative.alpha_0) / 2 + 0.005, rel=1e-4)
-    sets = joints_at(PAIR, ordered(box, PAIR.law), np.array([[0.011, 0.002]]))
+    sets = sobol.joints_at(PAIR, sobol.ordered(box, PAIR.law), np.array([[0.011, 0.002]]))
     assert sets.negative.alpha_0 == PAIR.negative.alpha_0
     drawn = [float(x[0]) for x in (sets.positive.alpha_0, sets.positive.alpha_1, sets.negative.alpha_1)]
     assert drawn == [0.011, 0.002, 0.002]
@@ -317,13 +292,13 @@ def test_one_direction_alone_is_drawn() -> None:
 
 def test_an_output_that_nothing_changes_has_no_indices() -> None:
     """sigma_1 has no part in the breakaway torque: None, with the reason, where shares of no variance do not exist."""
-    torque, breakaway, _ = global_sensitivity(GRIPPER, named({"sigma_1": (0.01, 0.02)}), SUBJECT, samples=32).outputs
-    assert torque.indices is not None
-    assert breakaway.indices is None
+    torque, breakaway, _ = sobol.global_sensitivity(
+        GRIPPER, named({"sigma_1": (0.01, 0.02)}), SUBJECT, samples=32
+    ).outputs
+    assert torque.effects
+    assert not breakaway.effects
     assert breakaway.reason is not None
     assert breakaway.reason.code == "nothing-changes-it"
-    (flat,) = indices(lambda x: 3.0 + 0 * x[:, 0], named({"x": (0.0, 1.0)}), 32)
-    assert (flat.effects, flat.mean, flat.deviation) == ((), 3.0, 0.0)
 
 
 def test_loops_that_cannot_be_run_say_so() -> None:
@@ -339,20 +314,12 @@ def test_loops_that_cannot_be_run_say_so() -> None:
         "diverge": (GRIPPER._replace(alpha_2=3.0), braked),
     }
     for said, (p, subject) in cases.items():
-        *others, loop = global_sensitivity(p, BOX, subject, samples=32).outputs
-        assert loop.indices is None
+        *others, loop = sobol.global_sensitivity(p, BOX, subject, samples=32).outputs
+        assert not loop.effects
         assert said in str(loop.reason)
-        assert all(output.indices is not None for output in others)
+        assert all(output.effects for output in others)
     assert loop.reason is not None
     assert (loop.reason.code, loop.reason.numbers) == ("loop-diverges", {"diverged": 160, "drawn": 160})
-
-
-def test_progress_counts_up() -> None:
-    """Progress is told before each batch, with one total, from none done to all but one; all is done where it ends."""
-    told: list[tuple[str, int, int]] = []
-    global_sensitivity(GRIPPER, BOX, SUBJECT, samples=512, progress=lambda *x: told.append(x))
-    assert [done for _, done, _ in told] == list(range(told[0][2]))
-    assert {total for _, _, total in told} == {5}
 
 
 def test_without_salib_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -360,7 +327,7 @@ def test_without_salib_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setitem(sys.modules, "SALib", None)
     told: list[object] = []
     with pytest.raises(ValueError, match=r"pip install 'bristle\[sensitivity\]'"):
-        global_sensitivity(GRIPPER, BOX, SUBJECT, progress=lambda *x: told.append(x))
+        sobol.global_sensitivity(GRIPPER, BOX, SUBJECT, progress=lambda *x: told.append(x))
     assert not told
 
 
@@ -375,13 +342,13 @@ def test_the_box_of_a_fit() -> None:
     }  # fmt: skip  # a table
     estimates = named({name: Estimate(value=x, unit="-", interval=own) for name, (x, own) in intervals.items()})
     estimates[parse("alpha_2")] = Estimate(value=None, unit="-")
-    box, said = box_of(estimates)
+    box, said = sobol.box_of(estimates)
     assert box == named({"alpha_0+": (0.01, 0.03), "alpha_1+": (0.0, 0.02), "v_s": (pytest.approx(0.0007), 0.2)})
     assert [(d.code, str(d.numbers["name"])) for d in said] == [
         ("box-cut", "alpha_1+"), ("box-cut", "v_s"), ("box-held", "sigma_0"), ("box-held", "sigma_1"),
     ]  # fmt: skip  # a table
     assert said[1].numbers["low"] == box[parse("v_s")][0]
-    assert [str(span.parameter) for span in ordered(box, GAUSSIAN)] == ["alpha_0+", "alpha_1+", "v_s"]
+    assert [str(span.parameter) for span in sobol.ordered(box, GAUSSIAN)] == ["alpha_0+", "alpha_1+", "v_s"]
 
 
 def bars(ax: Axes) -> list[float]:
@@ -390,15 +357,13 @@ def bars(ax: Axes) -> list[float]:
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_the_figure_shows_the_indices(found: Global, kind: JointKind) -> None:
+def test_the_figure_shows_the_indices(found: sobol.Global, kind: JointKind) -> None:
     """Each bar is as high as its index, each panel names output, unit and samples; a joint that slides has a force.
 
     Whiskers are inside.
     """
     figure = sobol_figure(found, kind, name="<a> & $b$", simulated=True)
-    for ax, output in zip(figure.axes, found.outputs, strict=True):
-        own = output.indices
-        assert own is not None
+    for ax, own in zip(figure.axes, found.outputs, strict=True):
         assert bars(ax) == [*shares(own)[0], *shares(own)[1]]
         assert f"{own.samples} samples" in ax.texts[0].get_text()
         assert [label.get_text() for label in ax.get_xticklabels()] == ["α₀", "α₁", "α₂"]
@@ -411,27 +376,25 @@ def test_the_figure_shows_the_indices(found: Global, kind: JointKind) -> None:
     assert render_as(figure, "png")
 
 
-def test_the_figure_says_what_there_is_not(found: Global) -> None:
+def test_the_figure_says_what_there_is_not(found: sobol.Global) -> None:
     """A panel without indices says why, and the legend stands in one that has them."""
-    outputs = (
-        replace(found.outputs[0], indices=None, reason=Finding("x", Severity.NOTE, "Nothing is known.")),
-        *found.outputs[1:],
-    )
+    bare = replace(found.outputs[0], effects=(), reason=Finding("x", Severity.NOTE, "Nothing is known."))
+    outputs = (bare, *found.outputs[1:])
     figure = sobol_figure(replace(found, outputs=outputs), "revolute", name="x", simulated=False)
     assert "Nothing is known." in [text.get_text() for text in figure.axes[0].texts]
     assert [ax.get_legend() is not None for ax in figure.axes] == [False, True, False]
-    nothing = tuple(replace(output, indices=None, reason=Finding("x", Severity.NOTE, "None.")) for output in outputs)
+    nothing = tuple(replace(output, effects=(), reason=Finding("x", Severity.NOTE, "None.")) for output in outputs)
     assert render_as(sobol_figure(replace(found, outputs=nothing), "revolute", name="x", simulated=False), "svg")
     assert replace(found, outputs=nothing).to_frame("revolute").empty
 
 
-def test_table_and_sentences_hold_the_same_numbers(found: Global) -> None:
+def test_table_and_sentences_hold_the_same_numbers(found: sobol.Global) -> None:
     """One row for each output and parameter.
 
     The sentences name the largest first, what was drawn, the seed, and that it is simulated.
     """
     frame = found.to_frame("revolute")
-    effects = [e for output in found.outputs if output.indices for e in output.indices.effects]
+    effects = [e for output in found.outputs for e in output.effects]
     assert frame["total"].tolist() == [e.total for e in effects]
     assert frame["upper"].tolist() == [0.025, 0.01, 0.05] * 3
     assert frame["unit"].tolist()[:3] == ["N*m", "N*m", "N*m*s/rad"]

@@ -10,8 +10,7 @@ import pytest
 import bristle
 from bristle.model.laws.registry import law_named
 from bristle.questions.session_comparison.compare import compare
-from bristle.questions.session_comparison.results import Comparison, Session, alike
-from bristle.questions.session_comparison.results_file import session_of
+from bristle.questions.session_comparison.results import Comparison, Session, alike, session_of
 
 from ..conftest import speeds, write
 from ..laws import DRAG, EXPONENT, OUTSIDE, points, registered, truth_of

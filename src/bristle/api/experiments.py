@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from bristle.api.exporting import explorers
 from bristle.api.fleets import Fleet
-from bristle.api.identifying import identified, identify
-from bristle.api.joints import Known, asked_joint, read_if_results
+from bristle.api.identifying import Known, asked_joint, identified, identify, read_if_results
 from bristle.api.results import Results, write_results
 from bristle.api.sources import Source, path_of
 from bristle.data.experiment.draft import Told
@@ -30,7 +29,7 @@ from bristle.questions.method_validation.run import validate as validate_cases
 from bristle.questions.sensitivity.joint import motion_of, of_gripper, of_joint
 from bristle.questions.sensitivity.study import SAMPLES, SensitivityStudy, check_samples, study_sensitivity
 from bristle.questions.session_comparison.compare import compare as compare_sessions
-from bristle.questions.session_comparison.results import Comparison
+from bristle.questions.session_comparison.results import Comparison, read_session, session_of
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper
 from bristle.workers import REPORT, sharing
@@ -40,14 +39,8 @@ if TYPE_CHECKING:
     from bristle.page.report import Report
 
 
-_ROOMS = {
-    Comparison: "session_comparison",
-    Plan: "experiment_design",
-    SensitivityStudy: "sensitivity",
-    Study: "compensation",
-    Validation: "method_validation",
-}
-"""The question whose `report.py` makes sections of each kind of result; it is imported only then, for it draws."""
+Answer = Comparison | Plan | SensitivityStudy | Study | Validation
+"""What questions give. The `report.py` beside each makes sections of it; it is imported only then, for it draws."""
 
 
 def report(
@@ -102,13 +95,7 @@ def report(
     return results
 
 
-def adapt(
-    experiment: Known | None = None,
-    *,
-    joint: str | None = None,
-    identified: Results | None = None,
-    progress: Progress | None = None,
-) -> Study:
+def adapt(experiment: Known | None = None, *, joint: str | None = None, progress: Progress | None = None) -> Study:
     """The identified joint in closed loop: the paper's experiments 3.3 to 5, what goes beyond them, and replays of the measured tracking runs.
 
     >>> import bristle, numpy as np
@@ -122,13 +109,12 @@ def adapt(
     >>> print(bristle.report_of(study).text()[:54])
     joint, 0.2 Hz: RMS error 23.7 mrad without, 0.129 mrad
 
-    With no experiment the four joints of the embedded Ed-Ro (simulated), `identified` already or else first; of several
-    joints the one named `joint`. Raises InputError in one sentence where a file cannot be used, nothing is known of the
-    inertia or of part of the model, or the loop cannot be run as asked.
+    With no experiment the four joints of the embedded Ed-Ro (simulated); of several joints the one named `joint`. Raises
+    InputError in one sentence where a file cannot be used, nothing is known of the inertia or of part of the model, or the
+    loop cannot be run as asked.
     """
     if experiment is None:
-        subjects = of_paper((identified or identify(progress=progress)).joints)
-        return study(subjects, progress=progress, paper=True)
+        return study(of_paper(identify(progress=progress).joints), progress=progress, paper=True)
     asked = asked_joint(experiment, joint)
     asked_parts(asked.experiment)  # what cannot be is said before minutes are spent
     measured, found = asked.identified(progress)
@@ -148,8 +134,6 @@ def compare(first: Results | Path | str, second: Results | Path | str) -> Compar
     Raises InputError in one sentence where a file is no results file, both are one file, or they have no joint in common, of one kind and in the same
     units.
     """
-    from bristle.questions.session_comparison.results_file import read_session, session_of
-
     results = "results as identify gave them, or the path of their file"
     given = [x if isinstance(x, Results) else path_of(x, results) for x in (first, second)]
     sessions = [session_of(x.joints) if isinstance(x, Results) else read_session(x) for x in given]
@@ -170,10 +154,7 @@ def sensitivity(
     """Which parameters of a joint matter: along a motion, over amplitude and frequency, over their intervals; and what a motion would tell.
 
     >>> import bristle
-    >>> v = [-1.0, -0.6, -0.3, -0.15, -0.08, -0.04, -0.02, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0]
-    >>> T = [-0.059, -0.0431, -0.0312, -0.0254, -0.0241, -0.0250, -0.0252, 0.0251, 0.0250, 0.0241, 0.0254, 0.0312, 0.0431, 0.059]
-    >>> fit = bristle.fit(v, T, directions="symmetric")
-    >>> study = bristle.sensitivity(fit, samples=0)
+    >>> study = bristle.sensitivity("wrist.yaml", samples=0)
     >>> print(bristle.report_of(study).text()[:20])
     alpha_0 matters most
 
@@ -202,7 +183,6 @@ def validate(
     experiment: Known | None = None,
     *,
     joint: str | None = None,
-    identified: Results | None = None,
     repetitions: int = REPETITIONS,
     starts: int = STARTS,
     noise: float | None = None,
@@ -211,10 +191,7 @@ def validate(
     """The grid search validated against full nonlinear fits, on points SIMULATED from the fitted model at the joint's own velocities.
 
     >>> import bristle
-    >>> v = [-1.0, -0.6, -0.3, -0.15, -0.08, -0.04, -0.02, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0]
-    >>> T = [-0.059, -0.0431, -0.0312, -0.0254, -0.0241, -0.0250, -0.0252, 0.0251, 0.0250, 0.0241, 0.0254, 0.0312, 0.0431, 0.059]
-    >>> fit = bristle.fit(v, T, directions="symmetric")
-    >>> checked = bristle.validate(fit, repetitions=20, starts=2)
+    >>> checked = bristle.validate("wrist.yaml", repetitions=20, starts=2)
     >>> len(checked.cases)
     1
 
@@ -223,7 +200,6 @@ def validate(
     Args:
         experiment: of one joint, or what `identify` or a fit of arrays gave.
         joint: which, where there are several.
-        identified: it, identified already.
         repetitions: data sets for each method that is fast; the solvers of full fits see the first 50.
         starts: random starts of each such solver on one data set.
         noise: standard deviation of a point's torque over alpha_0; None: the fit's own, or both levels of the sweep.
@@ -232,13 +208,13 @@ def validate(
     Raises InputError in one sentence where a file cannot be used, or a number makes no validation.
     """
     check_request(repetitions, starts, noise)
-    known = experiment if identified is None else identified
-    source = None if known is None else read_if_results(known)
-    if isinstance(source, Results):  # which needs no logs
-        found: Joint | None = source.whole_joint(None if isinstance(known, Fit) else joint)
+    source = None if experiment is None else read_if_results(experiment)
+    if source is None:
+        case_set = sweep(noise)
+    elif isinstance(source, Results):  # which needs no logs
+        case_set = joint_cases(source.whole_joint(None if isinstance(experiment, Fit) else joint), noise)
     else:
-        found = None if source is None else asked_joint(source, joint).identified(progress)[1]
-    case_set = joint_cases(found, noise) if found else sweep(noise)
+        case_set = joint_cases(asked_joint(source, joint).identified(progress)[1], noise)
     return validate_cases(case_set, repetitions=repetitions, starts=starts, progress=progress)
 
 
@@ -253,12 +229,9 @@ def plan(
     """What to measure next on a joint: constant velocities, slow loading and a tracking motion, and the intervals to expect.
 
     >>> import bristle
-    >>> v = [-1.0, -0.6, -0.3, -0.15, -0.08, -0.04, -0.02, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0]
-    >>> T = [-0.059, -0.0431, -0.0312, -0.0254, -0.0241, -0.0250, -0.0252, 0.0251, 0.0250, 0.0241, 0.0254, 0.0312, 0.0431, 0.059]
-    >>> fit = bristle.fit(v, T, directions="symmetric")
-    >>> plan = bristle.plan(fit, velocities=4)
-    >>> print(bristle.report_of(plan).text()[:48])
-    joint: measure 4 speeds from 0.02 to 1 rad/s in
+    >>> plan = bristle.plan("wrist.yaml", velocities=4)
+    >>> print(bristle.report_of(plan).text()[:49])
+    points: measure 4 speeds from 0.02 to 1 rad/s in
 
     Args:
         experiment: with limits under `plan`, or else as far as its runs went; or what `identify` or a fit of arrays gave.
@@ -324,7 +297,7 @@ def complete(experiment: Path | str) -> tuple[str, str]:
     return completed(Path(experiment))
 
 
-def report_of(result: Comparison | Plan | SensitivityStudy | Study | Validation | Fleet) -> "Report":
+def report_of(result: Answer | Fleet) -> "Report":
     """What was found, as sections: `text()` is what the command prints, `write(folder)` the page with its figures and tables.
 
     >>> import bristle
@@ -340,10 +313,9 @@ def report_of(result: Comparison | Plan | SensitivityStudy | Study | Validation 
     """
     if isinstance(result, Fleet):
         return result.report()
-    room = _ROOMS.get(type(result))
-    if room is None:
+    if not isinstance(result, Answer):
         raise InputError(
             f"got a {type(result).__name__}; expected what adapt, compare, fleet, plan, sensitivity or validate gave"
         )
-    made: Report = import_module(f"bristle.questions.{room}.report").report(result)
+    made: Report = import_module(f"{type(result).__module__.rpartition('.')[0]}.report").report(result)
     return made

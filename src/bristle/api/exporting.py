@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bristle import __version__
-from bristle.api.identifying import identify
-from bristle.api.joints import Known, read_if_results
+from bristle.api.identifying import Known, identify, read_if_results
 from bristle.api.results import Results
 from bristle.control.compensator import Compensator
 from bristle.data.experiment.load import Experiment
@@ -193,8 +192,7 @@ def _explorer(known: "_Known") -> "Explorer | None":
     return None
 
 
-_Known = tuple[Sequence[Joint], dict[str, JointLoop | str]]
-"""Joints, and the loop of each or why there is none."""
+_Known = tuple[Sequence[Joint], dict[str, JointLoop | str]]  # joints, and the loop of each or why there is none
 
 
 def _known(results: Results, joint: str | None = None) -> _Known:

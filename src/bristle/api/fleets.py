@@ -2,26 +2,30 @@
 
 import re
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from bristle.api.joints import asked_joint
+from bristle.api.identifying import identify
 from bristle.errors import InputError, short
 from bristle.findings import Severity
 from bristle.identification.known_joint import chosen
 from bristle.identification.verdict import row_warnings, verdict
+from bristle.page.output_folder import FLEET, MARKER
 from bristle.page.wording import counted
 from bristle.progress import Progress, step
+from bristle.questions.fleet import cluster, files
+from bristle.questions.fleet.catalog import read_catalog
+from bristle.questions.fleet.engine import held, run_fleet
+from bristle.questions.fleet.tasks import Identified
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from bristle.page.report import Report
     from bristle.questions.fleet.findings import Findings
-    from bristle.questions.fleet.tasks import Identified
 
 _ADDRESS = re.compile(r"([a-z]+://)?[^\s/]+:\d{1,5}")
 
@@ -47,9 +51,8 @@ class Fleet(NamedTuple):
     @property
     def counts(self) -> str:
         """What the run did, in a line."""
-        return (
-            f"{counted(self.identified, 'joint session')} identified, {self.unchanged} unchanged, {self.failed} failed"
-        )
+        done = f"{counted(self.identified, 'joint session')} identified"
+        return f"{done}, {self.unchanged} unchanged, {self.failed} failed"
 
     @property
     def changed(self) -> int:
@@ -78,21 +81,18 @@ class Fleet(NamedTuple):
 
         In a folder only what bristle made there before is replaced. Raises InputError where it cannot be used, with nothing half-written.
         """
-        from bristle.page.output_folder import FLEET, MARKER
-        from bristle.questions.fleet.files import claim_folder, is_remote, joined_path, make_folder, write_whole
-
-        report = self.report(folder)
-        if not is_remote(str(folder)):
+        report, there = self.report(folder), str(folder)
+        if not files.is_remote(there):
             return str(report.write(folder))
         with tempfile.TemporaryDirectory(prefix="bristle-") as place:
             made = report.write(Path(place) / "page").parent
-            files = sorted(x.relative_to(made).as_posix() for x in made.rglob("*") if x.is_file() and x.name != MARKER)
-            claim_folder(str(folder), {*files, *FLEET})
+            names = sorted(x.relative_to(made).as_posix() for x in made.rglob("*") if x.is_file() and x.name != MARKER)
+            files.claim_folder(there, {*names, *FLEET})
             for part in ("figures", "tables"):
-                make_folder(joined_path(str(folder), part))
-            for name in sorted(files, key="index.html".__eq__):  # which comes last
-                write_whole(joined_path(str(folder), name), (made / name).read_bytes())
-        return joined_path(str(folder), "index.html")
+                files.make_folder(files.joined_path(there, part))
+            for name in sorted(names, key="index.html".__eq__):  # which comes last
+                files.write_whole(files.joined_path(there, name), (made / name).read_bytes())
+        return files.joined_path(there, "index.html")
 
 
 def fleet(
@@ -105,6 +105,7 @@ def fleet(
     verify: bool = False,
     rate: float = 0.05,
     baseline: int = 3,
+    begun: Callable[[str], object] = lambda _: None,
     progress: Progress | None = None,
 ) -> Fleet:
     """Identify the joints of many units over many sessions on Dask, and find which changed, and which units differ from their type.
@@ -125,40 +126,23 @@ def fleet(
             temperature (deg C), load and tags (`baseline` among these begins the joint anew); or a pattern such as
             `logs/{unit}/{session}/{type}.yaml`. Any of them may be a URL of fsspec.
         output: the folder of the dataset, or a URL of one: what it has is not identified again. None: nothing is kept.
-        client: a `distributed.Client`; None: the one of this process, or else a cluster of this machine.
+        client: a `distributed.Client`, or a context that gives one once the catalog is read; None: the one of this process, or else
+            a cluster of this machine.
         workers: processes of that cluster; in a script they need `if __name__ == "__main__":` around the call.
         memory: of each of them, as `2 GiB`.
         verify: whether files are hashed anew whose size and time of modification are as they were.
         rate: the false discovery rate among the joints that are said to have changed.
         baseline: the first sessions of a joint, against which it is compared.
+        begun: called with the address of the cluster's dashboard, empty where it has none.
         progress: called with what is being done, how many steps are done, and how many there are.
 
     Raises InputError in one sentence where the catalog, the output or the cluster cannot be used, or nothing at all could be identified, and
     OSError where the output is full or the scheduler is lost; what was identified by then is not identified again.
     """
-    cluster = _client(client, workers, memory)
-    return fleet_on(cluster, catalog, output, verify=verify, rate=rate, baseline=baseline, progress=progress)
-
-
-def fleet_on(
-    cluster: AbstractContextManager[Any],
-    catalog: "str | Path | pd.DataFrame",
-    output: str | Path | None = None,
-    *,
-    verify: bool = False,
-    rate: float = 0.05,
-    baseline: int = 3,
-    progress: Progress | None = None,
-    begun: Callable[[str], None] = lambda _: None,
-) -> Fleet:
-    """`fleet` on the cluster whose client `cluster` gives; `begun` is told the address of its dashboard. Raises as that does."""
-    from bristle.questions.fleet.catalog import read_catalog
-    from bristle.questions.fleet.cluster import check_installed, dashboard_of
-    from bristle.questions.fleet.engine import held, run_fleet
     from bristle.questions.fleet.findings import check_rate, findings
 
     check_rate(rate, baseline)
-    check_installed()
+    cluster.check_installed()
     step(progress, "reading the catalog")
     rows = read_catalog(catalog)
     step(progress, "starting the cluster")
@@ -167,9 +151,9 @@ def fleet_on(
         if "://" not in folder:
             folder = str(Path(folder).absolute())
         stack.enter_context(held(folder))
-        client = stack.enter_context(cluster)
-        begun(dashboard_of(client))
-        run = run_fleet(rows, folder, client, identified_joint, verify=verify, progress=progress)
+        own = stack.enter_context(_client(client, workers, memory))
+        begun(cluster.dashboard_of(own))
+        run = run_fleet(rows, folder, own, identified_joint, verify=verify, progress=progress)
     step(progress, "comparing sessions")
     frame = run.table.to_pandas()
     found = findings(frame, rate, baseline)
@@ -178,11 +162,9 @@ def fleet_on(
     return Fleet(frame, found, run.identified, run.unchanged, run.failed, where, base)
 
 
-def identified_joint(path: Path, joint: str) -> "Identified":
+def identified_joint(path: Path, joint: str) -> Identified:
     """Measure and identify one joint of a file, as a task of a fleet does. Raises InputError where that cannot be."""
-    from bristle.questions.fleet.tasks import Identified
-
-    _, found = asked_joint(path, joint).identified(None)
+    found = identify(path, joint=joint).joint()
     use, rows = verdict(found), []
     for row in chosen(found):
         estimate, said = row.estimate, row_warnings(found, row)
@@ -205,8 +187,6 @@ def connected(
 
     Raises InputError where they do not go together, and, once entered, where no scheduler answers.
     """
-    from bristle.questions.fleet.cluster import local_client, remote_client
-
     own = {"--workers": workers, "--memory": memory}
     if scheduler is not None and (odd := [name for name, value in own.items() if value is not None]):
         raise InputError(
@@ -225,20 +205,21 @@ def connected(
     if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
         raise InputError(f"--scheduler: got {short(scheduler)}; expected an address such as tcp://host:8786")
     if scheduler is None:
-        return local_client(workers, memory)
-    return remote_client(scheduler, {name: str(path) for name, path in certificates.items() if path is not None})
+        return cluster.local_client(workers, memory)
+    known = {name: str(path) for name, path in certificates.items() if path is not None}
+    return cluster.remote_client(scheduler, known)
 
 
-@contextmanager
-def _client(client: Any, workers: int | None, memory: str | None) -> Iterator[Any]:
-    """The client that is given, else the one of this process, else of a cluster of its own."""
-    from bristle.questions.fleet.cluster import checked_client, local_client, running_client
-
-    known = running_client() if client is None else checked_client(client)
-    if known is not None and (workers is not None or memory is not None):
+def _client(client: Any, workers: int | None, memory: str | None) -> AbstractContextManager[Any]:
+    """The client that is given, or comes of a context, else the one of this process, else of a cluster of its own."""
+    if isinstance(client, AbstractContextManager) and not hasattr(client, "scheduler"):
+        return client
+    known = cluster.known_client(client)
+    if known is None:
+        return cluster.local_client(workers, memory)
+    if workers is not None or memory is not None:
         name = "workers" if workers is not None else "memory"
         raise InputError(
             f"{name}: is for a cluster of this machine, and there is a client of a running one; leave it out"
         )
-    with local_client(workers, memory) if known is None else nullcontext(known) as own:
-        yield own
+    return nullcontext(known)

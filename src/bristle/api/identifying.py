@@ -1,24 +1,72 @@
-"""Experiment files in, results out."""
+"""Experiment files in, results out; and which joint a question is about, of a file or identified already."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import inf
+from pathlib import Path
+from typing import NamedTuple
 
-from bristle.api.joints import read_if_results
-from bristle.api.results import Results, choose
-from bristle.api.sources import JointLogs, Source, SourceText, names_of, open_all
+from bristle.api.results import Results, choose, read_results
+from bristle.api.sources import JointLogs, Source, is_results_file, measure_joints, names_of, open_all, opened
 from bristle.data.experiment.load import Experiment
-from bristle.data.robot.robot_file import Robot
+from bristle.data.robot.robot_file import Robot, pick
 from bristle.errors import InputError, short
 from bristle.findings import Severity
 from bristle.identification.identify import identify_joint
 from bristle.identification.known_gravity import measure_scaled
 from bristle.identification.measured import Measured
-from bristle.identification.results import NEED, Joint
+from bristle.identification.results import NEED, Joint, WrittenExperiment
 from bristle.identification.robot.measured import measure_robot
 from bristle.progress import Progress
+from bristle.questions.array_fit.fit import Fit
 from bristle.workers import Share, sharing
+
+Known = Source | Results | Fit
+"""A joint: to be identified, or identified already: results, their file, or a fit of arrays."""
+
+
+def read_if_results(known: Known) -> Source | Results:
+    """The results of a results file or a fit; what is neither as it is. Raises InputError where such a file is damaged."""
+    if isinstance(known, Fit):
+        return Results(joints=(known.joint,), logs=JointLogs(read={known.joint.name: known.measured}))
+    return read_results(known) if isinstance(known, Path | str) and is_results_file(Path(known)) else known
+
+
+class AskedJoint(NamedTuple):
+    """One joint that a question is about; it is measured and identified when that is asked for."""
+
+    experiment: Experiment  # as its file has it: of a robot with a torque constant that is still free
+    source: Experiment | Robot | tuple[Measured, Joint]  # what its file describes; or what is known of it already
+
+    def measured(self, progress: Progress | None = None) -> Measured:
+        """What it was, or is to be identified from."""
+        if isinstance(self.source, tuple):
+            return self.source[0]
+        (measured,) = measure_joints(self.source, progress, only=self.experiment.joint.name)
+        return measured
+
+    def identified(self, progress: Progress | None) -> tuple[Measured, Joint]:
+        """What it was measured by, and the joint: identified here unless it is already."""
+        if isinstance(self.source, tuple):
+            return self.source
+        measured = self.measured(progress)
+        if progress:
+            progress(f"identifying {self.experiment.joint.name}", 0, 1)
+        return measured, identify_joint(measured, progress=progress)
+
+
+def asked_joint(known: Known, name: str | None = None) -> AskedJoint:
+    """The joint of a name, or the only one. Raises InputError where a file cannot be read, or it is not said which joint is meant."""
+    source = read_if_results(known)
+    if isinstance(source, Results):
+        joint = source.whole_joint(None if isinstance(known, Fit) else name)
+        measured = source.logs.of(joint)
+        return AskedJoint(measured.experiment, (measured, joint))
+    loaded, _ = opened(source)
+    chosen = choose(names_of(loaded), name)
+    own = pick(loaded, chosen).experiment if isinstance(loaded, Robot) else loaded
+    return AskedJoint(own, loaded)
 
 
 def identify(
@@ -87,7 +135,7 @@ def identified(
     return _identified(files, joint, share, progress, each, crosscheck=crosscheck, uncertainty=uncertainty, need=need)
 
 
-_Files = Sequence[tuple[Experiment | Robot, SourceText | None]]
+_Files = Sequence[tuple[Experiment | Robot, WrittenExperiment | None]]
 
 
 def _chosen(files: _Files, joint: str | None) -> list[str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from bristle.api.sources import JointLogs, path_of, source_text
+from bristle.api.sources import JointLogs, path_of, placed
 from bristle.errors import InputError, short, short_list
 from bristle.findings import Finding, Severity
 from bristle.identification.document import document_of, joints_of, reading, with_samples
@@ -18,7 +18,9 @@ from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.progress import Progress
 from bristle.questions.compensation.study import Study, adverse, worth_of_each
-from bristle.questions.session_comparison.results_file import session_of
+from bristle.questions.joint_report.results_file import to_frame, to_json
+from bristle.questions.method_validation.cases import check_fitted
+from bristle.questions.session_comparison.results import session_of
 from bristle.workers import Share
 
 if TYPE_CHECKING:
@@ -45,9 +47,7 @@ class Results:
     @property
     def warnings(self) -> tuple[Finding, ...]:
         """Every diagnostic about a joint, one of its stages or a fit, with the joint's name first in its subject."""
-        return tuple(
-            replace(x, subject=(joint.name, *x.subject)) for joint in self.joints for x in joint.fit_warnings()
-        )
+        return tuple(replace(x, subject=(one.name, *x.subject)) for one in self.joints for x in one.fit_warnings())
 
     @property
     def serious(self) -> tuple[Finding, ...]:
@@ -88,17 +88,12 @@ class Results:
 
     def whole_joints(self, name: str | None = None) -> tuple[Joint, ...]:
         """`whole_joint` of a name; without one of each joint. Raises InputError as that does."""
-        return tuple(
-            self.whole_joint(one) for one in ([joint.name for joint in self.joints] if name is None else [name])
-        )
-
-    def measured_joint(self, name: str) -> Measured:
-        """What a joint was identified from, its logs read now where they were not. Raises InputError as `JointLogs.of` does."""
-        return self.logs.of(self.joint(name))
+        names = [joint.name for joint in self.joints] if name is None else [name]
+        return tuple(map(self.whole_joint, names))
 
     @property
     def measured(self) -> tuple[Measured, ...]:
-        """`measured_joint` of each joint."""
+        """What each joint was identified from, its logs read now where they were not. Raises InputError as `JointLogs.of` does."""
         return tuple(self.logs.of(joint) for joint in self.joints)
 
     def text(self, *, full: bool = False) -> str:
@@ -126,7 +121,6 @@ class Results:
         Raises InputError where nothing was fitted that could be checked.
         """
         from bristle.questions.joint_report.console import checks
-        from bristle.questions.method_validation.cases import check_fitted
 
         for joint in self.joints:
             check_fitted(joint)
@@ -135,8 +129,6 @@ class Results:
 
     def to_frame(self) -> "pd.DataFrame":
         """One row per joint, direction and parameter: value, unit, standard error, interval, warnings."""
-        from bristle.questions.joint_report.results_file import to_frame
-
         return to_frame(self.joints)
 
     def to_json(self, folder: Path | str = ".") -> str:
@@ -144,9 +136,7 @@ class Results:
 
         From there it names the experiment files, whose logs are read again when a question needs them.
         """
-        from bristle.questions.joint_report.results_file import to_json
-
-        return to_json(self.whole_joints(), self.logs.written(Path(folder)))
+        return to_json(self.whole_joints(), tuple(self.logs.written(Path(folder))))
 
     def uncertainty(self) -> "pd.DataFrame":
         """One row per joint, fit and parameter: the 95 % interval by covariance, profile and bootstrap, and their warnings."""
@@ -225,13 +215,9 @@ def write_results(
         files["explore.html"] = encoded(played.html)
     report = import_module("bristle.questions.joint_report.report").report(
         results.whole_joints(),
-        title=names[0] if len(names) == 1 else f"{len(names)} joints",
-        seed=0,
-        explored=None if played is None else played.joints,
-        begun=begun,
-        files=files,
-        **told,
-    )
+        title=names[0] if len(names) == 1 else f"{len(names)} joints", seed=0,
+        explored=None if played is None else played.joints, begun=begun, files=files, **told,
+    )  # fmt: skip  # a list of values
     index: Path = report.write(folder, progress, mailed=mailed)
     return index
 
@@ -255,10 +241,9 @@ def read_results(path: Path | str) -> Results:
         document = document_of(with_samples(found))
         joints = joints_of(document)
         session_of(joints)  # which refuses numbers that are none
-        texts = tuple(source_text(x, path.parent) for x in document.experiments)
-    return Results(
-        joints=joints, logs=JointLogs(texts=texts), whole=document.joints.keys() <= (document.samples or {}).keys()
-    )
+        texts = tuple(placed(x, path.parent) for x in document.experiments)
+    whole = document.joints.keys() <= (document.samples or {}).keys()
+    return Results(joints=joints, logs=JointLogs(texts=texts), whole=whole)
 
 
 def choose(names: Sequence[str], name: str | None) -> str:

@@ -2,8 +2,9 @@
 
 import hashlib
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,55 +21,24 @@ from bristle.identification.robot.measured import measure_robot
 from bristle.progress import Progress
 from bristle.simulation import edro
 
-Source = Experiment | Robot | Path | str
-"""An experiment, or a robot: loaded, or its file."""
+Source = Experiment | Robot | Path | str  # an experiment, or a robot: loaded, or its file
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SourceText:
-    """The text of a file that was loaded, by which it is loaded again as it was."""
-
-    path: Path
-    """Where it stood, absolute."""
-    text: str
-    beside: dict[str, str] = field(default_factory=dict)
-    """SHA-256 of other files that it names, its logs apart."""
-    joints: tuple[str, ...]
-    """Those that are identified from it."""
-
-    def loaded(self) -> Experiment | Robot:
-        """What the text describes. Raises InputError where that cannot be, or a file beside it is not as it was."""
-        for name, known in self.beside.items():
-            if _sha256(self.path.parent / name) != known:
-                raise InputError(
-                    f"{name}: was changed since {', '.join(self.joints)} was identified with it; identify anew"
-                )
-        return load_text(self.text, self.path)
-
-    def written(self, folder: Path) -> WrittenExperiment:
-        """As a results file in some folder has it: its place from there, so that both may be moved together."""
-        own, place = self.path.parent, None
-        if own != edro.datasets_folder():
-            try:
-                place = Path(os.path.relpath(own, folder.resolve())).as_posix()
-            except ValueError:  # another drive
-                place = own.as_posix()
-        return WrittenExperiment(
-            file=self.path.name, folder=place, text=self.text, beside=self.beside, joints=self.joints
-        )
-
-
-def source_text(written: WrittenExperiment, folder: Path) -> SourceText:
-    """What a results file in some folder has of an experiment file, not opened. Raises InputError where name or text cannot be."""
+def placed(written: WrittenExperiment, folder: Path) -> WrittenExperiment:
+    """What a results file in some folder has of an experiment file, its own folder absolute. Raises InputError where name or text cannot be."""
     name = check_name(written.file, "experiments: file")
     if name in ("", ".", "..") or Path(name).name != name or "\\" in name:
         raise InputError(f"experiments: file: got {short(name)}; expected the name of a file")
     if len(written.text) > MAX_BYTES:
         raise InputError(f"experiments: text of {len(written.text)} characters; expected at most {MAX_BYTES}")
-    place = edro.datasets_folder()
-    if written.folder is not None:
-        place = Path(os.path.normpath(folder.resolve() / check_name(written.folder, "experiments: folder")))
-    return SourceText(path=place / name, text=written.text, beside=dict(written.beside), joints=written.joints)
+    if written.folder is None:
+        return written
+    own = folder.resolve() / check_name(written.folder, "experiments: folder")
+    return replace(written, folder=os.path.normpath(own))
+
+
+def _path(text: WrittenExperiment) -> Path:
+    return Path(text.folder or edro.datasets_folder()) / text.file
 
 
 def _sha256(path: Path) -> str:
@@ -95,8 +65,8 @@ def _described(data: dict[str, Any], path: Path) -> Experiment | Robot:
     return robot_of(data, path) if is_robot(data) else experiment_from(data, path, str(path))
 
 
-def opened(source: Source) -> tuple[Experiment | Robot, SourceText | None]:
-    """What a file describes, and its text, which loaded data have while their file is the same. Raises InputError where it cannot be read."""
+def opened(source: Source) -> tuple[Experiment | Robot, WrittenExperiment | None]:
+    """What a file describes, and the file, which loaded data have while it is the same. Raises InputError where it cannot be read."""
     if isinstance(source, Experiment | Robot):
         try:
             again, found = opened(source.path)
@@ -115,8 +85,9 @@ def opened(source: Source) -> tuple[Experiment | Robot, SourceText | None]:
     if isinstance(loaded, Robot) and isinstance(data.get("robot"), dict):
         urdf = str(data["robot"]["urdf"])
         beside[urdf] = _sha256(path.parent / urdf)
-    path = path.parent.resolve() / path.name
-    return loaded, SourceText(path=path, text=text, beside=beside, joints=names_of(loaded))
+    own = path.parent.resolve()
+    folder = None if own == edro.datasets_folder() else str(own)
+    return loaded, WrittenExperiment(file=path.name, folder=folder, text=text, beside=beside, joints=names_of(loaded))
 
 
 def is_results_file(path: Path) -> bool:
@@ -127,7 +98,7 @@ def is_results_file(path: Path) -> bool:
         return False
 
 
-def open_all(sources: Sequence[Source]) -> list[tuple[Experiment | Robot, SourceText | None]]:
+def open_all(sources: Sequence[Source]) -> list[tuple[Experiment | Robot, WrittenExperiment | None]]:
     """What some files describe, or the embedded Ed-Ro. Raises InputError where one cannot be read, or two joints have one name."""
     found = [opened(source) for source in sources or edro.experiments()]
     names = [name for one, _ in found for name in names_of(one)]
@@ -162,21 +133,14 @@ def measure_joints(
 class JointLogs:
     """The logs behind some joints."""
 
-    texts: tuple[SourceText, ...] = ()
-    """The files that name them."""
-    read: dict[str, Measured] = field(default_factory=dict)
-    """By joint, what was read."""
+    texts: tuple[WrittenExperiment, ...] = ()  # the files that name them, their folders absolute
+    read: dict[str, Measured] = field(default_factory=dict)  # by joint, what was read
 
     def of(self, joint: Joint) -> Measured:
         """What a joint was identified from, the same as then. Raises InputError where that is not known, or a log is missing or changed."""
         if joint.name not in self.read:
-            text = next((text for text in self.texts if joint.name in text.joints), None)
-            if text is None:
-                raise InputError(
-                    f"{joint.name}: got results without their logs; expected what `identify` returned or wrote, or an experiment file"
-                )
-            loaded = _loaded(text, joint)
-            again = measure_joints(loaded, only=joint.name, constant=joint.torque_constant)
+            text = self._text(joint, " logs; expected what `identify` returned or wrote, or an experiment file")
+            again = measure_joints(_loaded(text, joint), only=joint.name, constant=joint.torque_constant)
             self.read.update({one.experiment.joint.name: one for one in again})
         measured = self.read[joint.name]
         known = [(x.file, x.sha256) for x in joint.inputs]
@@ -191,22 +155,40 @@ class JointLogs:
 
     def experiment_of(self, joint: Joint) -> tuple[Experiment, Path | None]:
         """The experiment of a joint, its logs unread, and the folder of its file, if known. Raises InputError where it cannot be loaded."""
-        text = next((text for text in self.texts if joint.name in text.joints), None)
         if joint.name in self.read:
-            return self.read[joint.name].experiment, None if text is None else text.path.parent
-        if text is None:
-            raise InputError(f"{joint.name}: got results without their experiment file")
+            folder = next((_path(text).parent for text in self.texts if joint.name in text.joints), None)
+            return self.read[joint.name].experiment, folder
+        text = self._text(joint, " experiment file")
         loaded = _loaded(text, joint)
-        return loaded if isinstance(loaded, Experiment) else pick(loaded, joint.name).experiment, text.path.parent
+        return loaded if isinstance(loaded, Experiment) else pick(loaded, joint.name).experiment, _path(text).parent
 
-    def written(self, folder: Path) -> tuple[WrittenExperiment, ...]:
-        """As a results file in some folder has them."""
-        return tuple(text.written(folder) for text in self.texts)
+    def written(self, folder: Path) -> Iterator[WrittenExperiment]:
+        """As a results file in some folder has them: their places from there, so that both may be moved together."""
+        for text in self.texts:
+            place = text.folder
+            if place is not None:
+                with suppress(ValueError):  # another drive
+                    place = os.path.relpath(place, folder.resolve())
+                place = Path(place).as_posix()
+            yield replace(text, folder=place)
+
+    def _text(self, joint: Joint, lacking: str) -> WrittenExperiment:
+        """The file that names a joint. Raises InputError where there is none."""
+        text = next((text for text in self.texts if joint.name in text.joints), None)
+        if text is None:
+            raise InputError(f"{joint.name}: got results without their{lacking}")
+        return text
 
 
-def _loaded(text: SourceText, joint: Joint) -> Experiment | Robot:
-    """What the text describes. Raises InputError as `SourceText.loaded` does, and where it has no such joint."""
-    loaded = text.loaded()
+def _loaded(text: WrittenExperiment, joint: Joint) -> Experiment | Robot:
+    """What the text describes. Raises InputError where that cannot be, a file beside it is not as it was, or it has no such joint."""
+    path = _path(text)
+    for name, known in text.beside.items():
+        if _sha256(path.parent / name) != known:
+            raise InputError(
+                f"{name}: was changed since {', '.join(text.joints)} was identified with it; identify anew"
+            )
+    loaded = load_text(text.text, path)
     if joint.name not in names_of(loaded):
-        raise InputError(f"{text.path.name}: its text in the results names no joint {short(joint.name)}")
+        raise InputError(f"{text.file}: its text in the results names no joint {short(joint.name)}")
     return loaded

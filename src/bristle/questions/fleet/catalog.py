@@ -21,18 +21,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 REQUIRED = ("file", "unit", "session")
-CATALOG = (*REQUIRED, "joint", "type", "temperature", "load", "tags")
-"""Columns of a catalog."""
-LONGEST_TEXT = 400
-"""Characters of an entry."""
+CATALOG = (*REQUIRED, "joint", "type", "temperature", "load", "tags")  # columns of a catalog
+LONGEST_TEXT = 400  # characters of an entry
 MOST_ROWS = 2_000_000
 _MOST_BYTES = 2**30
 _SEPARATORS = (",", ";", "\t")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
-_COLDEST, _HOTTEST = -273.15, 5000.0
-"""deg C."""
-_MOST_LOAD = 1e9
-"""Of a load, whatever its unit: so that squares of it are numbers."""
+_COLDEST, _HOTTEST = -273.15, 5000.0  # deg C
+_MOST_LOAD = 1e9  # of a load, whatever its unit: so that squares of it are numbers
 _FIELD = re.compile(r"\{([^{}]*)\}")
 _YEARS = (1900, 2200)
 
@@ -40,32 +36,24 @@ _YEARS = (1900, 2200)
 class CatalogRow(NamedTuple):
     """A row as it was read; text that is not given is empty, a number nan."""
 
-    file: str
-    """As the catalog has it."""
-    path: str
-    """The same from anywhere: an absolute path, or a URL."""
+    file: str  # as the catalog has it
+    path: str  # the same from anywhere: an absolute path, or a URL
     unit: str
-    session: datetime | None
-    """UTC, without zone."""
+    session: datetime | None  # UTC, without zone
     joint: str
     type: str
-    temperature: float
-    """deg C."""
+    temperature: float  # deg C
     load: float
     tags: str
-    failure: str
-    """Why it cannot be used; empty where it can."""
+    failure: str  # why it cannot be used; empty where it can
 
 
 class _Texts(NamedTuple):
     """A catalog as text."""
 
-    rows: list[tuple[str, ...]]
-    """Each of the columns of `CATALOG`."""
-    base: str
-    """The folder that files are relative to."""
-    wrong: Mapping[int, str]
-    """By row, why it is none."""
+    rows: list[tuple[str, ...]]  # each of the columns of `CATALOG`
+    base: str  # the folder that files are relative to
+    wrong: Mapping[int, str]  # by row, why it is none
 
 
 def read_catalog(catalog: "str | Path | pd.DataFrame") -> list[CatalogRow]:

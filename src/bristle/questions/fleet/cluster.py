@@ -17,14 +17,12 @@ from bristle.questions.fleet.files import digest_of, joined_path, remove, write_
 from bristle.questions.fleet.tasks import version_difference, versions
 from bristle.workers import cores, pinned
 
-Client = Any
-"""A `distributed.Client`."""
+Client = Any  # a `distributed.Client`
 _LOOPBACK = "127.0.0.1"
 _DASHBOARD = 8787
 _WAIT = 60.0
 """Seconds that a scheduler or its first worker is waited for, and that nothing may end until workers are asked."""
-_POLL = 0.02
-"""Seconds between two looks at what has ended."""
+_POLL = 0.02  # seconds between two looks at what has ended
 _UNINTERRUPTED = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
 """What a worker of our own does first: it leaves an interrupt to the client, which ends it."""
 _LEAN = {
@@ -37,14 +35,6 @@ _LEAN = {
 anew: of one that has not begun after Dask's 15 s no other ever would."""
 _LOGGERS = ("distributed", "tornado", "bokeh")
 _UNGUARDED = 'in a script, put the call of bristle.fleet below if __name__ == "__main__":, for the worker processes read the script as well'
-
-
-class Call(NamedTuple):
-    """A function that is to be called on a worker."""
-
-    key: str
-    function: Callable[..., Any]
-    arguments: tuple[Any, ...]
 
 
 class Reach(NamedTuple):
@@ -88,22 +78,16 @@ def check_installed() -> None:
         raise InputError(f"a fleet needs {error.name}; install it with pip install 'bristle[fleet]'") from error
 
 
-def running_client() -> Client | None:
-    """The Dask client of this process, where there is one. Raises InputError where it is asynchronous."""
-    from distributed import get_client
+def known_client(client: Client | None) -> Client | None:
+    """A client that can be used: the one that is given, else that of this process. Raises InputError where it is none, or asynchronous."""
+    import distributed
 
-    with suppress(ValueError):
-        return checked_client(get_client())
-    return None
-
-
-def checked_client(client: Client) -> Client:
-    """A client that can be used. Raises InputError where it is none, or asynchronous."""
-    from distributed import Client as DaskClient
-
-    if not isinstance(client, DaskClient):
+    if client is None:
+        with suppress(ValueError):
+            client = distributed.get_client()
+    if client is not None and not isinstance(client, distributed.Client):
         raise InputError(f"client: got {short(client)}; expected a distributed.Client")
-    if client.asynchronous:
+    if client is not None and client.asynchronous:
         raise InputError("client: got an asynchronous client; expected one of Client(asynchronous=False)")
     return client
 
@@ -119,12 +103,10 @@ def local_client(workers: int | None = None, memory: str | None = None) -> Itera
     Raises InputError where the memory is no size.
     """
     import dask
-    from distributed import Client as DaskClient
-    from distributed import LocalCluster
+    import distributed
 
-    if getattr(
-        current_process(), "_inheriting", False
-    ):  # a worker that begins, and runs the user's script to get there
+    # A worker that begins runs the user's script to get there.
+    if getattr(current_process(), "_inheriting", False):
         raise SystemExit(_UNGUARDED)
     processes, limit, port = workers or cores(), _bytes_of(memory), _DASHBOARD
     with socket.socket() as one:
@@ -135,7 +117,7 @@ def local_client(workers: int | None = None, memory: str | None = None) -> Itera
             port = 0  # any that is free
     with quiet(), pinned(), dask.config.set(_LEAN):
         try:
-            cluster = LocalCluster(
+            cluster = distributed.LocalCluster(
                 n_workers=processes, threads_per_worker=1, processes=True, host=_LOOPBACK, memory_limit=limit or "auto",
                 dashboard_address=f"{_LOOPBACK}:{port}", silence_logs=logging.CRITICAL, preload=[_UNINTERRUPTED],
             )  # fmt: skip  # a list of values
@@ -144,7 +126,7 @@ def local_client(workers: int | None = None, memory: str | None = None) -> Itera
                 f"the worker processes did not start ({one_line(str(error), 100)}); {_UNGUARDED}"
             ) from error
         try:
-            with DaskClient(cluster, set_as_default=False) as client:
+            with distributed.Client(cluster, set_as_default=False) as client:
                 yield client
         finally:
             cluster.close(timeout=10)
@@ -199,10 +181,9 @@ async def _greeted(scheduler: str, security: Any) -> None:
 def _security(certificates: Mapping[str, str] | None) -> Any:
     from distributed import Security
 
-    if not certificates:
-        return None
     by = {"ca": "tls_ca_file", "cert": "tls_client_cert", "key": "tls_client_key"}
-    return Security(require_encryption=True, **{by[name]: file for name, file in certificates.items()})
+    known = {by[name]: file for name, file in (certificates or {}).items()}
+    return Security(require_encryption=True, **known) if known else None
 
 
 @contextmanager
@@ -298,23 +279,26 @@ def _digests(names: list[str]) -> list[str] | None:
 
 
 class _UnderWay:
-    """Calls that workers were given, by the key of each one's latest attempt."""
+    """Calls of a function that workers were given, by the key of each one's latest attempt."""
 
-    def __init__(self, client: Client) -> None:
+    def __init__(self, client: Client, name: str, function: Callable[..., Any]) -> None:
         from distributed import as_completed
 
-        self.client, self.attempts, self.looked = client, count(), monotonic()
+        self.client, self.function, self.looked = client, function, monotonic()
+        self.keys = map(
+            f"{name}-{secrets.token_hex(4)}-{{}}".format, count()
+        )  # by which nobody knows an earlier attempt
         self.ended = as_completed(loop=client.loop, with_results=True, raise_errors=False)
-        self.calls: dict[Any, tuple[Call, Any]] = {}
+        self.calls: dict[Any, tuple[tuple[Any, ...], Any]] = {}
 
-    def begin(self, call: Call) -> None:
-        """Under a key of its own, by which nobody knows an earlier attempt."""
-        future = self.client.submit(call.function, *call.arguments, key=f"{call.key}-{next(self.attempts)}", pure=False)
-        self.calls[future.key] = call, future
+    def begin(self, arguments: tuple[Any, ...]) -> None:
+        """Give a call to the workers, once more where it was before."""
+        future = self.client.submit(self.function, *arguments, key=next(self.keys), pure=False)
+        self.calls[future.key] = arguments, future
         self.ended.add(future)
 
-    def ends(self) -> Iterator[tuple[Call, Any, Any]]:
-        """The next calls that end, each with its future and its result; waits for one."""
+    def ends(self) -> Iterator[tuple[tuple[Any, ...], Any, Any]]:
+        """The arguments of the next calls that end, each with its future and its result; waits for one."""
         while not self.ended.has_ready():
             sleep(_POLL)
             if self.client.status != "running":
@@ -324,8 +308,8 @@ class _UnderWay:
         self.looked = monotonic()
         for future, result in self.ended.next_batch(block=False):
             if future.key in self.calls:  # else it was begun again meanwhile
-                call, _ = self.calls.pop(future.key)
-                yield call, future, result
+                arguments, _ = self.calls.pop(future.key)
+                yield arguments, future, result
                 future.release()
 
     def _again(self) -> None:
@@ -333,14 +317,16 @@ class _UnderWay:
         wait_for_worker(self.client)
         self.looked = monotonic()
         if not any(self.client.processing().values()):
-            for call, future in list(self.calls.values()):
+            for arguments, future in list(self.calls.values()):
                 del self.calls[future.key]
                 self.client.cancel([future], force=True)
-                self.begin(call)
+                self.begin(arguments)
 
 
-def spread(client: Client, calls: Iterable[Call], window: int) -> Iterator[tuple[Call, Any]]:
-    """Call functions on workers, at most `window` of them under way, and give each with its result or exception as it ends.
+def spread(
+    client: Client, name: str, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]], window: int
+) -> Iterator[tuple[tuple[Any, ...], Any]]:
+    """Call a function on workers, at most `window` times at once; gives the arguments of each call with its result or exception as it ends.
 
     What was lost with a worker, and what no worker holds although it has not ended, is called again. Where workers died of a call,
     it ends last and alone: others may have died with it.
@@ -349,7 +335,7 @@ def spread(client: Client, calls: Iterable[Call], window: int) -> Iterator[tuple
     """
     from distributed import KilledWorker
 
-    todo, under_way, deadly = iter(calls), _UnderWay(client), list[Call]()
+    todo, under_way, deadly = iter(calls), _UnderWay(client, name, function), list[tuple[Any, ...]]()
     try:
         while True:
             for call in islice(todo, window - len(under_way.calls)):
@@ -371,4 +357,4 @@ def spread(client: Client, calls: Iterable[Call], window: int) -> Iterator[tuple
         with suppress(Exception):  # a scheduler that is gone has nothing to cancel
             client.cancel([future for _, future in under_way.calls.values()])
     if deadly:
-        yield from spread(client, deadly, 1)
+        yield from spread(client, name, function, deadly, 1)

@@ -7,7 +7,7 @@ nothing in it tells when it was written.
 import hashlib
 import io
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +30,7 @@ COLUMNS = {
     "file": _TEXT, "key": _TEXT, "failure": _TEXT, "left_out": _TEXT,
 }  # fmt: skip  # a table
 """Columns of the dataset and what each holds: text (a dictionary), a number (float64), a time (UTC, microseconds), or a truth."""
+_TEXTS = [name for name, holds in COLUMNS.items() if holds == _TEXT]
 OF_TASK = (
     "direction", "parameter", "value", "value_unit", "standard_error", "lower", "upper", "source", "severity", "warnings", "use", "kind",
     "simulated", "key", "failure",
@@ -37,8 +38,7 @@ OF_TASK = (
 """Columns that a task gives; the others are the catalog's."""
 ORDER = ("unit", "joint", "session", "direction", "parameter", "file", "failure")
 PART = re.compile(r"part-\d{5}-[0-9a-f]{8}\.parquet")
-ROWS = 200_000
-"""Of a part."""
+ROWS = 200_000  # of a part
 _READERS = 16
 
 
@@ -51,20 +51,13 @@ def schema_of(columns: Sequence[str], *, coded: bool) -> "pa.Schema":
     return pa.schema([(name, types[COLUMNS[name]]) for name in columns], metadata={"bristle": SCHEMA})
 
 
-def task_bytes(key: str, rows: Iterable[Mapping[str, Any]]) -> bytes:
-    """The rows of a joint that was identified, each with the other columns of `OF_TASK`, as Parquet."""
-    return _written([{**row, "key": key, "failure": None} for row in rows])
-
-
-def failure_bytes(key: str, failure: str) -> bytes:
-    """The row of a joint session that cannot be identified, as Parquet."""
-    return _written([{**dict.fromkeys(OF_TASK), "key": key, "failure": one_line(failure)}])
-
-
-def _written(rows: list[dict[str, Any]]) -> bytes:
+def task_bytes(key: str, rows: Sequence[Mapping[str, Any]], failure: str | None = None) -> bytes:
+    """The rows of a joint that was identified, each with the other columns of `OF_TASK`, or the one of a failure, as Parquet."""
     import pyarrow as pa
 
-    table = pa.Table.from_pylist(rows, schema=schema_of(OF_TASK, coded=False))
+    told = {"key": key, "failure": failure and one_line(failure)}
+    whole = [{**row, **told} for row in rows or [dict.fromkeys(OF_TASK)]]
+    table = pa.Table.from_pylist(whole, schema=schema_of(OF_TASK, coded=False))
     return parquet_of(table, compression="none", use_dictionary=False, write_statistics=False, store_schema=False)
 
 
@@ -165,53 +158,24 @@ def known_results(folder: str) -> "pa.Table":
 
 def assembled(sessions: "pd.DataFrame", results: "pa.Table") -> "pa.Table":
     """The dataset: to each joint session (columns of `JointSession`) the rows of its key, or its failure; in the order of `ORDER`."""
-    import pandas as pd
+    known = results.cast(schema_of(OF_TASK, coded=False)).to_pandas()
+    own = sessions.rename(columns={"failure": "why"})
+    own["key"] = own["key"].where(own["why"] == "", None)  # a failure is a row of its own
+    rows = own.merge(known, how="left", on="key")
+    rows["failure"] = rows["failure"].where(rows["failure"].notna() | (rows["why"] == ""), rows["why"])
+    empty = [name for name in _TEXTS if name not in OF_TASK]
+    rows[empty] = rows[empty].where(rows[empty] != "")
+    rows[_TEXTS] = rows[_TEXTS].astype("category")  # text is in the order of its dictionary; what is missing comes last
+    return _coded(rows.sort_values(list(ORDER)))
+
+
+def _coded(rows: "pd.DataFrame") -> "pa.Table":
+    """The rows, whose text has dictionaries of its own words alone, sorted."""
     import pyarrow as pa
-    import pyarrow.compute as pc
 
-    results = results.cast(schema_of(OF_TASK, coded=True)).unify_dictionaries()
-    wanted = pa.array(sessions["key"].where(sessions["failure"] == "", None).astype(object), pa.string())
-    keys = results["key"].cast(pa.string()).combine_chunks()
-    codes = (pc.fill_null(pc.index_in(x, keys.unique()), -1).to_numpy(zero_copy_only=False) for x in (wanted, keys))
-    sought, known = (pd.DataFrame({"key": x, "row": np.arange(x.size)}) for x in codes)
-    pairs = sought.merge(known, how="left", on="key", suffixes=("", "_of_key"))  # a failure is a row of its own
-    owner, rows = pairs["row"].to_numpy(), pa.array(pairs["row_of_key"].astype("Int64"), pa.int64())
-    columns = {name: results[name].take(rows) for name in OF_TASK}
-    for name in (
-        x for x in COLUMNS if x not in OF_TASK
-    ):  # those of the catalog, each joint session as often as it has rows
-        if COLUMNS[name] == _TEXT:  # what is empty is null
-            text = pa.array(sessions[name].astype(object), pa.string())
-            column = pc.if_else(pc.equal(text, ""), None, text).dictionary_encode()
-        else:
-            column = pa.array(sessions[name].to_numpy(), from_pandas=True)
-        columns[name] = pa.chunked_array([column.take(owner)])
-    own = pa.array(
-        sessions["failure"].to_numpy(object)[owner], pa.string(), mask=pairs["row_of_key"].notna().to_numpy()
-    )
-    failure = pc.coalesce(columns["failure"].cast(pa.string()).combine_chunks(), own)
-    table = pa.table({name: (pa.chunked_array([failure]) if name == "failure" else columns[name]) for name in COLUMNS})
-    coded = _coded(table)  # text is in the order of its dictionary; what is missing comes last
-    order = coded.select(ORDER).to_pandas().sort_values(list(ORDER)).index
-    return coded.take(order.to_numpy())
-
-
-def _coded(table: "pa.Table") -> "pa.Table":
-    """The table whose text has dictionaries of its own words alone, sorted."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    columns = []
-    for name, holds in COLUMNS.items():
-        column = table[name].combine_chunks()
-        if holds == _TEXT:
-            whole = column.cast(pa.string()).dictionary_encode()
-            order = pc.sort_indices(whole.dictionary)
-            rank = np.empty(len(order), np.int32)
-            rank[order.to_numpy()] = np.arange(len(order), dtype=np.int32)
-            column = pa.DictionaryArray.from_arrays(pa.array(rank).take(whole.indices), whole.dictionary.take(order))
-        columns.append(column)
-    return pa.table(columns, schema=schema_of(tuple(COLUMNS), coded=True))
+    own = rows.assign(**{name: rows[name].cat.remove_unused_categories() for name in _TEXTS})
+    table = pa.Table.from_pandas(own, schema_of(tuple(COLUMNS), coded=True), preserve_index=False)
+    return table.replace_schema_metadata({"bristle": SCHEMA})
 
 
 def write_parts(folder: str, table: "pa.Table", before: Sequence[str]) -> None:
@@ -228,7 +192,7 @@ def write_parts(folder: str, table: "pa.Table", before: Sequence[str]) -> None:
 
 def part_files(table: "pa.Table") -> Iterator[tuple[str, bytes]]:
     """The parts of a dataset, each with its name."""
-    text = [name for name, holds in COLUMNS.items() if holds == _TEXT]
     for k, start in enumerate(range(0, max(len(table), 1), ROWS)):
-        data = parquet_of(_coded(table.slice(start, ROWS)), compression="zstd", use_dictionary=text)
+        part = _coded(table.slice(start, ROWS).to_pandas())
+        data = parquet_of(part, compression="zstd", use_dictionary=_TEXTS)
         yield f"part-{k:05d}-{hashlib.sha256(data).hexdigest()[:8]}.parquet", data

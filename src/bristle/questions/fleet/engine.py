@@ -4,7 +4,6 @@ What is finished stays whatever ends the run: the rows of each task lie in the o
 """
 
 import os
-import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from time import monotonic
@@ -14,40 +13,8 @@ from bristle.errors import InputError, one_line, short
 from bristle.page.output_folder import FLEET, LEDGER, LOCK, MARKER, TASKS
 from bristle.page.wording import counted
 from bristle.progress import Progress, step
+from bristle.questions.fleet import cluster, dataset, files
 from bristle.questions.fleet.catalog import CatalogRow
-from bristle.questions.fleet.cluster import (
-    Call,
-    Client,
-    Reach,
-    SchedulerLostError,
-    check_workers,
-    reach_of,
-    spread,
-    threads_of,
-    told_where_lost,
-)
-from bristle.questions.fleet.dataset import (
-    assembled,
-    known_results,
-    parquet_of,
-    parts_of,
-    read_parquet,
-    read_tasks,
-    task_file,
-    task_keys,
-    write_parts,
-)
-from bristle.questions.fleet.files import (
-    claim_folder,
-    exists,
-    is_remote,
-    joined_path,
-    local_path,
-    make_folder,
-    read_bytes,
-    remove,
-    write_whole,
-)
 from bristle.questions.fleet.sessions import joint_sessions
 from bristle.questions.fleet.survey import Surveyed, surveyed_of
 from bristle.questions.fleet.tasks import FleetTask, Identify, TaskEnd, identify_task, survey_files, versions
@@ -56,26 +23,19 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-BATCH = 50
-"""Files that one task looks at."""
-LEAST_WINDOW, WINDOW = 200, 20
-"""Tasks under way: so many, or so many a thread."""
-SENT_WINDOW = 2
-"""The same a thread where each carries its logs."""
+BATCH = 50  # files that one task looks at
+LEAST_WINDOW, WINDOW = 200, 20  # tasks under way: so many, or so many a thread
+SENT_WINDOW = 2  # the same a thread where each carries its logs
 _MEMORY = "its worker died {times}, perhaps for want of memory; give each worker more with --memory"
 
 
 class FleetRun(NamedTuple):
     """What a run came to."""
 
-    table: "pa.Table"
-    """The dataset."""
-    identified: int
-    """Tasks that were run and have rows."""
-    unchanged: int
-    """Joint sessions whose results were known."""
-    failed: int
-    """Those without a result."""
+    table: "pa.Table"  # the dataset
+    identified: int  # tasks that were run and have rows
+    unchanged: int  # joint sessions whose results were known
+    failed: int  # those without a result
 
 
 def _telling(progress: Progress | None, what: str, total: int) -> Callable[[int], None]:
@@ -103,74 +63,70 @@ def in_words(seconds: float) -> str:
 def run_fleet(
     rows: Sequence[CatalogRow],
     output: str,
-    client: Client,
+    client: cluster.Client,
     identify: Identify,
     *,
     verify: bool = False,
     progress: Progress | None = None,
 ) -> FleetRun:
-    """Identify what is new or changed of a fleet, and bring the dataset in the folder `output` up to date.
+    """Identify what is new or changed of a fleet, and bring the dataset in the folder `output`, which is `held`, up to date.
 
-    Args:
-        rows: of the catalog.
-        output: a folder that is `held`, or a URL of one.
-        client: of Dask.
-        identify: identifies a joint of a file, by a function that can be pickled.
-        verify: whether every input is hashed anew.
-        progress: told of every step.
-
-    Raises InputError where the workers cannot be used, or nothing at all is identified, and OSError where the output is full, or
-    the scheduler is lost. What is finished by then stays.
+    `identify` identifies a joint of a file, and can be pickled; with `verify` every input is hashed anew. Raises InputError where
+    the workers cannot be used, or nothing at all is identified, and OSError where the output is full, or the scheduler is lost.
+    What is finished by then stays.
     """
     import pyarrow as pa
     import pyarrow.compute as pc
 
     step(progress, "checking the workers")
-    written = task_keys(output)
+    written = dataset.task_keys(output)
     try:
-        with told_where_lost(client):
-            check_workers(client)
+        with cluster.told_where_lost(client):
+            cluster.check_workers(client)
             # By the first file of each file system that is there.
             samples: dict[str, str] = {}
             for row in rows:
-                system = row.path.partition("://")[0] if is_remote(row.path) else ""
+                system = row.path.partition("://")[0] if files.is_remote(row.path) else ""
                 if system not in samples and not row.failure:
                     with suppress(OSError, InputError):
-                        if exists(row.path):
+                        if files.exists(row.path):
                             samples[system] = row.path
-            reach = reach_of(client, output, samples.values())
-        files = _survey(client, rows, _ledger(output), reach, progress, verify=verify)
-        _write_ledger(output, files)
-        sessions, before, known = joint_sessions(rows, files), parts_of(output), known_results(output)
+            reach = cluster.reach_of(client, output, samples.values())
+        surveys = _survey(client, rows, _ledger(output), reach, progress, verify=verify)
+        rows_of_files = [{"path": path, "found": surveys[path].written()} for path in sorted(surveys)]
+        ledger = pa.Table.from_pylist(rows_of_files, schema=pa.schema({"path": pa.string(), "found": pa.string()}))
+        data = dataset.parquet_of(ledger, compression="zstd", use_dictionary=False)
+        files.write_whole(files.joined_path(output, LEDGER), data)
+        sessions, before, known = joint_sessions(rows, surveys), dataset.parts_of(output), dataset.known_results(output)
         good = sessions[sessions["failure"] == ""]
         wanted = good.drop_duplicates("key").set_index("key")
         cached = set(known["key"].to_pylist()) & set(wanted.index)
         todo = wanted[~wanted.index.isin(list(cached | written))]
-        tasks = _tasks(todo, files, output, reach)
+        tasks = _tasks(todo, surveys, output, reach)
         identified, untold = _identified(client, tasks, len(todo), output, identify, progress, sent=not reach.inputs)
-    except SchedulerLostError as error:
-        stay = len(task_keys(output) - written)
+    except cluster.SchedulerLostError as error:
+        stay = len(dataset.task_keys(output) - written)
         raise OSError(
             f"{error}; what is finished stays ({counted(stay, 'joint session')} of this run); run again to go on"
         ) from error
 
     step(progress, "writing the dataset")
-    read, damaged = read_tasks(output, set(wanted.index) - cached - set(untold))
+    read, damaged = dataset.read_tasks(output, set(wanted.index) - cached - set(untold))
     failures = untold | dict.fromkeys(damaged, "its rows in the output are damaged; run again")
     for key in damaged:
-        remove(task_file(output, key))
+        files.remove(dataset.task_file(output, key))
     failed = sessions["key"].isin(list(failures)) & (sessions["failure"] == "")
     sessions.loc[failed, "failure"] = sessions.loc[failed, "key"].map(failures)
     sessions.loc[sessions["failure"] != "", "key"] = ""
 
     # The dataset in parts; then what tasks and older parts wrote is removed. Where nothing at all is identified, what was known stays.
-    table = assembled(sessions, pa.concat_tables([known.cast(read.schema), read]))
-    ended = [task_file(output, key) for key in task_keys(output)]
+    table = dataset.assembled(sessions, pa.concat_tables([known.cast(read.schema), read]))
+    ended = [dataset.task_file(output, key) for key in dataset.task_keys(output)]
     some = table["failure"].null_count > 0
     if some:
-        write_parts(output, table, before)
+        dataset.write_parts(output, table, before)
     for path in ended:
-        remove(path)
+        files.remove(path)
     if not some:
         file, reason = table["file"][0].as_py(), table["failure"][0].as_py()
         many = counted(len(table), "joint session")
@@ -188,11 +144,11 @@ def held(output: str) -> Iterator[None]:
 
     Raises InputError where the folder is neither empty nor marked as bristle's, or another run writes there.
     """
-    folder = None if is_remote(output) else local_path(output)
+    folder = None if files.is_remote(output) else files.local_path(output)
     absent = folder is not None and not folder.exists()
     new = absent or (folder is not None and folder.is_dir() and not any(folder.iterdir()))
-    claim_folder(output, FLEET)
-    make_folder(joined_path(output, TASKS))
+    files.claim_folder(output, FLEET)
+    files.make_folder(files.joined_path(output, TASKS))
     if folder is None:
         yield
         return
@@ -217,7 +173,7 @@ def held(output: str) -> Iterator[None]:
         try:
             yield
         except InputError:
-            if new and not task_keys(output) and not parts_of(output):
+            if new and not dataset.task_keys(output) and not dataset.parts_of(output):
                 for name in (LEDGER, LOCK, MARKER):
                     (folder / name).unlink(missing_ok=True)
                 with suppress(OSError):
@@ -232,25 +188,17 @@ def _ledger(output: str) -> dict[str, str]:
     import pyarrow as pa
 
     try:
-        table = read_parquet(joined_path(output, LEDGER), columns=["path", "found"])
+        table = dataset.read_parquet(files.joined_path(output, LEDGER), columns=["path", "found"])
     except (OSError, pa.ArrowException, ValueError, KeyError):
         return {}
     return dict(zip(table["path"].to_pylist(), table["found"].to_pylist(), strict=True))
 
 
-def _write_ledger(output: str, files: Mapping[str, Surveyed]) -> None:
-    import pyarrow as pa
-
-    rows = [{"path": path, "found": files[path].written()} for path in sorted(files)]
-    table = pa.Table.from_pylist(rows, schema=pa.schema({"path": pa.string(), "found": pa.string()}))
-    write_whole(joined_path(output, LEDGER), parquet_of(table, compression="zstd", use_dictionary=False))
-
-
 def _survey(
-    client: Client,
+    client: cluster.Client,
     rows: Iterable[CatalogRow],
     ledger: Mapping[str, str],
-    reach: Reach,
+    reach: cluster.Reach,
     progress: Progress | None,
     *,
     verify: bool,
@@ -260,9 +208,8 @@ def _survey(
     tell, found = _telling(progress, "looking at files", len(paths)), dict[str, Surveyed]()
     batches = [[(path, ledger.get(path)) for path in paths[k : k + BATCH]] for k in range(0, len(paths), BATCH)]
     if reach.inputs:
-        token = secrets.token_hex(4)
-        calls = (Call(f"bristle-survey-{token}-{k}", survey_files, (batch, verify)) for k, batch in enumerate(batches))
-        ends = ((call.arguments[0], end) for call, end in spread(client, calls, 4 * threads_of(client)))
+        calls, window = ((batch, verify) for batch in batches), 4 * cluster.threads_of(client)
+        ends = ((call[0], end) for call, end in cluster.spread(client, "bristle-survey", survey_files, calls, window))
     else:
         ends = ((batch, survey_files(batch, verify)) for batch in batches)
     for batch, end in ends:
@@ -282,17 +229,19 @@ def _of_worker(error: BaseException) -> str:
     return one_line(f"a defect of bristle: {type(error).__name__}: {error}")
 
 
-def _tasks(todo: "pd.DataFrame", files: Mapping[str, Surveyed], output: str, reach: Reach) -> Iterator[FleetTask]:
+def _tasks(
+    todo: "pd.DataFrame", surveys: Mapping[str, Surveyed], output: str, reach: cluster.Reach
+) -> Iterator[FleetTask]:
     for key, path, joint in zip(todo.index, todo["path"], todo["name"], strict=True):
-        one, sent = files[path], None
+        one, sent = surveys[path], None
         if not reach.inputs:
             with suppress(OSError):  # then the worker says what is missing
-                sent = {x.name: read_bytes(x.path) for x in one.inputs}
+                sent = {x.name: files.read_bytes(x.path) for x in one.inputs}
         yield FleetTask(str(key), joint, one, output if reach.output else None, sent, versions())
 
 
 def _identified(
-    client: Client,
+    client: cluster.Client,
     tasks: Iterable[FleetTask],
     total: int,
     output: str,
@@ -306,18 +255,18 @@ def _identified(
     Returns the keys that were identified, and by key the failures that are to be tried again. Raises InputError where a worker
     cannot take part, and OSError where the output is full.
     """
-    token, threads = secrets.token_hex(4), threads_of(client)
+    threads, calls = cluster.threads_of(client), ((task, identify) for task in tasks)
     window = SENT_WINDOW * threads if sent else max(LEAST_WINDOW, WINDOW * threads)
-    calls = (Call(f"bristle-identify-{task.key}-{token}", identify_task, (task, identify)) for task in tasks)
     tell, identified, failures = _telling(progress, "identifying", total), set[str](), dict[str, str]()
     tell(0)
-    for done, (call, end) in enumerate(spread(client, calls, window), 1):
-        key = call.arguments[0].key
-        how = TaskEnd(key, failure=_of_worker(end)) if isinstance(end, BaseException) else end
+    ends = cluster.spread(client, "bristle-identify", identify_task, calls, window)
+    for done, ((task, _), end) in enumerate(ends, 1):
+        key = task.key
+        how = TaskEnd(_of_worker(end)) if isinstance(end, BaseException) else end
         if how.refused:
             raise InputError(how.refused)
         if how.rows is not None:
-            write_whole(task_file(output, key), how.rows)
+            files.write_whole(dataset.task_file(output, key), how.rows)
         if how.failure:
             failures[key] = how.failure
         else:

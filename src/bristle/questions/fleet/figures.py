@@ -15,12 +15,9 @@ from bristle.page.style import DIRECTION, panels, styled, thinned
 from bristle.page.wording import shortened
 
 _BLUE, _VERMILION, _GREY = DIRECTION["+"].colour, DIRECTION["-"].colour, "#767676"
-POINTS = 200
-"""Sessions of a panel and units of a type that are drawn, at most."""
-_BEYOND = 3.0
-"""Ends of intervals and limits count for an axis up to so many times the range of the values."""
-CODES = 5
-"""Kinds of warnings drawn over time, at most, beside failed sessions."""
+POINTS = 200  # sessions of a panel and units of a type that are drawn, at most
+_BEYOND = 3.0  # ends of intervals and limits count for an axis up to so many times the range of the values
+CODES = 5  # kinds of warnings drawn over time, at most, beside failed sessions
 _LOOKS = (
     (_BLUE, "o", "-"), (_VERMILION, "s", "--"), ("#009E73", "^", ":"), ("#CC79A7", "D", "-."), ("#997700", "v", "-"), (_GREY, "x", "--"),
 )  # fmt: skip  # a table
@@ -30,12 +27,9 @@ _LOOKS = (
 class Course(NamedTuple):
     """One parameter of a joint over its sessions."""
 
-    label: str
-    """With the unit."""
-    rows: pd.DataFrame
-    """Of `Findings.series`, by session."""
-    step: Any
-    """Its row of `Findings.changes`; None where it was not tested."""
+    label: str  # with the unit
+    rows: pd.DataFrame  # of `Findings.series`, by session
+    step: Any  # its row of `Findings.changes`; None where it was not tested
 
 
 @styled
@@ -61,22 +55,14 @@ def _course(ax: Axes, one: Course, first: pd.Timestamp) -> None:
     levels = [] if one.step is None else [(one.step.before, x[begun:place]), (one.step.after, x[place:])]
 
     core = np.array([*value, *adjusted, *(level for level, _ in levels)])
-    core = core[np.isfinite(core)]
+    core = core[np.isfinite(core)] if np.isfinite(core).any() else np.array([0.0, 1.0])
     bars = (upper - lower)[np.isfinite(upper - lower)]
-    least, most = (core.min(), core.max()) if core.size else (0.0, 1.0)
-    wide = max(most - least, bars.max(initial=0.0), 1e-9 * abs(most), 1e-300)
-    ends = np.concatenate([lower, upper, low, high])
-    ends = ends[(ends > least - _BEYOND * wide) & (ends < most + _BEYOND * wide)]
-    bottom, top = min(least, ends.min(initial=least)), max(most, ends.max(initial=most))
-    margin = 0.06 * (top - bottom or wide)
-    bottom, top = bottom - margin, top + margin
+    wide = max(np.ptp(core), bars.max(initial=0.0), 1e-9 * abs(core.max()), 1e-300)
+    bottom, top = _limits(core, np.concatenate([lower, upper, low, high]), wide, _BEYOND)
 
-    ax.fill_between(
-        x, np.clip(low, bottom, top), np.clip(high, bottom, top), color=_GREY, alpha=0.18, linewidth=0, label="limits"
-    )
-    ax.vlines(
-        x, np.clip(lower, bottom, top), np.clip(upper, bottom, top), color=_BLUE, linewidth=1.5, label="95 % interval"
-    )
+    limits, intervals = (np.clip(x, bottom, top) for x in ((low, high), (lower, upper)))
+    ax.fill_between(x, *limits, color=_GREY, alpha=0.18, linewidth=0, label="limits")
+    ax.vlines(x, *intervals, color=_BLUE, linewidth=1.5, label="95 % interval")
     ax.plot(x, adjusted, "D", color=_GREY, markerfacecolor="none", markersize=6.5, label="adjusted")
     ax.plot(x, value, "o", color=_BLUE, markersize=5, label="value")
     for (level, held), what in zip(levels, ("before", "after"), strict=False):
@@ -88,6 +74,15 @@ def _course(ax: Axes, one: Course, first: pd.Timestamp) -> None:
     ax.set_ylim(bottom, top)
     ax.set_ylabel(one.label)
     ax.yaxis.set_major_locator(MaxNLocator(4))
+
+
+def _limits(core: Array, ends: Array, wide: float, beyond: float) -> tuple[float, float]:
+    """Of an axis: round all of `core`, and those ends of intervals that are not too many times as far from it as it is wide."""
+    least, most = core.min(), core.max()
+    ends = ends[(ends > least - beyond * wide) & (ends < most + beyond * wide)]
+    bottom, top = ends.min(initial=least), ends.max(initial=most)
+    margin = 0.06 * (top - bottom or wide)
+    return bottom - margin, top + margin
 
 
 def _days(times: pd.Series) -> Array:
@@ -107,54 +102,42 @@ def _dated(ax: Axes) -> None:
     ax.set_xlabel("Session (UTC)")
 
 
-class Spread(NamedTuple):
-    """What units of a type are beside: their mean, and the band in which 95 % of them are."""
-
-    mean: float
-    low: float
-    high: float
-
-
 @styled
-def units_figure(name: str, label: str, rows: pd.DataFrame, spread: Spread, *, simulated: bool) -> Figure:
-    """The units of one type, those of `rows` of `Findings.units`, by value: their own with intervals, shrunken ones beside, mean and spread."""
+def units_figure(
+    name: str, label: str, rows: pd.DataFrame, spread: tuple[float, float, float], *, simulated: bool
+) -> Figure:
+    """The units of one type, those of `rows` of `Findings.units`, by value: their own with intervals, shrunken ones beside, and `spread_of` them."""
     rows = rows.head(POINTS).sort_values("value", kind="stable")
     x, value, outside = np.arange(1, len(rows) + 1), rows["value"].to_numpy(float), rows["outside"].to_numpy(bool)
     reach = 1.96 * rows["standard_error"].to_numpy(float)
+    lower, upper = value - reach, value + reach
     figure, (ax,) = panels(3.2, name, simulated)
-    if np.isfinite(spread.low):
-        ax.axhspan(spread.low, spread.high, color=_GREY, alpha=0.18, linewidth=0, label="95 % of the units")
-    ax.axhline(spread.mean, color=_GREY, linestyle="--", linewidth=1.8, label="mean")
+    mean, low, high = spread
+    if np.isfinite(low):
+        ax.axhspan(low, high, color=_GREY, alpha=0.18, linewidth=0, label="95 % of the units")
+    ax.axhline(mean, color=_GREY, linestyle="--", linewidth=1.8, label="mean")
     ax.plot(x + 0.3, rows["shrunken"], "D", color=_GREY, markerfacecolor="none", markersize=5.5, label="shrunken")
     for own, colour, marker, what in ((~outside, _BLUE, "o", "within"), (outside, _VERMILION, "s", "outside")):
-        ax.vlines(
-            x[own], (value - reach)[own], (value + reach)[own], color=colour, linewidth=1.2, label=f"{what}, 95 %"
-        )
+        ax.vlines(x[own], lower[own], upper[own], color=colour, linewidth=1.2, label=f"{what}, 95 %")
         ax.plot(x[own], value[own], marker, color=colour, markersize=5, label=what)
     core = np.array([*value, *(x for x in spread if np.isfinite(x))])
-    least, most = core.min(), core.max()
-    wide = (most - least) or abs(most) or 1.0
-    ends = np.concatenate([value - reach, value + reach])
-    ends = ends[(ends > least - wide) & (ends < most + wide)]
-    bottom, top = ends.min(initial=least), ends.max(initial=most)
-    ax.set(
-        xlim=(0.4, len(rows) + 0.8), ylim=(bottom - 0.06 * (top - bottom or wide), top + 0.06 * (top - bottom or wide))
-    )
+    bottom, top = _limits(core, np.concatenate([lower, upper]), np.ptp(core) or abs(core.max()) or 1.0, 1.0)
+    ax.set(xlim=(0.4, len(rows) + 0.8), ylim=(bottom, top))
     ax.set(xlabel="Units of the type, ordered by value", ylabel=label)
     ax.xaxis.set_major_locator(MaxNLocator(8, integer=True))
     return figure
 
 
-def spread_of(row: Any, values: Array) -> Spread:
-    """Of a row of `Findings.types` and the values of its units.
+def spread_of(row: Any, values: Array) -> tuple[float, float, float]:
+    """Mean and band in which 95 % of the units are, of a row of `Findings.types` and the values of its units.
 
     By logarithms where every value is positive, as the spread was estimated; else in parts of the median size.
     """
     mean, reach = float(row.mean), 1.96 * float(row.spread_percent) / 100
     if (values > 0).all():
-        return Spread(mean, mean * float(np.exp(-reach)), mean * float(np.exp(reach)))
+        return mean, mean * float(np.exp(-reach)), mean * float(np.exp(reach))
     size = reach * float(np.median(np.abs(values)))
-    return Spread(mean, mean - size, mean + size)
+    return mean, mean - size, mean + size
 
 
 @styled

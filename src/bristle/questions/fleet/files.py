@@ -1,7 +1,6 @@
 """Files of a fleet, on a disk of this machine or wherever fsspec reaches: looked at, read, and written whole or not at all."""
 
 import hashlib
-import os
 import secrets
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
@@ -18,15 +17,13 @@ _MODIFIED = (
 """What file systems call that by which a file is known to be the same."""
 _WHOLE = frozenset({"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "oci", "memory", "github", "http", "https"})
 """Protocols where a file that is put is there whole or not at all."""
-_PIECE = 2**20
 
 
 class Stamp(NamedTuple):
     """By what a file is taken to be the same without being read."""
 
     size: int
-    modified: str
-    """The time of its last modification, or what the file system has instead."""
+    modified: str  # the time of its last modification, or what the file system has instead
 
 
 def is_remote(name: str) -> bool:
@@ -61,15 +58,16 @@ def name_of(name: str) -> str:
 
 
 @contextmanager
-def _remote(name: str) -> Iterator[tuple[Any, str]]:
-    """The file system of a URL, and its path there.
+def _system(name: str) -> Iterator[tuple[Any, str]]:
+    """The file system that a name is of, and its path there.
 
     Raises InputError where fsspec knows none, or it is not installed; what its library raises is an OSError that names the URL.
     """
     from fsspec.core import url_to_fs
+    from fsspec.implementations.local import LocalFileSystem
 
     try:
-        yield url_to_fs(name)
+        yield url_to_fs(name) if is_remote(name) else (LocalFileSystem(), str(local_path(name)))
     except (OSError, InputError):
         raise
     except ImportError as error:
@@ -89,7 +87,7 @@ def stamp(name: str) -> Stamp:
         check_regular(path)
         found = path.stat()
         return Stamp(found.st_size, str(found.st_mtime_ns))
-    with _remote(name) as (system, place):
+    with _system(name) as (system, place):
         about = system.info(place)
     if about.get("type") == "directory":
         raise InputError(f"{name}: is a folder; expected a file")
@@ -99,7 +97,7 @@ def stamp(name: str) -> Stamp:
 def read_bytes(name: str, most: int | None = None) -> bytes:
     """The bytes of a file. Raises OSError where it cannot be read, and InputError where it has more than `most`."""
     if is_remote(name):
-        with _remote(name) as (system, place):
+        with _system(name) as (system, place):
             data = bytes(system.cat_file(place, end=None if most is None else most + 1))
         if most is None or len(data) <= most:
             return data
@@ -112,50 +110,37 @@ def read_bytes(name: str, most: int | None = None) -> bytes:
 
 def digest_of(name: str) -> str:
     """SHA-256 of a file, which is read once, in pieces. Raises OSError where it cannot be read."""
-    if is_remote(name):
-        digest = hashlib.sha256()
-        with _remote(name) as (system, place), system.open(place, "rb") as file:
-            for piece in iter(lambda: file.read(_PIECE), b""):
-                digest.update(piece)
-        return digest.hexdigest()
-    check_regular(local_path(name))
-    with local_path(name).open("rb") as file:
+    if not is_remote(name):
+        check_regular(local_path(name))
+    with _system(name) as (system, place), system.open(place, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def exists(name: str) -> bool:
     """Whether there is a file or a folder."""
-    if not is_remote(name):
-        return local_path(name).exists()
-    with _remote(name) as (system, path):
-        return bool(system.exists(path))
+    with _system(name) as (system, place):
+        return bool(system.exists(place))
 
 
 def is_folder(name: str) -> bool:
     """Whether there is a folder."""
-    if not is_remote(name):
-        return local_path(name).is_dir()
-    with _remote(name) as (system, path):
-        return bool(system.isdir(path))
+    with _system(name) as (system, place):
+        return bool(system.isdir(place))
 
 
 def names_in(folder: str) -> list[str]:
     """The names in a folder, sorted; none where there is no such folder."""
-    if not is_remote(folder):
-        with suppress(FileNotFoundError, NotADirectoryError):
-            return sorted(os.listdir(local_path(folder)))  # noqa: PTH208  # a hundred thousand names, no paths
-        return []
-    with _remote(folder) as (system, path):
+    with _system(folder) as (system, place):
         system.invalidate_cache()
         try:
-            return sorted(name_of(found) for found in system.ls(path, detail=False))
-        except FileNotFoundError:
+            return sorted(name_of(found) for found in system.ls(place, detail=False))
+        except (FileNotFoundError, NotADirectoryError):
             return []
 
 
 def glob_of(pattern: str) -> list[str]:
     """The files that a pattern matches, sorted: absolute paths, or URLs. `**` stands for any number of folders."""
-    with _remote(pattern) as (system, path):
+    with _system(pattern) as (system, path):
         found = sorted(map(str, system.glob(path)))
     inside = path.lstrip("/")
     if not is_remote(pattern):
@@ -167,11 +152,8 @@ def glob_of(pattern: str) -> list[str]:
 
 def make_folder(folder: str) -> None:
     """Make a folder, and those above it. Raises OSError where it cannot be made."""
-    if not is_remote(folder):
-        local_path(folder).mkdir(parents=True, exist_ok=True)
-        return
-    with _remote(folder) as (system, path), suppress(FileExistsError):
-        system.makedirs(path, exist_ok=True)
+    with _system(folder) as (system, place), suppress(FileExistsError):
+        system.makedirs(place, exist_ok=True)
 
 
 def claim_folder(folder: str, claims: Collection[str]) -> None:
@@ -193,7 +175,7 @@ def claim_folder(folder: str, claims: Collection[str]) -> None:
 def write_whole(name: str, data: bytes) -> None:
     """Write a file whole or not at all, in place of an older one. Raises OSError where it cannot be written."""
     if is_remote(name):
-        with _remote(name) as (system, place):
+        with _system(name) as (system, place):
             protocols = {system.protocol} if isinstance(system.protocol, str) else set(system.protocol)
             folder, _, last = place.rpartition("/")
             there = place if protocols & _WHOLE else f"{folder}/.{last}.{secrets.token_hex(4)}"
@@ -214,8 +196,5 @@ def write_whole(name: str, data: bytes) -> None:
 
 def remove(name: str) -> None:
     """Remove a file, where it is there. Raises OSError where it cannot be removed."""
-    if not is_remote(name):
-        local_path(name).unlink(missing_ok=True)
-        return
-    with _remote(name) as (system, path), suppress(FileNotFoundError):
-        system.rm_file(path)
+    with _system(name) as (system, place), suppress(FileNotFoundError):
+        system.rm_file(place)

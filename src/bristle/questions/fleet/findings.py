@@ -17,17 +17,14 @@ from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.estimation.robust import variance_interval
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.questions.fleet.changes import change_rows, decide, ranked, settled_sessions, step_tests
+from bristle.questions.fleet import changes
 from bristle.questions.fleet.notes import anew, compared, headline, notes
 from bristle.questions.fleet.quality import failures, new_warnings, quality, warned, warnings_begun
 from bristle.questions.fleet.quantities import COVARIATES, Adjusted, QuantityKey, adjusted, quantity_of
 from bristle.questions.fleet.roster import Roster, named_rows, roster
-from bristle.questions.fleet.units import own_levels, population_of, unit_rows
 
-RATE = 0.05
-"""Of false discoveries among the joints that are said to have changed, on average."""
-BASELINE = 3
-"""First sessions of a joint, in which it is taken not to have changed."""
+RATE = 0.05  # of false discoveries among the joints that are said to have changed, on average
+BASELINE = 3  # first sessions of a joint, in which it is taken not to have changed
 _MOST = 10_000  # sessions of one joint
 
 
@@ -64,28 +61,20 @@ def check_rate(rate: float, baseline: int) -> None:
 
 
 def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) -> Findings:
-    """What a dataset of `bristle fleet` tells.
-
-    Args:
-        frame: the columns of the dataset.
-        rate: of false discoveries, between 0 and 1.
-        baseline: sessions of a joint before the first that may be changed.
-
-    Raises InputError as `check_rate` does.
-    """
+    """What a dataset of `bristle fleet` tells, at a false discovery rate, against so many first sessions. Raises InputError as `check_rate`."""
     check_rate(rate, baseline)
     whole, frame = frame, named_rows(frame)
     people, said = roster(frame, whole), list[Finding]()
     every = list(_quantities(frame, people, said))
     known = [x for x in every if x.tested]
     said.extend(compared(known, frame, people))
-    tests = [step_tests(x, baseline) for x in known]
-    decided = decide(tests, len(people.table), rate)
-    changes = change_rows(tests, decided, frame)
-    joints = ranked(people, changes, decided)
+    tests = [changes.step_tests(x, baseline) for x in known]
+    decided = changes.decide(tests, len(people.table), rate)
+    steps = changes.change_rows(tests, decided, frame)
+    joints = changes.ranked(people, steps, decided)
     parts = np.split(decided.named, np.cumsum([x.which.size for x in tests], dtype=int))  # and an empty one at the end
-    settled = [settled_sessions(x, part) for x, part in zip(tests, parts[: len(tests)], strict=True)]
-    units = unit_rows(known, settled, people, rate)
+    settled = [changes.settled_sessions(x, part) for x, part in zip(tests, parts[: len(tests)], strict=True)]
+    units = changes.unit_rows(known, settled, people, rate)
     begun = warnings_begun(frame, people)
     said.extend(anew(people))
     fresh = new_warnings(begun, frame, people, dict(joints.loc[joints["changed"], "since"]))
@@ -101,13 +90,13 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
         outside=[pair in odd for pair in zip(joints["unit"], joints["joint"], strict=True)],
         untested=np.where(joints["adjusted_p"].notna(), "", why),
     )
-    own = ["unit", "joint", *changes.columns.drop("number")]
-    changes = changes.join(people.table[["unit", "joint"]], on="number")[own]
+    own = ["unit", "joint", *steps.columns.drop("number")]
+    steps = steps.join(people.table[["unit", "joint"]], on="number")[own]
     order = ["changed", "p", "unit", "joint"]
-    changes = changes.sort_values(order, ascending=[False, True, True, True], ignore_index=True)
+    steps = steps.sort_values(order, ascending=[False, True, True, True], ignore_index=True)
     return Findings(
         headline=headline(joints, rate), notes=notes(whole, every, joints, said, baseline),
-        joints=joints.reset_index(drop=True)[list(_JOINTS)], changes=changes, series=_series(known, settled, frame),
+        joints=joints.reset_index(drop=True)[list(_JOINTS)], changes=steps, series=_series(known, settled, frame),
         types=_types(known, settled), units=units, quality=quality(frame[frame["left_out"].isna()]),
         warned=warned(begun, people), failures=failures(whole), rate=rate, baseline=baseline,
         simulated=bool((frame["simulated"] == True).any()),  # noqa: E712  # where it is known
@@ -183,7 +172,7 @@ def _types(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]]) -> pd
         row |= {"shift_percent": shift, "shift_p": one.shift_p}
         for name in COVARIATES:
             row |= _ends(name, *one.effect(name))
-        known = population_of(one, most)
+        known = changes.population_of(one, most)
         if known is not None:
             reach = student(known.freedom) * known.mean_error
             typical = float(np.median(one.variance)) / max(float(np.median(most)), 1.0)
@@ -208,7 +197,7 @@ def _series(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]], fram
     parts = [np.zeros((3, 0))]
     for one, most in zip(every, settled, strict=True):
         q = one.of
-        mean, variance = own_levels(one, most)
+        mean, variance = changes.own_levels(one, most)
         reach = student(one.fit.freedom) * np.sqrt(variance[q.joint] + one.variance)
         reach = np.where(q.now[q.joint], reach, np.nan)
         parts.append(np.stack([q.shown(x) for x in (one.y, mean[q.joint] - reach, mean[q.joint] + reach)]))

@@ -13,10 +13,8 @@ from bristle.questions.fleet.quality import codes_of, critical, most_common
 from bristle.questions.fleet.quantities import LEAST_FREEDOM, Adjusted
 from bristle.questions.fleet.roster import Roster
 
-_FEW = 10.0
-"""Degrees of freedom below which the scatter between sessions is said to rest on few."""
-_NAMED = 5
-"""Steps that a sentence names."""
+_FEW = 10.0  # degrees of freedom below which the scatter between sessions is said to rest on few
+_NAMED = 5  # steps that a sentence names
 
 
 def headline(joints: pd.DataFrame, rate: float) -> Finding:
@@ -37,15 +35,7 @@ def headline(joints: pd.DataFrame, rate: float) -> Finding:
 def notes(
     frame: pd.DataFrame, every: Sequence[Adjusted], joints: pd.DataFrame, left_out: Sequence[Finding], baseline: int
 ) -> tuple[Finding, ...]:
-    """All that is to be said, cautions first.
-
-    Args:
-        frame: the dataset.
-        every: the quantities.
-        joints: ranked.
-        left_out: what was said of values and types already.
-        baseline: sessions before the first that may be changed.
-    """
+    """All that is to be said of a dataset, its quantities and its ranked joints, cautions first; `left_out`: what was said of values already."""
     said = []
     # The shifts common to a type, of all its parameters in one sentence.
     shifted = [x for x in every if x.knots.size]

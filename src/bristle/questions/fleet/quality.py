@@ -11,10 +11,8 @@ from bristle.estimation.levels import NAMED
 from bristle.page.entries import entries
 from bristle.questions.fleet.roster import Roster
 
-FAILED = "failed"
-"""The code of a session that was not identified."""
-_COUNT = ("caution", "critical")
-"""Severities of warnings that say something of the data."""
+FAILED = "failed"  # the code of a session that was not identified
+_COUNT = ("caution", "critical")  # severities of warnings that say something of the data
 _PERIODS = ((31, "D"), (366, "W-SUN"), (np.inf, "M"))
 """Days that the sessions cover, up to which a period is a day, a week that ends on Sunday, a month."""
 _COLUMNS = {
@@ -77,10 +75,8 @@ def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
     of_joint = every.groupby("number").size()
     told = codes_of(frame.assign(number=people.joint), "number")
     told = told[told["code"].map(_severity).isin(_COUNT)].merge(every, on=whose)
-    rows = told.groupby(["number", "code"]).agg(
-        sessions=("place", "size"), place=("place", "min"), since=("session", "min")
-    )
-    rows = rows.reset_index()
+    by = told.groupby(["number", "code"])
+    rows = by.agg(sessions=("place", "size"), place=("place", "min"), since=("session", "min")).reset_index()
     rows["severity"] = rows["code"].map(_severity)
     own = of_joint.reindex(rows["number"]).to_numpy(float)
     rows["before"], rows["of"] = rows["place"], own - rows["place"]

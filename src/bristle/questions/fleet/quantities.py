@@ -20,20 +20,13 @@ from bristle.estimation.robust import RobustFit, differences_of, fit_differences
 from bristle.estimation.step_test import Levels
 from bristle.questions.fleet.roster import Roster
 
-KNOTS = 12
-"""Of the shift common to all joints over time, at the most."""
-PER_KNOT = 20
-"""Differences between sessions for each."""
-LEAST_JOINTS = 10
-"""Joints of a type from which on a common shift is told from a change of one."""
-SHIFTED = 1e-3
-"""Level of the test of a common shift, over all quantities of the fleet."""
-CLEAR = 2.0
-"""Standard errors that the median of a parameter is from zero, for it to be compared."""
-LEAST_FREEDOM = 1.5
-"""Degrees of freedom of the scatter between sessions, below which nothing is tested."""
-_FAR = 300.0
-"""Of a logarithm: what is further out is no value of friction."""
+KNOTS = 12  # of the shift common to all joints over time, at the most
+PER_KNOT = 20  # differences between sessions for each
+LEAST_JOINTS = 10  # joints of a type from which on a common shift is told from a change of one
+SHIFTED = 1e-3  # level of the test of a common shift, over all quantities of the fleet
+CLEAR = 2.0  # standard errors that the median of a parameter is from zero, for it to be compared
+LEAST_FREEDOM = 1.5  # degrees of freedom of the scatter between sessions, below which nothing is tested
+_FAR = 300.0  # of a logarithm: what is further out is no value of friction
 COVARIATES = ("temperature", "load")
 
 
@@ -50,28 +43,18 @@ class Quantity:
     """A parameter in a direction, of a type of joints; rows are sorted by joint and session."""
 
     key: QuantityKey
-    rows: NDArray[np.intp]
-    """Which rows of the frame, (n,)."""
-    joint: NDArray[np.intp]
-    """Its joint, numbered from 0 within the quantity, (n,)."""
-    joints: NDArray[np.intp]
-    """Their numbers in the fleet, (m,)."""
+    rows: NDArray[np.intp]  # which rows of the frame, (n,)
+    joint: NDArray[np.intp]  # its joint, numbered from 0 within the quantity, (n,)
+    joints: NDArray[np.intp]  # their numbers in the fleet, (m,)
     now: NDArray[np.bool_]
     """Whether no later baseline of the joint began; where one did, its sessions tell of the type's scatter, and are not judged, (m,)."""
-    y: Array
-    """Value on the scale, (n,)."""
-    known: Array
-    """Its variance, (n,)."""
-    scale: float
-    """What one is on the scale, in the parameter's unit; 0: logarithms."""
-    covariates: Array
-    """Less their medians, nan where not known, (n, c)."""
-    names: tuple[str, ...]
-    """Of the covariates, (c,)."""
-    time: Array
-    """Days since the first session, (n,)."""
-    unit: NDArray[np.intp]
-    """The unit of each row, (n,)."""
+    y: Array  # value on the scale, (n,)
+    known: Array  # its variance, (n,)
+    scale: float  # what one is on the scale, in the parameter's unit; 0: logarithms
+    covariates: Array  # less their medians, nan where not known, (n, c)
+    names: tuple[str, ...]  # of the covariates, (c,)
+    time: Array  # days since the first session, (n,)
+    unit: NDArray[np.intp]  # the unit of each row, (n,)
     value_unit: str
 
     def shown(self, level: Array) -> Array:
@@ -84,14 +67,7 @@ class Quantity:
 
 
 def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], people: Roster) -> Quantity | None:
-    """The quantity of some rows; None where its values cannot be scaled.
-
-    Args:
-        key: which it is.
-        rows: of the quantity alone.
-        where: their numbers in the whole frame.
-        people: the joints of the frame.
-    """
+    """The quantity of some rows, whose numbers in the whole frame are `where`; None where its values cannot be scaled."""
     joint, day = people.joint[where], people.day[where]
     order = np.lexsort((day, joint))
     columns = ("value", "standard_error", "lower", "upper")
@@ -120,14 +96,10 @@ class Adjusted:
 
     of: Quantity
     fit: RobustFit
-    regressors: Array
-    """What was taken off, (n, p)."""
-    known: Array
-    """Variances with those of covariates that are not known, (n,)."""
-    knots: Array
-    """Days between which the common shift is linear, (k,); none where there is no such shift."""
-    shift_p: float
-    """How often chance alone makes a common shift as significant; nan where it cannot be told."""
+    regressors: Array  # what was taken off, (n, p)
+    known: Array  # variances with those of covariates that are not known, (n,)
+    knots: Array  # days between which the common shift is linear, (k,); none where there is no such shift
+    shift_p: float  # how often chance alone makes a common shift as significant; nan where it cannot be told
 
     @property
     def y(self) -> Array:
@@ -149,11 +121,8 @@ class Adjusted:
         if name not in self.of.names:
             return nan, nan, nan
         k = self.of.names.index(name)
-        reach = (
-            float(student(self.fit.freedom_of_coefficients) * np.sqrt(self.fit.covariance[k, k]))
-            if self.tested
-            else inf
-        )
+        error = float(np.sqrt(self.fit.covariance[k, k])) if self.tested else inf
+        reach = student(self.fit.freedom_of_coefficients) * error if self.tested else inf
         b = float(self.fit.coefficients[k])
         return 100 * b, 100 * (b - reach), 100 * (b + reach)
 

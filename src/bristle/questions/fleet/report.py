@@ -13,57 +13,26 @@ from bristle.page.plain import columns, pair
 from bristle.page.report import Page, Report, Section, Table
 from bristle.page.said import Link, Said
 from bristle.page.wording import MISSING, PARAMETERS, counted, number, shortened, two_digits
-from bristle.questions.fleet import figures
+from bristle.questions.fleet import figures, tables
 from bristle.questions.fleet.findings import Findings
-from bristle.questions.fleet.tables import (
-    MOST,
-    Name,
-    change,
-    code_link,
-    day,
-    in_failures,
-    in_joints,
-    in_quality,
-    in_steps,
-    in_types,
-    in_units,
-    in_warned,
-    label,
-    outside_first,
-    probability,
-    quantity,
-    report_commands,
-    report_folders,
-    rows_of,
-    totals,
-    value_unit,
-)
+from bristle.questions.fleet.tables import change, day, label, probability, quantity, rows_of, value_unit
 
-_DRAWN = 30
-"""Joints with a figure, at most: those that changed, ..."""
-_LEAST_DRAWN = 3
-"""... and as many as are ranked first, whether they did or not."""
-_PANELS = 4
-"""Parameters in it."""
-_TYPES_DRAWN = 12
-"""Types with a figure of their units."""
-_MOST_CHANGED, _MOST_OUTSIDE, _MOST_TYPES, _MOST_CODES = 20, 10, 6, 4
-"""Lines of the terminal."""
-_PER_TYPE = 3
-"""Parameters named in a type's line."""
+_DRAWN = 30  # joints with a figure, at most: those that changed
+_LEAST_DRAWN = 3  # joints with a figure, at least: those that are ranked first, whether they changed or not
+_PANELS = 4  # parameters in it
+_TYPES_DRAWN = 12  # types with a figure of their units
+_MOST_CHANGED, _MOST_OUTSIDE, _MOST_TYPES, _MOST_CODES = 20, 10, 6, 4  # lines of the terminal
+_PER_TYPE = 3  # parameters named in a type's line
 
 
 def report(found: Findings, output: str = "", base: str = "") -> Report:
     """The headline, the joints that changed, then pages of units and of data quality; the terminal has the first of each list.
 
-    Args:
-        found: the findings.
-        output: the folder that the report is meant for: reports of joints that lie there are linked, and commands make the others.
-        base: the folder that the catalog's files are relative to.
+    Reports of joints that lie in `output`, which it is meant for, are linked; commands make the others, of files below `base`.
     """
     # Of each joint's latest session the report, where it is there, or the command that makes it.
-    reports: dict[Name, str | Link] = dict(report_commands(found.joints, output, base)) if output else {}
-    for name, slug in report_folders(found.joints).items() if output and "://" not in output else ():
+    reports: dict[tables.Name, str | Link] = dict(tables.report_commands(found.joints, output, base)) if output else {}
+    for name, slug in tables.report_folders(found.joints).items() if output and "://" not in output else ():
         if (Path(output) / "reports" / slug / "index.html").is_file():
             reports[name] = Link("report", f"reports/{slug}/index.html")
     tested, outside = int(found.joints["adjusted_p"].notna().sum()), int(found.units["outside"].sum())
@@ -77,7 +46,7 @@ def report(found: Findings, output: str = "", base: str = "") -> Report:
         f"first {found.baseline} at least. A session with the tag baseline, written in the catalog once a change is seen to, begins them "
         f"anew. Joints are ranked by the adjusted p-value, at a false discovery rate of {100 * found.rate:g} % over all joints. "
         "Temperature, load and shifts common to the type are taken off.",
-        table=_table("joints", "Joints, by rank", found.joints, in_joints(found.joints, reports)),
+        table=_table("joints", "Joints, by rank", found.joints, tables.in_joints(found.joints, reports)),
         lines=(),
     )
     return Report(
@@ -104,7 +73,7 @@ def report(found: Findings, output: str = "", base: str = "") -> Report:
         ),
         simulated="At least one session was not measured but simulated." if found.simulated else "",
         tables={
-            "joints": found.joints, "changes": found.changes, "units": outside_first(found.units), "types": found.types,
+            "joints": found.joints, "changes": found.changes, "units": tables.outside_first(found.units), "types": found.types,
             "quality": found.quality, "warned": found.warned, "failures": found.failures,
         },
         beside=FLEET,
@@ -112,11 +81,11 @@ def report(found: Findings, output: str = "", base: str = "") -> Report:
 
 
 def _table(name: str, title: str, whole: pd.DataFrame, printed: pd.DataFrame) -> Table:
-    cut = f"This page has the first {MOST} of {counted(len(whole), 'row')}; tables/{name}.csv has all."
-    return Table(name, title, part=printed, note=cut * (len(whole) > MOST))
+    cut = f"This page has the first {tables.MOST} of {counted(len(whole), 'row')}; tables/{name}.csv has all."
+    return Table(name, title, part=printed, note=cut * (len(whole) > tables.MOST))
 
 
-def _drawn_joints(found: Findings, reports: Mapping[Name, str | Link]) -> Iterator[Section]:
+def _drawn_joints(found: Findings, reports: Mapping[tables.Name, str | Link]) -> Iterator[Section]:
     """Each of the joints that changed, which are ranked first, with its figure."""
     chosen = found.joints.head(min(max(found.changed, _LEAST_DRAWN), _DRAWN))
     series, changes = (
@@ -147,7 +116,7 @@ def _joint(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame,
         said = f"{sessions}. No change is named; {likely}."
     text: tuple[Said, ...] = (said,)
     if row.new_warnings:
-        codes = map(code_link, str(row.new_warnings).split())
+        codes = map(tables.code_link, str(row.new_warnings).split())
         wear = "They point at the log, its sensors or its sampling, and not at wear"
         text = (said, "Warnings that begin with the step:", *codes, "–", f"{wear}: look at the session's report first.")
     name = shortened(f"{row.unit} {row.joint}")
@@ -156,7 +125,7 @@ def _joint(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame,
         text=text,
         facts=((f"Report of its latest session, {day(row.latest)}", made),) if made else (),
         figure=_course(found, row, series, steps) if len(series) else None,
-        table=Table("changes", f"All parameters of {name}: the most likely step of each", part=in_steps(steps)),
+        table=Table("changes", f"All parameters of {name}: the most likely step of each", part=tables.in_steps(steps)),
         form="part" if row.changed else "folded",
         lines=(),
     )
@@ -171,9 +140,8 @@ def _course(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame
     }
     ranked = [key for key in tested if key in of_quantity] or list(of_quantity)[:1]
     shown = [key for key in ranked if key in tested and tested[key].changed][:_PANELS] or ranked[:1]
-    courses = [
-        figures.Course(_axis(next(rows_of(of_quantity[key]))), of_quantity[key], tested.get(key)) for key in shown
-    ]
+    drawn = [(of_quantity[key], tested.get(key)) for key in shown]
+    courses = [figures.Course(_axis(next(rows_of(rows))), rows, step) for rows, step in drawn]
     name, first = f"{row.unit} {row.joint}", tested.get(shown[0])
     if first is None:
         finding = f"{label(next(rows_of(of_quantity[shown[0]])))}: not tested for a change."
@@ -219,24 +187,22 @@ def _unit_sections(found: Findings) -> Iterator[Section]:
         "type's mean as far as it is uncertain; borrowed: the share of the mean in it. Of a joint that changed, these are its sessions "
         f"before the change. Of each type the parameter with the most units outside is drawn.{cut}",
         figures=tuple(drawings[:_TYPES_DRAWN]),
-        table=_table("units", "Values of units, those outside their type first", units, in_units(units)),
+        table=_table("units", "Values of units, those outside their type first", units, tables.in_units(units)),
     )
     yield Section(
         "Types",
         text="Per type, parameter and direction: the mean of its units; their scatter about it, between units; the scatter of one joint "
         "between sessions; and what temperature and load do, each with its 95 % interval. A common shift, the largest over time, is "
         "taken off all joints of the type.",
-        table=_table("types", "Types, parameters and directions", types, in_types(types)),
+        table=_table("types", "Types, parameters and directions", types, tables.in_types(types)),
     )
 
 
 def _units_drawing(found: Findings, row: Any, rows: pd.DataFrame, k: int) -> Drawing:
-    name, rows = f"Type {row.type}", outside_first(rows)
+    name, rows = f"Type {row.type}", tables.outside_first(rows)
     spread = figures.spread_of(row, rows["value"].to_numpy(float))
     far, many = next(rows_of(rows)), len(rows) > figures.POINTS
-    farthest = (
-        f", the farthest {shortened(str(far.unit), 24)}, {far.percent:+.3g} % from the mean" if far.outside else ""
-    )
+    farthest = f", the farthest {shortened(str(far.unit), 24)}, {far.percent:+.3g} % from the mean" * bool(far.outside)
     part = f" Drawn are the {figures.POINTS} of them that are farthest from the mean." if many else ""
     return Drawing(
         partial(figures.units_figure, name, _axis(row).replace("\n", " "), rows, spread, simulated=found.simulated),
@@ -252,7 +218,7 @@ def _units_drawing(found: Findings, row: Any, rows: pd.DataFrame, k: int) -> Dra
 
 
 def _quality_sections(found: Findings) -> Iterator[Section]:
-    whole = totals(found.quality)
+    whole = tables.totals(found.quality)
     grave = whole[whole["severity"].isin(["caution", "critical"])]["code"].astype(str).tolist()
     codes = [code for code in grave if code != "failed"][: figures.CODES] + [code for code in grave if code == "failed"]
     figure = None
@@ -273,20 +239,19 @@ def _quality_sections(found: Findings) -> Iterator[Section]:
         text="How many joint-sessions have each warning. A warning that becomes frequent points at logs and sensors, not at wear."
         + none,
         figure=figure,
-        table=_table("quality", "Warnings, the most frequent first", whole, in_quality(found.quality)),
+        table=_table("quality", "Warnings, the most frequent first", whole, tables.in_quality(found.quality)),
     )
     if len(found.warned):
         yield Section(
             "Warnings that began and stayed",
             text="Joints that had a warning in none of their first sessions and then in most: look at these logs and sensors first.",
-            table=_table("warned", "Warnings that began, by joint", found.warned, in_warned(found.warned)),
+            table=_table("warned", "Warnings that began, by joint", found.warned, tables.in_warned(found.warned)),
         )
+    lost = found.failures
     yield Section(
         "Sessions that failed or are left out",
-        text="" if len(found.failures) else "None: every session was identified and used.",
-        table=_table(
-            "failures", "Sessions without a result in the findings", found.failures, in_failures(found.failures)
-        ),
+        text="" if len(lost) else "None: every session was identified and used.",
+        table=_table("failures", "Sessions without a result in the findings", lost, tables.in_failures(lost)),
     )
 
 
@@ -302,14 +267,14 @@ def _lines(found: Findings) -> Iterator[str]:
         ],
     )  # fmt: skip  # a row
     yield from _listed(
-        "Values outside their type", "with adjusted p", outside_first(found.units[found.units["outside"].astype(bool)]), _MOST_OUTSIDE,
+        "Values outside their type", "with adjusted p", tables.outside_first(found.units[found.units["outside"].astype(bool)]), _MOST_OUTSIDE,
         lambda row: [
             str(quantity(row) or ""), f"{pair(row.value, row.standard_error)} {row.value_unit}",
             f"{row.percent:+.3g} % from type {shortened(str(row.type), 16)}", f"p {probability(row.adjusted_p)}",
         ],
     )  # fmt: skip  # a row
     yield from _type_lines(found.types)
-    whole = totals(found.quality)
+    whole = tables.totals(found.quality)
     grave = whole[whole["severity"].isin(["caution", "critical"])].head(_MOST_CODES)
     if len(grave):
         told = ", ".join(f"{row.code} {two_digits(row.percent)} %" for row in rows_of(grave))
@@ -348,10 +313,8 @@ def _type_lines(types: pd.DataFrame) -> Iterator[str]:
         shifts = [f"{quantity(row)} up to {two_digits(row.shift_percent)} %" for row in rows_of(shifted)]
         sure = rows[(rows["temperature_lower"] > 0) | (rows["temperature_upper"] < 0)]
         sure = sure.assign(far=-sure["temperature_percent"].abs()).sort_values("far", kind="stable")
-        warm = [
-            f"{quantity(row)} {change(row.temperature_percent, row.temperature_lower, row.temperature_upper)} %/K"
-            for row in rows_of(sure)
-        ]
+        sizes = sure[["temperature_percent", "temperature_lower", "temperature_upper"]].to_numpy(float)
+        warm = [f"{quantity(row)} {change(*size)} %/K" for row, size in zip(rows_of(sure), sizes, strict=True)]
         parts = [*_first("common shift", shifts), *_first("temperature", warm)]
         if parts:
             lines.append(f"Type {shortened(str(name), 24)}: {'; '.join(parts)}.")

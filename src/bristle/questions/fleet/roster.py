@@ -22,14 +22,10 @@ _BEGINS = re.compile(r"(?:^|[\s,;])baseline(?=$|[\s,;])", re.IGNORECASE)
 class Roster:
     """Every joint of a dataset, once for each of its baselines."""
 
-    joint: NDArray[np.intp]
-    """Number of the joint of each row, (rows,)."""
-    unit: NDArray[np.intp]
-    """Number of the unit of each row, (rows,)."""
-    day: Array
-    """Of each row's session, days, (rows,)."""
-    usable: NDArray[np.bool_]
-    """Which rows have a value that findings may rest on, (rows,)."""
+    joint: NDArray[np.intp]  # number of the joint of each row, (rows,)
+    unit: NDArray[np.intp]  # number of the unit of each row, (rows,)
+    day: Array  # of each row's session, days, (rows,)
+    usable: NDArray[np.bool_]  # which rows have a value that findings may rest on, (rows,)
     table: pd.DataFrame
     """A row per joint, in the order of their numbers: unit, joint, type, sessions, first, latest, file, now (whether no later baseline began)."""
 
@@ -72,14 +68,11 @@ def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
     most = int(begun.max(initial=0)) + 1
     every, first, joint = np.unique(pairs * most + begun, return_index=True, return_inverse=True)
     table = pd.DataFrame({key: frame[key].astype(str).to_numpy()[first] for key in ("unit", "joint")})
-    last = pd.DataFrame({"joint": joint, "day": np.where(kept, day, -np.inf)}).sort_values(
-        ["joint", "day"], kind="stable"
-    )
-    rows = last.drop_duplicates("joint", keep="last").index.to_numpy()
+    last = pd.DataFrame({"joint": joint, "day": np.where(kept, day, -np.inf)})
+    rows = last.sort_values(["joint", "day"], kind="stable").drop_duplicates("joint", keep="last").index.to_numpy()
     table["type"] = frame["type"].astype(str).to_numpy()[rows]
-    visits = (
-        pd.DataFrame({"joint": joint, "session": frame["session"]})[kept].drop_duplicates().groupby("joint")["session"]
-    )
+    seen = pd.DataFrame({"joint": joint, "session": frame["session"]})[kept]
+    visits = seen.drop_duplicates().groupby("joint")["session"]
     table["sessions"] = visits.size().reindex(range(len(table)), fill_value=0).to_numpy(int)
     table["first"] = visits.min().reindex(range(len(table))).to_numpy("datetime64[us]")
     table["latest"] = frame["session"].to_numpy("datetime64[us]")[rows]

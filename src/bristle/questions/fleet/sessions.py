@@ -12,8 +12,7 @@ if TYPE_CHECKING:
 
 _IN_ORDER = 0.8
 """Of all steps from a joint's session to its next one, in the order of a catalog: with fewer forward the catalog is in no order of time."""
-_OLDEST = "2001-01-01"
-"""Clocks that were reset show 1970, 1980 or 2000."""
+_OLDEST = "2001-01-01"  # clocks that were reset show 1970, 1980 or 2000
 
 
 class JointSession(NamedTuple):
@@ -22,18 +21,14 @@ class JointSession(NamedTuple):
     unit: str
     joint: str
     type: str
-    session: object
-    """A datetime; None where it is not known."""
+    session: object  # a datetime; None where it is not known
     temperature: float
     load: float
     tags: str
     file: str
-    path: str
-    """Of the file, from anywhere."""
-    name: str
-    """Of the joint, in the file."""
-    key: str
-    """By which its results are known; empty where it cannot be identified."""
+    path: str  # of the file, from anywhere
+    name: str  # of the joint, in the file
+    key: str  # by which its results are known; empty where it cannot be identified
     failure: str
     left_out: str = ""
 

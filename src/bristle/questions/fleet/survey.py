@@ -17,39 +17,20 @@ from bristle.data.experiment.run_files import matches
 from bristle.data.experiment.yaml_file import MAX_BYTES, parse, read_text
 from bristle.data.robot.robot_file import Robot, is_robot, robot_of
 from bristle.errors import InputError, check_regular, one_line, short, unreadable
-from bristle.questions.fleet.files import (
-    Stamp,
-    digest_of,
-    exists,
-    folder_of,
-    glob_of,
-    is_folder,
-    is_remote,
-    joined_path,
-    local_path,
-    name_of,
-    names_in,
-    read_bytes,
-    stamp,
-)
+from bristle.questions.fleet import files
 
-SCHEMA = "bristle-fleet/1"
-"""Of the dataset: another one has other keys."""
-OWN = "."
-"""How the experiment file is called among its inputs: whatever its name, its content counts."""
-_KEY = 32
-"""Hexadecimal digits of a key."""
-_BAG = (".mcap", ".db3", ".yaml")
-"""Files of a folder that is a bag."""
+SCHEMA = "bristle-fleet/1"  # of the dataset: another one has other keys
+OWN = "."  # how the experiment file is called among its inputs: whatever its name, its content counts
+_KEY = 32  # hexadecimal digits of a key
+_BAG = (".mcap", ".db3", ".yaml")  # files of a folder that is a bag
 
 
 class FleetInput(NamedTuple):
     """A file that goes into the results."""
 
-    name: str
-    """From the folder of the experiment file."""
+    name: str  # from the folder of the experiment file
     path: str
-    stamp: Stamp
+    stamp: files.Stamp
     sha256: str
 
 
@@ -57,19 +38,13 @@ class Surveyed(NamedTuple):
     """What a file of a catalog goes back to."""
 
     path: str
-    inputs: tuple[FleetInput, ...] = ()
-    """The file itself first."""
-    patterns: tuple[str, ...] = ()
-    """By which its logs are found."""
-    beside: tuple[str, ...] = ()
-    """Other files that it names, as a URDF."""
-    joints: tuple[str, ...] = ()
-    """Those that can be identified."""
+    inputs: tuple[FleetInput, ...] = ()  # the file itself first
+    patterns: tuple[str, ...] = ()  # by which its logs are found
+    beside: tuple[str, ...] = ()  # other files that it names, as a URDF
+    joints: tuple[str, ...] = ()  # those that can be identified
     robot: bool = False
-    apart: bool = False
-    """Whether signals have files of their own: then the digest of a run is not that of its file."""
-    failure: str = ""
-    """Why it cannot be used."""
+    apart: bool = False  # whether signals have files of their own: then the digest of a run is not that of its file
+    failure: str = ""  # why it cannot be used
 
     def key(self, joint: str) -> str:
         """By which results of a joint are known: content, joint, version; not where it lies, or whose it is."""
@@ -87,7 +62,7 @@ def surveyed_of(text: str) -> Surveyed | None:
     if version != __version__ or len(rest) != len(Surveyed._fields):
         return None
     path, inputs, patterns, beside, joints, robot, apart, failure = rest
-    known = tuple(FleetInput(name, at, Stamp(*found), sha) for name, at, found, sha in inputs)
+    known = tuple(FleetInput(name, at, files.Stamp(*found), sha) for name, at, found, sha in inputs)
     return Surveyed(path, known, tuple(patterns), tuple(beside), tuple(joints), robot, apart, failure)
 
 
@@ -97,25 +72,25 @@ def survey(path: str, known: Surveyed | None = None, *, verify: bool = False) ->
     With `verify` everything is read again. What cannot be used has a sentence, which names no folder of this machine.
     """
     try:
-        if known is not None and not verify and not known.failure and stamp(path) == known.inputs[0].stamp:
+        if known is not None and not verify and not known.failure and files.stamp(path) == known.inputs[0].stamp:
             others = known.inputs[1:]  # every input is there with the same stamp, and no other: nothing is read
             found = _found(known.path, known.patterns, known.beside)
-            if found == [(x.name, x.path) for x in others] and all(stamp(x.path) == x.stamp for x in others):
+            if found == [(x.name, x.path) for x in others] and all(files.stamp(x.path) == x.stamp for x in others):
                 return known
         return _looked_at(path, {} if known is None or verify else {one.path: one for one in known.inputs})
     except InputError as error:
         return Surveyed(path, failure=without_folder(str(error), path))
     except FileNotFoundError:
         return Surveyed(
-            path, failure=f"{name_of(path)}: no such file; check the path, which is relative to the catalog"
+            path, failure=f"{files.name_of(path)}: no such file; check the path, which is relative to the catalog"
         )
     except OSError as error:
-        return Surveyed(path, failure=without_folder(unreadable(name_of(path), error), path))
+        return Surveyed(path, failure=without_folder(unreadable(files.name_of(path), error), path))
 
 
 def without_folder(sentence: str, path: str, *folders: str) -> str:
     """A sentence without the folders that files lie in: where an experiment lies is no part of what is found."""
-    for folder in (*folders, folder_of(path)):
+    for folder in (*folders, files.folder_of(path)):
         sentence = sentence.replace(f"{folder.rstrip('/')}/", "") if folder.strip("/.") else sentence
     return one_line(sentence)
 
@@ -131,13 +106,13 @@ def _looked_at(path: str, known: Mapping[str, FleetInput]) -> Surveyed:
             joints = tuple(one.experiment.joint.name for one in loaded.joints if one.identify)
     # By the paths and globs of runs, and by the files of signals that have their own.
     runs = [(one, run) for one in experiments for run in one.runs]
-    files = (getattr(signal, "file", None) for one, run in runs for _, signal in one.signals_of(run))
-    own_files = [file for file in files if file]
+    of_signals = (getattr(signal, "file", None) for one, run in runs for _, signal in one.signals_of(run))
+    own_files = [file for file in of_signals if file]
     patterns = tuple(dict.fromkeys((*(pattern for _, run in runs for pattern in run.patterns), *own_files)))
     beside = () if urdf is None else (urdf,)
     found = Surveyed(path, (own,), patterns, beside, joints, robot=isinstance(loaded, Robot), apart=bool(own_files))
     try:
-        if isinstance(loaded, Experiment) and not is_remote(path):
+        if isinstance(loaded, Experiment) and not files.is_remote(path):
             list(files_of(loaded))  # refuses files that are named twice
         return found._replace(inputs=(own, *(_input(name, at, known) for name, at in _found(path, patterns, beside))))
     except InputError as error:  # of a log: whose it is is known
@@ -146,28 +121,25 @@ def _looked_at(path: str, known: Mapping[str, FleetInput]) -> Surveyed:
 
 def _input(name: str, path: str, known: Mapping[str, FleetInput]) -> FleetInput:
     """A file with its digest, which is as known where its stamp is."""
-    found, before = stamp(path), known.get(path)
+    found, before = files.stamp(path), known.get(path)
     same = before is not None and before.stamp == found
-    return FleetInput(name, path, found, before.sha256 if same and before else digest_of(path))
+    return FleetInput(name, path, found, before.sha256 if same and before else files.digest_of(path))
 
 
 @contextmanager
 def _described(path: str) -> Iterator[tuple[Experiment | Robot, str | None]]:
     """What a file describes, and the URDF that it names."""
-    if not is_remote(path):
-        yield _loaded(local_path(path))
+    if not files.is_remote(path):
+        yield _loaded(files.local_path(path))
         return
     with tempfile.TemporaryDirectory(prefix="bristle-") as folder:
-        place = Path(folder) / name_of(path)
+        place = Path(folder) / files.name_of(path)
         try:
-            place.write_bytes(read_bytes(path, MAX_BYTES))
-            urdf = _urdf_of(parse(read_text(place), name_of(path)))
+            place.write_bytes(files.read_bytes(path, MAX_BYTES))
+            urdf = _urdf_of(parse(read_text(place), files.name_of(path)))
             if urdf is not None:
-                place = laid_out(
-                    Path(folder),
-                    place.name,
-                    {OWN: place.read_bytes(), urdf: read_bytes(joined_path(folder_of(path), urdf))},
-                )
+                beside = files.read_bytes(files.joined_path(files.folder_of(path), urdf))
+                place = laid_out(Path(folder), place.name, {OWN: place.read_bytes(), urdf: beside})
             yield _loaded(place)
         except InputError as error:
             raise InputError(without_folder(str(error), path, folder)) from error
@@ -193,27 +165,28 @@ def _found(path: str, patterns: Sequence[str], beside: Sequence[str]) -> list[tu
     found = dict[str, str]()
     for pattern in patterns:
         for name, at in _matches(path, pattern):
-            if is_folder(at):
-                found |= {f"{name}/{part}": joined_path(at, part) for part in names_in(at) if part.endswith(_BAG)}
+            if files.is_folder(at):
+                parts = (part for part in files.names_in(at) if part.endswith(_BAG))
+                found |= {f"{name}/{part}": files.joined_path(at, part) for part in parts}
                 continue
-            if not is_remote(at):
-                check_regular(local_path(at))
+            if not files.is_remote(at):
+                check_regular(files.local_path(at))
             found[name] = at
-    found |= {name: joined_path(folder_of(path), name) for name in beside}
+    found |= {name: files.joined_path(files.folder_of(path), name) for name in beside}
     return sorted(found.items())
 
 
 def _matches(path: str, pattern: str) -> list[tuple[str, str]]:
     """Files and folders by a pattern; elsewhere than on this machine variables of the environment and absolute paths mean nothing."""
-    if not is_remote(path):
-        return [(name, str(at)) for at, name in matches(pattern, local_path(path))]
-    folder, shown = folder_of(path), f"{name_of(path)}: runs: files {short(pattern)}"
+    if not files.is_remote(path):
+        return [(name, str(at)) for at, name in matches(pattern, files.local_path(path))]
+    folder, shown = files.folder_of(path), f"{files.name_of(path)}: runs: files {short(pattern)}"
     if "${" in pattern or PurePosixPath(pattern).is_absolute():
         raise InputError(
             f"{shown} is no path from the folder of the file; expected one, for it is read from {path.partition('://')[0]}"
         )
-    whole = joined_path(folder, pattern)
-    found = [whole] if exists(whole) else glob_of(whole)
+    whole = files.joined_path(folder, pattern)
+    found = [whole] if files.exists(whole) else files.glob_of(whole)
     if not found:
         raise InputError(
             f"{shown} matches no file; expected a path or glob relative to the folder of the experiment file"

@@ -13,14 +13,10 @@ from bristle.page.said import Link
 from bristle.page.wording import MISSING, in_print, measured, number, pretty, shortened, slugs, span, symbol
 from bristle.questions.fleet.files import joined_path
 
-MOST = 2000
-"""Rows of a table on a page."""
-_LONG = 160
-"""Characters of a text of a user on the page."""
-_LEAST = 1e-30
-"""p-values below this are shown as below it."""
-Name = tuple[str, str]
-"""Unit and joint."""
+MOST = 2000  # rows of a table on a page
+_LONG = 160  # characters of a text of a user on the page
+_LEAST = 1e-30  # p-values below this are shown as below it
+Name = tuple[str, str]  # unit and joint
 
 
 def change(value: float, low: float, high: float) -> str:
@@ -110,12 +106,8 @@ def report_folders(joints: pd.DataFrame) -> dict[Name, str]:
 def report_commands(joints: pd.DataFrame, output: str, base: str = "") -> dict[Name, str]:
     """By unit and joint the command that makes the report of its latest session, for a POSIX shell, below a fleet's output folder.
 
-    There is none of a file behind a URL, which a report does not read; a name that begins with a hyphen gets ./ before it.
-
-    Args:
-        joints: of the findings.
-        output: the folder of the page.
-        base: the folder that the catalog's files are relative to.
+    The catalog's files are relative to `base`. There is none of a file behind a URL, which a report does not read; a name that
+    begins with a hyphen gets ./ before it.
     """
     folders, below = report_folders(joints), output.rstrip("/")
     files = {(str(row.unit), str(row.joint)): joined_path(base, str(row.file)) for row in rows_of(joints) if row.file}

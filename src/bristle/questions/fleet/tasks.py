@@ -7,13 +7,13 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from bristle import __version__
-from bristle.errors import InputError
-from bristle.questions.fleet.dataset import failure_bytes, task_bytes, task_file
+from bristle.errors import InputError, reason
+from bristle.questions.fleet.dataset import task_bytes, task_file
 from bristle.questions.fleet.files import exists, is_remote, local_path, name_of, read_bytes, stamp, write_whole
 from bristle.questions.fleet.survey import FleetInput, Surveyed, laid_out, survey, surveyed_of, without_folder
 
@@ -23,14 +23,11 @@ class Identified(NamedTuple):
 
     rows: Sequence[Mapping[str, Any]]
     """A row of the dataset for each value to use, with the columns that tell of it."""
-    inputs: Mapping[str, str]
-    """SHA-256 of each log as it was read, by name."""
-    reason: str = ""
-    """Why there is no row."""
+    inputs: Mapping[str, str]  # SHA-256 of each log as it was read, by name
+    reason: str = ""  # why there is no row
 
 
-Identify = Callable[[Path, str], Identified]
-"""Identifies the joint of a name in a file."""
+Identify = Callable[[Path, str], Identified]  # identifies the joint of a name in a file
 _ONE = threading.Lock()
 """CasADi's functions and NumPy's settings are of the process: threads of a worker identify one after another."""
 
@@ -39,47 +36,26 @@ class FleetTask(NamedTuple):
     """A joint of a file that is to be identified."""
 
     key: str
-    joint: str
-    """As its file calls it."""
+    joint: str  # as its file calls it
     file: Surveyed
-    output: str | None
-    """Where the worker writes its rows; None: it returns them."""
-    sent: dict[str, bytes] | None
-    """The inputs by name, where the worker does not reach them."""
-    versions: tuple[tuple[str, str], ...]
-    """Of the client."""
+    output: str | None  # where the worker writes its rows; None: it returns them
+    sent: dict[str, bytes] | None  # the inputs by name, where the worker does not reach them
+    versions: tuple[tuple[str, str], ...]  # of the client
 
 
 class TaskEnd(NamedTuple):
     """How a task ended."""
 
-    key: str
-    failure: str = ""
-    """Why nothing was identified, to be tried again in the next run."""
-    rows: bytes | None = None
-    """What is to be written, where the worker did not."""
-    known: bool = False
-    """Whether it was done already."""
-    refused: str = ""
-    """Why this worker cannot take part in the run."""
+    failure: str = ""  # why nothing was identified, to be tried again in the next run
+    rows: bytes | None = None  # what is to be written, where the worker did not
+    refused: str = ""  # why this worker cannot take part in the run
 
 
 @cache
 def versions() -> tuple[tuple[str, str], ...]:
     """What results depend on, by name: bristle, Python, NumPy, SciPy and CasADi of this process."""
     python = ".".join(map(str, sys.version_info[:2]))
-    return (
-        ("bristle", __version__),
-        ("Python", python),
-        *((name, _version(name)) for name in ("numpy", "scipy", "casadi")),
-    )
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "none"
+    return ("bristle", __version__), ("Python", python), *((x, version(x)) for x in ("numpy", "scipy", "casadi"))
 
 
 def version_difference(here: Sequence[tuple[str, str]], there: Sequence[tuple[str, str]], worker: str) -> str:
@@ -106,31 +82,28 @@ def identify_task(task: FleetTask, identify: Identify) -> TaskEnd:
         worker = str(get_worker().address)
     wrong = version_difference(task.versions, versions(), worker)
     if wrong:
-        return TaskEnd(task.key, refused=wrong)
+        return TaskEnd(refused=wrong)
     try:
         if task.output is not None and exists(task_file(task.output, task.key)):
-            return TaskEnd(task.key, known=True)
+            return TaskEnd()
         rows = _rows(task, identify)
     except (InputError, OSError) as error:
-        return TaskEnd(task.key, failure=_sentence(task, error))
+        return TaskEnd(failure=_sentence(task, error))
     except MemoryError:
-        return TaskEnd(task.key, failure="its worker ran out of memory; give each worker more with --memory")
+        return TaskEnd(failure="its worker ran out of memory; give each worker more with --memory")
     except Exception as error:  # noqa: BLE001  # one log of thousands must not end the run, whatever is in it
-        return TaskEnd(task.key, failure=_sentence(task, f"a defect of bristle: {type(error).__name__}: {error}"))
-    end = TaskEnd(task.key, rows=rows)
+        return TaskEnd(failure=_sentence(task, f"a defect of bristle: {type(error).__name__}: {error}"))
+    end = TaskEnd(rows=rows)
     if task.output is not None:
         with suppress(OSError, InputError):  # where the worker cannot write, the client does
             write_whole(task_file(task.output, task.key), rows)
-            end = TaskEnd(task.key)
+            end = TaskEnd()
     return end
 
 
 def _sentence(task: FleetTask, error: object) -> str:
     """Why, without the folders of this machine."""
-    text = str(error)
-    if isinstance(error, OSError) and error.strerror:
-        text = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
-    return without_folder(text, task.file.path) or "a defect of bristle: an error without a word"
+    return without_folder(reason(error), task.file.path) or "a defect of bristle: an error without a word"
 
 
 def _rows(task: FleetTask, identify: Identify) -> bytes:
@@ -160,7 +133,7 @@ def _rows(task: FleetTask, identify: Identify) -> bytes:
             sentence = without_folder(str(error), task.file.path, str(path.parent), *([folder] if folder else []))
             if _may_pass(error) or _changed(task):
                 raise InputError(sentence) from error
-            return failure_bytes(task.key, sentence)
+            return task_bytes(task.key, (), sentence)
 
 
 def _changed_meanwhile(one: FleetInput) -> InputError:

@@ -11,13 +11,11 @@ from bristle.findings import NOTE, Finding
 from bristle.identification.known_joint import fault_of
 from bristle.identification.results import Joint
 from bristle.identification.static.grid import default_range
-from bristle.model.parameters import Direction, ParameterName
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Direction, Kind, ParameterName
 from bristle.questions.method_validation.solvers import ValidationCase, case_names
 from bristle.simulation import edro
 
-NOISES = (0.005, 0.05)
-"""Of the sweep: standard deviation of a point's torque over alpha_0."""
+NOISES = (0.005, 0.05)  # of the sweep: standard deviation of a point's torque over alpha_0
 MOST_POINTS = 400
 """Points of a case; of more equations so many are simulated, with as much less noise as there are fewer."""
 _SIMULATED = (
@@ -32,7 +30,7 @@ class CaseSet:
     """The cases of one validation."""
 
     title: str
-    kind: JointKind
+    kind: Kind
     cases: tuple[ValidationCase, ...]
     skipped: Mapping[str, Finding] = field(default_factory=dict)
     """Directions that cannot be tried, each with the reason."""
@@ -64,11 +62,8 @@ def sweep(noise: float | None = None) -> CaseSet:
 def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
     """A case per direction in which the joint's static fit has a Stribeck term, and why the others have none.
 
-    Args:
-        joint: identified.
-        noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, corrected for its parameters.
-
-    Raises InputError where nothing at all was fitted, or a fit has a number that no joint has.
+    `noise`: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, corrected for its parameters. Raises
+    InputError where nothing at all was fitted, or a fit has a number that no joint has.
     """
     check_fitted(joint)
     cases, skipped = [], {}
@@ -101,9 +96,8 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
             continue
         label = joint.name if direction == "both" else f"{joint.name} ({direction})"
         design, ends = f"the {fit.n} points measured", (float(fit.profile.v_s[0]), float(fit.profile.v_s[-1]))
-        cases.append(
-            ValidationCase(label=label, design=design, truth=p, velocity=velocity, noise=level, v_s_range=ends)
-        )
+        case = ValidationCase(label=label, design=design, truth=p, velocity=velocity, noise=level, v_s_range=ends)
+        cases.append(case)
     if not cases and not skipped:
         message = "nothing to validate: the grid fitted no friction curve."
         skipped["both directions"] = Finding("no-grid-fit", NOTE, message)

@@ -21,8 +21,7 @@ SOLVERS = {
 }
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _MARKERS = ("o", "s", "^", "D", "v", "P")
-_LARGE = 3.0
-"""Ratios beyond this are drawn on a logarithmic axis."""
+_LARGE = 3.0  # ratios beyond this are drawn on a logarithmic axis
 
 
 @styled

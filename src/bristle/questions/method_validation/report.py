@@ -15,8 +15,7 @@ from bristle.questions.method_validation.run import BOOTSTRAP_SETS, INTERVAL_SET
 from bristle.questions.method_validation.solvers import LMFIT
 from bristle.questions.method_validation.verdict import overall, verdict
 
-FEW = 6
-"""Cases at most of which each has its own verdict in the text, and its own section on the page."""
+FEW = 6  # cases at most of which each has its own verdict in the text, and its own section on the page
 _WORDS = {
     " elsewhere": ", other minimum", "declined": "no estimate returned", "lower_beyond": "lower outside the range",
     "ipopt_lead": "IPOPT below the grid (relative)", f"plain_{PLAIN_GRID}_error": f"error of the plain grid of {PLAIN_GRID}",
@@ -37,10 +36,7 @@ def report(validation: Validation) -> Report:
         f"first data set also from {validation.starts} random starts; starts are drawn within the grid's bounds. Seed "
         f"{validation.seed}.{'' if LMFIT else ' lmfit is not installed and was not compared.'}"
     )
-    sections = [
-        Section("", findings=claims[:1]),
-        Section("Verdict", text=how, findings=claims[1:], id="verdict"),
-    ]
+    sections = [Section("", findings=claims[:1]), Section("Verdict", text=how, findings=claims[1:], id="verdict")]
     if case_set.skipped:
         lines = tuple(f"{case_set.title} {direction}: {why.coded}" for direction, why in case_set.skipped.items())
         skipped = tuple(case_set.skipped.items())
@@ -101,7 +97,8 @@ def _of_all(validation: Validation) -> list[Section]:
         "identifiable are left out.",
         simulated=True,
     )
-    nothing = "vₛ is not identifiable in any case, so the resolution does not matter."
+    known = bool(validation.resolvable)
+    nothing = "" if known else "vₛ is not identifiable in any case, so the resolution does not matter."
     cases = Table(
         "cases",
         "Solvers and plain grids by case",
@@ -118,11 +115,8 @@ def _of_all(validation: Validation) -> list[Section]:
         note=f"Covariance and profile over {covered} data sets, bootstrap-t over {bootstrapped}, where vₛ is identifiable. With so many "
         f"data sets, a true coverage of 95 % shows as {shown} in nineteen tables of twenty.",
     )
-    known = bool(validation.resolvable)
     return [
-        Section(
-            "How fine must a plain grid be?", text="" if known else nothing, figure=fine if known else None, id="all"
-        ),
+        Section("How fine must a plain grid be?", text=nothing, figure=fine if known else None, id="all"),
         Section("All cases", table=cases),
         Section("Do the 95 % intervals cover the truth?", table=covers),
     ]

@@ -15,12 +15,10 @@ from bristle.questions.method_validation.solvers import ValidationCase
 if TYPE_CHECKING:
     import pandas as pd
 
-SAME_COST = 1e-6
-"""Relative difference in cost below which two minima are the same."""
+SAME_COST = 1e-6  # relative difference in cost below which two minima are the same
 FINE_ENOUGH = 0.1
 """A grid is fine enough where its error of v_s is at most this share of the statistical one, which it widens by 0.5 %."""
-MOST_DECLINED = 0.5
-"""Share of data sets without a finite interval of v_s, beyond which no method can know it."""
+MOST_DECLINED = 0.5  # share of data sets without a finite interval of v_s, beyond which no method can know it
 FREE = "IPOPT, v_s free"
 
 
@@ -30,18 +28,14 @@ class MethodResult:
 
     name: str
     repetitions: int
-    bias: Array
-    """Median estimate minus truth."""
+    bias: Array  # median estimate minus truth
     spread: Array
     """Half the width that holds the middle 68.3 % of the estimates: the standard deviation of Gaussian ones."""
-    coverage: Array
-    """Share of the repetitions in which the 95 % interval by covariance exists and covers the truth."""
-    failed: float
-    """Share that ended outside the 95 % region."""
+    coverage: Array  # share of the repetitions in which the 95 % interval by covariance exists and covers the truth
+    failed: float  # share that ended outside the 95 % region
     other_minimum: float | None
     """Share that ended more than `SAME_COST` above the lowest cost of any method; None for a plain grid, which always does."""
-    seconds: float
-    """Mean time of one data set."""
+    seconds: float  # mean time of one data set
 
 
 @result
@@ -49,10 +43,8 @@ class GridResolution:
     """What the resolution of the plain grid costs."""
 
     counts: tuple[int, ...]
-    error: Array
-    """RMS distance of the plain grid's v_s from the continuous minimum, rad/s, one per count."""
-    floor: float
-    """`MethodResult.spread` of v_s at the continuous minimum, rad/s: what noise alone does."""
+    error: Array  # RMS distance of the plain grid's v_s from the continuous minimum, rad/s, one per count
+    floor: float  # `MethodResult.spread` of v_s at the continuous minimum, rad/s: what noise alone does
     predicted: int
     """Values with which the error of even rounding, step / sqrt(12), is `FINE_ENOUGH` times the floor; 0 without a floor."""
 
@@ -72,14 +64,10 @@ class GridResolution:
 class RandomStarts:
     """One data set, fitted from many random starts."""
 
-    initial_v_s: Array
-    """v_s of each start, rad/s, (s,)."""
-    final: Mapping[str, Array]
-    """Per local solver, theta where each start ended, (4, s)."""
-    cost: Mapping[str, Array]
-    """J_s (10) there, (s,)."""
-    best: Array
-    """Theta of the refined grid, (4,)."""
+    initial_v_s: Array  # v_s of each start, rad/s, (s,)
+    final: Mapping[str, Array]  # per local solver, theta where each start ended, (4, s)
+    cost: Mapping[str, Array]  # J_s (10) there, (s,)
+    best: Array  # theta of the refined grid, (4,)
     best_cost: float
 
     @property
@@ -104,10 +92,8 @@ class CostCurve:
 
     v_s: Array
     cost: Array
-    threshold: float
-    """The cost at which v_s leaves its 95 % interval."""
-    plain: Mapping[int, float]
-    """v_s of plain grids, by their number of values."""
+    threshold: float  # the cost at which v_s leaves its 95 % interval
+    plain: Mapping[int, float]  # v_s of plain grids, by their number of values
 
 
 @result
@@ -116,8 +102,7 @@ class Coverage:
 
     kind: str
     repetitions: int
-    share: Array
-    """(p,), in the order of the case's `names`."""
+    share: Array  # (p,), in the order of the case's `names`
 
 
 @result

@@ -22,36 +22,20 @@ from bristle.identification.static.profiles import profiled
 from bristle.identification.static.solution import is_closed
 from bristle.identification.static.uncertainty import resample
 from bristle.progress import Progress
+from bristle.questions.method_validation import results
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.cases import CaseSet
-from bristle.questions.method_validation.results import (
-    FINE_ENOUGH,
-    FREE,
-    MOST_DECLINED,
-    SAME_COST,
-    CaseResult,
-    CostCurve,
-    Coverage,
-    GridResolution,
-    MethodResult,
-    RandomStarts,
-    Validation,
-)
 from bristle.questions.method_validation.solvers import Local, ValidationCase
 from bristle.simulation.bench import steady_points
 
 SEED, REPETITIONS, STARTS = 0, 1000, 100
-LOCAL_SETS = 50
-"""Data sets at most that the local solvers see, which take up to a hundred times as long as a grid."""
+LOCAL_SETS = 50  # data sets at most that the local solvers see, which take up to a hundred times as long as a grid
 INTERVAL_SETS, BOOTSTRAP_SETS, DRAWS = 200, 100, 399
 """Data sets at most of which the intervals are counted, and the bootstrap's, from so many draws each."""
-RESOLUTIONS = (8, 16, 32, 64, 125, 250, PLAIN_GRID, 1000, 2000)
-"""Values of the plain grids."""
-PLAIN_GRIDS = {values: f"plain grid of {values}" for values in RESOLUTIONS}
-"""Their names."""
+RESOLUTIONS = (8, 16, 32, 64, 125, 250, PLAIN_GRID, 1000, 2000)  # values of the plain grids
+PLAIN_GRIDS = {values: f"plain grid of {values}" for values in RESOLUTIONS}  # their names
 REFINED, POLISHED = "refined grid", "IPOPT from the grid"
-_DRAWN = 300
-"""Values of v_s over which the cost is drawn, and as many again where the data allow it."""
+_DRAWN = 300  # values of v_s over which the cost is drawn, and as many again where the data allow it
 _MOST = 100_000  # data sets, or starts
 
 
@@ -71,21 +55,21 @@ def validate(
     starts: int = STARTS,
     seed: int = SEED,
     progress: Progress | None = None,
-) -> Validation:
+) -> results.Validation:
     """Validate every case: grids over `repetitions` data sets, local solvers over the first `LOCAL_SETS` of them.
 
     There each begins at one random start; the first data set is fitted from `starts` random starts besides. Case k
     draws its noise and its starts from the seed (seed, k).
     """
-    results = []
+    found = []
     for k, case in enumerate(case_set.cases):
         if progress:
             progress(f"validating {case.label}", k, len(case_set.cases))
-        results.append(validate_case(case, repetitions, starts, np.random.default_rng([seed, k])))
-    return Validation(case_set=case_set, cases=tuple(results), repetitions=repetitions, starts=starts, seed=seed)
+        found.append(validate_case(case, repetitions, starts, np.random.default_rng([seed, k])))
+    return results.Validation(case_set=case_set, cases=tuple(found), repetitions=repetitions, starts=starts, seed=seed)
 
 
-def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.random.Generator) -> CaseResult:
+def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.random.Generator) -> results.CaseResult:
     """One case, with noise and starts from one generator; arguments as in `validate`."""
     torques = np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, repetitions).T)
     few = torques[:, : min(LOCAL_SETS, repetitions)]
@@ -96,9 +80,8 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
     # Theta (p, s) and seconds per data set of each method: grids on all data sets, local solvers on a few.
     answers = {REFINED: _timed(lambda: methods.refined(case, torques), repetitions)}
     grid = answers[REFINED][0]
-    answers["refined grid, batch"] = _timed(
-        lambda: Batch(case.problem(torques[:, 0]), torques, case.v_s_range, COARSE).theta, repetitions
-    )
+    problem, ends = case.problem(torques[:, 0]), case.v_s_range
+    answers["refined grid, batch"] = _timed(lambda: Batch(problem, torques, ends, COARSE).theta, repetitions)
     timed = torques[:, :20].T
     for values, name in PLAIN_GRIDS.items():  # all data sets at once, in the time that the paper's takes set by set
         began = perf_counter()
@@ -116,11 +99,11 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
         lowest[: cost.size] = np.fmin(lowest[: cost.size], cost)
     refused = profile_threshold(1.0, case.velocity.size, len(case.names))
     by_method = {
-        name: MethodResult(
+        name: results.MethodResult(
             name=name, repetitions=costs[name].size, bias=np.median(theta, axis=1) - case.theta, spread=spread(theta),
             coverage=covers_truth(case, theta, costs[name]).mean(axis=1),
             failed=_share_above(costs[name], lowest, refused),
-            other_minimum=None if name in PLAIN_GRIDS.values() else _share_above(costs[name], lowest, 1 + SAME_COST),
+            other_minimum=None if name in PLAIN_GRIDS.values() else _share_above(costs[name], lowest, 1 + results.SAME_COST),
             seconds=seconds,
         )
         for name, (theta, seconds) in answers.items()
@@ -131,11 +114,11 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
     steps, spreads = np.abs(answers[POLISHED][0] - grid[:, :local]).max(axis=1), by_method[REFINED].spread
     v_s = [estimate_static(case.problem(t), FitOptions(), "revolute", case.v_s_range).get("v_s") for t in few.T]
     declined = float(np.mean([x is None or x.interval is None or not is_closed(x.interval) for x in v_s]))
-    return CaseResult(
+    return results.CaseResult(
         case=case, methods=by_method, starts=random_starts, declined=declined,
         resolution=_resolution(case, grid, {n: answers[name][0] for n, name in PLAIN_GRIDS.items()}),
         cost_curve=_cost_curve(case, torques[:, 0], random_starts),
-        coverage=interval_coverage(case, torques, identifiable=declined <= MOST_DECLINED),
+        coverage=interval_coverage(case, torques, identifiable=declined <= results.MOST_DECLINED),
         polish_shift=max(float(step / s) if s > 0 else np.inf for step, s in zip(steps, spreads, strict=True)),
         cost_deficit=float(max(deficits.max(), 1 - random_starts.cost["IPOPT"].min() / random_starts.best_cost)),
     )  # fmt: skip  # a list of values
@@ -161,35 +144,34 @@ def _timed(call: Callable[[], Array], sets: int) -> tuple[Array, float]:
 
 def _each(fit: Local, torques: Array, initial: Array) -> tuple[Array, float]:
     """A local solver over data sets (n, s), each from its own start, (s, p)."""
-    return _timed(
-        lambda: np.stack([fit(t, x) for t, x in zip(torques.T, initial, strict=True)], axis=1), torques.shape[1]
-    )
+    pairs = list(zip(torques.T, initial, strict=True))
+    return _timed(lambda: np.stack([fit(torque, start) for torque, start in pairs], axis=1), len(pairs))
 
 
-def _resolution(case: ValidationCase, grid: Array, plain: Mapping[int, Array]) -> GridResolution:
+def _resolution(case: ValidationCase, grid: Array, plain: Mapping[int, Array]) -> results.GridResolution:
     floor = float(spread(grid[-1]))
     low, high = case.v_s_range
-    return GridResolution(
+    return results.GridResolution(
         counts=tuple(plain),
         error=np.array([np.sqrt(np.mean((theta[-1] - grid[-1]) ** 2)) for theta in plain.values()]),
         floor=floor,
-        predicted=1 + int(np.ceil((high - low) / (np.sqrt(12) * FINE_ENOUGH * floor))) if floor > 0 else 0,
+        predicted=1 + int(np.ceil((high - low) / (np.sqrt(12) * results.FINE_ENOUGH * floor))) if floor > 0 else 0,
     )
 
 
 def _from_starts(
     case: ValidationCase, torque: Array, best: Array, initial: Array, solvers: Mapping[str, Local]
-) -> RandomStarts:
+) -> results.RandomStarts:
     """One data set from every start (s, p), by every local solver, and by IPOPT with v_s free."""
     torques = np.repeat(torque[:, None], len(initial), axis=1)
-    fits = {**solvers, FREE: methods.ipopt(case, free=True)}
+    fits = {**solvers, results.FREE: methods.ipopt(case, free=True)}
     final = {name: _each(fit, torques, initial)[0] for name, fit in fits.items()}
     cost = {name: methods.costs(case, torques, theta) for name, theta in final.items()}
     best_cost = float(methods.costs(case, torque[:, None], best[:, None])[0])
-    return RandomStarts(initial_v_s=initial[:, -1], final=final, cost=cost, best=best, best_cost=best_cost)
+    return results.RandomStarts(initial_v_s=initial[:, -1], final=final, cost=cost, best=best, best_cost=best_cost)
 
 
-def _cost_curve(case: ValidationCase, torque: Array, starts: RandomStarts) -> CostCurve:
+def _cost_curve(case: ValidationCase, torque: Array, starts: results.RandomStarts) -> results.CostCurve:
     projected, coarse = Projected(case.problem(torque)), log_grid(case.v_s_range, _DRAWN)
     threshold = profile_threshold(starts.best_cost, torque.size, len(case.names))
     allowed = np.append(coarse[projected.costs(coarse) <= threshold], starts.best[-1])
@@ -197,7 +179,7 @@ def _cost_curve(case: ValidationCase, torque: Array, starts: RandomStarts) -> Co
     near = np.geomspace(allowed.min() / step, min(allowed.max() * step, case.v_s_range[1]), _DRAWN)
     values = np.unique(np.concatenate([coarse, near[near > coarse[0]]]))
     plain = {n: float(methods.plain(case, torque[:, None], n)[-1, 0]) for n in PLAIN_GRIDS}
-    return CostCurve(v_s=values, cost=projected.costs(values), threshold=threshold, plain=plain)
+    return results.CostCurve(v_s=values, cost=projected.costs(values), threshold=threshold, plain=plain)
 
 
 def covers_truth(case: ValidationCase, theta: Array, cost: Array) -> NDArray[np.bool_]:
@@ -216,7 +198,7 @@ def covers_truth(case: ValidationCase, theta: Array, cost: Array) -> NDArray[np.
     return np.asarray(np.abs(theta - case.theta[:, None]) <= covariance.student(n - p) * error)
 
 
-def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: bool) -> tuple[Coverage, ...]:
+def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: bool) -> tuple[results.Coverage, ...]:
     """Coverage of bristle's own intervals; the bootstrap only where v_s can be known."""
     few = np.ascontiguousarray(torques[:, :INTERVAL_SETS])
     fits = Batch(case.problem(few[:, 0]), few, case.v_s_range)
@@ -227,8 +209,8 @@ def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: boo
     if identifiable:
         drawn = [resample(p, solution, case.v_s_range, DRAWS) for p, solution in solved[:BOOTSTRAP_SETS]]
         ends["bootstrap-t"] = np.stack([x.low for x in drawn], axis=1), np.stack([x.high for x in drawn], axis=1)
-    truth, found = case.theta[:, None], list[Coverage]()
+    truth, found = case.theta[:, None], list[results.Coverage]()
     for kind, (low, high) in ends.items():
         share = ((low <= truth) & (truth <= high)).mean(axis=1)
-        found.append(Coverage(kind=kind, repetitions=low.shape[1], share=share))
+        found.append(results.Coverage(kind=kind, repetitions=low.shape[1], share=share))
     return tuple(found)

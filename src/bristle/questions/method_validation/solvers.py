@@ -25,11 +25,9 @@ from bristle.model.laws.parts import Law
 from bristle.model.parameters import ParameterName, Stribeck
 from bristle.model.vectorize import evaluate
 
-LMFIT = find_spec("lmfit") is not None
-"""Whether lmfit is installed."""
+LMFIT = find_spec("lmfit") is not None  # whether lmfit is installed
 
-Local = Callable[[Array, Array], Array]
-"""From torques (n,) and a start theta (p,) to theta (p,)."""
+Local = Callable[[Array, Array], Array]  # from torques (n,) and a start theta (p,) to theta (p,)
 
 
 @result
@@ -37,16 +35,11 @@ class ValidationCase:
     """What is simulated: one direction of a joint, measured at some velocities."""
 
     label: str
-    design: str
-    """The velocities in words."""
-    truth: Stribeck[float]
-    """Parameters that the points are simulated from."""
-    velocity: Array
-    """rad/s, (n,), none zero, n > p."""
-    noise: float
-    """Standard deviation of a point's torque, N*m, > 0."""
-    v_s_range: tuple[float, float]
-    """Where v_s is searched, rad/s."""
+    design: str  # the velocities in words
+    truth: Stribeck[float]  # parameters that the points are simulated from
+    velocity: Array  # rad/s, (n,), none zero, n > p
+    noise: float  # standard deviation of a point's torque, N*m, > 0
+    v_s_range: tuple[float, float]  # where v_s is searched, rad/s
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -143,10 +143,8 @@ def overall(validation: Validation) -> tuple[Finding, ...]:
         of = [x for x in results if x.case.design == name]
         knowable = [x for x in of if not x.not_identifiable]
         unknowable = len(of) - len(knowable)
-        other = tuple(
-            (solver, 100 * float(np.mean([x.starts.in_other_minimum(solver).mean() for x in of])))
-            for solver in of[0].starts.solvers
-        )
+        shares = {n: [x.starts.in_other_minimum(n).mean() for x in of] for n in of[0].starts.solvers}
+        other = tuple((solver, 100 * float(np.mean(share))) for solver, share in shares.items())
         outside = 100 * float(np.mean([x.outside_range.mean() for x in of]))
         coarse = sum(x.resolution.share(PLAIN_GRID) > FINE_ENOUGH for x in knowable)
         message = (

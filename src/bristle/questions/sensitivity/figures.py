@@ -22,16 +22,12 @@ _COLOURS = ("#0072B2", "#56B4E9", "#D55E00", "#009E73", "#E69F00", "#CC79A7")
 """Okabe and Ito's, one for each parameter of `Lugre`, and ..."""
 _MORE_COLOURS = ("#332288", "#882255", "#000000")
 """... darker ones, in turn, for what another law has beside those: they differ in grey as well."""
-_DARK = {_COLOURS[0], _COLOURS[2], _COLOURS[3], *_MORE_COLOURS}
-"""On which text is white."""
-_PARAMETERS = len(Lugre._fields)
-"""For so many parameters figures have the height that they name; more take more."""
+_DARK = {_COLOURS[0], _COLOURS[2], _COLOURS[3], *_MORE_COLOURS}  # on which text is white
+_PARAMETERS = len(Lugre._fields)  # for so many parameters figures have the height that they name; more take more
 _STAR: dict[str, Any] = {"marker": "*", "linestyle": "", "color": "white", "markeredgecolor": "black", "markersize": 9}
 """Where the motion is on the map."""
-LEAST = 1e-3
-"""Shares below this are drawn as this."""
-_WIDTH = 0.36
-"""Of a bar, two to a parameter."""
+LEAST = 1e-3  # shares below this are drawn as this
+_WIDTH = 0.36  # of a bar, two to a parameter
 
 
 @styled
@@ -46,9 +42,8 @@ def time_figure(study: SensitivityStudy) -> Figure:
     figure.subplots_adjust(hspace=0.32)
     above.plot(time, velocity, color="black", linewidth=1.3)
     above.set_ylabel(f"v ({pretty(unit('velocity', study.kind))})")
-    for ax, name, colour, partial, total in zip(
-        below, names, colours(len(names)), study.local.partial[k].T, study.local.total[k].T, strict=True
-    ):
+    of_parameters = (names, colours(len(names)), study.local.partial[k].T, study.local.total[k].T)
+    for ax, name, colour, partial, total in zip(below, *of_parameters, strict=True):
         ax.plot(time, partial, "--", color="#666666", linewidth=1.2)
         ax.plot(time, total, "-", color=colour, linewidth=1.5)
         ax.set_ylabel(_starred(study, name))
@@ -58,13 +53,10 @@ def time_figure(study: SensitivityStudy) -> Figure:
         ax.yaxis.set_major_locator(MaxNLocator(3))
         ax.yaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}".replace("-", "−")))  # no exponent floats above
     handles = [below[0].lines[1], below[0].lines[0]]
-    above.legend(
-        handles, ["total", "at fixed z"], loc="lower right", ncols=2, bbox_to_anchor=(1.0, 0.98), frameon=False
-    )
+    above.legend(handles, ["total", "at fixed z"], loc="lower right", ncols=2, bbox_to_anchor=(1, 0.98), frameon=False)
     below[-1].set_xlabel(axis("time", study.kind))
-    below[0].set_title(
-        f"p · dT/dp ({pretty(unit('torque', study.kind))}), each parameter p", loc="left", pad=4, fontsize=9.5
-    )
+    of_each = f"p · dT/dp ({pretty(unit('torque', study.kind))}), each parameter p"
+    below[0].set_title(of_each, loc="left", pad=4, fontsize=9.5)
     figure.align_ylabels()
     return figure
 
@@ -91,16 +83,13 @@ def shares_figure(study: SensitivityStudy) -> Figure:
     order = [study.local.names.index(name) for name in study.local.ranking]
     figure, (ax,) = panels(3.7 + 0.5 * (len(order) - _PARAMETERS), study.name, study.simulated)
     place = np.arange(len(order), dtype=np.float64)
-    for values, shift, colour, hatch, label in (
-        (total, -0.2, "#0072B2", "", "total"),
-        (partial, 0.2, "#E69F00", "//", "at fixed z"),
-    ):
+    looks = ((total, -0.2, "#0072B2", "", "total"), (partial, 0.2, "#E69F00", "//", "at fixed z"))
+    for values, shift, colour, hatch, label in looks:
         ends, middles = np.maximum(values[order], LEAST / 10), place + shift
         ax.barh(middles, ends, _WIDTH, left=0, color=colour, hatch=hatch, edgecolor="white", linewidth=0.4, label=label)
         for y, value, end in zip(middles, values[order], ends, strict=True):
-            ax.annotate(
-                number(float(value), 2), (end, y), (3, 0), textcoords="offset points", va="center", fontsize=8.5
-            )
+            text = number(float(value), 2)
+            ax.annotate(text, (end, y), (3, 0), textcoords="offset points", va="center", fontsize=8.5)
     ax.set_xscale("log")
     ax.set_xlim(LEAST / 10, 4 * max(1.0, float(total.max()), float(partial.max())))
     ax.xaxis.set_major_formatter("{x:g}")
@@ -232,17 +221,17 @@ def sobol_figure(sobol: Global, kind: Kind, *, name: str, simulated: bool) -> Fi
     figure, axes = panels(0.5 + 2.35 * len(sobol.outputs), name, simulated, len(sobol.outputs))
     figure.subplots_adjust(hspace=0.5)
     for ax, output in zip(axes, sobol.outputs, strict=True):
-        heading, indices = output.heading(kind), output.indices
-        if indices is None:
+        heading = output.heading(kind)
+        if not output.effects:
             ax.set(xticks=[], yticks=[])
             reason = fill(printable(str(output.reason)), 68)
             ax.annotate(reason, (0.5, 0.5), xycoords="axes fraction", ha="center", va="center", fontsize=9)
         else:
-            mean = f"{measured(indices.mean, indices.deviation)} {pretty(unit(output.quantity, kind))}"
-            heading += f": {mean}; {indices.samples} samples"
+            mean = f"{measured(output.mean, output.deviation)} {pretty(unit(output.quantity, kind))}"
+            heading += f": {mean}; {output.samples} samples"
             ax.set_ylabel("Share of variance")
-            x, ends = np.arange(len(indices.effects)), [0.0, 1.0]
-            _, first, first_half, total, total_half = map(np.array, zip(*indices.effects, strict=True))
+            x, ends = np.arange(len(output.effects)), [0.0, 1.0]
+            _, first, first_half, total, total_half = map(np.array, zip(*output.effects, strict=True))
             for height, half, label, colour, hatch, shift in (
                 (first, first_half, "first order: alone", "#0072B2", "", -0.19),
                 (total, total_half, "total: with interactions", "#E69F00", "///", 0.19),
@@ -255,10 +244,10 @@ def sobol_figure(sobol: Global, kind: Kind, *, name: str, simulated: bool) -> Fi
             ax.set_ylim(min(ends) - 0.05, max(ends) + 0.05)
             ax.axhline(0.0, color="black", linewidth=0.8)
             ax.set_yticks(np.linspace(0, 1, 5))
-            ax.set_xticks(x, [symbol(e.parameter).replace(" (", "\n(") for e in indices.effects])
+            ax.set_xticks(x, [symbol(e.parameter).replace(" (", "\n(") for e in output.effects])
             ax.grid(visible=False, axis="x")
         ax.annotate(heading, (0, 1), (0, 4), "axes fraction", "offset points", fontsize=9)
-    if drawn := [ax for ax, output in zip(axes, sobol.outputs, strict=True) if output.indices is not None]:
+    if drawn := [ax for ax, output in zip(axes, sobol.outputs, strict=True) if output.effects]:
         low, high = drawn[0].get_ylim()
         drawn[0].set_ylim(low, high + 0.3)  # for the legend
         drawn[0].legend(loc="upper right", ncols=2)

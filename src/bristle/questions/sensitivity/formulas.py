@@ -18,12 +18,9 @@ class Written(NamedTuple):
     """One formula as a reader sees it."""
 
     what: str
-    formula: str
-    """As Python reads it."""
-    with_g: str
-    """The same with g for g(v)."""
-    latex: str
-    """With g as well."""
+    formula: str  # as Python reads it
+    with_g: str  # the same with g for g(v)
+    latex: str  # with g as well
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,12 +28,9 @@ class Formulas:
     """The friction torque of a law and its derivatives."""
 
     law: Law
-    torque: Formula
-    """T_f (3)."""
-    stribeck: Formula
-    """g(v) (5)."""
-    partial: dict[str, Formula]
-    """The derivative of T_f by each parameter at fixed z, and by `z`."""
+    torque: Formula  # T_f (3)
+    stribeck: Formula  # g(v) (5)
+    partial: dict[str, Formula]  # the derivative of T_f by each parameter at fixed z, and by `z`
     steady: dict[str, Formula]
     """The derivative of the steady torque by each parameter: the total one once the bristle has settled."""
     printed: Formula | None

@@ -13,18 +13,9 @@ from bristle.identification.limits import Limits, limits_of
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, of_friction, unit
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName, of_friction, unit
 from bristle.questions.sensitivity.local import SineMotion, motion
-from bristle.simulation import edro
-from bristle.simulation.joint_loop import (
-    JointLoop,
-    fastest_measured,
-    of_experiment,
-    of_paper,
-    one_way,
-    requested_motion,
-)
+from bristle.simulation import edro, joint_loop
 
 RANGE = (1e-6, 1e4)
 """Of a motion's amplitude over the measured travel, and of its peak speed over the fastest measured one."""
@@ -35,25 +26,23 @@ class KnownFriction(NamedTuple):
 
     p: Lugre[float] | Pair[float]
     estimates: Mapping[ParameterName, Estimate]
-    assumed: tuple[ParameterName, ...]
-    """What is not known, and was filled in."""
-    assumptions: tuple[Finding, ...]
-    """How, and what else is assumed."""
+    assumed: tuple[ParameterName, ...]  # what is not known, and was filled in
+    assumptions: tuple[Finding, ...]  # how, and what else is assumed
 
 
-def motion_of(
-    kind: JointKind, amplitude: str | float | None, frequency: str | float | None, default: tuple[float, float]
-) -> SineMotion:
+Request = tuple[KnownFriction, SineMotion, joint_loop.JointLoop | str]
+"""Friction model, motion, and the loop or the sentence why there is none."""
+Asked = str | float | None  # a quantity or an SI number; None: the default
+
+
+def motion_of(kind: Kind, amplitude: Asked, frequency: Asked, default: tuple[float, float]) -> SineMotion:
     """The motion asked for, by quantities or SI numbers; None: the default's. Raises InputError where one is of another kind or not positive."""
     asked = (("amplitude", amplitude, unit("position", kind)), ("frequency", frequency, "Hz"))
-    found = [
-        standard if given is None else positive_si(name, given, si)
-        for (name, given, si), standard in zip(asked, default, strict=True)
-    ]
-    return motion(*found)
+    pairs = zip(asked, default, strict=True)
+    return motion(*(own if given is None else positive_si(name, given, si) for (name, given, si), own in pairs))
 
 
-def within(moved: SineMotion, kind: JointKind, limits: Limits) -> SineMotion:
+def within(moved: SineMotion, kind: Kind, limits: Limits) -> SineMotion:
     """The motion. Raises InputError where amplitude or peak speed is not within `RANGE` of what was measured (or declared under `plan`)."""
     q, v = unit("position", kind), unit("velocity", kind)
     how = f", which is {moved.amplitude:g} {q} at {moved.frequency:g} Hz"
@@ -70,9 +59,7 @@ def within(moved: SineMotion, kind: JointKind, limits: Limits) -> SineMotion:
     return moved
 
 
-def of_joint(
-    measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
-) -> tuple[KnownFriction, SineMotion, JointLoop | str]:
+def of_joint(measured: Measured, joint: Joint, amplitude: Asked = None, frequency: Asked = None) -> Request:
     """A user's joint: what is known of it, the motion, and its loop, or why there is none. Raises InputError where law or motion cannot be."""
     experiment, known = measured.experiment, known_joint(joint)
     directions = known.directions
@@ -81,7 +68,7 @@ def of_joint(
             f"{joint.name}: nothing is known of its friction vs velocity; sensitivity needs ramp, points or tracking runs that were fitted"
         )
     limits = _limits(measured)
-    default = requested_motion(experiment.adapt, fastest_measured(joint))
+    default = joint_loop.requested_motion(experiment.adapt, joint_loop.fastest_measured(joint))
     moved = within(motion_of(joint.kind, amplitude, frequency, default), joint.kind, limits)
 
     # One set or a pair, with a bristle where none was seen, which is among the assumptions.
@@ -112,7 +99,7 @@ def of_joint(
     p = sets[0] if len(sets) == 1 else Pair(*sets)
     model = KnownFriction(p, estimates, tuple(assumed), tuple(assumptions))
     try:
-        return model, moved, replace(of_experiment(experiment, joint), carried=None)
+        return model, moved, replace(joint_loop.of_experiment(experiment, joint), carried=None)
     except InputError as error:
         return model, moved, str(error)
 
@@ -127,11 +114,9 @@ def _limits(measured: Measured) -> Limits:
     return limits
 
 
-def of_gripper(
-    measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
-) -> tuple[KnownFriction, SineMotion, JointLoop | str]:
+def of_gripper(measured: Measured, joint: Joint, amplitude: Asked = None, frequency: Asked = None) -> Request:
     """The paper's gripper rotation (+) in both directions, with intervals as identified from its simulated logs. Raises as `of_joint` does."""
-    subject = one_way(of_paper([joint])[0])
+    subject = joint_loop.one_way(joint_loop.of_paper([joint])[0])
     default = (subject.amplitude, subject.frequency)
     moved = within(motion_of("revolute", amplitude, frequency, default), "revolute", _limits(measured))
     p = edro.TABLE_1[joint.name].positive
@@ -140,13 +125,9 @@ def of_gripper(
     for name in Lugre._fields:  # with the paper's value, and all else in proportion
         e, value = known.estimate(name, Direction.POSITIVE), getattr(p, name)
         if e is not None and e.value:
-            by, error, ends, systematic = value / e.value, e.standard_error, e.interval, e.systematic
-            e = replace(
-                e, value=value, standard_error=None if error is None else by * error,
-                interval=None if ends is None else (by * ends[0], by * ends[1]),
-                systematic=None if systematic is None else by * systematic,
-                shifts={constant: by * shift for constant, shift in e.shifts.items()},
-            )  # fmt: skip  # a list of values
+            by, error = value / e.value, e.standard_error
+            ends = e.interval and (by * e.interval[0], by * e.interval[1])
+            e = Estimate(value=value, unit=e.unit, standard_error=error and by * error, interval=ends)
         if e is not None:
             estimates[ParameterName(name, Direction.BOTH)] = e
     friction = "Friction: gripper rotation (+) of Table 1, in both directions; the paper's own numbers."

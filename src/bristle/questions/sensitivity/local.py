@@ -23,27 +23,20 @@ from bristle.model.rollout import rollout_jacobian
 from bristle.model.vectorize import evaluate
 from bristle.simulation.references import Sine
 
-CLAIMED = frozenset({"alpha_0", "alpha_2"})
-"""The parameters that matter most, as section 3.3 of the paper has it."""
+CLAIMED = frozenset({"alpha_0", "alpha_2"})  # the parameters that matter most, as section 3.3 of the paper has it
 DURATION, PERIOD = 10.0, 1e-3
 """Of a motion, s; slow ones last two of their periods, fast ones are sampled as often as a period needs."""
-_OFTEN = 200
-"""Samples of a period, at least; a motion that is faster than so many periods in `DURATION` is cut there."""
-FREQUENCIES = (1e-6, 1e4)
-"""Hz, of a motion that makes sense."""
+_OFTEN = 200  # samples of a period, at least; a motion that is faster than so many periods in `DURATION` is cut there
+FREQUENCIES = (1e-6, 1e4)  # Hz, of a motion that makes sense
 
 
 class SineMotion(NamedTuple):
     """A sinusoidal reference, amplitude sin(2 pi frequency t), with the bristle undeflected at its beginning."""
 
-    amplitude: float
-    """rad."""
-    frequency: float
-    """Hz."""
-    duration: float = DURATION
-    """s."""
-    period: float = PERIOD
-    """Time between samples, s."""
+    amplitude: float  # rad
+    frequency: float  # Hz
+    duration: float = DURATION  # s
+    period: float = PERIOD  # time between samples, s
 
     @property
     def course(self) -> Reference:
@@ -76,18 +69,12 @@ def motion(amplitude: float, frequency: float) -> SineMotion:
 class Local:
     """Derivatives along one motion."""
 
-    names: tuple[str, ...]
-    """The parameters that the columns are of: six of the paper's law."""
-    time: Array
-    """s, (n,)."""
-    velocity: Array
-    """rad/s, (n,)."""
-    torque: Array
-    """T_f, N*m, (n,)."""
-    partial: Array
-    """p dT_f / dp at fixed z, N*m, (n, 6)."""
-    total: Array
-    """The same through the bristle, N*m, (n, 6)."""
+    names: tuple[str, ...]  # the parameters that the columns are of: six of the paper's law
+    time: Array  # s, (n,)
+    velocity: Array  # rad/s, (n,)
+    torque: Array  # T_f, N*m, (n,)
+    partial: Array  # p dT_f / dp at fixed z, N*m, (n, 6)
+    total: Array  # the same through the bristle, N*m, (n, 6)
 
     def shares(self, *, partial: bool = False, last: int | None = None) -> Array:
         """RMS of each derivative over the RMS of T_f, (6,); over the whole motion, or its last samples only."""
@@ -117,35 +104,26 @@ def local(p: Lugre[float] | Pair[float], reference: SineMotion) -> Local:
     rolled = rollout_jacobian(velocity, reference.period, p, 0.0)
     names, scaled = estimated_of(p.law), of_estimated(cleared(rolled.by_parameters), p) * values_of(p)
     # At given z and v, by the set that acts there.
-    acting: Sequence[float | Array] = (
-        p
-        if isinstance(p, Lugre)
-        else evaluate(functions.active_function(p.law), rolled.z, velocity, *p.positive, *p.negative)
-    )
+    acting: Sequence[float | Array] = p if isinstance(p, Lugre) else ()
+    if not isinstance(p, Lugre):
+        acting = evaluate(functions.active_function(p.law), rolled.z, velocity, *p.positive, *p.negative)
     _, _, *slopes = evaluate(functions.torque_sensitivity_function(p.law), rolled.z, velocity, *acting)
     by_name = dict(zip(fields_of(p.law), zip(acting, slopes, strict=True), strict=True))
     return Local(
-        names=names,
-        time=reference.period * np.arange(velocity.size, dtype=np.float64),
-        velocity=velocity,
-        torque=rolled.torque,
-        partial=np.column_stack([np.multiply(*by_name[name]) for name in names]),
+        names=names, time=reference.period * np.arange(velocity.size, dtype=np.float64), velocity=velocity,
+        torque=rolled.torque, partial=np.column_stack([np.multiply(*by_name[name]) for name in names]),
         total=scaled.reshape(velocity.size, -1, len(names)).sum(axis=1),
-    )
+    )  # fmt: skip  # a list of values
 
 
 @result
 class Map:
     """Total shares in settled motion, over amplitude and frequency."""
 
-    names: tuple[str, ...]
-    """The parameters that the shares are of."""
-    amplitudes: Array
-    """rad, (a,), ascending."""
-    frequencies: Array
-    """Hz, (f,), ascending."""
-    shares: Array
-    """RMS of p dT_f / dp over the RMS of T_f, (a, f, 6)."""
+    names: tuple[str, ...]  # the parameters that the shares are of
+    amplitudes: Array  # rad, (a,), ascending
+    frequencies: Array  # Hz, (f,), ascending
+    shares: Array  # RMS of p dT_f / dp over the RMS of T_f, (a, f, 6)
 
     @property
     def first(self) -> NDArray[np.intp]:

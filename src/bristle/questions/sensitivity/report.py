@@ -22,9 +22,8 @@ def report(study: SensitivityStudy) -> Report:
     found, map_ = findings(study), study.map
     amplitude, frequency = (x.ravel() for x in np.meshgrid(map_.amplitudes, map_.frequencies, indexing="ij"))
     shares = map_.shares.reshape(-1, len(map_.names))
-    over_map = pd.DataFrame(
-        {"amplitude": amplitude, "frequency": frequency, **dict(zip(map_.names, shares.T, strict=True))}
-    )
+    by_name = dict(zip(map_.names, shares.T, strict=True))
+    over_map = pd.DataFrame({"amplitude": amplitude, "frequency": frequency, **by_name})
     over_map["first"] = [ranked(row, map_.names)[0] for row in shares]
     over_map["claim"] = map_.claim.ravel()
     sections = [
@@ -172,9 +171,8 @@ def _measurement(study: SensitivityStudy, expected: Expected, k: int, informatio
         between = np.triu(info.correlation[np.ix_(seen, seen)], 1)
         i, j = np.unravel_index(np.abs(between).argmax(), between.shape)
         pair = f"{symbol(info.names[seen[i]])} and {symbol(info.names[seen[j]])}"
-        found = f"The strongest correlation, {figures.correlated(between[i, j])}, is that of {pair}" + (
-            lost and f"; {lost}"
-        )
+        strongest = figures.correlated(between[i, j])
+        found = f"The strongest correlation, {strongest}, is that of {pair}{lost and f'; {lost}'}"
     columns = {
         "standard_error": "expected standard error", "percent": "of the value (%)", "own_standard_error": "standard error of the joint's fit",
         "seen": "identifiable?",
@@ -198,8 +196,8 @@ def _measurement(study: SensitivityStudy, expected: Expected, k: int, informatio
 
 def _indices(study: SensitivityStudy, sobol: Global) -> list[Section]:
     """The Sobol indices, and the largest of all outputs."""
-    effects = [(effect, x) for x in sobol.outputs if x.indices is not None for effect in x.indices.effects]
-    bare = sum(x.indices is None for x in sobol.outputs)
+    effects = [(effect, x) for x in sobol.outputs for effect in x.effects]
+    bare = sum(not x.effects for x in sobol.outputs)
     lost = f"{bare} of {len(sobol.outputs)} outputs cannot be analysed" if bare else ""
     caption = lost
     if effects:

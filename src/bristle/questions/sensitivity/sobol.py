@@ -6,6 +6,7 @@ samples * (parameters + 2) evaluations.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import nan
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -17,24 +18,9 @@ from bristle.errors import InputError
 from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Estimate
-from bristle.model import functions
+from bristle.model import functions, parameters
 from bristle.model.laws.parts import FASTEST, Law
-from bristle.model.parameters import (
-    Direction,
-    Lugre,
-    Pair,
-    ParameterName,
-    effort,
-    estimated_of,
-    in_direction,
-    is_positive,
-    is_possible,
-    least_of,
-    lugre_of,
-    of_friction,
-    unit,
-)
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName
 from bristle.model.periodic import rms_torque
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress, teller
@@ -48,14 +34,11 @@ Box = Mapping[ParameterName, tuple[float, float]]
 _Quantity = Literal["torque", "position"]
 PERIODS, COUNTED = 2, 1
 """Of the reference in each closed loop, and how many of the last of them count; the error is then settled to 1 %."""
-_TICKS = 9_000_000
-"""Control periods of all closed loops together, which bounds their samples: about half a minute."""
-LEAST = 32
-"""Fewer samples tell nothing."""
+_TICKS = 9_000_000  # control periods of all closed loops together, which bounds their samples: about half a minute
+LEAST = 32  # fewer samples tell nothing
 _LONGEST, _COARSE = 300_000, 0.02
 """A loop is not simulated over more control periods, nor where one of them is a larger share of the reference's period."""
-_BATCH, _ROWS = 128, 1024
-"""Closed loops, and joints of the other outputs, between two calls of the progress."""
+_BATCH, _ROWS = 128, 1024  # closed loops, and joints of the other outputs, between two calls of the progress
 
 
 class Span(NamedTuple):
@@ -64,8 +47,7 @@ class Span(NamedTuple):
     parameter: ParameterName
     low: float
     high: float
-    logarithmic: bool
-    """Whether its logarithm is uniform, else itself: where the interval spans more than a decade."""
+    logarithmic: bool  # whether its logarithm is uniform, else itself: where the interval spans more than a decade
 
     def at(self, share: Array) -> Array:
         """The values at shares 0 to 1 of the way from low to high."""
@@ -78,44 +60,30 @@ class Effect(NamedTuple):
     """Indices of one parameter, shares of the output's variance, each with the half-width of its 95 % interval."""
 
     parameter: ParameterName
-    first: float
-    """Of it alone, the others averaged over."""
+    first: float  # of it alone, the others averaged over
     first_half: float
-    total: float
-    """Of it with all its interactions."""
+    total: float  # of it with all its interactions
     total_half: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Indices:
-    """Of one output."""
-
-    effects: tuple[Effect, ...]
-    """In the order of the box; empty where the output does not vary over it, so that there are no shares."""
-    mean: float
-    deviation: float
-    """Standard deviation over the box."""
-    samples: int
-    evaluations: int
-    """samples * (parameters + 2)."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Output:
-    """One output of a joint."""
+    """One output of a joint, and its indices."""
 
     name: str
-    quantity: _Quantity
-    """What has its unit."""
-    indices: Indices | None
-    reason: Finding | None = None
-    """Why there are no indices, where there are none."""
+    quantity: _Quantity  # what has its unit
+    effects: tuple[Effect, ...] = ()  # in the order of the box; empty where there are no indices
+    mean: float = nan
+    deviation: float = nan  # standard deviation over the box
+    samples: int = 0
+    evaluations: int = 0  # samples * (parameters + 2)
+    reason: Finding | None = None  # why there are no indices, where there are none
 
-    def called(self, kind: JointKind) -> str:
+    def called(self, kind: Kind) -> str:
         """Its name; of a joint that slides it is about a force."""
-        return self.name.replace("torque", effort(kind))
+        return self.name.replace("torque", parameters.effort(kind))
 
-    def heading(self, kind: JointKind) -> str:
+    def heading(self, kind: Kind) -> str:
         """The same at the beginning of a line."""
         return f"{self.called(kind)[0].upper()}{self.called(kind)[1:]}"
 
@@ -127,25 +95,23 @@ class Global:
     spans: tuple[Span, ...]
     outputs: tuple[Output, ...]
     """RMS friction torque along the reference, breakaway torque, RMS error of the compensated loop."""
-    amplitude: float
-    """Of the reference, a sine, rad."""
-    frequency: float
-    """Hz."""
+    amplitude: float  # of the reference, a sine, rad
+    frequency: float  # Hz
     seed: int
 
-    def to_frame(self, kind: JointKind) -> "pd.DataFrame":
+    def to_frame(self, kind: Kind) -> "pd.DataFrame":
         """One row for each output and parameter: the interval drawn from, both indices with their half-widths, samples."""
         import pandas as pd
 
         rows = [
             {
                 "output": output.called(kind), "parameter": str(drawn.parameter), "lower": drawn.low, "upper": drawn.high,
-                "unit": unit(drawn.parameter.name, kind), "drawn": "log-uniform" if drawn.logarithmic else "uniform",
+                "unit": parameters.unit(drawn.parameter.name, kind), "drawn": "log-uniform" if drawn.logarithmic else "uniform",
                 "first": effect.first, "first_half": effect.first_half, "total": effect.total, "total_half": effect.total_half,
-                "samples": output.indices.samples, "evaluations": output.indices.evaluations,
+                "samples": output.samples, "evaluations": output.evaluations,
             }
-            for output in self.outputs if output.indices is not None
-            for drawn, effect in zip(self.spans, output.indices.effects, strict=True)
+            for output in self.outputs if output.effects
+            for drawn, effect in zip(self.spans, output.effects, strict=True)
         ]  # fmt: skip  # a table
         return pd.DataFrame(rows)
 
@@ -156,17 +122,20 @@ def saltelli(spans: Sequence[Span], samples: int, seed: int) -> Array:
     return np.column_stack([span.at(share) for span, share in zip(spans, shares.T, strict=True)])
 
 
-def analysed(spans: Sequence[Span], values: Array, seed: int) -> Indices:
-    """The indices of one output by its values at the points of `saltelli`, (samples * (p + 2),)."""
-    effects: tuple[Effect, ...] = ()
-    if np.ptp(values) > 1e-12 * np.abs(values).max():  # else it does not depend on the parameters
-        by_kind = _salib().analyze.sobol.analyze(
-            _problem(spans), values, calc_second_order=False, num_resamples=200, conf_level=CONFIDENCE, seed=seed + 1
-        )  # SALib takes a seed of zero for none
-        columns = (by_kind[kind].tolist() for kind in ("S1", "S1_conf", "ST", "ST_conf"))
-        effects = tuple(Effect(span.parameter, *row) for span, *row in zip(spans, *columns, strict=True))
-    return Indices(
-        effects=effects, mean=float(values.mean()), deviation=float(values.std()),
+def analysed(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array | Finding, seed: int) -> Output:
+    """An output by its values at the points of `saltelli`, (samples * (p + 2),), or why there are none."""
+    if isinstance(values, Finding):
+        return Output(name=name, quantity=quantity, reason=values)
+    if not np.ptp(values) > 1e-12 * np.abs(values).max():
+        flat = Finding("nothing-changes-it", NOTE, "None of the parameters drawn changes it.")
+        return Output(name=name, quantity=quantity, reason=flat)
+    by_kind = _salib().analyze.sobol.analyze(
+        _problem(spans), values, calc_second_order=False, num_resamples=200, conf_level=CONFIDENCE, seed=seed + 1
+    )  # SALib takes a seed of zero for none
+    columns = (by_kind[kind].tolist() for kind in ("S1", "S1_conf", "ST", "ST_conf"))
+    return Output(
+        name=name, quantity=quantity, mean=float(values.mean()), deviation=float(values.std()),
+        effects=tuple(Effect(span.parameter, *row) for span, *row in zip(spans, *columns, strict=True)),
         samples=values.size // (len(spans) + 2), evaluations=values.size,
     )  # fmt: skip  # a list of values
 
@@ -229,7 +198,9 @@ def global_sensitivity(
     def error(batch: Array) -> Array:
         """RMS position error of loops with these plants and one model, rad, over the last of the periods."""
         tell("Sobol: compensated loops")
-        sets = [map(lugre_of(pair.law)._make, np.column_stack(p).tolist()) for p in joints_at(pair, spans, batch)]
+        sets = [
+            map(parameters.lugre_of(pair.law)._make, np.column_stack(p).tolist()) for p in joints_at(pair, spans, batch)
+        ]
         cases = [subject.case(plant=Pair(*both), model=pair) for both in zip(*sets, strict=True)]
         course = subject.sine(subject.frequency, PERIODS / subject.frequency)
         run = simulate(LoopOptions(compensator=subject.compensator), cases, course, subject.period)
@@ -258,9 +229,9 @@ def global_sensitivity(
     levels = [evaluate(functions.steady_torque_function(p.law), 1e-200, *p.stribeck)[0] for p in drawn]
     breakaways = np.asarray(np.mean(levels, axis=0))
     outputs = (
-        _output("RMS friction torque", "torque", spans, _batched(torque, points, _ROWS), seed),
-        _output("breakaway torque", "torque", spans, breakaways, seed),
-        _output("RMS error of the simulated loop", "position", spans, tracking(), seed),
+        analysed("RMS friction torque", "torque", spans, _batched(torque, points, _ROWS), seed),
+        analysed("breakaway torque", "torque", spans, breakaways, seed),
+        analysed("RMS error of the simulated loop", "position", spans, tracking(), seed),
     )
     return Global(spans=spans, outputs=outputs, amplitude=subject.amplitude, frequency=subject.frequency, seed=seed)
 
@@ -280,20 +251,10 @@ def _batched(function: Callable[[Array], Array], points: Array, size: int) -> Ar
     return np.concatenate([function(points[first : first + size]) for first in range(0, len(points), size)])
 
 
-def _output(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array | Finding, seed: int) -> Output:
-    """An output by its values at Saltelli's points, or why there are none."""
-    if not isinstance(values, Finding):
-        indices = analysed(spans, values, seed)
-        if indices.effects:
-            return Output(name=name, quantity=quantity, indices=indices)
-        values = Finding("nothing-changes-it", NOTE, "None of the parameters drawn changes it.")
-    return Output(name=name, quantity=quantity, indices=None, reason=values)
-
-
 def ordered(box: Box, law: Law) -> tuple[Span, ...]:
     """The intervals in the order of the law's tuple, on which the samples depend."""
     directions = (Direction.BOTH, Direction.POSITIVE, Direction.NEGATIVE)
-    known = [ParameterName(name, d) for name in estimated_of(law) for d in directions]
+    known = [ParameterName(name, d) for name in parameters.estimated_of(law) for d in directions]
     ends = [(name, *box[name]) for name in known if name in box]
     return tuple(Span(name, low, high, low > 0 and high > 10 * low) for name, low, high in ends)
 
@@ -303,8 +264,10 @@ def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[A
     drawn = {span.parameter: column for span, column in zip(spans, points.T, strict=True)}
     sets = []
     for d, p in zip("+-", pair, strict=True):
-        own = ((value, in_direction(drawn, name, d)) for name, value in p._asdict().items())
-        sets.append(lugre_of(pair.law)(*(np.full(len(points), value) if x is None else x for value, x in own)))
+        own = ((value, parameters.in_direction(drawn, name, d)) for name, value in p._asdict().items())
+        sets.append(
+            parameters.lugre_of(pair.law)(*(np.full(len(points), value) if x is None else x for value, x in own))
+        )
     return Pair(*sets)
 
 
@@ -312,16 +275,16 @@ def box_of(estimates: Mapping[ParameterName, Estimate]) -> tuple[Box, tuple[Find
     """The 95 % intervals of the estimated friction parameters; a finding on each that is not finite, or is cut at its physical bound."""
     box, notes = dict[ParameterName, tuple[float, float]](), []
     for name, e in estimates.items():
-        bare, least = name.name, least_of(name.name)
-        if not of_friction(bare) or bare == FASTEST or e.value is None:
+        bare, least = name.name, parameters.least_of(name.name)
+        if not parameters.of_friction(bare) or bare == FASTEST or e.value is None:
             continue
         if e.interval is None or not np.isfinite(e.interval).all() or not max(e.interval[0], least) < e.interval[1]:
             message = f"{name}: no finite 95 % interval; it is held at {e.value:.3g} {e.unit}."
             notes.append(Finding("box-held", CAUTION, message, {"name": name, "value": e.value}))
             continue
         low, high = e.interval
-        if not is_possible(bare, low):
-            low = 0.01 * min(e.value, high) if is_positive(bare) else least
+        if not parameters.is_possible(bare, low):
+            low = 0.01 * min(e.value, high) if parameters.is_positive(bare) else least
             cut = f"{name}: its interval includes impossible values; it is drawn from {low:.3g} {e.unit} up (assumed)."
             notes.append(Finding("box-cut", CAUTION, cut, {"name": name, "low": low}))
         box[name] = (low, high)

@@ -16,37 +16,23 @@ from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fisher import Information, gram, motion_jacobian, names_of, static_information, values_of
 from bristle.identification.moving_runs import load_columns, regressors_of
 from bristle.identification.results import Joint
-from bristle.model.parameters import (
-    Direction,
-    Lugre,
-    ParameterName,
-    effort,
-    peak_parameters,
-    static_estimated_of,
-    unit,
-)
+from bristle.model.parameters import Direction, Lugre, ParameterName, effort, peak_parameters, static_estimated_of, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.formulas import Formulas, formulas
-from bristle.questions.sensitivity.joint import KnownFriction
+from bristle.questions.sensitivity.joint import KnownFriction, Request
 from bristle.questions.sensitivity.local import Local, Map, SineMotion, claimed, grid, local, ranked, sensitivity_map
 from bristle.questions.sensitivity.sobol import LEAST, Box, Global, box_of, global_sensitivity
-from bristle.simulation.joint_loop import JointLoop
 
 if TYPE_CHECKING:
     import pandas as pd
 
-SAMPLES = 1024
-"""Of the Sobol indices, if no other number is given."""
+SAMPLES = 1024  # of the Sobol indices, if no other number is given
 SEED = 0
-_MOST = 2**17
-"""Samples of the Sobol indices, with which a joint of six parameters takes some minutes."""
-_NOISE = 0.05
-"""Where no moving run tells the noise: this share of alpha_0, white, at 1 kHz."""
-_NAMED = 3
-"""Parameters whose shares a sentence names."""
-_SMALL_INDEX = 0.05
-"""A parameter or an interaction with a smaller share of an output's variance is not named."""
+_MOST = 2**17  # samples of the Sobol indices, with which a joint of six parameters takes some minutes
+_NOISE = 0.05  # where no moving run tells the noise: this share of alpha_0, white, at 1 kHz
+_NAMED = 3  # parameters whose shares a sentence names
+_SMALL_INDEX = 0.05  # a parameter or an interaction with a smaller share of an output's variance is not named
 
 
 class Expected(NamedTuple):
@@ -54,10 +40,8 @@ class Expected(NamedTuple):
 
     what: str
     information: Information
-    errors: Mapping[ParameterName, float]
-    """Standard errors of the joint's own fit, by name."""
-    noise: tuple[Finding, ...]
-    """What the noise is taken from, and what is held as known."""
+    errors: Mapping[ParameterName, float]  # standard errors of the joint's own fit, by name
+    noise: tuple[Finding, ...]  # what the noise is taken from, and what is held as known
 
     @property
     def seen(self) -> NDArray[np.bool_]:
@@ -131,19 +115,9 @@ def check_samples(samples: int) -> None:
 
 
 def study_sensitivity(
-    joint: Joint,
-    request: tuple[KnownFriction, SineMotion, JointLoop | str],
-    samples: int = SAMPLES,
-    progress: Progress | None = None,
+    joint: Joint, request: Request, samples: int = SAMPLES, progress: Progress | None = None
 ) -> SensitivityStudy:
-    """Local, mapped and global sensitivity and the information of a joint.
-
-    Args:
-        joint: as it was identified.
-        request: friction model, motion, and the loop or the sentence why there is none, as `of_joint` gives them.
-        samples: of the Sobol indices, as `check_samples` has it.
-        progress: told of every step.
-    """
+    """Local, mapped and global sensitivity and the information of a joint, as asked in `request`; `samples` as `check_samples` has it."""
     model, motion, loop = request
     tell = teller(progress, 3)
     tell("derivatives along the motion")
@@ -330,18 +304,18 @@ def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
     )
     found = []
     for output in sobol.outputs:
-        start, indices = output.heading(kind), output.indices
-        if indices is None:
+        start = output.heading(kind)
+        if not output.effects:
             found.append(Finding("no-indices", NOTE, f"{start}: {output.reason}"))
             continue
-        first, *others = sorted(indices.effects, key=lambda e: -e.total)
+        first, *others = sorted(output.effects, key=lambda e: -e.total)
         named = [first, *(e for e in others if e.total >= _SMALL_INDEX)]
         listed = ", ".join(f"{e.parameter} {e.total:.2f} ± {e.total_half:.2f} ({e.first:.2f} alone)" for e in named)
-        share = 1 - sum(e.first for e in indices.effects)
+        share = 1 - sum(e.first for e in output.effects)
         more = f"; interactions account for {share:.2f}" if share >= _SMALL_INDEX else ""
-        message = f"{start}: total index {listed}{more}; {indices.samples} samples, {indices.evaluations} evaluations."
+        message = f"{start}: total index {listed}{more}; {output.samples} samples, {output.evaluations} evaluations."
         total = tuple((e.parameter, e.total) for e in (first, *others))
-        numbers = {"total": total, "samples": indices.samples, "evaluations": indices.evaluations}
+        numbers = {"total": total, "samples": output.samples, "evaluations": output.evaluations}
         found.append(Finding("sobol-indices", NOTE, message, numbers))
     return (
         *found,

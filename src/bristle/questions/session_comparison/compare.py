@@ -22,27 +22,14 @@ from bristle.estimation.levels import NAMED
 from bristle.identification.fits import Estimate
 from bristle.identification.systematic import shifted, statistical
 from bristle.model.parameters import ParameterName, of_shape
+from bristle.questions.session_comparison import results
 from bristle.questions.session_comparison.explain import NO_CHANGE, hints, incomparable, sentence, verdict, warnings
-from bristle.questions.session_comparison.results import (
-    Change,
-    Comparison,
-    FitPair,
-    Session,
-    SessionFit,
-    SessionJoint,
-    SetChange,
-    alike,
-    pairs,
-    usable,
-)
 
-_FEW = 4.0
-"""Degrees of freedom below which the test of a set says nothing."""
-_MANY = 1e9
-"""Degrees of freedom that count as without end."""
+_FEW = 4.0  # degrees of freedom below which the test of a set says nothing
+_MANY = 1e9  # degrees of freedom that count as without end
 
 
-def compare(first: Session, second: Session) -> Comparison:
+def compare(first: results.Session, second: results.Session) -> results.Comparison:
     """Which parameters of the joints that both sessions hold changed beyond their joint uncertainty, from `first` to `second`.
 
     Raises InputError where no joint is in both, a joint is of another kind, or a parameter has another unit.
@@ -69,18 +56,14 @@ def compare(first: Session, second: Session) -> Comparison:
     sets = [x for name, (a, b) in both.items() for x in _sets(name, a, b)]
     adjusted = holm(np.array([x.p for x in sets])).tolist()
     sets = [replace(x, adjusted=p, changed=p < NAMED) for x, p in zip(sets, adjusted, strict=True)]
-    return Comparison(
-        changes=tuple(changes),
-        sets=tuple(sets),
-        kinds={name: first[name].kind for name in shared},
-        sentence=sentence(changes, sets),
-        hints=tuple(hints(changes)),
-        warnings=tuple(warnings(first, second, shared)),
+    return results.Comparison(
+        changes=tuple(changes), sets=tuple(sets), kinds={name: first[name].kind for name in shared},
+        sentence=sentence(changes, sets), hints=tuple(hints(changes)), warnings=tuple(warnings(first, second, shared)),
         simulated=any(session[name].simulated for session in (first, second) for name in shared),
-    )
+    )  # fmt: skip  # a list of values
 
 
-def _with_breakaway(joint: SessionJoint) -> SessionJoint:
+def _with_breakaway(joint: results.SessionJoint) -> results.SessionJoint:
     """The same, whose fits know breakaway, alpha_0 + alpha_1, as well where their covariance has both."""
     fits = []
     for fit in joint.fits:
@@ -91,7 +74,7 @@ def _with_breakaway(joint: SessionJoint) -> SessionJoint:
                 continue
             b, at = fit.parameters[peak], [fit.names.index(name), fit.names.index(peak)]
             variance = float(fit.covariance[np.ix_(at, at)].sum())
-            if not (usable(a) and usable(b) and variance > 0):
+            if not (results.usable(a) and results.usable(b) and variance > 0):
                 continue
             value, error = (a.value or 0.0) + (b.value or 0.0), sqrt(variance)
             reach = student(min(fit.freedom, _MANY)) * error
@@ -111,16 +94,16 @@ def holm(p: Array) -> Array:
     return adjusted
 
 
-def _changes(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[Change]:
+def _changes(joint: str, first: results.SessionJoint, second: results.SessionJoint) -> Iterator[results.Change]:
     """Every parameter that either session names, by the first fit that knows it in both.
 
     Raises InputError where a parameter has more than one unit.
     """
-    paired = pairs(first, second)
+    paired = results.pairs(first, second)
     for name in dict.fromkeys(name for session in (first, second) for fit in session.fits for name in fit.parameters):
-        told_of = paired if alike(name.name, first.law, second.law) else []
+        told_of = paired if results.alike(name.name, first.law, second.law) else []
         both = [pair for pair in told_of if name in pair.first.parameters and name in pair.second.parameters]
-        told = next((pair for pair in both if all(usable(fit.parameters[name]) for fit in pair)), None)
+        told = next((pair for pair in both if all(results.usable(fit.parameters[name]) for fit in pair)), None)
         found = (fit.parameters[name].unit for x in (first, second) for fit in x.fits if name in fit.parameters)
         units = list(dict.fromkeys(found))
         if len(units) > 1:
@@ -133,7 +116,7 @@ def _changes(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[
             yield _difference(joint, name, told)
 
 
-def _difference(joint: str, name: ParameterName, pair: FitPair) -> Change:
+def _difference(joint: str, name: ParameterName, pair: results.FitPair) -> results.Change:
     a, b = (fit.parameters[name] for fit in pair)
     value = (b.value or 0.0) - (a.value or 0.0)
     lowest = min(x for e in (a, b) for x in (e.interval[0] if e.interval else -inf, e.value or 0.0))
@@ -150,7 +133,7 @@ def _difference(joint: str, name: ParameterName, pair: FitPair) -> Change:
     freedom = 1 / max(sum(s**2 / fit.freedom for s, fit in zip(shares, pair, strict=True)), 1e-9)
     p = 2 * float(stdtr(min(freedom, _MANY), -abs(z)))
     error = abs(value / z) if z else hypot(a.standard_error or 0.0, b.standard_error or 0.0)
-    return Change(
+    return results.Change(
         joint=joint, parameter=name, unit=a.unit, source=pair.first.source, first=a, second=b,
         difference=value, error=error, z=z, p=p, verdict=NO_CHANGE,
     )  # fmt: skip  # a list of values
@@ -175,26 +158,26 @@ def _facing(e: Estimate, towards: float, freedom: float, *, log_scale: bool) -> 
     return max(error, half / float(stdtrit(min(freedom, _MANY), 0.975)))
 
 
-def _sets(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[SetChange]:
+def _sets(joint: str, first: results.SessionJoint, second: results.SessionJoint) -> Iterator[results.SetChange]:
     """Every fit that both sessions have with the covariance of what both know, none of them distrusted."""
-    for a, b in pairs(first, second):
-        shared = (n for n in dict.fromkeys(a.names) if n in b.names and alike(n.name, first.law, second.law))
-        known = ({n for n, e in fit.parameters.items() if usable(e)} for fit in (a, b))
+    for a, b in results.pairs(first, second):
+        shared = (n for n in dict.fromkeys(a.names) if n in b.names and results.alike(n.name, first.law, second.law))
+        known = ({n for n, e in fit.parameters.items() if results.usable(e)} for fit in (a, b))
         both = set.intersection(*known)
         names = tuple(n for n in shared if n in both)
         freedom = min(a.freedom, b.freedom)
-        if len(names) < 2 or freedom - len(names) < _FEW or FitPair(a, b).distrusted:
+        if len(names) < 2 or freedom - len(names) < _FEW or results.FitPair(a, b).distrusted:
             continue
         statistic = _statistic(a, b, names)
         if statistic is None:
             continue
         p = float(fdtrc(len(names), min(freedom, _MANY), statistic))
-        yield SetChange(
+        yield results.SetChange(
             joint=joint, source=a.source, names=names, statistic=statistic, freedom=freedom, p=p, adjusted=p, changed=False
         )  # fmt: skip  # a list of values
 
 
-def _statistic(a: SessionFit, b: SessionFit, names: Sequence[ParameterName]) -> float | None:
+def _statistic(a: results.SessionFit, b: results.SessionFit, names: Sequence[ParameterName]) -> float | None:
     """The statistic d' (C_a + C_b)**-1 d over the number of parameters; None where the sum is no covariance, or there is no such number."""
     with np.errstate(all="ignore"):  # a foreign file may hold any numbers: what is none is left out
         first, second = (np.array([_scaled(fit, n) for n in names]) for fit in (a, b))
@@ -222,7 +205,7 @@ def _by_factor(name: ParameterName) -> bool:
     return name.name in ("v_s", "sigma_0") or of_shape(name.name)
 
 
-def _scaled(fit: SessionFit, name: ParameterName) -> tuple[float, float]:
+def _scaled(fit: results.SessionFit, name: ParameterName) -> tuple[float, float]:
     """What is compared of a parameter, and its slope by the parameter: its logarithm where it is known by a factor."""
     value = fit.parameters[name].value or 0.0
     return (log(value), 1 / value) if _by_factor(name) and value > 0 else (value, 1.0)

@@ -9,8 +9,7 @@ from bristle.identification.fits import Estimate
 from bristle.model.parameters import ParameterName
 from bristle.questions.session_comparison.results import Change, Session, SessionJoint, SetChange, alike, pairs, usable
 
-_ALIKE = 0.5
-"""Shares that differ by less than this part of their mean are one share."""
+_ALIKE = 0.5  # shares that differ by less than this part of their mean are one share
 _SCALED = (
     "another load, or another scale of the torque (motor constant, drive gain), which would scale the friction alike,"
 )

@@ -14,19 +14,13 @@ from bristle.page.style import DIRECTION, new_figure, styled, title
 from bristle.page.wording import counted, measured, number, percent, pretty, shortened, slugs, symbol
 from bristle.questions.session_comparison.results import Change, Comparison
 
-_NONE = 1e-99
-"""p-values below this are shown as below it."""
+_NONE = 1e-99  # p-values below this are shown as below it
 _LEAST = f"< {_NONE:g}"
-_DRAWN = 30
-"""Joints with a figure."""
-_ROW = 0.34
-"""Height of a parameter, inches."""
-_APART = 0.17
-"""The sessions stand this far above and below a parameter's line, rows."""
-_MOST = 40
-"""Parameters drawn; the table has all."""
-_BEYOND = 8.0
-"""The axis reaches this many times as far as the median of the rows."""
+_DRAWN = 30  # joints with a figure
+_ROW = 0.34  # height of a parameter, inches
+_APART = 0.17  # the sessions stand this far above and below a parameter's line, rows
+_MOST = 40  # parameters drawn; the table has all
+_BEYOND = 8.0  # the axis reaches this many times as far as the median of the rows
 
 
 def report(compared: Comparison) -> Report:
