@@ -11,8 +11,8 @@ from bristle.questions.export.artefact import ExportTarget, Request
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import all_motions, losses, lugre
 from bristle.questions.export.symmetric import best_symmetric
-from bristle.questions.export.xml_edit import as_read
 from export_checks import check
+from export_checks.common import as_read
 
 from .conftest import HOSTILE, SURROGATE, Handed, beside, scaled
 

@@ -4,10 +4,10 @@
 
 G is the derivative of the predicted friction torque (16)-(18) by the adapted parameters, and differs from law to law:
 
-    printed          (19)-(20) as they are typeset, for alpha_0 and alpha_2 alone: the first is dT_f / d alpha_1, not d
-    alpha_0 partial          dT_f / dp at given z, p = theta times its start: the law that (19) says it is partial-theta
-    dT_f / d theta = the same times the start total            dT_f / dp + (dT_f / dz) (dz / dp), with dz / dp from the
-    forward-sensitivity equation
+    printed          (19)-(20) as they are typeset, for alpha_0 and alpha_2 alone: the first is dT_f / d alpha_1, not d alpha_0
+    partial          dT_f / dp at given z, p = theta times its start: the law that (19) says it is
+    partial-theta    dT_f / d theta = the same times the start
+    total            dT_f / dp + (dT_f / dz) (dz / dp), with dz / dp from the forward-sensitivity equation
 
 With learning rates >= 0 the gains move the right way for this e only; the PID's error has the other sign. gamma is in
 1/(rad * s) times what makes d theta / dt a rate: theta is a number, so gamma_1 (alpha_0) is in 1/(rad*s) for a G of
@@ -38,7 +38,7 @@ LAWS: tuple[Law, ...] = get_args(Law)
 Step = Literal["gradient", "normalised", "least-squares"]
 STEPS: tuple[Step, ...] = get_args(Step)
 _TYPESET = {"alpha_0", "alpha_2"}
-"""Of which (19) and (20) are."""
+"""Parameters for which (19) and (20) are defined."""
 _LARGEST = 1e150
 """Beyond this an input counts as no number, and nothing is learnt from it."""
 

@@ -28,7 +28,6 @@ from bristle.control.control_period import (
     blank_log,
     control_period,
     flat,
-    named,
     numbers_of,
     shaped,
     stiff_control_period,
@@ -83,8 +82,7 @@ class Trajectory:
 
     def peak_error(self, since: float = 0.0) -> Array:
         """Largest position error from a time on, rad, (cases,)."""
-        peak: Array = np.abs(self.error[:, self.time >= since]).max(axis=1)
-        return peak
+        return np.asarray(np.abs(self.error[:, self.time >= since]).max(axis=1))
 
     def rms_torque(self, since: float = 0.0) -> Array:
         """Root mean square of the torque asked for, N*m, (cases,)."""
@@ -93,8 +91,7 @@ class Trajectory:
     def chatter(self, since: float = 0.0) -> Array:
         """Total variation of the torque asked for, per second, N*m/s, (cases,)."""
         kept = self.time >= since
-        varied: Array = np.abs(np.diff(self.torque[:, kept], axis=1)).sum(axis=1)
-        return varied / float(np.ptp(self.time[kept]))
+        return np.asarray(np.abs(np.diff(self.torque[:, kept], axis=1)).sum(axis=1) / float(np.ptp(self.time[kept])))
 
     def energy(self, since: float = 0.0) -> Array:
         """Work that the drive did at the joint, its torque held over each period, J, (cases,)."""
@@ -124,8 +121,7 @@ def simulate(
         reference: what every case is to do, or each its own, at every control period.
         period: s.
         disturbance: what acts beside it; None: nothing.
-        stiff: whether CVODES solves the plant between samples: the reference to compare with, some hundred times
-            slower.
+        stiff: whether CVODES solves the plant between samples: the reference to compare with, a hundred times slower.
         alike: whether all cases are the first one, whose numbers are then constants of what is compiled. That rounds
             otherwise than numbers that are given, and the bytes of the embedded logs rest on it.
 
@@ -138,7 +134,7 @@ def simulate(
             f"got {len(cases)} cases, {n} samples and a period of {period:g} s; expected at least one, two, and a positive period"
         )
     signals = [np.asarray(x, dtype=float) for x in flat(Given(reference, disturbance or Disturbance()))]
-    numbers = np.array([numbers_of(case, period) for case in cases])
+    numbers = np.array([flat(numbers_of(case, period)) for case in cases])
     if not (all(np.isfinite(x).all() for x in signals) and np.isfinite(numbers).all()):
         raise InputError(
             "the reference, load, drift or noise of a run, or its case, holds a value that is not finite; expected numbers throughout"
@@ -151,7 +147,7 @@ def simulate(
     options = with_law_of(options, cases)
     refuse_long_period(options, cases, period)
     given = [np.broadcast_to(x, (len(cases), n)) for x in signals]
-    run = partial(_run, options, named(cases[0], period) if alike else None, stiff=stiff)
+    run = partial(_run, options, numbers_of(cases[0], period) if alike else None, stiff=stiff)
     workers = 1 if stiff else min(threads(), len(cases))
     parts = [slice(*ends) for ends in pairwise(round(k * len(cases) / workers) for k in range(workers + 1))]
     for part in parts:

@@ -57,12 +57,7 @@ def python_torque(joint: ExportedJoint, compensator: Compensator, inputs: dict[s
     running = RunningCompensator(compensator, numbers_of(joint), rises=rises)
     motion = ("dt", "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity")
     rows = np.array([inputs[name] for name in (*motion, "motor_torque", "link_torque")]).T.tolist()
-    return np.array(
-        [
-            running.step(h, (y_ref, v_ref, a_ref), y, v, (tau_m, tau_l) if rises else None)
-            for h, y_ref, v_ref, a_ref, y, v, tau_m, tau_l in rows
-        ]
-    )
+    return np.array([running.step(x[0], (*x[1:4],), x[4], x[5], (*x[6:],) if rises else None) for x in rows])
 
 
 def header(joint: ExportedJoint, compensator: Compensator) -> str:
@@ -89,13 +84,20 @@ def header(joint: ExportedJoint, compensator: Compensator) -> str:
     code = _code(kind_of(compensator), joint.law, rises)
     told = f"{joint.name}{joint.pair if joint.has_bristle else joint.curves}{sorted(given.items())}"
     guard = hashlib.sha256(told.encode("utf-8", "surrogatepass")).hexdigest()[:12].upper()
-    comments = (c_code.escaped(text) for text in (*notes(joint), *_about(compensator, joint)))
+    a, about = compensator.adaptation, list(notes(joint))
+    adapts = f", adapting {', '.join(a.parameters)} by the {a.law} law, {a.step} step" if a else ", without adaptation"
+    about.append(f"compensator: {compensator.name}{adapts}")
+    torque = unit("torque", joint.kind)
+    if slides(joint.kind) or has_own_unit(joint.kind):
+        of = f"rad is {unit('position', joint.kind)}, and N*m {torque}"
+        about.append(f"units below are those of a joint that turns; here {of}")
+    comments = map(c_code.escaped, about)
     context = dict(
         joint=shortened(joint.name), name=identifier(joint), compensator=compensator.name,
         notes=[line for text in comments for line in textwrap.wrap(text, 140, break_on_hyphens=False)],
-        double_only=compensator.name == "lugre-observer" and compensator.adaptation is not None,
+        double_only=compensator.name == "lugre-observer" and a is not None,
         guard=f"BRISTLE_{guard}", sets=[[digits(getattr(p, name)) for name in printed.fields] for p in numbers_of(joint)],
-        cogging=_cogging(joint), torque_unit=unit("torque", joint.kind), settings=[(name, digits(given[name])) for name in printed.settings],
+        cogging=_cogging(joint), torque_unit=torque, settings=[(name, digits(given[name])) for name in printed.settings],
         rows=[[*map(digits, row)] for row in rows], columns=printed.inputs,
         tolerances=(digits(_DOUBLE), digits(_SINGLE)), allowed=(digits(_DOUBLE * peak), digits(_SINGLE * peak)), **code,
     )  # fmt: skip  # a list of values
@@ -139,15 +141,6 @@ def kind_of(compensator: Compensator) -> Compensator:
     a = compensator.adaptation
     kind = a and Adaptation(law=a.law, step=a.step, parameters=a.parameters, gamma=(0.0,) * len(a.parameters))
     return Compensator(name=compensator.name, velocity=compensator.velocity, adaptation=kind)
-
-
-def _about(compensator: Compensator, joint: ExportedJoint) -> Iterator[str]:
-    """What is computed, and in which units."""
-    a = compensator.adaptation
-    adapts = f", adapting {', '.join(a.parameters)} by the {a.law} law, {a.step} step" if a else ", without adaptation"
-    yield f"compensator: {compensator.name}{adapts}"
-    if slides(joint.kind) or has_own_unit(joint.kind):
-        yield f"units below are those of a joint that turns; here rad is {unit('position', joint.kind)}, and N*m {unit('torque', joint.kind)}"
 
 
 @cache
