@@ -17,13 +17,14 @@ from bristle.questions.experiment_design.excitation import MEASURED
 from bristle.questions.experiment_design.loading import design_loading
 from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.start import scatter
-from bristle.questions.experiment_design.velocities import evaluate_design, spaced_speeds
+from bristle.questions.experiment_design.velocities import evaluate_design
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import experiments
 
 from ..conftest import TRUTH, Ran, few_motions_tried, run, speeds, write
 from ..pages import assert_tables_are_named, findings, page_text
 from ..sameness import held, of_kind, without_sentences
+from .simulated_fits import spaced_speeds
 from .test_captions import NUMBER
 
 PARTS = ("now", "with velocities", "with loading", "with motion")

@@ -22,15 +22,13 @@ from bristle.model.laws.parts import FASTEST, Law, OwnParameter, Peak, ViscousTe
 from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.model.vectorize import evaluate
 from bristle.questions.export import c_header, export, fmu, mjcf
-from bristle.questions.export.artefact import Request
-from bristle.questions.export.equations import equations
+from bristle.questions.export.artefact import Request, equations
 from bristle.questions.export.export import TARGETS
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.json_document import joints_in, read_export, write_json
 from bristle.questions.export.latex import write_latex
-from bristle.questions.export.loss import all_motions, losses, lugre
+from bristle.questions.export.loss import all_motions, best_symmetric, losses, lugre
 from bristle.questions.export.matlab import write_matlab
-from bristle.questions.export.symmetric import best_symmetric
 from export_checks import check
 from export_checks.c import compiled, motion
 from export_checks.documents import check_json, check_latex

@@ -9,8 +9,7 @@ from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.questions.export import mjcf
 from bristle.questions.export.artefact import ExportTarget, Request
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.loss import all_motions, losses, lugre
-from bristle.questions.export.symmetric import best_symmetric
+from bristle.questions.export.loss import all_motions, best_symmetric, losses, lugre
 from export_checks import check
 from export_checks.common import as_read
 

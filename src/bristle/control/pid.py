@@ -13,14 +13,11 @@ T = TypeVar("T")
 
 
 class Gains(NamedTuple, Generic[T]):
-    """Gains of (21) for an error in rad and an output in N*m."""
+    """Gains of (21) for an error in rad and an output in N*m: N*m/rad, N*m/(rad*s) and N*m*s/rad."""
 
     K_p: T
-    """N*m/rad."""
     K_i: T
-    """N*m/(rad*s)."""
     K_d: T
-    """N*m*s/rad."""
     filter_time: T
     """Time constant of the first-order filter on the derivative, s, >= 0; at 0 the plain backward difference is left."""
 

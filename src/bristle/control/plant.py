@@ -30,14 +30,11 @@ _TINY = 1e-100
 
 
 class State(NamedTuple):
-    """The plant at one instant."""
+    """The plant at one instant: rad, rad/s, and the bristle's deflection z, rad."""
 
     position: Expression
-    """rad."""
     velocity: Expression
-    """rad/s."""
     deflection: Expression
-    """Bristle deflection z, rad."""
 
 
 STILL = State(0.0, 0.0, 0.0)

@@ -93,14 +93,11 @@ ASSUMPTIONS: tuple[str, ...] = (
 
 
 class ArmLog(NamedTuple):
-    """What the arm's drives logged."""
+    """What the arm's drives logged: s, (n,); rad and A, (n, joints)."""
 
     time: Array
-    """s, (n,)."""
     position: Array
-    """rad, (n, joints)."""
     current: Array
-    """A, (n, joints)."""
 
 
 def arm_folder() -> Path:

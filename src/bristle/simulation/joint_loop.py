@@ -30,7 +30,7 @@ from bristle.identification.moving_runs import load_columns, terms_of
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, effort, unit
+from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, ParameterName, effort, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.rollout import load_level
 from bristle.model.vectorize import evaluate
@@ -227,13 +227,9 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     by_deflection = f"from a deflection of {DEFLECTION:g} of the {'travel' if joint.travel else 'amplitude'}"
     ways = {"sigma_0": by_deflection, "sigma_1": f"from (15) with a damping ratio of {DAMPING_RATIO:g}"}
     assumed += [
-        Finding(
-            "bristle-filled", CAUTION,
-            f"{name} ({d}): not identifiable from these data; assumed {getattr(p, name):.3g} {unit(name, joint.kind)}, {how}.",
-            {"name": name, "direction": d, "value": getattr(p, name)},
-        )
+        bristle_filled(ParameterName(name, d), getattr(p, name), joint.kind, how)
         for d, p in zip(SIGNED, model, strict=True) for name, how in ways.items() if name in known.missing(d)
-    ]  # fmt: skip  # a list of values
+    ]  # fmt: skip  # two loops
     compensator, adaptation = asked_parts(experiment)
     if asked.gamma is None:
         adaptation = _paced(adaptation, model.positive, gains.K_p, speed, assumed)
@@ -275,6 +271,13 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         told = Finding("load-of-reference", CAUTION, message, numbers)
         loop = replace(loop, assumptions=(told, *loop.assumptions))
     return replace(loop, compensator=replace(compensator, observer_gain=loop.observer_gain))
+
+
+def bristle_filled(name: ParameterName, value: float, kind: JointKind, how: str) -> Finding:
+    """That no run shows a parameter of the bristle, and what is assumed."""
+    of = f"{name.name} ({name.direction})" if name.direction in SIGNED else name.name
+    message = f"{of}: not identifiable from these data; assumed {value:.3g} {unit(name.name, kind)}, {how}."
+    return Finding("bristle-filled", CAUTION, message, {"name": name.name, "value": value, "direction": name.direction})
 
 
 def _carried(joint: Joint) -> Carried | None:

@@ -72,25 +72,16 @@ class MotionProblem:
 
 
 def motion_problem(start: Start, limits: Limits, prior_information: Array, aim: str, duration: float) -> MotionProblem:
-    """What the tracking motion is judged by, after the rest of the plan.
-
-    Other joints are drawn where parameters are unsure.
-
-    Args:
-        start: what is known of the joint.
-        limits: of the motion.
-        prior_information: after the rest of the plan, (p, p).
-        aim: a parameter, in both directions, or `all`.
-        duration: s.
-    """
-    free = [k for k, name in enumerate(start.names) if name not in start.given]
+    """What the tracking motion is judged by, for a parameter, in both directions, or `all`; other joints are drawn where parameters are unsure."""
     relative = covariance(start.known)[0] / np.abs(start.estimate)
     guessed = np.array([name in start.guessed for name in start.names])
     spread = np.where(guessed, _UNSURE, np.where(np.isfinite(relative), np.minimum(relative, _UNSURE), 0.0))
     rng = np.random.default_rng(SEED)
-    drawn = [start.estimate]
-    if spread.max() > 0.2:  # too unsure for a motion that is the best at the estimate alone
-        drawn += [start.estimate * np.exp(spread * rng.standard_normal(spread.size)) for _ in range(2)]
+    others = 2 if spread.max() > 0.2 else 0  # too unsure for a motion that is the best at the estimate alone
+    drawn = [
+        start.estimate,
+        *(start.estimate * np.exp(spread * rng.standard_normal(spread.size)) for _ in range(others)),
+    ]
     # finer than the equations where it must be, of as much noise
     step = min(start.equation_step, 1 / (SAMPLES * limits.frequency))
     return MotionProblem(
@@ -101,7 +92,7 @@ def motion_problem(start: Start, limits: Limits, prior_information: Array, aim: 
         step=step,
         limits=limits,
         duration=duration,
-        aims=tuple(k for k in free if aim in ("all", start.names[k].name)),
+        aims=tuple(k for k, n in enumerate(start.names) if n not in start.given and aim in ("all", n.name)),
     )
 
 

@@ -82,9 +82,7 @@ def plan_loading(
 def design_loading(
     direction: Direction, p: Lugre[float], g0_error: float, noise: float, count: float, share: float = 1.0
 ) -> LoadingDesign:
-    """The peak and the rise of slow loading that show sigma_0 best.
-
-    What the quasi-static estimate neglects counts as an error.
+    """The peak and the rise of slow loading that show sigma_0 best; what the quasi-static estimate neglects counts as an error.
 
     Args:
         direction: + or -.

@@ -24,7 +24,6 @@ from bristle.questions.experiment_design.loading import LoadingDesign, plan_load
 from bristle.questions.experiment_design.references import (
     DEFLECTIONS,
     SETTLE,
-    Parts,
     PlannedRun,
     duration,
     in_turn,
@@ -118,12 +117,10 @@ class Plan:
             opened = tuple(name for name, x in zip(names, now, strict=True) if not x <= limit)
             widest, left = max(known, key=now.__getitem__), then.index(max(then))
             after = f"{then[left]:.2g} % of the value ({names[left]})"
+            before = f"The widest interval goes from {now[widest]:.2g} % ({names[widest]}) to"
             if opened:
-                message += (
-                    f" Now {', '.join(map(str, opened))} cannot be identified; then the widest interval is {after}."
-                )
-            else:
-                message += f" The widest interval goes from {now[widest]:.2g} % ({names[widest]}) to {after}."
+                before = f"Now {', '.join(map(str, opened))} cannot be identified; then the widest interval is"
+            message += f" {before} {after}."
             numbers |= {"before": now[widest], "after": then[left], "opened": opened}
         return Finding("plan-narrows", NOTE, message, numbers)
 
@@ -131,12 +128,10 @@ class Plan:
     def warnings(self) -> tuple[Finding, ...]:
         """What even this plan would not show, and what would."""
         relative = self.standard_errors["with motion"] / np.abs(self.start.estimate)
-        unseen = tuple(self.start.names[k] for k in self.free if not relative[k] <= _UNSEEN)
         warnings = []
-        if unseen:
-            message = (
-                f"Even after this plan {', '.join(map(str, unseen))} would not be identifiable within these limits."
-            )
+        if unseen := tuple(self.start.names[k] for k in self.free if not relative[k] <= _UNSEEN):
+            named = ", ".join(map(str, unseen))
+            message = f"Even after this plan {named} would not be identifiable within these limits."
             warnings.append(Finding("still-unseen", CAUTION, message, {"names": unseen}))
         # Of what the planned motion, the first, tells clearly less than the measured one.
         planned, measured = self.motions[0].errors, next((m.errors for m in self.motions if m.name == MEASURED), np.inf)
@@ -207,7 +202,22 @@ def plan(
             f"the {aim} is given as exact: there is nothing to plan for it; give its standard error, or leave it out of the experiment file"
         )
     limits, of_frequency = followed(limits, measured.experiment.plan.frequency)
-    runs, loadings, parts, limits, share = _within_time(measured, joint, start, limits, velocities, aim)
+    share = 1.0
+    while share > 0.02:  # every time is shortened by one share where all of it would take longer
+        short = shortened(limits, share)
+        runs = tuple(plan_velocities(start, d, short, velocities, aim, share) for d in start.directions)
+        loadings = tuple(plan_loading(measured, joint, start, d, short, share) for d in SIGNED)
+        parts = in_turn([v for x in runs for v in x.velocities], largest_deflection(start), short)
+        needed = duration(parts, loadings, short, share * DURATION)
+        if limits.time is None or needed <= limits.time:
+            limits = short
+            break
+        share *= min(0.9, limits.time / needed)
+    else:
+        raise InputError(
+            f"{measured.experiment.path.name}: plan.time: {limits.time:g} s are too few for {velocities} velocities in each direction, loading "
+            "and a motion; give more time or fewer velocities"
+        )
 
     # Information about all parameters, (p, p), now and after each part of the plan.
     information = {"now": start.known, "with velocities": start.known}
@@ -238,9 +248,9 @@ def plan(
         f"Each hold starts with a run-in of at least {SETTLE:g} s, or {DEFLECTIONS:g} bristle deflections of travel; "
         "the bristle forgets its state over one deflection."
     )
-    count = f"{start.resolution:.3g} {unit('position', joint.kind)} per count"
-    unknown = "the count is unknown; loading is planned as if the encoder were fine"
-    encoder = f"Encoder: {count if start.resolution else unknown}."
+    encoder = "Encoder: the count is unknown; loading is planned as if the encoder were fine."
+    if start.resolution:
+        encoder = f"Encoder: {start.resolution:.3g} {unit('position', joint.kind)} per count."
     assumed = (
         Finding("plan-local", NOTE, local, {"others": others}),
         Finding("references-followed", NOTE, exact),
@@ -269,23 +279,3 @@ def check_plan(velocities: int, aim: str, law: Law | None = None) -> None:
         )
     if aim not in (*aims, "all") and (law is not None or own_parameter(aim) is None):
         raise InputError(f"got {aim!r} as what to plan for; expected one of {', '.join(aims)}, or all")
-
-
-def _within_time(
-    measured: Measured, joint: Joint, start: Start, limits: Limits, velocities: int, aim: str
-) -> tuple[tuple[VelocityPlan, ...], tuple[LoadingDesign, ...], Parts, Limits, float]:
-    """Velocities and loadings within the limit of time: every time is shortened by one share where all of it would take longer."""
-    share = 1.0
-    while share > 0.02:
-        short = shortened(limits, share)
-        runs = tuple(plan_velocities(start, d, short, velocities, aim, share) for d in start.directions)
-        loadings = tuple(plan_loading(measured, joint, start, d, short, share) for d in SIGNED)
-        parts = in_turn([v for x in runs for v in x.velocities], largest_deflection(start), short)
-        needed = duration(parts, loadings, short, share * DURATION)
-        if limits.time is None or needed <= limits.time:
-            return runs, loadings, parts, short, share
-        share *= min(0.9, limits.time / needed)
-    raise InputError(
-        f"{measured.experiment.path.name}: plan.time: {limits.time:g} s are too few for {velocities} velocities in each direction, loading and a "
-        "motion; give more time or fewer velocities"
-    )

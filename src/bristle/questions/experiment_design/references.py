@@ -42,17 +42,14 @@ Kind = Literal["ramp", "presliding", "tracking", "move"]
 
 @result
 class PlannedRun:
-    """One run; what is not commanded is nan. Arrays of shape (n,), n >= 1."""
+    """One run; position, rad, velocity, rad/s, and torque, N*m, have the shape (n,), n >= 1; what is not commanded is nan."""
 
     kind: Kind
     run: int
     """Its number, from 1; 0 for a move."""
     position: Array
-    """rad."""
     velocity: Array
-    """rad/s."""
     torque: Array
-    """N*m."""
 
 
 def ramp_time(velocity: float, limits: Limits) -> float:
@@ -99,10 +96,8 @@ def ordered(holds: Sequence[Hold], limits: Limits) -> list[tuple[float, Hold]]:
     """Every pass with the position at which it starts, rad: back and forth in turn, as near as can be to where the last one ended."""
     forth = sorted((h for h in holds if h.velocity > 0), key=lambda h: abs(h.travel))
     back = sorted((h for h in holds if h.velocity < 0), key=lambda h: abs(h.travel))
-    found, at = [], _middle(limits)
-    spare = (1 - _USED) * limits.travel / 2
+    found, at, ahead, spare = [], _middle(limits), True, (1 - _USED) * limits.travel / 2
     low, high = limits.position[0] + spare, limits.position[1] - spare
-    ahead = True
     while forth or back:
         queue = (forth or back) if ahead else (back or forth)
         hold = queue.pop(0)
@@ -135,17 +130,17 @@ def samples_of(part: Hold | Move | SlowLoads, step: float) -> float:
 def played(part: Hold | Move | SlowLoads, step: float, start: float = 0.0, run: int = 0) -> PlannedRun:
     """A hold or a move, or loads as a run of that number, sampled every step, s; `start`: where a hold begins, rad."""
     time = np.arange(int(samples_of(part, step)), dtype=np.float64) * step
-    if isinstance(part, SlowLoads):
-        lost = np.full(time.size, np.nan)
-        return PlannedRun(kind="presliding", run=run, position=lost, velocity=lost, torque=part.at(time).torque)
     if isinstance(part, Hold):
         return _driven("ramp", part.run, part.at(time, start))
-    return _driven("move", 0, part.at(time))
+    if isinstance(part, Move):
+        return _driven("move", 0, part.at(time))
+    lost = np.full(time.size, np.nan)
+    return PlannedRun(kind="presliding", run=run, position=lost, velocity=lost, torque=part.at(time).torque)
 
 
-def _driven(kind: Kind, run: int, played: Reference) -> PlannedRun:
-    lost = np.full(played.position.size, np.nan)
-    return PlannedRun(kind=kind, run=run, position=played.position, velocity=played.velocity, torque=lost)
+def _driven(kind: Kind, run: int, by: Reference) -> PlannedRun:
+    lost = np.full(by.position.size, np.nan)
+    return PlannedRun(kind=kind, run=run, position=by.position, velocity=by.velocity, torque=lost)
 
 
 def in_turn(velocities: Sequence[float], deflection: float, limits: Limits) -> Parts:

@@ -185,21 +185,19 @@ def _filled(
     missing = [name for name in estimated_of(law) if name not in seen and not (of_shape(name) and held.get(name))]
     if {"alpha_1", "v_s"} & set(missing):  # nothing of a peak is anything without the other
         missing = [n for n in estimated_of(law) if n in missing or n in peak_parameters(law)]
-    sigma_0 = seen["sigma_0"].value if "sigma_0" in seen else assumed_stiffness(alpha_0, limits.travel)
+    sigma_0 = (seen["sigma_0"].value if "sigma_0" in seen else assumed_stiffness(alpha_0, limits.travel)) or 0.0
     rates = viscous_rates(limits.velocity, law).items()
     viscous = {name: _VISCOUS * alpha_0 / (limits.velocity * float(rate)) for name, rate in rates}
-    shape = {own.name: own.middle for own in law.peak.own}
-    fastest = {FASTEST: limits.velocity} if law.terms else {}
-    guess = lugre_of(law)(
-        alpha_0=alpha_0,
-        alpha_1=_PEAK * alpha_0,
-        v_s=float(np.sqrt(limits.slowest * limits.velocity / 3)),
-        sigma_0=sigma_0 or 0.0,
-        sigma_1=assumed_damping(sigma_0 or 0.0, J),
-        **{**viscous, **shape, **fastest, **{name: x for name, x in held.items() if x and name not in missing}},
+    guess = {
+        "alpha_0": alpha_0, "alpha_1": _PEAK * alpha_0, "v_s": float(np.sqrt(limits.slowest * limits.velocity / 3)),
+        "sigma_0": sigma_0, "sigma_1": assumed_damping(sigma_0, J),
+    }  # fmt: skip  # a list of values
+    guess |= (
+        viscous | {own.name: own.middle for own in law.peak.own} | ({FASTEST: limits.velocity} if law.terms else {})
     )
-    values = {n: e.value for n, e in seen.items() if e.value is not None and n not in missing}
-    return guess._replace(**values), missing
+    guess |= {name: x for name, x in held.items() if x and name not in missing}
+    guess |= {n: e.value for n, e in seen.items() if e.value is not None and n not in missing}
+    return lugre_of(law)(**guess), missing
 
 
 def _guess(parameter: ParameterName, value: float, joint: Joint) -> Finding:

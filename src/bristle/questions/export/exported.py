@@ -54,7 +54,7 @@ from bristle.model.parameters import (
     unit,
     units_of,
 )
-from bristle.simulation.joint_loop import fastest_measured
+from bristle.simulation.joint_loop import bristle_filled, fastest_measured
 
 T = TypeVar("T")
 WAYS = dict(zip(Direction, ("positive", "negative", "both", "shared"), strict=True))
@@ -217,7 +217,7 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
     ways = (Direction.BOTH,) if known.directions == (Direction.BOTH,) and not signed else SIGNED
     sources = {row.parameter: str(row.source) for row in chosen(joint)}
     rows = [row for d in ways for row in _direction(joint, known, d, J, sources)]
-    said = [*_assumed(known, ways, rows, J)]
+    said = [*_assumed(known, ways, rows, joint.kind, J)]
     for row in chosen(joint):  # what is of no direction, as far as it has a value
         if not of_friction(row.parameter.name) and row.estimate.value is not None:
             name = ParameterName.parse(str(row.parameter))  # which is shared, whatever stage it is from
@@ -266,18 +266,18 @@ def _priors(e: Estimate) -> list[Finding]:
 
 
 def _assumed(
-    known: KnownJoint, ways: Sequence[Direction], rows: Sequence[ExportedParameter], J: float | None
+    known: KnownJoint, ways: Sequence[Direction], rows: Sequence[ExportedParameter], kind: Kind, J: float | None
 ) -> Iterator[Finding]:
     """What was assumed of each direction; what is assumed alike of both is said once, of both."""
-    of_each = [x for d in ways for x in _assumed_of(known, d, d, rows, J)]
-    of_both = [x for d in ways for x in _assumed_of(known, d, Direction.BOTH, rows, J)]
+    of_each = [x for d in ways for x in _assumed_of(known, d, d, rows, kind, J)]
+    of_both = [x for d in ways for x in _assumed_of(known, d, Direction.BOTH, rows, kind, J)]
     for own, both in zip(of_each, of_both, strict=True):
         numbers = {**both.numbers, "direction": Direction.BOTH}  # a prior names none by itself
         yield replace(both, numbers=numbers) if of_both.count(both) > 1 else own
 
 
 def _assumed_of(
-    known: KnownJoint, d: Direction, named: Direction, rows: Sequence[ExportedParameter], J: float | None
+    known: KnownJoint, d: Direction, named: Direction, rows: Sequence[ExportedParameter], kind: Kind, J: float | None
 ) -> Iterator[Finding]:
     """What was assumed of direction `d`, with `named` as the direction in the message."""
     missing, numbers = known.missing(d), {"direction": named}
@@ -294,12 +294,10 @@ def _assumed_of(
         )
         yield Finding("export-without-bristle", CAUTION, message, numbers)
     elif "sigma_1" in missing:
-        row = next(x for x in rows if x.parameter == ParameterName("sigma_1", d))
-        in_brackets = f" ({named})" if named in SIGNED else ""
+        value = next(x.value for x in rows if x.parameter == ParameterName("sigma_1", d))
         ratio = f"from (15) with a damping ratio of {DAMPING_RATIO:g}"
         how = ratio if J else "for no inertia is known, without which (15) gives no damping"
-        message = f"sigma_1{in_brackets}: not identifiable from these data; assumed {row.value:.3g} {row.unit}, {how}."
-        yield Finding("bristle-filled", CAUTION, message, {"name": "sigma_1", "value": row.value, **numbers})
+        yield bristle_filled(ParameterName("sigma_1", named), value, kind, how)
     elif e := known.estimate("sigma_1", d):
         yield from _priors(e)
 

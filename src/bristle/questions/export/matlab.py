@@ -15,8 +15,7 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import unit
 from bristle.model.printing import FUNCTIONS, Language, Term, statements
 from bristle.page.wording import slugs
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, in_ascii, notes, slug
-from bristle.questions.export.equations import equations
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, equations, in_ascii, notes, slug
 from bristle.questions.export.exported import WAYS, ExportedJoint
 
 _LONGEST = 50

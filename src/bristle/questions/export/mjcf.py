@@ -22,8 +22,7 @@ from bristle.page.wording import shortened
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, notes
 from bristle.questions.export.coulomb_viscous import CoulombViscous, comment_lines, target_of
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.loss import Loss, all_motions, losses, told
-from bristle.questions.export.symmetric import SymmetricSet, best_symmetric
+from bristle.questions.export.loss import Loss, SymmetricSet, all_motions, best_symmetric, losses, told
 from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named, model_read
 
 NAME, FRICTIONLOSS_NAME = "mujoco", "mujoco-frictionloss"
