@@ -1,7 +1,6 @@
 """The FMU is the joint in Python to the last bits, follows the continuous equations, and refuses what it cannot do without harm."""
 
 import ctypes
-import importlib
 import math
 import platform
 import re
@@ -36,7 +35,6 @@ from export_checks.common import NotInstalled
 from export_checks.fmu import (
     STEP,
     LoadedFmu,
-    Played,
     communication_points,
     drive_torque,
     fmu_problems,
@@ -561,15 +559,6 @@ def test_a_machine_of_another_kind_gets_sources(handed: Handed, monkeypatch: pyt
     assert "C sources alone: this machine is not linux64" in handed_over(handed()).holds
 
 
-def test_a_check_says_that_fmpy_is_missing(handed: Handed, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without fmpy, what to install."""
-    monkeypatch.setattr(importlib, "import_module", lambda name: (_ for _ in ()).throw(ImportError(name)))
-    installed_fmpy.cache_clear()
-    joint = handed()
-    with pytest.raises(NotInstalled, match=r"fmpy is not installed; install bristle\[fmu\]"):
-        check("fmu", Artefact(name="x", content=b"", holds=""), [joint], Request())
-
-
 @needs_fmpy
 def test_a_joint_that_slides_has_its_units(handed: Handed) -> None:
     """N and m, defined; the description is valid."""
@@ -592,11 +581,3 @@ def test_units_are_si() -> None:
     assert base_units("kg*m**2") == {"kg": 1, "m": 2}
     assert base_units("N/m") == {"kg": 1, "s": -2}
     assert base_units("m/s") == {"m": 1, "s": -1}
-
-
-def test_a_played_joint_is_compared_by_its_largest() -> None:
-    """The measure of `export_checks` is the largest difference over the largest value, of position or velocity, whichever is worse."""
-    one, zero = np.array([0.0, 2.0]), np.zeros(2)
-    assert of_largest(
-        Played(one, one + np.array([0.0, 0.02]), zero, zero), Played(one, one, zero, zero)
-    ) == pytest.approx(0.01)

@@ -224,11 +224,8 @@ def check_equations(joint: ExportedJoint) -> None:
 _PYTHON = {
     "Min": min,
     "Max": max,
-    "exp": math.exp,
-    "log": math.log,
-    "sqrt": math.sqrt,
     "sign": np.sign,
-    "atan": math.atan,
+    **{name: getattr(math, name) for name in ("exp", "log", "sqrt", "atan")},
 }
 """What SymPy's text calls."""
 

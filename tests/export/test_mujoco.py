@@ -13,7 +13,7 @@ from bristle.questions.export.loss import all_motions, best_symmetric, losses, l
 from export_checks import check
 from export_checks.common import as_read
 
-from .conftest import HOSTILE, SURROGATE, Handed, beside, scaled
+from .conftest import HOSTILE, SURROGATE, Handed, scaled
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 TARGETS = [mjcf.TARGET, mjcf.FRICTIONLOSS]
@@ -216,11 +216,3 @@ def test_what_cannot_be_merged_into_is_refused(handed: Handed, target: ExportTar
     if target is mjcf.FRICTIONLOSS:
         once = target.write([joint], Request(into=ROBOT, into_name="arm.xml")).content
         assert target.write([joint], Request(into=once, into_name="arm.xml")).content == once
-
-
-def test_a_shared_quadratic_term_is_left_out_and_counts_as_lost(handed: Handed) -> None:
-    """V abs(v) is named, and the losses hold what of it no viscous friction replaces."""
-    joint = beside(same(handed("wrist pitch")), quadratic=0.2)
-    artefact = mjcf.TARGET.write([joint], Request())
-    assert "export-leaves-out" in {x.code for x in artefact.said}
-    assert artefact.losses[joint.name][0].percent > 1

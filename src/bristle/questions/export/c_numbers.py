@@ -96,10 +96,15 @@ def _own(name: str, law: Law) -> OwnParameter | None:
     return next((own for own in law.own if own.name == name), None)
 
 
+def ranges(name: str, law: Law = GAUSSIAN, *, adapts: bool) -> tuple[_Range, _Range]:
+    """Lowest and highest value of a number in double precision, and in single."""
+    double, known = range_of(name, law), _NUMBERS.get(stem_of(name))
+    return double, (known and known.single) or double if adapts else double
+
+
 def c_field(name: str, law: Law = GAUSSIAN, *, adapts: bool) -> CField:
     """A number of a struct, of a compensator that adapts or does not; of a set, with the law whose parameters it has."""
-    double, known = range_of(name, law), _NUMBERS.get(stem_of(name))
-    single = (known and known.single) or double if adapts else double
+    double, single = ranges(name, law, adapts=adapts)
     low, high = (
         f"BR_C({digits(x)})" if x == y else f"BR_K({digits(x)}, {digits(y)})"
         for x, y in zip(double, single, strict=True)
@@ -107,8 +112,8 @@ def c_field(name: str, law: Law = GAUSSIAN, *, adapts: bool) -> CField:
     shown = "[{:g}, {:g}]".format(*double) + ("" if single == double else " (single [{:g}, {:g}])".format(*single))
     own, stem = _own(name, law), stem_of(name)
     if own is None:
-        told = _NUMBERS[stem]
-        return CField(name, told.unit, told.what.format(name.removeprefix(f"{stem}_")), low, high, shown)
+        known = _NUMBERS[stem]
+        return CField(name, known.unit, known.what.format(name.removeprefix(f"{stem}_")), low, high, shown)
     of_peak = own in law.peak.own
     part = law.peak if of_peak else next(term for term in law.terms if term.coefficient == own)
     kind = "shape of the peak" if of_peak else "viscous friction"
