@@ -37,10 +37,8 @@ Law = Literal["printed", "partial", "partial-theta", "total"]
 LAWS: tuple[Law, ...] = get_args(Law)
 Step = Literal["gradient", "normalised", "least-squares"]
 STEPS: tuple[Step, ...] = get_args(Step)
-_TYPESET = {"alpha_0", "alpha_2"}
-"""Parameters for which (19) and (20) are defined."""
-_LARGEST = 1e150
-"""Beyond this an input counts as no number, and nothing is learnt from it."""
+_TYPESET = {"alpha_0", "alpha_2"}  # parameters for which (19) and (20) are defined
+_LARGEST = 1e150  # beyond this an input counts as no number, and nothing is learnt from it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -38,10 +38,8 @@ from bristle.errors import InputError
 from bristle.model.vectorize import bound, chained
 from bristle.workers import threads
 
-_CHUNK = 1000
-"""Samples of every case in one CasADi call: what bounds the memory."""
-Run = Callable[[int, int], ca.Function]
-"""(samples, cases) -> their control periods as one function."""
+_CHUNK = 1000  # samples of every case in one CasADi call: what bounds the memory
+Run = Callable[[int, int], ca.Function]  # (samples, cases) -> their control periods as one function
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,11 +137,9 @@ def simulate(
         raise InputError(
             "the reference, load, drift or noise of a run, or its case, holds a value that is not finite; expected numbers throughout"
         )
-    lacking = [k for k, case in enumerate(cases) if options.inductance and not case.motor.L > 0]
-    if lacking:
-        raise InputError(
-            f"loop: inductance: got L = {cases[lacking[0]].motor.L:g} H for case {lacking[0]}; expected a positive number, or no inductance"
-        )
+    if options.inductance and (lacking := [k for k, case in enumerate(cases) if not case.motor.L > 0]):
+        got = f"L = {cases[lacking[0]].motor.L:g} H for case {lacking[0]}"
+        raise InputError(f"loop: inductance: got {got}; expected a positive number, or no inductance")
     options = with_law_of(options, cases)
     refuse_long_period(options, cases, period)
     given = [np.broadcast_to(x, (len(cases), n)) for x in signals]

@@ -1,8 +1,7 @@
-"""One control period of the closed loop.
+"""One control period of the closed loop: what it is made of, its expressions, and the functions that step it, exactly or by CVODES.
 
-What it is made of, its expressions, and the functions that step it, exactly or with CVODES between samples. The encoder
-reads, controller and compensator ask for a torque, the drive gives it (or the voltage that the motor model makes of
-it), and the plant goes on. Whatever goes in or out is a tuple with names; `flat` and `shaped` make the vectors.
+The encoder reads, controller and compensator ask for a torque, the drive gives it (or the voltage that the motor model makes of it), and the plant
+goes on. Whatever goes in or out is a tuple with names; `flat` and `shaped` make the vectors.
 """
 
 from collections.abc import Iterator, Sequence
@@ -168,8 +167,7 @@ class Period(NamedTuple):
     log: Logged
 
 
-UNDISTURBED = Given(Reference(0.0, 0.0, 0.0), Disturbance())
-"""At rest at zero, nothing acting."""
+UNDISTURBED = Given(Reference(0.0, 0.0, 0.0), Disturbance())  # at rest at zero, nothing acting
 
 
 def no_friction(of: Law) -> Pair[float]:
@@ -197,9 +195,7 @@ def blank_log(options: LoopOptions) -> Logged:
 
 def with_law_of(options: LoopOptions, cases: Sequence[Case]) -> LoopOptions:
     """The options for cases, whose plants are of one law, and whose models are. Raises InputError where they are not."""
-    plants, models = (
-        {x.law.name: x.law for x in pairs} for pairs in ([c.plant for c in cases], [c.model for c in cases])
-    )
+    plants, models = {c.plant.law.name: c.plant.law for c in cases}, {c.model.law.name: c.model.law for c in cases}
     if max(len(plants), len(models)) > 1:
         raise InputError(
             f"loop: got cases of the friction laws {', '.join(plants | models)}; run those of each by themselves"
@@ -254,10 +250,7 @@ def after(options: LoopOptions, now: Period, sent: Expression) -> LoopMemory:
 
 @lru_cache(maxsize=32)
 def control_period(options: LoopOptions, constants: Numbers | None = None) -> ca.Function:
-    """One control period: (memory, what is given, numbers) -> (memory, log).
-
-    With constants the numbers given are not looked at.
-    """
+    """One control period: (memory, what is given, numbers) -> (memory, log); with constants the numbers given are not looked at."""
     now = controlled(options, constants)
     new = ca.vertcat(*flat(after(options, now, now.sent)))
     return ca.Function("control_period", [*now.inputs], [new, ca.vertcat(*flat(now.log))], {"cse": True})
@@ -265,10 +258,7 @@ def control_period(options: LoopOptions, constants: Numbers | None = None) -> ca
 
 @lru_cache(maxsize=8)
 def stiff_control_period(options: LoopOptions) -> ca.Function:
-    """The same, the plant by CVODES at tight tolerances.
-
-    Variable steps and orders, implicit, nothing of the fast step in it.
-    """
+    """The same, the plant by CVODES at tight tolerances: variable steps and orders, implicit, nothing of the fast step in it."""
     now = controlled(options)
     kept = ca.vertcat(*flat(now.kept))
     state = ca.vertcat(*flat((now.memory.plant, now.memory.current)))

@@ -25,8 +25,7 @@ from bristle.model.parameters import Motor, Pair
 Current = Callable[[Expression, Expression, Motor[Any]], Expression]
 """(drive, velocity, motor) -> armature current, A: `motor.current` or `motor.current_for`."""
 
-_TINY = 1e-100
-"""Keeps sinh(w h) / w and sin(w h) / w finite at w = 0, where both are exact to rounding."""
+_TINY = 1e-100  # keeps sinh(w h) / w and sin(w h) / w finite at w = 0, where both are exact to rounding
 
 
 class State(NamedTuple):

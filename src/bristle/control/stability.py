@@ -36,12 +36,9 @@ from bristle.model import law, motor
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Pair
 
-_FAST = 1e3
-"""Multiples of v_s at which the joint slides."""
-_LEAST = 1e-4
-"""Growth in the period asked for, as a logarithm, that counts."""
-_HALVINGS, _BISECTIONS = 10, 10
-"""To find a shorter period that the loop bears, and then the longest."""
+_FAST = 1e3  # multiples of v_s at which the joint slides
+_LEAST = 1e-4  # growth in the period asked for, as a logarithm, that counts
+_HALVINGS, _BISECTIONS = 10, 10  # to find a shorter period that the loop bears, and then the longest
 
 
 def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: float) -> None:

@@ -37,10 +37,8 @@ from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
 from bristle.simulation.references import Sine
 
-_BEYOND = 30.0
-"""A reference may be so many times as fast as what was measured."""
-_FREQUENCY = 0.5
-"""Of the default reference, Hz."""
+_BEYOND = 30.0  # a reference may be so many times as fast as what was measured
+_FREQUENCY = 0.5  # of the default reference, Hz
 _BESIDE = ("offset", "gravity", "quadratic")
 """What takes torque along a motion beside friction, inertia and the links of a robot."""
 
@@ -203,9 +201,8 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         raise InputError(
             f"{joint.name}: no inertia is known, without which no loop can be simulated; give it as inertia, or a tracking run that shows it"
         )
-    carried = _carried(joint)
+    carried, fastest = _carried(joint), fastest_measured(joint)
     assumed = [] if carried else list(without_load(joint))
-    fastest = fastest_measured(joint)
     amplitude, frequency = requested_motion(asked, fastest)
     speed = 2 * np.pi * frequency * amplitude
     beyond = speed / fastest
@@ -318,17 +315,14 @@ def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assum
     A parameter that is wrong by a share s makes an error of position of about s p D / K_p, D the total derivative of the torque by it, so that its
     gain moves by gamma G s p D / K_p a second. Both are taken in steady sliding; a parameter that makes no torque there gets the rate zero.
     """
-    names = plain.parameters
     v = fastest * np.sin(np.pi * (np.arange(64) + 0.5) / 128)  # a quarter of the sine
     z, *by = evaluate(functions.steady_deflection_function(p.law), v, *p)
     T, T_z, *by_p = evaluate(functions.torque_sensitivity_function(p.law), z, v, *p)
-    places = [p._fields.index(name) for name in names]
-    G = np.abs(steady_gradient(plain, v, p))
-    rates = []
-    for k, (at, name) in enumerate(zip(places, names, strict=True)):
-        whole = getattr(p, name) * np.abs(by_p[at] + T_z * by[at])
-        worth = float(np.mean(G[k] * whole))
-        seen = worth > 1e-3 * float(np.mean(G[k]) * np.mean(np.abs(T)))
+    names, rates = plain.parameters, []
+    for name, G in zip(names, np.abs(steady_gradient(plain, v, p)), strict=True):
+        at = p._fields.index(name)
+        worth = float(np.mean(G * (getattr(p, name) * np.abs(by_p[at] + T_z * by[at]))))
+        seen = worth > 1e-3 * float(np.mean(G) * np.mean(np.abs(T)))
         rates.append(0.5 * K_p / worth if seen else 0.0)
     told = ", ".join(f"{rate:.3g}" for rate in rates)
     still = "" if all(rates) else "; zero where a parameter has no effect in steady sliding"

@@ -19,21 +19,15 @@ from bristle.progress import Progress, teller
 from bristle.questions.experiment_design.start import Start
 from bristle.simulation.references import Multisine
 
-PLANNED, MEASURED = "planned", "measured so far"
-"""Names of motions."""
-LINES = 6
-"""Sines of a motion."""
+PLANNED, MEASURED = "planned", "measured so far"  # names of motions
+LINES = 6  # sines of a motion
 SEED = 0
-TRIES, STEPS = 30, 500
-"""Motions to begin with, and exchanges tried from the best of them."""
-_REACH = (0.02, 0.4)
-"""Least and largest standard deviation of an exchange, as a share of the range."""
+TRIES, STEPS = 30, 500  # motions to begin with, and exchanges tried from the best of them
+_REACH = (0.02, 0.4)  # least and largest standard deviation of an exchange, as a share of the range
 _ROUGH = 10.0
 """Nodes so many times farther apart while motions are compared: errors a few percent off, in a quarter of the time."""
-_UNSURE = 1.0
-"""Standard deviation of the logarithm of a guess."""
-_GOOD = 0.97
-"""Of each limit is used, for what lies between samples."""
+_UNSURE = 1.0  # standard deviation of the logarithm of a guess
+_GOOD = 0.97  # of each limit is used, for what lies between samples
 
 
 @result

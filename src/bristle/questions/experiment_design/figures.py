@@ -23,10 +23,8 @@ from bristle.questions.experiment_design.velocities import errors_by_v_s
 
 _MOTIONS = ("#0072B2", "#E69F00", "#999999")
 _RISES = (("#999999", ":"), ("#E69F00", "--"), ("#009E73", "-."), ("#CC79A7", (0, (5, 1))), ("#0072B2", "-"))
-CEILING = 200.0
-"""Percent: an error beyond is drawn as this; nothing is seen of the parameter."""
-_APART, _ROW = 0.055, 0.085
-"""Least distance of two counts in a row, and height of a row, as shares of the axes."""
+CEILING = 200.0  # percent: an error beyond is drawn as this; nothing is seen of the parameter
+_APART, _ROW = 0.055, 0.085  # least distance of two counts in a row, and height of a row, as shares of the axes
 
 
 def _panels(plan: Plan, height: float, count: int = 1, **how: Any) -> tuple[Figure, list[Axes]]:

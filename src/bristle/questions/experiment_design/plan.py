@@ -35,15 +35,11 @@ from bristle.questions.experiment_design.velocities import VelocityPlan, largest
 if TYPE_CHECKING:
     import pandas as pd
 
-VELOCITIES = 12
-"""Runs at constant velocity in each direction."""
-DURATION = 15.0
-"""Longest tracking motion, s."""
+VELOCITIES = 12  # runs at constant velocity in each direction
+DURATION = 15.0  # longest tracking motion, s
 _MOST = 1000
-NORMAL = 1.96
-"""Half of a 95 % interval in standard errors."""
-_UNSEEN = 0.5
-"""A parameter whose expected relative standard error is wider is not seen."""
+NORMAL = 1.96  # half of a 95 % interval in standard errors
+_UNSEEN = 0.5  # a parameter whose expected relative standard error is wider is not seen
 
 
 @result

@@ -19,24 +19,16 @@ from bristle.questions.experiment_design.excitation import MotionDesign, course
 from bristle.questions.experiment_design.loading import CYCLES, LoadingDesign
 from bristle.simulation.references import FASTEST, HARDEST, STEEPEST, Hold, Move, SlowLoads
 
-SETTLE = 0.6
-"""Least run-in before a hold is averaged, s."""
-DEFLECTIONS = 8.0
-"""Bristle deflections travelled in a run-in: what came before is then forgotten to exp(-8)."""
-TURN = 0.2
-"""Least time from rest to a constant velocity, s."""
-SHORTEST = 0.25
-"""Least averaging time of one pass, s."""
-_REST = 0.5
-"""Rest before and after each run that starts from rest, s."""
-_USED = 0.999
-"""Of each limit, so that rounding in a file stays within it."""
+SETTLE = 0.6  # least run-in before a hold is averaged, s
+DEFLECTIONS = 8.0  # bristle deflections travelled in a run-in: what came before is then forgotten to exp(-8)
+TURN = 0.2  # least time from rest to a constant velocity, s
+SHORTEST = 0.25  # least averaging time of one pass, s
+_REST = 0.5  # rest before and after each run that starts from rest, s
+_USED = 0.999  # of each limit, so that rounding in a file stays within it
 
-MOST = 2_000_000
-"""Samples of all references at the most: five hours at the usual rate."""
+MOST = 2_000_000  # samples of all references at the most: five hours at the usual rate
 
-Parts = list[tuple[Hold | Move, float]]
-"""Holds and moves, each with where it begins, rad."""
+Parts = list[tuple[Hold | Move, float]]  # holds and moves, each with where it begins, rad
 Kind = Literal["ramp", "presliding", "tracking", "move"]
 
 

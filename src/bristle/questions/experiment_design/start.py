@@ -40,14 +40,10 @@ from bristle.model.parameters import (
     unit,
 )
 
-_PEAK = 0.1
-"""Stribeck amplitude to look for where none was found, as a share of alpha_0."""
-_VISCOUS = 0.1
-"""Viscous friction at the fastest speed where nothing shows it, as a share of alpha_0."""
-_TORQUE = 0.02
-"""Standard error of a hold's mean torque where nothing shows it, as a share of alpha_0."""
-_EQUATION = 0.01
-"""Time between independent equations of a moving run where there was none, s."""
+_PEAK = 0.1  # Stribeck amplitude to look for where none was found, as a share of alpha_0
+_VISCOUS = 0.1  # viscous friction at the fastest speed where nothing shows it, as a share of alpha_0
+_TORQUE = 0.02  # standard error of a hold's mean torque where nothing shows it, as a share of alpha_0
+_EQUATION = 0.01  # time between independent equations of a moving run where there was none, s
 
 
 @result

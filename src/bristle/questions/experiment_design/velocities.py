@@ -26,17 +26,12 @@ from bristle.questions.experiment_design.loading import seen_covariance
 from bristle.questions.experiment_design.references import fastest
 from bristle.questions.experiment_design.start import Start, inverse
 
-CANDIDATES = 200
-"""Speeds that the exchange chooses from, spaced evenly in log(v)."""
-NODES = 5
-"""Values of v_s that a criterion is averaged over, of equal probability."""
-STARTS = 3
-"""Designs at random that the exchange also begins with, beside the log-spaced and the evenly spaced one."""
+CANDIDATES = 200  # speeds that the exchange chooses from, spaced evenly in log(v)
+NODES = 5  # values of v_s that a criterion is averaged over, of equal probability
+STARTS = 3  # designs at random that the exchange also begins with, beside the log-spaced and the evenly spaced one
 SEED = 0
-_UNSEEN = 1e-300
-"""Information of a parameter that no speed shows at all."""
-_V_S = Stribeck._fields.index("v_s")
-"""Where it stands among the static parameters of any law."""
+_UNSEEN = 1e-300  # information of a parameter that no speed shows at all
+_V_S = Stribeck._fields.index("v_s")  # where it stands among the static parameters of any law
 
 
 @result

@@ -17,8 +17,7 @@ _HOLDS = (
 )
 _HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 _PLACEHOLDERS = "{} are placeholders, so that this file loads; copy <dynamics> into your own {}, or export into that."
-_FAR = "1000"
-"""A limit that is none."""
+_FAR = "1000"  # a limit that is none
 _TYPES = {False: ("revolute", "continuous"), True: ("prismatic",)}
 """Of a joint in a URDF or an SDF, by whether the exported one slides."""
 

@@ -33,8 +33,7 @@ _OTHERS: dict[int, Callable[..., str]] = {
 _SMALLEST, _LARGEST = 1e-24, 1e30
 """Numbers of single precision stay within these, so that their products and quotients do."""
 _ALWAYS = ("exp", "expm1", "log", "pow", "sqrt", "sin", "cos", "tanh")
-_OWN = ("abs", "sign", "min", "max")
-"""What the header has of its own."""
+_OWN = ("abs", "sign", "min", "max")  # what the header has of its own
 
 
 def math_of(lines: Sequence[str]) -> tuple[str, ...]:

@@ -29,10 +29,8 @@ from bristle.questions.export.c_step import NamedFunction, PrintedStep, printed_
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import losses, lugre, stated_motions
 
-_STEPS, _DT, _HERTZ = 48, 5e-3, 2.5
-"""The test vector: steps, their length, s, and the frequency of its sine, Hz."""
-_DOUBLE, _SINGLE = 1e-12, 5e-6
-"""How far a torque of the test vector may be off, over the largest."""
+_STEPS, _DT, _HERTZ = 48, 5e-3, 2.5  # the test vector: steps, their length, s, and the frequency of its sine, Hz
+_DOUBLE, _SINGLE = 1e-12, 5e-6  # how far a torque of the test vector may be off, over the largest
 
 
 def numbers_of(joint: ExportedJoint) -> Pair[float]:

@@ -21,8 +21,7 @@ from bristle.questions.export.exported import WAYS
 _INPUTS = (
     "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity", "dt", "motor_torque", "link_torque",
 )  # fmt: skip  # a list of names
-JOINT = ("position", "velocity", "deflection")
-"""What a simulated joint remembers."""
+JOINT = ("position", "velocity", "deflection")  # what a simulated joint remembers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

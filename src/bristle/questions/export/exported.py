@@ -59,8 +59,7 @@ from bristle.simulation.joint_loop import bristle_filled, fastest_measured
 T = TypeVar("T")
 WAYS = dict(zip(Direction, ("positive", "negative", "both", "shared"), strict=True))
 """What a direction is called where + and - cannot stand, as in C and MATLAB."""
-FREQUENCY = 0.5
-"""Hz, of the motions along which torques are compared."""
+FREQUENCY = 0.5  # Hz, of the motions along which torques are compared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,8 +36,7 @@ _FLAGS = (
 _LARGEST = 1e30
 _STEP, _RANGE = 1e-3, (1e-6, 1e-2)
 """Longest internal step, s: the default is no longer than that; between these it may be set."""
-_SHARE = 50
-"""Internal steps in the shorter one of the joint's two times."""
+_SHARE = 50  # internal steps in the shorter one of the joint's two times
 _INERTIA = (1e-9, range_of("inertia")[1])
 _TORQUE = (-1e6, 1e6)
 _ANY, _BEFORE, _NEVER = ("BR_INSTANTIATED | BR_INITIALISING | BR_STEPPING", "BR_INSTANTIATED | BR_INITIALISING", "0")
@@ -243,5 +242,4 @@ def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  #
     return artefact_of(joints, "fmu", ".fmu", zipped(files), holds, of_joint, counted=joint.cogging_names)
 
 
-TARGET = ExportTarget(write=write_fmu, single=True)
-"""Joint and friction."""
+TARGET = ExportTarget(write=write_fmu, single=True)  # joint and friction

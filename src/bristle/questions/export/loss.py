@@ -23,16 +23,11 @@ from bristle.page.wording import in_percent
 from bristle.questions.export.exported import FREQUENCY, ExportedJoint
 from bristle.simulation.references import Sine
 
-LARGE = 10.0
-"""Percent: a loss above it is said in a sentence."""
-_NONE = 1e-6
-"""Percent: less is rounding."""
-_PERIODS = 3
-"""That are simulated, from a bristle that is not bent; the last one counts."""
-_SAMPLES = 2000
-"""Of a period."""
-_SLOW = 0.1
-"""Of the fastest measured speed: the slow motion where no Stribeck velocity is below it."""
+LARGE = 10.0  # percent: a loss above it is said in a sentence
+_NONE = 1e-6  # percent: less is rounding
+_PERIODS = 3  # that are simulated, from a bristle that is not bent; the last one counts
+_SAMPLES = 2000  # of a period
+_SLOW = 0.1  # of the fastest measured speed: the slow motion where no Stribeck velocity is below it
 
 _REACH = np.log(1e3)
 """How far a parameter may go from the mean of both directions, as a logarithm: what no motion shows would run away."""
@@ -65,8 +60,7 @@ class Loss(NamedTuple):
     """100 * rms(model - friction) / rms(friction)."""
 
 
-Friction = Callable[[Array, float], Array]
-"""(velocity (n,), step) -> torque (n,): rad/s, s, N*m."""
+Friction = Callable[[Array, float], Array]  # (velocity (n,), step) -> torque (n,): rad/s, s, N*m
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,7 @@ from bristle.page.wording import slugs
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, equations, in_ascii, notes, slug
 from bristle.questions.export.exported import WAYS, ExportedJoint
 
-_LONGEST = 50
-"""Characters of an identifier; MATLAB takes 63."""
+_LONGEST = 50  # characters of an identifier; MATLAB takes 63
 _WORDS = frozenset({
     "break", "case", "catch", "classdef", "continue", "do", "else", "elseif", "end", "endfor", "endfunction", "endif", "endwhile", "for",
     "function", "global", "if", "otherwise", "parfor", "persistent", "return", "spmd", "switch", "try", "until", "unwind_protect", "while",

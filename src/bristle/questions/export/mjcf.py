@@ -26,11 +26,9 @@ from bristle.questions.export.loss import Loss, SymmetricSet, all_motions, best_
 from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named, model_read
 
 NAME, FRICTIONLOSS_NAME = "mujoco", "mujoco-frictionloss"
-STEP = 0.002
-"""Time step of the example, s."""
+STEP = 0.002  # time step of the example, s
 _NO_SPRING = "0 0"
-_MODEL = ("MJCF", "mujoco")
-"""What is merged into, and its root."""
+_MODEL = ("MJCF", "mujoco")  # what is merged into, and its root
 _HOLDS = "one LuGre set for both directions, as <dcmotor lugre> (MuJoCo 3.7.0 or newer)"
 _HOLDS_FRICTIONLOSS = "Coulomb friction and damping, the same in both directions, as <joint frictionloss damping>; no Stribeck peak and no presliding"
 _CLOSEST = "its peak is Gaussian and its viscous friction linear, the closest to another law of the joint"

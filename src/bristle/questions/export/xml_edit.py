@@ -12,12 +12,9 @@ from xml.sax.saxutils import escape
 
 from bristle.errors import InputError, one_line, short, short_list
 
-MAX_BYTES = 2**23
-"""Largest file, bytes."""
-MAX_ELEMENTS = 200_000
-"""Most elements of a file, comments included."""
-MAX_DEPTH = 200
-"""Deepest nesting."""
+MAX_BYTES = 2**23  # largest file, bytes
+MAX_ELEMENTS = 200_000  # most elements of a file, comments included
+MAX_DEPTH = 200  # deepest nesting
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*("[^"]*"|'[^']*')""")
 _START_TAG = re.compile(rb"""<[^\s/>]+((?:\s+[^\s=/>]+\s*=\s*(?:"[^"]*"|'[^']*'))*)\s*(/?)>""")
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
