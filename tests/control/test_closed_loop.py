@@ -119,16 +119,6 @@ def test_a_joint_that_starts_elsewhere_is_not_kicked() -> None:
     assert not simulate(bare, [case("wrist pitch")], Reference(zero + 0.7, zero, zero), H).torque.any()
 
 
-def test_the_predicted_friction_is_what_the_compensator_gives() -> None:
-    """Whatever its share and inertia feed-forward, the predicted friction is that of the whole model alone; without a share there is none."""
-    course, joint = sine(2.0, 0.5), case("wrist pitch")
-    whole = simulate(LoopOptions(), [joint], course, H)
-    np.testing.assert_array_equal(whole.predicted, whole.compensation)
-    half = simulate(LoopOptions(compensator=Compensator(share=0.5, inertia=0.01)), [joint], course, H)
-    np.testing.assert_allclose(half.predicted, whole.predicted, rtol=1e-9, atol=1e-12)
-    assert np.isnan(simulate(LoopOptions(compensator=Compensator(share=0.0)), [joint], course, H).predicted).all()
-
-
 def test_a_period_keeps_what_no_number_changes() -> None:
     """At rest, asked for nothing, a period leaves every memory as it is: plant, current, controller, compensator and what is on its way."""
     adapting = Compensator(adaptation=Adaptation(step="least-squares", gamma=(0.0, 0.0)))

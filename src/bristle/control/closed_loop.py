@@ -64,8 +64,6 @@ class Trajectory:
     """Torque of the compensator, N*m."""
     measured: Array | float = float("nan")
     """Position as it is measured, counted and with its noise, rad; nan where nothing is sampled."""
-    predicted: Array | float = float("nan")
-    """Friction as the compensator predicts it, all of it, N*m; nan where its share is zero."""
     theta: Array
     """Gains of each adapted parameter, (cases, parameters, n)."""
 
@@ -152,14 +150,11 @@ def simulate(
         ran = pool.map(lambda part: _logged(options, run, [x[part] for x in given], numbers[part]), parts)
         logs = np.concatenate(list(ran), axis=1)
     log = shaped(blank_log(options), iter(logs))
-    share, forward = options.compensator.share, options.compensator.inertia * reference.acceleration
-    compensation = np.asarray(log.compensation)
     return Trajectory(
         time=np.asarray(period * np.arange(n)), reference=reference.position, position=log.position, velocity=log.velocity,
         measured=log.measured, torque=log.torque,
-        voltage=log.voltage if options.drive == "voltage" else np.full_like(compensation, np.nan),
-        friction=log.friction, compensation=compensation,
-        predicted=(compensation - forward) / share if share else np.full_like(compensation, np.nan),
+        voltage=log.voltage if options.drive == "voltage" else np.full((len(cases), n), np.nan),
+        friction=log.friction, compensation=log.compensation,
         theta=np.reshape(log.theta, (-1, len(cases), n)).swapaxes(0, 1),
     )  # fmt: skip  # a list of values
 

@@ -131,10 +131,8 @@ def _faded(lines: Multisine, duration: float, step: float) -> Reference:
 def plain_lines(limits: Limits) -> Multisine:
     """A plain multisine: frequencies spaced evenly in log(f), all sines of the same speed, Schroeder's phases."""
     frequency = np.geomspace(2.0 / 15.0, limits.frequency, LINES)
-    k = np.arange(LINES)
-    return Multisine(
-        limits.velocity / (2 * np.pi * frequency * np.sqrt(LINES)), frequency, -np.pi * k * (k - 1) / LINES
-    )
+    k, amplitude = np.arange(LINES), limits.velocity / (2 * np.pi * frequency * np.sqrt(LINES))
+    return Multisine(amplitude, frequency, -np.pi * k * (k - 1) / LINES)
 
 
 def evaluate_motion(name: str, lines: Multisine, problem: MotionProblem) -> MotionDesign:

@@ -59,9 +59,8 @@ def velocities_figure(plan: Plan) -> Figure:
         ax.plot(v, torque, color=look.colour, linestyle=look.line, label="at the estimate")
         fit = plan.joint.static.get(velocities.direction)
         if fit is not None and 0 < fit.velocity.size <= 60:
-            ax.plot(
-                np.abs(fit.velocity), sign * np.abs(fit.torque), "x", color="#555555", markersize=5, label="measured"
-            )
+            far = np.abs(fit.velocity), sign * np.abs(fit.torque)
+            ax.plot(*far, "x", color="#555555", markersize=5, label="measured")
         speeds, counts = (np.array(x) for x in zip(*velocities.chosen.runs, strict=True))
         there = sign * evaluate(functions.steady_torque_function(p.law), speeds, *p.stribeck)[0]
         ax.plot(speeds, there, look.marker, color=look.colour, markersize=8, label="to run, how often")
@@ -71,9 +70,8 @@ def velocities_figure(plan: Plan) -> Figure:
         ax.annotate(direction(velocities.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.subplots_adjust(bottom=0.9 / figure.get_figheight())
-    figure.legend(
-        handles, labels, loc="lower center", ncols=len(labels), fontsize=9, frameon=False, columnspacing=1.2, handlelength=1.5
-    )  # fmt: skip  # a list of values
+    look = {"fontsize": 9, "frameon": False, "columnspacing": 1.2, "handlelength": 1.5}
+    figure.legend(handles, labels, loc="lower center", ncols=len(labels), **look)
     axes[-1].set_xlabel(axis("velocity", plan.joint.kind))
     return figure
 
@@ -221,8 +219,7 @@ def whole_figure(plan: Plan) -> Figure:
         ax.set_ylabel(axis(what, plan.joint.kind))
     low, high = axes[0].get_ylim()
     axes[0].set_ylim(low, high + 0.3 * (high - low))
-    axes[0].legend(
-        handles=[Line2D([], [], color=c, label=kind) for kind, c in looks.items()], loc="upper center", ncols=4
-    )
+    kinds = [Line2D([], [], color=colour, label=kind) for kind, colour in looks.items()]
+    axes[0].legend(handles=kinds, loc="upper center", ncols=4)
     axes[-1].set_xlabel(axis("time", plan.joint.kind))
     return figure

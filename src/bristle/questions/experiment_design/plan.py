@@ -216,18 +216,17 @@ def plan(
         )
 
     # Information about all parameters, (p, p), now and after each part of the plan.
-    information = {"now": start.known, "with velocities": start.known}
+    information, whole = {"now": start.known}, start.known
     for x in runs:
         names = [ParameterName(name, x.direction) for name in x.problem.names]
-        shown = static_information(x.chosen.speeds, x.problem.p, x.problem.noise)
-        information["with velocities"] = information["with velocities"] + embedded(start.names, names, shown)
-    information["with loading"] = information["with velocities"]
+        whole = whole + embedded(start.names, names, static_information(x.chosen.speeds, x.problem.p, x.problem.noise))
+    information["with velocities"] = whole
     for load in loadings:
         if np.isfinite(load.error):
             name = ParameterName("sigma_0", start.direction_of(load.direction))
-            shown = embedded(start.names, [name], np.array([[load.error**-2]]))
-            information["with loading"] = information["with loading"] + shown
-    problem = excitation.motion_problem(start, limits, information["with loading"], aim, share * DURATION)
+            whole = whole + embedded(start.names, [name], np.array([[load.error**-2]]))
+    information["with loading"] = whole
+    problem = excitation.motion_problem(start, limits, whole, aim, share * DURATION)
     motion = excitation.best_motion(problem, progress)
     plain = excitation.within_torque(excitation.plain_lines(problem.limits), problem)
     motions = (motion, excitation.evaluate_motion("plain multisine", plain, problem))

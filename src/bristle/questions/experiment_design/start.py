@@ -205,9 +205,8 @@ def _guess(parameter: ParameterName, value: float, joint: Joint) -> Finding:
         "sigma_0": f"a bristle that bends by {DEFLECTION:g} of the travel",
         "sigma_1": f"(15), a damping ratio of {DAMPING_RATIO:g}",
     }.get(name, "in the middle of where it is looked for" if of_shape(name) else viscous)
-    guess = f"a guess, {value:.3g} {unit(name, joint.kind)}, {why}"
-    numbers = {"name": name, "direction": direction, "value": value}
-    return Finding("guessed", CAUTION, f"{name}{_named(direction)}: {guess}.", numbers)
+    message = f"{name}{_named(direction)}: a guess, {value:.3g} {unit(name, joint.kind)}, {why}."
+    return Finding("guessed", CAUTION, message, {"name": name, "direction": direction, "value": value})
 
 
 def _named(direction: Direction) -> str:
@@ -219,17 +218,14 @@ def _noises(
 ) -> tuple[dict[Direction, float], float, float]:
     """Standard error of a hold's mean torque by direction, what an equation of a moving run scatters by, N*m, and the time between these, s."""
     T, moving = unit("torque", joint.kind), joint.moving
-    noise: dict[Direction, float] = {}
-    if measured.points(hold_out=False):
-        noise = _scatters(joint, tuple(sets), assumptions)
+    noise = _scatters(joint, tuple(sets), assumptions) if measured.points(hold_out=False) else {}
     if moving is not None and moving.quantity == "torque":
         step = float(np.median(np.diff(moving.time)))
         variance_inflation = inflation(moving.residuals)
         equation = moving.rms * float(np.sqrt(variance_inflation))
         message = f"Noise: a sample of a moving run, one every {step:.3g} s, scatters by {moving.rms:.2g} {T} as so far"
         if variance_inflation > 1:
-            share = f"1/{variance_inflation:.2g} of an independent one"
-            message = f"{message}, and counts as {share}: residuals are correlated"
+            message += f", and counts as 1/{variance_inflation:.2g} of an independent one: residuals are correlated"
         numbers = {"step": step, "rms": moving.rms, "inflation": variance_inflation}
         assumptions.append(Finding("noise-of-equations", NOTE, f"{message}.", numbers))
         if not noise:
@@ -238,12 +234,11 @@ def _noises(
             message = f"{_of_holds(worst, T)}, that of those samples averaged over it."
             assumptions.append(Finding("noise-averaged", NOTE, message, {"scatter": worst}))
         return noise, equation, step
-    if not noise:
-        noise = {d: _TORQUE * p.alpha_0 for d, p in sets.items()}
-        largest = max(noise.values())
-        message = f"{_of_holds(largest, T)}, {_TORQUE:g} of alpha_0: a guess."
-        assumptions.append(Finding("noise-of-holds-guessed", CAUTION, message, {"scatter": largest}))
+    guessed, noise = not noise, noise or {d: _TORQUE * p.alpha_0 for d, p in sets.items()}
     worst = max(noise.values())
+    if guessed:
+        message = f"{_of_holds(worst, T)}, {_TORQUE:g} of alpha_0: a guess."
+        assumptions.append(Finding("noise-of-holds-guessed", CAUTION, message, {"scatter": worst}))
     white = f"white, and such that its mean over {limits.hold:.3g} s scatters by {worst:.2g} {T}: a guess"
     numbers = {"hold": limits.hold, "scatter": worst}
     assumptions.append(Finding("noise-of-motion-guessed", CAUTION, f"Noise of a moving run: {white}.", numbers))
@@ -265,15 +260,14 @@ def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[F
             return {}
         scatters[d], rms = scatter(fit)
         ratio = rms / scatters[d]
-        outliers = "a few points are outliers, and do not count here"
-        far = f" Their root mean square is {ratio:.2g} times that: {outliers}." if ratio > 1.5 else ""
         message = f"{_of_holds(scatters[d], T, d)}, as the points did about their fit"
-        numbers = {"direction": d, "scatter": scatters[d], "ratio": ratio}
-        assumptions.append(
-            Finding("noise-of-points", NOTE, f"{message}.{far}", numbers)
-            if fit is own_fit
-            else Finding("noise-of-other-points", CAUTION, f"{message} of {fit.direction}.{far}", numbers)
-        )
+        message += "." if fit is own_fit else f" of {fit.direction}."
+        if ratio > 1.5:
+            message += (
+                f" Their root mean square is {ratio:.2g} times that: a few points are outliers, and do not count here."
+            )
+        code, severity = ("noise-of-points", NOTE) if fit is own_fit else ("noise-of-other-points", CAUTION)
+        assumptions.append(Finding(code, severity, message, {"direction": d, "scatter": scatters[d], "ratio": ratio}))
     return scatters
 
 

@@ -10,7 +10,7 @@ from bristle.model.formula import abbreviated, as_latex, formula_of, symbol_of
 from bristle.model.parameters import SIGNED, Direction, Lugre, of_friction
 from bristle.page.wording import FITS, measured, shortened, slugs, span
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, equations, in_ascii, notes, slug
-from bristle.questions.export.exported import ExportedJoint, ExportedParameter
+from bristle.questions.export.exported import ExportedJoint
 
 _HOLDS = "each parameter, rounded to two digits of its standard error, with unit, 95 % interval and source"
 _ESCAPED = {
@@ -63,17 +63,13 @@ def _rows(joint: ExportedJoint, headed: bool) -> Iterator[str]:
         value = _math(measured(one.value, one.standard_error).replace("±", r"\pm"))
         # powers of a unit are raised, its factors set apart
         unit = re.sub(r"\*\*([0-9])", r"$^\1$", one.unit).replace("*", r"\,")
-        cells = (_symbol(one), value + mark, unit, interval, latex_text(FITS.get(one.source, one.source)))
+        name, direction = one.parameter
+        symbol = latex_text(name)
+        if of_friction(name):
+            paper = name if name == "v_s" else rf"\{name}"
+            symbol = f"${paper if name in Lugre._fields else as_latex(symbol_of(name))}{_SIGNS.get(direction, '')}$"
+        cells = (symbol, value + mark, unit, interval, latex_text(FITS.get(one.source, one.source)))
         yield rf"{' & '.join(cells)} \\"
-
-
-def _symbol(one: ExportedParameter) -> str:
-    name, direction = one.parameter
-    if not of_friction(name):
-        return latex_text(name)
-    paper = name if name == "v_s" else rf"\{name}"
-    symbol = paper if name in Lugre._fields else as_latex(symbol_of(name))
-    return f"${symbol}{_SIGNS.get(direction, '')}$"
 
 
 def _equations(joint: ExportedJoint) -> Iterator[str]:
