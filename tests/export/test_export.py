@@ -196,10 +196,7 @@ def test_a_current_or_a_voltage_is_no_torque(handed: Handed) -> None:
     request = Request()
     for kind, alone in (
         ("revolute in A", "current alone, .* give motor\\.torque_constant, id"),
-        (
-            "revolute in V",
-            "voltage alone, .* give motor\\.torque_constant and motor\\.resistance, id",
-        ),
+        ("revolute in V", "voltage alone, .* give motor\\.torque_constant and motor\\.resistance, id"),
         ("revolute per inertia", "deceleration alone, .* give coasting\\.inertia or coasting\\.gravity, id"),
     ):
         joint = handed(kind=kind)

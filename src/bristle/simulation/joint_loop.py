@@ -17,15 +17,7 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import AdaptOptions
 from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.known_joint import (
-    DEFLECTION,
-    draws_of,
-    inertia_of,
-    rises_of,
-    truth_of,
-    whole,
-    without_load,
-)
+from bristle.identification.known_joint import DEFLECTION, draws_of, inertia_of, rises_of, truth_of, whole, without_load
 from bristle.identification.moving_runs import load_columns, terms_of
 from bristle.identification.results import Joint
 from bristle.model import functions

@@ -80,17 +80,15 @@ def _motion(ax: Axes, joint: Joint) -> None:
     if moving is not None:
         k = thinned(moving.time.size, 4000)
         ax.plot(moving.time[k], moving.measured[k], "-", color=DIRECTION["+"].colour, label="measured")
-        ax.plot(
-            moving.time[k], (moving.measured - moving.residuals)[k], "--", color=DIRECTION["-"].colour, label="fitted"
-        )
+        fitted = (moving.measured - moving.residuals)[k]
+        ax.plot(moving.time[k], fitted, "--", color=DIRECTION["-"].colour, label="fitted")
 
 
 @styled
 def html(fit: Fit) -> str:
     """A fit with its curve, for a notebook; text that may be anybody's is escaped."""
-    curve_of = _picture(
-        "fit", "friction vs velocity, measured and fitted", 3.6, lambda ax: draw_stage(fit.joint, fit.stage, ax)
-    )
+    draw = partial(draw_stage, fit.joint, fit.stage)
+    curve_of = _picture("fit", "friction vs velocity, measured and fitted", 3.6, draw)
     paragraphs = "".join(f"<p>{escape(line)}</p>" for line in outcomes(fit))
     points = "".join(f"<li>{escape(line)}</li>" for line in serious(fit))
     table = fit.to_frame().drop(columns="warnings").to_html(float_format="{:.5g}".format, na_rep="-")

@@ -39,7 +39,7 @@ WAYS: dict[str, Compensator] = {
 
 
 class AblationRow(NamedTuple):
-    """One compensator under one set of circumstances."""
+    """One compensator under one set of tried."""
 
     compensator: str
     encoder_bits: int
@@ -63,22 +63,20 @@ class AblationRow(NamedTuple):
 def ablate(loop: JointLoop) -> tuple[AblationRow, ...]:
     """All of them; the joint moves back and forth twice, then is held at rest."""
     reference, moving = _back_and_forth(loop)
-    circumstances = [(bits, share) for bits in BITS for share in SHARES]
-    scaled = (loop.case(model=_scaled(loop.model, share)) for _, share in circumstances)
-    cases = [
-        replace(case, resolution=_count(loop, bits)) for case, (bits, _) in zip(scaled, circumstances, strict=True)
-    ]
+    tried = [(bits, share) for bits in BITS for share in SHARES]
+    scaled = (loop.case(model=_scaled(loop.model, share)) for _, share in tried)
+    cases = [replace(case, resolution=_count(loop, bits)) for case, (bits, _) in zip(scaled, tried, strict=True)]
     rows: list[AblationRow] = []
     bare: dict[int, float] = {}
     for way, compensator in WAYS.items():
         own = replace(compensator, filter_time=5 * loop.period, observer_gain=loop.observer_gain)
-        chosen = [k for k, (_, share) in enumerate(circumstances) if way != "none" or share == 1.0]
+        chosen = [k for k, (_, share) in enumerate(tried) if way != "none" or share == 1.0]
         for delay in DELAYS:
             options = LoopOptions(compensator=own, encoder=True, delay=delay)
             run = simulate(options, [cases[k] for k in chosen], reference, loop.period)
-            found = _judged(loop, run, moving, [circumstances[k][0] for k in chosen], bare)
+            found = _judged(loop, run, moving, [tried[k][0] for k in chosen], bare)
             for k, (rms, *ends) in zip(chosen, found, strict=True):
-                bits, share = circumstances[k]
+                bits, share = tried[k]
                 share = share if way != "none" else 0.0  # nothing is compensated
                 rows.append(AblationRow(way, bits, delay, share, rms, rms / bare.setdefault(bits, rms), *ends))
     return tuple(rows)

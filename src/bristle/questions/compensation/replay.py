@@ -56,11 +56,9 @@ class Replay:
 
     def relative_errors(self) -> tuple[float, float]:
         """100 norm(measured - predicted) / norm(measured) with gains of 1, and adapted, over the second half, percent."""
-        late = slice(self.time.size // 2, None)
-        over = float(np.linalg.norm(self.measured[late])) or 1.0
-        before, after = (
-            100 * float(np.linalg.norm((self.measured - x)[late])) / over for x in (self.fixed, self.adapted)
-        )
+        late, norm = slice(self.time.size // 2, None), np.linalg.norm
+        over = float(norm(self.measured[late])) or 1.0
+        before, after = (100 * float(norm((self.measured - x)[late])) / over for x in (self.fixed, self.adapted))
         return before, after
 
     @property

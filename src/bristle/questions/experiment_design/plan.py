@@ -21,14 +21,7 @@ from bristle.progress import Progress, step
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.excitation import MEASURED, MotionDesign
 from bristle.questions.experiment_design.loading import LoadingDesign, plan_loading
-from bristle.questions.experiment_design.references import (
-    DEFLECTIONS,
-    SETTLE,
-    PlannedRun,
-    duration,
-    in_turn,
-    schedule,
-)
+from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE, PlannedRun, duration, in_turn, schedule
 from bristle.questions.experiment_design.start import Start, embedded, start_of
 from bristle.questions.experiment_design.velocities import VelocityPlan, largest_deflection, plan_velocities
 
@@ -171,11 +164,7 @@ class Plan:
 
 
 def plan(
-    measured: Measured,
-    joint: Joint,
-    velocities: int = VELOCITIES,
-    aim: str = "all",
-    progress: Progress | None = None,
+    measured: Measured, joint: Joint, velocities: int = VELOCITIES, aim: str = "all", progress: Progress | None = None
 ) -> Plan:
     """What to measure next on an identified joint.
 

@@ -178,7 +178,7 @@ def _of_velocities(plan: Plan, runs: Table, designs: Table) -> Iterator[Section]
         f"The {what}, in addition to the runs so far, found by exchange on a fine grid of speeds; near ones become one. Each is averaged over "
         f"{hold} s after a run-in of {SETTLE} s or {DEFLECTIONS:.0f} bristle deflections, whichever is longer."
     )
-    lines, speeds, robustness, si = [], [], [], unit("velocity", plan.joint.kind)
+    lines, speeds, spans, si = [], [], [], unit("velocity", plan.joint.kind)
     v = pretty(si)
     for x in plan.velocities:
         where = "each direction" if x.direction is Direction.BOTH else f"direction {x.direction}"
@@ -192,9 +192,7 @@ def _of_velocities(plan: Plan, runs: Table, designs: Table) -> Iterator[Section]
         of_v_s = errors_by_v_s(x.problem, x.chosen.speeds, np.geomspace(low, high, 60))
         between = dict.fromkeys(number(float(end), 3) for end in (low, high))
         ends = dict.fromkeys(percentage(end) for end in (float(of_v_s.min()), float(of_v_s.max())))
-        robustness.append(
-            f"{direction(x.direction)}: {' to '.join(ends)} % for a true vₛ of {' to '.join(between)} {v}"
-        )
+        spans.append(f"{direction(x.direction)}: {' to '.join(ends)} % for a true vₛ of {' to '.join(between)} {v}")
     chosen = _drawing(
         plan,
         figures.velocities_figure,
@@ -207,7 +205,7 @@ def _of_velocities(plan: Plan, runs: Table, designs: Table) -> Iterator[Section]
         plan,
         figures.robustness_figure,
         f"error of the Stribeck velocity of {plan.joint.name}",
-        f"Expected error of vₛ, {'; '.join(robustness)}",
+        f"Expected error of vₛ, {'; '.join(spans)}",
         "Expected error of vₛ vs the true vₛ, including the information of the runs so far; vertical line: the estimate; grey: plausible values.",
     )
     yield Section("Constant velocities", text=text, figure=chosen, table=runs, lines=tuple(lines), id="velocities")

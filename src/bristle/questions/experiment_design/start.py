@@ -186,11 +186,9 @@ def _filled(
     viscous = {name: _VISCOUS * alpha_0 / (limits.velocity * float(rate)) for name, rate in rates}
     guess = {
         "alpha_0": alpha_0, "alpha_1": _PEAK * alpha_0, "v_s": float(np.sqrt(limits.slowest * limits.velocity / 3)),
-        "sigma_0": sigma_0, "sigma_1": assumed_damping(sigma_0, J),
+        "sigma_0": sigma_0, "sigma_1": assumed_damping(sigma_0, J), **viscous, **{own.name: own.middle for own in law.peak.own},
+        **({FASTEST: limits.velocity} if law.terms else {}),
     }  # fmt: skip  # a list of values
-    guess |= (
-        viscous | {own.name: own.middle for own in law.peak.own} | ({FASTEST: limits.velocity} if law.terms else {})
-    )
     guess |= {name: x for name, x in held.items() if x and name not in missing}
     guess |= {n: e.value for n, e in seen.items() if e.value is not None and n not in missing}
     return lugre_of(law)(**guess), missing

@@ -120,9 +120,8 @@ class XmlDocument:
         for element, text in self._replaced.items():
             splices.append((element.start, element.end, self._laid_out(text, self._indent(element) or b"")))
         for element, values in self._attributes.items():
-            found = {
-                x[1].decode("utf-8"): x.span(2) for x in _ATTRIBUTE.finditer(self.content, element.start, element.told)
-            }
+            each = _ATTRIBUTE.finditer(self.content, element.start, element.told)
+            found = {x[1].decode("utf-8"): x.span(2) for x in each}
             written = {name: attribute(value).encode("utf-8") for name, value in values.items()}
             splices += [(*found[name], new) for name, new in written.items() if name in found]
             missing = (b" " + name.encode("ascii") + b"=" + new for name, new in written.items() if name not in found)
