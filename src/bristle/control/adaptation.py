@@ -126,15 +126,9 @@ def effective(
 def gradient(
     adaptation: Adaptation, z: Expression, v: Expression, p: Lugre[Any], learnt: Learnt, level: Expression = 0.0
 ) -> tuple[Expression, ...]:
-    """G of the law for each adapted parameter.
+    """G of the law for each adapted parameter, at a deflection z of the model's bristle, rad, and the velocity v that drives it, rad/s.
 
-    Args:
-        adaptation: with its law.
-        z: deflection of the model's bristle, rad.
-        v: the velocity that drives the model, rad/s.
-        p: the set that acts there, as it started.
-        learnt: the gains and, for the total law, dz / d theta.
-        level: what a load adds to alpha_0, N*m.
+    `p` is the set that acts there, as it started; a load adds `level` to alpha_0, N*m.
     """
     if adaptation.law == "printed":
         return tuple(printed(name, z, v, friction.loaded(p, level)) for name in adaptation.parameters)

@@ -109,20 +109,14 @@ def simulate(
     stiff: bool = False,
     alike: bool = False,
 ) -> Trajectory:
-    """Runs every case from rest at its first reference position.
+    """Runs every case, one or more, from rest at its first reference position, under the options that all share.
 
-    Args:
-        options: shared by all.
-        cases: one or more.
-        reference: what every case is to do, or each its own, at every control period.
-        period: s.
-        disturbance: what acts beside it; None: nothing.
-        stiff: whether CVODES solves the plant between samples: the reference to compare with, a hundred times slower.
-        alike: whether all cases are the first one, whose numbers are then constants of what is compiled. That rounds
-            otherwise than numbers that are given, and the bytes of the embedded logs rest on it.
+    The reference is what every case is to do, or each its own, at every control period, s. `stiff`: CVODES solves the plant between samples, to
+    compare with, a hundred times slower. `alike`: all cases are the first one, whose numbers are then constants of what is compiled; that rounds
+    otherwise than numbers that are given, and the bytes of the embedded logs rest on it.
 
-    Raises InputError where the period is not positive or longer than the loop bears, something is not finite, the motor
-    lacks the inductance that the loop has, or nothing is to be run.
+    Raises InputError where the period is not positive or longer than the loop bears, something is not finite, the motor lacks the inductance that
+    the loop has, or nothing is to be run.
     """
     n = reference.position.shape[-1]
     if not cases or n < 2 or not 0 < period < inf:

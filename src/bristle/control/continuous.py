@@ -25,17 +25,10 @@ from bristle.model.parameters import Pair
 def simulate_continuous(
     case: Case, compensator: Compensator, reference: Callable[[Expression], Expression], duration: float, period: float
 ) -> Trajectory:
-    """Runs a case from rest.
+    """Runs a case from rest for a duration, s, logged every period, s; there is no encoder, and the compensator measures the true velocity.
 
-    Args:
-        case: its torque has no limit, its derivative no filter; there is no encoder.
-        compensator: what it measures of the velocity is the true one.
-        reference: its position, rad, of a CasADi symbol of time, s.
-        duration: s.
-        period: between the instants that are logged, s.
-
-    Raises InputError where the case or the compensator has what is sampled alone, or period and duration are not
-    positive.
+    `reference` is the position, rad, of a CasADi symbol of time, s. Raises InputError where the case or the compensator has what is sampled alone,
+    as a limit of the torque or a filter, or period and duration are not positive.
     """
     if case.torque_limit < inf or case.gains.filter_time > 0:
         raise InputError(

@@ -168,12 +168,8 @@ def plan(
 ) -> Plan:
     """What to measure next on an identified joint.
 
-    Args:
-        measured: what it was identified from, with limits under `plan` in its experiment file.
-        joint: as identified.
-        velocities: runs at constant velocity in each direction.
-        aim: the parameter whose interval is to shrink, of the joint's law or `inertia`, or `all`.
-        progress: called with what is being done, how many steps are done, and how many there are.
+    It was identified from what is measured, with limits under `plan` in its experiment file. The aim is the parameter whose interval is to shrink,
+    of the joint's law or `inertia`, or `all`; `velocities` are the runs at constant velocity in each direction.
 
     Raises InputError where the aim is no parameter, nothing is known of friction vs velocity, or the limits leave
     nothing to plan.

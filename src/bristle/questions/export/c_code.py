@@ -81,17 +81,12 @@ def _answer(x: Term) -> str:
 
 
 def printed(function: ca.Function, operand: Callable[[int, int], str]) -> Printed:
-    """The statements of a CasADi function in C, and the expressions of its outputs.
-
-    Args:
-        function: of numbers.
-        operand: (input, element of it) -> what it is called in C.
+    """The statements of a CasADi function of numbers in C, and the expressions of its outputs; `operand`: (input, element of it) -> its name in C.
 
     Raises InputError where an operation has no counterpart.
     """
 
     def assignment(name: str, value: Term) -> str:
-        """A statement that gives a value a name."""
         return f"const {'int' if value.truth else 'br_real'} {name} = {value.text};"
 
     return statements(function, operand, Language("C99", operation, constant, assignment, prefix="x"))

@@ -94,11 +94,7 @@ _COMPARED = frozenset({ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_
 
 
 def in_matlab(expression: Any, operand: Callable[[str], str]) -> str:
-    """A scalar CasADi expression (SX) of named symbols as one of MATLAB and Octave, element by element.
-
-    Args:
-        expression: of symbols.
-        operand: (name of a symbol) -> what it is called there.
+    """A scalar CasADi expression (SX) of named symbols as one of MATLAB and Octave, element by element; `operand`: (symbol) -> its name there.
 
     Raises InputError where an operation has no counterpart.
     """
