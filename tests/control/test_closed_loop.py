@@ -140,19 +140,6 @@ def test_a_thin_layer_tracks_and_chatters() -> None:
     assert np.abs(thin.torque).max() <= 2.0
 
 
-def test_a_wide_layer_is_as_calm_as_the_pid() -> None:
-    """The default layer is wide: on every joint its chatter is within a tenth of the PID's, and its error no larger than that by a tenth."""
-    for name in edro.TABLE_1:
-        linear, wide = (
-            simulate(
-                LoopOptions(compensator=Compensator(name="none"), controller=which), [case(name)], sine(6.0, 0.5), H
-            )
-            for which in ("pid", "sliding")
-        )
-        assert wide.chatter(1.0)[0] == pytest.approx(linear.chatter(1.0)[0], rel=0.1)
-        assert wide.rms_error(1.0)[0] < 1.1 * linear.rms_error(1.0)[0]
-
-
 def test_what_cannot_run_is_refused() -> None:
     """Each in one sentence: a reference or a case with nan, no case, a period of zero, a delay below zero, options and layers that cannot be."""
     course, joint = sine(1.0, 0.5), case("wrist pitch")

@@ -419,7 +419,7 @@ def test_what_is_not_known_is_guessed_and_said(one_direction: Plan) -> None:
     assert guessed <= set(map(str, found.start.guessed))
     (taken,) = of_kind(found.assumptions, "direction-taken")
     assert str(taken) == "Direction - is not identified: it is assumed to be as direction +."
-    assert of_kind(found.assumptions, "inertia-guessed")[0].numbers["J"] == found.start.inertia
+    assert of_kind(found.assumptions, "inertia-guessed")[0].numbers["J"] == found.start.estimate[-1]
     said = [d.numbers for d in of_kind(found.assumptions, "guessed")]
     assert [ParameterName(x["name"], x["direction"]) for x in said] == list(found.start.guessed)
     assert np.isinf(

@@ -1,5 +1,6 @@
 """Joints as they are handed over, from the embedded report."""
 
+import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -89,3 +90,16 @@ def of_law(joint: ExportedJoint, law: Law) -> ExportedJoint:
             for name, value in values.items()
         ]  # fmt: skip  # a list of values
     return replace(joint, law=law, parameters=(*joint.parameters, *rows))
+
+
+def same(joint: ExportedJoint) -> ExportedJoint:
+    """With the positive set in both directions."""
+    positive = [x for x in joint.parameters if x.parameter.direction is Direction.POSITIVE]
+    both = [replace(x, parameter=ParameterName(x.parameter.name, Direction.NEGATIVE)) for x in positive]
+    rest = [x for x in joint.parameters if x.parameter.direction not in SIGNED]
+    return replace(joint, parameters=(*positive, *both, *rest))
+
+
+def run(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    """A command in a folder."""
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603  # our own words

@@ -5,7 +5,6 @@ import math
 import platform
 import re
 import shutil
-import subprocess
 import zipfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -45,7 +44,7 @@ from export_checks.fmu import (
     radau_held,
 )
 
-from .conftest import HOSTILE, SURROGATE, Handed, scaled
+from .conftest import HOSTILE, SURROGATE, Handed, run, scaled
 
 try:
     NO_FMPY = not installed_fmpy()
@@ -62,11 +61,6 @@ Exported = Callable[[str], Artefact]
 def handed_over(joint: ExportedJoint) -> Artefact:
     """What `bristle export --to fmu` writes."""
     return TARGET.write([joint], Request())
-
-
-def run(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
-    """A command in a folder."""
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603  # our own words
 
 
 def files_of(content: bytes) -> dict[str, bytes]:

@@ -1,11 +1,10 @@
 """Friction in MJCF: what MuJoCo then does is what is written, and what is lost is said."""
 
-from dataclasses import replace
 
 import pytest
 
 from bristle.errors import InputError
-from bristle.model.parameters import Direction, Lugre, ParameterName
+from bristle.model.parameters import Lugre
 from bristle.questions.export import mjcf
 from bristle.questions.export.artefact import ExportTarget, Request
 from bristle.questions.export.exported import ExportedJoint
@@ -13,7 +12,7 @@ from bristle.questions.export.loss import all_motions, best_symmetric, losses, l
 from export_checks import check
 from export_checks.common import as_read
 
-from .conftest import HOSTILE, SURROGATE, Handed, scaled
+from .conftest import HOSTILE, SURROGATE, Handed, same, scaled
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 TARGETS = [mjcf.TARGET, mjcf.FRICTIONLOSS]
@@ -35,14 +34,6 @@ ROBOT = b"""<?xml version='1.0'?>
 def one_set(handed: Handed) -> ExportedJoint:
     """A joint whose directions are the same."""
     return same(handed("wrist pitch"))
-
-
-def same(joint: ExportedJoint) -> ExportedJoint:
-    """With the positive set in both directions."""
-    positive = [x for x in joint.parameters if x.parameter.direction is Direction.POSITIVE]
-    both = [replace(x, parameter=ParameterName(x.parameter.name, Direction.NEGATIVE)) for x in positive]
-    rest = [x for x in joint.parameters if x.parameter.name not in Lugre._fields]
-    return replace(joint, parameters=(*positive, *both, *rest))
 
 
 def error(line: str, of: str) -> float:

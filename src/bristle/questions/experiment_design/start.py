@@ -54,7 +54,6 @@ class Start:
     """`+` and `-`, or `both` where they share one set."""
     sets: Pair[float]
     """Estimates, with a guess where nothing was seen."""
-    inertia: float
     guessed: tuple[ParameterName, ...]
     """Parameters that are guesses."""
     names: tuple[ParameterName, ...]
@@ -143,7 +142,7 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
         numbers = {"constants": constants}
         assumptions.append(Finding("systematic-stays", NOTE, f"{stays} {' and '.join(constants)}.", numbers))
     return Start(
-        directions=directions, sets=Pair(sets[directions[0]], sets[directions[-1]]), inertia=J, guessed=tuple(guessed),
+        directions=directions, sets=Pair(sets[directions[0]], sets[directions[-1]]), guessed=tuple(guessed),
         names=names, estimate=values, known=known, given=exact, noise=noise, equation_noise=equation_noise,
         equation_step=step, resolution=resolution(measured.experiment, [run.record for run in measured.runs]),
         assumptions=tuple(assumptions),

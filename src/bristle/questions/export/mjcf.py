@@ -11,6 +11,7 @@ MuJoCo's dry friction is a soft constraint: near standstill it is steep and visc
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from textwrap import indent
 from typing import NamedTuple
 
 import numpy as np
@@ -58,7 +59,7 @@ def write_mjcf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
         if there := [x for x in document.root.children if x.tag == "actuator"]:
             document.insert_last(there[0], text)
         else:
-            document.insert_last(document.root, f"<actuator>\n{_indented(text)}\n</actuator>")
+            document.insert_last(document.root, f"<actuator>\n{indent(text, '  ')}\n</actuator>")
         content = document.written()
     lost = {one.joint.name: one.lost for one in found}
     biased = [one for one in found if one.symmetric.bias]
@@ -142,11 +143,8 @@ def _joint_lines(joint: ExportedJoint) -> Iterator[str]:
     J, rest = joint.rotor_inertia, "the rotor's inertia, without the links."
     if joint.inertia == J:
         rest = "all that the joint was seen to accelerate; where the bodies of the model hold a part of it as well, subtract that part."
-    yield (
-        "No inertia is known: armature is not set."
-        if J is None
-        else f"armature {J:.4g} {unit('inertia', joint.kind)} is {rest}"
-    )
+    told_of = "No inertia is known: armature is not set."
+    yield told_of if J is None else f"armature {J:.4g} {unit('inertia', joint.kind)} is {rest}"
 
 
 def _attributes(joint: ExportedJoint, damping: str = "0 0 0", frictionloss: str = "0") -> dict[str, str]:
@@ -163,7 +161,7 @@ def mjcf_example(found: Sequence[MjcfHeld], actuators: str) -> bytes:
     """A whole small model with each joint, and these elements."""
     step = max(1e-5, min(STEP, *(_largest_step(one.symmetric.parameters) / 2 for one in found)))
     bodies = [_example_body(one.joint, _attributes(one.joint)) for one in found]
-    return _example_model(bodies, step, f"<actuator>\n{_indented(actuators)}\n</actuator>")
+    return _example_model(bodies, step, f"<actuator>\n{indent(actuators, '  ')}\n</actuator>")
 
 
 def _example_body(joint: ExportedJoint, attributes: Mapping[str, str]) -> str:
@@ -181,13 +179,9 @@ def _example_model(bodies: Sequence[str], step: float, rest: str = "") -> bytes:
     note = comment("An example: copy the attributes of each joint, and what stands beside, into your own model.")
     inner = (
         f'{note}\n<option timestep="{step!r}" gravity="0 0 0" integrator="implicitfast"/>\n'
-        f"<worldbody>\n{_indented(chr(10).join(bodies))}\n</worldbody>" + (f"\n{rest}" if rest else "")
+        f"<worldbody>\n{indent(chr(10).join(bodies), '  ')}\n</worldbody>" + (f"\n{rest}" if rest else "")
     )
-    return f'<mujoco model="bristle example">\n{_indented(inner)}\n</mujoco>\n'.encode()
-
-
-def _indented(text: str) -> str:
-    return "\n".join("  " + line for line in text.split("\n"))
+    return f'<mujoco model="bristle example">\n{indent(inner, "  ")}\n</mujoco>\n'.encode()
 
 
 def _joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
