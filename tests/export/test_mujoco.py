@@ -1,6 +1,5 @@
 """Friction in MJCF: what MuJoCo then does is what is written, and what is lost is said."""
 
-
 import pytest
 
 from bristle.errors import InputError

@@ -48,7 +48,17 @@ def sections(study: Study, share: Share | None = None) -> tuple[Section, ...]:
         made = Drawing(partial(draw, study), f"compensation-{kind}", label, caption, **more)
         return Section(title, figure=begun(made, share) if share else made, table=table)
 
-    ablation = _ablation(study, show)  # its figure takes longest
+    # Every compensator, and how many of the cases fail, by how; its figure takes longest.
+    rows, ways = study.ablation, ("limit_cycle", "over_compensated", "diverges")
+    cycling, leading, diverging = (sum(getattr(x, way) for x in rows) for way in ways)
+    caption = (
+        f"{cycling} of {len(rows)} cases end in a limit cycle, {leading} over-compensate, {diverging} diverge. RMS error in percent of that "
+        "without compensation, moving back and forth by the amplitude; encoders with 2^bits counts in 2π amplitudes, delays in control periods. "
+        "~: a limit cycle when held at rest; +: the joint leads its reference by more than a tenth of the error without compensation: more than "
+        "its friction is compensated; ×: the loop diverges. Measured velocity is differentiated from the counts."
+    )
+    title = "Compensators with different encoders and delays"
+    ablation = show(title, figures.ablation_figure, "ablation", caption, data="ablation")
     frames = tables.all_tables(study)
     heading, *parts = *_opening(study), *_replays(study, frames, show), *_errors(study, show)
     parts += [*_adaptation(study, frames, show), *_beyond(study, frames), ablation, *_band(study, show)]
@@ -236,21 +246,6 @@ def _beyond(study: Study, frames: Mapping[str, pd.DataFrame]) -> Iterator[Sectio
         "both with LuGre feed-forward: it decreases with the control period.",
         table=Table("sampling", "Sampled and continuous", part=_part(study, frames["sampling"])),
     )
-
-
-def _ablation(study: Study, show: _Show) -> Section:
-    """Every compensator, and how many of the cases fail, by how."""
-    rows, ways = study.ablation, ("limit_cycle", "over_compensated", "diverges")
-    cycling, leading, diverging = (sum(getattr(x, way) for x in rows) for way in ways)
-    message = f"{cycling} of {len(rows)} cases end in a limit cycle, {leading} over-compensate, {diverging} diverge."
-    caption = (
-        f"{message} RMS error in percent of that without compensation, moving back and forth by the amplitude; encoders with 2^bits counts in "
-        "2π amplitudes, delays in control periods. ~: a limit cycle when held at rest; +: the joint leads its reference by more than a tenth "
-        "of the error without compensation: more than its friction is compensated; ×: the loop diverges. Measured velocity is differentiated "
-        "from the counts."
-    )
-    title = "Compensators with different encoders and delays"
-    return show(title, figures.ablation_figure, "ablation", caption, data="ablation")
 
 
 def _band(study: Study, show: _Show) -> Iterator[Section]:

@@ -65,7 +65,17 @@ def velocities_figure(plan: Plan) -> Figure:
         there = sign * evaluate(functions.steady_torque_function(p.law), speeds, *p.stribeck)[0]
         ax.plot(speeds, there, look.marker, color=look.colour, markersize=8, label="to run, how often")
         decimal_log(ax)
-        _write_counts(ax, speeds, counts.tolist())
+        # How often each speed is run, above all that is drawn: in rows, so that neighbours do not meet.
+        low, high = np.log(ax.get_xlim())
+        across, last = (np.log(speeds) - low) / (high - low), list[float]()
+        for speed, at, n in zip(speeds.tolist(), across.tolist(), counts.tolist(), strict=True):
+            row = next((k for k, end in enumerate(last) if at - end > _APART), len(last))
+            last[row : row + 1] = [at]
+            where = {"transform": ax.get_xaxis_transform(), "ha": "center", "va": "top"}
+            ax.text(speed, 0.97 - _ROW * row, f"×{n}", fontsize=9, **where)
+        bottom, top = ax.get_ylim()
+        room = 0.05 + _ROW * len(last)
+        ax.set_ylim(bottom, top + room / (1 - room) * (top - bottom))
         ax.set_ylabel(axis("torque", plan.joint.kind))
         ax.annotate(direction(velocities.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
     handles, labels = axes[0].get_legend_handles_labels()
@@ -74,20 +84,6 @@ def velocities_figure(plan: Plan) -> Figure:
     figure.legend(handles, labels, loc="lower center", ncols=len(labels), **look)
     axes[-1].set_xlabel(axis("velocity", plan.joint.kind))
     return figure
-
-
-def _write_counts(ax: Axes, speeds: Array, counts: Sequence[int]) -> None:
-    """How often each speed, ascending, is run, above all that is drawn: in rows, so that neighbours do not meet."""
-    low, high = np.log(ax.get_xlim())
-    across = (np.log(speeds) - low) / (high - low)
-    last: list[float] = []
-    for x, at, n in zip(speeds.tolist(), across.tolist(), counts, strict=True):
-        row = next((k for k, end in enumerate(last) if at - end > _APART), len(last))
-        last[row : row + 1] = [at]
-        ax.text(x, 0.97 - _ROW * row, f"×{n}", transform=ax.get_xaxis_transform(), ha="center", va="top", fontsize=9)
-    bottom, top = ax.get_ylim()
-    room = 0.05 + _ROW * len(last)
-    ax.set_ylim(bottom, top + room / (1 - room) * (top - bottom))
 
 
 @styled

@@ -85,7 +85,10 @@ def header(joint: ExportedJoint, compensator: Compensator) -> str:
     a, about = compensator.adaptation, list(notes(joint))
     adapts = f", adapting {', '.join(a.parameters)} by the {a.law} law, {a.step} step" if a else ", without adaptation"
     about.append(f"compensator: {compensator.name}{adapts}")
-    torque = unit("torque", joint.kind)
+    torque, cogging = unit("torque", joint.kind), list[str]()
+    if joint.cogging:  # the statements of its torque at a position
+        lines, (wave,) = c_code.printed(cogging_function(joint.cogging), lambda *_: "position")
+        cogging = [*lines, f"return {wave.text};"]
     if slides(joint.kind) or has_own_unit(joint.kind):
         of = f"rad is {unit('position', joint.kind)}, and N*m {torque}"
         about.append(f"units below are those of a joint that turns; here {of}")
@@ -95,19 +98,11 @@ def header(joint: ExportedJoint, compensator: Compensator) -> str:
         notes=[line for text in comments for line in textwrap.wrap(text, 140, break_on_hyphens=False)],
         double_only=compensator.name == "lugre-observer" and a is not None,
         guard=f"BRISTLE_{guard}", sets=[[digits(getattr(p, name)) for name in printed.fields] for p in numbers_of(joint)],
-        cogging=_cogging(joint), torque_unit=torque, settings=[(name, digits(given[name])) for name in printed.settings],
+        cogging=cogging, torque_unit=torque, settings=[(name, digits(given[name])) for name in printed.settings],
         rows=[[*map(digits, row)] for row in rows], columns=printed.inputs,
         tolerances=(digits(_DOUBLE), digits(_SINGLE)), allowed=(digits(_DOUBLE * peak), digits(_SINGLE * peak)), **code,
     )  # fmt: skip  # a list of values
     return c_code.filled("bristle.h", context)
-
-
-def _cogging(joint: ExportedJoint) -> list[str]:
-    """The statements of its cogging torque at a position; none where it has none."""
-    if not joint.cogging:
-        return []
-    lines, (torque,) = c_code.printed(cogging_function(joint.cogging), lambda *_: "position")
-    return [*lines, f"return {torque.text};"]
 
 
 def test_vector(joint: ExportedJoint, compensator: Compensator, printed: PrintedStep) -> Array:
