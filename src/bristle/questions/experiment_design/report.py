@@ -51,12 +51,8 @@ def report(plan: Plan) -> Report:
     if plan.warnings:
         lines = tuple(f"  {warning.coded}" for warning in plan.warnings)
         sections.append(Section("What it would not show", findings=plan.warnings, lines=lines, turn=2, coded=True))
-    runs, assumed = (
-        max(r.run for r in plan.references),
-        tuple(f"  assumed: {said.flagged}" for said in plan.assumptions),
-    )
-    x, units = plan.limits, (pretty(unit(own, kind)) for own in ("position", "velocity", "acceleration", "torque"))
-    q, v, a, T = units
+    runs, assumed = max(r.run for r in plan.references), (f"  assumed: {said.flagged}" for said in plan.assumptions)
+    x, (q, v, a, T) = plan.limits, (pretty(unit(y, kind)) for y in ("position", "velocity", "acceleration", "torque"))
     limits = (
         ("position", f"{x.position[0]:.4g} to {x.position[1]:.4g} {q}"),
         ("constant velocities", f"{x.slowest:.3g} to {x.velocity:.3g} {v}"),
@@ -94,7 +90,7 @@ def report(plan: Plan) -> Report:
             id="expected",
         ),
         Section("Limits", facts=limits),
-        Section("Assumed", findings=plan.assumptions, lines=assumed, turn=3, form="part"),
+        Section("Assumed", findings=plan.assumptions, lines=tuple(assumed), turn=3, form="part"),
         *_of_velocities(
             plan,
             table("velocities", "Constant velocities to run", frames["velocities"]),

@@ -55,7 +55,12 @@ def python_torque(joint: ExportedJoint, compensator: Compensator, inputs: dict[s
     running = RunningCompensator(compensator, numbers_of(joint), rises=rises)
     motion = ("dt", "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity")
     rows = np.array([inputs[name] for name in (*motion, "motor_torque", "link_torque")]).T.tolist()
-    return np.array([running.step(x[0], (*x[1:4],), x[4], x[5], (*x[6:],) if rises else None) for x in rows])
+    return np.array(
+        [
+            running.step(h, (y_ref, v_ref, a_ref), y, v, (tau_m, tau_l) if rises else None)
+            for h, y_ref, v_ref, a_ref, y, v, tau_m, tau_l in rows
+        ]
+    )
 
 
 def header(joint: ExportedJoint, compensator: Compensator) -> str:
