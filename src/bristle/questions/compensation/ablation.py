@@ -75,10 +75,11 @@ def ablate(loop: JointLoop) -> tuple[AblationRow, ...]:
             options = LoopOptions(compensator=own, encoder=True, delay=delay)
             run = simulate(options, [cases[k] for k in chosen], reference, loop.period)
             found = _judged(loop, run, moving, [tried[k][0] for k in chosen], bare)
-            for k, (rms, *ends) in zip(chosen, found, strict=True):
+            for k, (rms, chatter, cycles, leads, diverges) in zip(chosen, found, strict=True):
                 bits, share = tried[k]
                 share = share if way != "none" else 0.0  # nothing is compensated
-                rows.append(AblationRow(way, bits, delay, share, rms, rms / bare.setdefault(bits, rms), *ends))
+                ends = rms, rms / bare.setdefault(bits, rms), chatter, cycles, leads, diverges
+                rows.append(AblationRow(way, bits, delay, share, *ends))
     return tuple(rows)
 
 

@@ -106,18 +106,16 @@ def outcomes_of(study: Study) -> Iterator[Finding]:
     first, q = study.loops[0], thousandths(study)
     for row in study.errors:
         if not row.inertia:
-            numbers: dict[str, Any] = {
-                "joint": row.joint,
-                "frequency": row.frequency,
-                "without": 1e3 * row.without,
-                "unit": q,
-            }
-            for name, x in (("identified", row.identified), ("adaptive", row.adaptive)):
-                numbers |= {name: 1e3 * x, f"{name}_percent": 100 * x / row.without}
+            without, identified, adaptive = 1e3 * row.without, 1e3 * row.identified, 1e3 * row.adaptive
+            identified_percent, adaptive_percent = 100 * row.identified / row.without, 100 * row.adaptive / row.without
             message = (
-                "{joint}, {frequency:g} Hz: RMS error {without:.3g} {unit} without, {identified:.3g} {unit} ({identified_percent:.2g} %) with "
-                "and {adaptive:.3g} {unit} ({adaptive_percent:.2g} %) with adaptive compensation."
-            ).format(**numbers)
+                f"{row.joint}, {row.frequency:g} Hz: RMS error {without:.3g} {q} without, {identified:.3g} {q} "
+                f"({identified_percent:.2g} %) with and {adaptive:.3g} {q} ({adaptive_percent:.2g} %) with adaptive compensation."
+            )
+            numbers = {
+                "joint": row.joint, "frequency": row.frequency, "without": without, "unit": q, "identified": identified,
+                "identified_percent": identified_percent, "adaptive": adaptive, "adaptive_percent": adaptive_percent,
+            }  # fmt: skip  # a list of values
             yield Finding("errors-compensated", NOTE, message, numbers)
     reference = "true" if study.paper else "identified"
     for x in study.adapted.factors:

@@ -71,8 +71,8 @@ def velocities_figure(plan: Plan) -> Figure:
         for speed, at, n in zip(speeds.tolist(), across.tolist(), counts.tolist(), strict=True):
             row = next((k for k, end in enumerate(last) if at - end > _APART), len(last))
             last[row : row + 1] = [at]
-            where = {"transform": ax.get_xaxis_transform(), "ha": "center", "va": "top"}
-            ax.text(speed, 0.97 - _ROW * row, f"×{n}", fontsize=9, **where)
+            above = ax.get_xaxis_transform()
+            ax.text(speed, 0.97 - _ROW * row, f"×{n}", transform=above, ha="center", va="top", fontsize=9)
         bottom, top = ax.get_ylim()
         room = 0.05 + _ROW * len(last)
         ax.set_ylim(bottom, top + room / (1 - room) * (top - bottom))
@@ -80,8 +80,9 @@ def velocities_figure(plan: Plan) -> Figure:
         ax.annotate(direction(velocities.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.subplots_adjust(bottom=0.9 / figure.get_figheight())
-    look = {"fontsize": 9, "frameon": False, "columnspacing": 1.2, "handlelength": 1.5}
-    figure.legend(handles, labels, loc="lower center", ncols=len(labels), **look)
+    figure.legend(
+        handles, labels, loc="lower center", ncols=len(labels), fontsize=9, frameon=False, columnspacing=1.2, handlelength=1.5
+    )  # fmt: skip  # a list of values
     axes[-1].set_xlabel(axis("velocity", plan.joint.kind))
     return figure
 
