@@ -263,8 +263,9 @@ def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[F
             message += (
                 f" Their root mean square is {ratio:.2g} times that: a few points are outliers, and do not count here."
             )
-        code, severity = ("noise-of-points", NOTE) if fit is own_fit else ("noise-of-other-points", CAUTION)
-        assumptions.append(Finding(code, severity, message, {"direction": d, "scatter": scatters[d], "ratio": ratio}))
+        numbers = {"direction": d, "scatter": scatters[d], "ratio": ratio}
+        own = Finding("noise-of-points", NOTE, message, numbers)
+        assumptions.append(own if fit is own_fit else Finding("noise-of-other-points", CAUTION, message, numbers))
     return scatters
 
 
