@@ -292,7 +292,7 @@ def compiled(options: LoopOptions, folder: Path) -> Callable[[Case, Reference], 
         n = course.position.size
         u = np.ascontiguousarray(np.stack(np.broadcast_arrays(*flat(Given(course, Disturbance())))).T)
         memory, log = np.array(flat(at_rest(options, float(course.position[0])))), np.empty((n, rows))
-        roll(u, np.array(numbers_of(case, H)), n, memory, log)
+        roll(u, np.array(flat(numbers_of(case, H))), n, memory, log)
         positions: Array = log[:, 0]
         return positions
 

@@ -38,13 +38,13 @@ from bristle.questions.export.loss import (
     StatedMotion,
     all_motions,
     best_coulomb_viscous,
+    best_symmetric,
     coulomb_viscous,
     friction_of,
     lugre,
     rms_percent,
 )
 from bristle.questions.export.mjcf import STEP
-from bristle.questions.export.symmetric import best_symmetric
 from bristle.simulation.references import Sine
 from export_checks.fmu import radau_continuous, radau_held
 from export_checks.mjcf import at_steps, frictionloss_played, last_period, step_times

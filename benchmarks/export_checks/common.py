@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from bristle.errors import short, short_list
 from bristle.page.wording import counted
 from bristle.questions.export.coulomb_viscous import CoulombViscous
-from bristle.questions.export.xml_edit import as_read
+from bristle.questions.export.xml_edit import XmlDocument, attribute
 
 Values = Mapping[str, tuple[float, float]]
 """Damping and friction, N*m*s/rad and N*m, by the joint's name."""
@@ -24,6 +24,11 @@ def told_by(holds: bool, line: str, otherwise: str) -> str:
 
 class NotInstalled(Exception):  # noqa: N818  # no error: a check that cannot be made here
     """Why an artefact cannot be tried on this machine, and what to install."""
+
+
+def as_read(name: str) -> str:
+    """A name as a reader of XML has it once it is written: what XML cannot hold is replaced."""
+    return XmlDocument.read(f"<_ n={attribute(name)}/>".encode(), "a name").root.attributes["n"]
 
 
 def expected_values(found: Sequence[CoulombViscous]) -> Values:

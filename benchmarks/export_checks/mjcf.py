@@ -24,9 +24,8 @@ from bristle.questions.export.mjcf import (
     mjcf_held,
     own_actuator,
 )
-from bristle.questions.export.xml_edit import as_read
 from bristle.simulation.references import Sine
-from export_checks.common import NotInstalled
+from export_checks.common import NotInstalled, as_read
 
 _IMPOSED = (1.0, 0.1, 0.02)
 """Amplitudes, rad; of a joint that slides, of the declared motion."""
@@ -112,7 +111,7 @@ def check_mjcf(artefact: Artefact, joints: Sequence[ExportedJoint], request: Req
     """Each joint along imposed motions: MuJoCo against what it holds, and against the joint."""
     mujoco = mjcf_mujoco((3, 7))
     found = [mjcf_held(joint, request) for joint in joints]
-    example = mjcf_example(found, [(one.joint, "", mjcf_actuators(one)) for one in found])
+    example = mjcf_example(found, "\n".join(map(mjcf_actuators, found)))
     model, lines = mjcf_model(mujoco, artefact.content, None if request.into is None else example)
     for one in found:
         lines += mjcf_compared(one.joint, request, one.symmetric.friction, partial(_played, mujoco, model, one))

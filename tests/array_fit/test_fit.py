@@ -78,20 +78,14 @@ def test_intervals_hold_one_another(plain: bristle.Fit) -> None:
 
 
 @pytest.mark.slow
-def test_intervals_hold_the_truth_and_one_another() -> None:
-    """The 95 % intervals hold the truth in most of 20 fits, by each method; those of a lower level lie inside them."""
+def test_intervals_hold_the_truth() -> None:
+    """The 95 % intervals hold the truth in most of 20 fits, by each method."""
     held = dict.fromkeys(METHODS, 0)
     for seed in range(20):
         found = bristle.fit(*points(seed=seed), directions="symmetric")
         for method in held:
             ends = found.conf_int(method=method)
             held[method] += sum(row.lower <= getattr(TRUTH, str(row.Index)) <= row.upper for row in ends.itertuples())
-        for method in METHODS[:2]:
-            inner, outer = found.conf_int(0.68, method), found.conf_int(0.95, method)
-            assert (outer["lower"] < inner["lower"]).all()
-            assert (inner["upper"] < outer["upper"]).all()
-        half = found.conf_int(0.6827, "covariance")
-        assert ((half["upper"] - half["lower"]) / 2).to_dict() == pytest.approx(found.stderr, rel=0.05)
     assert min(held.values()) >= 0.9 * 20 * 4
 
 

@@ -3,14 +3,7 @@
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.control.compensator import (
-    Compensator,
-    CompensatorState,
-    Measurement,
-    Reference,
-    compiled,
-    initial_state,
-)
+from bristle.control.compensator import Compensator, CompensatorState, Measurement, Reference, compiled, initial_state
 from bristle.control.control_period import Case
 from bristle.model.parameters import Motor, Pair
 from bristle.simulation import edro

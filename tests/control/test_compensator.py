@@ -11,15 +11,7 @@ from hypothesis import strategies as st
 
 from bristle.control import adaptation as adapting
 from bristle.control.adaptation import LAWS, STEPS, Adaptation, Learnt, gradient, learn, printed
-from bristle.control.compensator import (
-    NAMES,
-    Compensator,
-    Measurement,
-    Reference,
-    compiled,
-    initial_state,
-    step,
-)
+from bristle.control.compensator import NAMES, Compensator, Measurement, Reference, compiled, initial_state, step
 from bristle.model import functions, law
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout

@@ -1,4 +1,3 @@
-import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -56,18 +55,6 @@ def test_filter_has_unit_gain_on_a_ramp() -> None:
     h, slope = 1e-3, 0.5
     _, memory = run([slope * h * (k + 1) for k in range(400)], Gains(0.0, 0.0, 1.0, 0.01), h=h)[-1]
     assert memory.derivative == pytest.approx(slope, rel=1e-12)
-
-
-@settings(deadline=None, max_examples=30)
-@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
-def test_symbols_and_floats_agree(integral: float, derivative: float, last: float, error: float) -> None:
-    """The same expressions give the same numbers on floats and through a CasADi function."""
-    gains, values = Gains(3.0, 1.2, 0.2, 0.005), (integral, derivative, last, error)
-    s = ca.SX.sym("s", 4)
-    output, memory = pid(Memory(s[0], s[1], s[2]), s[3], 1e-3, gains, 1.0)
-    symbolic = ca.Function("pid", [s], [ca.vertcat(output, *memory)])(values).full().ravel()
-    output_f, memory_f = pid(Memory(integral, derivative, last), error, 1e-3, gains, 1.0)
-    np.testing.assert_allclose(symbolic, [output_f, *memory_f], rtol=1e-12, atol=1e-300)
 
 
 def test_within_its_layer_sliding_mode_is_a_pd_controller() -> None:

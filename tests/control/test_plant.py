@@ -92,14 +92,6 @@ def test_steady_sliding_is_a_fixed_point(pair: Pair[float], v: float) -> None:
     np.testing.assert_allclose(new, [0.2 + v * h, v, z], rtol=1e-10)
 
 
-@given(st.floats(-5, 5), st.floats(-5, 5), st.floats(0.01, 10), st.floats(0.01, 100))
-def test_voltage_and_torque_invert_each_other(T: float, w: float, k_t: float, R: float) -> None:
-    """(8) and its inverse are inverses, and at standstill V = R T / k_t."""
-    m = Motor(k_t, R, 0.0, 1.0)
-    assert motor.drive_torque(motor.voltage(T, w, m), w, m) == pytest.approx(T, rel=1e-9, abs=1e-9)
-    assert motor.voltage(T, 0.0, m) == pytest.approx(R * T / k_t)
-
-
 @settings(deadline=None, max_examples=40)
 @given(st.sampled_from([1.0, 6.0, 1e3, 1e4, 1e5]), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
 def test_stick_gains_no_energy(sigma_0: float, stretch: float, kick: float) -> None:
@@ -169,14 +161,6 @@ def test_reading_is_the_nearest_count(x: float, more: float, resolution: float) 
     assert reading / resolution == pytest.approx(round(reading / resolution), abs=1e-6)
     assert quantise(reading, resolution) == pytest.approx(reading, abs=1e-12)
     assert quantise(x + more, resolution) >= reading
-
-
-def test_symbol_and_float_agree() -> None:
-    """A CasADi symbol is quantised as a float is."""
-    s = ca.SX.sym("s")
-    f = ca.Function("f", [s], [quantise(s, 0.01)])
-    for x in (-1.2345, -0.005, 0.0, 0.00499, 0.005, 3.21):
-        assert float(f(x)) == quantise(x, 0.01)
 
 
 def test_noise_has_the_standard_deviation_asked_for() -> None:

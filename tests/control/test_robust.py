@@ -40,10 +40,9 @@ def random_options(rng: np.random.Generator, law: Law, step: Step) -> LoopOption
     own = Compensator(
         name=ADAPTING[rng.integers(3)], adaptation=adaptation, inertia=inertia, filter_time=filter_time
     )  # fmt: skip  # as above
-    encoder, speedometer, volts, of_error = (rng.random(4) < 0.5).tolist()
+    encoder, speedometer, volts = (rng.random(3) < 0.5).tolist()
     return LoopOptions(
         compensator=own, drive="voltage" if volts else "torque", delay=int(rng.integers(9)), encoder=encoder, speedometer=speedometer,
-        derivative="error" if of_error else "measurement",
     )  # fmt: skip  # as above
 
 

@@ -45,6 +45,11 @@ def fitted(p: Lugre[float], speeds: Array, torques: Array, relative: Mapping[str
     return dict(zip((name.name for name in regression.names), theta, strict=True)) | dict(shape)
 
 
+def spaced_speeds(problem: DesignProblem, count: int, kind: str) -> Array:
+    """As many speeds over the problem's range, spaced evenly (`even`) or evenly in log(v) (`log`), rad/s, (count,)."""
+    return np.asarray((np.linspace if kind == "even" else np.geomspace)(problem.low, problem.high, count))
+
+
 def simulated_errors(problem: DesignProblem, speeds: Array, repetitions: int = 2000, seed: int = SEED) -> Array:
     """How fits of these runs alone scatter, SIMULATED from the estimate with Gaussian noise, (4,), as the problem's names.
 

@@ -17,7 +17,6 @@ from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.report import report
 
 from ..conftest import few_motions_tried, speeds, write
-from ..pages import assert_tables_are_named, findings, page_text
 
 NUMBER = re.compile(r"\d (%|s|runs|times|(rad|m)(/s)?|N(·m)?)(?![\w/])")
 """A number with its unit, or with what it counts."""
@@ -61,18 +60,6 @@ def test_each_caption_begins_with_a_number(tmp_path: Path, aim: str, both: bool,
     assert all(NUMBER.search(finding) for finding in found), found
     assert not re.search("nan|inf|None|e[+-]0", " ".join(found))
     assert kind == "revolute" or "rad" not in " ".join(found)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("raster")
-def test_the_embedded_page_begins_each_caption_with_a_number(gripper: Plan, tmp_path: Path) -> None:
-    """Each of the eight figures says a number with a unit at once; each table has a name and the file it is in."""
-    bristle.report_of(gripper).write(tmp_path)
-    found = findings(page_text(tmp_path / "index.html"))
-    assert sorted(found) == sorted(captions(gripper).values())
-    assert len(found) == 7
-    assert all(NUMBER.search(finding) for finding in found), found
-    assert_tables_are_named(tmp_path)
 
 
 def said(plan: Plan, figure: str) -> str:

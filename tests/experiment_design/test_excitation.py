@@ -69,16 +69,6 @@ def test_a_motion_stays_within_its_limits(sines: list[tuple[float, float, float]
     assert wanted.amplitude == pytest.approx(played.amplitude)
 
 
-def test_velocity_and_acceleration_are_derivatives_of_the_position() -> None:
-    """Differences of a fine course agree with them, where it fades in and out too."""
-    step = 5e-4
-    fine = course(plain_lines(LIMITS), LIMITS, 2.0, step)
-    assert np.gradient(fine.position, step)[1:-1] == pytest.approx(fine.velocity[1:-1], abs=1e-3 * LIMITS.velocity)
-    assert np.gradient(fine.velocity, step)[1:-1] == pytest.approx(
-        fine.acceleration[1:-1], abs=1e-2 * LIMITS.acceleration
-    )
-
-
 def test_information_is_that_of_the_model_and_the_acceleration() -> None:
     """What a motion tells is J'J / noise**2 of friction through the bristle with the acceleration for the inertia, as the other route has it."""
     run = course(plain_lines(LIMITS), LIMITS, 2.0, 0.01)

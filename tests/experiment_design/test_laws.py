@@ -15,11 +15,11 @@ from bristle.questions.experiment_design.plan import Plan, check_plan
 from bristle.questions.experiment_design.report import report
 from bristle.questions.experiment_design.start import start_of
 from bristle.questions.experiment_design.tables import designs
-from bristle.questions.experiment_design.velocities import DesignProblem, design, evaluate_design, spaced_speeds
+from bristle.questions.experiment_design.velocities import DesignProblem, design, evaluate_design
 
 from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of
 from ..pages import page_text
-from .simulated_fits import simulated_errors
+from .simulated_fits import simulated_errors, spaced_speeds
 
 OWN = {DRAG: "alpha_3", EXPONENT: "delta", OUTSIDE: "blunt"}
 SYMBOLS = {DRAG: "α₃", EXPONENT: "δ", OUTSIDE: "β"}

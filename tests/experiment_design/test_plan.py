@@ -17,13 +17,14 @@ from bristle.questions.experiment_design.excitation import MEASURED
 from bristle.questions.experiment_design.loading import design_loading
 from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.start import scatter
-from bristle.questions.experiment_design.velocities import evaluate_design, spaced_speeds
+from bristle.questions.experiment_design.velocities import evaluate_design
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import experiments
 
 from ..conftest import TRUTH, Ran, few_motions_tried, run, speeds, write
 from ..pages import assert_tables_are_named, findings, page_text
 from ..sameness import held, of_kind, without_sentences
+from .simulated_fits import spaced_speeds
 from .test_captions import NUMBER
 
 PARTS = ("now", "with velocities", "with loading", "with motion")
@@ -418,7 +419,7 @@ def test_what_is_not_known_is_guessed_and_said(one_direction: Plan) -> None:
     assert guessed <= set(map(str, found.start.guessed))
     (taken,) = of_kind(found.assumptions, "direction-taken")
     assert str(taken) == "Direction - is not identified: it is assumed to be as direction +."
-    assert of_kind(found.assumptions, "inertia-guessed")[0].numbers["J"] == found.start.inertia
+    assert of_kind(found.assumptions, "inertia-guessed")[0].numbers["J"] == found.start.estimate[-1]
     said = [d.numbers for d in of_kind(found.assumptions, "guessed")]
     assert [ParameterName(x["name"], x["direction"]) for x in said] == list(found.start.guessed)
     assert np.isinf(

@@ -24,10 +24,7 @@ def played(velocities: list[float], limits: Limits, deflection: float) -> list[P
     holds = [h for k, v in enumerate(velocities, 1) for h in reference.passes(v, k, deflection, limits)]
     found, at = [], sum(limits.position) / 2
     for where, hold in reference.ordered(holds, limits):
-        found += [
-            reference.played(reference.move_within(at, where, limits), STEP),
-            reference.played(hold, STEP, where),
-        ]
+        found += [reference.played(reference.move_within(at, where, limits), STEP), reference.played(hold, STEP, where)]
         at = where + hold.travel
     return found
 

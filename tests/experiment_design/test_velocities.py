@@ -13,11 +13,10 @@ from bristle.questions.experiment_design.velocities import (
     errors_by_v_s,
     evaluate_design,
     nodes_of,
-    spaced_speeds,
 )
 from bristle.simulation.edro import TABLE_1
 
-from .simulated_fits import simulated_errors
+from .simulated_fits import simulated_errors, spaced_speeds
 
 P = TABLE_1["gripper rotation"].positive
 RUNS = 12

@@ -1,5 +1,6 @@
 """Joints as they are handed over, from the embedded report."""
 
+import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -61,15 +62,17 @@ def scaled(joint: ExportedJoint, J: float = 1.0, **factors: float) -> ExportedJo
     return replace(joint, parameters=tuple(rows), inertia=joint.inertia and J * joint.inertia)
 
 
+def row(name: str, d: Direction, value: float, joint: ExportedJoint, source: str) -> ExportedParameter:
+    """A parameter without an error."""
+    si = unit(name, joint.kind)
+    return ExportedParameter(
+        parameter=ParameterName(name, d), value=value, unit=si, standard_error=None, interval=None, source=source
+    )
+
+
 def beside(joint: ExportedJoint, **values: float) -> ExportedJoint:
     """The joint with what was identified beside its friction, of no direction, as an offset."""
-    rows = (
-        ExportedParameter(
-            parameter=ParameterName(name, Direction.SHARED), value=value, unit=unit(name, joint.kind), standard_error=None,
-            interval=None, source="tracking",
-        )
-        for name, value in values.items()
-    )  # fmt: skip  # a list of values
+    rows = (row(name, Direction.SHARED, value, joint, "tracking") for name, value in values.items())
     return replace(joint, parameters=(*joint.parameters, *rows))
 
 
@@ -81,11 +84,18 @@ def of_law(joint: ExportedJoint, law: Law) -> ExportedJoint:
         values = {own.name: own.searched[0] * 2.6 for own in law.peak.own}
         values |= {term.coefficient.name: factor * p.alpha_2 / float(term.rate(end)) for term in law.terms}
         values |= {FASTEST: end} if law.terms else {}
-        rows += [
-            ExportedParameter(
-                parameter=ParameterName(name, d), value=value, unit=unit(name, joint.kind), standard_error=None,
-                interval=None, source="static",
-            )
-            for name, value in values.items()
-        ]  # fmt: skip  # a list of values
+        rows += [row(name, d, value, joint, "static") for name, value in values.items()]
     return replace(joint, law=law, parameters=(*joint.parameters, *rows))
+
+
+def same(joint: ExportedJoint) -> ExportedJoint:
+    """With the positive set in both directions."""
+    positive = [x for x in joint.parameters if x.parameter.direction is Direction.POSITIVE]
+    both = [replace(x, parameter=ParameterName(x.parameter.name, Direction.NEGATIVE)) for x in positive]
+    rest = [x for x in joint.parameters if x.parameter.direction not in SIGNED]
+    return replace(joint, parameters=(*positive, *both, *rest))
+
+
+def run(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    """A command in a folder."""
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603  # our own words

@@ -3,7 +3,6 @@
 import ctypes
 import re
 import shutil
-import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -33,7 +32,7 @@ from bristle.simulation import edro
 from export_checks import check
 from export_checks.c import FLAGS, compiled, motion
 
-from .conftest import HOSTILE, OTHERS, Handed, beside, of_law, scaled
+from .conftest import HOSTILE, OTHERS, Handed, beside, of_law, run, scaled
 
 PLAIN = [Compensator(name=name) for name in NAMES if name != "none"]
 ADAPTING = [Compensator(adaptation=Adaptation(law=law, step=s)) for law in LAWS for s in STEPS]
@@ -56,11 +55,6 @@ def called(compensator: Compensator) -> str:
     """How a case is named."""
     a = compensator.adaptation
     return f"{compensator.name} {a.law} {a.step} {len(a.parameters)}" if a else compensator.name
-
-
-def run(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
-    """A command in a folder."""
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603  # our own words
 
 
 @needs_gcc

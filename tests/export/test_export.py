@@ -16,12 +16,10 @@ import pytest
 import bristle
 from bristle.identification.known_joint import chosen
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck
-from bristle.questions.export.artefact import Request, large_losses
+from bristle.questions.export.artefact import Request
 from bristle.questions.export.export import TARGETS, export_joints, target
 from bristle.questions.export.exported import Origin, exported
 from bristle.questions.export.loss import (
-    Loss,
-    StatedMotion,
     all_motions,
     best_coulomb_viscous,
     coulomb_viscous,
@@ -174,6 +172,8 @@ def test_what_is_lost_and_left_out_is_said(to: str, handed: Handed) -> None:
     *lost, beside_it = artefact.said
     assert found[0].percent > 1
     assert [x.code for x in lost] == ["export-loses"] * any(x.percent > 10 for x in found)
+    large = ", ".join(f"{x.percent:.0f} % {x.motion.name}" for x in found if x.percent > 10)
+    assert all(f"wrist pitch: {to} cannot hold this friction; the torque RMS error is {large}." in str(x) for x in lost)
     assert beside_it.code == "export-leaves-out"
     assert names.items() <= beside_it.numbers.items()
     assert f"{to} does not hold {' and '.join(names['names'])}, identified beside the friction" in str(beside_it)
@@ -196,10 +196,7 @@ def test_a_current_or_a_voltage_is_no_torque(handed: Handed) -> None:
     request = Request()
     for kind, alone in (
         ("revolute in A", "current alone, .* give motor\\.torque_constant, id"),
-        (
-            "revolute in V",
-            "voltage alone, .* give motor\\.torque_constant and motor\\.resistance, id",
-        ),
+        ("revolute in V", "voltage alone, .* give motor\\.torque_constant and motor\\.resistance, id"),
         ("revolute per inertia", "deceleration alone, .* give coasting\\.inertia or coasting\\.gravity, id"),
     ):
         joint = handed(kind=kind)
@@ -297,14 +294,6 @@ def test_the_loss_is_its_formula(handed: Handed) -> None:
     dragged = beside(joint, quadratic=0.05)
     assert best_coulomb_viscous(dragged, motions[0])[1] > best_coulomb_viscous(joint, motions[0])[1]
     assert losses(dragged, lugre(joint.pair), motions[:1])[0].percent > 1
-
-
-def test_large_losses_are_said() -> None:
-    """Above 10 %, motion by motion; below, nothing."""
-    motion = StatedMotion("slow", 1.0, 0.5)
-    (said,) = large_losses("urdf", {"wrist": (Loss(motion, 12.3), Loss(motion._replace(name="medium"), 9.0))})
-    assert "wrist: urdf cannot hold this friction; the torque RMS error is 12 % slow" in str(said)
-    assert large_losses("urdf", {"wrist": (Loss(motion, 9.9),)}) == ()
 
 
 def test_adaptation_has_the_rates_of_the_joints_loop(edro_results: Path) -> None:

@@ -1,12 +1,10 @@
 """The FMU is the joint in Python to the last bits, follows the continuous equations, and refuses what it cannot do without harm."""
 
 import ctypes
-import importlib
 import math
 import platform
 import re
 import shutil
-import subprocess
 import zipfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -36,7 +34,6 @@ from export_checks.common import NotInstalled
 from export_checks.fmu import (
     STEP,
     LoadedFmu,
-    Played,
     communication_points,
     drive_torque,
     fmu_problems,
@@ -47,7 +44,7 @@ from export_checks.fmu import (
     radau_held,
 )
 
-from .conftest import HOSTILE, SURROGATE, Handed, scaled
+from .conftest import HOSTILE, SURROGATE, Handed, run, scaled
 
 try:
     NO_FMPY = not installed_fmpy()
@@ -64,11 +61,6 @@ Exported = Callable[[str], Artefact]
 def handed_over(joint: ExportedJoint) -> Artefact:
     """What `bristle export --to fmu` writes."""
     return TARGET.write([joint], Request())
-
-
-def run(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
-    """A command in a folder."""
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603  # our own words
 
 
 def files_of(content: bytes) -> dict[str, bytes]:
@@ -561,15 +553,6 @@ def test_a_machine_of_another_kind_gets_sources(handed: Handed, monkeypatch: pyt
     assert "C sources alone: this machine is not linux64" in handed_over(handed()).holds
 
 
-def test_a_check_says_that_fmpy_is_missing(handed: Handed, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without fmpy, what to install."""
-    monkeypatch.setattr(importlib, "import_module", lambda name: (_ for _ in ()).throw(ImportError(name)))
-    installed_fmpy.cache_clear()
-    joint = handed()
-    with pytest.raises(NotInstalled, match=r"fmpy is not installed; install bristle\[fmu\]"):
-        check("fmu", Artefact(name="x", content=b"", holds=""), [joint], Request())
-
-
 @needs_fmpy
 def test_a_joint_that_slides_has_its_units(handed: Handed) -> None:
     """N and m, defined; the description is valid."""
@@ -592,11 +575,3 @@ def test_units_are_si() -> None:
     assert base_units("kg*m**2") == {"kg": 1, "m": 2}
     assert base_units("N/m") == {"kg": 1, "s": -2}
     assert base_units("m/s") == {"m": 1, "s": -1}
-
-
-def test_a_played_joint_is_compared_by_its_largest() -> None:
-    """The measure of `export_checks` is the largest difference over the largest value, of position or velocity, whichever is worse."""
-    one, zero = np.array([0.0, 2.0]), np.zeros(2)
-    assert of_largest(
-        Played(one, one + np.array([0.0, 0.02]), zero, zero), Played(one, one, zero, zero)
-    ) == pytest.approx(0.01)

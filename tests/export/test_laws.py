@@ -19,24 +19,22 @@ from bristle.model import functions, law
 from bristle.model.formula import as_text, formula_of
 from bristle.model.laws import registry
 from bristle.model.laws.parts import FASTEST, Law, OwnParameter, Peak, ViscousTerm
-from bristle.model.parameters import Direction, Lugre, ParameterName
+from bristle.model.parameters import Lugre
 from bristle.model.vectorize import evaluate
 from bristle.questions.export import c_header, export, fmu, mjcf
-from bristle.questions.export.artefact import Request
-from bristle.questions.export.equations import equations
+from bristle.questions.export.artefact import Request, equations
 from bristle.questions.export.export import TARGETS
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.json_document import joints_in, read_export, write_json
 from bristle.questions.export.latex import write_latex
-from bristle.questions.export.loss import all_motions, losses, lugre
+from bristle.questions.export.loss import all_motions, best_symmetric, losses, lugre
 from bristle.questions.export.matlab import write_matlab
-from bristle.questions.export.symmetric import best_symmetric
 from export_checks import check
 from export_checks.c import compiled, motion
 from export_checks.documents import check_json, check_latex
 from export_checks.fmu import compared, fmu_problems
 
-from .conftest import OTHERS, Handed, of_law
+from .conftest import OTHERS, Handed, of_law, same
 
 ASK = Request()
 WITH_TERMS = [of for of in OTHERS if of.terms]
@@ -156,10 +154,7 @@ def test_mjcf_has_the_closest_set_of_the_papers_law(of: Law, handed: Handed) -> 
     assert cost(p, bias) < cost(cut, bias)
     assert "its peak is Gaussian and its viscous friction linear" in artefact.holds
     assert (max(x.percent for x in found) > 10) == any(x.code == "export-loses" for x in artefact.said)
-    positive = {x.parameter.name: x for x in joint.parameters if x.parameter.direction is not Direction.NEGATIVE}
-    rows = (positive[x.parameter.name] for x in joint.parameters if x.parameter.direction is Direction.NEGATIVE)
-    down = tuple(replace(x, parameter=ParameterName(x.parameter.name, Direction.NEGATIVE)) for x in rows)
-    alike = replace(joint, parameters=(*positive.values(), *down))
+    alike = same(joint)
     assert alike.pair.positive == alike.pair.negative
     assert max(x.percent for x in mjcf.TARGET.write([alike], ASK).losses[joint.name]) > 0.1
 
@@ -226,11 +221,8 @@ def check_equations(joint: ExportedJoint) -> None:
 _PYTHON = {
     "Min": min,
     "Max": max,
-    "exp": math.exp,
-    "log": math.log,
-    "sqrt": math.sqrt,
     "sign": np.sign,
-    "atan": math.atan,
+    **{name: getattr(math, name) for name in ("exp", "log", "sqrt", "atan")},
 }
 """What SymPy's text calls."""
 

@@ -1,20 +1,17 @@
 """Friction in MJCF: what MuJoCo then does is what is written, and what is lost is said."""
 
-from dataclasses import replace
-
 import pytest
 
 from bristle.errors import InputError
-from bristle.model.parameters import Direction, Lugre, ParameterName
+from bristle.model.parameters import Lugre
 from bristle.questions.export import mjcf
 from bristle.questions.export.artefact import ExportTarget, Request
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.loss import all_motions, losses, lugre
-from bristle.questions.export.symmetric import best_symmetric
-from bristle.questions.export.xml_edit import as_read
+from bristle.questions.export.loss import all_motions, best_symmetric, losses, lugre
 from export_checks import check
+from export_checks.common import as_read
 
-from .conftest import HOSTILE, SURROGATE, Handed, beside, scaled
+from .conftest import HOSTILE, SURROGATE, Handed, same, scaled
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 TARGETS = [mjcf.TARGET, mjcf.FRICTIONLOSS]
@@ -36,14 +33,6 @@ ROBOT = b"""<?xml version='1.0'?>
 def one_set(handed: Handed) -> ExportedJoint:
     """A joint whose directions are the same."""
     return same(handed("wrist pitch"))
-
-
-def same(joint: ExportedJoint) -> ExportedJoint:
-    """With the positive set in both directions."""
-    positive = [x for x in joint.parameters if x.parameter.direction is Direction.POSITIVE]
-    both = [replace(x, parameter=ParameterName(x.parameter.name, Direction.NEGATIVE)) for x in positive]
-    rest = [x for x in joint.parameters if x.parameter.name not in Lugre._fields]
-    return replace(joint, parameters=(*positive, *both, *rest))
 
 
 def error(line: str, of: str) -> float:
@@ -217,11 +206,3 @@ def test_what_cannot_be_merged_into_is_refused(handed: Handed, target: ExportTar
     if target is mjcf.FRICTIONLOSS:
         once = target.write([joint], Request(into=ROBOT, into_name="arm.xml")).content
         assert target.write([joint], Request(into=once, into_name="arm.xml")).content == once
-
-
-def test_a_shared_quadratic_term_is_left_out_and_counts_as_lost(handed: Handed) -> None:
-    """V abs(v) is named, and the losses hold what of it no viscous friction replaces."""
-    joint = beside(same(handed("wrist pitch")), quadratic=0.2)
-    artefact = mjcf.TARGET.write([joint], Request())
-    assert "export-leaves-out" in {x.code for x in artefact.said}
-    assert artefact.losses[joint.name][0].percent > 1

@@ -162,22 +162,6 @@ def test_a_torque_of_ones_own_acts_as_a_control(handed: Handed) -> None:
     assert ends == pytest.approx([ends[0]] * 2, rel=1e-12)
 
 
-def test_a_first_call_is_forgotten_at_a_reset(handed: Handed) -> None:
-    """A call at time 0 with a wild velocity, then mj_resetData: what follows is as with a new object."""
-    joint, torques = handed("wrist pitch"), []
-    for wild in (True, False):
-        model = one(J=joint.inertia)
-        data, friction = mujoco.MjData(model), Friction(model, "wrist pitch", joint)
-        if wild:
-            data.qvel[0] = -3.0
-            friction.apply(data)
-            mujoco.mj_resetData(model, data)
-        data.qvel[0] = 1.0
-        friction.apply(data)
-        torques.append((friction.torque, friction.deflection))
-    assert torques[0] == torques[1]
-
-
 def test_what_begins_anew_repeats_itself(handed: Handed) -> None:
     """After mj_resetData the same motion comes out, also after a call at time 0 with a wild velocity; two calls at one time do as one.
 

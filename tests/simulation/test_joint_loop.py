@@ -71,18 +71,6 @@ def test_a_wrong_start_differs_in_what_it_names_alone() -> None:
     assert one.case(J=2.0).motor.J == 2.0
 
 
-def test_a_sine_is_its_own_derivative() -> None:
-    """Velocity and acceleration of the reference are the derivatives of its position; amplitude, frequency and duration are those asked for."""
-    course = joint_loop(period=1e-4).sine(0.7, 2.0, 0.3)
-    h, inner = 1e-4, slice(1, -1)
-    assert course.position.size == 20_001
-    assert np.abs(course.position).max() == pytest.approx(0.3, rel=1e-6)
-    np.testing.assert_allclose(np.gradient(course.position, h)[inner], course.velocity[inner], atol=1e-6)
-    np.testing.assert_allclose(np.gradient(course.velocity, h)[inner], course.acceleration[inner], atol=1e-5)
-    assert course.position[0] == 0.0
-    assert course.velocity[0] == pytest.approx(2 * np.pi * 0.7 * 0.3)
-
-
 def test_what_is_asked_for_is_taken(tmp_path: Path) -> None:
     """Every option of `adapt` reaches the loop in SI, and nothing that was given is called an assumption."""
     one = of_experiment(experiment(tmp_path, options(ASKED)), joint())

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -15,7 +14,7 @@ from bristle.control.control_period import Case, LoopOptions
 from bristle.control.pid import Gains
 from bristle.model.parameters import Motor
 from bristle.simulation import edro
-from bristle.simulation.references import FASTEST, HARDEST, STEEPEST, Hold, Move, Multisine, Sine, SlowLoads, stacked
+from bristle.simulation.references import FASTEST, HARDEST, STEEPEST, Hold, Move, Multisine, Sine, SlowLoads
 
 STEP = 1e-4
 HOLD = Hold(run=1, velocity=-0.7, run_in=0.6, averaged=0.4, ramp=0.3)
@@ -64,14 +63,6 @@ def test_the_largest_slopes_are_those_that_are_stated(velocity: float, duration:
     assert np.abs(move.acceleration).max() == pytest.approx(HARDEST * velocity / duration**2, rel=1e-5)
 
 
-def test_a_sine_of_a_symbol_is_the_sampled_one() -> None:
-    """The continuous loop and the sampled one follow the same sine."""
-    t = ca.SX.sym("t")
-    time = instants(1.0, 0.01)
-    continuous = ca.Function("sine", [t], [SINE.position(t)])(time[None]).full().ravel()
-    np.testing.assert_allclose(SINE.sampled(1.0, 0.01).position, continuous, atol=1e-15)
-
-
 def test_slow_loads_reach_their_peaks_and_rest_between() -> None:
     """Each peak with its sign after its rise, zero before, after and at each pause; the joint is asked to stay."""
     loads = SlowLoads((0.3, -0.2), rise=2.0, fall=0.5, rest=1.0, pause=0.25)
@@ -81,15 +72,6 @@ def test_slow_loads_reach_their_peaks_and_rest_between() -> None:
         r.torque[[0, 4, 8, 12, 14, 15, 23, 25, 29]], [0, 0, 0.15, 0.3, 0, 0, -0.2, 0, 0], atol=1e-15
     )
     assert not np.any([r.position, r.velocity, r.acceleration])
-
-
-def test_references_are_stacked_case_by_case() -> None:
-    """Each row is one reference as it was."""
-    references = [Sine(a, 1.0).sampled(0.5, 0.01) for a in (0.1, 0.2, 0.3)]
-    whole = stacked(references)
-    for k, one in enumerate(references):
-        for part in ("position", "velocity", "acceleration"):
-            np.testing.assert_array_equal(getattr(whole, part)[k], getattr(one, part))
 
 
 def test_a_torque_is_played_open_loop() -> None:

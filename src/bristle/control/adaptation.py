@@ -4,10 +4,10 @@
 
 G is the derivative of the predicted friction torque (16)-(18) by the adapted parameters, and differs from law to law:
 
-    printed          (19)-(20) as they are typeset, for alpha_0 and alpha_2 alone: the first is dT_f / d alpha_1, not d
-    alpha_0 partial          dT_f / dp at given z, p = theta times its start: the law that (19) says it is partial-theta
-    dT_f / d theta = the same times the start total            dT_f / dp + (dT_f / dz) (dz / dp), with dz / dp from the
-    forward-sensitivity equation
+    printed          (19)-(20) as they are typeset, for alpha_0 and alpha_2 alone: the first is dT_f / d alpha_1, not d alpha_0
+    partial          dT_f / dp at given z, p = theta times its start: the law that (19) says it is
+    partial-theta    dT_f / d theta = the same times the start
+    total            dT_f / dp + (dT_f / dz) (dz / dp), with dz / dp from the forward-sensitivity equation
 
 With learning rates >= 0 the gains move the right way for this e only; the PID's error has the other sign. gamma is in
 1/(rad * s) times what makes d theta / dt a rate: theta is a number, so gamma_1 (alpha_0) is in 1/(rad*s) for a G of
@@ -37,10 +37,8 @@ Law = Literal["printed", "partial", "partial-theta", "total"]
 LAWS: tuple[Law, ...] = get_args(Law)
 Step = Literal["gradient", "normalised", "least-squares"]
 STEPS: tuple[Step, ...] = get_args(Step)
-_TYPESET = {"alpha_0", "alpha_2"}
-"""Of which (19) and (20) are."""
-_LARGEST = 1e150
-"""Beyond this an input counts as no number, and nothing is learnt from it."""
+_TYPESET = {"alpha_0", "alpha_2"}  # parameters for which (19) and (20) are defined
+_LARGEST = 1e150  # beyond this an input counts as no number, and nothing is learnt from it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,15 +126,9 @@ def effective(
 def gradient(
     adaptation: Adaptation, z: Expression, v: Expression, p: Lugre[Any], learnt: Learnt, level: Expression = 0.0
 ) -> tuple[Expression, ...]:
-    """G of the law for each adapted parameter.
+    """G of the law for each adapted parameter, at a deflection z of the model's bristle, rad, and the velocity v that drives it, rad/s.
 
-    Args:
-        adaptation: with its law.
-        z: deflection of the model's bristle, rad.
-        v: the velocity that drives the model, rad/s.
-        p: the set that acts there, as it started.
-        learnt: the gains and, for the total law, dz / d theta.
-        level: what a load adds to alpha_0, N*m.
+    `p` is the set that acts there, as it started; a load adds `level` to alpha_0, N*m.
     """
     if adaptation.law == "printed":
         return tuple(printed(name, z, v, friction.loaded(p, level)) for name in adaptation.parameters)

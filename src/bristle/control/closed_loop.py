@@ -28,7 +28,6 @@ from bristle.control.control_period import (
     blank_log,
     control_period,
     flat,
-    named,
     numbers_of,
     shaped,
     stiff_control_period,
@@ -39,10 +38,8 @@ from bristle.errors import InputError
 from bristle.model.vectorize import bound, chained
 from bristle.workers import threads
 
-_CHUNK = 1000
-"""Samples of every case in one CasADi call: what bounds the memory."""
-Run = Callable[[int, int], ca.Function]
-"""(samples, cases) -> their control periods as one function."""
+_CHUNK = 1000  # samples of every case in one CasADi call: what bounds the memory
+Run = Callable[[int, int], ca.Function]  # (samples, cases) -> their control periods as one function
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,8 +64,6 @@ class Trajectory:
     """Torque of the compensator, N*m."""
     measured: Array | float = float("nan")
     """Position as it is measured, counted and with its noise, rad; nan where nothing is sampled."""
-    predicted: Array | float = float("nan")
-    """Friction as the compensator predicts it, all of it, N*m; nan where its share is zero."""
     theta: Array
     """Gains of each adapted parameter, (cases, parameters, n)."""
 
@@ -83,8 +78,7 @@ class Trajectory:
 
     def peak_error(self, since: float = 0.0) -> Array:
         """Largest position error from a time on, rad, (cases,)."""
-        peak: Array = np.abs(self.error[:, self.time >= since]).max(axis=1)
-        return peak
+        return np.asarray(np.abs(self.error[:, self.time >= since]).max(axis=1))
 
     def rms_torque(self, since: float = 0.0) -> Array:
         """Root mean square of the torque asked for, N*m, (cases,)."""
@@ -93,8 +87,7 @@ class Trajectory:
     def chatter(self, since: float = 0.0) -> Array:
         """Total variation of the torque asked for, per second, N*m/s, (cases,)."""
         kept = self.time >= since
-        varied: Array = np.abs(np.diff(self.torque[:, kept], axis=1)).sum(axis=1)
-        return varied / float(np.ptp(self.time[kept]))
+        return np.asarray(np.abs(np.diff(self.torque[:, kept], axis=1)).sum(axis=1) / float(np.ptp(self.time[kept])))
 
     def energy(self, since: float = 0.0) -> Array:
         """Work that the drive did at the joint, its torque held over each period, J, (cases,)."""
@@ -116,21 +109,14 @@ def simulate(
     stiff: bool = False,
     alike: bool = False,
 ) -> Trajectory:
-    """Runs every case from rest at its first reference position.
+    """Runs every case, one or more, from rest at its first reference position, under the options that all share.
 
-    Args:
-        options: shared by all.
-        cases: one or more.
-        reference: what every case is to do, or each its own, at every control period.
-        period: s.
-        disturbance: what acts beside it; None: nothing.
-        stiff: whether CVODES solves the plant between samples: the reference to compare with, some hundred times
-            slower.
-        alike: whether all cases are the first one, whose numbers are then constants of what is compiled. That rounds
-            otherwise than numbers that are given, and the bytes of the embedded logs rest on it.
+    The reference is what every case is to do, or each its own, at every control period, s. `stiff`: CVODES solves the plant between samples, to
+    compare with, a hundred times slower. `alike`: all cases are the first one, whose numbers are then constants of what is compiled; that rounds
+    otherwise than numbers that are given, and the bytes of the embedded logs rest on it.
 
-    Raises InputError where the period is not positive or longer than the loop bears, something is not finite, the motor
-    lacks the inductance that the loop has, or nothing is to be run.
+    Raises InputError where the period is not positive or longer than the loop bears, something is not finite, the motor lacks the inductance that
+    the loop has, or nothing is to be run.
     """
     n = reference.position.shape[-1]
     if not cases or n < 2 or not 0 < period < inf:
@@ -138,20 +124,18 @@ def simulate(
             f"got {len(cases)} cases, {n} samples and a period of {period:g} s; expected at least one, two, and a positive period"
         )
     signals = [np.asarray(x, dtype=float) for x in flat(Given(reference, disturbance or Disturbance()))]
-    numbers = np.array([numbers_of(case, period) for case in cases])
+    numbers = np.array([flat(numbers_of(case, period)) for case in cases])
     if not (all(np.isfinite(x).all() for x in signals) and np.isfinite(numbers).all()):
         raise InputError(
             "the reference, load, drift or noise of a run, or its case, holds a value that is not finite; expected numbers throughout"
         )
-    lacking = [k for k, case in enumerate(cases) if options.inductance and not case.motor.L > 0]
-    if lacking:
-        raise InputError(
-            f"loop: inductance: got L = {cases[lacking[0]].motor.L:g} H for case {lacking[0]}; expected a positive number, or no inductance"
-        )
+    if options.inductance and (lacking := [k for k, case in enumerate(cases) if not case.motor.L > 0]):
+        got = f"L = {cases[lacking[0]].motor.L:g} H for case {lacking[0]}"
+        raise InputError(f"loop: inductance: got {got}; expected a positive number, or no inductance")
     options = with_law_of(options, cases)
     refuse_long_period(options, cases, period)
     given = [np.broadcast_to(x, (len(cases), n)) for x in signals]
-    run = partial(_run, options, named(cases[0], period) if alike else None, stiff=stiff)
+    run = partial(_run, options, numbers_of(cases[0], period) if alike else None, stiff=stiff)
     workers = 1 if stiff else min(threads(), len(cases))
     parts = [slice(*ends) for ends in pairwise(round(k * len(cases) / workers) for k in range(workers + 1))]
     for part in parts:
@@ -160,14 +144,11 @@ def simulate(
         ran = pool.map(lambda part: _logged(options, run, [x[part] for x in given], numbers[part]), parts)
         logs = np.concatenate(list(ran), axis=1)
     log = shaped(blank_log(options), iter(logs))
-    share, forward = options.compensator.share, options.compensator.inertia * reference.acceleration
-    compensation = np.asarray(log.compensation)
     return Trajectory(
         time=np.asarray(period * np.arange(n)), reference=reference.position, position=log.position, velocity=log.velocity,
         measured=log.measured, torque=log.torque,
-        voltage=log.voltage if options.drive == "voltage" else np.full_like(compensation, np.nan),
-        friction=log.friction, compensation=compensation,
-        predicted=(compensation - forward) / share if share else np.full_like(compensation, np.nan),
+        voltage=log.voltage if options.drive == "voltage" else np.full((len(cases), n), np.nan),
+        friction=log.friction, compensation=log.compensation,
         theta=np.reshape(log.theta, (-1, len(cases), n)).swapaxes(0, 1),
     )  # fmt: skip  # a list of values
 

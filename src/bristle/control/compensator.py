@@ -38,17 +38,14 @@ Velocity = Literal["reference", "measured"]
 
 
 class Reference(NamedTuple):
-    """What the joint is to do.
+    """What the joint is to do, in rad, rad/s and rad/s**2.
 
     Now, as floats or CasADi symbols, or at every control period of a run, as arrays (n,) or (cases, n).
     """
 
     position: Expression
-    """rad."""
     velocity: Expression
-    """rad/s."""
     acceleration: Expression
-    """rad/s**2."""
     torque: Expression = 0.0
     """Added to what the controller asks for, N*m: a load that is played open loop."""
     level: Expression = 0.0
@@ -92,15 +89,13 @@ class Compensator:
         if self.velocity not in get_args(Velocity):
             raise InputError(f"compensator: velocity: got {self.velocity!r}; expected reference or measured")
         if self.adaptation is not None and not self.name.startswith("lugre"):
-            raise InputError(
-                f"compensator: {self.name} cannot adapt; expected one of {', '.join(n for n in NAMES if n.startswith('lugre'))}"
-            )
+            able = ", ".join(n for n in NAMES if n.startswith("lugre"))
+            raise InputError(f"compensator: {self.name} cannot adapt; expected one of {able}")
         for what in ("share", "inertia", "softness", "filter_time", "observer_gain"):
-            value = getattr(self, what)
-            if not 0 <= value < inf or (what == "softness" and value == 0):
-                raise InputError(
-                    f"compensator: {what}: got {value:g}; expected {'a positive number' if what == 'softness' else 'zero or more'}, and finite"
-                )
+            value, positive = getattr(self, what), what == "softness"
+            if not 0 <= value < inf or (positive and value == 0):
+                expected = "a positive number" if positive else "zero or more"
+                raise InputError(f"compensator: {what}: got {value:g}; expected {expected}, and finite")
 
 
 class CompensatorState(NamedTuple):
@@ -165,9 +160,8 @@ def advanced(
 ) -> tuple[Expression, Learnt]:
     """The model's bristle after h seconds, v linear meanwhile, and dz / d theta beside it for the total law.
 
-    A load adds `level` to alpha_0 meanwhile, N*m.
-
-    Two exact-exponential steps: up to where v passes zero, or else to the middle, and from there.
+    Two exact-exponential steps: up to where v passes zero, or else to the middle, and from there. A load adds `level`
+    to alpha_0 meanwhile, N*m.
     """
     v0, learnt = state.velocity, state.learnt
     crosses = v0 * v < 0
@@ -186,9 +180,7 @@ def advanced(
         else:
             forgotten, rest = law.bristle_change(first, last, part, acting)
         z = z + (rest - forgotten * z)
-        stiffness = law.active(
-            z, first + last, state.parameters
-        ).sigma_0  # where z has passed zero, that of its new side
+        stiffness = law.active(z, first + last, state.parameters).sigma_0  # of its new side where z has passed zero
         crossed = stiffness != p.sigma_0
         other, slope = law.rescaled_deflection(z, rest / (forgotten + 1e-200), stiffness / p.sigma_0)
         z, slopes = ca.if_else(crossed, other, z), tuple(ca.if_else(crossed, slope * s, s) for s in slopes)

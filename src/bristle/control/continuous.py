@@ -5,7 +5,6 @@ compensator's bristle, the gains by their law; nothing is sampled or limited.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from math import inf
 
 import casadi as ca
@@ -26,17 +25,10 @@ from bristle.model.parameters import Pair
 def simulate_continuous(
     case: Case, compensator: Compensator, reference: Callable[[Expression], Expression], duration: float, period: float
 ) -> Trajectory:
-    """Runs a case from rest.
+    """Runs a case from rest for a duration, s, logged every period, s; there is no encoder, and the compensator measures the true velocity.
 
-    Args:
-        case: its torque has no limit, its derivative no filter; there is no encoder.
-        compensator: what it measures of the velocity is the true one.
-        reference: its position, rad, of a CasADi symbol of time, s.
-        duration: s.
-        period: between the instants that are logged, s.
-
-    Raises InputError where the case or the compensator has what is sampled alone, or period and duration are not
-    positive.
+    `reference` is the position, rad, of a CasADi symbol of time, s. Raises InputError where the case or the compensator has what is sampled alone,
+    as a limit of the torque or a filter, or period and duration are not positive.
     """
     if case.torque_limit < inf or case.gains.filter_time > 0:
         raise InputError(
@@ -54,39 +46,34 @@ def simulate_continuous(
     y_ref = reference(t)
     v_ref = ca.jacobian(y_ref, t)
     r = Reference(y_ref, v_ref, ca.jacobian(v_ref, t))
-    memory_rates, predicted, T_c = _compensated(compensator, case.model, r, Measurement(y, v), memory)
+    memory_rates, T_c = _compensated(compensator, case.model, r, Measurement(y, v), memory)
     K_p, K_i, K_d, _ = case.gains
     T = K_p * (r.position - y) + integral + K_d * (r.velocity - v) + T_c
     plant = plant_rates(v, z, T, 0.0, case.plant, case.motor, motor.current_for)
     rates = ca.vertcat(v, plant, K_i * (r.position - y), *memory_rates)
     friction = law.torque(z, v, law.active(z, v, case.plant))
-    logged = ca.vertcat(r.position, y, v, T, friction, T_c, predicted, *memory[1 : 1 + gains])
+    logged = ca.vertcat(r.position, y, v, T, friction, T_c, *memory[1 : 1 + gains])
     log = ca.Function("log", [t, x], [logged])
     time = np.asarray(period * np.arange(round(duration / period) + 1))
     settings = {"abstol": 1e-10, "reltol": 1e-8, "max_num_steps": 10_000_000}
     solver = ca.integrator("continuous", "cvodes", {"t": t, "x": x, "ode": rates}, 0.0, time, settings)
     start = [0.0] * 5 + [1.0] * gains + [0.0] * gains
     followed, *rows = log.map(time.size)(time[None], solver(x0=start)["xf"]).full()
-    y, v, T, friction, T_c, predicted = (row[None] for row in rows[:6])
+    y, v, T, friction, T_c = (row[None] for row in rows[:5])
     return Trajectory(
         time=time, reference=followed, position=y, velocity=v, torque=T, voltage=np.full_like(T, np.nan), friction=friction,
-        compensation=T_c, predicted=predicted, theta=np.array(rows[6:]).reshape(1, gains, time.size),
+        compensation=T_c, theta=np.array(rows[5:]).reshape(1, gains, time.size),
     )  # fmt: skip  # a list of values
 
 
 def _compensated(
     compensator: Compensator, pair: Pair[float], r: Reference, m: Measurement, memory: Sequence[Expression]
-) -> tuple[list[Expression], Expression, Expression]:
-    """Of the compensator: the rates of its bristle, its gains and dz / d theta; the friction that it predicts.
-
-    Then its torque; both in N*m.
-    """
+) -> tuple[list[Expression], Expression]:
+    """Of the compensator: the rates of its bristle, its gains and dz / d theta; and its torque, N*m."""
     z, *learnt = memory
-    state, forward = compensating.initial_state(compensator, pair), compensator.inertia * r.acceleration
+    state = compensating.initial_state(compensator, pair)
     if not compensator.name.startswith("lugre"):
-        whole = replace(compensator, share=1.0, inertia=0.0)
-        _, T = compensating.step(whole, state, r, m, inf)
-        return [0.0], T, forward + compensator.share * T
+        return [0.0], compensating.step(compensator, state, r, m, inf)[1]
     a, n = compensator.adaptation, len(learnt) // 2
     known = Learnt(tuple(learnt[:n]), tuple(learnt[n:]), ())
     v, e = compensating.driving(compensator, state, r, m, inf), m.position - r.position
@@ -101,4 +88,4 @@ def _compensated(
             rates.append(up + ca.if_else(theta > low, ca.fmin(pull, 0.0), 0.0))
         by_z, pairs = ca.jacobian(dz, z), zip(known.theta, known.sensitivity, strict=True)
         rates += [by_z * s + ca.jacobian(dz, theta) for theta, s in pairs]
-    return rates, T, forward + compensator.share * T
+    return rates, compensator.inertia * r.acceleration + compensator.share * T

@@ -1,8 +1,7 @@
-"""One control period of the closed loop.
+"""One control period of the closed loop: what it is made of, its expressions, and the functions that step it, exactly or by CVODES.
 
-What it is made of, its expressions, and the functions that step it, exactly or with CVODES between samples. The encoder
-reads, controller and compensator ask for a torque, the drive gives it (or the voltage that the motor model makes of
-it), and the plant goes on. Whatever goes in or out is a tuple with names; `flat` and `shaped` make the vectors.
+The encoder reads, controller and compensator ask for a torque, the drive gives it (or the voltage that the motor model makes of it), and the plant
+goes on. Whatever goes in or out is a tuple with names; `flat` and `shaped` make the vectors.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,7 +24,7 @@ from bristle.model.parameters import Motor, Pair, fields_of, pair_of
 
 T = TypeVar("T")
 _SOFT: Sliding[float] = Sliding(K=2.0, slope=15.0, layer=10.0, filter_time=0.0)
-_KNOWN = {"drive": ("torque", "voltage"), "controller": ("pid", "sliding"), "derivative": ("error", "measurement")}
+_KNOWN = {"drive": ("torque", "voltage"), "controller": ("pid", "sliding")}
 _CURRENT: dict[str, Current] = {"torque": motor.current_for, "voltage": motor.current}
 
 
@@ -35,9 +34,7 @@ class LoopOptions:
 
     compensator: Compensator = field(default_factory=Compensator)
     drive: Literal["torque", "voltage"] = "torque"
-    """What the drive takes: the torque itself, or the voltage that the motor model makes of it."""
-    back_emf: bool = True
-    """Whether that voltage has the back-EMF at the reference velocity; else the joint is braked by it."""
+    """What the drive takes: the torque itself, or the voltage that the motor model makes of it, with the back-EMF at the reference velocity."""
     delay: int = 0
     """Control periods from the command to the drive."""
     encoder: bool = False
@@ -48,8 +45,6 @@ class LoopOptions:
     """Steps of the plant in a control period."""
     controller: Literal["pid", "sliding"] = "pid"
     """(21), or sliding mode, to compare with."""
-    derivative: Literal["error", "measurement"] = "error"
-    """What (21) differentiates: with the measurement, a step of the reference kicks no more."""
     inductance: bool = False
     """Whether the current lags the voltage by L / R (1); else it follows at once (6)."""
     informed: bool = False
@@ -67,10 +62,6 @@ class LoopOptions:
         for what, known in _KNOWN.items():
             if getattr(self, what) not in known:
                 raise InputError(f"loop: {what}: got {getattr(self, what)!r}; expected {' or '.join(known)}")
-        if self.controller == "sliding" and self.derivative == "measurement":
-            raise InputError(
-                "loop: derivative: got measurement for sliding mode, whose surface needs that of the error"
-            )
         if self.inductance and self.drive == "torque":
             raise InputError(
                 "loop: inductance: got a drive of torque, whose current does not lag; choose drive voltage"
@@ -176,8 +167,7 @@ class Period(NamedTuple):
     log: Logged
 
 
-UNDISTURBED = Given(Reference(0.0, 0.0, 0.0), Disturbance())
-"""At rest at zero, nothing acting."""
+UNDISTURBED = Given(Reference(0.0, 0.0, 0.0), Disturbance())  # at rest at zero, nothing acting
 
 
 def no_friction(of: Law) -> Pair[float]:
@@ -185,23 +175,17 @@ def no_friction(of: Law) -> Pair[float]:
     return pair_of([0.0] * 2 * len(fields_of(of)), of)
 
 
-def numbers_of(case: Case, period: float) -> list[float]:
-    """A case as the numbers that a period of that length, s, takes, one after the other."""
-    return flat(named(case, period))
-
-
-def named(case: Case, period: float) -> Numbers:
-    """The same by name."""
+def numbers_of(case: Case, period: float) -> Numbers:
+    """A case as the numbers that a period of that length, s, takes."""
     limit = min(case.torque_limit, 1e300)
     return Numbers(case.plant, case.model, case.motor, case.gains, case.sliding, limit, case.resolution, period)
 
 
 def at_rest(options: LoopOptions, position: float) -> LoopMemory:
     """What the loop remembers at rest at its reference, rad."""
-    control = AT_REST if options.derivative == "error" else AT_REST._replace(error=-position)
     state = compensating.initial_state(options.compensator, no_friction(options.model_law), position)
     current, compensator = (0.0,) if options.inductance else (), tuple(compensating.packed(state))
-    return LoopMemory(STILL._replace(position=position), current, control, compensator, ((0.0, 0.0),) * options.delay)
+    return LoopMemory(STILL._replace(position=position), current, AT_REST, compensator, ((0.0, 0.0),) * options.delay)
 
 
 def blank_log(options: LoopOptions) -> Logged:
@@ -211,9 +195,7 @@ def blank_log(options: LoopOptions) -> Logged:
 
 def with_law_of(options: LoopOptions, cases: Sequence[Case]) -> LoopOptions:
     """The options for cases, whose plants are of one law, and whose models are. Raises InputError where they are not."""
-    plants, models = (
-        {x.law.name: x.law for x in pairs} for pairs in ([c.plant for c in cases], [c.model for c in cases])
-    )
+    plants, models = {c.plant.law.name: c.plant.law for c in cases}, {c.model.law.name: c.model.law for c in cases}
     if max(len(plants), len(models)) > 1:
         raise InputError(
             f"loop: got cases of the friction laws {', '.join(plants | models)}; run those of each by themselves"
@@ -241,10 +223,9 @@ def controlled(options: LoopOptions, constants: Numbers | None = None) -> Period
     if options.controller == "sliding":
         T_own, control = sliding(before.controller, r.position - seen, h, case.sliding)
     else:
-        of = -seen if options.derivative == "measurement" else None
-        T_own, control = pid(before.controller, r.position - seen, h, case.gains, limit, of)
+        T_own, control = pid(before.controller, r.position - seen, h, case.gains, limit)
     T = ca.fmin(ca.fmax(T_own + T_c + r.torque, -limit), limit)
-    V = motor.voltage(T, r.velocity if options.back_emf else 0.0, case.motor)
+    V = motor.voltage(T, r.velocity, case.motor)
     now, *later = (*before.asked, (T, V))
     true = law.torque(state.deflection, state.velocity, law.active(state.deflection, state.velocity, friction))
     return Period(
@@ -269,10 +250,7 @@ def after(options: LoopOptions, now: Period, sent: Expression) -> LoopMemory:
 
 @lru_cache(maxsize=32)
 def control_period(options: LoopOptions, constants: Numbers | None = None) -> ca.Function:
-    """One control period: (memory, what is given, numbers) -> (memory, log).
-
-    With constants the numbers given are not looked at.
-    """
+    """One control period: (memory, what is given, numbers) -> (memory, log); with constants the numbers given are not looked at."""
     now = controlled(options, constants)
     new = ca.vertcat(*flat(after(options, now, now.sent)))
     return ca.Function("control_period", [*now.inputs], [new, ca.vertcat(*flat(now.log))], {"cse": True})
@@ -280,10 +258,7 @@ def control_period(options: LoopOptions, constants: Numbers | None = None) -> ca
 
 @lru_cache(maxsize=8)
 def stiff_control_period(options: LoopOptions) -> ca.Function:
-    """The same, the plant by CVODES at tight tolerances.
-
-    Variable steps and orders, implicit, nothing of the fast step in it.
-    """
+    """The same, the plant by CVODES at tight tolerances: variable steps and orders, implicit, nothing of the fast step in it."""
     now = controlled(options)
     kept = ca.vertcat(*flat(now.kept))
     state = ca.vertcat(*flat((now.memory.plant, now.memory.current)))

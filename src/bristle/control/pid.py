@@ -13,17 +13,13 @@ T = TypeVar("T")
 
 
 class Gains(NamedTuple, Generic[T]):
-    """Gains of (21) for an error in rad and an output in N*m."""
+    """Gains of (21) for an error in rad and an output in N*m: N*m/rad, N*m/(rad*s) and N*m*s/rad."""
 
     K_p: T
-    """N*m/rad."""
     K_i: T
-    """N*m/(rad*s)."""
     K_d: T
-    """N*m*s/rad."""
     filter_time: T
-    """Time constant of the first-order filter on the derivative, s, >= 0; at 0 the plain backward difference is left.
-    """
+    """Time constant of the first-order filter on the derivative, s, >= 0; at 0 the plain backward difference is left."""
 
 
 class Sliding(NamedTuple, Generic[T]):
@@ -43,14 +39,14 @@ class Sliding(NamedTuple, Generic[T]):
 
 
 class Memory(NamedTuple, Generic[T]):
-    """What the controller remembers from one sample to the next; all zero at rest where the error is differentiated."""
+    """What the controller remembers from one sample to the next; all zero at rest."""
 
     integral: T
     """K_i times the integral of the error, N*m."""
     derivative: T
     """Filtered derivative, rad/s."""
     error: T
-    """What was differentiated last: the error, or minus the measurement, rad."""
+    """The last one, rad."""
 
 
 AT_REST: Memory[float] = Memory(0.0, 0.0, 0.0)
@@ -68,28 +64,21 @@ def differentiated(
 
 
 def pid(
-    memory: Memory[Any],
-    error: Expression,
-    h: Expression,
-    gains: Gains[Any],
-    limit: Expression,
-    of: Expression | None = None,
+    memory: Memory[Any], error: Expression, h: Expression, gains: Gains[Any], limit: Expression
 ) -> tuple[Expression, Memory[Any]]:
     """One sample of (21): the output, N*m, within +-limit, and the new memory.
 
-    `error` is reference minus measurement, rad; `h` the sampling interval, s; `limit` the largest output, N*m; `of`
-    what is differentiated, rad: the error, unless minus the measurement is given, and a step of the reference kicks no
-    more. Rectangle rule for the integral, backward difference for the derivative. Anti-windup: the integral never moves
+    `error` is reference minus measurement, rad; `h` the sampling interval, s; `limit` the largest output, N*m.
+    Rectangle rule for the integral, backward difference for the derivative. Anti-windup: the integral never moves
     further than where the output meets its limit.
     """
-    of = error if of is None else of
-    derivative = differentiated(memory.derivative, memory.error, of, h, gains.filter_time)
+    derivative = differentiated(memory.derivative, memory.error, error, h, gains.filter_time)
     proportional = gains.K_p * error + gains.K_d * derivative
     lowest = ca.fmin(memory.integral, -limit - proportional)
     highest = ca.fmax(memory.integral, limit - proportional)
     integral = ca.fmin(ca.fmax(memory.integral + h * gains.K_i * error, lowest), highest)
     output = ca.fmin(ca.fmax(proportional + integral, -limit), limit)
-    return output, Memory(integral, derivative, of)
+    return output, Memory(integral, derivative, error)
 
 
 def sliding(

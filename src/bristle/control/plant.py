@@ -25,19 +25,15 @@ from bristle.model.parameters import Motor, Pair
 Current = Callable[[Expression, Expression, Motor[Any]], Expression]
 """(drive, velocity, motor) -> armature current, A: `motor.current` or `motor.current_for`."""
 
-_TINY = 1e-100
-"""Keeps sinh(w h) / w and sin(w h) / w finite at w = 0, where both are exact to rounding."""
+_TINY = 1e-100  # keeps sinh(w h) / w and sin(w h) / w finite at w = 0, where both are exact to rounding
 
 
 class State(NamedTuple):
-    """The plant at one instant."""
+    """The plant at one instant: rad, rad/s, and the bristle's deflection z, rad."""
 
     position: Expression
-    """rad."""
     velocity: Expression
-    """rad/s."""
     deflection: Expression
-    """Bristle deflection z, rad."""
 
 
 STILL = State(0.0, 0.0, 0.0)

@@ -36,12 +36,9 @@ from bristle.model import law, motor
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Pair
 
-_FAST = 1e3
-"""Multiples of v_s at which the joint slides."""
-_LEAST = 1e-4
-"""Growth in the period asked for, as a logarithm, that counts."""
-_HALVINGS, _BISECTIONS = 10, 10
-"""To find a shorter period that the loop bears, and then the longest."""
+_FAST = 1e3  # multiples of v_s at which the joint slides
+_LEAST = 1e-4  # growth in the period asked for, as a logarithm, that counts
+_HALVINGS, _BISECTIONS = 10, 10  # to find a shorter period that the loop bears, and then the longest
 
 
 def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: float) -> None:
@@ -51,19 +48,17 @@ def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: floa
     """
     if options.controller == "sliding":
         return
-    options = with_law_of(options, cases)
     linear = [replace(case, plant=Pair(p, p), torque_limit=inf) for case in cases for p in case.plant]
-    rows = np.array([numbers_of(case, period) for case in linear])
-    growth = _growth(options, rows, np.full(len(rows), period))
-    if not (growth > _LEAST).any():
+    grown = growth(options, linear, np.full(len(linear), period))
+    if not (grown > _LEAST).any():
         return
 
     def borne(shorter: Array) -> NDArray[np.bool_]:
         """Whether nothing grows in these shorter periods, or no faster in time than what does not count."""
-        return _growth(options, rows, shorter) <= _LEAST * shorter / period
+        return growth(options, linear, shorter) <= _LEAST * shorter / period
 
     # The longest periods up to this one that these bear, to a thousandth; zero where none is found.
-    bearable = np.full(len(rows), period)
+    bearable = np.full(len(linear), period)
     for _ in range(_HALVINGS):
         bearable = np.where(borne(bearable), bearable, bearable / 2)
     bearable, high = np.where(borne(bearable), bearable, 0.0), np.minimum(2 * bearable, period)
@@ -71,7 +66,7 @@ def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: floa
         middle = (bearable + high) / 2
         good = borne(middle)
         bearable, high = np.where(good, middle, bearable), np.where(good, high, middle)
-    blamed = np.where(bearable > 0, growth, 0.0)
+    blamed = np.where(bearable > 0, grown, 0.0)
     worst = int(blamed.argmax())
     if blamed[worst] > _LEAST:
         which = f"case {worst // 2}: " if len(cases) > 1 else ""
@@ -82,15 +77,12 @@ def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: floa
 
 
 def growth(options: LoopOptions, cases: Sequence[Case], period: Array) -> Array:
-    """By how much the fastest mode of each case grows in its period, s, as a logarithm, (cases,).
+    """By how much the fastest mode of each case grows in its period, s, as a logarithm, in sliding along positive velocity, (cases,).
 
-    In sliding along positive velocity.
+    Infinite where the derivative is no number.
     """
-    return _growth(with_law_of(options, cases), np.array([numbers_of(case, nan) for case in cases]), period)
-
-
-def _growth(options: LoopOptions, rows: Array, period: Array) -> Array:
-    """The same of the numbers of cases, a row each; infinite where the derivative is no number; (rows,)."""
+    rows = np.array([flat(numbers_of(case, nan)) for case in cases])
+    options = with_law_of(options, cases)
     bare = replace(options, compensator=Compensator(name="none"), encoder=False, speedometer=False, informed=False)
     derivatives = _derivative(bare).map(len(rows))(rows.T, period[None]).full()
     size = derivatives.shape[0]

@@ -7,10 +7,8 @@ from bristle.control.adaptation import Adaptation
 from bristle.control.compensator import Compensator
 from bristle.model.laws.parts import Expression
 
-OF_COMPENSATOR = ("share", "inertia", "softness", "filter_time", "observer_gain")
-"""What is a number of a compensator ..."""
-OF_ADAPTATION = ("dead_zone", "leakage", "forgetting")
-"""... and of its adaptation, beside its limits and rates."""
+OF_COMPENSATOR = ("share", "inertia", "softness", "filter_time", "observer_gain")  # numbers of a compensator
+OF_ADAPTATION = ("dead_zone", "leakage", "forgetting")  # and of its adaptation, beside its limits and rates
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -66,16 +66,11 @@ JOINTS: tuple[ArmJoint, ...] = (
 )
 """In the URDF's order, and that of the log's columns."""
 
-PERIOD, HELD_OUT_PERIOD = 40.0, 16.0
-"""Length of the logs, s."""
-RATE, SUBSTEPS = 125.0, 8
-"""Samples a second, and steps of the simulated friction in each."""
-RESOLUTION = 2 * np.pi / 2**19
-"""rad per count at the joint."""
-NOISE = 0.03
-"""Of the current: standard deviation of a sample over that of the larger alpha_0."""
-SHARES = (1.0, 0.8, 0.7, 0.35)
-"""Of each line, in speed."""
+PERIOD, HELD_OUT_PERIOD = 40.0, 16.0  # length of the logs, s
+RATE, SUBSTEPS = 125.0, 8  # samples a second, and steps of the simulated friction in each
+RESOLUTION = 2 * np.pi / 2**19  # rad per count at the joint
+NOISE = 0.03  # of the current: standard deviation of a sample over that of the larger alpha_0
+SHARES = (1.0, 0.8, 0.7, 0.35)  # of each line, in speed
 CUTOFF, DECIMATION = 20.0, 6
 """How the runs are fitted: low pass of the positions, Hz, far above the motion's 0.6 Hz; and one equation in so many samples."""
 
@@ -93,14 +88,11 @@ ASSUMPTIONS: tuple[str, ...] = (
 
 
 class ArmLog(NamedTuple):
-    """What the arm's drives logged."""
+    """What the arm's drives logged: s, (n,); rad and A, (n, joints)."""
 
     time: Array
-    """s, (n,)."""
     position: Array
-    """rad, (n, joints)."""
     current: Array
-    """A, (n, joints)."""
 
 
 def arm_folder() -> Path:

@@ -50,16 +50,14 @@ FIG_1_V_S: tuple[float, float, float] = (0.036, 0.072, 0.144)
 TORQUE_CONSTANT, RESISTANCE, DRIVE = 0.35, 2.1, 12.0
 """Assumed of every joint: k_t (N*m/A, at the joint), R (ohm), and the drive's largest voltage (V) at rest."""
 
-PEAK = 0.85
-"""Assumed: of each direction's true alpha_0 + alpha_1, where its slow loading turns."""
+PEAK = 0.85  # assumed: of each direction's true alpha_0 + alpha_1, where its slow loading turns
 
 LINES: tuple[tuple[float, float, float], ...] = (
     (0.0, 0.23, 0.0), (8.0, 0.61, 0.3), (5.0, 1.7, 1.0), (1.2, 4.1, 2.0), (0.5, 7.3, 0.5), (0.15, 13.0, 2.2),
 )  # fmt: skip  # a table
 """Assumed, moving runs: amplitude in largest bristle deflections of the joint, frequency (Hz) and phase (rad); the first line has `WIDE` rad."""
 
-WIDE = 0.35
-"""Assumed: amplitude of the slowest line, rad."""
+WIDE = 0.35  # assumed: amplitude of the slowest line, rad
 
 HELD_OUT_LINES: tuple[tuple[float, float, float], ...] = (
     (0.0, 0.31, 1.0), (7.0, 0.83, 2.3), (4.0, 1.3, 0.1), (1.0, 3.3, 1.4), (0.4, 6.1, 2.9),
@@ -69,14 +67,12 @@ HELD_OUT_LINES: tuple[tuple[float, float, float], ...] = (
 CUTOFF, DECIMATION = 60.0, 5
 """How the moving runs are fitted: low pass of the position, Hz, and one equation in so many samples, so that 40 Hz are left."""
 
-CLOCK = Clock(period=2e-3, decimation=5)
-"""Assumed: control at 500 Hz, logged at 100 Hz."""
+CLOCK = Clock(period=2e-3, decimation=5)  # assumed: control at 500 Hz, logged at 100 Hz
 
 RESOLUTION = 2 * pi / 2**20
 """Assumed: rad per count at the joint, as of a 4096-line encoder, read in quadrature, on the motor behind a 64:1 gear."""
 
-BANDWIDTH = 60.0
-"""Assumed: of the bench's ramp controller, rad/s."""
+BANDWIDTH = 60.0  # assumed: of the bench's ramp controller, rad/s
 
 NOISE, DISTURBANCE = 0.0055, 0.02
 """Assumed, relative to the larger alpha_0 of the joint: standard error of a plateau's mean torque from voltage noise; torque noise on the plant."""

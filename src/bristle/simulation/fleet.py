@@ -17,8 +17,7 @@ from bristle.model.parameters import Pair, Stribeck, unit
 from bristle.model.vectorize import evaluate
 from bristle.simulation.edro import TABLE_1
 
-BEGIN = np.datetime64("2026-01-12T08:00:00", "us")
-"""The first session of every robot."""
+BEGIN = np.datetime64("2026-01-12T08:00:00", "us")  # the first session of every robot
 NAMES = Stribeck._fields
 TYPES: dict[str, Pair[float]] = {f"J{k + 1}": TABLE_1[name] for k, name in enumerate((*TABLE_1, *list(TABLE_1)[:2]))}
 """Joint types, each with the friction of a joint of Table 1."""
@@ -113,12 +112,9 @@ def fleet_estimates(design: FleetDesign, truth: FleetTruth, rng: np.random.Gener
     return frame.assign(simulated=True, **{k: pd.Categorical([x] * len(frame)) for k, x in constant.items()})
 
 
-SPEEDS, HOLD, RATE = 8, 0.8, 100.0
-"""Of a ramp log: speeds in each direction, s at each, and Hz."""
-COUNT = 1e-5
-"""Of the encoder, rad."""
-NOISE = 0.08
-"""Of the logged torque, as a share of alpha_0: the mean over a hold is off by some 0.9 %."""
+SPEEDS, HOLD, RATE = 8, 0.8, 100.0  # of a ramp log: speeds in each direction, s at each, and Hz
+COUNT = 1e-5  # of the encoder, rad
+NOISE = 0.08  # of the logged torque, as a share of alpha_0: the mean over a hold is off by some 0.9 %
 
 
 def ramp_log(value: Array, rng: np.random.Generator) -> pd.DataFrame:

@@ -17,30 +17,20 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import AdaptOptions
 from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.known_joint import (
-    DEFLECTION,
-    draws_of,
-    inertia_of,
-    rises_of,
-    truth_of,
-    whole,
-    without_load,
-)
+from bristle.identification.known_joint import DEFLECTION, draws_of, inertia_of, rises_of, truth_of, whole, without_load
 from bristle.identification.moving_runs import load_columns, terms_of
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, effort, unit
+from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, ParameterName, effort, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.rollout import load_level
 from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
 from bristle.simulation.references import Sine
 
-_BEYOND = 30.0
-"""A reference may be so many times as fast as what was measured."""
-_FREQUENCY = 0.5
-"""Of the default reference, Hz."""
+_BEYOND = 30.0  # a reference may be so many times as fast as what was measured
+_FREQUENCY = 0.5  # of the default reference, Hz
 _BESIDE = ("offset", "gravity", "quadratic")
 """What takes torque along a motion beside friction, inertia and the links of a robot."""
 
@@ -203,9 +193,8 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         raise InputError(
             f"{joint.name}: no inertia is known, without which no loop can be simulated; give it as inertia, or a tracking run that shows it"
         )
-    carried = _carried(joint)
+    carried, fastest = _carried(joint), fastest_measured(joint)
     assumed = [] if carried else list(without_load(joint))
-    fastest = fastest_measured(joint)
     amplitude, frequency = requested_motion(asked, fastest)
     speed = 2 * np.pi * frequency * amplitude
     beyond = speed / fastest
@@ -227,13 +216,9 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     by_deflection = f"from a deflection of {DEFLECTION:g} of the {'travel' if joint.travel else 'amplitude'}"
     ways = {"sigma_0": by_deflection, "sigma_1": f"from (15) with a damping ratio of {DAMPING_RATIO:g}"}
     assumed += [
-        Finding(
-            "bristle-filled", CAUTION,
-            f"{name} ({d}): not identifiable from these data; assumed {getattr(p, name):.3g} {unit(name, joint.kind)}, {how}.",
-            {"name": name, "direction": d, "value": getattr(p, name)},
-        )
+        bristle_filled(ParameterName(name, d), getattr(p, name), joint.kind, how)
         for d, p in zip(SIGNED, model, strict=True) for name, how in ways.items() if name in known.missing(d)
-    ]  # fmt: skip  # a list of values
+    ]  # fmt: skip  # two loops
     compensator, adaptation = asked_parts(experiment)
     if asked.gamma is None:
         adaptation = _paced(adaptation, model.positive, gains.K_p, speed, assumed)
@@ -277,6 +262,13 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     return replace(loop, compensator=replace(compensator, observer_gain=loop.observer_gain))
 
 
+def bristle_filled(name: ParameterName, value: float, kind: JointKind, how: str) -> Finding:
+    """That no run shows a parameter of the bristle, and what is assumed."""
+    of = f"{name.name} ({name.direction})" if name.direction in SIGNED else name.name
+    message = f"{of}: not identifiable from these data; assumed {value:.3g} {unit(name.name, kind)}, {how}."
+    return Finding("bristle-filled", CAUTION, message, {"name": name.name, "value": value, "direction": name.direction})
+
+
 def _carried(joint: Joint) -> Carried | None:
     """The load along a motion; None where friction does not rise with it, or nothing tells it of the position alone."""
     rises = rises_of(joint)
@@ -315,17 +307,14 @@ def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assum
     A parameter that is wrong by a share s makes an error of position of about s p D / K_p, D the total derivative of the torque by it, so that its
     gain moves by gamma G s p D / K_p a second. Both are taken in steady sliding; a parameter that makes no torque there gets the rate zero.
     """
-    names = plain.parameters
     v = fastest * np.sin(np.pi * (np.arange(64) + 0.5) / 128)  # a quarter of the sine
     z, *by = evaluate(functions.steady_deflection_function(p.law), v, *p)
     T, T_z, *by_p = evaluate(functions.torque_sensitivity_function(p.law), z, v, *p)
-    places = [p._fields.index(name) for name in names]
-    G = np.abs(steady_gradient(plain, v, p))
-    rates = []
-    for k, (at, name) in enumerate(zip(places, names, strict=True)):
-        whole = getattr(p, name) * np.abs(by_p[at] + T_z * by[at])
-        worth = float(np.mean(G[k] * whole))
-        seen = worth > 1e-3 * float(np.mean(G[k]) * np.mean(np.abs(T)))
+    names, rates = plain.parameters, []
+    for name, G in zip(names, np.abs(steady_gradient(plain, v, p)), strict=True):
+        at = p._fields.index(name)
+        worth = float(np.mean(G * (getattr(p, name) * np.abs(by_p[at] + T_z * by[at]))))
+        seen = worth > 1e-3 * float(np.mean(G) * np.mean(np.abs(T)))
         rates.append(0.5 * K_p / worth if seen else 0.0)
     told = ", ".join(f"{rate:.3g}" for rate in rates)
     still = "" if all(rates) else "; zero where a parameter has no effect in steady sliding"

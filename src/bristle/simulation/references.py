@@ -5,7 +5,7 @@ moves go from one value to the next by polynomials of the time, so that their ac
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -14,30 +14,24 @@ from numpy.polynomial import Polynomial
 from bristle.arrays import Array
 from bristle.control.compensator import Reference
 from bristle.model import functions
+from bristle.model.laws.parts import Expression
 from bristle.model.vectorize import evaluate
 
-Expression = Any
-"""A CasADi symbol: CasADi carries no types."""
-_SMOOTH = Polynomial([0.0, 0.0, 3.0, -2.0])
-"""From one velocity to the next."""
+_SMOOTH = Polynomial([0.0, 0.0, 3.0, -2.0])  # from one velocity to the next
 _TRAVELLED = _SMOOTH.integ()
-_ACROSS = Polynomial([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
-"""From one position to the next, at rest at both."""
+_ACROSS = Polynomial([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])  # from one position to the next, at rest at both
 STEEPEST = float(_SMOOTH.deriv()(0.5))
 """Largest acceleration of a hold's ramp, over its velocity and over one per its time."""
-FASTEST = float(_ACROSS.deriv()(0.5))
-"""Largest velocity of a move, over its mean."""
+FASTEST = float(_ACROSS.deriv()(0.5))  # largest velocity of a move, over its mean
 HARDEST = float(np.abs(_ACROSS.deriv(2)(_ACROSS.deriv(3).roots().real)).max())
 """Largest acceleration of a move, over its way and over one per its time squared."""
 
 
 class Sine(NamedTuple):
-    """amplitude sin(2 pi frequency t)."""
+    """amplitude sin(2 pi frequency t), rad and Hz."""
 
     amplitude: float
-    """rad."""
     frequency: float
-    """Hz."""
 
     def position(self, t: Expression) -> Expression:
         """At a CasADi symbol of time, rad."""
@@ -54,14 +48,11 @@ class Sine(NamedTuple):
 
 
 class Multisine(NamedTuple):
-    """A sum of sines of the position, faded in and out."""
+    """A sum of sines of the position, faded in and out: rad, Hz and rad, (k,) each."""
 
     amplitude: Array
-    """rad, (k,)."""
     frequency: Array
-    """Hz, (k,)."""
     phase: Array
-    """rad, (k,)."""
 
     def at(self, time: Array, duration: float, rest: float = 0.5) -> Reference:
         """About zero, fading over `rest` at its beginning and before its end, after `duration`, s."""
@@ -71,14 +62,11 @@ class Multisine(NamedTuple):
 
 
 class Plateau(NamedTuple):
-    """A stretch of constant reference velocity, after its run-in."""
+    """A stretch of constant reference velocity, rad/s, after its run-in, from start to stop, s."""
 
     velocity: float
-    """rad/s."""
     start: float
-    """s."""
     stop: float
-    """s."""
 
 
 class Ramps(NamedTuple):
@@ -108,7 +96,7 @@ class Ramps(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """S."""
+        """In s."""
         return self._corners()[0][-1] + self.rest
 
     def at(self, time: Array) -> Reference:
@@ -169,14 +157,11 @@ class Hold(NamedTuple):
 
 
 class Move(NamedTuple):
-    """From rest to rest elsewhere, never at a constant velocity."""
+    """From rest to rest elsewhere, rad, within so many s, never at a constant velocity."""
 
     start: float
-    """rad."""
     stop: float
-    """rad."""
     duration: float
-    """s."""
 
     def at(self, time: Array) -> Reference:
         """At rest after its duration."""
@@ -221,10 +206,5 @@ class SlowLoads(NamedTuple):
 
 def stacked(references: Sequence[Reference]) -> Reference:
     """References of one length, one for each case, (cases, n)."""
-    parts = zip(*references, strict=True)
-    return Reference(
-        *(
-            np.stack([np.broadcast_to(x, r.position.shape) for x, r in zip(part, references, strict=True)])
-            for part in parts
-        )
-    )
+    whole = ([np.broadcast_to(x, r.position.shape) for x in r] for r in references)
+    return Reference(*map(np.stack, zip(*whole, strict=True)))

@@ -1,6 +1,7 @@
 """A fit of arrays as a figure, and in a notebook."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -79,21 +80,25 @@ def _motion(ax: Axes, joint: Joint) -> None:
     if moving is not None:
         k = thinned(moving.time.size, 4000)
         ax.plot(moving.time[k], moving.measured[k], "-", color=DIRECTION["+"].colour, label="measured")
-        ax.plot(
-            moving.time[k], (moving.measured - moving.residuals)[k], "--", color=DIRECTION["-"].colour, label="fitted"
-        )
+        fitted = (moving.measured - moving.residuals)[k]
+        ax.plot(moving.time[k], fitted, "--", color=DIRECTION["-"].colour, label="fitted")
 
 
 @styled
 def html(fit: Fit) -> str:
     """A fit with its curve, for a notebook; text that may be anybody's is escaped."""
-    figure = new_figure(3.6)
-    draw_stage(fit.joint, fit.stage, figure.subplots())
-    curve_of = inline(render_as(figure, "svg"), "fit", "friction vs velocity, measured and fitted")
+    draw = partial(draw_stage, fit.joint, fit.stage)
+    curve_of = _picture("fit", "friction vs velocity, measured and fitted", 3.6, draw)
     paragraphs = "".join(f"<p>{escape(line)}</p>" for line in outcomes(fit))
     points = "".join(f"<li>{escape(line)}</li>" for line in serious(fit))
     table = fit.to_frame().drop(columns="warnings").to_html(float_format="{:.5g}".format, na_rep="-")
-    return f"<div>{paragraphs}{table}<ul>{points}</ul><div style='max-width:36rem'>{curve_of}</div></div>"
+    return f"<div>{paragraphs}{table}<ul>{points}</ul>{curve_of}</div>"
+
+
+def _picture(name: str, label: str, height: float, draw: Callable[[Axes], object]) -> str:
+    figure = new_figure(height)
+    draw(figure.subplots())
+    return f"<div style='max-width:36rem'>{inline(render_as(figure, 'svg'), name, label)}</div>"
 
 
 @styled
@@ -102,9 +107,7 @@ def joints_html(joints: Sequence[Joint], frame: "pd.DataFrame") -> str:
     parts = []
     for k, joint in enumerate(joints):
         own = frame[frame["joint"] == joint.name].drop(columns=["joint", "warnings"])
-        figure = new_figure(3.2)
-        draw_joint(joint, figure.subplots())
-        picture = inline(render_as(figure, "svg"), f"joint-{k}", "measured and fitted")
+        picture = _picture(f"joint-{k}", "measured and fitted", 3.2, partial(draw_joint, joint))
         table = own.to_html(index=False, float_format="{:.5g}".format, na_rep="-")
-        parts.append(f"<h4>{escape(joint.name)}</h4>{table}<div style='max-width:36rem'>{picture}</div>")
+        parts.append(f"<h4>{escape(joint.name)}</h4>{table}{picture}")
     return f"<div>{''.join(parts)}</div>"

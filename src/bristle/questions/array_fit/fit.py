@@ -91,14 +91,10 @@ class Fit:
 
         if method not in (None, *METHODS):
             raise InputError(f"method: got {short(method)}; expected one of {', '.join(METHODS)}")
-        if (
-            not 0 < level < 1
-            or (method == "profile" and level > CONFIDENCE)
-            or (method == "bootstrap" and level != CONFIDENCE)
-        ):
-            wanted = {"profile": f"more than 0 and at most {CONFIDENCE:g}", "bootstrap": f"{CONFIDENCE:g}"}.get(
-                method or "", "0 to 1"
-            )
+        borne = {"profile": level <= CONFIDENCE, "bootstrap": level == CONFIDENCE}
+        if not 0 < level < 1 or not borne.get(method or "", True):
+            ends = {"profile": f"more than 0 and at most {CONFIDENCE:g}", "bootstrap": f"{CONFIDENCE:g}"}
+            wanted = ends.get(method or "", "0 to 1")
             raise InputError(f"level: got {level!r}; expected {wanted}{f' by {method}' if method else ''}")
         if method in ("profile", "bootstrap") and all(row.ways is None for row in self._rows()):
             raise InputError(
@@ -150,13 +146,11 @@ class Fit:
         """One row for each parameter: value, standard error, ends of the 95 % interval, unit and warnings."""
         import pandas as pd
 
+        of = {row.name: row.estimate for row in self._rows()}
         rows = {
-            row.name: (
-                e.value, e.standard_error, *(e.interval or (None, None)), e.unit, "; ".join(map(str, e.warnings)),
-            )
-            for row in self._rows()
-            for e in (row.estimate,)
-        }  # fmt: skip  # a row
+            name: (e.value, e.standard_error, *(e.interval or (None, None)), e.unit, "; ".join(map(str, e.warnings)))
+            for name, e in of.items()
+        }
         columns = ["value", "standard_error", "lower", "upper", "unit", "warnings"]
         return pd.DataFrame.from_dict(rows, orient="index", columns=columns).rename_axis("parameter")
 
@@ -215,7 +209,7 @@ def _interval(row: _Row, level: float, method: Method | None) -> tuple[float, fl
         return none
     if method is None and level == CONFIDENCE:
         return e.interval or none
-    made: tuple[float, float] | None = getattr(ways, method) if ways is not None and method is not None else None
+    made: tuple[float, float] | None = getattr(ways, method) if ways and method else None
     if made is not None and level == CONFIDENCE:
         return made
     if method in (None, "covariance"):

@@ -16,22 +16,16 @@ from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Pair
 from bristle.simulation.joint_loop import JointLoop
 
-SHARES = (0.5, 0.75, 1.0, 1.25, 1.5)
-"""Of the identified friction that is compensated."""
-BITS = (20, 14, 12)
-"""The encoder has 2**bits counts in 2 pi times the amplitude of the reference."""
-DELAYS = (0, 2, 5)
-"""Control periods from the command to the drive."""
-HOLD = 2.0
-"""The joint is held at rest this long at the end, s, ..."""
-_WATCHED = 1.5
-"""... and watched for limit cycles over the last of it, s."""
+SHARES = (0.5, 0.75, 1.0, 1.25, 1.5)  # of the identified friction that is compensated
+BITS = (20, 14, 12)  # the encoder has 2**bits counts in 2 pi times the amplitude of the reference
+DELAYS = (0, 2, 5)  # control periods from the command to the drive
+HOLD = 2.0  # the joint is held at rest this long at the end, s
+_WATCHED = 1.5  # and watched for limit cycles over the last of it, s
 _SWINGS, _COUNTS, _SWAY = 4, 3.0, 0.02
 """A held joint cycles where it swings through its mean so often, over more than so many counts and this share of one bristle deflection."""
 _LEAD = 0.1
 """A joint leads where its mean error along the motion is more negative than this share of the RMS error without compensation."""
-_LOST = 10.0
-"""A loop diverges where its error is so many amplitudes."""
+_LOST = 10.0  # a loop diverges where its error is so many amplitudes
 WAYS: dict[str, Compensator] = {
     "none": Compensator(name="none"),
     "Coulomb, reference velocity": Compensator(name="coulomb"),
@@ -45,7 +39,7 @@ WAYS: dict[str, Compensator] = {
 
 
 class AblationRow(NamedTuple):
-    """One compensator under one set of circumstances."""
+    """One compensator under one set of tried."""
 
     compensator: str
     encoder_bits: int
@@ -69,25 +63,22 @@ class AblationRow(NamedTuple):
 def ablate(loop: JointLoop) -> tuple[AblationRow, ...]:
     """All of them; the joint moves back and forth twice, then is held at rest."""
     reference, moving = _back_and_forth(loop)
-    circumstances = [(bits, share) for bits in BITS for share in SHARES]
-    scaled = (loop.case(model=_scaled(loop.model, share)) for _, share in circumstances)
-    cases = [
-        replace(case, resolution=_count(loop, bits)) for case, (bits, _) in zip(scaled, circumstances, strict=True)
-    ]
+    tried = [(bits, share) for bits in BITS for share in SHARES]
+    scaled = (loop.case(model=_scaled(loop.model, share)) for _, share in tried)
+    cases = [replace(case, resolution=_count(loop, bits)) for case, (bits, _) in zip(scaled, tried, strict=True)]
     rows: list[AblationRow] = []
     bare: dict[int, float] = {}
     for way, compensator in WAYS.items():
         own = replace(compensator, filter_time=5 * loop.period, observer_gain=loop.observer_gain)
-        chosen = [k for k, (_, share) in enumerate(circumstances) if way != "none" or share == 1.0]
+        chosen = [k for k, (_, share) in enumerate(tried) if way != "none" or share == 1.0]
         for delay in DELAYS:
             options = LoopOptions(compensator=own, encoder=True, delay=delay)
             run = simulate(options, [cases[k] for k in chosen], reference, loop.period)
-            found = _judged(loop, run, moving, [circumstances[k][0] for k in chosen], bare)
+            found = _judged(loop, run, moving, [tried[k][0] for k in chosen], bare)
             for k, (rms, chatter, cycles, leads, diverges) in zip(chosen, found, strict=True):
-                bits, share = circumstances[k]
-                bare.setdefault(bits, rms)
+                bits, share = tried[k]
                 share = share if way != "none" else 0.0  # nothing is compensated
-                ends = rms, rms / bare[bits], chatter, cycles, leads, diverges
+                ends = rms, rms / bare.setdefault(bits, rms), chatter, cycles, leads, diverges
                 rows.append(AblationRow(way, bits, delay, share, *ends))
     return tuple(rows)
 
@@ -108,12 +99,9 @@ def _back_and_forth(loop: JointLoop) -> tuple[Reference, NDArray[np.bool_]]:
     w, h = 2 * np.pi * loop.frequency, loop.period
     t: Array = h * np.arange(round((2 / loop.frequency + HOLD) / h) + 1, dtype=np.float64)
     on, half = t < 2 / loop.frequency, loop.amplitude / 2
-    y, v, acceleration = (
-        np.asarray(on * half * x, dtype=np.float64)
-        for x in (1 - np.cos(w * t), w * np.sin(w * t), w**2 * np.cos(w * t))
-    )
-    reference = loop.under_load(Reference(y, v, acceleration))
-    return reference, np.abs(v) > 0.2 * half * w
+    course = (on * half * x for x in (1 - np.cos(w * t), w * np.sin(w * t), w**2 * np.cos(w * t)))
+    reference = loop.under_load(Reference(*course))
+    return reference, np.abs(reference.velocity) > 0.2 * half * w
 
 
 def _judged(

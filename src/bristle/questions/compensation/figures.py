@@ -17,8 +17,7 @@ from bristle.page.wording import axis, number, pretty, symbol
 from bristle.questions.compensation.study import Study
 from bristle.simulation.edro import TABLE_2_ADAPTED
 
-MOST = 500
-"""Points of each line drawn over time."""
+MOST = 500  # points of each line drawn over time
 _GREY, _BLUE, _VERMILION, _GREEN, _BLACK = "#999999", "#0072B2", "#D55E00", "#009E73", "#000000"
 LAWS = {
     "not adapted": (_GREY, (0, (1, 1))), "printed": (_VERMILION, "--"), "partial": (_BLUE, "-"),
@@ -42,8 +41,7 @@ def _courses(study: Study, runs: Mapping[str, Trajectory]) -> Figure:
     """Two runs of one reference by their labels: position, position error and control over time."""
     kind = study.loops[0].kind
     figure, (above, middle, below) = panels(0.5 + 3 * 2.2, study.loops[0].name, True, 3, sharex=True)
-    looks = ((_VERMILION, "--"), (_BLUE, "-"))
-    last = list(runs.values())[-1]
+    looks, last = ((_VERMILION, "--"), (_BLUE, "-")), list(runs.values())[-1]
     _line(above, last, last.reference, _GREY, "-", "reference")
     for (label, run), (colour, line) in zip(runs.items(), looks, strict=True):
         _line(above, run, run.position[0], colour, line, label)

@@ -43,33 +43,34 @@ class Errors(NamedTuple):
 
 
 def errors(loop: JointLoop) -> tuple[Errors, ...]:
-    """Fig. 8 at both frequencies of a joint, without and with inertia feed-forward."""
-    rows = *_errors(loop, inertia=False), *_errors(loop, inertia=True)
-    return tuple(sorted(rows, key=lambda row: (row.frequency, row.inertia)))
+    """Fig. 8 at both frequencies of a joint, without and with inertia feed-forward.
 
-
-def _errors(loop: JointLoop, *, inertia: bool) -> list[Errors]:
-    frequencies = (loop.slow, loop.frequency)
+    Raises InputError where the loop diverges with the joint's compensator.
+    """
+    frequencies, own, found = (loop.slow, loop.frequency), loop.case(model=loop.plant), loop.case()
     references = [loop.sine(f, LONG) for f in frequencies]
-    own, found = loop.case(model=loop.plant), loop.case()
 
-    def run(compensator: Compensator, cases: Sequence[Case]) -> Trajectory:
-        """A compensator with both references, for each pair of cases."""
-        whole = replace(compensator, inertia=loop.J if inertia else 0.0)
-        return simulate(LoopOptions(compensator=whole), cases, stacked(references * (len(cases) // 2)), loop.period)
+    def run(compensator: Compensator, cases: Sequence[Case], J: float) -> Trajectory:
+        """A compensator that feeds this inertia forward, with both references, for each pair of cases."""
+        options = LoopOptions(compensator=replace(compensator, inertia=J))
+        return simulate(options, cases, stacked(references * (len(cases) // 2)), loop.period)
 
-    bare, steady = run(BARE, [found] * 2), run(loop.compensator, [own, own, found, found])
-    moved = run(replace(loop.compensator, adaptation=loop.adaptation), [found] * 2)
-    without, fed, adaptive = (t.rms_error(SETTLE).tolist() for t in (bare, steady, moved))
-    if not max(fed) < 10 * loop.amplitude:
-        raise InputError(
-            f"{loop.name}: the loop diverges with {loop.compensator.name}; choose lugre, lower gains, or a shorter period"
-        )
-    asked, given = (t.rms_torque(SETTLE).tolist() for t in (bare, steady))
-    return [
-        Errors(loop.name, f, inertia, without[k], fed[k], fed[2 + k], adaptive[k], asked[k], given[2 + k])
-        for k, f in enumerate(frequencies)
-    ]
+    rows = []
+    for inertia in (False, True):
+        J = loop.J if inertia else 0.0
+        bare, steady = run(BARE, [found] * 2, J), run(loop.compensator, [own, own, found, found], J)
+        moved = run(replace(loop.compensator, adaptation=loop.adaptation), [found] * 2, J)
+        without, fed, adaptive = (t.rms_error(SETTLE).tolist() for t in (bare, steady, moved))
+        if not max(fed) < 10 * loop.amplitude:
+            raise InputError(
+                f"{loop.name}: the loop diverges with {loop.compensator.name}; choose lugre, lower gains, or a shorter period"
+            )
+        asked, given = (t.rms_torque(SETTLE).tolist() for t in (bare, steady))
+        rows += [
+            Errors(loop.name, f, inertia, without[k], fed[k], fed[2 + k], adaptive[k], asked[k], given[2 + k])
+            for k, f in enumerate(frequencies)
+        ]
+    return tuple(sorted(rows, key=lambda row: (row.frequency, row.inertia)))
 
 
 def followed(loop: JointLoop) -> dict[str, Trajectory]:

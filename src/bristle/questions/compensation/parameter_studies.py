@@ -19,26 +19,22 @@ from bristle.questions.compensation import paper_experiments as paper
 from bristle.simulation.joint_loop import JointLoop
 from bristle.simulation.references import Sine, stacked
 
-GAMMAS = (1.0, 5.0, 10.0, 20.0, 50.0)
-"""Rates of the maps, as multiples of a twentieth of the plan's."""
+GAMMAS = (1.0, 5.0, 10.0, 20.0, 50.0)  # rates of the maps, as multiples of a twentieth of the plan's
 FREQUENCIES = (0.25, 0.5, 1.0, 2.0, 4.0)
-AMPLITUDES = (0.1, 0.25, 0.5, 1.0, 2.0)
-"""Of the maps, as multiples of the plan's."""
+AMPLITUDES = (0.1, 0.25, 0.5, 1.0, 2.0)  # of the maps, as multiples of the plan's
 
 
 class AdaptationMap(NamedTuple):
-    """Where the adapted parameters end, as shares of the model's: over rate and frequency, and over amplitude and frequency."""
+    """Where the adapted parameters end, as shares of the model's: over rate and frequency, and over amplitude and frequency.
+
+    Learning rates, (k,), frequencies, Hz, (m,), and amplitudes, rad, (l,), give shares of (parameters, k, m) and (parameters, l, m).
+    """
 
     gammas: Array
-    """Learning rates, (k,)."""
     frequencies: Array
-    """Hz, (m,)."""
     amplitudes: Array
-    """rad, (l,)."""
     by_gamma: Array
-    """(parameters, k, m)."""
     by_amplitude: Array
-    """(parameters, l, m)."""
 
 
 def map_adaptation(loop: JointLoop) -> AdaptationMap:
@@ -55,8 +51,7 @@ def map_adaptation(loop: JointLoop) -> AdaptationMap:
         a = replace(plan, gamma=tuple(share * g for g in plan.gamma))
         options = LoopOptions(compensator=replace(loop.compensator, adaptation=a))
         run = simulate(options, [case] * len(references), stacked(references), loop.period)
-        final: Array = begun[:, None] * run.theta[:, :, -1].T
-        return final
+        return np.asarray(begun[:, None] * run.theta[:, :, -1].T)
 
     by_amplitude = ends(1.0, [loop.sine(x, paper.SHORT, a) for a in A for x in f]).reshape(begun.size, A.size, f.size)
     own = by_amplitude[:, AMPLITUDES.index(1.0)]  # the plan's own amplitude, at its own rates
@@ -101,8 +96,9 @@ def drifts(loop: JointLoop) -> tuple[Drift, ...]:
     rising: Array = np.linspace(1.0, 1.5, reference.position.shape[-1], dtype=np.float64)
     drifting = Disturbance(drift_0=rising, drift_2=rising)
     plan, cases = loop.adaptation, [loop.case(model=loop.plant)] * len(frequencies)
-    ways: list[tuple[str, Adaptation | None]] = [("known", None), ("fixed", None)]
-    ways += [
+    ways: list[tuple[str, Adaptation | None]] = [
+        ("known", None),
+        ("fixed", None),
         (plan.law, replace(plan, gamma=tuple(0.25 * g for g in plan.gamma))),
         (plan.law, plan),
         (f"{plan.law}, without limits", replace(plan, limits=(1e-12, 1e12))),
@@ -120,18 +116,14 @@ def drifts(loop: JointLoop) -> tuple[Drift, ...]:
 
 
 class Controlled(NamedTuple):
-    """A row: one controller on the plan's fast sine."""
+    """A row: one controller on the plan's fast sine; errors in rad, torque in N*m, its total variation in N*m/s, work at the joint in J."""
 
     controller: str
     rms_error: float
-    """rad, as the peak error."""
     peak_error: float
     rms_torque: float
-    """N*m."""
     chatter: float
-    """Total variation of the torque, N*m/s."""
     energy: float
-    """Work at the joint, J."""
 
 
 def compare_controllers(loop: JointLoop) -> tuple[Controlled, ...]:

@@ -28,8 +28,7 @@ from bristle.model.rollout import rollout
 from bristle.model.vectorize import chained
 from bristle.simulation.joint_loop import JointLoop
 
-_MOVED = 0.01
-"""A gain that differs from 1, or from a limit, by no more than this share is there."""
+_MOVED = 0.01  # a gain that differs from 1, or from a limit, by no more than this share is there
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,9 +56,10 @@ class Replay:
 
     def relative_errors(self) -> tuple[float, float]:
         """100 norm(measured - predicted) / norm(measured) with gains of 1, and adapted, over the second half, percent."""
-        late = slice(self.time.size // 2, None)
-        over = float(np.linalg.norm(self.measured[late])) or 1.0
-        return tuple(100 * float(np.linalg.norm((self.measured - x)[late])) / over for x in (self.fixed, self.adapted))  # type: ignore[return-value]
+        late, norm = slice(self.time.size // 2, None), np.linalg.norm
+        over = float(norm(self.measured[late])) or 1.0
+        before, after = (100 * float(norm((self.measured - x)[late])) / over for x in (self.fixed, self.adapted))
+        return before, after
 
     @property
     def ratios(self) -> tuple[tuple[str, float], ...]:
@@ -112,8 +112,7 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
     rises = rises_of(joint)
     loads = (name for name, terms in LEVELS.items() if {*terms.names} == {*rises})
     own = (*regressors(measured.experiment), *(x for x in fitted if x not in REGRESSORS), *loads)
-    asked = tuple(dict.fromkeys(own))
-    found = []
+    asked, found = tuple(dict.fromkeys(own)), []
     for record in (run.record for run in measured.runs if run.kind == "tracking"):
         problem = dynamic_problem([record], ("both",), asked, 1, held)
         extra = np.array([known.get(name, 0.0) for name in problem.extra_names])

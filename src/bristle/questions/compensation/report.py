@@ -19,10 +19,8 @@ from bristle.questions.compensation import figures, paper_experiments, tables
 from bristle.questions.compensation.study import WORSE, Study, adverse, outcomes_of, thousandths
 from bristle.workers import Share
 
-_BEYOND = 3.0
-"""v_s at which the gradients of the laws are told apart: the Stribeck term is gone there."""
-_MOST_REPLAYS = 6
-"""Replays drawn; the table has all."""
+_BEYOND = 3.0  # v_s at which the gradients of the laws are told apart: the Stribeck term is gone there
+_MOST_REPLAYS = 6  # replays drawn; the table has all
 _Draw = Callable[[Study], Figure | None]
 _Show = Callable[..., Section]
 """Makes a section of its title, what draws a study, the kind of figure that this is, and its caption."""
@@ -50,7 +48,17 @@ def sections(study: Study, share: Share | None = None) -> tuple[Section, ...]:
         made = Drawing(partial(draw, study), f"compensation-{kind}", label, caption, **more)
         return Section(title, figure=begun(made, share) if share else made, table=table)
 
-    ablation = _ablation(study, show)  # its figure takes longest
+    # Every compensator, and how many of the cases fail, by how; its figure takes longest.
+    rows, ways = study.ablation, ("limit_cycle", "over_compensated", "diverges")
+    cycling, leading, diverging = (sum(getattr(x, way) for x in rows) for way in ways)
+    caption = (
+        f"{cycling} of {len(rows)} cases end in a limit cycle, {leading} over-compensate, {diverging} diverge. RMS error in percent of that "
+        "without compensation, moving back and forth by the amplitude; encoders with 2^bits counts in 2π amplitudes, delays in control periods. "
+        "~: a limit cycle when held at rest; +: the joint leads its reference by more than a tenth of the error without compensation: more than "
+        "its friction is compensated; ×: the loop diverges. Measured velocity is differentiated from the counts."
+    )
+    title = "Compensators with different encoders and delays"
+    ablation = show(title, figures.ablation_figure, "ablation", caption, data="ablation")
     frames = tables.all_tables(study)
     heading, *parts = *_opening(study), *_replays(study, frames, show), *_errors(study, show)
     parts += [*_adaptation(study, frames, show), *_beyond(study, frames), ablation, *_band(study, show)]
@@ -88,13 +96,9 @@ def _worth(study: Study) -> Finding:
 
 def _as_good(study: Study) -> Iterator[Finding]:
     """Where the steady curve compensates as well as LuGre: the motion shows little of the bristle."""
-    finest, first = max(row.encoder_bits for row in study.ablation), study.loops[0]
-    best = (
-        row
-        for row in study.ablation
-        if (row.encoder_bits, row.delay, row.share) == (finest, 0, 1.0) and not row.diverges
-    )
-    rms = {row.compensator: row.rms_error for row in best}
+    best, first = (max(row.encoder_bits for row in study.ablation), 0, 1.0), study.loops[0]
+    tried = [x for x in study.ablation if (x.encoder_bits, x.delay, x.share) == best and not x.diverges]
+    rms = {row.compensator: row.rms_error for row in tried}
     stribeck, lugre = (rms.get(f"{name}, reference velocity") for name in ("Stribeck", "LuGre"))
     if stribeck and lugre and stribeck <= WORSE * lugre:
         message = (
@@ -141,12 +145,11 @@ def _replays(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -> I
 
 def _errors(study: Study, show: _Show) -> Iterator[Section]:
     """Figs 5 to 8: one sinusoidal reference over time, and the errors at each."""
-    worth, q = in_print(_worth(study)), thousandths(study)
+    worth, q, paper = in_print(_worth(study)), thousandths(study), "Figs 5 to 7" * study.paper
     followed = (
         f"{worth} Reference and position, position error, and control, without friction compensation (dashed) and with LuGre feed-forward of "
         "the identified model (solid)."
     )
-    paper = "Figs 5 to 7" * study.paper
     title = f"{paper or 'With and without'}: a sinusoidal reference"
     yield show(title, figures.followed_figure, "followed", followed, paper=paper)
     errors = (
@@ -243,21 +246,6 @@ def _beyond(study: Study, frames: Mapping[str, pd.DataFrame]) -> Iterator[Sectio
         "both with LuGre feed-forward: it decreases with the control period.",
         table=Table("sampling", "Sampled and continuous", part=_part(study, frames["sampling"])),
     )
-
-
-def _ablation(study: Study, show: _Show) -> Section:
-    """Every compensator, and how many of the cases fail, by how."""
-    rows, ways = study.ablation, ("limit_cycle", "over_compensated", "diverges")
-    cycling, leading, diverging = (sum(getattr(x, way) for x in rows) for way in ways)
-    message = f"{cycling} of {len(rows)} cases end in a limit cycle, {leading} over-compensate, {diverging} diverge."
-    caption = (
-        f"{message} RMS error in percent of that without compensation, moving back and forth by the amplitude; encoders with 2^bits counts in "
-        "2π amplitudes, delays in control periods. ~: a limit cycle when held at rest; +: the joint leads its reference by more than a tenth "
-        "of the error without compensation: more than its friction is compensated; ×: the loop diverges. Measured velocity is differentiated "
-        "from the counts."
-    )
-    title = "Compensators with different encoders and delays"
-    return show(title, figures.ablation_figure, "ablation", caption, data="ablation")
 
 
 def _band(study: Study, show: _Show) -> Iterator[Section]:

@@ -23,8 +23,7 @@ from bristle.workers import Share, called
 if TYPE_CHECKING:
     import pandas as pd
 
-WORSE = 1.1
-"""An error so many times another is larger; a smaller one is as good."""
+WORSE = 1.1  # an error so many times another is larger; a smaller one is as good
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -62,7 +62,6 @@ def all_tables(study: Study) -> dict[str, pd.DataFrame]:
         "drift": (Drift, study.drifts), "ablation": (AblationRow, study.ablation),
         "controllers": (Controlled, study.controllers), "sampling": (Sampled, study.sampling),
     }  # fmt: skip  # a table
-    makers = (compensation_errors, table_2, adaptation_map)
-    frames = {maker.__name__: maker(study) for maker in makers}
+    frames = {maker.__name__: maker(study) for maker in (compensation_errors, table_2, adaptation_map)}
     frames |= {name: pd.DataFrame(own, columns=list(row._fields)) for name, (row, own) in rows.items()}
     return frames | ({"replay": replay(study)} if study.replays else {})

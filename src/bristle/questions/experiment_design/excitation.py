@@ -19,21 +19,15 @@ from bristle.progress import Progress, teller
 from bristle.questions.experiment_design.start import Start
 from bristle.simulation.references import Multisine
 
-PLANNED, MEASURED = "planned", "measured so far"
-"""Names of motions."""
-LINES = 6
-"""Sines of a motion."""
+PLANNED, MEASURED = "planned", "measured so far"  # names of motions
+LINES = 6  # sines of a motion
 SEED = 0
-TRIES, STEPS = 30, 500
-"""Motions to begin with, and exchanges tried from the best of them."""
-_REACH = (0.02, 0.4)
-"""Least and largest standard deviation of an exchange, as a share of the range."""
+TRIES, STEPS = 30, 500  # motions to begin with, and exchanges tried from the best of them
+_REACH = (0.02, 0.4)  # least and largest standard deviation of an exchange, as a share of the range
 _ROUGH = 10.0
 """Nodes so many times farther apart while motions are compared: errors a few percent off, in a quarter of the time."""
-_UNSURE = 1.0
-"""Standard deviation of the logarithm of a guess."""
-_GOOD = 0.97
-"""Of each limit is used, for what lies between samples."""
+_UNSURE = 1.0  # standard deviation of the logarithm of a guess
+_GOOD = 0.97  # of each limit is used, for what lies between samples
 
 
 @result
@@ -72,25 +66,16 @@ class MotionProblem:
 
 
 def motion_problem(start: Start, limits: Limits, prior_information: Array, aim: str, duration: float) -> MotionProblem:
-    """What the tracking motion is judged by, after the rest of the plan.
-
-    Other joints are drawn where parameters are unsure.
-
-    Args:
-        start: what is known of the joint.
-        limits: of the motion.
-        prior_information: after the rest of the plan, (p, p).
-        aim: a parameter, in both directions, or `all`.
-        duration: s.
-    """
-    free = [k for k, name in enumerate(start.names) if name not in start.given]
+    """What the tracking motion is judged by, for a parameter, in both directions, or `all`; other joints are drawn where parameters are unsure."""
     relative = covariance(start.known)[0] / np.abs(start.estimate)
     guessed = np.array([name in start.guessed for name in start.names])
     spread = np.where(guessed, _UNSURE, np.where(np.isfinite(relative), np.minimum(relative, _UNSURE), 0.0))
     rng = np.random.default_rng(SEED)
-    drawn = [start.estimate]
-    if spread.max() > 0.2:  # too unsure for a motion that is the best at the estimate alone
-        drawn += [start.estimate * np.exp(spread * rng.standard_normal(spread.size)) for _ in range(2)]
+    others = 2 if spread.max() > 0.2 else 0  # too unsure for a motion that is the best at the estimate alone
+    drawn = [
+        start.estimate,
+        *(start.estimate * np.exp(spread * rng.standard_normal(spread.size)) for _ in range(others)),
+    ]
     # finer than the equations where it must be, of as much noise
     step = min(start.equation_step, 1 / (SAMPLES * limits.frequency))
     return MotionProblem(
@@ -101,7 +86,7 @@ def motion_problem(start: Start, limits: Limits, prior_information: Array, aim: 
         step=step,
         limits=limits,
         duration=duration,
-        aims=tuple(k for k in free if aim in ("all", start.names[k].name)),
+        aims=tuple(k for k, n in enumerate(start.names) if n not in start.given and aim in ("all", n.name)),
     )
 
 
@@ -146,10 +131,8 @@ def _faded(lines: Multisine, duration: float, step: float) -> Reference:
 def plain_lines(limits: Limits) -> Multisine:
     """A plain multisine: frequencies spaced evenly in log(f), all sines of the same speed, Schroeder's phases."""
     frequency = np.geomspace(2.0 / 15.0, limits.frequency, LINES)
-    k = np.arange(LINES)
-    return Multisine(
-        limits.velocity / (2 * np.pi * frequency * np.sqrt(LINES)), frequency, -np.pi * k * (k - 1) / LINES
-    )
+    k, amplitude = np.arange(LINES), limits.velocity / (2 * np.pi * frequency * np.sqrt(LINES))
+    return Multisine(amplitude, frequency, -np.pi * k * (k - 1) / LINES)
 
 
 def evaluate_motion(name: str, lines: Multisine, problem: MotionProblem) -> MotionDesign:

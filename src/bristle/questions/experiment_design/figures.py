@@ -23,10 +23,8 @@ from bristle.questions.experiment_design.velocities import errors_by_v_s
 
 _MOTIONS = ("#0072B2", "#E69F00", "#999999")
 _RISES = (("#999999", ":"), ("#E69F00", "--"), ("#009E73", "-."), ("#CC79A7", (0, (5, 1))), ("#0072B2", "-"))
-CEILING = 200.0
-"""Percent: an error beyond is drawn as this; nothing is seen of the parameter."""
-_APART, _ROW = 0.055, 0.085
-"""Least distance of two counts in a row, and height of a row, as shares of the axes."""
+CEILING = 200.0  # percent: an error beyond is drawn as this; nothing is seen of the parameter
+_APART, _ROW = 0.055, 0.085  # least distance of two counts in a row, and height of a row, as shares of the axes
 
 
 def _panels(plan: Plan, height: float, count: int = 1, **how: Any) -> tuple[Figure, list[Axes]]:
@@ -61,14 +59,23 @@ def velocities_figure(plan: Plan) -> Figure:
         ax.plot(v, torque, color=look.colour, linestyle=look.line, label="at the estimate")
         fit = plan.joint.static.get(velocities.direction)
         if fit is not None and 0 < fit.velocity.size <= 60:
-            ax.plot(
-                np.abs(fit.velocity), sign * np.abs(fit.torque), "x", color="#555555", markersize=5, label="measured"
-            )
+            far = np.abs(fit.velocity), sign * np.abs(fit.torque)
+            ax.plot(*far, "x", color="#555555", markersize=5, label="measured")
         speeds, counts = (np.array(x) for x in zip(*velocities.chosen.runs, strict=True))
         there = sign * evaluate(functions.steady_torque_function(p.law), speeds, *p.stribeck)[0]
         ax.plot(speeds, there, look.marker, color=look.colour, markersize=8, label="to run, how often")
         decimal_log(ax)
-        _write_counts(ax, speeds, counts.tolist())
+        # How often each speed is run, above all that is drawn: in rows, so that neighbours do not meet.
+        low, high = np.log(ax.get_xlim())
+        across, last = (np.log(speeds) - low) / (high - low), list[float]()
+        for speed, at, n in zip(speeds.tolist(), across.tolist(), counts.tolist(), strict=True):
+            row = next((k for k, end in enumerate(last) if at - end > _APART), len(last))
+            last[row : row + 1] = [at]
+            above = ax.get_xaxis_transform()
+            ax.text(speed, 0.97 - _ROW * row, f"×{n}", transform=above, ha="center", va="top", fontsize=9)
+        bottom, top = ax.get_ylim()
+        room = 0.05 + _ROW * len(last)
+        ax.set_ylim(bottom, top + room / (1 - room) * (top - bottom))
         ax.set_ylabel(axis("torque", plan.joint.kind))
         ax.annotate(direction(velocities.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
     handles, labels = axes[0].get_legend_handles_labels()
@@ -78,20 +85,6 @@ def velocities_figure(plan: Plan) -> Figure:
     )  # fmt: skip  # a list of values
     axes[-1].set_xlabel(axis("velocity", plan.joint.kind))
     return figure
-
-
-def _write_counts(ax: Axes, speeds: Array, counts: Sequence[int]) -> None:
-    """How often each speed, ascending, is run, above all that is drawn: in rows, so that neighbours do not meet."""
-    low, high = np.log(ax.get_xlim())
-    across = (np.log(speeds) - low) / (high - low)
-    last: list[float] = []
-    for x, at, n in zip(speeds.tolist(), across.tolist(), counts, strict=True):
-        row = next((k for k, end in enumerate(last) if at - end > _APART), len(last))
-        last[row : row + 1] = [at]
-        ax.text(x, 0.97 - _ROW * row, f"×{n}", transform=ax.get_xaxis_transform(), ha="center", va="top", fontsize=9)
-    bottom, top = ax.get_ylim()
-    room = 0.05 + _ROW * len(last)
-    ax.set_ylim(bottom, top + room / (1 - room) * (top - bottom))
 
 
 @styled
@@ -223,8 +216,7 @@ def whole_figure(plan: Plan) -> Figure:
         ax.set_ylabel(axis(what, plan.joint.kind))
     low, high = axes[0].get_ylim()
     axes[0].set_ylim(low, high + 0.3 * (high - low))
-    axes[0].legend(
-        handles=[Line2D([], [], color=c, label=kind) for kind, c in looks.items()], loc="upper center", ncols=4
-    )
+    kinds = [Line2D([], [], color=colour, label=kind) for kind, colour in looks.items()]
+    axes[0].legend(handles=kinds, loc="upper center", ncols=4)
     axes[-1].set_xlabel(axis("time", plan.joint.kind))
     return figure

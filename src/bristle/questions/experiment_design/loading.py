@@ -21,12 +21,9 @@ from bristle.questions.experiment_design.start import Start, inverse
 PEAKS = np.linspace(0.1, 0.8, 36)
 """Where loading may turn, as shares of g0 = alpha_0 + alpha_1: above, a little noise in the torque is much
 displacement."""
-RISES = np.array([5.0, 8.0, 14.0, 25.0, 40.0])
-"""Times to the peak, s."""
-CYCLES = 2
-"""Rises in a run."""
-_TENTH = 0.1
-"""What torque noise of slow loading is referred to, s."""
+RISES = np.array([5.0, 8.0, 14.0, 25.0, 40.0])  # times to the peak, s
+CYCLES = 2  # rises in a run
+_TENTH = 0.1  # what torque noise of slow loading is referred to, s
 
 
 @result
@@ -82,9 +79,7 @@ def plan_loading(
 def design_loading(
     direction: Direction, p: Lugre[float], g0_error: float, noise: float, count: float, share: float = 1.0
 ) -> LoadingDesign:
-    """The peak and the rise of slow loading that show sigma_0 best.
-
-    What the quasi-static estimate neglects counts as an error.
+    """The peak and the rise of slow loading that show sigma_0 best; what the quasi-static estimate neglects counts as an error.
 
     Args:
         direction: + or -.

@@ -22,30 +22,18 @@ from bristle.progress import Progress, step
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.excitation import MEASURED, MotionDesign
 from bristle.questions.experiment_design.loading import LoadingDesign, plan_loading
-from bristle.questions.experiment_design.references import (
-    DEFLECTIONS,
-    SETTLE,
-    Parts,
-    PlannedRun,
-    duration,
-    in_turn,
-    schedule,
-)
+from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE, PlannedRun, duration, in_turn, schedule
 from bristle.questions.experiment_design.start import Start, embedded, start_of
 from bristle.questions.experiment_design.velocities import VelocityPlan, largest_deflection, plan_velocities
 
 if TYPE_CHECKING:
     import pandas as pd
 
-VELOCITIES = 12
-"""Runs at constant velocity in each direction."""
-DURATION = 15.0
-"""Longest tracking motion, s."""
+VELOCITIES = 12  # runs at constant velocity in each direction
+DURATION = 15.0  # longest tracking motion, s
 _MOST = 1000
-NORMAL = 1.96
-"""Half of a 95 % interval in standard errors."""
-_UNSEEN = 0.5
-"""A parameter whose expected relative standard error is wider is not seen."""
+NORMAL = 1.96  # half of a 95 % interval in standard errors
+_UNSEEN = 0.5  # a parameter whose expected relative standard error is wider is not seen
 
 
 @result
@@ -119,12 +107,10 @@ class Plan:
             opened = tuple(name for name, x in zip(names, now, strict=True) if not x <= limit)
             widest, left = max(known, key=now.__getitem__), then.index(max(then))
             after = f"{then[left]:.2g} % of the value ({names[left]})"
+            before = f"The widest interval goes from {now[widest]:.2g} % ({names[widest]}) to"
             if opened:
-                message += (
-                    f" Now {', '.join(map(str, opened))} cannot be identified; then the widest interval is {after}."
-                )
-            else:
-                message += f" The widest interval goes from {now[widest]:.2g} % ({names[widest]}) to {after}."
+                before = f"Now {', '.join(map(str, opened))} cannot be identified; then the widest interval is"
+            message += f" {before} {after}."
             numbers |= {"before": now[widest], "after": then[left], "opened": opened}
         return Finding("plan-narrows", NOTE, message, numbers)
 
@@ -132,12 +118,10 @@ class Plan:
     def warnings(self) -> tuple[Finding, ...]:
         """What even this plan would not show, and what would."""
         relative = self.standard_errors["with motion"] / np.abs(self.start.estimate)
-        unseen = tuple(self.start.names[k] for k in self.free if not relative[k] <= _UNSEEN)
         warnings = []
-        if unseen:
-            message = (
-                f"Even after this plan {', '.join(map(str, unseen))} would not be identifiable within these limits."
-            )
+        if unseen := tuple(self.start.names[k] for k in self.free if not relative[k] <= _UNSEEN):
+            named = ", ".join(map(str, unseen))
+            message = f"Even after this plan {named} would not be identifiable within these limits."
             warnings.append(Finding("still-unseen", CAUTION, message, {"names": unseen}))
         # Of what the planned motion, the first, tells clearly less than the measured one.
         planned, measured = self.motions[0].errors, next((m.errors for m in self.motions if m.name == MEASURED), np.inf)
@@ -181,20 +165,12 @@ class Plan:
 
 
 def plan(
-    measured: Measured,
-    joint: Joint,
-    velocities: int = VELOCITIES,
-    aim: str = "all",
-    progress: Progress | None = None,
+    measured: Measured, joint: Joint, velocities: int = VELOCITIES, aim: str = "all", progress: Progress | None = None
 ) -> Plan:
     """What to measure next on an identified joint.
 
-    Args:
-        measured: what it was identified from, with limits under `plan` in its experiment file.
-        joint: as identified.
-        velocities: runs at constant velocity in each direction.
-        aim: the parameter whose interval is to shrink, of the joint's law or `inertia`, or `all`.
-        progress: called with what is being done, how many steps are done, and how many there are.
+    It was identified from what is measured, with limits under `plan` in its experiment file. The aim is the parameter whose interval is to shrink,
+    of the joint's law or `inertia`, or `all`; `velocities` are the runs at constant velocity in each direction.
 
     Raises InputError where the aim is no parameter, nothing is known of friction vs velocity, or the limits leave
     nothing to plan.
@@ -208,21 +184,35 @@ def plan(
             f"the {aim} is given as exact: there is nothing to plan for it; give its standard error, or leave it out of the experiment file"
         )
     limits, of_frequency = followed(limits, measured.experiment.plan.frequency)
-    runs, loadings, parts, limits, share = _within_time(measured, joint, start, limits, velocities, aim)
+    share = 1.0
+    while share > 0.02:  # every time is shortened by one share where all of it would take longer
+        short = shortened(limits, share)
+        runs = tuple(plan_velocities(start, d, short, velocities, aim, share) for d in start.directions)
+        loadings = tuple(plan_loading(measured, joint, start, d, short, share) for d in SIGNED)
+        parts = in_turn([v for x in runs for v in x.velocities], largest_deflection(start), short)
+        needed = duration(parts, loadings, short, share * DURATION)
+        if limits.time is None or needed <= limits.time:
+            limits = short
+            break
+        share *= min(0.9, limits.time / needed)
+    else:
+        raise InputError(
+            f"{measured.experiment.path.name}: plan.time: {limits.time:g} s are too few for {velocities} velocities in each direction, loading "
+            "and a motion; give more time or fewer velocities"
+        )
 
     # Information about all parameters, (p, p), now and after each part of the plan.
-    information = {"now": start.known, "with velocities": start.known}
+    information, whole = {"now": start.known}, start.known
     for x in runs:
         names = [ParameterName(name, x.direction) for name in x.problem.names]
-        shown = static_information(x.chosen.speeds, x.problem.p, x.problem.noise)
-        information["with velocities"] = information["with velocities"] + embedded(start.names, names, shown)
-    information["with loading"] = information["with velocities"]
+        whole = whole + embedded(start.names, names, static_information(x.chosen.speeds, x.problem.p, x.problem.noise))
+    information["with velocities"] = whole
     for load in loadings:
         if np.isfinite(load.error):
             name = ParameterName("sigma_0", start.direction_of(load.direction))
-            shown = embedded(start.names, [name], np.array([[load.error**-2]]))
-            information["with loading"] = information["with loading"] + shown
-    problem = excitation.motion_problem(start, limits, information["with loading"], aim, share * DURATION)
+            whole = whole + embedded(start.names, [name], np.array([[load.error**-2]]))
+    information["with loading"] = whole
+    problem = excitation.motion_problem(start, limits, whole, aim, share * DURATION)
     motion = excitation.best_motion(problem, progress)
     plain = excitation.within_torque(excitation.plain_lines(problem.limits), problem)
     motions = (motion, excitation.evaluate_motion("plain multisine", plain, problem))
@@ -239,9 +229,9 @@ def plan(
         f"Each hold starts with a run-in of at least {SETTLE:g} s, or {DEFLECTIONS:g} bristle deflections of travel; "
         "the bristle forgets its state over one deflection."
     )
-    count = f"{start.resolution:.3g} {unit('position', joint.kind)} per count"
-    unknown = "the count is unknown; loading is planned as if the encoder were fine"
-    encoder = f"Encoder: {count if start.resolution else unknown}."
+    encoder = "Encoder: the count is unknown; loading is planned as if the encoder were fine."
+    if start.resolution:
+        encoder = f"Encoder: {start.resolution:.3g} {unit('position', joint.kind)} per count."
     assumed = (
         Finding("plan-local", NOTE, local, {"others": others}),
         Finding("references-followed", NOTE, exact),
@@ -270,23 +260,3 @@ def check_plan(velocities: int, aim: str, law: Law | None = None) -> None:
         )
     if aim not in (*aims, "all") and (law is not None or own_parameter(aim) is None):
         raise InputError(f"got {aim!r} as what to plan for; expected one of {', '.join(aims)}, or all")
-
-
-def _within_time(
-    measured: Measured, joint: Joint, start: Start, limits: Limits, velocities: int, aim: str
-) -> tuple[tuple[VelocityPlan, ...], tuple[LoadingDesign, ...], Parts, Limits, float]:
-    """Velocities and loadings within the limit of time: every time is shortened by one share where all of it would take longer."""
-    share = 1.0
-    while share > 0.02:
-        short = replace(limits, hold=limits.hold * share)  # all take this share of their time
-        runs = tuple(plan_velocities(start, d, short, velocities, aim, share) for d in start.directions)
-        loadings = tuple(plan_loading(measured, joint, start, d, short, share) for d in SIGNED)
-        parts = in_turn([v for x in runs for v in x.velocities], largest_deflection(start), short)
-        needed = duration(parts, loadings, short, share * DURATION)
-        if limits.time is None or needed <= limits.time:
-            return runs, loadings, parts, short, share
-        share *= min(0.9, limits.time / needed)
-    raise InputError(
-        f"{measured.experiment.path.name}: plan.time: {limits.time:g} s are too few for {velocities} velocities in each direction, loading and a "
-        "motion; give more time or fewer velocities"
-    )

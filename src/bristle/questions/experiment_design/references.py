@@ -19,40 +19,29 @@ from bristle.questions.experiment_design.excitation import MotionDesign, course
 from bristle.questions.experiment_design.loading import CYCLES, LoadingDesign
 from bristle.simulation.references import FASTEST, HARDEST, STEEPEST, Hold, Move, SlowLoads
 
-SETTLE = 0.6
-"""Least run-in before a hold is averaged, s."""
-DEFLECTIONS = 8.0
-"""Bristle deflections travelled in a run-in: what came before is then forgotten to exp(-8)."""
-TURN = 0.2
-"""Least time from rest to a constant velocity, s."""
-SHORTEST = 0.25
-"""Least averaging time of one pass, s."""
-_REST = 0.5
-"""Rest before and after each run that starts from rest, s."""
-_USED = 0.999
-"""Of each limit, so that rounding in a file stays within it."""
+SETTLE = 0.6  # least run-in before a hold is averaged, s
+DEFLECTIONS = 8.0  # bristle deflections travelled in a run-in: what came before is then forgotten to exp(-8)
+TURN = 0.2  # least time from rest to a constant velocity, s
+SHORTEST = 0.25  # least averaging time of one pass, s
+_REST = 0.5  # rest before and after each run that starts from rest, s
+_USED = 0.999  # of each limit, so that rounding in a file stays within it
 
-MOST = 2_000_000
-"""Samples of all references at the most: five hours at the usual rate."""
+MOST = 2_000_000  # samples of all references at the most: five hours at the usual rate
 
-Parts = list[tuple[Hold | Move, float]]
-"""Holds and moves, each with where it begins, rad."""
+Parts = list[tuple[Hold | Move, float]]  # holds and moves, each with where it begins, rad
 Kind = Literal["ramp", "presliding", "tracking", "move"]
 
 
 @result
 class PlannedRun:
-    """One run; what is not commanded is nan. Arrays of shape (n,), n >= 1."""
+    """One run; position, rad, velocity, rad/s, and torque, N*m, have the shape (n,), n >= 1; what is not commanded is nan."""
 
     kind: Kind
     run: int
     """Its number, from 1; 0 for a move."""
     position: Array
-    """rad."""
     velocity: Array
-    """rad/s."""
     torque: Array
-    """N*m."""
 
 
 def ramp_time(velocity: float, limits: Limits) -> float:
@@ -99,10 +88,8 @@ def ordered(holds: Sequence[Hold], limits: Limits) -> list[tuple[float, Hold]]:
     """Every pass with the position at which it starts, rad: back and forth in turn, as near as can be to where the last one ended."""
     forth = sorted((h for h in holds if h.velocity > 0), key=lambda h: abs(h.travel))
     back = sorted((h for h in holds if h.velocity < 0), key=lambda h: abs(h.travel))
-    found, at = [], _middle(limits)
-    spare = (1 - _USED) * limits.travel / 2
+    found, at, ahead, spare = [], _middle(limits), True, (1 - _USED) * limits.travel / 2
     low, high = limits.position[0] + spare, limits.position[1] - spare
-    ahead = True
     while forth or back:
         queue = (forth or back) if ahead else (back or forth)
         hold = queue.pop(0)
@@ -135,17 +122,17 @@ def samples_of(part: Hold | Move | SlowLoads, step: float) -> float:
 def played(part: Hold | Move | SlowLoads, step: float, start: float = 0.0, run: int = 0) -> PlannedRun:
     """A hold or a move, or loads as a run of that number, sampled every step, s; `start`: where a hold begins, rad."""
     time = np.arange(int(samples_of(part, step)), dtype=np.float64) * step
-    if isinstance(part, SlowLoads):
-        lost = np.full(time.size, np.nan)
-        return PlannedRun(kind="presliding", run=run, position=lost, velocity=lost, torque=part.at(time).torque)
     if isinstance(part, Hold):
         return _driven("ramp", part.run, part.at(time, start))
-    return _driven("move", 0, part.at(time))
+    if isinstance(part, Move):
+        return _driven("move", 0, part.at(time))
+    lost = np.full(time.size, np.nan)
+    return PlannedRun(kind="presliding", run=run, position=lost, velocity=lost, torque=part.at(time).torque)
 
 
-def _driven(kind: Kind, run: int, played: Reference) -> PlannedRun:
-    lost = np.full(played.position.size, np.nan)
-    return PlannedRun(kind=kind, run=run, position=played.position, velocity=played.velocity, torque=lost)
+def _driven(kind: Kind, run: int, by: Reference) -> PlannedRun:
+    lost = np.full(by.position.size, np.nan)
+    return PlannedRun(kind=kind, run=run, position=by.position, velocity=by.velocity, torque=lost)
 
 
 def in_turn(velocities: Sequence[float], deflection: float, limits: Limits) -> Parts:

@@ -49,9 +49,27 @@ def report(plan: Plan) -> Report:
     planned_for = f"  Planned for {'all parameters' if aim == 'all' else aim}{simulated}."
     sections = [Section("", findings=(plan.worth,), lines=(str(plan.worth), planned_for))]
     if plan.warnings:
-        lines = tuple(f"  {x.coded}" for x in plan.warnings)
+        lines = tuple(f"  {warning.coded}" for warning in plan.warnings)
         sections.append(Section("What it would not show", findings=plan.warnings, lines=lines, turn=2, coded=True))
-    runs, assumed = max(r.run for r in plan.references), tuple(f"  assumed: {x.flagged}" for x in plan.assumptions)
+    runs, assumed = max(r.run for r in plan.references), (f"  assumed: {said.flagged}" for said in plan.assumptions)
+    x, (q, v, a, T) = plan.limits, (pretty(unit(y, kind)) for y in ("position", "velocity", "acceleration", "torque"))
+    limits = (
+        ("position", f"{x.position[0]:.4g} to {x.position[1]:.4g} {q}"),
+        ("constant velocities", f"{x.slowest:.3g} to {x.velocity:.3g} {v}"),
+        ("acceleration", f"{x.acceleration:.3g} {a}"),
+        (effort(kind), f"{x.torque:.3g} {T}" if np.isfinite(x.torque) else "not limited"),
+        ("time", "not limited" if x.time is None else f"{x.time:g} s"),
+    )
+    kinds = Counter(kind for kind, _ in dict.fromkeys((r.kind, r.run) for r in plan.references))
+    whole = _drawing(
+        plan,
+        figures.whole_figure,
+        f"all references of {name}",
+        f"The plan takes {number(plan.duration, 3)} s: {kinds['ramp']} runs at constant velocity, {kinds['presliding']} of slow loading, "
+        f"{counted(kinds['tracking'], 'tracking motion')}",
+        f"References at {number(plan.limits.rate)} Hz: runs at constant velocity with the moves between them, slow loading by torque, and the "
+        "tracking motion; dashed: position limits.",
+    )
     sections += [
         Section(
             "What it is worth",
@@ -71,8 +89,8 @@ def report(plan: Plan) -> Report:
             turn=1,
             id="expected",
         ),
-        Section("Limits", facts=_limits(plan)),
-        Section("Assumed", findings=plan.assumptions, lines=assumed, turn=3, form="part"),
+        Section("Limits", facts=limits),
+        Section("Assumed", findings=plan.assumptions, lines=tuple(assumed), turn=3, form="part"),
         *_of_velocities(
             plan,
             table("velocities", "Constant velocities to run", frames["velocities"]),
@@ -91,7 +109,7 @@ def report(plan: Plan) -> Report:
             ),
             table("motions", "Relative standard errors after each motion, percent", _rounded(motions)),
         ),
-        Section("The whole plan, as played", figure=_whole(plan), id="references"),
+        Section("The whole plan, as played", figure=whole, id="references"),
     ]
     return Report(
         f"{name}: what to measure next",
@@ -126,33 +144,6 @@ def _intervals(plan: Plan) -> Drawing:
     )
 
 
-def _whole(plan: Plan) -> Drawing:
-    """All references: how long they take, and how many runs of each kind they are."""
-    kinds = Counter(kind for kind, _ in dict.fromkeys((r.kind, r.run) for r in plan.references))
-    return _drawing(
-        plan,
-        figures.whole_figure,
-        f"all references of {plan.joint.name}",
-        f"The plan takes {number(plan.duration, 3)} s: {kinds['ramp']} runs at constant velocity, {kinds['presliding']} of slow loading, "
-        f"{counted(kinds['tracking'], 'tracking motion')}",
-        f"References at {number(plan.limits.rate)} Hz: runs at constant velocity with the moves between them, slow loading by torque, and the "
-        "tracking motion; dashed: position limits.",
-    )
-
-
-def _limits(plan: Plan) -> tuple[tuple[str, str], ...]:
-    """Within which the plan stays, as the page has them."""
-    kind, x = plan.joint.kind, plan.limits
-    q, v, a, T = (pretty(unit(quantity, kind)) for quantity in ("position", "velocity", "acceleration", "torque"))
-    return (
-        ("position", f"{x.position[0]:.4g} to {x.position[1]:.4g} {q}"),
-        ("constant velocities", f"{x.slowest:.3g} to {x.velocity:.3g} {v}"),
-        ("acceleration", f"{x.acceleration:.3g} {a}"),
-        (effort(kind), f"{x.torque:.3g} {T}" if np.isfinite(x.torque) else "not limited"),
-        ("time", "not limited" if x.time is None else f"{x.time:g} s"),
-    )
-
-
 def _expected(plan: Plan) -> tuple[str, ...]:
     """The errors to expect, line by line, as the terminal has them."""
     errors = plan.standard_errors
@@ -160,9 +151,8 @@ def _expected(plan: Plan) -> tuple[str, ...]:
     for k in plan.free:
         name, value = plan.start.names[k], float(plan.start.estimate[k])
         relative = [error[k] / abs(value) for error in errors.values()]
-        estimate = (
-            f"{pair(value, float(errors['now'][k]) if relative[0] < 1 else None)} {unit(name.name, plan.joint.kind)}"
-        )
+        known = float(errors["now"][k]) if relative[0] < 1 else None
+        estimate = f"{pair(value, known)} {unit(name.name, plan.joint.kind)}"
         half = (f"{two_digits(100 * NORMAL * error)} %" if error < 1 else "open" for error in relative)
         rows.append((str(name), f"{estimate}{' (a guess)' * (name in plan.start.guessed)}", *half))
     return (
@@ -176,15 +166,15 @@ def _expected(plan: Plan) -> tuple[str, ...]:
 def _of_velocities(plan: Plan, runs: Table, designs: Table) -> Iterator[Section]:
     """The runs at constant velocity, beside other designs, and what they show were v_s another one."""
     static, hold = plan.velocities[0], number(plan.limits.hold, 3)
-    count = {4: "four"}.get(len(static.problem.names), len(static.problem.names))
     what = "c-optimal runs for one parameter alone"
     if static.chosen.aim == "all":
+        count = {4: "four"}.get(len(static.problem.names), len(static.problem.names))
         what = f"D-optimal runs: smallest volume of the joint confidence region of all {count} parameters"
     text = (
         f"The {what}, in addition to the runs so far, found by exchange on a fine grid of speeds; near ones become one. Each is averaged over "
         f"{hold} s after a run-in of {SETTLE} s or {DEFLECTIONS:.0f} bristle deflections, whichever is longer."
     )
-    lines, speeds, robustness, si = [], [], [], unit("velocity", plan.joint.kind)
+    lines, speeds, spans, si = [], [], [], unit("velocity", plan.joint.kind)
     v = pretty(si)
     for x in plan.velocities:
         where = "each direction" if x.direction is Direction.BOTH else f"direction {x.direction}"
@@ -198,9 +188,7 @@ def _of_velocities(plan: Plan, runs: Table, designs: Table) -> Iterator[Section]
         of_v_s = errors_by_v_s(x.problem, x.chosen.speeds, np.geomspace(low, high, 60))
         between = dict.fromkeys(number(float(end), 3) for end in (low, high))
         ends = dict.fromkeys(percentage(end) for end in (float(of_v_s.min()), float(of_v_s.max())))
-        robustness.append(
-            f"{direction(x.direction)}: {' to '.join(ends)} % for a true vₛ of {' to '.join(between)} {v}"
-        )
+        spans.append(f"{direction(x.direction)}: {' to '.join(ends)} % for a true vₛ of {' to '.join(between)} {v}")
     chosen = _drawing(
         plan,
         figures.velocities_figure,
@@ -213,7 +201,7 @@ def _of_velocities(plan: Plan, runs: Table, designs: Table) -> Iterator[Section]
         plan,
         figures.robustness_figure,
         f"error of the Stribeck velocity of {plan.joint.name}",
-        f"Expected error of vₛ, {'; '.join(robustness)}",
+        f"Expected error of vₛ, {'; '.join(spans)}",
         "Expected error of vₛ vs the true vₛ, including the information of the runs so far; vertical line: the estimate; grey: plausible values.",
     )
     yield Section("Constant velocities", text=text, figure=chosen, table=runs, lines=tuple(lines), id="velocities")

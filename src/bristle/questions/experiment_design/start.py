@@ -40,14 +40,10 @@ from bristle.model.parameters import (
     unit,
 )
 
-_PEAK = 0.1
-"""Stribeck amplitude to look for where none was found, as a share of alpha_0."""
-_VISCOUS = 0.1
-"""Viscous friction at the fastest speed where nothing shows it, as a share of alpha_0."""
-_TORQUE = 0.02
-"""Standard error of a hold's mean torque where nothing shows it, as a share of alpha_0."""
-_EQUATION = 0.01
-"""Time between independent equations of a moving run where there was none, s."""
+_PEAK = 0.1  # Stribeck amplitude to look for where none was found, as a share of alpha_0
+_VISCOUS = 0.1  # viscous friction at the fastest speed where nothing shows it, as a share of alpha_0
+_TORQUE = 0.02  # standard error of a hold's mean torque where nothing shows it, as a share of alpha_0
+_EQUATION = 0.01  # time between independent equations of a moving run where there was none, s
 
 
 @result
@@ -58,7 +54,6 @@ class Start:
     """`+` and `-`, or `both` where they share one set."""
     sets: Pair[float]
     """Estimates, with a guess where nothing was seen."""
-    inertia: float
     guessed: tuple[ParameterName, ...]
     """Parameters that are guesses."""
     names: tuple[ParameterName, ...]
@@ -147,7 +142,7 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
         numbers = {"constants": constants}
         assumptions.append(Finding("systematic-stays", NOTE, f"{stays} {' and '.join(constants)}.", numbers))
     return Start(
-        directions=directions, sets=Pair(sets[directions[0]], sets[directions[-1]]), inertia=J, guessed=tuple(guessed),
+        directions=directions, sets=Pair(sets[directions[0]], sets[directions[-1]]), guessed=tuple(guessed),
         names=names, estimate=values, known=known, given=exact, noise=noise, equation_noise=equation_noise,
         equation_step=step, resolution=resolution(measured.experiment, [run.record for run in measured.runs]),
         assumptions=tuple(assumptions),
@@ -185,21 +180,17 @@ def _filled(
     missing = [name for name in estimated_of(law) if name not in seen and not (of_shape(name) and held.get(name))]
     if {"alpha_1", "v_s"} & set(missing):  # nothing of a peak is anything without the other
         missing = [n for n in estimated_of(law) if n in missing or n in peak_parameters(law)]
-    sigma_0 = seen["sigma_0"].value if "sigma_0" in seen else assumed_stiffness(alpha_0, limits.travel)
+    sigma_0 = (seen["sigma_0"].value if "sigma_0" in seen else assumed_stiffness(alpha_0, limits.travel)) or 0.0
     rates = viscous_rates(limits.velocity, law).items()
     viscous = {name: _VISCOUS * alpha_0 / (limits.velocity * float(rate)) for name, rate in rates}
-    shape = {own.name: own.middle for own in law.peak.own}
-    fastest = {FASTEST: limits.velocity} if law.terms else {}
-    guess = lugre_of(law)(
-        alpha_0=alpha_0,
-        alpha_1=_PEAK * alpha_0,
-        v_s=float(np.sqrt(limits.slowest * limits.velocity / 3)),
-        sigma_0=sigma_0 or 0.0,
-        sigma_1=assumed_damping(sigma_0 or 0.0, J),
-        **{**viscous, **shape, **fastest, **{name: x for name, x in held.items() if x and name not in missing}},
-    )
-    values = {n: e.value for n, e in seen.items() if e.value is not None and n not in missing}
-    return guess._replace(**values), missing
+    guess = {
+        "alpha_0": alpha_0, "alpha_1": _PEAK * alpha_0, "v_s": float(np.sqrt(limits.slowest * limits.velocity / 3)),
+        "sigma_0": sigma_0, "sigma_1": assumed_damping(sigma_0, J), **viscous, **{own.name: own.middle for own in law.peak.own},
+        **({FASTEST: limits.velocity} if law.terms else {}),
+    }  # fmt: skip  # a list of values
+    guess |= {name: x for name, x in held.items() if x and name not in missing}
+    guess |= {n: e.value for n, e in seen.items() if e.value is not None and n not in missing}
+    return lugre_of(law)(**guess), missing
 
 
 def _guess(parameter: ParameterName, value: float, joint: Joint) -> Finding:
@@ -211,9 +202,8 @@ def _guess(parameter: ParameterName, value: float, joint: Joint) -> Finding:
         "sigma_0": f"a bristle that bends by {DEFLECTION:g} of the travel",
         "sigma_1": f"(15), a damping ratio of {DAMPING_RATIO:g}",
     }.get(name, "in the middle of where it is looked for" if of_shape(name) else viscous)
-    guess = f"a guess, {value:.3g} {unit(name, joint.kind)}, {why}"
-    numbers = {"name": name, "direction": direction, "value": value}
-    return Finding("guessed", CAUTION, f"{name}{_named(direction)}: {guess}.", numbers)
+    message = f"{name}{_named(direction)}: a guess, {value:.3g} {unit(name, joint.kind)}, {why}."
+    return Finding("guessed", CAUTION, message, {"name": name, "direction": direction, "value": value})
 
 
 def _named(direction: Direction) -> str:
@@ -225,17 +215,14 @@ def _noises(
 ) -> tuple[dict[Direction, float], float, float]:
     """Standard error of a hold's mean torque by direction, what an equation of a moving run scatters by, N*m, and the time between these, s."""
     T, moving = unit("torque", joint.kind), joint.moving
-    noise: dict[Direction, float] = {}
-    if measured.points(hold_out=False):
-        noise = _scatters(joint, tuple(sets), assumptions)
+    noise = _scatters(joint, tuple(sets), assumptions) if measured.points(hold_out=False) else {}
     if moving is not None and moving.quantity == "torque":
         step = float(np.median(np.diff(moving.time)))
         variance_inflation = inflation(moving.residuals)
         equation = moving.rms * float(np.sqrt(variance_inflation))
         message = f"Noise: a sample of a moving run, one every {step:.3g} s, scatters by {moving.rms:.2g} {T} as so far"
         if variance_inflation > 1:
-            share = f"1/{variance_inflation:.2g} of an independent one"
-            message = f"{message}, and counts as {share}: residuals are correlated"
+            message += f", and counts as 1/{variance_inflation:.2g} of an independent one: residuals are correlated"
         numbers = {"step": step, "rms": moving.rms, "inflation": variance_inflation}
         assumptions.append(Finding("noise-of-equations", NOTE, f"{message}.", numbers))
         if not noise:
@@ -244,12 +231,11 @@ def _noises(
             message = f"{_of_holds(worst, T)}, that of those samples averaged over it."
             assumptions.append(Finding("noise-averaged", NOTE, message, {"scatter": worst}))
         return noise, equation, step
-    if not noise:
-        noise = {d: _TORQUE * p.alpha_0 for d, p in sets.items()}
-        largest = max(noise.values())
-        message = f"{_of_holds(largest, T)}, {_TORQUE:g} of alpha_0: a guess."
-        assumptions.append(Finding("noise-of-holds-guessed", CAUTION, message, {"scatter": largest}))
+    guessed, noise = not noise, noise or {d: _TORQUE * p.alpha_0 for d, p in sets.items()}
     worst = max(noise.values())
+    if guessed:
+        message = f"{_of_holds(worst, T)}, {_TORQUE:g} of alpha_0: a guess."
+        assumptions.append(Finding("noise-of-holds-guessed", CAUTION, message, {"scatter": worst}))
     white = f"white, and such that its mean over {limits.hold:.3g} s scatters by {worst:.2g} {T}: a guess"
     numbers = {"hold": limits.hold, "scatter": worst}
     assumptions.append(Finding("noise-of-motion-guessed", CAUTION, f"Noise of a moving run: {white}.", numbers))
@@ -271,15 +257,15 @@ def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[F
             return {}
         scatters[d], rms = scatter(fit)
         ratio = rms / scatters[d]
-        outliers = "a few points are outliers, and do not count here"
-        far = f" Their root mean square is {ratio:.2g} times that: {outliers}." if ratio > 1.5 else ""
         message = f"{_of_holds(scatters[d], T, d)}, as the points did about their fit"
+        message += "." if fit is own_fit else f" of {fit.direction}."
+        if ratio > 1.5:
+            message += (
+                f" Their root mean square is {ratio:.2g} times that: a few points are outliers, and do not count here."
+            )
         numbers = {"direction": d, "scatter": scatters[d], "ratio": ratio}
-        assumptions.append(
-            Finding("noise-of-points", NOTE, f"{message}.{far}", numbers)
-            if fit is own_fit
-            else Finding("noise-of-other-points", CAUTION, f"{message} of {fit.direction}.{far}", numbers)
-        )
+        own = Finding("noise-of-points", NOTE, message, numbers)
+        assumptions.append(own if fit is own_fit else Finding("noise-of-other-points", CAUTION, message, numbers))
     return scatters
 
 

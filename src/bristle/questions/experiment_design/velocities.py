@@ -26,17 +26,12 @@ from bristle.questions.experiment_design.loading import seen_covariance
 from bristle.questions.experiment_design.references import fastest
 from bristle.questions.experiment_design.start import Start, inverse
 
-CANDIDATES = 200
-"""Speeds that the exchange chooses from, spaced evenly in log(v)."""
-NODES = 5
-"""Values of v_s that a criterion is averaged over, of equal probability."""
-STARTS = 3
-"""Designs at random that the exchange also begins with, beside the log-spaced and the evenly spaced one."""
+CANDIDATES = 200  # speeds that the exchange chooses from, spaced evenly in log(v)
+NODES = 5  # values of v_s that a criterion is averaged over, of equal probability
+STARTS = 3  # designs at random that the exchange also begins with, beside the log-spaced and the evenly spaced one
 SEED = 0
-_UNSEEN = 1e-300
-"""Information of a parameter that no speed shows at all."""
-_V_S = Stribeck._fields.index("v_s")
-"""Where it stands among the static parameters of any law."""
+_UNSEEN = 1e-300  # information of a parameter that no speed shows at all
+_V_S = Stribeck._fields.index("v_s")  # where it stands among the static parameters of any law
 
 
 @result
@@ -106,16 +101,9 @@ class VelocityPlan:
 def plan_velocities(
     start: Start, direction: Direction, limits: Limits, count: int, aim: str, share: float
 ) -> VelocityPlan:
-    """All designs of one direction; where both share a set, each speed is run back and forth.
+    """All designs of `count` runs of one direction; where both share a set, each speed is run back and forth.
 
-    Args:
-        start: what is known of the joint.
-        direction: `both` where they share a set.
-        limits: what to keep within.
-        count: of runs.
-        aim: a parameter, or `all`; one that constant velocities do not show counts as `all`.
-        share: of its time that the plan is cut to.
-
+    An aim that constant velocities do not show counts as `all`; `share` is that of its time that the plan is cut to.
     Raises InputError where the drive's torque or the travel leaves no speeds to choose from.
     """
     p, passes = start.p(direction), 2 if direction is Direction.BOTH else 1
@@ -163,22 +151,16 @@ def nodes_of(v_s: float, relative_error: float) -> Array:
 
 
 def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
-    """The best `count` runs for one parameter, or for all.
+    """The best `count` runs for one of the problem's names, or for `all`: greedy exchange over a grid of speeds; near ones then become one.
 
-    Greedy exchange over a grid of speeds; near ones then become one.
-
-    Args:
-        problem: what is known, and where to measure.
-        count: of runs, at least as many as there are parameters, so that they show all of these by themselves.
-        aim: one of the problem's names, or `all`.
+    There are at least as many as there are parameters, so that they show all of these by themselves.
     """
     grid = np.geomspace(problem.low, problem.high, CANDIDATES)
     criterion = _Criterion(problem, aim)
     rows = criterion.rows(grid)
     rng = np.random.default_rng(SEED)
-    starts = [
-        np.searchsorted(grid, spaced_speeds(problem, count, kind)).clip(0, grid.size - 1) for kind in ("log", "even")
-    ]
+    spaced = (apart(problem.low, problem.high, count) for apart in (np.geomspace, np.linspace))
+    starts = [np.searchsorted(grid, speeds).clip(0, grid.size - 1) for speeds in spaced]
     starts += [rng.integers(0, grid.size, count) for _ in range(STARTS)]
     ends = dict.fromkeys(tuple(np.sort(_exchange(criterion, rows, start)).tolist()) for start in starts)
     best = min((grid[[*end]] for end in ends), key=criterion.value)
@@ -193,11 +175,6 @@ def evaluate_design(problem: DesignProblem, speeds: Array, aim: str = "") -> Des
     speeds = np.sort(speeds)
     information = static_information(speeds, problem.p, problem.noise)
     return Design(aim, speeds, covariance(problem.prior_information + information)[0], covariance(information)[0])
-
-
-def spaced_speeds(problem: DesignProblem, count: int, kind: str) -> Array:
-    """As many speeds over the same range, spaced evenly (`even`) or evenly in log(v) (`log`), rad/s, (count,)."""
-    return np.asarray((np.linspace if kind == "even" else np.geomspace)(problem.low, problem.high, count))
 
 
 def errors_by_v_s(problem: DesignProblem, speeds: Array, v_s: Array) -> Array:
@@ -218,7 +195,7 @@ class _Criterion:
     def __init__(self, problem: DesignProblem, aim: str) -> None:
         """Scale what is known, with a little added so that a design too poor to be inverted has a value, a bad one."""
         self.problem, self.aim = problem, None if aim == "all" else problem.names.index(aim)
-        whole = _informations(problem, spaced_speeds(problem, 50, "log"), problem.nodes)
+        whole = _informations(problem, np.geomspace(problem.low, problem.high, 50), problem.nodes)
         self.size = np.sqrt(np.maximum(np.diagonal(whole, axis1=1, axis2=2), _UNSEEN))
         scale = self.size[:, :, None] * self.size[:, None, :]
         self.known = problem.prior_information / scale + 1e-11 * np.eye(len(problem.names))

@@ -3,12 +3,17 @@
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import casadi as ca
 
 from bristle.control.compensator import Compensator
 from bristle.errors import one_line
 from bristle.findings import CAUTION, Finding
+from bristle.model import law
 from bristle.model.laws.gaussian import GAUSSIAN
-from bristle.model.parameters import INERTIA, fields_of
+from bristle.model.laws.parts import Expression
+from bristle.model.parameters import INERTIA, fields_of, lugre_of, unit
 from bristle.page.wording import measured, plain, span
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import LARGE, Loss, told
@@ -78,12 +83,11 @@ def notes(joint: ExportedJoint, found: Sequence[Loss] = ()) -> Iterator[str]:
     yield f"{joint.trust}" + (f": {joint.reason}" if joint.reason else "")
     for row in joint.parameters:
         value = f"{row.parameter} = {measured(row.value, row.standard_error).replace('±', '+/-')} {row.unit}"
-        source = "ASSUMED" if row.assumed else row.source
-        yield (
-            f"{value}, {source}"
-            if row.interval is None
-            else f"{value}, 95 % {span(row.interval).replace('∞', 'inf')}, from {row.source}"
-        )
+        if row.interval is not None:
+            value, source = f"{value}, 95 % {span(row.interval).replace('∞', 'inf')}", f"from {row.source}"
+        else:
+            source = "ASSUMED" if row.assumed else row.source
+        yield f"{value}, {source}"
     if found:
         yield f"torque RMS error: {told(found, joint)}"
     for said in joint.said:
@@ -95,19 +99,34 @@ def in_ascii(line: str) -> str:
     return ascii(one_line(line))[1:-1]
 
 
-def large_losses(target: str, losses: Mapping[str, tuple[Loss, ...]]) -> tuple[Finding, ...]:
-    """A diagnostic for each joint that loses more than 10 % of the torque along a motion."""
-    said = []
-    for joint, found in losses.items():
-        if large := [x for x in found if x.percent > LARGE]:
-            rms = ", ".join(f"{x.percent:.0f} % {x.motion.name}" for x in large)
-            message = (
-                f"{joint}: {target} cannot hold this friction; the torque RMS error is {rms}. "
-                "Where that matters, use a target that holds it (docs/export.md)."
-            )
-            numbers = {"joint": joint, "target": target, "percent": tuple(x.percent for x in large)}
-            said.append(Finding("export-loses", CAUTION, message, numbers))
-    return tuple(said)
+class Equation(NamedTuple):
+    """One of them."""
+
+    name: str
+    latex: str
+    """Its left side."""
+    unit: str
+    of: tuple[str, ...]
+    """What it is a function of beside the parameters: v, or z and v."""
+    expression: Expression
+    """Of symbols with these names and those of the parameters."""
+
+
+def equations(joint: ExportedJoint) -> Iterator[Equation]:
+    """What must be known of a law that is not the paper's; none of that.
+
+    `level` g(v), then `rate` dz/dt and `torque` T_f where the bristle is known, else `steady`, the friction vs velocity.
+    """
+    if joint.law == GAUSSIAN:
+        return
+    one, torque, velocity = lugre_of(joint.law), unit("torque", joint.kind), unit("velocity", joint.kind)
+    z, v, p = ca.SX.sym("z"), ca.SX.sym("v"), one(*(ca.SX.sym(name) for name in one._fields))
+    yield Equation("level", "g(v)", torque, ("v",), law.stribeck(v, p))
+    if joint.has_bristle:
+        yield Equation("rate", r"\dot z", velocity, ("z", "v"), law.bristle_rate(z, v, p))
+        yield Equation("torque", "T_f", torque, ("z", "v"), law.torque(z, v, p))
+    else:
+        yield Equation("steady", r"T_{\mathrm{ss}}(v)", torque, ("v",), law.steady_torque(v, p))
 
 
 def artefact_of(
@@ -121,11 +140,20 @@ def artefact_of(
     counted: Sequence[str] = (),
     armature: bool = False,
 ) -> Artefact:
-    """What a target takes, with what it loses of each joint, what it leaves out, and, of one that takes an armature, that there is none.
+    """What a target takes; said are losses of more than 10 %, what is left out, and, of one that takes an armature, that there is none.
 
     `ending` stands behind the name of the joints, `counted` are terms that the values stand for.
     """
-    beside = list[Finding]()
+    said = list[Finding]()
+    for name, found in losses.items():
+        if large := [x for x in found if x.percent > LARGE]:
+            rms = ", ".join(f"{x.percent:.0f} % {x.motion.name}" for x in large)
+            message = (
+                f"{name}: {target} cannot hold this friction; the torque RMS error is {rms}. "
+                "Where that matters, use a target that holds it (docs/export.md)."
+            )
+            numbers = {"joint": name, "target": target, "percent": tuple(x.percent for x in large)}
+            said.append(Finding("export-loses", CAUTION, message, numbers))
     for joint in joints:
         # torque that was identified beside the friction and the inertia, and that the values do not stand for
         held = {*fields_of(joint.law), INERTIA.name, "links", "torque_constant", *counted}
@@ -135,13 +163,11 @@ def artefact_of(
                 "keep it in your own model of the load."
             )
             numbers = {"joint": joint.name, "target": target, "names": names}
-            beside.append(Finding("export-leaves-out", CAUTION, message, numbers))
+            said.append(Finding("export-leaves-out", CAUTION, message, numbers))
         if armature and joint.rotor_inertia is None:
             message = f"{joint.name}: no inertia is known, and none is exported; the simulator keeps its own."
-            beside.append(Finding("export-without-inertia", CAUTION, message, {"joint": joint.name}))
-    return Artefact(
-        name=f"{slug(joints)}{ending}", content=content, holds=holds, losses=losses, said=(*large_losses(target, losses), *beside),
-    )  # fmt: skip  # a list of values
+            said.append(Finding("export-without-inertia", CAUTION, message, {"joint": joint.name}))
+    return Artefact(name=f"{slug(joints)}{ending}", content=content, holds=holds, losses=losses, said=tuple(said))
 
 
 def slug(joints: Sequence[ExportedJoint]) -> str:

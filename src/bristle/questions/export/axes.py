@@ -17,8 +17,7 @@ _HOLDS = (
 )
 _HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 _PLACEHOLDERS = "{} are placeholders, so that this file loads; copy <dynamics> into your own {}, or export into that."
-_FAR = "1000"
-"""A limit that is none."""
+_FAR = "1000"  # a limit that is none
 _TYPES = {False: ("revolute", "continuous"), True: ("prismatic",)}
 """Of a joint in a URDF or an SDF, by whether the exported one slides."""
 
@@ -36,9 +35,8 @@ def _urdf_dynamics(one: CoulombViscous) -> str:
 
 def _urdf_joint(k: int, one: CoulombViscous) -> str:
     """A joint and its link, which has the identified inertia, or 1 where none is known."""
-    sliding = slides(one.joint.kind)
-    J = one.joint.inertia or 1.0
-    mass, moment = (repr(J), "1") if sliding else ("1", repr(J))
+    sliding, J = slides(one.joint.kind), repr(one.joint.inertia or 1.0)
+    mass, moment = (J, "1") if sliding else ("1", J)
     limit = f' lower="-{_FAR}" upper="{_FAR}"' if sliding else ""
     return f"""\
   <joint name={attribute(one.joint.name)} type="{"prismatic" if sliding else "continuous"}">
@@ -58,16 +56,13 @@ def _urdf_joint(k: int, one: CoulombViscous) -> str:
 
 
 def _into_urdf(document: XmlDocument, one: CoulombViscous) -> None:
-    """The values into a joint of a URDF."""
     children = document.root.children
     remedy = "run xacro on it first; " if any(x.tag.startswith("xacro:") for x in children) else ""
     joint, where = _place(document, [x for x in children if x.tag == "joint"], one.joint, remedy)
-    dynamics = [x for x in joint.children if x.tag == "dynamics"]
-    if len(dynamics) > 1:
-        raise InputError(f"{where} has two <dynamics>; keep one of them")
+    dynamics = _only(joint, "dynamics", where)
     document.annotate(joint, _note(one))
     if dynamics:
-        document.set_attributes(dynamics[0], _values(one))
+        document.set_attributes(dynamics, _values(one))
     else:
         document.insert_last(joint, _urdf_dynamics(one))
 
@@ -75,10 +70,8 @@ def _into_urdf(document: XmlDocument, one: CoulombViscous) -> None:
 def _new_sdf(found: Sequence[CoulombViscous]) -> bytes:
     """A model of these joints, each between the world and a link of its own."""
     head = f'<sdf version="1.6">\n  <model name={attribute(slug([one.joint for one in found]))}>'
-    note = comment(_PLACEHOLDERS.format("Links and axes", "SDF"))
-    return "\n".join(
-        [_HEAD + note, head, *map(_sdf_joint, range(len(found)), found), "  </model>\n</sdf>", ""]
-    ).encode()
+    note, joints = comment(_PLACEHOLDERS.format("Links and axes", "SDF")), map(_sdf_joint, range(len(found)), found)
+    return "\n".join([_HEAD + note, head, *joints, "  </model>\n</sdf>", ""]).encode()
 
 
 def _sdf_dynamics(one: CoulombViscous, indent: str = "") -> str:
@@ -90,8 +83,7 @@ def _sdf_dynamics(one: CoulombViscous, indent: str = "") -> str:
 
 def _sdf_joint(k: int, one: CoulombViscous) -> str:
     """A joint and its link, which has the identified inertia, or 1 where none is known."""
-    sliding = slides(one.joint.kind)
-    J = one.joint.inertia or 1.0
+    sliding, J = slides(one.joint.kind), one.joint.inertia or 1.0
     mass, moment = (J, 1.0) if sliding else (1.0, J)
     return f"""\
     <link name="bristle_link_{k}">
@@ -114,27 +106,30 @@ def _sdf_joint(k: int, one: CoulombViscous) -> str:
 
 
 def _into_sdf(document: XmlDocument, one: CoulombViscous) -> None:
-    """The values into a joint of an SDF."""
     joints = [x for model in document.root.find_all("model") for x in model.children if x.tag == "joint"]
     joint, where = _place(document, joints, one.joint)
     axes = [x for x in joint.children if x.tag == "axis"]
     if len(axes) != 1:
         raise InputError(f"{where} has {len(axes)} <axis>; expected one")
-    dynamics = [x for x in axes[0].children if x.tag == "dynamics"]
-    if len(dynamics) > 1:
-        raise InputError(f"{where} has two <dynamics> in its <axis>; keep one of them")
+    dynamics = _only(axes[0], "dynamics", where, " in its <axis>")
     if not dynamics:
         document.insert_last(axes[0], _sdf_dynamics(one))
         return
-    document.annotate(dynamics[0], _note(one))
+    document.annotate(dynamics, _note(one))
     for tag, value in _values(one).items():
-        text, old = f"<{tag}>{value}</{tag}>", [x for x in dynamics[0].children if x.tag == tag]
-        if len(old) > 1:
-            raise InputError(f"{where} has two <{tag}> in its <dynamics>; keep one of them")
+        text, old = f"<{tag}>{value}</{tag}>", _only(dynamics, tag, where, " in its <dynamics>")
         if old:
-            document.replace(old[0], text)
+            document.replace(old, text)
         else:
-            document.insert_last(dynamics[0], text)
+            document.insert_last(dynamics, text)
+
+
+def _only(parent: XmlElement, tag: str, where: str, within: str = "") -> XmlElement | None:
+    """The child of a tag, if there is one. Raises InputError where there are two."""
+    found = [x for x in parent.children if x.tag == tag]
+    if len(found) > 1:
+        raise InputError(f"{where} has two <{tag}>{within}; keep one of them")
+    return found[0] if found else None
 
 
 def _note(one: CoulombViscous) -> str:

@@ -33,8 +33,7 @@ _OTHERS: dict[int, Callable[..., str]] = {
 _SMALLEST, _LARGEST = 1e-24, 1e30
 """Numbers of single precision stay within these, so that their products and quotients do."""
 _ALWAYS = ("exp", "expm1", "log", "pow", "sqrt", "sin", "cos", "tanh")
-_OWN = ("abs", "sign", "min", "max")
-"""What the header has of its own."""
+_OWN = ("abs", "sign", "min", "max")  # what the header has of its own
 
 
 def math_of(lines: Sequence[str]) -> tuple[str, ...]:
@@ -82,17 +81,12 @@ def _answer(x: Term) -> str:
 
 
 def printed(function: ca.Function, operand: Callable[[int, int], str]) -> Printed:
-    """The statements of a CasADi function in C, and the expressions of its outputs.
-
-    Args:
-        function: of numbers.
-        operand: (input, element of it) -> what it is called in C.
+    """The statements of a CasADi function of numbers in C, and the expressions of its outputs; `operand`: (input, element of it) -> its name in C.
 
     Raises InputError where an operation has no counterpart.
     """
 
     def assignment(name: str, value: Term) -> str:
-        """A statement that gives a value a name."""
         return f"const {'int' if value.truth else 'br_real'} {name} = {value.text};"
 
     return statements(function, operand, Language("C99", operation, constant, assignment, prefix="x"))

@@ -29,10 +29,8 @@ from bristle.questions.export.c_step import NamedFunction, PrintedStep, printed_
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import losses, lugre, stated_motions
 
-_STEPS, _DT, _HERTZ = 48, 5e-3, 2.5
-"""The test vector: steps, their length, s, and the frequency of its sine, Hz."""
-_DOUBLE, _SINGLE = 1e-12, 5e-6
-"""How far a torque of the test vector may be off, over the largest."""
+_STEPS, _DT, _HERTZ = 48, 5e-3, 2.5  # the test vector: steps, their length, s, and the frequency of its sine, Hz
+_DOUBLE, _SINGLE = 1e-12, 5e-6  # how far a torque of the test vector may be off, over the largest
 
 
 def numbers_of(joint: ExportedJoint) -> Pair[float]:
@@ -89,25 +87,27 @@ def header(joint: ExportedJoint, compensator: Compensator) -> str:
     code = _code(kind_of(compensator), joint.law, rises)
     told = f"{joint.name}{joint.pair if joint.has_bristle else joint.curves}{sorted(given.items())}"
     guard = hashlib.sha256(told.encode("utf-8", "surrogatepass")).hexdigest()[:12].upper()
-    comments = (c_code.escaped(text) for text in (*notes(joint), *_about(compensator, joint)))
+    a, about = compensator.adaptation, list(notes(joint))
+    adapts = f", adapting {', '.join(a.parameters)} by the {a.law} law, {a.step} step" if a else ", without adaptation"
+    about.append(f"compensator: {compensator.name}{adapts}")
+    torque, cogging = unit("torque", joint.kind), list[str]()
+    if joint.cogging:  # the statements of its torque at a position
+        lines, (wave,) = c_code.printed(cogging_function(joint.cogging), lambda *_: "position")
+        cogging = [*lines, f"return {wave.text};"]
+    if slides(joint.kind) or has_own_unit(joint.kind):
+        of = f"rad is {unit('position', joint.kind)}, and N*m {torque}"
+        about.append(f"units below are those of a joint that turns; here {of}")
+    comments = map(c_code.escaped, about)
     context = dict(
         joint=shortened(joint.name), name=identifier(joint), compensator=compensator.name,
         notes=[line for text in comments for line in textwrap.wrap(text, 140, break_on_hyphens=False)],
-        double_only=compensator.name == "lugre-observer" and compensator.adaptation is not None,
+        double_only=compensator.name == "lugre-observer" and a is not None,
         guard=f"BRISTLE_{guard}", sets=[[digits(getattr(p, name)) for name in printed.fields] for p in numbers_of(joint)],
-        cogging=_cogging(joint), torque_unit=unit("torque", joint.kind), settings=[(name, digits(given[name])) for name in printed.settings],
+        cogging=cogging, torque_unit=torque, settings=[(name, digits(given[name])) for name in printed.settings],
         rows=[[*map(digits, row)] for row in rows], columns=printed.inputs,
         tolerances=(digits(_DOUBLE), digits(_SINGLE)), allowed=(digits(_DOUBLE * peak), digits(_SINGLE * peak)), **code,
     )  # fmt: skip  # a list of values
     return c_code.filled("bristle.h", context)
-
-
-def _cogging(joint: ExportedJoint) -> list[str]:
-    """The statements of its cogging torque at a position; none where it has none."""
-    if not joint.cogging:
-        return []
-    lines, (torque,) = c_code.printed(cogging_function(joint.cogging), lambda *_: "position")
-    return [*lines, f"return {torque.text};"]
 
 
 def test_vector(joint: ExportedJoint, compensator: Compensator, printed: PrintedStep) -> Array:
@@ -139,15 +139,6 @@ def kind_of(compensator: Compensator) -> Compensator:
     a = compensator.adaptation
     kind = a and Adaptation(law=a.law, step=a.step, parameters=a.parameters, gamma=(0.0,) * len(a.parameters))
     return Compensator(name=compensator.name, velocity=compensator.velocity, adaptation=kind)
-
-
-def _about(compensator: Compensator, joint: ExportedJoint) -> Iterator[str]:
-    """What is computed, and in which units."""
-    a = compensator.adaptation
-    adapts = f", adapting {', '.join(a.parameters)} by the {a.law} law, {a.step} step" if a else ", without adaptation"
-    yield f"compensator: {compensator.name}{adapts}"
-    if slides(joint.kind) or has_own_unit(joint.kind):
-        yield f"units below are those of a joint that turns; here rad is {unit('position', joint.kind)}, and N*m {unit('torque', joint.kind)}"
 
 
 @cache

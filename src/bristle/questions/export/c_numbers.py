@@ -63,8 +63,7 @@ _NUMBERS = {
     "gear_load_squared": _Number(unit("gear_load_squared"), "the same per its square", (0.0, 1e3)),
 }  # fmt: skip  # a table
 """By what they are called, or their stem."""
-_STRONGEST = 1e4
-"""The coefficient of a term, either way."""
+_STRONGEST = 1e4  # the coefficient of a term, either way
 
 
 class CField(NamedTuple):

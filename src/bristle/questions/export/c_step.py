@@ -21,8 +21,7 @@ from bristle.questions.export.exported import WAYS
 _INPUTS = (
     "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity", "dt", "motor_torque", "link_torque",
 )  # fmt: skip  # a list of names
-JOINT = ("position", "velocity", "deflection")
-"""What a simulated joint remembers."""
+JOINT = ("position", "velocity", "deflection")  # what a simulated joint remembers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +83,14 @@ def printed_step(compensator: Compensator, of: Law = GAUSSIAN, rises: tuple[str,
     level = law.load_rise({name: own[name] for name in rises}, tau_m, tau_l)
     new, T = compensating.step(symbolic, state, Reference(y_ref, v_ref, a_ref, level=level), Measurement(y, v), h)
     out = ca.densify(ca.vertcat(*compensating.packed(new), T))
-    kept = _kept(out, m)
+    reach, rows = (
+        set[int](),
+        [out.numel() - 1],
+    )  # elements of the memory that reach the torque, the last of `out`, now or later
+    while new_ones := {*_depends(out[rows], m)} - reach:
+        reach |= new_ones
+        rows = sorted(new_ones)
+    kept = sorted(reach)
     # the names of what it remembers, in the order of `compensator.packed`
     adapted = compensator.adaptation.parameters if compensator.adaptation else ()
     learnt = [f"{what}_{x}" for what in ("theta", "sensitivity") for x in adapted]
@@ -118,16 +124,6 @@ def printed_step(compensator: Compensator, of: Law = GAUSSIAN, rises: tuple[str,
 def _depends(out: Expression, by: Expression) -> list[int]:
     """Which elements of a vector some expressions depend on."""
     return [k for k, enters in enumerate(ca.which_depends(out, by, 1, False)) if enters]
-
-
-def _kept(out: Expression, memory: Expression) -> list[int]:
-    """The elements of the memory that reach the torque, the last of `out`, now or later."""
-    kept: set[int] = set()
-    rows = [out.numel() - 1]
-    while new := {*_depends(out[rows], memory)} - kept:
-        kept |= new
-        rows = sorted(new)
-    return sorted(kept)
 
 
 @lru_cache(maxsize=16)

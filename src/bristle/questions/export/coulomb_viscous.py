@@ -14,14 +14,12 @@ from bristle.questions.export.xml_edit import XmlDocument, model_read
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoulombViscous:
-    """The best values for one joint along a motion."""
+    """The best values for one joint along a motion, N*m and N*m*s/rad."""
 
     joint: ExportedJoint
     motion: StatedMotion
     coulomb: float
-    """N*m."""
     viscous: float
-    """N*m*s/rad."""
     losses: tuple[Loss, ...]
 
 

@@ -21,8 +21,7 @@ _PLACES = {
     "latex": "latex.TARGET",
 }  # fmt: skip  # a table
 """Where each target stands, in a module that is loaded when it is asked for."""
-TARGETS = tuple(_PLACES)
-"""What a joint can be exported to, in the order of docs/export.md."""
+TARGETS = tuple(_PLACES)  # what a joint can be exported to, in the order of docs/export.md
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,10 +41,8 @@ class Export:
 
     def text(self) -> str:
         """What the target holds, what is lost, and what must be known of the values; as `bristle export` prints it."""
-        lines = [
-            f"Export to {self.to}: {', '.join(joint.name for joint in self.joints)}",
-            f"  holds: {self.artefact.holds}",
-        ]
+        names = ", ".join(joint.name for joint in self.joints)
+        lines = [f"Export to {self.to}: {names}", f"  holds: {self.artefact.holds}"]
         for joint in self.joints:
             if joint.simulated:
                 lines.append(f"  {joint.name}: identified from SIMULATED data")
@@ -90,8 +87,9 @@ def export_joints(
     chosen = target(to)
     joints = joints if chosen.loaded else [x.without_load() for x in joints]
     if chosen.single and len(joints) > 1:
+        names = ", ".join(x.name for x in joints)
         raise InputError(
-            f"{to} holds one joint, and the results have {len(joints)}: say which with joint, one of {', '.join(x.name for x in joints)}"
+            f"{to} holds one joint, and the results have {len(joints)}: say which with joint, one of {names}"
         )
     if not chosen.fitted and (request.amplitude or request.frequency):
         raise InputError(f"{to} has no values that are fitted along a motion; leave amplitude and frequency out")

@@ -3,10 +3,9 @@
 What the data do not show is filled in only where a target cannot do without it, and is marked as assumed wherever it stands.
 """
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -55,12 +54,12 @@ from bristle.model.parameters import (
     unit,
     units_of,
 )
-from bristle.simulation.joint_loop import fastest_measured
+from bristle.simulation.joint_loop import bristle_filled, fastest_measured
 
+T = TypeVar("T")
 WAYS = dict(zip(Direction, ("positive", "negative", "both", "shared"), strict=True))
 """What a direction is called where + and - cannot stand, as in C and MATLAB."""
-FREQUENCY = 0.5
-"""Hz, of the motions along which torques are compared."""
+FREQUENCY = 0.5  # Hz, of the motions along which torques are compared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,14 +131,12 @@ class ExportedJoint:
     def curves(self) -> tuple[Stribeck[float], Stribeck[float]]:
         """Friction vs velocity of both directions, + first. Raises KeyError where a parameter is missing."""
         one = static_of(self.law)
-        positive, negative = (self._set(one._fields, d) for d in SIGNED)
-        return one(**positive), one(**negative)
+        return self._set(one, Direction.POSITIVE), self._set(one, Direction.NEGATIVE)
 
     @property
     def pair(self) -> Pair[float]:
         """Both directions, whole. Raises KeyError where the bristle is not known."""
-        one = lugre_of(self.law)
-        return Pair(*(one(**self._set(one._fields, d)) for d in SIGNED))
+        return Pair(*(self._set(lugre_of(self.law), d) for d in SIGNED))
 
     @property
     def quadratic(self) -> float:
@@ -182,22 +179,18 @@ class ExportedJoint:
         found = [in_direction(rows, "sigma_0", d) for d in SIGNED]
         return all(row is not None and not row.assumed for row in found)
 
-    def _set(self, names: Sequence[str], direction: Direction) -> dict[str, float]:
+    def _set(self, of: type[T], direction: Direction) -> T:
         rows = {x.parameter: x.value for x in self.parameters}
-        found = {name: in_direction(rows, name, direction) for name in names}
+        found = {name: in_direction(rows, name, direction) for name in of._fields}  # type: ignore[attr-defined]  # a set of parameters
         if missing := [name for name, value in found.items() if value is None]:
             raise KeyError(f"{missing[0]}{direction}")
-        return {name: value for name, value in found.items() if value is not None}
+        return of(**found)
 
     def in_newton(self, target: str) -> "ExportedJoint":
         """The joint. Raises InputError where its torque is known in another unit alone, which the target does not take."""
         if has_own_unit(self.kind):
-            of = effort(self.kind)
-            lacks = {
-                "current": "motor.torque_constant",
-                "voltage": "motor.torque_constant and motor.resistance",
-                "position error": "motor.kp",
-            }
+            of, K_t = effort(self.kind), "motor.torque_constant"
+            lacks = {"current": K_t, "voltage": f"{K_t} and motor.resistance", "position error": "motor.kp"}
             raise InputError(
                 f"{self.name}: its torque is known as a {of} alone, and {target} takes N*m or N; give "
                 f"{lacks.get(of, 'coasting.inertia or coasting.gravity')}, identify, and export again"
@@ -223,23 +216,19 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
     ways = (Direction.BOTH,) if known.directions == (Direction.BOTH,) and not signed else SIGNED
     sources = {row.parameter: str(row.source) for row in chosen(joint)}
     rows = [row for d in ways for row in _direction(joint, known, d, J, sources)]
-    said = [*_assumed(known, ways, rows, J)]
+    said = [*_assumed(known, ways, rows, joint.kind, J)]
     for row in chosen(joint):  # what is of no direction, as far as it has a value
         if not of_friction(row.parameter.name) and row.estimate.value is not None:
             name = ParameterName.parse(str(row.parameter))  # which is shared, whatever stage it is from
-            rows.append(_estimated(name, row.estimate.value, row.estimate, sources[row.parameter]))
+            rows.append(_exported(name, row.estimate, sources[row.parameter]))
     found = verdict(joint)
     said += _doubts(rows, ways, known.law)
     rotor = inertia_of(experiment, replace(joint, link_inertia=None))
-    told = [
-        replace(x, message=in_units(x.message, units_of(joint.kind)))
-        for x in dict.fromkeys(said)
-        if _about(x) != _about(found.reason)
-    ]
+    units, told = units_of(joint.kind), (x for x in dict.fromkeys(said) if _about(x) != _about(found.reason))
     return ExportedJoint(
         name=joint.name, kind=joint.kind, simulated=joint.simulated, trust=found.trust, reason=found.reason,
         law=known.law, parameters=tuple(rows), inertia=J, rotor_inertia=rotor,
-        fastest=fastest_measured(joint), said=tuple(told), origin=origin,
+        fastest=fastest_measured(joint), said=tuple(replace(x, message=in_units(x.message, units)) for x in told), origin=origin,
     )  # fmt: skip  # a list of values
 
 
@@ -259,13 +248,16 @@ def _direction(
         e = None if name in missing else known.estimate(name, d)
         if e is not None and e.value is not None:
             source = "assumed" if _priors(e) else in_direction(sources, name, d) or "given"
-            yield _estimated(ParameterName(name, d), e.value, e, source)
         else:
+            e = Estimate(value=values[name], unit=unit(name, joint.kind))
             source = "assumed" if name in missing else "given"
-            yield ExportedParameter(
-                parameter=ParameterName(name, d), value=values[name], unit=unit(name, joint.kind),
-                standard_error=None, interval=None, source=source,
-            )  # fmt: skip  # a list of values
+        yield _exported(ParameterName(name, d), e, source)
+
+
+def _exported(name: ParameterName, e: Estimate, source: str) -> ExportedParameter:
+    return ExportedParameter(
+        parameter=name, value=e.value or 0.0, unit=e.unit, standard_error=e.standard_error, interval=e.interval, source=source,
+    )  # fmt: skip  # a list of values
 
 
 def _priors(e: Estimate) -> list[Finding]:
@@ -273,29 +265,25 @@ def _priors(e: Estimate) -> list[Finding]:
 
 
 def _assumed(
-    known: KnownJoint, ways: Sequence[Direction], rows: Sequence[ExportedParameter], J: float | None
+    known: KnownJoint, ways: Sequence[Direction], rows: Sequence[ExportedParameter], kind: Kind, J: float | None
 ) -> Iterator[Finding]:
     """What was assumed of each direction; what is assumed alike of both is said once, of both."""
-    of_each = [x for d in ways for x in _assumed_of(known, d, d, rows, J)]
-    of_both = [x for d in ways for x in _assumed_of(known, d, Direction.BOTH, rows, J)]
-    counts = Counter(of_both)
+    of_each = [x for d in ways for x in _assumed_of(known, d, d, rows, kind, J)]
+    of_both = [x for d in ways for x in _assumed_of(known, d, Direction.BOTH, rows, kind, J)]
     for own, both in zip(of_each, of_both, strict=True):
         numbers = {**both.numbers, "direction": Direction.BOTH}  # a prior names none by itself
-        yield replace(both, numbers=numbers) if counts[both] > 1 else own
+        yield replace(both, numbers=numbers) if of_both.count(both) > 1 else own
 
 
 def _assumed_of(
-    known: KnownJoint, d: Direction, named: Direction, rows: Sequence[ExportedParameter], J: float | None
+    known: KnownJoint, d: Direction, named: Direction, rows: Sequence[ExportedParameter], kind: Kind, J: float | None
 ) -> Iterator[Finding]:
     """What was assumed of direction `d`, with `named` as the direction in the message."""
     missing, numbers = known.missing(d), {"direction": named}
     if peak := tuple(name for name in peak_parameters(known.law) if name in missing):
-        held = known.values(d).get("alpha_1", 0.0)
-        taken = (
-            f"with alpha_1 = {held:.3g}, as the fit held it: the curve is known, its parts are not"
-            if held
-            else "without a Stribeck peak, as alpha_1 = 0"
-        )
+        taken = "without a Stribeck peak, as alpha_1 = 0"
+        if held := known.values(d).get("alpha_1", 0.0):
+            taken = f"with alpha_1 = {held:.3g}, as the fit held it: the curve is known, its parts are not"
         message = f"{' and '.join(peak)}{said_in(named)}: not identifiable from these data; exported {taken}."
         yield Finding("peak-taken-as-none", CAUTION, message, {"names": peak, **numbers})
     if "sigma_0" in missing:
@@ -305,20 +293,12 @@ def _assumed_of(
         )
         yield Finding("export-without-bristle", CAUTION, message, numbers)
     elif "sigma_1" in missing:
-        row = next(x for x in rows if x.parameter == ParameterName("sigma_1", d))
-        in_brackets = f" ({named})" if named in SIGNED else ""
+        value = next(x.value for x in rows if x.parameter == ParameterName("sigma_1", d))
         ratio = f"from (15) with a damping ratio of {DAMPING_RATIO:g}"
         how = ratio if J else "for no inertia is known, without which (15) gives no damping"
-        message = f"sigma_1{in_brackets}: not identifiable from these data; assumed {row.value:.3g} {row.unit}, {how}."
-        yield Finding("bristle-filled", CAUTION, message, {"name": "sigma_1", "value": row.value, **numbers})
+        yield bristle_filled(ParameterName("sigma_1", named), value, kind, how)
     elif e := known.estimate("sigma_1", d):
         yield from _priors(e)
-
-
-def _estimated(name: ParameterName, value: float, e: Estimate, source: str) -> ExportedParameter:
-    return ExportedParameter(
-        parameter=name, value=value, unit=e.unit, standard_error=e.standard_error, interval=e.interval, source=source
-    )
 
 
 def _doubts(rows: list[ExportedParameter], ways: tuple[Direction, ...], law: Law) -> Iterator[Finding]:

@@ -11,18 +11,21 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import pandas as pd
+
 from bristle import __version__
 from bristle.control.compensator import Compensator
 from bristle.errors import InputError, one_line
 from bristle.model.parameters import SIGNED, effort, fields_of, unit
 from bristle.page.output_folder import zipped
+from bristle.page.page import encoded, tables_of
+from bristle.page.report import Report, Section, Table
 from bristle.page.wording import shortened
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, c_compiler, notes
 from bristle.questions.export.c_code import filled
 from bristle.questions.export.c_header import header
 from bristle.questions.export.c_numbers import identifier, range_of
 from bristle.questions.export.exported import WAYS, ExportedJoint
-from bristle.questions.export.fmu_page import fmu_page
 from bristle.questions.export.loss import Loss, all_motions, losses, lugre
 
 _FLAGS = (
@@ -33,8 +36,7 @@ _FLAGS = (
 _LARGEST = 1e30
 _STEP, _RANGE = 1e-3, (1e-6, 1e-2)
 """Longest internal step, s: the default is no longer than that; between these it may be set."""
-_SHARE = 50
-"""Internal steps in the shorter one of the joint's two times."""
+_SHARE = 50  # internal steps in the shorter one of the joint's two times
 _INERTIA = (1e-9, range_of("inertia")[1])
 _TORQUE = (-1e6, 1e6)
 _ANY, _BEFORE, _NEVER = ("BR_INSTANTIATED | BR_INITIALISING | BR_STEPPING", "BR_INSTANTIATED | BR_INITIALISING", "0")
@@ -47,6 +49,13 @@ _BASE = {
 """Exponents of the SI base units."""
 _PRODUCT = r"(?:1|[a-zA-Z]+(?:\*\*\d+)?)(?:\*[a-zA-Z]+(?:\*\*\d+)?)*"
 _UNIT = re.compile(rf"{_PRODUCT}(?:/{_PRODUCT})?")
+
+_USE = (
+    "A communication step is cut into equal internal steps, none longer than longest_step; the torque is held over it. The default longest_step is "
+    "a fiftieth of the shorter one of two times, of both directions: sqrt(inertia / sigma_0) and inertia v_s / (alpha_0 + alpha_1). A value out of "
+    "its range, a step of no length and a communication point that is not the end of the last step are refused, with the reason to the logger; "
+    "the instance stays as it was."
+)
 
 
 class FmuVariable(NamedTuple):
@@ -139,7 +148,7 @@ def base_units(text: str) -> dict[str, int] | None:
 
 def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
     """The files but the binary. The token is a hash of what it is made of, which the page is not."""
-    variables, title = fmu_variables(joint), f"{shortened(joint.name)}: joint and friction"
+    variables = fmu_variables(joint)
     context: dict[str, object] = {
         "joint": joint.name,
         "name": identifier(joint),
@@ -163,11 +172,33 @@ def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
     digest = hashlib.sha256()
     for name, content in sorted(files("").items()):
         digest.update(f"{name} {len(content)}\n".encode() + content)
-    page = fmu_page(title, _HOLDS, [*notes(joint, lost)], variables, simulated=joint.simulated)
     return {
         **files(f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"),
-        **{f"documentation/{place}": content for place, content in page.items()},
+        **{f"documentation/{place}": content for place, content in _page(joint, lost).items()},
     }
+
+
+def _page(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
+    """What the FMU says of itself, and the table beside it, by relative path."""
+    frame = pd.DataFrame(
+        {
+            "name": v.name, "unit": v.unit, "what": f"{v.what}, {v.causality}, {v.variability}",
+            "range": "" if v.start is None else f"{v.low!r} to {v.high!r}", "start value": "" if v.start is None else repr(v.start),
+        }
+        for v in fmu_variables(joint)
+    )  # fmt: skip  # a table
+    report = Report(
+        f"{shortened(joint.name)}: joint and friction",
+        (
+            Section("Where the numbers are from", text="\n\n".join(one_line(x, 10_000) for x in notes(joint, lost))),
+            Section("Variables", table=Table("variables", "Every variable, its range and its start", frame)),
+            Section("Use", text=_USE),
+        ),
+        about=f"{_HOLDS[0].upper()}{_HOLDS[1:]}. FMI 2.0 for co-simulation: torque in; position, velocity, friction and the deflection z "
+        "of the bristle out.",
+        simulated="The joint was identified from simulated data." if joint.simulated else "",
+    )
+    return {"index.html": encoded(report.html()), **tables_of(report.frames)}
 
 
 def fmu_binary(sources: Mapping[str, bytes], name: str) -> bytes | str:
@@ -202,23 +233,13 @@ def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  #
     lost = losses(joint, lugre(joint.pair), all_motions(joint)) if joint.quadratic else ()
     files = _sources(joint, lost)
     binary = fmu_binary(files, name)
+    form = f"as C sources alone: {binary!s}; fmpy compile makes the binary"
     if isinstance(binary, bytes):
         files[f"binaries/linux64/{name}.so"] = binary
-    form = (
-        f"as C sources alone: {binary}; fmpy compile makes the binary"
-        if isinstance(binary, str)
-        else "as C sources and a linux64 binary"
-    )
-    return artefact_of(
-        joints,
-        "fmu",
-        ".fmu",
-        zipped(files),
-        f"{_HOLDS}{', and cogging' * bool(joint.cogging)}; FMI 2.0 for co-simulation, {form}",
-        {joint.name: lost} if lost else {},
-        counted=joint.cogging_names,
-    )
+        form = "as C sources and a linux64 binary"
+    holds = f"{_HOLDS}{', and cogging' * bool(joint.cogging)}; FMI 2.0 for co-simulation, {form}"
+    of_joint = {joint.name: lost} if lost else {}
+    return artefact_of(joints, "fmu", ".fmu", zipped(files), holds, of_joint, counted=joint.cogging_names)
 
 
-TARGET = ExportTarget(write=write_fmu, single=True)
-"""Joint and friction."""
+TARGET = ExportTarget(write=write_fmu, single=True)  # joint and friction

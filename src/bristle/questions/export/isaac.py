@@ -24,25 +24,22 @@ _HEAD = """\
 """
 
 
-def _snippet(found: Sequence[CoulombViscous]) -> bytes:
-    text = f"{_HEAD}\nfrom isaaclab.actuators import ImplicitActuatorCfg\n\nACTUATORS = {{\n{''.join(map(_entry, found))}}}\n"
-    return text.encode("ascii")
-
-
 def static_effort(one: CoulombViscous) -> float:
     """The static effort, N*m: the mean of alpha_0 + alpha_1 over both directions, and not below the dynamic one, which PhysX refuses."""
     return max(sum(p.alpha_0 + p.alpha_1 for p in one.joint.curves) / 2, one.coulomb)
 
 
-def _entry(one: CoulombViscous) -> str:
-    kind, name, J = one.joint.kind, one.joint.name, one.joint.rotor_inertia
-    lines = "".join(f"    # {in_ascii(line)}\n" for line in comment_lines(one, _HOLDS))
-    of_armature = "all that the joint accelerates: take off what the asset's links have of it"
-    if J is None:
-        of_armature = "no inertia is known: as the asset has it"
-    elif one.joint.inertia != J:
-        of_armature = "of the rotor, as identified beside the links"
-    return f"""\
+def _snippet(found: Sequence[CoulombViscous]) -> bytes:
+    parts = [f"{_HEAD}\nfrom isaaclab.actuators import ImplicitActuatorCfg\n\nACTUATORS = {{\n"]
+    for one in found:
+        kind, name, J = one.joint.kind, one.joint.name, one.joint.rotor_inertia
+        lines = "".join(f"    # {in_ascii(line)}\n" for line in comment_lines(one, _HOLDS))
+        of_armature = "all that the joint accelerates: take off what the asset's links have of it"
+        if J is None:
+            of_armature = "no inertia is known: as the asset has it"
+        elif one.joint.inertia != J:
+            of_armature = "of the rotor, as identified beside the links"
+        parts.append(f"""\
 {lines}    {name!a}: ImplicitActuatorCfg(
         joint_names_expr=[{re.escape(name)!a}],
         stiffness=None,
@@ -52,7 +49,8 @@ def _entry(one: CoulombViscous) -> str:
         viscous_friction={one.viscous!r},  # {unit("alpha_2", kind)}
         armature={J!r},  # {unit("inertia", kind)}; {of_armature}
     ),
-"""
+""")
+    return "".join((*parts, "}\n")).encode("ascii")
 
 
 TARGET = target_of("isaac", "_actuators.py", _HOLDS, _snippet, armature=True)

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 SCHEMA: Literal["bristle-export/1"] = "bristle-export/1"
-_LARGEST = 10_000_000
-"""Bytes that a document may have; a joint has about 10 000."""
+_LARGEST = 10_000_000  # bytes that a document may have; a joint has about 10 000
 _HOLDS = "everything that is exported of the joints, every digit of it; schema bristle-export/1"
 
 

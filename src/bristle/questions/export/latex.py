@@ -9,9 +9,8 @@ from collections.abc import Iterator, Sequence
 from bristle.model.formula import abbreviated, as_latex, formula_of, symbol_of
 from bristle.model.parameters import SIGNED, Direction, Lugre, of_friction
 from bristle.page.wording import FITS, measured, shortened, slugs, span
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, in_ascii, notes, slug
-from bristle.questions.export.equations import equations
-from bristle.questions.export.exported import ExportedJoint, ExportedParameter
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, equations, in_ascii, notes, slug
+from bristle.questions.export.exported import ExportedJoint
 
 _HOLDS = "each parameter, rounded to two digits of its standard error, with unit, 95 % interval and source"
 _ESCAPED = {
@@ -30,13 +29,29 @@ _PLAIN = {
 def write_latex(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  # noqa: ARG001  # nothing is lost along any motion
     """The table, with a caption and a label; several joints stand one below the other."""
     comments = "".join(f"% {in_ascii(line)}\n" for joint in joints for line in notes(joint))
-    rows = "\n".join(row for joint in joints for row in _rows(joint, len(joints) > 1))
+    rows = []
+    for joint in joints:
+        rows += [rf"\multicolumn{{5}}{{l}}{{{latex_text(joint.name)}}} \\"] if len(joints) > 1 else []
+        for one in joint.parameters:
+            mark = "$^*$" if one.assumed else ""
+            interval = "" if one.interval is None else _math(span(one.interval).replace("∞", r"\infty"))
+            value = _math(measured(one.value, one.standard_error).replace("±", r"\pm"))
+            # powers of a unit are raised, its factors set apart
+            unit = re.sub(r"\*\*([0-9])", r"$^\1$", one.unit).replace("*", r"\,")
+            name, direction = one.parameter
+            symbol = latex_text(name)
+            if of_friction(name):
+                paper = name if name == "v_s" else rf"\{name}"
+                symbol = f"${paper if name in Lugre._fields else as_latex(symbol_of(name))}{_SIGNS.get(direction, '')}$"
+            cells = (symbol, value + mark, unit, interval, latex_text(FITS.get(one.source, one.source)))
+            rows.append(rf"{' & '.join(cells)} \\")
     laws = "".join(dict.fromkeys(text for joint in joints for text in _equations(joint)))
     whose = "of the joints" if len(joints) > 1 else f"of {latex_text(joints[0].name)}"
     simulated = " Identified from simulated data." if any(joint.simulated for joint in joints) else ""
     assumed = any(one.assumed for joint in joints for one in joint.parameters)
     marked = " Values with an asterisk are assumed, not identified." if assumed else ""
     told = "value $\\pm$ standard error, where there is one, and 95~\\% interval."
+    table = "\n".join(rows)
     text = f"""\
 {comments}\\begin{{table}}
 \\centering
@@ -46,35 +61,13 @@ def write_latex(joints: Sequence[ExportedJoint], request: Request) -> Artefact: 
 \\hline
 Parameter & Value & Unit & 95 \\% interval & Source \\\\
 \\hline
-{rows}
+{table}
 \\hline
 \\end{{tabular}}
 {laws}\\end{{table}}
 """
     holds = f"{_HOLDS}; the equations of the law" if laws else _HOLDS
     return Artefact(name=f"{slug(joints)}.tex", content=text.encode("utf-8"), holds=holds)
-
-
-def _rows(joint: ExportedJoint, headed: bool) -> Iterator[str]:
-    if headed:
-        yield rf"\multicolumn{{5}}{{l}}{{{latex_text(joint.name)}}} \\"
-    for one in joint.parameters:
-        mark = "$^*$" if one.assumed else ""
-        interval = "" if one.interval is None else _math(span(one.interval).replace("∞", r"\infty"))
-        value = _math(measured(one.value, one.standard_error).replace("±", r"\pm"))
-        # powers of a unit are raised, its factors set apart
-        unit = re.sub(r"\*\*([0-9])", r"$^\1$", one.unit).replace("*", r"\,")
-        cells = (_symbol(one), value + mark, unit, interval, latex_text(FITS.get(one.source, one.source)))
-        yield rf"{' & '.join(cells)} \\"
-
-
-def _symbol(one: ExportedParameter) -> str:
-    name, direction = one.parameter
-    if not of_friction(name):
-        return latex_text(name)
-    paper = name if name == "v_s" else rf"\{name}"
-    symbol = paper if name in Lugre._fields else as_latex(symbol_of(name))
-    return f"${symbol}{_SIGNS.get(direction, '')}$"
 
 
 def _equations(joint: ExportedJoint) -> Iterator[str]:

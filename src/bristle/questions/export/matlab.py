@@ -15,12 +15,10 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import unit
 from bristle.model.printing import FUNCTIONS, Language, Term, statements
 from bristle.page.wording import slugs
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, in_ascii, notes, slug
-from bristle.questions.export.equations import equations
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, equations, in_ascii, notes, slug
 from bristle.questions.export.exported import WAYS, ExportedJoint
 
-_LONGEST = 50
-"""Characters of an identifier; MATLAB takes 63."""
+_LONGEST = 50  # characters of an identifier; MATLAB takes 63
 _WORDS = frozenset({
     "break", "case", "catch", "classdef", "continue", "do", "else", "elseif", "end", "endfor", "endfunction", "endif", "endwhile", "for",
     "function", "global", "if", "otherwise", "parfor", "persistent", "return", "spmd", "switch", "try", "until", "unwind_protect", "while",
@@ -52,10 +50,8 @@ def _lines(joint: ExportedJoint, place: str) -> Iterator[str]:
     for note in notes(joint):
         yield f"% {in_ascii(note)}"
     yield f"{place} = struct();"
-    yield f"{place}.name = {_constant(joint.name)};"
-    yield f"{place}.kind = {_constant(joint.kind)};"
-    yield f"{place}.simulated = {_constant(joint.simulated)};"
-    yield f"{place}.trust = {_constant(joint.trust)};"
+    for name in ("name", "kind", "simulated", "trust"):
+        yield f"{place}.{name} = {_constant(getattr(joint, name))};"
     yield f"{place}.inertia = {_constant(joint.inertia)}; % {unit('inertia', joint.kind)}, all that the joint accelerates"
     yield f"{place}.fastest = {_constant(joint.fastest)}; % {unit('velocity', joint.kind)}, up to which it was identified"
     yield f"{place}.bristle = {_constant(joint.origin.bristle)};"
@@ -98,17 +94,12 @@ _COMPARED = frozenset({ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_
 
 
 def in_matlab(expression: Any, operand: Callable[[str], str]) -> str:
-    """A scalar CasADi expression (SX) of named symbols as one of MATLAB and Octave, element by element.
-
-    Args:
-        expression: of symbols.
-        operand: (name of a symbol) -> what it is called there.
+    """A scalar CasADi expression (SX) of named symbols as one of MATLAB and Octave, element by element; `operand`: (symbol) -> its name there.
 
     Raises InputError where an operation has no counterpart.
     """
 
-    def operation(code: int, operands: Sequence[Term]) -> Term:
-        """CasADi's operation of that number. Raises KeyError where there is none that gives the same real number."""
+    def operation(code: int, operands: Sequence[Term]) -> Term:  # KeyError: none gives the same real number
         texts = [x.text for x in operands]
         if code in _PATTERNS:
             return Term(_PATTERNS[code].format(*texts), truth=code in _COMPARED)
@@ -122,8 +113,7 @@ def in_matlab(expression: Any, operand: Callable[[str], str]) -> str:
     lines, (value,) = statements(function, lambda place, _: operand(symbols[place].name()), matlab)
     known: dict[str, str] = {}
 
-    def whole(text: str) -> str:
-        """A text in which each name stands for its value."""
+    def whole(text: str) -> str:  # each name stands for its value
         return re.sub(r"#\d+", lambda name: known[name[0]], text)
 
     for line in lines:

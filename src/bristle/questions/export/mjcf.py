@@ -11,27 +11,25 @@ MuJoCo's dry friction is a soft constraint: near standstill it is steep and visc
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from textwrap import indent
 from typing import NamedTuple
 
 import numpy as np
 
 from bristle.errors import InputError, one_line, short
 from bristle.model.laws.gaussian import GAUSSIAN
-from bristle.model.parameters import slides, unit
+from bristle.model.parameters import Lugre, slides, unit
 from bristle.page.wording import shortened
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, notes
 from bristle.questions.export.coulomb_viscous import CoulombViscous, comment_lines, target_of
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.loss import Loss, all_motions, losses, told
-from bristle.questions.export.symmetric import SymmetricSet, best_symmetric
+from bristle.questions.export.loss import Loss, SymmetricSet, all_motions, best_symmetric, losses, told
 from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named, model_read
 
 NAME, FRICTIONLOSS_NAME = "mujoco", "mujoco-frictionloss"
-STEP = 0.002
-"""Time step of the example, s."""
+STEP = 0.002  # time step of the example, s
 _NO_SPRING = "0 0"
-_MODEL = ("MJCF", "mujoco")
-"""What is merged into, and its root."""
+_MODEL = ("MJCF", "mujoco")  # what is merged into, and its root
 _HOLDS = "one LuGre set for both directions, as <dcmotor lugre> (MuJoCo 3.7.0 or newer)"
 _HOLDS_FRICTIONLOSS = "Coulomb friction and damping, the same in both directions, as <joint frictionloss damping>; no Stribeck peak and no presliding"
 _CLOSEST = "its peak is Gaussian and its viscous friction linear, the closest to another law of the joint"
@@ -51,8 +49,18 @@ class MjcfHeld(NamedTuple):
 def write_mjcf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     """One `<dcmotor>` for each joint, one more for each order of cogging, and a `<general>` where there is a bias."""
     found = [mjcf_held(joint, request) for joint in joints]
-    blocks = [(one.joint, _comment(one), mjcf_actuators(one)) for one in found]
-    content = _merged(blocks, request) if request.into is not None else mjcf_example(found, blocks)
+    text = "\n".join(f"{_comment(one)}\n{mjcf_actuators(one)}" for one in found)
+    if request.into is None:
+        content = mjcf_example(found, text)
+    else:
+        document = model_read(request.into, request.into_name, *_MODEL)
+        for one in found:
+            document.set_attributes(_joint(document, one.joint), _attributes(one.joint))
+        if there := [x for x in document.root.children if x.tag == "actuator"]:
+            document.insert_last(there[0], text)
+        else:
+            document.insert_last(document.root, f"<actuator>\n{indent(text, '  ')}\n</actuator>")
+        content = document.written()
     lost = {one.joint.name: one.lost for one in found}
     biased = [one for one in found if one.symmetric.bias]
     alone = "; ".join(f"{shortened(one.joint.name)} {told(one.alone, one.joint)}" for one in biased)
@@ -67,10 +75,9 @@ def mjcf_held(joint: ExportedJoint, request: Request) -> MjcfHeld:
     """The symmetric set that is exported, with what it loses."""
     joint = joint.in_newton(NAME).with_bristle(NAME)
     motions = all_motions(joint, request.amplitude, request.frequency)
-    alone, symmetric = (best_symmetric(joint, motions, bias=bias) for bias in (False, True))
-    return MjcfHeld(
-        joint, losses(joint, alone.friction, motions), symmetric, losses(joint, symmetric.friction, motions)
-    )
+    sets = [best_symmetric(joint, motions, bias=bias) for bias in (False, True)]
+    alone, lost = (losses(joint, x.friction, motions) for x in sets)
+    return MjcfHeld(joint, alone, sets[1], lost)
 
 
 def mjcf_actuators(held: MjcfHeld) -> str:
@@ -102,7 +109,7 @@ def own_actuator(name: str) -> str:
 
 def _comment(held: MjcfHeld) -> str:
     joint, (p, bias) = held.joint, held.symmetric
-    torque, largest = unit("torque", joint.kind), _largest_step(held.symmetric)
+    torque, largest = unit("torque", joint.kind), _largest_step(p)
     step = "Without damping MuJoCo's bristle oscillates in stick at any time step."
     if largest:
         step = f"Keep the time step well below {largest:.2g} s: above it MuJoCo's bristle oscillates in stick."
@@ -121,13 +128,12 @@ def _comment(held: MjcfHeld) -> str:
     return comment("\n".join(lines) + "\n")
 
 
-def _largest_step(held: SymmetricSet) -> float:
-    """Above it the step of velocity and bristle in stick has an eigenvalue outside the unit circle, s: (sigma_1 + alpha_2) / sigma_0.
+def _largest_step(p: Lugre[float]) -> float:
+    """Above it the step of velocity and bristle in stick has an eigenvalue outside the unit circle, s.
 
     MuJoCo takes z + h v for z and v - h / (J + h d) (sigma_0 z + d v) for v, d = sigma_1 + alpha_2: the determinant is
     (J + h**2 sigma_0) / (J + h d), for the semi-implicit step (1 - h d / J + h**2 sigma_0 / J); both are 1 there.
     """
-    p = held.parameters
     return (p.sigma_1 + p.alpha_2) / p.sigma_0
 
 
@@ -137,11 +143,8 @@ def _joint_lines(joint: ExportedJoint) -> Iterator[str]:
     J, rest = joint.rotor_inertia, "the rotor's inertia, without the links."
     if joint.inertia == J:
         rest = "all that the joint was seen to accelerate; where the bodies of the model hold a part of it as well, subtract that part."
-    yield (
-        "No inertia is known: armature is not set."
-        if J is None
-        else f"armature {J:.4g} {unit('inertia', joint.kind)} is {rest}"
-    )
+    told_of = "No inertia is known: armature is not set."
+    yield told_of if J is None else f"armature {J:.4g} {unit('inertia', joint.kind)} is {rest}"
 
 
 def _attributes(joint: ExportedJoint, damping: str = "0 0 0", frictionloss: str = "0") -> dict[str, str]:
@@ -154,16 +157,11 @@ def _type(joint: ExportedJoint) -> str:
     return "slide" if slides(joint.kind) else "hinge"
 
 
-_Block = tuple[ExportedJoint, str, str]
-"""A joint, its comment, and its elements."""
-
-
-def mjcf_example(found: Sequence[MjcfHeld], blocks: Sequence[_Block]) -> bytes:
-    """A whole small model with each joint."""
-    step = max(1e-5, min(STEP, *(_largest_step(one.symmetric) / 2 for one in found)))
-    bodies = [_example_body(joint, _attributes(joint)) for joint, _, _ in blocks]
-    actuators = "\n".join(f"{told}\n{elements}" for _, told, elements in blocks)
-    return _example_model(bodies, step, f"<actuator>\n{_indented(actuators)}\n</actuator>")
+def mjcf_example(found: Sequence[MjcfHeld], actuators: str) -> bytes:
+    """A whole small model with each joint, and these elements."""
+    step = max(1e-5, min(STEP, *(_largest_step(one.symmetric.parameters) / 2 for one in found)))
+    bodies = [_example_body(one.joint, _attributes(one.joint)) for one in found]
+    return _example_model(bodies, step, f"<actuator>\n{indent(actuators, '  ')}\n</actuator>")
 
 
 def _example_body(joint: ExportedJoint, attributes: Mapping[str, str]) -> str:
@@ -181,27 +179,9 @@ def _example_model(bodies: Sequence[str], step: float, rest: str = "") -> bytes:
     note = comment("An example: copy the attributes of each joint, and what stands beside, into your own model.")
     inner = (
         f'{note}\n<option timestep="{step!r}" gravity="0 0 0" integrator="implicitfast"/>\n'
-        f"<worldbody>\n{_indented(chr(10).join(bodies))}\n</worldbody>" + (f"\n{rest}" if rest else "")
+        f"<worldbody>\n{indent(chr(10).join(bodies), '  ')}\n</worldbody>" + (f"\n{rest}" if rest else "")
     )
-    return f'<mujoco model="bristle example">\n{_indented(inner)}\n</mujoco>\n'.encode()
-
-
-def _indented(text: str) -> str:
-    return "\n".join("  " + line for line in text.split("\n"))
-
-
-def _merged(blocks: Sequence[_Block], request: Request) -> bytes:
-    """The given model with the joints' friction."""
-    document = model_read(request.into, request.into_name, *_MODEL)
-    actuators = [x for x in document.root.children if x.tag == "actuator"]
-    for joint, _, _ in blocks:
-        document.set_attributes(_joint(document, joint), _attributes(joint))
-    text = "\n".join(f"{told}\n{elements}" for _, told, elements in blocks)
-    if actuators:
-        document.insert_last(actuators[0], text)
-    else:
-        document.insert_last(document.root, f"<actuator>\n{_indented(text)}\n</actuator>")
-    return document.written()
+    return f'<mujoco model="bristle example">\n{indent(inner, "  ")}\n</mujoco>\n'.encode()
 
 
 def _joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
@@ -228,7 +208,6 @@ def _joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
 
 
 def _into_mjcf(document: XmlDocument, one: CoulombViscous) -> None:
-    """The values into a joint of an MJCF."""
     joint = _joint(document, one.joint)
     document.set_attributes(joint, _own_attributes(one))
     document.annotate(joint, _note(one))

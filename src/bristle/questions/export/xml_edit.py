@@ -6,24 +6,19 @@ Expat parses it and tells where elements begin and end; only the inside of one s
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NoReturn
 from xml.parsers import expat
 from xml.sax.saxutils import escape
 
 from bristle.errors import InputError, one_line, short, short_list
 
-MAX_BYTES = 2**23
-"""Largest file, bytes."""
-MAX_ELEMENTS = 200_000
-"""Most elements of a file, comments included."""
-MAX_DEPTH = 200
-"""Deepest nesting."""
+MAX_BYTES = 2**23  # largest file, bytes
+MAX_ELEMENTS = 200_000  # most elements of a file, comments included
+MAX_DEPTH = 200  # deepest nesting
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*("[^"]*"|'[^']*')""")
-_TAG_END = re.compile(rb"\s*(/?)>")
-_NAME = re.compile(rb"<[^\s/>]+")
+_START_TAG = re.compile(rb"""<[^\s/>]+((?:\s+[^\s=/>]+\s*=\s*(?:"[^"]*"|'[^']*'))*)\s*(/?)>""")
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What XML 1.0 cannot hold, not even as a reference."""
-_ATTRIBUTE_NAME = re.compile(r"[A-Za-z_][\w.:-]*", re.ASCII)
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -41,6 +36,8 @@ class XmlElement:
     """On which it begins, from 1."""
     start: int
     """Byte of its `<`."""
+    told: int = 0
+    """Byte after its last attribute."""
     opened: int = 0
     """Byte after its start tag."""
     closing: int = 0
@@ -48,9 +45,9 @@ class XmlElement:
     end: int = 0
     """Byte after it."""
 
-    def find_all(self, tag: str | None = None) -> Iterator["XmlElement"]:
+    def find_all(self, tag: str = "") -> Iterator["XmlElement"]:
         """The elements of a tag, or all, depth first, in the order of the file: itself and those within."""
-        if tag in (None, self.tag):
+        if tag in ("", self.tag):
             yield self
         for child in self.children:
             yield from child.find_all(tag)
@@ -86,12 +83,10 @@ class XmlDocument:
         if "\0" in text:
             line = text[: text.index("\0")].count("\n") + 1
             raise InputError(f"{what}, line {line}: holds NUL; expected XML in UTF-8")
-        return cls(content=content, what=what, root=_ElementReader(content, what).root())
+        return cls(content=content, what=what, root=_root(content, what))
 
     def set_attributes(self, element: XmlElement, values: Mapping[str, str]) -> None:
-        """Add attributes, or replace their values; others stay. Raises ValueError where a name is no ASCII name of an attribute."""
-        if odd := [name for name in values if not _ATTRIBUTE_NAME.fullmatch(name)]:
-            raise ValueError(f"{odd[0]!r} is no name of an attribute")
+        """Add attributes, whose names are ASCII, or replace their values; others stay."""
         self._attributes.setdefault(element, {}).update(values)
 
     def insert_last(self, parent: XmlElement, text: str) -> None:
@@ -125,11 +120,12 @@ class XmlDocument:
         for element, text in self._replaced.items():
             splices.append((element.start, element.end, self._laid_out(text, self._indent(element) or b"")))
         for element, values in self._attributes.items():
-            spans, last = _attribute_spans(self.content, element.start)
+            each = _ATTRIBUTE.finditer(self.content, element.start, element.told)
+            found = {x[1].decode("utf-8"): x.span(2) for x in each}
             written = {name: attribute(value).encode("utf-8") for name, value in values.items()}
-            splices += [(*spans[name], new) for name, new in written.items() if name in spans]
-            missing = (b" " + name.encode("ascii") + b"=" + new for name, new in written.items() if name not in spans)
-            splices.append((last, last, b"".join(missing)))
+            splices += [(*found[name], new) for name, new in written.items() if name in found]
+            missing = (b" " + name.encode("ascii") + b"=" + new for name, new in written.items() if name not in found)
+            splices.append((element.told, element.told, b"".join(missing)))
         splices += [self._insertion(parent, texts) for parent, texts in self._inserted.items()]
         for start, end, new in sorted(splices, key=lambda splice: splice[:2]):
             if start < at:
@@ -157,9 +153,7 @@ class XmlDocument:
         if parent.closing < parent.end:
             at = parent.opened + len(body)
             return at, at, new
-        tag = _NAME.match(self.content, parent.start)
-        assert tag is not None  # noqa: S101  # Expat found an element there
-        return parent.opened - 2, parent.opened, b">" + new + b"</" + tag[0][1:] + b">"
+        return parent.opened - 2, parent.opened, b">" + new + b"</" + parent.tag.encode("utf-8") + b">"
 
     def _indent(self, element: XmlElement) -> bytes | None:
         """The blanks before an element that is the first on its line; None where it is not."""
@@ -220,11 +214,6 @@ def attribute(value: str) -> str:
     return '"' + "".join(c if c.isprintable() else f"&#x{ord(c):X};" for c in text) + '"'
 
 
-def as_read(name: str) -> str:
-    """A name as a reader of XML has it once it is written: what XML cannot hold is replaced."""
-    return XmlDocument.read(f"<_ n={attribute(name)}/>".encode(), "a name").root.attributes["n"]
-
-
 def comment(text: str) -> str:
     """A text as a comment, whatever it holds: no two hyphens in a row, and what does not print, but a line feed, as Python escapes it."""
     shown = "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
@@ -235,79 +224,55 @@ def _check_fragment(text: str) -> None:
     XmlDocument.read(f"<_>{text}</_>".encode(), "what is inserted")
 
 
-def _attribute_spans(content: bytes, start: int) -> tuple[dict[str, tuple[int, int]], int]:
-    """Where the value of each attribute stands, with its quotes, in the start tag at a byte; and where the last one ends."""
-    name = _NAME.match(content, start)
-    assert name is not None  # noqa: S101  # Expat found an element there
-    at, spans = name.end(), {}
-    while found := _ATTRIBUTE.match(content, at):
-        spans[found[1].decode("utf-8")] = found.span(2)
-        at = found.end()
-    return spans, at
+def _root(content: bytes, what: str) -> XmlElement:
+    """The outermost element of a file. Raises InputError where it is not as `XmlDocument.read` takes it."""
+    parser: Any = expat.ParserCreate("UTF-8")
+    stack, count = [XmlElement(tag="", attributes={}, line=0, start=0)], 0
 
+    def refuse(why: str, line: int) -> NoReturn:
+        raise InputError(f"{what}, line {line}: {why}")
 
-class _ElementReader:
-    """Reads the elements of one file."""
+    def new(tag: str, attributes: dict[str, str]) -> XmlElement:
+        nonlocal count
+        count += 1
+        if count > MAX_ELEMENTS:
+            refuse(f"has more than {MAX_ELEMENTS} elements; expected a model without meshes", parser.CurrentLineNumber)
+        return XmlElement(tag=tag, attributes=attributes, line=parser.CurrentLineNumber, start=parser.CurrentByteIndex)
 
-    def __init__(self, content: bytes, what: str) -> None:
-        self._content = content
-        self._what = what
-        self._stack = [XmlElement(tag="", attributes={}, line=0, start=0)]
-        self._count = 0
-        self._parser: Any = expat.ParserCreate("UTF-8")
-        self._parser.StartElementHandler = self._begin
-        self._parser.EndElementHandler = self._end
-        self._parser.CommentHandler = self._commented
-        self._parser.XmlDeclHandler = self._declared
-        self._parser.StartDoctypeDeclHandler = self._refuse_doctype
-        self._parser.EntityDeclHandler = self._refuse_doctype
+    def begin(tag: str, attributes: dict[str, str]) -> None:
+        element = new(tag, attributes)
+        if len(stack) > MAX_DEPTH:
+            refuse(f"nests elements deeper than {MAX_DEPTH}; expected a model", element.line)
+        stack[-1].children.append(element)
+        stack.append(element)
 
-    def root(self) -> XmlElement:
-        """The outermost element. Raises InputError where the file is not as `XmlDocument.read` takes it."""
-        try:
-            self._parser.Parse(self._content, True)
-        except expat.ExpatError as error:
-            why = expat.ErrorString(error.code)
-            raise self._error(error.lineno, f"is not well-formed XML ({why}); expected XML in UTF-8") from error
-        return self._stack[0].children[0]
+    def end(_tag: str) -> None:
+        done = stack.pop()
+        tag = _START_TAG.match(content, done.start)
+        assert tag is not None  # noqa: S101  # Expat found it sound
+        done.told, done.opened = tag.end(1), tag.end()
+        done.closing = done.end = done.opened
+        if not tag[2]:
+            done.closing = parser.CurrentByteIndex
+            done.end = content.index(b">", done.closing) + 1
 
-    def _error(self, line: int, why: str) -> InputError:
-        return InputError(f"{self._what}, line {line}: {why}")
+    def commented(text: str) -> None:
+        found = new("", {"text": text})
+        found.opened = found.closing = found.end = content.index(b"-->", found.start + 4) + 3
+        stack[-1].comments.append(found)
 
-    def _begin(self, tag: str, attributes: dict[str, str]) -> None:
-        element = self._new(tag, attributes)
-        if len(self._stack) > MAX_DEPTH:
-            raise self._error(element.line, f"nests elements deeper than {MAX_DEPTH}; expected a model")
-        self._stack[-1].children.append(element)
-        self._stack.append(element)
-
-    def _new(self, tag: str, attributes: dict[str, str]) -> XmlElement:
-        """One more, which begins here."""
-        line = self._parser.CurrentLineNumber
-        self._count += 1
-        if self._count > MAX_ELEMENTS:
-            raise self._error(line, f"has more than {MAX_ELEMENTS} elements; expected a model without meshes")
-        return XmlElement(tag=tag, attributes=attributes, line=line, start=self._parser.CurrentByteIndex)
-
-    def _end(self, _tag: str) -> None:
-        done = self._stack.pop()
-        _, last = _attribute_spans(self._content, done.start)
-        tag_end = _TAG_END.match(self._content, last)
-        assert tag_end is not None  # noqa: S101  # Expat found it sound
-        done.opened = done.closing = done.end = tag_end.end()
-        if not tag_end[1]:
-            done.closing = self._parser.CurrentByteIndex
-            done.end = self._content.index(b">", done.closing) + 1
-
-    def _commented(self, text: str) -> None:
-        found = self._new("", {"text": text})
-        found.opened = found.closing = found.end = self._content.index(b"-->", found.start + 4) + 3
-        self._stack[-1].comments.append(found)
-
-    def _declared(self, _version: str, encoding: str | None, _standalone: int) -> None:
+    def declared(_version: str, encoding: str | None, _standalone: int) -> None:
         if encoding is not None and encoding.upper() not in {"UTF-8", "UTF8"}:
-            raise self._error(1, f"declares the encoding {short(encoding)}; expected UTF-8: save it so")
+            refuse(f"declares the encoding {short(encoding)}; expected UTF-8: save it so", 1)
 
-    def _refuse_doctype(self, *_: Any) -> None:
-        line = self._parser.CurrentLineNumber
-        raise self._error(line, "declares a document type or an entity; expected plain XML: take the declaration out")
+    def doctype(*_: Any) -> None:
+        why = "declares a document type or an entity; expected plain XML: take the declaration out"
+        refuse(why, parser.CurrentLineNumber)
+
+    parser.StartElementHandler, parser.EndElementHandler, parser.CommentHandler = begin, end, commented
+    parser.XmlDeclHandler, parser.StartDoctypeDeclHandler, parser.EntityDeclHandler = declared, doctype, doctype
+    try:
+        parser.Parse(content, True)
+    except expat.ExpatError as error:
+        refuse(f"is not well-formed XML ({expat.ErrorString(error.code)}); expected XML in UTF-8", error.lineno)
+    return stack[0].children[0]

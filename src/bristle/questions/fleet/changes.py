@@ -148,7 +148,7 @@ def own_levels(one: Adjusted, most: NDArray[np.intp]) -> tuple[Array, Array]:
     return (weight * levels.y).sum(axis=1) / total, 1 / total
 
 
-def population_of(one: Adjusted, most: NDArray[np.intp]) -> Population | None:
+def population_of(one: Adjusted, most: NDArray[np.intp]) -> Population[float] | None:
     """Mean and spread of a type; None where it has too few joints."""
     now = one.of.now
     if now.sum() < LEAST_UNITS:

@@ -454,38 +454,23 @@ BR_FUNCTION(fmi2Status, fmi2DeSerializeFMUstate, (fmi2Component c, const fmi2Byt
     *state = saved;
     return fmi2OK;
 }
+{% for name, arguments, unused, why in (
+    ("GetDirectionalDerivative", "const fmi2ValueReference unknown[], size_t n_unknown,\n    const fmi2ValueReference known[], size_t n_known, "
+        "const fmi2Real along[], fmi2Real derivative[]", ("unknown", "n_unknown", "known", "n_known", "along", "derivative"), "not provided"),
+    ("SetRealInputDerivatives", "const fmi2ValueReference references[], size_t n,\n    const fmi2Integer orders[], const fmi2Real values[]",
+        ("references", "n", "orders", "values"), "the torque is held"),
+    ("GetRealOutputDerivatives", "const fmi2ValueReference references[], size_t n,\n    const fmi2Integer orders[], fmi2Real values[]",
+        ("references", "n", "orders", "values"), "not provided"),
+) %}
 
-BR_FUNCTION(fmi2Status, fmi2GetDirectionalDerivative, (fmi2Component c, const fmi2ValueReference unknown[], size_t n_unknown,
-    const fmi2ValueReference known[], size_t n_known, const fmi2Real along[], fmi2Real derivative[]))
+BR_FUNCTION(fmi2Status, fmi2{{ name }}, (fmi2Component c, {{ arguments }}))
 {
-    (void)unknown;
-    (void)n_unknown;
-    (void)known;
-    (void)n_known;
-    (void)along;
-    (void)derivative;
-    return br_allowed(c, BR_ANY, "fmi2GetDirectionalDerivative") ? br_say(c, fmi2Error, "fmi2GetDirectionalDerivative: not provided") : fmi2Error;
+{% for x in unused %}
+    (void){{ x }};
+{% endfor %}
+    return br_allowed(c, BR_ANY, "fmi2{{ name }}") ? br_say(c, fmi2Error, "fmi2{{ name }}: {{ why }}") : fmi2Error;
 }
-
-BR_FUNCTION(fmi2Status, fmi2SetRealInputDerivatives, (fmi2Component c, const fmi2ValueReference references[], size_t n,
-    const fmi2Integer orders[], const fmi2Real values[]))
-{
-    (void)references;
-    (void)n;
-    (void)orders;
-    (void)values;
-    return br_allowed(c, BR_ANY, "fmi2SetRealInputDerivatives") ? br_say(c, fmi2Error, "fmi2SetRealInputDerivatives: the torque is held") : fmi2Error;
-}
-
-BR_FUNCTION(fmi2Status, fmi2GetRealOutputDerivatives, (fmi2Component c, const fmi2ValueReference references[], size_t n,
-    const fmi2Integer orders[], fmi2Real values[]))
-{
-    (void)references;
-    (void)n;
-    (void)orders;
-    (void)values;
-    return br_allowed(c, BR_ANY, "fmi2GetRealOutputDerivatives") ? br_say(c, fmi2Error, "fmi2GetRealOutputDerivatives: not provided") : fmi2Error;
-}
+{% endfor %}
 
 BR_FUNCTION(fmi2Status, fmi2DoStep, (fmi2Component c, fmi2Real now, fmi2Real h, fmi2Boolean no_state_before))
 {
