@@ -3,6 +3,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from matplotlib.text import Annotation
 
 from bristle.identification.curve import band
 from bristle.identification.fits import Stray
@@ -56,6 +57,21 @@ def test_a_held_out_point_at_a_fitted_speed_is_drawn(joint: Joint) -> None:
     (held,) = (line for line in ax.lines if line.get_label() == "held out")
     assert np.asarray(held.get_xydata()).tolist() == [[twin.velocity, twin.torque]]
     assert not [line for line in static_figures.curve_figure(joint).axes[0].lines if line.get_label() == "held out"]
+
+
+def test_a_small_curve_has_its_scales(joint: Joint, slide: Joint) -> None:
+    """The largest speed and torque that were fitted, with units, each at its place on an axis; of one direction too, and of nothing none."""
+    for one in (joint, replace(joint, static={"-": joint.static["-"]})):
+        v, torque = (
+            max(abs(x).max() for x in own)
+            for own in zip(*((f.velocity, f.torque) for f in one.static.values()), strict=True)
+        )
+        (ax,) = static_figures.small_figure(one).axes
+        told = {text.get_text(): text.xy for text in ax.texts if isinstance(text, Annotation)}
+        assert told == {f"{v:.2g} rad/s": (v, 0), f"{torque:.2g} N·m": (0, torque)}
+        assert ax.get_xlim()[1] > v
+        assert ax.get_ylim()[1] > torque
+    assert not static_figures.small_figure(slide).axes[0].texts
 
 
 def test_a_stray_has_a_ring_of_its_own(joint: Joint) -> None:

@@ -215,7 +215,7 @@ _KINDS = {
         (
             "parameter", "unit", "direction", "of", "scheme", "law", "controller", "method", "fit", "source", "stage", "stage_value",
             "tracking_value", "joint_value", "model", "directions", "rows", "Since", "Session", "Finding",
-            "Report of the latest session",
+            "Report of the latest session", "covariance", "profile", "bootstrap", *FITS.values(), *(f"{fit}, 95 %" for fit in FITS.values()),
         ),
         "s",
     ),
@@ -246,6 +246,7 @@ def _cell(value: Any, column: str) -> str | Markup:
 
 _CELLS: dict[str, Callable[[str], str]] = {
     "unit": wording.pretty,
+    "warnings": lambda sentences: sentences.replace(".; ", ". "),
     "direction": lambda d: d if d == "shared" else wording.direction(d),
     **dict.fromkeys(("method", "fit", "source"), lambda key: {**METHODS, **FITS}.get(key, key)),
 }

@@ -52,7 +52,7 @@ class Table(NamedTuple):
 class Cell(NamedTuple):
     """A value in an answer."""
 
-    value: str
+    value: str = ""
     below: tuple[str, ...] = ()
     """Small lines under it, as its interval."""
 
@@ -64,8 +64,8 @@ class Answered(NamedTuple):
     line: tuple[Said, ...]
     rows: tuple[tuple[str, tuple[Cell, ...]], ...]
     """Each begins with what it is of, as a direction."""
-    picture: Drawing | None = None
-    """A small one beside the rows."""
+    whole: tuple[Cell | Drawing, ...] = ()
+    """Beside the rows, a column each: what holds of all of them, and small drawings."""
 
 
 class Answer(NamedTuple):
@@ -76,8 +76,8 @@ class Answer(NamedTuple):
     columns: tuple[tuple[str, str], ...]
     """Parameter and unit; no unit where the things differ in it."""
     things: tuple[Answered, ...]
-    picture: str = ""
-    """The heading of the pictures; empty: there are none."""
+    whole: tuple[str, ...] = ()
+    """The headings of the columns beside the rows."""
     note: str = ""
     """How to read it."""
 
@@ -120,8 +120,8 @@ class Section:
     @property
     def drawings(self) -> tuple[Drawing, ...]:
         """All that is to be drawn for it."""
-        small = (x.picture for x in self.answer.things) if self.answer else ()
-        return tuple(x for x in (*small, self.figure, *self.figures) if x is not None)
+        beside = (cell for x in self.answer.things for cell in x.whole) if self.answer else ()
+        return tuple(x for x in (*beside, self.figure, *self.figures) if isinstance(x, Drawing))
 
 
 @dataclass(frozen=True, slots=True)

@@ -281,6 +281,7 @@ const explorer = (() => {
     warnings.replaceChildren(...joint().warnings.map((words) => Object.assign(document.createElement("li"), { textContent: words })));
     warnings.hidden = !joint().warnings.length;
     text("shown-joint", joint().name);
+    document.title = `${joint().name}: the friction model in the hand`;
     const [only, ...others] = joint().directions;
     text("one-way", others.length || only === "both" ? "" : `Only direction ${only === "-" ? "−" : only} is known: motions both ways have its values in either.`);
     for (const view of Object.values(views)) if (view.joint) view.joint();

@@ -19,7 +19,7 @@ from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, of_curve, of_friction, unit
 from bristle.page.plain import columns, in_unit, interval, pair, wrapped
 from bristle.page.wording import FITS, counted, number, printable, shortened
-from bristle.questions.joint_report.sentences import known_to
+from bristle.questions.joint_report.sentences import held_out, known_to
 
 LINES = 3
 """Of findings that are not critical."""
@@ -44,8 +44,8 @@ def verdicts(joints: Sequence[Joint]) -> Iterator[str]:
     """Whether to use each joint's values, why not, and the largest hold-out error: a line each."""
     rows = [("joint", "its values", "friction to", "reason", "hold-out error")]
     for joint in joints:
-        found, held = verdict(joint), [x.relative_error for fit in value_fits(joint) for x in fit.hold_out]
-        error, known = f"{number(max(held), 2)} %" if held else "-", joint.accuracy
+        found, held, known = verdict(joint), held_out(joint), joint.accuracy
+        error = "-" if held is None else f"{number(held, 2)} %"
         to = "-" if known is None or not isfinite(known.band) else f"+/- {number(known.band, 2)} %"
         rows.append((shortened(joint.name, 32), str(found.trust), to, _code(found.reason), error))
     yield from columns(rows, indent=0)

@@ -106,7 +106,7 @@ def uncertainty_figure(joint: Joint, own: Sequence[IntervalRow]) -> Figure:
     for ax, row in zip(axes.ravel(), own, strict=False):
         _panel(ax, row)
     for ax in axes[:, 0]:
-        ax.set_ylabel("Change of cost (95 % thresholds)")
+        ax.set_ylabel("Change of cost (thresholds)")
     title(axes[0, 0], f"{joint.name}, {FITS.get(own[0].fit, own[0].fit)}", joint.simulated)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=3, bbox_to_anchor=(0.5, 0.0))

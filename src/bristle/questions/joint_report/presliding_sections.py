@@ -77,9 +77,7 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawi
     if not losses:
         return
     least, most = number(min(losses), 2), number(max(losses), 2)
-    lost = (
-        f"{counted(len(losses), 'closed cycle')} lose {least if least == most else f'{least} to {most}'} {WORK} each."
-    )
+    lost = f"{least if least == most else f'{least} to {most}'} {WORK} lost in {counted(len(losses), 'closed cycle')}."
     how = (
         "Closed cycles of torque vs displacement (grey), from one peak of the torque to the next of the same sign. "
         "Solid: regression of torque on displacement; dashed: one over the regression of displacement on torque; "

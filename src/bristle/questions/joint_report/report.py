@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib import resources
+from itertools import compress
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -27,7 +28,7 @@ from bristle.questions.joint_report.brief import law_in_force
 from bristle.questions.joint_report.figures import drawings
 from bristle.questions.joint_report.interval_sections import INTRO, intervals
 from bristle.questions.joint_report.next_measurements import next_measurements
-from bristle.questions.joint_report.sentences import choice, known_to
+from bristle.questions.joint_report.sentences import choice, friction_left, held_out, known_to
 from bristle.questions.joint_report.static_figures import FIG_1, FIG_1_V_S, stribeck_figure
 
 _Figures = Mapping[str, Drawing]
@@ -193,7 +194,7 @@ def _answer(
         rows = known[joint.name]
         used = {row.source for p, row in rows.items() if row.estimate.value is not None and of_friction(p.name)}
         source = FITS.get(only, only) if len(used) == 1 and (only := next(iter(used))) else ""
-        line: list[Said] = [_mark(joint), known_to(joint), *filter(None, (verdict(joint).reason,))]
+        line: list[Said] = [_mark(joint), known_to(joint, beside=True), *filter(None, (verdict(joint).reason,))]
         if source:
             line.append(f"From the {source}{'' if source in FITS.values() else ' stage'}.")
         if joint.name in worth:
@@ -217,7 +218,10 @@ def _answer(
             lines.append(("+/−" if d == Direction.BOTH else direction(d).strip("()"), tuple(cells)))
         shown = f"{joint.name}{' (SIMULATED)' * (joint.simulated and mixed)}"
         place = Link(shown, f"joints.html#{known_as[joint.name]}--joint")
-        things.append(Answered(place, tuple(line), tuple(lines), figures[joint.name].get("small")))
+        things.append(Answered(place, tuple(line), tuple(lines), _beside(joint, figures[joint.name])))
+    # Of what stands beside the values only what is known of some joint.
+    seen = [any(cell != Cell() for cell in column) for column in zip(*(x.whole for x in things), strict=True)]
+    things = [x._replace(whole=tuple(compress(x.whole, seen))) for x in things]
     columns = tuple((name, "" if common.get(name) == "1" else common.get(name, "")) for name in names)
 
     missing = any(cell.value == _NONE for x in things for _, cells in x.rows for cell in cells)
@@ -230,11 +234,30 @@ def _answer(
         f"{'; n.i.: not identifiable from these data' * missing}. "
         f"{other * other_law}{'All others' if other_law else 'All'} are positive in both directions: α₀ Coulomb, α₁ "
         f"Stribeck amplitude (breakaway is α₀ + α₁{loaded}), α₂ viscous friction, vₛ Stribeck velocity, σ₀ and σ₁ "
-        "bristle stiffness and damping. Joint fit: of all runs at once. Held out: error of the torque on runs that "
-        "were not fitted, relative to its norm."
+        "bristle stiffness and damping. Joint fit: of all runs at once."
+        f"{_HELD * seen[0]}{_LEFT * seen[1]}"
         f"{' The inertia of a joint with known links is what it has beside them: the rotor’s.' * linked}"
     )
-    return Answer("dir.", columns, tuple(things), "curve", how)
+    return Answer("dir.", columns, tuple(things), tuple(compress(_BESIDE, seen)), how)
+
+
+_BESIDE = ("hold-out error", "compensation leaves", "curve")
+_HELD = " Hold-out error: of the torque on runs that were not fitted, relative to its norm."
+_LEFT = (
+    " Compensation leaves: how much of friction remains on the joint’s own runs once that of these values is fed "
+    "forward, at most: the error of the torque relative to friction alone, 100 % without compensation."
+)
+
+
+def _beside(joint: Joint, figures: _Figures) -> tuple[Cell | Drawing, ...]:
+    """Of `_BESIDE` what is known of a joint, as far as its results tell: nothing is computed for the page."""
+    held, left = held_out(joint), friction_left(joint)
+    runs = "fitted" if held is None else "held-out"
+    return (
+        Cell() if held is None else Cell(f"{number(held, 2)} %"),
+        Cell() if left is None else Cell(f"{number(left, 2)} %", ("of friction", f"in {runs} runs")),
+        figures.get("small") or Cell(),
+    )
 
 
 def _cell(row: Known | None, common: Mapping[str, str], source: str) -> Cell:

@@ -18,7 +18,7 @@ from bristle.identification.results import Joint
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Kind, Lugre, Stribeck, bends_down, static_of, unit
 from bristle.page.style import DIRECTION, LINES, Look, decimal_log, new_figure, styled, thinned, title
-from bristle.page.wording import axis, direction, pretty, shortened
+from bristle.page.wording import axis, direction, number, pretty, shortened
 
 FIG_1 = Lugre(0.0194, 0.0055, 0.0394, 0.072, 20.0, 0.02)
 """The parameters of the paper's Fig. 1."""
@@ -90,10 +90,12 @@ def curve_figure(joint: Joint) -> Figure:
 
 @styled
 def small_figure(joint: Joint) -> Figure:
-    """The same in little, without scales: points and curve."""
-    figure = Figure(figsize=(1.9, 0.95))
+    """The same in little: points, curve, and how far the axes go, where no friction is drawn: against the motion."""
+    figure = Figure(figsize=(2.1, 1.05))
     ax = figure.add_axes((0.02, 0.04, 0.96, 0.92))
     _frame(ax, joint)
+    for limits, set_limits in ((ax.get_xlim(), ax.set_xlim), (ax.get_ylim(), ax.set_ylim)):
+        set_limits(-max(map(abs, limits)), max(map(abs, limits)))
     for d, fit in _directions(joint):
         look, k = DIRECTION[d], thinned(fit.velocity.size, 60)
         v, torque, label = fit.velocity[k], fit.torque[k], f"_fitted {direction(d)}"
@@ -102,6 +104,26 @@ def small_figure(joint: Joint) -> Figure:
             _curve(ax, fit, look, sign, magnitude=False)
     ax.axhline(0, color="#666666", linewidth=0.5, label="_zero")
     ax.axvline(0, color="#666666", linewidth=0.5, label="_zero")
+    fits = [fit for _, fit in _directions(joint) if fit.velocity.size]
+    if fits:
+        v, torque = (
+            max(float(np.abs(x).max()) for x in own)
+            for own in zip(*((f.velocity, f.torque) for f in fits), strict=True)
+        )
+        ax.plot([v, 0], [0, torque], "+", color="#666666", markersize=5, label="_scale")
+        speed, effort = (pretty(unit(name, joint.kind)) for name in ("velocity", "torque"))
+        ax.annotate(
+            f"{number(v, 2)} {speed}", (v, 0), (3, -3), textcoords="offset points", ha="right", va="top", fontsize=9
+        )
+        ax.annotate(
+            f"{number(torque, 2)} {effort}",
+            (0, torque),
+            (-6, 2),
+            textcoords="offset points",
+            ha="right",
+            va="top",
+            fontsize=9,
+        )
     ax.set_axis_off()
     return figure
 
