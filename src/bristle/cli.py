@@ -290,11 +290,11 @@ def identify(
         complain(f"guessed: {sentence}")
     _tell([results.text(full=full)])
     if uncertainty:
-        from bristle.questions.joint_report.console import interval_lines
+        from bristle.questions.joint_report.brief import interval_lines
 
         _tell(interval_lines(results.joints))
     if laws:
-        from bristle.questions.joint_report.console import law_lines
+        from bristle.questions.joint_report.brief import law_lines
 
         _tell(law_lines(results.joints))
     if output is not None:
@@ -320,7 +320,7 @@ def inspect(
     with shown():
         from bristle import inspect as run
         from bristle.page.page import figure_kind, save_figure
-        from bristle.questions.joint_report.console import segment_lines
+        from bristle.questions.joint_report.brief import segment_lines
 
         if output is not None:
             figure_kind(output)
@@ -364,7 +364,7 @@ def validate(
     if experiment is not None:  # each fit beside a full nonlinear one on the same data
         with shown() as progress:
             from bristle.api.identifying import identified
-            from bristle.questions.joint_report.console import law_lines
+            from bristle.questions.joint_report.brief import law_lines
 
             results = identified(experiment, joint=joint, crosscheck=True, progress=progress)
             results.whole_joint()

@@ -6,24 +6,24 @@ from matplotlib.figure import Figure
 
 from bristle.identification.results import Joint
 from bristle.page.style import render_as
-from bristle.questions.joint_report import dynamic_figures
+from bristle.questions.joint_report import moving as moving_page
 
 from .moving import REVERSAL, STRETCH, moving, tracked
 
 
 def both(joint: Joint) -> list[Figure]:
     """Both figures of a joint."""
-    drawn = (dynamic_figures.course_figure(joint), dynamic_figures.velocity_figure(joint))
+    drawn = (moving_page.course_figure(joint), moving_page.velocity_figure(joint))
     return [figure for figure in drawn if figure is not None]
 
 
 def test_window_lies_about_the_hardest_reversal_within_one_stretch() -> None:
     """The piece holds the reversal with the largest acceleration, lasts no longer than SPAN, and crosses no boundary."""
     fit = tracked()
-    own = dynamic_figures.window(fit)
+    own = moving_page.window(fit)
     assert own.start >= STRETCH
     assert fit.time[own.start] < REVERSAL < fit.time[own.stop - 1]
-    assert fit.time[own.stop - 1] - fit.time[own.start] <= dynamic_figures.SPAN + 1e-9
+    assert fit.time[own.stop - 1] - fit.time[own.start] <= moving_page.SPAN + 1e-9
 
 
 def test_window_has_its_length_where_it_can() -> None:
@@ -31,18 +31,18 @@ def test_window_has_its_length_where_it_can() -> None:
     for seconds, turn in ((0.5, np.inf), (2.0, np.inf), (30.0, np.inf), (10.0, 9.9)):
         t = np.linspace(0.0, seconds, 1001)
         fit = tracked(time=t, velocity=np.where(t < turn, 1.0, -1.0), measured=t, residuals=0 * t, starts_of_runs=(0,))
-        own = dynamic_figures.window(fit)
+        own = moving_page.window(fit)
         assert (own.start == 0) == (turn > seconds)
         assert turn > seconds or own.stop == t.size
         length = t[own.stop - 1] - t[own.start]
-        assert length == pytest.approx(min(seconds, dynamic_figures.SPAN), abs=1.1 * seconds / 1000)
+        assert length == pytest.approx(min(seconds, moving_page.SPAN), abs=1.1 * seconds / 1000)
 
 
 def test_stretches_are_told_apart() -> None:
     """Every equation belongs to one stretch, and none is in two; an empty one is left out."""
     fit = tracked()
-    assert dynamic_figures.stretches(fit) == [slice(0, STRETCH), slice(STRETCH, fit.time.size)]
-    assert dynamic_figures.stretches(tracked(starts_of_runs=(0, 0, STRETCH)))[0] == slice(0, STRETCH)
+    assert moving_page.stretches(fit) == [slice(0, STRETCH), slice(STRETCH, fit.time.size)]
+    assert moving_page.stretches(tracked(starts_of_runs=(0, 0, STRETCH)))[0] == slice(0, STRETCH)
 
 
 def test_no_line_crosses_a_boundary() -> None:
@@ -98,5 +98,5 @@ def test_few_points_are_drawn_of_many() -> None:
     )
     for figure in both(replace(moving(), joint_fit=fit)):
         sizes = [len(np.asarray(line.get_xdata())) for ax in figure.axes for line in ax.get_lines()]
-        assert max(sizes) <= dynamic_figures.MOST
+        assert max(sizes) <= moving_page.MOST
         assert len(render_as(figure, "svg")) < 200_000

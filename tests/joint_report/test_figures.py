@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from bristle.data.record import Record
 from bristle.identification.results import Joint
 from bristle.page.style import MOST_POINTS, render_as, thinned
-from bristle.questions.joint_report import presliding_figures, static_figures
+from bristle.questions.joint_report import presliding as presliding_page
+from bristle.questions.joint_report import static_figures
 from bristle.questions.joint_report.figures import DRAW
 
 from .conftest import HOSTILE, only
@@ -35,7 +36,7 @@ def test_every_axis_has_a_quantity_and_a_unit(record: Record) -> None:
         figures = drawn(replace(joint, kind=kind))
         assert [*figures] == [*STATIC, *SLOW, *MOVING]
         loops = len(figures["hysteresis"].axes)
-        assert loops == presliding_figures.MOST_LOOPS
+        assert loops == presliding_page.MOST_LOOPS
         more = (static_figures.stribeck_figure(), static_figures.inspect_figure([record], joint.segments, kind))
         axes = [ax for figure in (*figures.values(), *more) for ax in figure.axes]
         assert len(axes) == 2 + 2 + 3 + 2 + loops + 2 * 2 + 1 + 2

@@ -23,7 +23,7 @@ from bristle.page.report import Cell
 from bristle.page.style import inline, render_as, styled
 from bristle.page.wording import METHODS
 from bristle.questions.joint_report import figures, static_figures
-from bristle.questions.joint_report.console import outcomes
+from bristle.questions.joint_report.brief import outcomes
 from bristle.questions.joint_report.report import report
 from bristle.questions.joint_report.sentences import known_to
 from bristle.questions.joint_report.text import fit_report

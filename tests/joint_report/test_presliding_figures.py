@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from bristle.identification.results import Joint
 from bristle.page.wording import METHODS
-from bristle.questions.joint_report import presliding_figures
+from bristle.questions.joint_report import presliding as presliding_page
 
 from .conftest import QUANTUM, TABLE_1, closed_cycle, loading, nothing_seen, only, slow_fit
 
@@ -17,24 +17,24 @@ from .conftest import QUANTUM, TABLE_1, closed_cycle, loading, nothing_seen, onl
 def test_loadings_are_moved_to_where_the_joint_rests(phase: float) -> None:
     """The fitted rest position is the true one, wherever in a count that is: the edges then lie on the curve."""
     fit, piece = slow_fit("+"), loading("+", phase, "x.csv")
-    start = presliding_figures.rest(piece, fit)
+    start = presliding_page.rest(piece, fit)
     assert start == pytest.approx((phase - 0.5) * QUANTUM, abs=1e-4 * QUANTUM)
-    on_curve = presliding_figures.displacement(piece.edge_torque, fit.level, TABLE_1["+"].sigma_0)
+    on_curve = presliding_page.displacement(piece.edge_torque, fit.level, TABLE_1["+"].sigma_0)
     np.testing.assert_allclose(piece.edge_displacement - start, on_curve, atol=1e-3 * QUANTUM)
 
 
 def test_rest_without_edges_and_without_sigma_0() -> None:
     """Where no edge was crossed all samples tell the rest position; without a sigma_0 the loading stays where it began."""
     fit, piece = slow_fit("+"), loading("+", 0.0, "x.csv")
-    y = presliding_figures.displacement(piece.torque, fit.level, TABLE_1["+"].sigma_0)
+    y = presliding_page.displacement(piece.torque, fit.level, TABLE_1["+"].sigma_0)
     smooth = replace(piece, displacement=y + 0.001, edge_displacement=np.zeros(0), edge_torque=np.zeros(0))
-    assert presliding_figures.rest(smooth, fit) == pytest.approx(0.001)
-    assert presliding_figures.rest(piece, nothing_seen()) == 0.0
+    assert presliding_page.rest(smooth, fit) == pytest.approx(0.001)
+    assert presliding_page.rest(piece, nothing_seen()) == 0.0
 
 
 def test_curve_levels_off_at_g0() -> None:
     """The displacement of the model: at small torque T / sigma_0, beyond all bounds towards g0."""
-    y = presliding_figures.displacement(np.array([1e-6, 0.5, 1 - 1e-9]), 1.0, 4.0)
+    y = presliding_page.displacement(np.array([1e-6, 0.5, 1 - 1e-9]), 1.0, 4.0)
     assert y[0] == pytest.approx(2.5e-7, rel=1e-6)
     assert y[1] == pytest.approx(np.log(2.0) / 4)
     assert y[2] > 5.0
@@ -45,20 +45,20 @@ def test_a_bounded_g0_is_drawn_where_the_edges_lie() -> None:
     fit = slow_fit("+")
     most = max(float(x.edge_torque.max()) for x in fit.loadings)
     bounded = replace(fit, level=1.001 * most, level_standard_error=float("inf"))
-    assert presliding_figures.level_drawn(fit) == fit.level
-    assert presliding_figures.level_drawn(bounded) == pytest.approx(fit.level, rel=0.1)
+    assert presliding_page.level_drawn(fit) == fit.level
+    assert presliding_page.level_drawn(bounded) == pytest.approx(fit.level, rel=0.1)
 
 
 def panels(joint: Joint) -> list[Axes]:
     """Every panel of both figures."""
-    drawn = [presliding_figures.presliding_figure(joint), presliding_figures.hysteresis_figure(joint)]
+    drawn = [presliding_page.presliding_figure(joint), presliding_page.hysteresis_figure(joint)]
     return [ax for figure in drawn if figure is not None for ax in figure.axes]
 
 
 def test_axes_of_both_figures_have_units(slow: Joint) -> None:
     """A panel per direction and per drawn loop, each with quantity and unit; a slide has metres and newtons."""
     labels = {(ax.get_xlabel(), ax.get_ylabel()) for ax in panels(slow)}
-    assert len(panels(slow)) == 2 + presliding_figures.MOST_LOOPS
+    assert len(panels(slow)) == 2 + presliding_page.MOST_LOOPS
     assert labels == {("Displacement from rest (rad)", "Torque (N·m)"), ("Displacement (rad)", "Torque (N·m)")}
     labels = {(ax.get_xlabel(), ax.get_ylabel()) for ax in panels(replace(slow, kind="prismatic"))}
     assert labels == {("Displacement from rest (m)", "Force (N)"), ("Displacement (m)", "Force (N)")}
@@ -87,7 +87,7 @@ def test_nothing_is_drawn_beyond_what_was_measured(slow: Joint) -> None:
     fits, loops = list(slow.presliding.fits.values()), slow.presliding.loops
     shown = panels(slow)
     for ax, fit in zip(shown[: len(fits)], fits, strict=True):
-        most = max(float(x.displacement.max()) - presliding_figures.rest(x, fit) for x in fit.loadings)
+        most = max(float(x.displacement.max()) - presliding_page.rest(x, fit) for x in fit.loadings)
         lines = [np.asarray(x.get_xdata()) for x in ax.get_lines() if not str(x.get_label()).startswith("g")]
         assert len(lines) > 3
         assert max(float(x.max()) for x in lines) <= most * (1 + 1e-9)

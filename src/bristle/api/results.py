@@ -116,7 +116,7 @@ class Results:
 
     def outcomes(self) -> tuple[str, ...]:
         """How each fit ended, and the number of its warnings, a line each."""
-        from bristle.questions.joint_report.console import outcomes
+        from bristle.questions.joint_report.brief import outcomes
 
         return tuple(outcomes(self.joints))
 
@@ -125,7 +125,7 @@ class Results:
 
         Raises InputError where nothing was fitted that could be checked.
         """
-        from bristle.questions.joint_report.console import checks
+        from bristle.questions.joint_report.brief import checks
         from bristle.questions.method_validation.cases import check_fitted
 
         for joint in self.joints:
