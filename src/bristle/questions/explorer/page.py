@@ -23,7 +23,7 @@ from bristle.page.page import digest, encoded, html
 from bristle.page.wording import PARAMETERS, symbol
 from bristle.questions.explorer.data import explored
 from bristle.questions.explorer.engine import script
-from bristle.questions.explorer.figures import PANELS, PAPER, figures, key
+from bristle.questions.explorer.figures import PANELS, PAPER, figures, keys
 from bristle.simulation.joint_loop import JointLoop
 
 _HERE = Path(__file__).parent
@@ -88,7 +88,7 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
     named = {
         "data": Markup(block), "scripts": scripts, "policy": "; ".join(policy), "views": _VIEWS,  # noqa: S704  # no character can end the block
         "panels": {view: [panel.name for panel in panels] for view, panels in PANELS.items()}, "parameters": words,
-        "signed": [name for name in words if least_of(name) < 0], "key": key(), "version": __version__,
+        "signed": [name for name in words if least_of(name) < 0], "keys": keys(), "version": __version__,
     }  # fmt: skip  # a list of values
     page = html("bristle.questions.explorer", "explore.html", named)
     return Explorer(joints=tuple(joint["name"] for joint in known["joints"]), html=page)
