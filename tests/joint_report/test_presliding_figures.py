@@ -55,15 +55,6 @@ def panels(joint: Joint) -> list[Axes]:
     return [ax for figure in drawn if figure is not None for ax in figure.axes]
 
 
-def test_axes_of_both_figures_have_units(slow: Joint) -> None:
-    """A panel per direction and per drawn loop, each with quantity and unit; a slide has metres and newtons."""
-    labels = {(ax.get_xlabel(), ax.get_ylabel()) for ax in panels(slow)}
-    assert len(panels(slow)) == 2 + presliding_page.MOST_LOOPS
-    assert labels == {("Displacement from rest (rad)", "Torque (N·m)"), ("Displacement (rad)", "Torque (N·m)")}
-    labels = {(ax.get_xlabel(), ax.get_ylabel()) for ax in panels(replace(slow, kind="prismatic"))}
-    assert labels == {("Displacement from rest (m)", "Force (N)"), ("Displacement (m)", "Force (N)")}
-
-
 def test_methods_differ_in_line_as_well_as_in_colour(slow: Joint) -> None:
     """In grey print the three curves can still be told apart; the recommended one is named."""
     lines = {str(x.get_label()): x.get_linestyle() for x in panels(slow)[0].get_lines()}

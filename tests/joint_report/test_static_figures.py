@@ -14,12 +14,6 @@ from bristle.page.style import decimal_log, new_figure, styled
 from bristle.questions.joint_report import static_figures
 
 
-def test_a_prismatic_joint_has_forces_in_newton(slide: Joint) -> None:
-    """No N*m and no rad on a slide's axes."""
-    ax = static_figures.curve_figure(slide).axes[0]
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Velocity (m/s)", "Friction force (N)")
-
-
 def test_band_is_the_delta_method(joint: Joint) -> None:
     """The band's half-width at one speed is Student's t times the root of j C j', with j CasADi's derivative there."""
     fit = joint.static["+"]
