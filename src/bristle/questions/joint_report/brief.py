@@ -95,10 +95,7 @@ def _curve(joint: Joint) -> Iterator[str]:
     yield f"  friction: {law}{'; '.join(told)}"
 
 
-_MADE_EVEN = {
-    "samples-uneven": "interpolated at even times",
-    "stamps-jitter": "stamps that jitter made even",
-}
+_MADE_EVEN = {"samples-uneven": "interpolated at even times", "stamps-jitter": "stamps that jitter made even"}
 """What was done to samples, by the code of its note."""
 
 
@@ -143,7 +140,8 @@ def _values(joint: Joint) -> Iterator[str]:
         there = {d for own, d in names if own == of_law}
         if Direction.BOTH not in there:
             names |= {ParameterName(of_law, d) for d in ways - there - ({Direction.BOTH} if there else set())}
-    for name in sorted(names, key=_place):
+    place = {name: k for k, name in enumerate(Lugre._fields)}
+    for name in sorted(names, key=lambda x: ([*Direction].index(x.direction), place.get(x.name, len(place)), x.name)):
         row = rows.get(name)
         if row is not None and (row.estimate.value is not None or _bounded(row.estimate)):
             cells.append(_cells(row))
@@ -151,13 +149,11 @@ def _values(joint: Joint) -> Iterator[str]:
             value = in_unit(f"{fixed[name]:.6g}", unit(name.name, joint.kind))
             cells.append((str(name), value, "", "experiment file"))
         else:
-            if row is None:
-                runs = "constant velocities" if of_curve(name.name) else "slow loading"
-                why = f"not measured; {runs} or tracking runs would show them"
-            else:
-                unseen = any(
-                    w.code in NOT_IDENTIFIABLE or w.severity is not Severity.NOTE for w in row.estimate.warnings
-                )
+            runs = "constant velocities" if of_curve(name.name) else "slow loading"
+            why = f"not measured; {runs} or tracking runs would show them"
+            if row is not None:
+                warnings = row.estimate.warnings
+                unseen = any(w.code in NOT_IDENTIFIABLE or w.severity is not Severity.NOTE for w in warnings)
                 why = "not identifiable" if unseen else "not estimated (--full says why)"
             missing.setdefault(name.direction, {}).setdefault(why, []).append(str(name))
     yield from columns(cells) if len(cells) > 1 else ()
@@ -167,12 +163,6 @@ def _values(joint: Joint) -> Iterator[str]:
         uncertain, rest = " and ".join(joint.uncertain_constants), joint.torque_scale.numbers.get("rest", "")
         said = f"Standard errors include that of {uncertain}{rest}." if uncertain else str(joint.torque_scale)
         yield from wrapped([f"  {printable(said)}"])
-
-
-def _place(name: ParameterName) -> tuple[int, int, str]:
-    order = Lugre._fields
-    at = order.index(name.name) if name.name in order else len(order)
-    return list(Direction).index(name.direction), at, name.name
 
 
 def _bounded(e: Estimate) -> bool:

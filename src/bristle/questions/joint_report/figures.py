@@ -21,12 +21,13 @@ DRAW: dict[str, Callable[[Joint], Figure | None]] = {
     "tracking-velocity": moving.velocity_figure,
     "tracking-load": moving.load_figure,
 }
+_LABELS = {"small": "small curve", "tracking-velocity": "tracking over velocity", "tracking-load": "tracking over load"}
 
 
 def drawings(joint: Joint, share: Share = map) -> dict[str, Drawing]:
     """Each by its kind, which is its name here, without a caption; whoever shares the work begins to draw."""
     found = {
-        kind: Drawing(partial(draw, joint), kind, f"{kind.replace('-', ' over ')} of {joint.name}")
+        kind: Drawing(partial(draw, joint), kind, f"{_LABELS.get(kind, kind)} of {joint.name}")
         for kind, draw in DRAW.items()
         if joint.static or kind not in ("small", "curve")  # others draw nothing where there is nothing to draw
     }

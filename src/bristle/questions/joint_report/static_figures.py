@@ -103,8 +103,7 @@ def small_figure(joint: Joint) -> Figure:
             _curve(ax, fit, look, sign, magnitude=False)
     ax.axhline(0, color="#666666", linewidth=0.5, label="_zero")
     ax.axvline(0, color="#666666", linewidth=0.5, label="_zero")
-    fits = [fit for _, fit in _directions(joint) if fit.velocity.size]
-    if fits:
+    if fits := [fit for _, fit in _directions(joint) if fit.velocity.size]:
         v, torque = (
             max(float(np.abs(x).max()) for x in own)
             for own in zip(*((f.velocity, f.torque) for f in fits), strict=True)
