@@ -144,7 +144,7 @@ explorer.views.friction = (() => {
     fix("residuals", "x_range", left, right);
     fix("log", "x_range", slowest / 12, top);
     fill("truth", both(truth()));
-    text("cost-unit", `(${unitOf("torque")})²`);
+    explorer.element("costs-caption").lastChild.textContent = `(${unitOf("torque")})²`;
   }
 
   return { draw, joint: drawJoint };
