@@ -20,6 +20,7 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, of_curve, of_friction, unit
 from bristle.page.plain import columns, in_unit, interval, pair, wrapped
+from bristle.page.said import with_places
 from bristle.page.wording import FITS, counted, number, printable, shortened
 from bristle.questions.joint_report.sentences import cost_change, held_out, known_to
 from bristle.questions.joint_report.tables import WAYS, interval_rows
@@ -186,8 +187,8 @@ def _cells(row: Known) -> tuple[str, ...]:
 
 def _sentence(joint: Joint, warning: Finding) -> list[str]:
     """A warning with its code, and with what it is about, fit by fit."""
-    about = dict.fromkeys(" ".join(x.subject) for x in joint.all_warnings() if x == warning and x.subject)
-    where = f" ({printable(', '.join(about))})" if about else ""
+    ((about, _),) = with_places((x for x in joint.all_warnings() if x == warning), str) or [("", warning)]
+    where = f" ({printable(about)})" if about else ""
     return list(wrapped([f"  {warning.severity} {_code(warning)}{where}: {printable(str(warning))}"]))
 
 
