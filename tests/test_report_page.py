@@ -139,7 +139,10 @@ def _luminance(colour: str) -> float:
 
 
 def test_the_first_screen_answers(chromium: Any, edro_report: Path) -> None:
-    """Within the first 900 px stand, for each joint: its name, whether to trust it, the values of both directions, and where they come from."""
+    """Within the first 900 px stand, for each joint: its name, whether to trust it, the values of both directions, and where they come from.
+
+    So do the hold-out error, what compensation leaves of friction, and the curve with its scales.
+    """
     page, _ = opened(chromium, edro_report, "index.html")
     rows = page.evaluate(
         "[...document.querySelectorAll('table.answer tbody')].map((b) => [b.getBoundingClientRect().bottom, b.innerText])"
@@ -149,9 +152,32 @@ def test_the_first_screen_answers(chromium: Any, edro_report: Path) -> None:
         assert bottom <= 900
         assert re.search(r"\b(use|do not use)\. ", text)
         assert text.count("±") >= 12
-        assert "held-out torque within" in text
+        assert re.search(r"\t[\d.]+ %\t[\d.]+ %\s+of friction\s+in held-out runs", text)
+        assert re.search(r" N·m\s+[\d.]+ rad/s|rad/s\s+[\d.]+ N·m", text)
         assert "RMS position error" in text
     page.close()
+
+
+SCALES = """[...document.querySelectorAll("td.small svg")].map((svg) => [...svg.querySelectorAll("text")].map((text) => {
+  const { left, right, top, bottom } = text.getBoundingClientRect();
+  return [left, right, top, bottom, getComputedStyle(text).fill];
+}))"""
+"""Where the texts of each small curve are, and their colours."""
+
+
+def test_the_scales_of_small_curves_can_be_read(chromium: Any, edro_report: Path) -> None:
+    """On a desk, a tablet and a phone, light and dark: 9 px high or more, within the screen, in the page's ink, and not one over the other."""
+    for width, scheme in ((1280, "light"), (800, "light"), (390, "dark")):
+        page, _ = opened(chromium, edro_report, "index.html", width, scheme)
+        ink = page.evaluate("getComputedStyle(document.body).color")
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        curves = page.evaluate(SCALES)
+        page.close()
+        assert [len(texts) for texts in curves] == [2] * 4
+        for one, other in curves:
+            assert all(bottom - top >= 9 and 0 <= left < right <= width for left, right, top, bottom, _ in (one, other))
+            assert one[-1] == other[-1] == ink
+            assert one[3] <= other[2] or other[3] <= one[2] or one[1] <= other[0] or other[1] <= one[0]
 
 
 def test_a_table_is_sorted_filtered_and_copied(chromium: Any, edro_report: Path) -> None:

@@ -236,7 +236,7 @@ def identify(
     for sentence in guessed:
         complain(f"guessed: {sentence}")
     _tell([results.text(full=full)])
-    from bristle.questions.joint_report.console import interval_lines, law_lines
+    from bristle.questions.joint_report.brief import interval_lines, law_lines
 
     for asked_for, lines in ((uncertainty, interval_lines), (laws, law_lines)):
         if asked_for:
@@ -259,7 +259,7 @@ def inspect(experiment: Path, joint: str | None = None, output: Path | None = No
         files.check_file(output)
     with shown():
         from bristle.page.page import figure_kind, save_figure
-        from bristle.questions.joint_report.console import segment_lines
+        from bristle.questions.joint_report.brief import segment_lines
 
         if output is not None:
             figure_kind(output)
@@ -298,7 +298,7 @@ def validate(
     results, beside = None, list[str]()
     with shown() as progress:
         from bristle.api.identifying import identified
-        from bristle.questions.joint_report.console import law_lines
+        from bristle.questions.joint_report.brief import law_lines
         from bristle.questions.method_validation.run import check_request
 
         check_request(repetitions, starts, noise)

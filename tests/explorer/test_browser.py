@@ -1,13 +1,20 @@
 """The explorer in a real browser: every slider, tab and button, the numbers it shows, hostile names, and nothing over the network."""
 
+import io
 import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+import bristle
+from bristle.identification.known_joint import known_joint
+from bristle.simulation.edro import TABLE_1
+
+from ..conftest import experiment, speeds, table
 from .conftest import HOSTILE, Explored
 
 VIEWS = ("friction", "presliding", "response", "compensation", "identifiability", "values")
@@ -140,6 +147,37 @@ def rows(tab: Tab) -> dict[str, tuple[float, float]]:
     """Cost and relative error of each fit of constant velocities, by direction."""
     script = "[...document.querySelectorAll('#costs tr')].map((x) => [x.dataset.direction, [+x.dataset.cost, +x.dataset.error]])"
     return {d: (cost, error) for d, (cost, error) in tab.page.evaluate(script)}
+
+
+def test_it_opens_on_the_joint_of_the_results(chromium: Any, tmp_path: Path) -> None:
+    """A report's link to the second of two joints, and the bare page to the first: its name and its own values in the sliders on the first screen.
+
+    On a desk and on a phone. Nothing of the embedded joints is on the page.
+    """
+    files = []
+    for name, stronger in (("shoulder", 1.0), ("elbow", 1.5)):
+        v, torque = np.loadtxt(io.StringIO(table(speeds())), delimiter=",", skiprows=1).T
+        rows = "".join(f"{x!r},{T!r}\n" for x, T in zip(v.tolist(), (stronger * torque).tolist(), strict=True))
+        (tmp_path / f"{name}.csv").write_text(f"v,tau\n{rows}", encoding="utf-8")
+        files.append(tmp_path / f"{name}.yaml")
+        files[-1].write_text(experiment(joint=name, data=f"{name}.csv"), encoding="utf-8")
+    results = bristle.identify(*files)
+    page = bristle.explore(results)
+    assert not [name for name in TABLE_1 if name in page.html]
+    folder = results.write(tmp_path / "report", explored=page).parent
+    links = re.findall(r'href="(explore\.html#[^"]*)"', (folder / "index.html").read_text(encoding="utf-8"))
+    for joint, link in ((results.joint("shoulder"), "explore.html"), *zip(results.joints, links, strict=True)):
+        own = known_joint(joint).values("+")
+        for width, least in ((1280, 6), (390, 4)):
+            tab = Tab(chromium, folder / "explore.html", link.removeprefix("explore.html"), width)
+            assert tab.page.inner_text("#shown-joint") == joint.name
+            assert tab.page.title().startswith(joint.name)
+            bottoms = [tab.page.query_selector(f"#slider-{name}").bounding_box()["y"] for name in PARAMETERS]
+            assert sum(y < 900 for y in bottoms) >= least
+            for name, value in own.items():
+                assert float(tab.page.input_value(f"#entry-{name}")) == pytest.approx(value, rel=1e-5)
+            assert not tab.wrong
+            tab.context.close()
 
 
 def test_every_slider_tab_and_button(tab: Tab) -> None:

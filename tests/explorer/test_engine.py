@@ -16,7 +16,6 @@ from bristle.control.closed_loop import simulate
 from bristle.control.compensator import NAMES, Compensator
 from bristle.control.control_period import LoopOptions
 from bristle.control.pid import Gains
-from bristle.estimation.linear import bounded_least_squares
 from bristle.model import functions
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.operations import OPERATIONS
@@ -126,45 +125,6 @@ def test_vectors_constants_and_structural_zeros_are_printed(node: Node) -> None:
 
 
 SPEEDS = np.concatenate([np.geomspace(1e-4, 3.0, 40), [0.0], -np.geomspace(1e-4, 3.0, 40)])
-
-
-@pytest.mark.parametrize("name", JOINTS)
-def test_the_steady_curve_is_that_of_python(name: str, js: Engine) -> None:
-    """In both directions of each joint of Table 1, to 1e-12 of each value."""
-    pair = edro.TABLE_1[name]
-    acting = [np.where(SPEEDS < 0, n, p) for p, n in zip(*pair, strict=True)][:4]
-    (T,) = evaluate(functions.steady_torque_function(), SPEEDS, *acting)
-    np.testing.assert_allclose(floats(js("steady", SPEEDS, of(pair))), T, rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    "true",
-    [
-        (0.02, 0.005, 0.04),
-        (0.02, 0.0, 0.0),
-        (0.0, 0.03, 0.01),
-        (0.02, -0.01, 0.04),
-        (0.02, 0.01, -0.02),
-        (-0.1, 0.02, 0.3),
-    ],
-)
-def test_the_refit_is_the_bounded_least_squares_of_python(true: tuple[float, ...], js: Engine) -> None:
-    """Also where one or two of the three meet their bound; its cost is that of `cost`, and of the residuals."""
-    rng = np.random.default_rng(1)
-    v = SPEEDS[SPEEDS != 0]
-    linear = evaluate(functions.linear_shapes_function(), v)
-    for v_s in (0.01, 0.07, 0.4):
-        (shape,) = evaluate(functions.stribeck_shape_function(), v, v_s)
-        design = np.stack([linear[0], shape, linear[1]], axis=1)
-        T = design @ np.array(true) + 1e-3 * rng.standard_normal(v.size)
-        theirs = bounded_least_squares(design, T, np.zeros(3))
-        got = js("refit", v, T, "gaussian", {"v_s": v_s})
-        ours = np.array([got[name] for name in ("alpha_0", "alpha_1", "alpha_2")])
-        np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-14)
-        p = {**got, "v_s": v_s, "sigma_0": 1.0, "sigma_1": 0.0}
-        cost = float(((T - design @ ours) ** 2).sum())
-        told = js("cost", v, T, {"law": "gaussian", "+": p, "-": p})
-        assert (got["cost"], told) == pytest.approx((cost, cost), rel=1e-12)
 
 
 TIME = 1e-3 * np.arange(20_001)

@@ -26,9 +26,8 @@ from bristle.model.parameters import Pair, ParameterName, least_of, lugre_of, un
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 from bristle.questions.explorer import engine
-from bristle.questions.explorer.data import explored
+from bristle.questions.explorer.data import explored, ranges
 from bristle.questions.explorer.page import Explorer, explorer
-from bristle.questions.explorer.sliders import ranges
 
 from ..conftest import TRUTH, experiment, speeds
 from ..simulation.joints import joint as moving_joint

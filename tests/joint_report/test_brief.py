@@ -16,8 +16,7 @@ from bristle.identification.known_joint import chosen
 from bristle.identification.results import Joint
 from bristle.identification.verdict import value_warnings, verdict
 from bristle.page.plain import WIDTH, interval, pair, wrapped
-from bristle.questions.joint_report.brief import LINES, brief_report
-from bristle.questions.joint_report.console import interval_lines
+from bristle.questions.joint_report.brief import LINES, brief_report, interval_lines
 from bristle.questions.joint_report.sentences import known_to
 from bristle.questions.joint_report.text import fit_report
 

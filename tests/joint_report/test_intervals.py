@@ -163,15 +163,6 @@ def test_open_intervals_are_drawn_within_a_finite_frame(open_: Joint) -> None:
             assert np.asarray(bar.get_xdata(), dtype=float) == pytest.approx(np.clip(own.profile or (), low, high))
 
 
-def test_results_keep_the_three_intervals(open_: Joint) -> None:
-    """results.json holds every interval to the last digit, infinity as a word."""
-    text = results_file.to_json([open_])
-    assert '"inf"' in text
-    for own in open_.static["+"].uncertainty.values():
-        for interval in (own.covariance, own.profile, own.bootstrap):
-            assert interval is None or all(repr(end) in text or not np.isfinite(end) for end in interval)
-
-
 def test_the_scatter_of_runs_stands_in_text_table_and_page(good: Joint, tmp_path: Path) -> None:
     """Before and after widening with each run's estimate; without repeats there is no word of it."""
     assert tables.repeats([good]).empty

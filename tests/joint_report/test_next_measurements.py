@@ -71,11 +71,7 @@ def test_no_speed_at_which_the_joint_sticks(joint: Joint, sticking: float) -> No
     kept = joint.segments[0]
     stuck = replace(kept, velocity=sticking, stick_slip=True)
     other = replace(kept, velocity=-0.7, stick_slip=True)
-    for own in (
-        changed(joint, {"interval": (0.0, 0.1)}),
-        moving(joint),
-        moving(joint, outcome=NO_PEAK),
-    ):
+    for own in (changed(joint, {"interval": (0.0, 0.1)}), moving(joint), moving(joint, outcome=NO_PEAK)):
         found = ranges(replace(own, segments=(stuck, other)))
         assert found
         assert min(low for low, _ in found) > sticking

@@ -159,19 +159,30 @@ def test_pages_share_a_menu_and_a_figure_is_drawn_once(tmp_path: Path) -> None:
     assert told == [(0, 2), (1, 2), (0, 1)]
 
 
-def test_an_answer_has_verdict_values_and_picture(tmp_path: Path) -> None:
-    """Each thing begins with its name as a link and its verdict; a row has a cell a column, with what stands below; text stays text."""
+def test_an_answer_has_verdict_values_and_what_stands_beside_them(tmp_path: Path) -> None:
+    """Each thing begins with its name as a link and its verdict; a row has a cell a column, with what stands below; text stays text.
+
+    Beside its rows stands once what holds of them all, a picture too, under a heading; of what is not known there is nothing, not its name either.
+    """
     cells = Cell("1.50 ± 0.02", ("[1.46, 1.54]",)), Cell(HOSTILE)
+    beside = Cell("3 %", ("held out",)), Cell(), drawing()
     found = Finding("strays", CAUTION, HOSTILE)
-    thing = Answered(Link(HOSTILE, "more.html#x"), (Mark("do not use", good=False), found), (("+", cells),), drawing())
-    answer = Answer("dir.", (("alpha_0", "N·m"), ("v_s", "")), (thing,), "curve", "How.")
+    thing = Answered(
+        Link(HOSTILE, "more.html#x"), (Mark("do not use", good=False), found), (("+", cells), ("-", cells)), beside
+    )
+    answer = Answer("dir.", (("alpha_0", "N·m"), ("v_s", "")), (thing,), ("error", "rest", "curve"), "How.")
     page = page_text(replace(WHOLE, sections=(Section("", answer=answer),)).write(tmp_path / "out"))
     assert "<script" not in page
     assert '<span class="mark bad">do not use</span>.' in page
     assert '<a href="more.html#x">&lt;/p&gt;' in page
     assert '<td data-label="α₀ (N·m)">1.50 ± 0.02<span class="below">[1.46, 1.54]</span></td>' in page
     assert 'href="#warning-strays"' in page
-    assert page.count("<svg") == 1
+    assert '<th scope="rowgroup" colspan="6">' in page
+    assert (
+        page.count('<td class="whole" rowspan="2" data-label="error">3 %<span class="below">held out</span></td>') == 1
+    )
+    assert page.count('<td class="whole" rowspan="2"></td>') == 1
+    assert page.count("<svg") == page.count('<td class="small" rowspan="2">') == 1
     assert "<figure" not in page
 
 

@@ -111,7 +111,7 @@ class Results:
 
     def outcomes(self) -> tuple[str, ...]:
         """How each fit ended, and the number of its warnings, a line each."""
-        from bristle.questions.joint_report.console import outcomes
+        from bristle.questions.joint_report.brief import outcomes
 
         return tuple(outcomes(self.joints))
 
@@ -120,7 +120,7 @@ class Results:
 
         Raises InputError where nothing was fitted that could be checked.
         """
-        from bristle.questions.joint_report.console import checks
+        from bristle.questions.joint_report.brief import checks
 
         for joint in self.joints:
             check_fitted(joint)

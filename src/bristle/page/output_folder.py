@@ -50,13 +50,12 @@ def staged(path: Path, data: bytes) -> Iterator[None]:
     One that holds these very bytes stays as it is. Raises as `write_text` does.
     """
     check_file(path)
-    if _is_there(path, "name another file"):
-        with _named(path, "file"):
-            same = path.stat().st_size == len(data) and path.read_bytes() == data
-        if not same:
-            raise InputError(f"{path}: is there already; move it, or name another file")
+    with _named(path, "file"):
+        same = path.is_file() and path.stat().st_size == len(data) and path.read_bytes() == data
+    if same:
         yield
         return
+    check_absent(path)
     with _named(path, "file"):
         folder = tempfile.TemporaryDirectory(dir=path.parent, prefix=".bristle-")
     with folder as stage:
@@ -77,10 +76,10 @@ def check_file(path: Path) -> None:
     with _named(path, "file"):
         if path.is_dir():
             raise InputError(f"{path}: is a folder; name a file")
-        if not path.parent.is_dir() and os.path.lexists(path.parent):
-            raise InputError(f"{path}: {path.parent} is no folder; name another file")
         if not path.parent.is_dir():
-            raise InputError(f"{path}: its folder {path.parent} does not exist; create it or name another file")
+            there, folder = os.path.lexists(path.parent), path.parent
+            why = f"{folder} is no folder;" if there else f"its folder {folder} does not exist; create it or"
+            raise InputError(f"{path}: {why} name another file")
         _is_there(path, "name another file")
         _check_writable(path.parent, path, "file")
 
@@ -93,50 +92,44 @@ def check_absent(path: Path) -> None:
 
 
 def check_folder(folder: Path, claims: Collection[str] = ()) -> set[str]:
-    """What bristle made in a folder that it may write to, as `made_in` has it. Asked before anything is computed.
-
-    Raises InputError as `made_in` does, and where the folder, one in it that a page writes to, or the nearest one above that exists is not writable.
-    """
-    with _named(folder, "folder"):
-        made, real = made_in(folder, claims), resolved(folder)
-        nearest = next(path for path in (real, *real.parents) if path.exists())
-        shown = next((path for path in (folder, *folder.parents) if resolved(path) == nearest), nearest)
-        if not nearest.is_dir():
-            raise InputError(f"{folder}: {shown} cannot be written, for it is no folder; name another one")
-        _check_writable(shown, folder, "folder")
-        for path in filter(Path.exists, (folder / "figures", folder / "tables")):
-            _check_writable(path, folder, "folder")
-        return made
-
-
-def made_in(folder: Path, claims: Collection[str] = ()) -> set[str]:
-    """What bristle made in a folder, by relative POSIX path; nothing where the folder is empty, or not there.
+    """What bristle made in a folder that it may write to, by relative POSIX path. Asked before anything is computed.
 
     Args:
-        folder: where something is to be written.
+        folder: where something is to be written; nothing was made where it is empty, or not there.
         claims: names in it that are to be written, as far as they are known.
 
     Raises InputError where it is no folder, is neither empty nor marked as bristle's, has a marker that cannot be believed, holds a report or a
-    fleet that is not to be written anew, or a file under a name that is to be written and that the marker does not list, or a link in place of one.
+    fleet that is not to be written anew, or a file under a name that is to be written and that the marker does not list, or a link in place of
+    one; and where it, a folder in it that a page writes to, or the nearest one above that exists is not writable.
     """
     if os.path.lexists(folder) and not folder.is_dir():
         what = "a symbolic link to no folder" if folder.is_symlink() else "a file" if folder.is_file() else "no folder"
         raise InputError(f"{folder}: is {what}; a report needs a folder, name another one")
-    if not folder.is_dir() or not any(folder.iterdir()):
-        return set()
-    marker, instead = folder / MARKER, f"move or remove the folder {folder}, or name another one"
-    if not _is_there(marker, instead):
-        raise InputError(f"{folder}: is not empty, and bristle did not make it; name a new or an empty folder")
-    for part in ("figures", "tables"):
-        if (path := folder / part).is_symlink() or (path.exists() and not path.is_dir()):
-            raise InputError(f"{path}: is in the way of the report's own folder; move it, or name another folder")
-    found = [path for part in (".", "figures", "tables") for path in (folder / part).glob("*")]
-    names = {path.relative_to(folder).as_posix(): path for path in found}
-    with marker.open("rb") as file:
-        made = listed(str(folder), file.read(_LONGEST + 1), names, claims)
-    for name in names.keys() & made:
-        if _PAGE.fullmatch(name) or names[name].is_symlink() or not names[name].is_dir():
-            _is_there(names[name], "move it, or name another folder")
+    made = set[str]()
+    with _named(folder, "folder"):
+        if folder.is_dir() and any(folder.iterdir()):
+            marker, instead = folder / MARKER, f"move or remove the folder {folder}, or name another one"
+            if not _is_there(marker, instead):
+                raise InputError(f"{folder}: is not empty, and bristle did not make it; name a new or an empty folder")
+            for path in (folder / "figures", folder / "tables"):
+                if path.is_symlink() or (path.exists() and not path.is_dir()):
+                    raise InputError(
+                        f"{path}: is in the way of the report's own folder; move it, or name another folder"
+                    )
+            found = [path for part in (".", "figures", "tables") for path in (folder / part).glob("*")]
+            names = {path.relative_to(folder).as_posix(): path for path in found}
+            with marker.open("rb") as file:
+                made = listed(str(folder), file.read(_LONGEST + 1), names, claims)
+            for name in names.keys() & made:
+                if _PAGE.fullmatch(name) or names[name].is_symlink() or not names[name].is_dir():
+                    _is_there(names[name], "move it, or name another folder")
+        real = resolved(folder)
+        nearest = next(path for path in (real, *real.parents) if path.exists())
+        shown = next((path for path in (folder, *folder.parents) if resolved(path) == nearest), nearest)
+        if not nearest.is_dir():
+            raise InputError(f"{folder}: {shown} cannot be written, for it is no folder; name another one")
+        for path in (shown, *filter(Path.exists, (folder / "figures", folder / "tables"))):
+            _check_writable(path, folder, "folder")
     return made
 
 

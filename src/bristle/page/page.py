@@ -3,10 +3,9 @@
 import hashlib
 import platform
 from base64 import b64encode
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from importlib import metadata, resources
-from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,7 +21,7 @@ from bristle.page import wording
 from bristle.page.columns import to_csv
 from bristle.page.entries import entries_linked, flagged, warned
 from bristle.page.figure_data import csv_of
-from bristle.page.output_folder import replace_files, write_bytes, zipped
+from bristle.page.output_folder import write_bytes
 from bristle.page.said import Link, said, with_places
 from bristle.page.style import inline, render, render_as, styled
 from bristle.page.wording import FITS, METHODS, free
@@ -45,17 +44,6 @@ def figure_kind(path: Path) -> str:
     if kind not in {"svg", "png"}:
         raise InputError(f"{path}: figures are written as .svg or .png; end the name with one of them")
     return kind
-
-
-class Drawn(NamedTuple):
-    """A figure as a page has it; its SVG, PNG and CSV files lie in figures/ under its name."""
-
-    svg: Markup
-    name: str
-
-    def named_by(self, caption: str) -> Markup:
-        """Its SVG, which the element of that id describes to a reader who does not see it."""
-        return Markup(str(self.svg).replace("<svg ", f'<svg aria-describedby="{caption}" ', 1))  # noqa: S704  # an id of the template's
 
 
 class Drawing(NamedTuple):
@@ -81,30 +69,6 @@ class Drawing(NamedTuple):
     """Gives it rendered, where others have begun to; see `begun`."""
 
 
-Filled = tuple[str, str, str, Mapping[str, Any]]
-"""The name of its file, the package whose template it is, the template, and what that names."""
-
-
-def write_pages(
-    folder: Path,
-    pages: Iterable[Filled],
-    files: Mapping[str, bytes],
-    beside: Collection[str] = (),
-    *,
-    mailed: bool = False,
-) -> Path:
-    """Write pages, whose figures are numbered through, and the files beside them; returns the path of index.html.
-
-    What makes the pages may add files; what is `beside` them stays. `mailed`: all of it as report.zip in the folder as well.
-    Raises as `replace_files`.
-    """
-    number = count(1).__next__
-    texts = {name: encoded(html(package, template, named, number)) for name, package, template, named in pages}
-    every = {**files, **texts}
-    replace_files(folder, every | {"report.zip": zipped(every)} if mailed else every, beside)
-    return folder / "index.html"
-
-
 def tables_of(frames: Mapping[str, pd.DataFrame]) -> dict[str, bytes]:
     """Tables as CSV files, by relative path."""
     return {f"tables/{name}.csv": encoded(to_csv(frame)) for name, frame in frames.items()}
@@ -120,19 +84,19 @@ def begun(drawing: Drawing, share: Share = map) -> Drawing:
 
 
 def drawn(
-    drawings: Mapping[Any, Drawing], files: dict[str, bytes], tell: Callable[[str], None] = lambda _: None
-) -> dict[Any, Drawn]:
-    """Figures rendered into `files`, and as elements of the page; without those of which there is nothing to draw.
+    drawings: Iterable[Drawing], files: dict[str, bytes], tell: Callable[[str], None]
+) -> dict[Any, tuple[str, Markup]]:
+    """Figures rendered into `files`, and by what draws them name and SVG on the page; without those of which there is nothing to draw.
 
     Where joints are called so that another figure has the name already, it gets a number.
 
     Args:
-        drawings: by what the page looks them up.
+        drawings: what the same call draws, once.
         files: by relative path.
         tell: told of each by its label.
     """
-    found: dict[Any, Drawn] = {}
-    for key, drawing in drawings.items():
+    found: dict[Any, tuple[str, Markup]] = {}
+    for drawing in drawings:
         tell(f"drawing {drawing.label}")
         forms = next(drawing.done or begun(drawing).done or iter(()))
         if forms is not None:
@@ -140,7 +104,7 @@ def drawn(
             for kind, form in zip(("svg", "png", "csv"), forms, strict=True):
                 files[f"figures/{name}.{kind}"] = form
             svg = inline(forms[0], name, escape(wording.printable(drawing.label)))
-            found[key] = Drawn(Markup(svg), name)  # noqa: S704 # matplotlib escaped every text in it, and `escape` the label
+            found[drawing.draw] = name, Markup(svg)  # noqa: S704 # matplotlib escaped every text in it, and `escape` the label
     return found
 
 
@@ -150,12 +114,9 @@ def _rendered(draw: Callable[[], Figure | None]) -> Rendered:
     return None if figure is None else (*render(figure), csv_of(figure))
 
 
-def html(package: str, template: str, context: Mapping[str, Any], number: Callable[[], int] | None = None) -> str:
-    """A template of a package, or of the kit, filled in; it may include and extend those of the kit.
-
-    `number` gives that of the next figure; None: they are counted from 1.
-    """
-    return _environment(package).get_template(template).render(context, next_figure=number or count(1).__next__)
+def html(package: str, template: str, context: Mapping[str, Any]) -> str:
+    """A template of a package, or of the kit, filled in; it may include and extend those of the kit."""
+    return _environment(package).get_template(template).render(context)
 
 
 @cache
@@ -215,7 +176,7 @@ _KINDS = {
         (
             "parameter", "unit", "direction", "of", "scheme", "law", "controller", "method", "fit", "source", "stage", "stage_value",
             "tracking_value", "joint_value", "model", "directions", "rows", "Since", "Session", "Finding",
-            "Report of the latest session",
+            "Report of the latest session", "covariance", "profile", "bootstrap", *FITS.values(), *(f"{fit}, 95 %" for fit in FITS.values()),
         ),
         "s",
     ),
@@ -246,6 +207,7 @@ def _cell(value: Any, column: str) -> str | Markup:
 
 _CELLS: dict[str, Callable[[str], str]] = {
     "unit": wording.pretty,
+    "warnings": lambda sentences: sentences.replace(".; ", ". "),
     "direction": lambda d: d if d == "shared" else wording.direction(d),
     **dict.fromkeys(("method", "fit", "source"), lambda key: {**METHODS, **FITS}.get(key, key)),
 }

@@ -3,14 +3,15 @@
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
-from itertools import chain
+from itertools import count
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import pandas as pd
 
 from bristle.findings import Finding
-from bristle.page.page import Drawing, Filled, drawn, html, tables_of, versions, write_pages
+from bristle.page.output_folder import replace_files, zipped
+from bristle.page.page import Drawing, drawn, encoded, html, tables_of, versions
 from bristle.page.said import Link, Said
 from bristle.page.wording import printable, slugs
 from bristle.progress import Progress, step, teller
@@ -52,7 +53,7 @@ class Table(NamedTuple):
 class Cell(NamedTuple):
     """A value in an answer."""
 
-    value: str
+    value: str = ""
     below: tuple[str, ...] = ()
     """Small lines under it, as its interval."""
 
@@ -64,8 +65,8 @@ class Answered(NamedTuple):
     line: tuple[Said, ...]
     rows: tuple[tuple[str, tuple[Cell, ...]], ...]
     """Each begins with what it is of, as a direction."""
-    picture: Drawing | None = None
-    """A small one beside the rows."""
+    whole: tuple[Cell | Drawing, ...] = ()
+    """Beside the rows, a column each: what holds of all of them, and small drawings."""
 
 
 class Answer(NamedTuple):
@@ -76,8 +77,8 @@ class Answer(NamedTuple):
     columns: tuple[tuple[str, str], ...]
     """Parameter and unit; no unit where the things differ in it."""
     things: tuple[Answered, ...]
-    picture: str = ""
-    """The heading of the pictures; empty: there are none."""
+    whole: tuple[str, ...] = ()
+    """The headings of the columns beside the rows."""
     note: str = ""
     """How to read it."""
 
@@ -120,8 +121,8 @@ class Section:
     @property
     def drawings(self) -> tuple[Drawing, ...]:
         """All that is to be drawn for it."""
-        small = (x.picture for x in self.answer.things) if self.answer else ()
-        return tuple(x for x in (*small, self.figure, *self.figures) if x is not None)
+        beside = (cell for x in self.answer.things for cell in x.whole) if self.answer else ()
+        return tuple(x for x in (*beside, self.figure, *self.figures) if isinstance(x, Drawing))
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,8 +184,8 @@ class Report:
 
     def html(self) -> str:
         """The first page. Its figures are part of it; its links to files need those that `write` puts beside it."""
-        ((_, package, template, named),) = self._filled(self._menu[:1], {}, lambda _: None)
-        return html(package, template, named)
+        ((_, text),) = self._texts(self._menu[:1], {}, lambda _: None)
+        return text
 
     def write(self, folder: Path | str, progress: Progress | None = None, *, mailed: bool = False) -> Path:
         """Write index.html and the other pages, figures/ (SVG, PNG and CSV) and tables/ (CSV); returns the path of index.html.
@@ -200,27 +201,29 @@ class Report:
         files = {**tables_of(self.frames), **self.files}
         drawings = {x.draw for page in self._menu for section in page.sections for x in section.drawings}
         tell = teller(progress, len(drawings))
-        filled = list(self._filled(self._menu, files, tell))
+        texts = {name: encoded(text) for name, text in self._texts(self._menu, files, tell)}
         step(progress, "writing the report")
-        return write_pages(Path(folder), filled, files, self.beside, mailed=mailed)
+        every = {**files, **texts}
+        replace_files(Path(folder), every | {"report.zip": zipped(every)} if mailed else every, self.beside)
+        return Path(folder) / "index.html"
 
     @property
     def _menu(self) -> tuple[Page, ...]:
         return Page("index.html", "Answer", "", self.sections), *self.pages
 
-    def _filled(
+    def _texts(
         self, pages: tuple[Page, ...], files: dict[str, bytes], tell: Callable[[str], None]
-    ) -> Iterator[Filled]:
-        """Each page with its template and what that names. Figures are rendered, each once, into `files` as well."""
+    ) -> Iterator[tuple[str, str]]:
+        """File and text of each page, figures numbered through. They are rendered, each once, into `files` as well."""
         drawings = dict[Any, Drawing]()
-        for x in chain.from_iterable(section.drawings for page in pages for section in page.sections):
+        for x in (x for page in pages for section in page.sections for x in section.drawings):
             drawings.setdefault(x.draw, x)
-        figures = drawn(drawings, files, tell)
+        figures = drawn(drawings.values(), files, tell)
         common = {**versions(self.seed), "report": self, "figures": figures, "pages": self._menu}
-        for page in pages:
-            if page.file not in self.files:
-                named = {**common, "here": page, "once": partial(_once, set())}
-                yield page.file, "bristle.page", "report.html", named
+        common["next_figure"] = count(1).__next__
+        for page in (page for page in pages if page.file not in self.files):
+            named = {**common, "here": page, "once": partial(_once, set())}
+            yield page.file, html("bristle.page", "report.html", named)
 
 
 def _once(told: set[str], text: str) -> str:

@@ -1,6 +1,6 @@
 """What a report says in a line: text, a finding, a link, a verdict; and findings as a list, with what each is about."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from markupsafe import Markup
@@ -42,9 +42,9 @@ def said(parts: Said | tuple[Said, ...]) -> Markup:
     return flagged(parts)
 
 
-def with_places(findings: Iterable[Finding]) -> list[tuple[str, Finding]]:
-    """Each finding once, after all that it is about, in words: nothing where that is the whole."""
+def with_places(findings: Iterable[Finding], word: Callable[[str], str] = direction) -> list[tuple[str, Finding]]:
+    """Each finding once, after all that it is about, each part of it by `word`: nothing where that is the whole."""
     found: dict[str, tuple[Finding, list[str]]] = {}
     for x in findings:
-        found.setdefault(str(x), (x, []))[1].append(" ".join(map(direction, x.subject)))
+        found.setdefault(str(x), (x, []))[1].append(" ".join(map(word, x.subject)))
     return [(", ".join(filter(None, dict.fromkeys(places))), x) for x, places in found.values()]

@@ -186,7 +186,7 @@ def plan(
     limits, of_frequency = followed(limits, measured.experiment.plan.frequency)
     share = 1.0
     while share > 0.02:  # every time is shortened by one share where all of it would take longer
-        short = shortened(limits, share)
+        short = replace(limits, hold=limits.hold * share)  # all take this share of their time
         runs = tuple(plan_velocities(start, d, short, velocities, aim, share) for d in start.directions)
         loadings = tuple(plan_loading(measured, joint, start, d, short, share) for d in SIGNED)
         parts = in_turn([v for x in runs for v in x.velocities], largest_deflection(start), short)

@@ -31,6 +31,19 @@ const explorer = (() => {
     if (place.textContent !== words) place.textContent = words;
   }
 
+  const sign = (d) => (d === "-" ? "−" : d); // a direction
+  const made = (tag, words, more = {}) => Object.assign(document.createElement(tag), { textContent: words, ...more });
+
+  // A row of a table: what it is about, and its cells.
+  function row(head, cells) {
+    const line = document.createElement("tr");
+    line.append(made("th", head, { scope: "row" }), ...cells.map((words) => made("td", words)));
+    return line;
+  }
+
+  // The label of an axis of torque, or of force.
+  const effort = () => `${joint().effort[0].toUpperCase()}${joint().effort.slice(1)} (${unitOf("torque")})`;
+
   // ---- parameter sets
 
   // One set per direction of motion, from values by the joint's own directions.
@@ -137,12 +150,10 @@ const explorer = (() => {
   const named = (name) => bokeh.get_model_by_name(name);
   function fill(name, columns) {
     named(name).data = columns;
-    const first = Object.values(columns)[0];
-    for (const entry of entries.get(name) || []) entry.visible = first.length > 0;
-    if (samples.has(name)) samples.get(name).hidden = !first.length;
+    if (samples.has(name)) samples.get(name).hidden = !Object.values(columns)[0].length;
   }
 
-  // The page's own key, of which a click hides and shows the marks.
+  // The keys of the figures, of which a click hides and shows the marks.
   const samples = new Map([...document.querySelectorAll("[data-key]")].map((sample) => [sample.dataset.key, sample]));
   function toggle(name) {
     const sample = samples.get(name), visible = sample.getAttribute("aria-pressed") !== "true";
@@ -169,27 +180,6 @@ const explorer = (() => {
     named(name)[axis].setv({ start, end, reset_start: start, reset_end: end });
   }
 
-  // On a phone a legend has two columns.
-  function narrow() {
-    const ncols = innerWidth < 640 ? 2 : 4;
-    for (const id of Object.values(roots)) {
-      for (const part of bokeh.get_model_by_id(id).below) if (part.items && part.ncols !== ncols) part.ncols = ncols;
-    }
-  }
-
-  // The legends' entries by source: one without marks is not shown.
-  const entries = new Map();
-  function legends() {
-    for (const id of Object.values(roots)) {
-      for (const part of bokeh.get_model_by_id(id).below) {
-        for (const entry of part.items || []) {
-          const name = entry.renderers[0].data_source.name;
-          entries.set(name, [...(entries.get(name) || []), entry]);
-        }
-      }
-    }
-  }
-
   function titles(name, x, y) {
     const plot = named(name);
     for (const axis of plot.below) if ("axis_label" in axis) axis.axis_label = x;
@@ -212,8 +202,7 @@ const explorer = (() => {
               axis_label_text_color: ink, major_label_text_color: ink, axis_line_color: ink,
               major_tick_line_color: ink, minor_tick_line_color: line,
             });
-          } else if ("label_text_color" in part) part.setv({ label_text_color: ink });
-          else if ("grid_line_color" in part) part.setv({ grid_line_color: line });
+          } else if ("grid_line_color" in part) part.setv({ grid_line_color: line });
         }
       }
     }
@@ -226,9 +215,8 @@ const explorer = (() => {
   }
 
   function summary() {
-    const bad = Object.entries(state.values).filter(([, p]) => !bristle.isPassive(p, joint().law)).map(([d]) => (d === "-" ? "−" : d));
-    const note = element("passivity");
-    note.hidden = !bad.length;
+    const bad = Object.entries(state.values).filter(([, p]) => !bristle.isPassive(p, joint().law)).map(([d]) => sign(d));
+    element("passivity").hidden = !bad.length;
     text("passivity", bad.length
       ? `Not passive in direction ${bad.join(" and ")}: with these values LuGre can generate energy in some motions.`
       : "");
@@ -264,7 +252,7 @@ const explorer = (() => {
     state.joint = Math.min(Math.max(Math.trunc(k) || 0, 0), known.joints.length - 1);
     chooseSet(0);
     const directions = element("direction");
-    directions.replaceChildren(...joint().directions.map((d) => new Option(d === "-" ? "−" : d, d)));
+    directions.replaceChildren(...joint().directions.map((d) => new Option(sign(d), d)));
     state.direction = joint().directions[0];
     directions.value = state.direction;
     const sets = element("set");
@@ -275,14 +263,14 @@ const explorer = (() => {
     for (const name of settings.parameters) element(`parameter-${name}`).hidden = !sliders().includes(name);
     const { COEFFICIENTS, SHAPE } = bristle.laws[joint().law];
     text("refit", `Refit ${listed(COEFFICIENTS)} at this ${listed(SHAPE)}`);
-    for (const entry of entries.get("profile.now")) entry.label = { value: `${listed(COEFFICIENTS)} refitted here` };
+    samples.get("profile.now").lastChild.textContent = `${listed(COEFFICIENTS)} refitted here`;
     text("friction-law", joint().law_title);
-    const warnings = element("warnings");
-    warnings.replaceChildren(...joint().warnings.map((words) => Object.assign(document.createElement("li"), { textContent: words })));
-    warnings.hidden = !joint().warnings.length;
+    element("warnings").replaceChildren(...joint().warnings.map((words) => made("li", words)));
+    element("warnings").hidden = !joint().warnings.length;
     text("shown-joint", joint().name);
+    document.title = `${joint().name}: the friction model in the hand`;
     const [only, ...others] = joint().directions;
-    text("one-way", others.length || only === "both" ? "" : `Only direction ${only === "-" ? "−" : only} is known: motions both ways have its values in either.`);
+    text("one-way", others.length || only === "both" ? "" : `Only direction ${sign(only)} is known: motions both ways have its values in either.`);
     for (const view of Object.values(views)) if (view.joint) view.joint();
   }
 
@@ -366,9 +354,6 @@ const explorer = (() => {
     const places = Object.fromEntries(names.map((name) => [roots[name], `figure-${name}`]));
     await Bokeh.embed.embed_items({ explorer: model }, [{ docid: "explorer", roots: places, root_ids: Object.values(roots) }]);
     bokeh = Bokeh.documents[0];
-    legends();
-    narrow();
-    window.addEventListener("resize", narrow);
     chooseJoint(0);
     views.values.restore(location.hash);
     listen();
@@ -381,8 +366,8 @@ const explorer = (() => {
   }
 
   return {
-    array, atFraction, bound, changed, chooseJoint, chooseSet, chooseView, clamped, comparable, costOf, element, errorOf, fill, fix, frame,
-    fitsOf, fraction, identified, joint, known, label, later, listed, named, option, options, pair, say, set, settings,
-    shown, sliders, start, state, text, titles, truth, unitOf, views,
+    array, atFraction, bound, changed, chooseJoint, chooseSet, chooseView, clamped, comparable, costOf, effort, element, errorOf, fill, fix,
+    frame, fitsOf, fraction, identified, joint, known, label, later, listed, made, named, option, options, pair, row, say, set, settings,
+    shown, sign, sliders, start, state, text, titles, truth, unitOf, views,
   };
 })();

@@ -1,7 +1,7 @@
 // View 4: the joint in its loop, with the friction model of the sliders: its factors as they adapt, and the error they leave.
 "use strict";
 explorer.views.compensation = (() => {
-  const { element, fill, identified, joint, label, named, option, pair, settings, shown, text, titles, unitOf } = explorer;
+  const { effort, element, fill, identified, joint, label, made, named, option, pair, row, settings, shown, text, titles, unitOf } = explorer;
   const DRAWN = 2500; // samples of a run, at the most
   const NUMBERS = { "loop-amplitude-": "amplitude", "loop-frequency": "frequency", "loop-duration": "duration" };
   const GAINS = { "gain-p": "K_p", "gain-i": "K_i", "gain-d": "K_d" };
@@ -78,10 +78,8 @@ explorer.views.compensation = (() => {
     ];
     const unit = unitOf("position");
     element("loop-rows").replaceChildren(...rows.map(([words, run]) => {
-      const row = document.createElement("tr"), head = Object.assign(document.createElement("th"), { textContent: words, scope: "row" });
       const ratio = run.rms === null || !runs.none.rms ? NaN : run.rms / runs.none.rms;
-      row.append(head, ...[run.diverged === null ? `${shown(run.rms)} ${unit}` : `diverges at ${shown(run.diverged, 3)} s, cut there`, shown(ratio, 3)].map((x) => Object.assign(document.createElement("td"), { textContent: x })));
-      return row;
+      return row(words, [run.diverged === null ? `${shown(run.rms)} ${unit}` : `diverges at ${shown(run.diverged, 3)} s, cut there`, shown(ratio, 3)]);
     }));
     const last = (name) => { const x = runs.adaptive.factors[name]; return x && x.length ? x[x.length - 1] : null; };
     const ends = options.parameters.map((name) => [name, last(name)]).filter(([, x]) => x !== null);
@@ -133,7 +131,7 @@ explorer.views.compensation = (() => {
     law.replaceChildren(...Object.keys(options.laws).map((key) => new Option(words[key] || `adaptive, ${key}`, key)));
     law.value = Object.hasOwn(options.laws, before) ? before : options.law;
     rates();
-    element("loop-assumptions").replaceChildren(...assumptions.map((x) => Object.assign(document.createElement("li"), { textContent: x })));
+    element("loop-assumptions").replaceChildren(...assumptions.map((x) => made("li", x)));
   }
 
   function drawJoint() {
@@ -146,7 +144,7 @@ explorer.views.compensation = (() => {
     entries();
     titles("gains", "", "Ratio to these values");
     titles("loop_error", "", `Error (${unitOf("position")})`);
-    titles("loop_torque", "Time (s)", `${joint().effort[0].toUpperCase()}${joint().effort.slice(1)} (${unitOf("torque")})`);
+    titles("loop_torque", "Time (s)", effort());
     text("loop-unit", unitOf("position"));
     for (const [id, name] of Object.entries(GAINS)) text(`unit-${id}`, unitOf(name));
   }

@@ -26,6 +26,7 @@ from bristle.identification.known_joint import (
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import (
     SIGNED,
     Direction,
@@ -34,19 +35,23 @@ from bristle.model.parameters import (
     fields_of,
     in_direction,
     is_possible,
+    least_of,
     unit,
 )
 from bristle.model.vectorize import evaluate
 from bristle.page.style import thinned
 from bristle.page.wording import in_print, pretty, printable
 from bristle.questions.explorer.engine import loop_options
-from bristle.questions.explorer.sliders import ranges
 from bristle.simulation.joint_loop import PAPER_ASSUMPTIONS, JointLoop, fastest_measured, one_way
 
 MOST_SAMPLES = 4000
 """Of a measured run, at the most."""
 MOST_DRAWN = 300
 """Samples of a loading or a loop, at the most."""
+_PIECES = {"alpha_0": 4.0, "v_s": 10.0, "sigma_0": 10.0}
+"""Sliders that are logarithmic, and up to what factor of the identified value they go."""
+_TIMES = 4.0
+"""Up to how many times the identified value the other sliders go, from zero, or to both sides of it."""
 _SHOWN = ("position", "velocity", "torque", "K_p", "K_i", "K_d")
 """What the page has units of, beside the parameters."""
 _FREQUENCY = 0.5
@@ -77,18 +82,23 @@ def explored(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> d
 
 
 def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, Any]:
-    fastest = fastest_measured(joint)
+    fastest, slow = fastest_measured(joint), joint.presliding
     travel = joint.travel or fastest / (2 * np.pi * _FREQUENCY)
     level = max(known.values(d)["alpha_0"] for d in known.directions)
     guessed = guessed_inertia(level, 2 * np.pi * _FREQUENCY * fastest)
     J = loop.J if isinstance(loop, JointLoop) else inertia_of(None, joint) or guessed
-    sets, truth = list(_sets(joint, known, travel, J)), _truth(joint)
+    sets = list(_sets(joint, known, travel, J))
+    truth = {  # by direction, where the data are simulated
+        str(d): {name: float(x) if np.isfinite(x) else None for name, x in p._asdict().items()}
+        for d in SIGNED
+        if (p := joint.truth.get(d) or joint.truth.get(Direction.BOTH)) is not None
+    }
     speeds = np.abs(np.concatenate([fit.velocity for fit in joint.static.values()] or [np.zeros(0)]))
     slowest = float(min(speeds[speeds > 0], default=fastest / 1000))  # that was fitted
     fitted = {s.place for fit in joint.static.values() for s in fit.segments}
     truth_law = next((p.law for p in joint.truth.values()), None)
     shown = [{name: row["value"] for name, row in p.items()} for one in sets for p in one["values"].values()]
-    shown += (truth or {}).values() if truth_law == joint.law else ()
+    shown += truth.values() if truth_law == joint.law else ()
     return {
         "name": printable(joint.name),
         "law": joint.law.name,
@@ -98,14 +108,17 @@ def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, 
         "effort": effort(joint.kind),
         "directions": [str(d) for d in known.directions],
         "sets": sets,
-        "truth": truth,
+        "truth": truth or None,
         "truth_law": truth_law and truth_law.name,
         "ranges": ranges(joint.law, shown, fastest),
         "speeds": [slowest, fastest],
         "static": [_static(d, fit) for d, fit in joint.static.items() if d in set(Direction) - {Direction.SHARED}],
         "other_points": [_point(s) for s in joint.segments if s.accepted and s.place not in fitted],  # held out
-        "presliding": {d: _presliding(fit) for d, fit in (joint.presliding.fits if joint.presliding else {}).items()},
-        "loops": _loops(joint),
+        "presliding": {d: _presliding(fit) for d, fit in (slow.fits if slow else {}).items()},
+        "loops": [
+            _drawn(x.position - (x.position.min() + x.position.max()) / 2, x.torque)
+            for x in (slow.loops if slow else ())[:3]
+        ],
         "moving": _moving(joint.moving),
         "correlations": list(_correlations(joint)),
         "warnings": [
@@ -135,69 +148,51 @@ def _plans(loop: JointLoop | str) -> list[dict[str, Any]] | str:
     ]  # fmt: skip  # a list of values
 
 
+_Values = dict[str, dict[str, dict[str, Any]]]
+"""What is known of each parameter, by direction."""
+
+
 def _sets(joint: Joint, known: KnownJoint, travel: float, J: float) -> Iterator[dict[str, Any]]:
     """The values to use, then those of each direction's own stages, and of the fit of moving runs, where they are others, and a joint's."""
     source = {row.parameter: str(row.source) for row in chosen(joint)}
     use: _Values = {}
     for d in known.directions:
-        filled, missing = known.filled(d, travel, J), known.missing(d)
-        use[str(d)] = {
-            name: _value(
-                value,
-                None if name in missing else known.estimate(name, d),
-                "assumed" if name in missing else in_direction(source, name, d) or "given",
-            )
-            for name, value in filled._asdict().items()
-        }
+        missing, use[str(d)] = known.missing(d), {}
+        for name, value in known.filled(d, travel, J)._asdict().items():
+            estimate = None if name in missing else known.estimate(name, d)
+            of = "assumed" if name in missing else in_direction(source, name, d) or "given"
+            use[str(d)][name] = _value(value, estimate, of)
     yield {"key": "use", "label": "values to use", "values": use}
-    others = (
-        ("stages", "fits of constant velocity and slow loading alone", _of_stages(joint, use)),
-        ("moving", "fit of moving runs", _of_moving(joint.moving, use)),
-    )
-    for key, label, values in others:
-        rows = [
-            (name, values[d][name]["value"], use[d][name]["value"]) for d in values for name in fields_of(joint.law)
-        ]
-        if any(value != used for _, value, used in rows) and all(is_possible(name, value) for name, value, _ in rows):
-            yield {"key": key, "label": label, "values": values}
 
-
-_Values = dict[str, dict[str, dict[str, Any]]]
-"""What is known of each parameter, by direction."""
-
-
-def _of_stages(joint: Joint, use: _Values) -> _Values:
-    """The values of constant velocity and slow loading, else those to use; none where a direction has no such fit."""
-    stages = {row.parameter: row for row in stage_estimates(joint)}
-    own: _Values = {}
+    # Of constant velocity and slow loading, else those to use; none where a direction has no such fit.
+    stages: _Values = {}
+    own = {row.parameter: row for row in stage_estimates(joint)}
     for d, rows in use.items():
         fit = joint.static.get(d)
-        curve = fit.values() if fit is not None else None
-        if curve is None:
-            return {}
-        own[d] = dict(rows)
-        for name in fields_of(joint.law):
-            row = stages.get(ParameterName(name, Direction(d)))
-            estimate = None if row is None else row.estimate
-            value = getattr(curve, name, None if estimate is None else estimate.value)
-            if value is not None:
-                own[d][name] = _value(value, estimate, str(Source.STATIC if row is None else row.source))
-    return own
+        if fit is not None and (law := fit.values()) is not None:
+            stages[d] = dict(rows)
+            for name in fields_of(joint.law):
+                row = own.get(ParameterName(name, Direction(d)))
+                estimate = None if row is None else row.estimate
+                value = getattr(law, name, None if estimate is None else estimate.value)
+                if value is not None:
+                    stages[d][name] = _value(value, estimate, str(Source.STATIC if row is None else row.source))
 
+    # Of moving runs, what they do not show as it was held; none where a direction has no whole set.
+    moving: _Values = {}
+    for d in use:
+        if (run := joint.moving) is not None and (p := run.values(d)) is not None:
+            parts = ((n, x, in_direction(run.parameters, n, d)) for n, x in p._asdict().items())
+            moving[d] = {n: _value(x, estimate, str(Source.TRACKING)) for n, x, estimate in parts}
 
-def _of_moving(fit: TrackingFit | None, use: _Values) -> _Values:
-    """The values of the fit of moving runs, what they do not show as it was held; none where it has no whole set of a direction."""
-    sets = {d: None if fit is None else fit.values(d) for d in use}
-    if fit is None or any(p is None for p in sets.values()):
-        return {}
-    return {
-        d: {
-            name: _value(value, in_direction(fit.parameters, name, d), str(Source.TRACKING))
-            for name, value in p._asdict().items()
-        }
-        for d, p in sets.items()
-        if p is not None
-    }
+    for key, label, values in (
+        ("stages", "fits of constant velocity and slow loading alone", stages),
+        ("moving", "fit of moving runs", moving),
+    ):
+        pairs = [(n, values[d][n]["value"], use[d][n]["value"]) for d in values for n in fields_of(joint.law)]
+        other = any(value != used for _, value, used in pairs) and all(is_possible(n, value) for n, value, _ in pairs)
+        if other and len(values) == len(use):
+            yield {"key": key, "label": label, "values": values}
 
 
 def _value(value: float, estimate: Estimate | None, source: str) -> dict[str, Any]:
@@ -208,16 +203,6 @@ def _value(value: float, estimate: Estimate | None, source: str) -> dict[str, An
         "interval": None if interval is None else [to_bound(end) for end in interval],
         "source": source,
     }
-
-
-def _truth(joint: Joint) -> dict[str, dict[str, float | None]] | None:
-    """The true values by direction, where the data are simulated."""
-    found = {
-        str(d): {name: float(x) if np.isfinite(x) else None for name, x in p._asdict().items()}
-        for d in SIGNED
-        if (p := joint.truth.get(d) or joint.truth.get(Direction.BOTH)) is not None
-    }
-    return found or None
 
 
 def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
@@ -264,39 +249,26 @@ def _point(s: Any) -> dict[str, Any]:
 
 def _presliding(fit: PreslidingFit) -> dict[str, Any]:
     """What slow loading of one direction showed, each loading from its rest by the recommended sigma_0."""
-    loadings = []
-    for loading in fit.loadings:
-        rest = _rest(fit, loading.edge_displacement, loading.edge_torque)
-        edges = thinned(loading.edge_torque.size, 40)
-        of_edges = {
-            "edge_displacement": (loading.edge_displacement[edges] - rest).tolist(),
-            "edge_torque": loading.edge_torque[edges].tolist(),
+    loadings, sigma_0 = [], fit.sigma_0.value
+    for x in fit.loadings:
+        # Where the joint rested: the mean over count edges of what was travelled less what the torque there takes.
+        rest, below = 0.0, fit.level > x.edge_torque
+        if sigma_0 and sigma_0 > 0 and below.any():
+            T = x.edge_torque[below]
+            taken = evaluate(functions.loading_displacement_function(), T, fit.level, sigma_0)[0]
+            rest = float(np.average(x.edge_displacement[below] - taken, weights=(1 - T / fit.level) ** 2))
+        edges = thinned(x.edge_torque.size, 40)
+        own = {
+            "edge_displacement": (x.edge_displacement[edges] - rest).tolist(),
+            "edge_torque": x.edge_torque[edges].tolist(),
         }
-        loadings.append(_drawn(loading.displacement - rest, loading.torque) | of_edges)
+        loadings.append(_drawn(x.displacement - rest, x.torque) | own)
     return {"level": float(fit.level), "loadings": loadings}
 
 
 def _drawn(displacement: Array, torque: Array) -> dict[str, Any]:
     k = thinned(torque.size, MOST_DRAWN)
     return {"displacement": displacement[k].tolist(), "torque": torque[k].tolist(), "samples": int(torque.size)}
-
-
-def _rest(fit: PreslidingFit, y: Array, T: Array) -> float:
-    """Where the joint rested, rad: the mean over count edges of what was travelled less what the torque there takes."""
-    sigma_0, below = fit.sigma_0.value, fit.level > T
-    if not sigma_0 or sigma_0 <= 0 or not below.any():
-        return 0.0
-    own = evaluate(functions.loading_displacement_function(), T[below], fit.level, sigma_0)[0]
-    return float(np.average(y[below] - own, weights=(1 - T[below] / fit.level) ** 2))
-
-
-def _loops(joint: Joint) -> list[dict[str, Any]]:
-    """Measured closed cycles, each about its middle."""
-    found = []
-    for loop in (joint.presliding.loops if joint.presliding else ())[:3]:
-        middle = (float(loop.position.min()) + float(loop.position.max())) / 2 if loop.position.size else 0.0
-        found.append(_drawn(loop.position - middle, loop.torque))
-    return found
 
 
 def _moving(fit: TrackingFit | None) -> dict[str, Any] | None:
@@ -336,3 +308,36 @@ def _correlations(joint: Joint) -> Iterator[dict[str, Any]]:
         if len(names) > 1 and np.isfinite(covariance).all() and (spread > 0).all():
             matrix = covariance / np.outer(spread, spread)
             yield {"label": label, "names": list(names), "matrix": np.clip(matrix, -1.0, 1.0).tolist()}
+
+
+def ranges(law: Law, sets: Sequence[Mapping[str, float | None]], fastest: float) -> dict[str, dict[str, Any]]:
+    """Of each slider its ends, what the parameter may be at least, and whether it goes by the logarithm; as JSON.
+
+    What else shapes a peak goes as far as it is searched. The fastest measured speed is given and has no slider.
+
+    Args:
+        law: of the friction.
+        sets: the values that sliders are to show, both directions.
+        fastest: measured speed, rad/s.
+    """
+    names = [name for name in fields_of(law) if name != FASTEST]
+    rows = {name: [x for p in sets if (x := p[name]) is not None] for name in names}
+    searched = {own.name: own.searched for own in law.peak.own}
+    # What a parameter of one makes at that speed, of those that may be zero: that of others is no measure.
+    columns = evaluate(functions.linear_shapes_function(law), fastest)
+    named = zip(("alpha_0", "alpha_2", *law.coefficients), columns, strict=True)
+    torques = {"alpha_1": 1.0} | {name: float(x) for name, x in named}
+    found: dict[str, dict[str, Any]] = {}
+    for name, values in rows.items():
+        positive, least = [x for x in values if x > 0], least_of(name)
+        if name in searched:
+            ends = [*searched[name], *positive]
+            own = {"low": min(ends), "high": max(ends), "log": True}
+        elif name in _PIECES and positive:
+            by = _PIECES[name]
+            own = {"low": min(positive) / by, "high": max(positive) * by, "log": True}
+        else:
+            size = max(map(abs, values)) or max(rows["alpha_0"]) / torques.get(name, fastest)
+            own = {"low": max(least, -_TIMES * size), "high": _TIMES * size, "log": False}
+        found[name] = own | {"least": to_bound(least)}
+    return found

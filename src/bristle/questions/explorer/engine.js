@@ -27,10 +27,8 @@
 //   options are those of `engine.loop_options`, any number of which may be changed: law (a key of laws: none, fixed, or
 //     one that adapts), gamma (by law), start (the model begins with these shares of its parameters), amplitude,
 //     frequency (Hz), gains, period, duration, settle (s), plant and model (pairs), J.
-//   error is reference - position. factors has, by parameter, share of the model's own value at each period: where
-//     start is 0.3 it begins with 0.3.
-//   A loop that diverges is cut: all arrays end there, diverged is the time (else null), and the RMS is null.
-//   rms is that of the error from settle on.
+//   error is reference - position, rms that of it from settle on; factors has, by parameter, share of the model's own
+//     value at each period. A loop that diverges is cut: all arrays end there, diverged is the time (else null), rms null.
 
 // The numbers of a pair, twelve of the paper's law, the positive set first.
 function numbers(pair) {

@@ -23,16 +23,7 @@ from bristle.model.law import is_passive
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Expression
 from bristle.model.laws.parts import Law as FrictionLaw
-from bristle.model.parameters import (
-    SIGNED,
-    Lugre,
-    Motor,
-    Pair,
-    fields_of,
-    least_of,
-    lugre_of,
-    pair_of,
-)
+from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, fields_of, least_of, lugre_of, pair_of
 from bristle.questions.explorer import javascript
 from bristle.simulation.joint_loop import JointLoop
 from bristle.simulation.references import Sine

@@ -45,8 +45,6 @@ class Panel(NamedTuple):
     """Whether the script sets the ranges, which then stay while a curve moves within them: a new range lays the figure out anew."""
     follows: str = ""
     """The figure whose x-axis this one shares."""
-    keyed: bool = False
-    """Whether the page has the key of its marks, once for all such figures: a legend of Bokeh's takes a third of the time to paint."""
     tips: bool = False
     """Whether points tell their place when the pointer is over them."""
 
@@ -59,11 +57,8 @@ _REAL = {"line_width": 1.5, "line_dash": "dotted", "color": TRUE}
 
 def _friction(columns: Mapping[str, str]) -> list[Mark]:
     """The marks of the friction curve: signed over velocity, or magnitudes over speed."""
-    y, low, high = columns["y"], "low", "high"
-    x = columns["x"]
-    if y == "size":
-        low, high = "size_low", "size_high"
-    bars = {"x0": x, "x1": x, "y0": low, "y1": high}
+    prefix = "size_" if columns["y"] == "size" else ""
+    bars = {"x0": columns["x"], "x1": columns["x"], "y0": f"{prefix}low", "y1": f"{prefix}high"}
     return [
         Mark("bars+", "segment", bars, {"color": PLUS}),
         Mark("bars-", "segment", bars, {"color": MINUS}),
@@ -89,115 +84,84 @@ _HATCHED = {
 _HERE = {"size": 12, "fill_color": "#ffffff", "line_color": "#000000", "line_width": 2}
 PANELS: dict[str, tuple[Panel, ...]] = {
     "friction": (
-        Panel("curve", 330, _friction(_XY), shaded=("beyond", "before"), framed=True, keyed=True, tips=True),
-        Panel("log", 330, _friction(_SIZE), x_log=True, shaded=("faster", "slower"), framed=True, keyed=True, tips=True),
-        Panel(
-            "residuals", 190,
-            [
-                Mark("residuals+", "scatter", _XY, {"size": 6, "color": PLUS}),
-                Mark("residuals-", "scatter", _XY, {"size": 6, "color": MINUS, "marker": "square"}),
-            ],
-            spans={"zero": "width"},
-            framed=True,
-        ),
+        Panel("curve", 330, _friction(_XY), shaded=("beyond", "before"), framed=True, tips=True),
+        Panel("log", 330, _friction(_SIZE), x_log=True, shaded=("faster", "slower"), framed=True, tips=True),
+        Panel("residuals", 190, [
+            Mark("residuals+", "scatter", _XY, {"size": 6, "color": PLUS}),
+            Mark("residuals-", "scatter", _XY, {"size": 6, "color": MINUS, "marker": "square"}),
+        ], spans={"zero": "width"}, framed=True),
     ),
     "presliding": (
-        Panel(
-            "loading", 330,
-            [
-                Mark("loadings", "multi_line", _MANY, {"color": GREY, "line_width": 1}, "measured loadings"),
-                Mark("edges", "scatter", _XY, {"size": 5, "line_color": TRUE, "fill_color": None}, "count edges"),
-                Mark("loading.identified", "line", _XY, _OLD, "identified"),
-                Mark("loading.now", "line", _XY, {**_NOW, "color": PLUS}, "these values"),
-            ],
-            spans={"level": "width"},
-        ),
-        Panel(
-            "hysteresis", 330,
-            [
-                Mark("loops", "multi_line", _MANY, {"color": GREY, "line_width": 1}, "measured loops"),
-                Mark("hysteresis.identified", "line", _XY, _OLD, "identified"),
-                Mark("hysteresis.now", "line", _XY, {**_NOW, "color": PLUS}, "these values"),
-            ],
-        ),
+        Panel("loading", 330, [
+            Mark("loadings", "multi_line", _MANY, {"color": GREY, "line_width": 1}, "measured loadings"),
+            Mark("edges", "scatter", _XY, {"size": 5, "line_color": TRUE, "fill_color": None}, "count edges"),
+            Mark("loading.identified", "line", _XY, _OLD, "identified"),
+            Mark("loading.now", "line", _XY, {**_NOW, "color": PLUS}, "these values"),
+        ], spans={"level": "width"}),
+        Panel("hysteresis", 330, [
+            Mark("loops", "multi_line", _MANY, {"color": GREY, "line_width": 1}, "measured loops"),
+            Mark("hysteresis.identified", "line", _XY, _OLD, "identified"),
+            Mark("hysteresis.now", "line", _XY, {**_NOW, "color": PLUS}, "these values"),
+        ]),
     ),
     "response": (
         Panel("velocity", 150, [Mark("velocity.now", "line", _XY, {"line_width": 1.5, "color": PLUS})]),
-        Panel(
-            "deflection", 170,
-            [
-                Mark("deflection.identified", "line", _XY, _OLD, "identified"),
-                Mark("deflection.now", "line", _XY, {"line_width": 1.8, "color": PLUS}, "these values"),
-            ],
-            follows="velocity",
-        ),
-        Panel(
-            "torque", 230,
-            [
-                Mark("torque.measured", "line", _XY, {"line_width": 1.2, "color": SECOND}, "measured"),
-                Mark("torque.identified", "line", _XY, _OLD, "identified"),
-                Mark("torque.now", "line", _XY, {"line_width": 1.8, "color": PLUS}, "these values"),
-            ],
-            follows="velocity",
-        ),
+        Panel("deflection", 170, [
+            Mark("deflection.identified", "line", _XY, _OLD, "identified"),
+            Mark("deflection.now", "line", _XY, {"line_width": 1.8, "color": PLUS}, "these values"),
+        ], follows="velocity"),
+        Panel("torque", 230, [
+            Mark("torque.measured", "line", _XY, {"line_width": 1.2, "color": SECOND}, "measured"),
+            Mark("torque.identified", "line", _XY, _OLD, "identified"),
+            Mark("torque.now", "line", _XY, {"line_width": 1.8, "color": PLUS}, "these values"),
+        ], follows="velocity"),
         Panel("error", 170, [Mark("error.now", "line", _XY, {"line_width": 1.5, "color": MINUS})], spans={"no_error": "width"}, follows="velocity"),
     ),
     "compensation": (
-        Panel(
-            "gains", 260,
-            [
-                Mark("theta_1", "line", _XY, {**_NOW, "color": PLUS}, "α₀"),
-                Mark("theta_2", "line", _XY, {**_NOW, "color": MINUS, "line_dash": "dashed"}, "α₂"),
-            ],
-            spans=dict.fromkeys(PAPER, "width"),
-        ),
-        Panel(
-            "loop_error", 280,
-            [
-                Mark("loop_error.none", "line", _XY, {"line_width": 1.2, "color": GREY}, "without"),
-                Mark("loop_error.fixed", "line", _XY, {"line_width": 1.8, "color": MINUS, "line_dash": "dashed"}, "fixed start model"),
-                Mark("loop_error.adaptive", "line", _XY, {"line_width": 1.8, "color": PLUS}, "adaptive"),
-            ],
-            spans={"cut": "height"},
-            follows="gains",
-        ),
+        Panel("gains", 260, [
+            Mark("theta_1", "line", _XY, {**_NOW, "color": PLUS}, "α₀"),
+            Mark("theta_2", "line", _XY, {**_NOW, "color": MINUS, "line_dash": "dashed"}, "α₂"),
+        ], spans=dict.fromkeys(PAPER, "width")),
+        Panel("loop_error", 280, [
+            Mark("loop_error.none", "line", _XY, {"line_width": 1.2, "color": GREY}, "without"),
+            Mark("loop_error.fixed", "line", _XY, {"line_width": 1.8, "color": MINUS, "line_dash": "dashed"}, "fixed start model"),
+            Mark("loop_error.adaptive", "line", _XY, {"line_width": 1.8, "color": PLUS}, "adaptive"),
+        ], spans={"cut": "height"}, follows="gains"),
         Panel("loop_torque", 200, [Mark("loop_torque.now", "line", _XY, {"line_width": 1.5, "color": PLUS})], follows="gains"),
     ),
     "identifiability": (
-        Panel(
-            "map", 400,
-            [
-                Mark("unlikely", "rect", {**_CELL, "fill_color": "colour", "line_color": "colour"}, {}),
-                Mark("active", "patches", {**_MANY, "hatch_color": "ink"}, _HATCHED),
-                Mark("map.identified", "scatter", _XY, {"size": 13, "marker": "x", "line_color": "#000000", "line_width": 3}, "identified"),
-                Mark("map.truth", "scatter", _XY, {"size": 13, "marker": "star", "fill_color": TRUE, "line_color": "#000000"}, "true"),
-                Mark("map.now", "scatter", _XY, _HERE, "these values"),
-            ],
-            framed=True,
-        ),
-        Panel(
-            "profile", 260,
-            [
-                Mark("profile.written", "scatter", _XY, {"size": 4, "color": GREY}, "as identified"),
-                Mark("profile.now", "line", _XY, {**_NOW, "color": PLUS}, "α₀, α₁, α₂ refitted here"),
-                Mark("profile.here", "scatter", _XY, _HERE, "at this vₛ"),
-            ],
-            x_log=True,
-            spans={"threshold": "width"},
-        ),
+        Panel("map", 400, [
+            Mark("unlikely", "rect", {**_CELL, "fill_color": "colour", "line_color": "colour"}, {}),
+            Mark("active", "patches", {**_MANY, "hatch_color": "ink"}, _HATCHED),
+            Mark("map.identified", "scatter", _XY, {"size": 13, "marker": "x", "line_color": "#000000", "line_width": 3}, "identified"),
+            Mark("map.truth", "scatter", _XY, {"size": 13, "marker": "star", "fill_color": TRUE, "line_color": "#000000"}, "true"),
+            Mark("map.now", "scatter", _XY, _HERE, "these values"),
+        ], framed=True),
+        Panel("profile", 260, [
+            Mark("profile.written", "scatter", _XY, {"size": 4, "color": GREY}, "as identified"),
+            Mark("profile.now", "line", _XY, {**_NOW, "color": PLUS}, "α₀, α₁, α₂ refitted here"),
+            Mark("profile.here", "scatter", _XY, _HERE, "at this vₛ"),
+        ], x_log=True, spans={"threshold": "width"}),
     ),
 }  # fmt: skip  # a table
 """The figures of each view, from top to bottom."""
 
 
-def key() -> list[tuple[str, str, str, str]]:
-    """Of each mark of the friction curve in the page's key: its source, its name, how its sample looks, and its colour."""
-    found = []
-    for mark in (mark for mark in _friction(_XY) if mark.legend):
-        style = mark.style
-        look = style.get("line_dash", "solid") if mark.glyph == "line" else style.get("marker", "circle")
-        hollow = " hollow" if style.get("fill_color", GREY) in (None, "white") else ""
-        found.append((mark.source, mark.legend, f"{look}{hollow}", str(style.get("color") or style["line_color"])))
+def keys() -> dict[str, list[tuple[str, str, str, str]]]:
+    """By figure its key, once for each source: this, its name, how its sample looks, and its colour.
+
+    The page has it: a legend of Bokeh's takes a third of the time to paint.
+    """
+    found: dict[str, list[tuple[str, str, str, str]]] = {}
+    seen = set[str]()
+    for panel in (panel for panels in PANELS.values() for panel in panels):
+        for mark in (mark for mark in panel.marks if mark.legend and mark.source not in seen):
+            style, line = mark.style, "line" in mark.glyph
+            look = style.get("line_dash", "solid") if line else style.get("marker", "circle")
+            hollow = " hollow" if str(style.get("fill_color", GREY)) in ("None", "white", "#ffffff") else ""
+            colour = str(style.get("color") or style["line_color"]).replace("#000000", "var(--ink)")
+            found.setdefault(panel.name, []).append((mark.source, mark.legend, f"{look}{hollow}", colour))
+            seen.add(mark.source)
     return found
 
 
@@ -209,7 +173,8 @@ def figures() -> dict[str, list["Plot"]]:
 
 
 def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plot":
-    from bokeh.models import BasicTickFormatter, HoverTool
+    """One figure; one source may have marks in several."""
+    from bokeh.models import BasicTickFormatter, ColumnDataSource, HoverTool
     from bokeh.models.annotations.geometry import BoxAnnotation, Span
     from bokeh.plotting import figure
 
@@ -230,25 +195,23 @@ def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plo
             hatch_alpha=0.35, hatch_scale=10, line_color=None, visible=False,
         ))  # fmt: skip  # a list of values
     for name, dimension in panel.spans.items():
-        dash = "solid" if "zero" in name or "no_" in name else "dashed"
-        own = Span(
-            name=name, location=PAPER.get(name, 0.0), dimension=dimension, line_color=GREY, line_width=1, line_dash=dash
-        )
-        plot.add_layout(own)
+        look: dict[str, Any] = {
+            "line_color": GREY,
+            "line_dash": "solid" if "zero" in name or "no_" in name else "dashed",
+        }
+        plot.add_layout(Span(name=name, location=PAPER.get(name, 0.0), dimension=dimension, line_width=1, **look))
     told = []
     for mark in panel.marks:
-        renderer = _rendered(plot, mark._replace(legend="") if panel.keyed else mark, sources)
+        source = sources.setdefault(mark.source, ColumnDataSource(name=mark.source))
+        for column in (*mark.columns.values(), *(("place", "x", "y") if mark.glyph == "scatter" else ())):
+            if column not in source.data:
+                source.add([], column)
+        renderer = getattr(plot, mark.glyph)(source=source, **mark.columns, **mark.style)
         told += [renderer] if mark.glyph == "scatter" else []
     if panel.tips:
         torque = panel.name if panel.name != "log" else "torque"
         tips = [("from", "@place"), ("velocity", "@x{0.0000}"), (torque, "@y{0.000000}")]
         plot.add_tools(HoverTool(renderers=told, tooltips=tips))
-    if any(mark.legend for mark in panel.marks) and not panel.keyed:
-        plot.legend[0].update(
-            background_fill_alpha=0.0, border_line_color=None, label_text_font_size="11px", orientation="horizontal",
-            padding=2, margin=2, ncols=4, location="center", click_policy="hide",
-        )  # fmt: skip  # a list of values
-        plot.add_layout(plot.legend[0], "below")
     # Labels upright, and kept a place for until the page's script sets them; no powers of ten from 1e-6 up.
     for axis in plot.axis:
         axis.update(axis_label_text_font_style="normal", axis_label=" ")
@@ -256,18 +219,3 @@ def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plo
             axis.formatter.power_limit_low = -6
     drawing: Plot = plot
     return drawing
-
-
-def _rendered(plot: Any, mark: Mark, sources: dict[str, Any]) -> Any:
-    """A mark in its figure; one source may have marks in several."""
-    from bokeh.models import ColumnDataSource
-
-    if mark.source not in sources:
-        sources[mark.source] = ColumnDataSource(name=mark.source)
-    source = sources[mark.source]
-    for column in (*mark.columns.values(), *(("place", "x", "y") if mark.glyph == "scatter" else ())):
-        if column not in source.data:
-            source.add([], column)
-    legend = {"legend_label": mark.legend} if mark.legend else {}
-    draw = getattr(plot, mark.glyph)
-    return draw(source=source, **mark.columns, **mark.style, **legend)

@@ -1,7 +1,7 @@
 // View 1: the friction curve over what was measured, its residuals, and the cost of each fit beside its 95 % threshold.
 "use strict";
 explorer.views.friction = (() => {
-  const { array, costOf, errorOf, fill, fix, frame, identified, joint, label, later, named, pair, shown, state, text, titles, truth, unitOf } = explorer;
+  const { array, costOf, errorOf, effort, fill, fix, frame, identified, joint, label, later, made, named, pair, row, shown, sign, state, text, titles, truth, unitOf } = explorer;
   const POINTS = 240; // of a curve, in each direction
   const AROUND = 1.3; // times the fastest measured speed, to which curves go
   let shownSet = ""; // of which the identified curve is drawn
@@ -68,34 +68,23 @@ explorer.views.friction = (() => {
 
   // A row of the table of costs, told to a reader: one for each fit.
   function costs() {
-    const p = pair(), body = explorer.element("costs");
+    const p = pair();
     const rows = joint().static.map((fit) => {
       const cost = costOf(fit, p), error = errorOf(fit, p), has = fit.threshold !== null;
       const over = has ? (cost - fit.least) / (fit.threshold - fit.least) : NaN;
       const verdict = !has ? "no threshold" : over <= 1 ? "within" : "beyond";
-      const row = document.createElement("tr");
-      row.dataset.direction = fit.direction;
-      row.dataset.cost = String(cost);
-      row.dataset.error = String(error);
-      const cells = [
-        fit.direction === "-" ? "−" : fit.direction, shown(cost, 5), has ? shown(fit.least, 5) : "–",
-        has ? shown(fit.threshold, 5) : "–", `${shown(error)} %`, fit.relative_error === null ? "–" : `${shown(fit.relative_error)} %`,
-      ];
-      row.append(...cells.map((words, k) => {
-        const cell = document.createElement(k ? "td" : "th");
-        if (!k) cell.scope = "row";
-        cell.textContent = words;
-        return cell;
-      }));
-      const last = document.createElement("td"), meter = document.createElement("meter");
-      Object.assign(meter, { min: 0, max: 2, low: 1, high: 1.0001, optimum: 0, value: Number.isFinite(over) ? Math.min(Math.max(over, 0), 2) : 0 });
-      meter.setAttribute("aria-label", `change of cost, in changes up to the 95 % threshold: ${shown(over, 3)}`);
-      last.append(meter, ` ${verdict}${has ? ` (${over < 5e-4 ? "0" : shown(over, 3)})` : ""}`);
-      row.append(last);
-      return row;
+      const line = row(sign(fit.direction), [
+        shown(cost, 5), has ? shown(fit.least, 5) : "–", has ? shown(fit.threshold, 5) : "–", `${shown(error)} %`,
+        fit.relative_error === null ? "–" : `${shown(fit.relative_error)} %`, "",
+      ]);
+      Object.assign(line.dataset, { direction: fit.direction, cost, error });
+      const value = Number.isFinite(over) ? Math.min(Math.max(over, 0), 2) : 0, ariaLabel = `change of cost, in changes up to the 95 % threshold: ${shown(over, 3)}`;
+      const meter = made("meter", "", { min: 0, max: 2, low: 1, high: 1.0001, optimum: 0, value, ariaLabel });
+      line.lastChild.append(meter, ` ${verdict}${has ? ` (${over < 5e-4 ? "0" : shown(over, 3)})` : ""}`);
+      return line;
     });
-    body.replaceChildren(...rows);
-    return rows.map((row) => `${row.dataset.direction}: cost ${shown(Number(row.dataset.cost))}, ${row.lastChild.lastChild.textContent.trim()} the 95 % threshold`);
+    explorer.element("costs").replaceChildren(...rows);
+    return rows.map((line) => `${line.dataset.direction}: cost ${shown(Number(line.dataset.cost))}, ${line.lastChild.lastChild.textContent.trim()} the 95 % threshold`);
   }
 
   function residuals() {
@@ -124,7 +113,7 @@ explorer.views.friction = (() => {
       const { speed } = whole, from = bristle.heldFrom(p[d], p.law);
       fill(`now${d}`, part(whole, (k) => speed[k] <= from));
       fill(`now${d}.held`, part(whole, (k) => (speed[k + 1] ?? Infinity) > from));
-      return speed.length && from < Infinity ? `${shown(from)} ${unitOf("velocity")} (${d === "-" ? "−" : d})` : "";
+      return speed.length && from < Infinity ? `${shown(from)} ${unitOf("velocity")} (${sign(d)})` : "";
     }).filter(Boolean);
     const held = ends.length ? `Dashed beyond ${ends.join(" and ")}: viscous friction bends down with speed. Faster than anything measured it is held as large as it is there, and was not measured.` : "";
     text("held-said", held);
@@ -143,8 +132,8 @@ explorer.views.friction = (() => {
 
   // Of a joint that was chosen: what does not change with the sliders.
   function drawJoint() {
-    const words = joint().effort[0].toUpperCase() + joint().effort.slice(1), v = `Velocity (${unitOf("velocity")})`, T = `${words} (${unitOf("torque")})`;
-    titles("curve", v, T);
+    const v = `Velocity (${unitOf("velocity")})`;
+    titles("curve", v, effort());
     titles("log", `Speed (${unitOf("velocity")})`, `Magnitude of ${joint().effort} (${unitOf("torque")})`);
     titles("residuals", v, `Residual (${unitOf("torque")})`);
     measured();
@@ -155,7 +144,7 @@ explorer.views.friction = (() => {
     fix("residuals", "x_range", left, right);
     fix("log", "x_range", slowest / 12, top);
     fill("truth", both(truth()));
-    text("cost-unit", `(${unitOf("torque")})²`);
+    explorer.element("costs-caption").lastChild.textContent = `(${unitOf("torque")})²`;
   }
 
   return { draw, joint: drawJoint };

@@ -1,7 +1,7 @@
 // View 5: the cost over any two parameters, the profile of v_s, and correlations of the estimates.
 "use strict";
 explorer.views.identifiability = (() => {
-  const { array, bound, comparable, element, fill, fitsOf, fix, identified, joint, label, listed, named, option, pair, set, settings, shown, sliders, state, text, titles, truth, unitOf } = explorer;
+  const { array, bound, comparable, element, fill, fitsOf, fix, identified, joint, label, listed, made, named, option, pair, row, set, settings, shown, sliders, state, text, titles, truth, unitOf } = explorer;
   const CELLS = { points: 35, run: 17 }; // along either axis
   const STEPS = [0.1, 0.3, 1, 3, 10, 30, 100]; // changes of cost, where each colour ends
   const COLOURS = ["#fde725", "#8fd744", "#35b779", "#21908d", "#31688e", "#443a83", "#440154", "#2b0138"];
@@ -31,7 +31,7 @@ explorer.views.identifiability = (() => {
   }
 
   // The worker, of the very scripts of this page; null where none can be made: maps are then computed here, in slices.
-  function made() {
+  function created() {
     try {
       const texts = ["bristle", "costs"].map((name) => element(`script-${name}`).textContent);
       const one = new Worker(URL.createObjectURL(new Blob(texts, { type: "text/javascript" })));
@@ -51,7 +51,7 @@ explorer.views.identifiability = (() => {
     asked = request;
     element("figure-map").ariaBusy = String(Boolean(request));
     if (!request) element("map-progress").hidden = true;
-    if (worker === undefined) worker = made();
+    if (worker === undefined) worker = created();
     if (worker) worker.postMessage(request);
     else costs.map(request, heard);
   }
@@ -149,20 +149,12 @@ explorer.views.identifiability = (() => {
   }
 
   function correlations() {
-    const own = joint().correlations[Number(element("correlation").value) || 0], head = element("correlation-head"), body = element("correlation-rows");
-    const cell = (tag, words, scope) => Object.assign(document.createElement(tag), { textContent: words, ...(scope ? { scope } : {}) });
-    head.replaceChildren();
-    body.replaceChildren();
-    if (!own) return;
-    const name = (x) => x.replace(/^[^+-]+/, (found) => settings.symbols[found] ?? found);
-    head.append(cell("th", "", "col"), ...own.names.map((x) => cell("th", name(x), "col")));
-    body.append(...own.matrix.map((row, k) => {
-      const line = document.createElement("tr");
-      line.append(cell("th", name(own.names[k]), "row"), ...row.map((x) => {
-        const one = cell("td", x.toFixed(2));
-        one.style.background = `rgba(${x < 0 ? "213,94,0" : "0,114,178"},${(0.55 * Math.abs(x)).toFixed(3)})`;
-        return one;
-      }));
+    const own = joint().correlations[Number(element("correlation").value) || 0] || { names: [], matrix: [] };
+    const names = own.names.map((x) => x.replace(/^[^+-]+/, (found) => settings.symbols[found] ?? found));
+    element("correlation-head").replaceChildren(...["", ...names].map((x) => made("th", x, { scope: "col" })));
+    element("correlation-rows").replaceChildren(...own.matrix.map((numbers, k) => {
+      const line = row(names[k], numbers.map((x) => x.toFixed(2)));
+      numbers.forEach((x, i) => { line.cells[i + 1].style.background = `rgba(${x < 0 ? "213,94,0" : "0,114,178"},${(0.55 * Math.abs(x)).toFixed(3)})`; });
       return line;
     }));
   }
@@ -184,15 +176,12 @@ explorer.views.identifiability = (() => {
     for (const one of element("map-data").options) one.disabled = !dataOf(one.value);
     const chosen = element("map-data");
     if (!dataOf(chosen.value)) chosen.value = chosen.value === "points" ? "run" : "points";
-    const key = element("map-key");
-    const swatch = (colour_, words) => {
-      const item = document.createElement("li"), box = document.createElement("span");
-      box.className = "swatch";
-      box.style.background = colour_;
-      item.append(box, ` ${words}`);
+    element("map-key").replaceChildren(...COLOURS.map((x, k) => {
+      const item = made("li", k < STEPS.length ? ` ≤ ${STEPS[k]}` : ` > ${STEPS[k - 1]}`), swatch = made("span", "", { className: "swatch" });
+      swatch.style.background = x;
+      item.prepend(swatch);
       return item;
-    };
-    key.replaceChildren(...COLOURS.map((x, k) => swatch(x, k < STEPS.length ? `≤ ${STEPS[k]}` : `> ${STEPS[k - 1]}`)));
+    }));
   }
 
   return { draw, leave, joint: drawJoint, chosen: (id) => { if (id === "correlation" || !id) correlations(); } };

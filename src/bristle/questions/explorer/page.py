@@ -5,15 +5,14 @@ HTML: it lies in one block of JSON and is set as text. A policy in the page forb
 the page's own, by their digests. Cost maps are computed by a worker, which is made of the text of some of these scripts.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
+from pydantic_core import to_json
 
 from bristle import __version__
 from bristle.identification.results import Joint
@@ -23,7 +22,7 @@ from bristle.page.page import digest, encoded, html
 from bristle.page.wording import PARAMETERS, symbol
 from bristle.questions.explorer.data import explored
 from bristle.questions.explorer.engine import script
-from bristle.questions.explorer.figures import PANELS, PAPER, figures, key
+from bristle.questions.explorer.figures import PANELS, PAPER, figures, keys
 from bristle.simulation.joint_loop import JointLoop
 
 _HERE = Path(__file__).parent
@@ -62,9 +61,7 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
     known = explored(joints, loops)
     document, roots = _drawing()
     laws = tuple(dict.fromkeys((*(x.law for x in joints), *(p.law for x in joints for p in x.truth.values()))))
-    words = dict(
-        PARAMETERS
-    )  # what each parameter that has a slider is: those of all laws, then what some have beside them
+    words = dict(PARAMETERS)  # what each parameter with a slider is: those of all laws, then what some have beside them
     for law in laws:
         words |= {own.name: f"{law.peak.title} peak" for own in law.peak.own}
         words |= {term.coefficient.name: f"of {term.title}" for term in law.terms}
@@ -82,25 +79,16 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
         "default-src 'none'", f"script-src {' '.join(map(digest, scripts.values()))}", "worker-src blob:", "style-src 'unsafe-inline'",
         "img-src data: blob:", "font-src data:", "base-uri 'none'", "form-action 'none'",
     )  # fmt: skip  # a list of values
-    # JSON in which no tag can begin, and none of whose characters ends a line of JavaScript.
-    block = json.dumps(_finite(data), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    # JSON in which no tag can begin; null stands for what is no finite number.
+    block = to_json(data, inf_nan_mode="null").decode()
     block = block.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
     named = {
         "data": Markup(block), "scripts": scripts, "policy": "; ".join(policy), "views": _VIEWS,  # noqa: S704  # no character can end the block
         "panels": {view: [panel.name for panel in panels] for view, panels in PANELS.items()}, "parameters": words,
-        "signed": [name for name in words if least_of(name) < 0], "key": key(), "version": __version__,
+        "signed": [name for name in words if least_of(name) < 0], "keys": keys(), "version": __version__,
     }  # fmt: skip  # a list of values
     page = html("bristle.questions.explorer", "explore.html", named)
     return Explorer(joints=tuple(joint["name"] for joint in known["joints"]), html=page)
-
-
-def _finite(part: Any) -> Any:
-    """A part of the data in which null stands for what is no finite number."""
-    if isinstance(part, dict):
-        return {key: _finite(x) for key, x in part.items()}
-    if isinstance(part, list | tuple):
-        return [_finite(x) for x in part]
-    return None if isinstance(part, float) and not isfinite(part) else part
 
 
 @cache

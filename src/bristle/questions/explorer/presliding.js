@@ -1,7 +1,7 @@
 // View 2: slow loading up to sliding, and hysteresis loops, over what was measured.
 "use strict";
 explorer.views.presliding = (() => {
-  const { element, fill, identified, joint, label, named, option, pair, shown, state, text, titles, unitOf } = explorer;
+  const { effort, element, fill, identified, joint, label, named, option, pair, shown, state, text, titles, unitOf } = explorer;
   const POINTS = 200, A_CYCLE = 400;
   const CREEP = 1e-9; // of the fastest measured speed: sliding so slowly takes the breakaway torque
 
@@ -56,9 +56,8 @@ explorer.views.presliding = (() => {
   }
 
   function drawJoint() {
-    const T = `${joint().effort[0].toUpperCase()}${joint().effort.slice(1)} (${unitOf("torque")})`;
-    titles("loading", `Displacement from rest (${unitOf("position")})`, T);
-    titles("hysteresis", `Displacement (${unitOf("position")})`, T);
+    titles("loading", `Displacement from rest (${unitOf("position")})`, effort());
+    titles("hysteresis", `Displacement (${unitOf("position")})`, effort());
     const loops = joint().loops, field = element("loop-amplitude");
     element("loop-measured").disabled = !loops.length;
     const widest = Math.max(0, ...loops.map((x) => (Math.max(...x.displacement) - Math.min(...x.displacement)) / 2));

@@ -1,7 +1,7 @@
 // View 3: velocity, deflection, torque and error over time, for a sine, a step, or the measured run.
 "use strict";
 explorer.views.response = (() => {
-  const { array, element, fill, identified, joint, label, option, pair, shown, text, titles, unitOf } = explorer;
+  const { array, effort, element, fill, identified, joint, label, option, pair, shown, text, titles, unitOf } = explorer;
   const SAMPLES = 2000; // of a simulated motion
   let kept = { joint: -1 };
 
@@ -51,10 +51,10 @@ explorer.views.response = (() => {
     label("velocity", "Velocity over time.");
     label("deflection", "Deflection of the bristle over time.");
     label("error", of ? "Measured less modelled torque over time." : "Torque of these values less that of the identified ones over time.");
-    const T = `(${unitOf("torque")})`, name = joint().effort[0].toUpperCase() + joint().effort.slice(1);
+    const T = `(${unitOf("torque")})`;
     titles("velocity", "", `Velocity (${unitOf("velocity")})`);
     titles("deflection", "", `z (${unitOf("position")})`);
-    titles("torque", "", `${name} ${T}`);
+    titles("torque", "", effort());
     titles("error", "Time (s)", of ? `Error ${T}` : `Difference ${T}`);
   }
 

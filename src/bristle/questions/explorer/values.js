@@ -1,7 +1,7 @@
 // View 6: the values as YAML, as JSON, and as a link whose numbers are parsed and clamped when it is opened.
 "use strict";
 explorer.views.values = (() => {
-  const { clamped, element, joint, known, option, options, say, set, sliders, state, text, unitOf } = explorer;
+  const { clamped, element, joint, option, options, row, say, set, sliders, state, text, unitOf } = explorer;
 
   const fields = () => bristle.laws[joint().law].FIELDS;
 
@@ -80,17 +80,11 @@ explorer.views.values = (() => {
 
   function draw() {
     const rows = fields().map((name) => {
-      const row = document.createElement("tr"), head = document.createElement("th");
-      head.scope = "row";
-      head.textContent = explorer.settings.symbols[name];
-      row.append(head);
-      for (const d of ["+", "-"]) {
+      const cells = ["+", "-"].flatMap((d) => {
         const own = joint().directions.includes("both") ? "both" : d, x = state.values[own]?.[name], identified = set().values[own]?.[name].value;
-        const change = identified ? `${explorer.shown(100 * (x / identified - 1), 3)} %` : "–";
-        for (const words of [explorer.shown(x, 6), change]) row.append(Object.assign(document.createElement("td"), { textContent: words }));
-      }
-      row.append(Object.assign(document.createElement("td"), { textContent: unitOf(name) }));
-      return row;
+        return [explorer.shown(x, 6), identified ? `${explorer.shown(100 * (x / identified - 1), 3)} %` : "–"];
+      });
+      return row(explorer.settings.symbols[name], [...cells, unitOf(name)]);
     });
     element("value-rows").replaceChildren(...rows);
     text("as-yaml", yaml(current()));

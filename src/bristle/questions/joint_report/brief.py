@@ -1,7 +1,8 @@
-"""The short fit report: of each joint the values to use, whether to trust them and why not, and what it is warned of."""
+"""What the command line prints: the short fit report, and fits, segments, laws and cross-checks, a line each."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from math import inf, isfinite
 
 import numpy as np
@@ -9,8 +10,9 @@ import numpy as np
 from bristle.errors import InputError
 from bristle.findings import Finding, Severity
 from bristle.identification.curve import stated_curve
-from bristle.identification.fits import Estimate, TrackingFit
+from bristle.identification.fits import Crosscheck, Estimate, TrackingFit
 from bristle.identification.known_joint import Known, Source, as_identified, chosen, value_fits
+from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.identification.shared_findings import NOT_IDENTIFIABLE
 from bristle.identification.verdict import other_warnings, value_warnings, verdict
@@ -18,8 +20,10 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, of_curve, of_friction, unit
 from bristle.page.plain import columns, in_unit, interval, pair, wrapped
+from bristle.page.said import with_places
 from bristle.page.wording import FITS, counted, number, printable, shortened
-from bristle.questions.joint_report.sentences import known_to
+from bristle.questions.joint_report.sentences import cost_change, held_out, known_to
+from bristle.questions.joint_report.tables import WAYS, interval_rows
 
 LINES = 3
 """Of findings that are not critical."""
@@ -44,8 +48,8 @@ def verdicts(joints: Sequence[Joint]) -> Iterator[str]:
     """Whether to use each joint's values, why not, and the largest hold-out error: a line each."""
     rows = [("joint", "its values", "friction to", "reason", "hold-out error")]
     for joint in joints:
-        found, held = verdict(joint), [x.relative_error for fit in value_fits(joint) for x in fit.hold_out]
-        error, known = f"{number(max(held), 2)} %" if held else "-", joint.accuracy
+        found, held, known = verdict(joint), held_out(joint), joint.accuracy
+        error = "-" if held is None else f"{number(held, 2)} %"
         to = "-" if known is None or not isfinite(known.band) else f"+/- {number(known.band, 2)} %"
         rows.append((shortened(joint.name, 32), str(found.trust), to, _code(found.reason), error))
     yield from columns(rows, indent=0)
@@ -96,10 +100,7 @@ def _curve(joint: Joint) -> Iterator[str]:
     yield f"  friction: {law}{'; '.join(told)}"
 
 
-_MADE_EVEN = {
-    "samples-uneven": "interpolated at even times",
-    "stamps-jitter": "stamps that jitter made even",
-}
+_MADE_EVEN = {"samples-uneven": "interpolated at even times", "stamps-jitter": "stamps that jitter made even"}
 """What was done to samples, by the code of its note."""
 
 
@@ -144,7 +145,8 @@ def _values(joint: Joint) -> Iterator[str]:
         there = {d for own, d in names if own == of_law}
         if Direction.BOTH not in there:
             names |= {ParameterName(of_law, d) for d in ways - there - ({Direction.BOTH} if there else set())}
-    for name in sorted(names, key=_place):
+    place = {name: k for k, name in enumerate(Lugre._fields)}
+    for name in sorted(names, key=lambda x: ([*Direction].index(x.direction), place.get(x.name, len(place)), x.name)):
         row = rows.get(name)
         if row is not None and (row.estimate.value is not None or _bounded(row.estimate)):
             cells.append(_cells(row))
@@ -152,13 +154,11 @@ def _values(joint: Joint) -> Iterator[str]:
             value = in_unit(f"{fixed[name]:.6g}", unit(name.name, joint.kind))
             cells.append((str(name), value, "", "experiment file"))
         else:
-            if row is None:
-                runs = "constant velocities" if of_curve(name.name) else "slow loading"
-                why = f"not measured; {runs} or tracking runs would show them"
-            else:
-                unseen = any(
-                    w.code in NOT_IDENTIFIABLE or w.severity is not Severity.NOTE for w in row.estimate.warnings
-                )
+            runs = "constant velocities" if of_curve(name.name) else "slow loading"
+            why = f"not measured; {runs} or tracking runs would show them"
+            if row is not None:
+                warnings = row.estimate.warnings
+                unseen = any(w.code in NOT_IDENTIFIABLE or w.severity is not Severity.NOTE for w in warnings)
                 why = "not identifiable" if unseen else "not estimated (--full says why)"
             missing.setdefault(name.direction, {}).setdefault(why, []).append(str(name))
     yield from columns(cells) if len(cells) > 1 else ()
@@ -168,12 +168,6 @@ def _values(joint: Joint) -> Iterator[str]:
         uncertain, rest = " and ".join(joint.uncertain_constants), joint.torque_scale.numbers.get("rest", "")
         said = f"Standard errors include that of {uncertain}{rest}." if uncertain else str(joint.torque_scale)
         yield from wrapped([f"  {printable(said)}"])
-
-
-def _place(name: ParameterName) -> tuple[int, int, str]:
-    order = Lugre._fields
-    at = order.index(name.name) if name.name in order else len(order)
-    return list(Direction).index(name.direction), at, name.name
 
 
 def _bounded(e: Estimate) -> bool:
@@ -197,8 +191,8 @@ def _cells(row: Known) -> tuple[str, ...]:
 
 def _sentence(joint: Joint, warning: Finding) -> list[str]:
     """A warning with its code, and with what it is about, fit by fit."""
-    about = dict.fromkeys(" ".join(x.subject) for x in joint.all_warnings() if x == warning and x.subject)
-    where = f" ({printable(', '.join(about))})" if about else ""
+    ((about, _),) = with_places((x for x in joint.all_warnings() if x == warning), str) or [("", warning)]
+    where = f" ({printable(about)})" if about else ""
     return list(wrapped([f"  {warning.severity} {_code(warning)}{where}: {printable(str(warning))}"]))
 
 
@@ -219,3 +213,85 @@ def _rest(joint: Joint, reason: Finding | None) -> Iterator[str]:
         told = [f"{counted(len(more), 'more finding')} about these values ({codes})"] * bool(more)
         told += [f"{counted(others, 'finding')} about other fits and segments"] * bool(others)
         yield from wrapped([f"  {' and '.join(told)}: --full"])
+
+
+def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
+    """Whether to use each joint's values; then to what its friction is known, and why it is not to be used where it is not."""
+    yield from verdicts(joints)
+    for joint in joints:
+        why = verdict(joint).reason
+        yield f"{joint.name}: {known_to(joint, '+/-')}{f' {why.flagged}' if why else ''}"
+
+
+def checks(joint: Joint) -> Iterator[str]:
+    """Each fit of a joint beside a full nonlinear one on the same data."""
+    for direction, check in joint.crosscheck.items():
+        yield from _check(f"{joint.name} {direction}", "the grid", check, direction)
+    if joint.tracking is not None and joint.tracking.crosscheck is not None:
+        yield from _check(f"{joint.name}, moving runs", "Gauss-Newton", joint.tracking.crosscheck)
+    elif joint.tracking is not None:
+        yield f"{joint.name}, moving runs: a simulated position has no second route; it was not checked"
+
+
+def law_lines(joints: Sequence[Joint]) -> Iterator[str]:
+    """The friction laws side by side, joint by joint, the lowest BIC first; then which the data want, and why.
+
+    Parameters fitted, BIC and AICc above the lowest, errors at speeds (and runs) that were left out, and the weight.
+    """
+    for joint in joints:
+        found = joint.laws
+        if found is None:
+            yield f"{printable(joint.name)}: friction laws were not compared; too few points or samples for any but the paper's"
+            continue
+        yield f"{printable(joint.name)}: friction laws on {counted(found.n, 'point' if found.data == 'points' else 'sample')}"
+        by_run = any(row.run_left_out is not None for row in found.rows)
+        rows = [("law", "parameters", "BIC", "AICc", *("left out", "runs")[: 1 + by_run], "weight", "")]
+        for row in sorted(found.rows, key=lambda row: row.bic):
+            errors = (row.left_out, row.run_left_out)[: 1 + by_run]
+            left = ["-" if x is None else f"{x:.3g} %" for x in errors]
+            bic, aicc = f"+{row.bic:.1f}", "-" if row.aicc is None else f"+{row.aicc:.1f}"
+            told = "in use" if row.in_force else "wanted" if row.chosen else ""
+            rows.append((row.law, str(row.parameters), bic, aicc, *left, f"{100 * row.weight:.0f} %", told))
+        yield from columns(rows)
+        yield from wrapped([f"  {printable(str(found.sentence))}"])
+
+
+def _check(title: str, first: str, check: Crosscheck, direction: str = "") -> Iterator[str]:
+    yield f"{title}: {check.verdict}"
+    if not check.agrees:
+        yield f"  cost: {cost_change(check, first)}"
+    for name, value in check.parameters.items():
+        distance = check.difference_in_se.get(name)
+        apart = "" if distance is None else f" {distance:+.1e} standard errors from {first}"
+        yield f"  {name.within(direction):<12} {value:<12.4g}{apart}"
+
+
+def interval_lines(joints: Sequence[Joint]) -> Iterator[str]:
+    """Each parameter's 95 % interval three ways, fit by fit, and the warnings about them, each once."""
+    for joint in joints:
+        for fit, rows in groupby(interval_rows(joint), key=lambda row: row.fit):
+            own = [*rows]
+            yield f"{printable(joint.name)}, {FITS.get(fit, fit)}: 95 % intervals"
+            cells = [(x.estimate.unit, (x.name, *(interval(getattr(x.three, way)) for way in WAYS))) for x in own]
+            for si in dict.fromkeys(si for si, _ in cells):
+                yield from columns([(si, *WAYS), *(row for of, row in cells if of == si)], indent=0)
+            said = {warning: x.name for x in own for warning in x.three.warnings}
+            yield from (f"  {name}: {printable(warning.flagged)}" for warning, name in said.items())
+
+
+def segment_lines(measured: Measured) -> Iterator[str]:
+    """What each run holds: its notes, and its candidate segments, kept or rejected with their reasons."""
+    v, T = (unit(name, measured.experiment.joint.kind) for name in ("velocity", "torque"))
+    for recorded, found in zip(measured.runs, measured.segments, strict=True):
+        record = recorded.record
+        yield f"{record.file} ({recorded.kind}{', held out' if recorded.hold_out else ''}): {record.rows} rows, {record.dropped} dropped"
+        yield from (f"    {note.flagged}" for note in (*record.notes, *record.warnings))
+        told = [s for s in found if not any(reason.code == "transient" for reason in s.reasons)]
+        for s in told:
+            values = f"{s.velocity:.4g} {v}, {pair(s.torque, s.standard_error)} {T}"
+            yield f"  {'kept    ' if s.accepted else 'rejected'} {s.where}: {values}"
+            yield from (f"           {reason.coded}" for reason in (*s.reasons, *s.warnings))
+        if passing := len(found) - len(told):
+            yield f"  rejected {counted(passing, 'transient')} from one speed to another"
+    kept = sum(s.accepted for found in measured.segments for s in found)
+    yield f"{kept} of {sum(map(len, measured.segments))} candidates kept."

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from bristle.identification.results import Joint
 from bristle.page.page import Drawing, begun
-from bristle.questions.joint_report import dynamic_figures, interval_sections, presliding_figures, static_figures
+from bristle.questions.joint_report import interval_sections, moving, presliding, static_figures
 from bristle.workers import Share
 
 DRAW: dict[str, Callable[[Joint], Figure | None]] = {
@@ -15,18 +15,19 @@ DRAW: dict[str, Callable[[Joint], Figure | None]] = {
     "curve": static_figures.curve_figure,
     "profile": static_figures.profile_figure,
     "residuals": static_figures.residuals_figure,
-    "presliding": presliding_figures.presliding_figure,
-    "hysteresis": presliding_figures.hysteresis_figure,
-    "tracking": dynamic_figures.course_figure,
-    "tracking-velocity": dynamic_figures.velocity_figure,
-    "tracking-load": dynamic_figures.load_figure,
+    "presliding": presliding.presliding_figure,
+    "hysteresis": presliding.hysteresis_figure,
+    "tracking": moving.course_figure,
+    "tracking-velocity": moving.velocity_figure,
+    "tracking-load": moving.load_figure,
 }
+_LABELS = {"small": "small curve", "tracking-velocity": "tracking over velocity", "tracking-load": "tracking over load"}
 
 
 def drawings(joint: Joint, share: Share = map) -> dict[str, Drawing]:
     """Each by its kind, which is its name here, without a caption; whoever shares the work begins to draw."""
     found = {
-        kind: Drawing(partial(draw, joint), kind, f"{kind.replace('-', ' over ')} of {joint.name}")
+        kind: Drawing(partial(draw, joint), kind, f"{_LABELS.get(kind, kind)} of {joint.name}")
         for kind, draw in DRAW.items()
         if joint.static or kind not in ("small", "curve")  # others draw nothing where there is nothing to draw
     }

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from itertools import groupby
 
 import numpy as np
 import pandas as pd
@@ -35,16 +35,17 @@ _FEW = 20
 
 def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     """A table per fit with each interval in one cell, the scatter of the runs, and a figure per fit."""
-    every, by_fit = list(interval_rows(joint)), dict[str, list[tuple[Any, ...]]]()
-    for x in every:
-        ends = (span(getattr(x.three, way)) for way in WAYS)
-        cells = (x.name, x.estimate.value, *ends, x.estimate.unit, " ".join(map(in_print, x.three.warnings)))
-        by_fit.setdefault(FITS.get(x.fit, x.fit), []).append(cells)
-    columns = ["parameter", "value", *WAYS, "unit", "warnings"]
-    sections = [
-        Section("", table=Table("uncertainty", fit.capitalize(), part=pd.DataFrame(own, columns=columns)), form="part")
-        for fit, own in by_fit.items()
-    ]
+    every, sections = list(interval_rows(joint)), list[Section]()
+    for fit, own in groupby(every, key=lambda row: FITS.get(row.fit, row.fit)):
+        cells = [
+            (
+                x.name, x.estimate.value, *(span(getattr(x.three, way)) for way in WAYS), x.estimate.unit,
+                " ".join(map(in_print, x.three.warnings)),
+            )
+            for x in own
+        ]  # fmt: skip  # one row
+        frame = pd.DataFrame(cells, columns=["parameter", "value", *WAYS, "unit", "warnings"])
+        sections.append(Section("", table=Table("uncertainty", fit.capitalize(), part=frame), form="part"))
     missing = [FITS[kind] for kind, fit in moving_fits(joint).items() if not fit.uncertainty]
     if missing and every:
         add = "Their profiles and bootstrap take time: bristle report … --uncertainty adds them."
@@ -106,7 +107,7 @@ def uncertainty_figure(joint: Joint, own: Sequence[IntervalRow]) -> Figure:
     for ax, row in zip(axes.ravel(), own, strict=False):
         _panel(ax, row)
     for ax in axes[:, 0]:
-        ax.set_ylabel("Change of cost (95 % thresholds)")
+        ax.set_ylabel("Change of cost (thresholds)")
     title(axes[0, 0], f"{joint.name}, {FITS.get(own[0].fit, own[0].fit)}", joint.simulated)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=3, bbox_to_anchor=(0.5, 0.0))

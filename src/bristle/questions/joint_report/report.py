@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib import resources
+from itertools import compress
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -22,12 +23,12 @@ from bristle.page.plain import in_unit
 from bristle.page.report import Answer, Answered, Cell, Page, Report, Section, Table
 from bristle.page.said import Link, Mark, Said
 from bristle.page.wording import FITS, counted, direction, in_print, in_symbols, measured, number, pretty, slugs, span
-from bristle.questions.joint_report import dynamic_sections, presliding_sections, static_sections, tables
+from bristle.questions.joint_report import moving, presliding, static_sections, tables
 from bristle.questions.joint_report.brief import law_in_force
 from bristle.questions.joint_report.figures import drawings
 from bristle.questions.joint_report.interval_sections import INTRO, intervals
 from bristle.questions.joint_report.next_measurements import next_measurements
-from bristle.questions.joint_report.sentences import choice, known_to
+from bristle.questions.joint_report.sentences import choice, friction_left, held_out, known_to
 from bristle.questions.joint_report.static_figures import FIG_1, FIG_1_V_S, stribeck_figure
 
 _Figures = Mapping[str, Drawing]
@@ -140,9 +141,9 @@ def _of_joint(joint: Joint, figures: _Figures) -> list[Section]:
         ended.append((direction(d), f"{in_print(fit.outcome)} {left}"))
     for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
         ended.append((f"presliding {direction(d)}", in_print(choice(slow))))
-    for kind, moving in moving_fits(joint).items():
-        left = error(counted(moving.n, "equation"), moving.relative_error)
-        ended.append((FITS[kind], f"{in_print(moving.outcome)} {left}"))
+    for kind, run in moving_fits(joint).items():
+        left = error(counted(run.n, "equation"), run.relative_error)
+        ended.append((FITS[kind], f"{in_print(run.outcome)} {left}"))
     if joint.torque_scale:
         ended.append(("torque", in_print(joint.torque_scale)))
     inside = tables.table_1([joint])["inside"].dropna().astype(bool)
@@ -151,7 +152,7 @@ def _of_joint(joint: Joint, figures: _Figures) -> list[Section]:
         more = together * bool(inside.mean() < 0.8)
         ended.append(("truth", f"{inside.sum()} of {len(inside)} true values lie inside their 95 % intervals{more}."))
     drawn = static_sections.curve_and_residuals(joint, figures) if joint.static else ()
-    course = dynamic_sections.course(joint, figures)
+    course = moving.course(joint, figures)
     critical = tuple(x for x in joint.all_warnings() if x.severity is CRITICAL)
     trusted: tuple[Said, ...] = (_mark(joint), *filter(None, (verdict(joint).reason,)))
     sections = [
@@ -193,7 +194,7 @@ def _answer(
         rows = known[joint.name]
         used = {row.source for p, row in rows.items() if row.estimate.value is not None and of_friction(p.name)}
         source = FITS.get(only, only) if len(used) == 1 and (only := next(iter(used))) else ""
-        line: list[Said] = [_mark(joint), known_to(joint), *filter(None, (verdict(joint).reason,))]
+        line: list[Said] = [_mark(joint), known_to(joint, beside=True), *filter(None, (verdict(joint).reason,))]
         if source:
             line.append(f"From the {source}{'' if source in FITS.values() else ' stage'}.")
         if joint.name in worth:
@@ -217,7 +218,10 @@ def _answer(
             lines.append(("+/−" if d == Direction.BOTH else direction(d).strip("()"), tuple(cells)))
         shown = f"{joint.name}{' (SIMULATED)' * (joint.simulated and mixed)}"
         place = Link(shown, f"joints.html#{known_as[joint.name]}--joint")
-        things.append(Answered(place, tuple(line), tuple(lines), figures[joint.name].get("small")))
+        things.append(Answered(place, tuple(line), tuple(lines), _beside(joint, figures[joint.name])))
+    # Of what stands beside the values only what is known of some joint.
+    seen = [any(cell != Cell() for cell in column) for column in zip(*(x.whole for x in things), strict=True)]
+    things = [x._replace(whole=tuple(compress(x.whole, seen))) for x in things]
     columns = tuple((name, "" if common.get(name) == "1" else common.get(name, "")) for name in names)
 
     missing = any(cell.value == _NONE for x in things for _, cells in x.rows for cell in cells)
@@ -230,11 +234,30 @@ def _answer(
         f"{'; n.i.: not identifiable from these data' * missing}. "
         f"{other * other_law}{'All others' if other_law else 'All'} are positive in both directions: α₀ Coulomb, α₁ "
         f"Stribeck amplitude (breakaway is α₀ + α₁{loaded}), α₂ viscous friction, vₛ Stribeck velocity, σ₀ and σ₁ "
-        "bristle stiffness and damping. Joint fit: of all runs at once. Held out: error of the torque on runs that "
-        "were not fitted, relative to its norm."
+        "bristle stiffness and damping. Joint fit: of all runs at once."
+        f"{_HELD * seen[0]}{_LEFT * seen[1]}"
         f"{' The inertia of a joint with known links is what it has beside them: the rotor’s.' * linked}"
     )
-    return Answer("dir.", columns, tuple(things), "curve", how)
+    return Answer("dir.", columns, tuple(things), tuple(compress(_BESIDE, seen)), how)
+
+
+_BESIDE = ("hold-out error", "compensation leaves", "curve")
+_HELD = " Hold-out error: of the torque on runs that were not fitted, relative to its norm."
+_LEFT = (
+    " Compensation leaves: how much of friction remains on the joint’s own runs once that of these values is fed "
+    "forward, at most: the error of the torque relative to friction alone, 100 % without compensation."
+)
+
+
+def _beside(joint: Joint, figures: _Figures) -> tuple[Cell | Drawing, ...]:
+    """Of `_BESIDE` what is known of a joint, as far as its results tell: nothing is computed for the page."""
+    held, left = held_out(joint), friction_left(joint)
+    runs = "fitted" if held is None else "held-out"
+    return (
+        Cell() if held is None else Cell(f"{number(held, 2)} %"),
+        Cell() if left is None else Cell(f"{number(left, 2)} %", ("of friction", f"in {runs} runs")),
+        figures.get("small") or Cell(),
+    )
 
 
 def _cell(row: Known | None, common: Mapping[str, str], source: str) -> Cell:
@@ -318,11 +341,11 @@ _PAGES: tuple[tuple[Any, ...], ...] = (
         "Numbers in brackets, as (9), are equations of the paper; the page on the method has them.",
     ),
     (
-        "presliding.html", "Presliding", "stiffness, breakaway and hysteresis from slow loading", presliding_sections.presliding,
+        "presliding.html", "Presliding", "stiffness, breakaway and hysteresis from slow loading", presliding.presliding,
         "While a joint loads slowly from rest, the bristle bends before anything slides: torque / displacement gives "
         "its stiffness σ₀, by four methods.",
     ),
-    ("moving.html", "Moving runs", "all parameters at once", dynamic_sections.moving),
+    ("moving.html", "Moving runs", "all parameters at once", moving.moving),
     ("checks.html", "Cross-checks", "the same numbers by other routes, and other models", static_sections.checks),
     ("uncertainty.html", "Uncertainty", "each interval three ways", intervals, INTRO),
     ("data.html", "Data", "files, segments and settings", _data),

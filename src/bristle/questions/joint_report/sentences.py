@@ -14,9 +14,12 @@ BIASED = 0.1
 """Of a standard error: what encoder counts add is named where it is more."""
 
 
-def known_to(joint: Joint, plus_minus: str = "±") -> str:
-    """To what friction is known, over which speeds, and what the fit leaves of the torque: the first line of an answer."""
-    fits, known = value_fits(joint), joint.accuracy
+def known_to(joint: Joint, plus_minus: str = "±", *, beside: bool = False) -> str:
+    """To what friction is known, over which speeds, and what the fit leaves of the torque: the first line of an answer.
+
+    `beside`: held-out errors, and what is left of friction, stand beside it.
+    """
+    known = joint.accuracy
     if known is None:
         told = any(row.parameter.name == "alpha_0" and row.estimate.value for row in chosen(joint))
         return "How well its friction is known was not computed." if told else "No friction vs velocity is known."
@@ -28,14 +31,41 @@ def known_to(joint: Joint, plus_minus: str = "±") -> str:
     speeds = f"{'from' if len(ends) > 1 else 'at'} {' to '.join(ends)} {unit('v_s', joint.kind)}"
     if any(w.code == "commands-at-once" for w in value_warnings(joint)):
         speeds += ", ASSUMED commands are not held between samples"
-    held = [x.relative_error for fit in fits for x in fit.hold_out]
-    left = held or [fit.relative_error for fit in fits if fit.relative_error is not None]
-    what = (
-        "position" if any(isinstance(x, TrackingFit) and x.quantity == "position" for x in fits) else effort(joint.kind)
-    )
-    of_friction = f" ({number(max(left) / known.share, 2)} % of friction)" if left and known.share < 0.5 else ""
-    rest = f"; {'held-out' if held else 'fitted'} {what} within {number(max(left), 2)} %{of_friction}" if left else ""
+    held = held_out(joint)
+    left = error_left(joint)
+    if left is None or (beside and held is not None):
+        return f"Friction known {to} {speeds}{need}."
+    what = "position" if _of_position(joint) else effort(joint.kind)
+    of_friction = friction_left(joint) if known.share < 0.5 and not beside else None
+    share = "" if of_friction is None else f" ({number(of_friction, 2)} % of friction)"
+    rest = f"; {'fitted' if held is None else 'held-out'} {what} within {number(left, 2)} %{share}"
     return f"Friction known {to} {speeds}{need}{rest}."
+
+
+def held_out(joint: Joint) -> float | None:
+    """The largest relative error of the values to use on runs that were not fitted, percent; None where there are none."""
+    return max((x.relative_error for fit in value_fits(joint) for x in fit.hold_out), default=None)
+
+
+def error_left(joint: Joint) -> float | None:
+    """`held_out`, else the largest relative error on the fitted runs themselves."""
+    fitted = (fit.relative_error for fit in value_fits(joint) if fit.relative_error is not None)
+    held = held_out(joint)
+    return max(fitted, default=None) if held is None else held
+
+
+def friction_left(joint: Joint) -> float | None:
+    """What compensation by the values to use leaves of friction on the joint's own runs, at most: percent, root mean square.
+
+    `error_left` relative to friction in place of the torque; None where either is not known, or a position is predicted.
+    """
+    left, known = error_left(joint), joint.accuracy
+    return None if left is None or known is None or not known.share or _of_position(joint) else left / known.share
+
+
+def _of_position(joint: Joint) -> bool:
+    """Whether the fit of the values to use predicts a position."""
+    return any(isinstance(fit, TrackingFit) and fit.quantity == "position" for fit in value_fits(joint))
 
 
 def pair(e: Estimate) -> str:

@@ -17,8 +17,8 @@ from bristle.identification.known_joint import as_identified
 from bristle.identification.results import Joint
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Kind, Lugre, Stribeck, bends_down, static_of, unit
-from bristle.page.style import DIRECTION, LINES, Look, decimal_log, new_figure, styled, thinned, title
-from bristle.page.wording import axis, direction, pretty, shortened
+from bristle.page.style import DIRECTION, LINES, Look, decimal_log, new_figure, panels, styled, thinned
+from bristle.page.wording import axis, direction, number, pretty, shortened
 
 FIG_1 = Lugre(0.0194, 0.0055, 0.0394, 0.072, 20.0, 0.02)
 """The parameters of the paper's Fig. 1."""
@@ -48,16 +48,14 @@ def stribeck_figure() -> Figure:
             label = f"{'' if sign > 0 else '_'}vₛ = {v_s} rad/s (assumed)"
             ax.plot(v, curve(v, FIG_1.stribeck._replace(v_s=v_s)), line, color=shade, label=label)
     ax.legend(loc="lower right")
-    _label(ax, axis("velocity", "revolute"), axis("torque", "revolute", "friction"))
+    ax.set(xlabel=axis("velocity", "revolute"), ylabel=axis("torque", "revolute", "friction"))
     return figure
 
 
 @styled
 def curve_figure(joint: Joint) -> Figure:
     """Fig. 4 for a joint: points with error bars, fitted curve and 95 % band; below, both directions as magnitudes over log speed."""
-    figure = new_figure(6.2)
-    whole, slow = figure.subplots(2)
-    title(whole, joint.name, joint.simulated)
+    figure, (whole, slow) = panels(6.2, joint.name, joint.simulated, 2)
     # Rejected segments as crosses, accepted ones that were not fitted (held out) as diamonds.
     fitted = {s.place for _, fit in _directions(joint) for s in fit.segments}
     groups = (
@@ -82,18 +80,21 @@ def curve_figure(joint: Joint) -> Figure:
             x, y = (np.abs(v), torque * np.sign(v)) if magnitude else (v, torque)
             ax.plot(x, y, "o", color="black", markerfacecolor="none", markersize=11, label="stray, named")
     decimal_log(slow)
-    _label(whole, axis("velocity", joint.kind), axis("torque", joint.kind, "friction"))
-    _label(slow, axis("velocity", joint.kind, "magnitude of"), axis("torque", joint.kind, "magnitude of"))
-    _legend(whole)
+    whole.set(xlabel=axis("velocity", joint.kind), ylabel=axis("torque", joint.kind, "friction"))
+    slow.set(xlabel=axis("velocity", joint.kind, "magnitude of"), ylabel=axis("torque", joint.kind, "magnitude of"))
+    if whole.get_legend_handles_labels()[0]:
+        whole.legend(loc="best")
     return figure
 
 
 @styled
 def small_figure(joint: Joint) -> Figure:
-    """The same in little, without scales: points and curve."""
-    figure = Figure(figsize=(1.9, 0.95))
+    """The same in little: points, curve, and how far the axes go, where no friction is drawn: against the motion."""
+    figure = Figure(figsize=(2.1, 1.05))
     ax = figure.add_axes((0.02, 0.04, 0.96, 0.92))
     _frame(ax, joint)
+    for limits, set_limits in ((ax.get_xlim(), ax.set_xlim), (ax.get_ylim(), ax.set_ylim)):
+        set_limits(-max(map(abs, limits)), max(map(abs, limits)))
     for d, fit in _directions(joint):
         look, k = DIRECTION[d], thinned(fit.velocity.size, 60)
         v, torque, label = fit.velocity[k], fit.torque[k], f"_fitted {direction(d)}"
@@ -102,6 +103,25 @@ def small_figure(joint: Joint) -> Figure:
             _curve(ax, fit, look, sign, magnitude=False)
     ax.axhline(0, color="#666666", linewidth=0.5, label="_zero")
     ax.axvline(0, color="#666666", linewidth=0.5, label="_zero")
+    if fits := [fit for _, fit in _directions(joint) if fit.velocity.size]:
+        v, torque = (
+            max(float(np.abs(x).max()) for x in own)
+            for own in zip(*((f.velocity, f.torque) for f in fits), strict=True)
+        )
+        ax.plot([v, 0], [0, torque], "+", color="#666666", markersize=5, label="_scale")
+        speed, effort = (pretty(unit(name, joint.kind)) for name in ("velocity", "torque"))
+        ax.annotate(
+            f"{number(v, 2)} {speed}", (v, 0), (3, -3), textcoords="offset points", ha="right", va="top", fontsize=9
+        )
+        ax.annotate(
+            f"{number(torque, 2)} {effort}",
+            (0, torque),
+            (-6, 2),
+            textcoords="offset points",
+            ha="right",
+            va="top",
+            fontsize=9,
+        )
     ax.set_axis_off()
     return figure
 
@@ -217,9 +237,7 @@ def profile_figure(joint: Joint) -> Figure | None:
     shown = [(d, fit, fit.profile) for d, fit in _directions(joint) if fit.profile is not None]
     if not shown:
         return None
-    figure = new_figure(0.4 + 2.9 * len(shown))
-    axes = figure.subplots(len(shown), squeeze=False)[:, 0]
-    title(axes[0], joint.name, joint.simulated)
+    figure, axes = panels(0.4 + 2.9 * len(shown), joint.name, joint.simulated, len(shown))
     for ax, (d, fit, p) in zip(axes, shown, strict=True):
         look, left, right = DIRECTION[d], float(p.near_v_s[0]), float(p.near_v_s[-1])
         plain = (p.plain_v_s >= left) & (p.plain_v_s <= right)
@@ -240,8 +258,8 @@ def profile_figure(joint: Joint) -> Figure | None:
         height = top - p.best_cost
         ax.set_ylim(p.best_cost - 0.08 * height, top + 0.05 * height)
         cost_unit = f"({pretty(unit('torque', joint.kind))})²"
-        _label(ax, f"vₛ {direction(d)} ({pretty(unit('v_s', joint.kind))})", f"Cost Jₛ ({cost_unit})")
-    _legend(axes[0])
+        ax.set(xlabel=f"vₛ {direction(d)} ({pretty(unit('v_s', joint.kind))})", ylabel=f"Cost Jₛ ({cost_unit})")
+    axes[0].legend(loc="best")
     return figure
 
 
@@ -253,9 +271,7 @@ def residuals_figure(joint: Joint) -> Figure | None:
     shown = [q for q in quantities if any(getattr(fit, q).size == fit.residuals.size for _, fit in fits)]
     if not fits:
         return None
-    figure = new_figure(0.5 + 2.1 * len(shown))
-    axes = figure.subplots(len(shown), sharey=True, squeeze=False)[:, 0]
-    title(axes[0], joint.name, joint.simulated)
+    figure, axes = panels(0.5 + 2.1 * len(shown), joint.name, joint.simulated, len(shown), sharey=True)
     for ax, quantity in zip(axes, shown, strict=True):
         ax.axhline(0.0, color="#666666", linewidth=0.8, label="_zero")
         for d, fit in fits:
@@ -264,7 +280,7 @@ def residuals_figure(joint: Joint) -> Figure | None:
                 size = 2 if k.size > 100 else 5
                 look = DIRECTION[d]
                 ax.plot(x[k], fit.residuals[k], look.marker, color=look.colour, markersize=size, label=direction(d))
-        _label(ax, axis(quantity, joint.kind), axis("torque", joint.kind, "residual"))
+        ax.set(xlabel=axis(quantity, joint.kind), ylabel=axis("torque", joint.kind, "residual"))
     axes[0].margins(y=0.35)  # room for the legend
     axes[0].legend(loc="upper right", ncols=2)
     return figure
@@ -290,7 +306,7 @@ def inspect_figure(records: Sequence[Record], segments: Sequence[Segment], kind:
             for s in own:
                 ends = float(record.time[s.start]), float(record.time[min(s.stop, record.time.size) - 1])
                 ax.axvspan(*ends, **_SHADES[_shade_of(s)])
-            _label(ax, axis("time", kind), axis(quantity, kind))
+            ax.set(xlabel=axis("time", kind), ylabel=axis(quantity, kind))
         row[0].set_title(shortened(record.file, 48, end=True), loc="left")
         kept = f"{sum(s.accepted for s in own)} of {len(own)} segments kept"
         row[1].set_title(kept if own else "not a ramp run, so not cut into segments", loc="left")
@@ -303,13 +319,3 @@ def inspect_figure(records: Sequence[Record], segments: Sequence[Segment], kind:
 
 def _shade_of(s: Segment) -> str:
     return "rejected" if not s.accepted else "kept, stick-slip" if s.stick_slip else "kept"
-
-
-def _label(ax: Axes, x: str, y: str) -> None:
-    ax.set_xlabel(x)
-    ax.set_ylabel(y)
-
-
-def _legend(ax: Axes) -> None:
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend(loc="best")

@@ -31,8 +31,7 @@ def parameters(joint: Joint) -> Iterator[Section]:
     extra = sorted({name for fit in joint.static.values() for name in fit.parameters if not of_curve(name)})
     notes = ["True: the value that was simulated; inside: whether the 95 % interval covers it."] * bool(joint.truth)
     if extra:
-        together = f"Fitted together with friction: {', '.join(extra)}."
-        notes.append(f"{together} They are subtracted from the torque in the figures.")
+        notes.append(f"Fitted with friction, and subtracted from the torque in the figures: {', '.join(extra)}.")
     title, note = f"Parameters of {joint.name}", " ".join(notes)
     if joint.presliding is None and joint.tracking is None:
         yield Section("", table=Table("parameters", title, part=own, note=note), form="part")

@@ -1,13 +1,15 @@
 """Results as tables: each function makes one DataFrame, which the page shows and `tables/*.csv` holds."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import wraps
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from bristle.identification.fits import Estimate, PreslidingFit, RunScatter, StaticFit, TrackingFit, Uncertainty
+from bristle.identification.fits import Estimate, PreslidingFit, RunScatter, Uncertainty
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName, unit
@@ -17,6 +19,28 @@ from bristle.questions.joint_report.sentences import methods
 
 WAYS = ("covariance", "profile", "bootstrap")
 """In which an interval is found."""
+_Rows = Iterator[tuple[Any, ...]]
+_Maker = Callable[[Sequence[Joint]], pd.DataFrame]
+
+
+def _table(columns: str) -> Callable[[Callable[[Joint], _Rows]], _Maker]:
+    """Makes of what gives the rows of one joint the table of several, the joint's name first.
+
+    A column of numbers is marked by a #, one of true and false by a ?: it is of these, whatever is missing in it.
+    """
+    names, kinds = columns.replace("#", "").replace("?", "").split(), {"#": float, "?": bool}
+    dtypes = {name[:-1]: kinds[name[-1]] for name in columns.split() if name[-1] in kinds}
+
+    def of(rows: Callable[[Joint], _Rows]) -> _Maker:
+        @wraps(rows)
+        def made(joints: Sequence[Joint]) -> pd.DataFrame:
+            """The table."""
+            found = [(joint.name, *row) for joint in joints for row in rows(joint)]
+            return pd.DataFrame(found, columns=["joint", *names]).astype(dtypes)
+
+        return made
+
+    return of
 
 
 def parameters(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -24,176 +48,145 @@ def parameters(joints: Sequence[Joint]) -> pd.DataFrame:
     return with_truth(estimates(joints), joints)
 
 
-def inputs(joints: Sequence[Joint]) -> pd.DataFrame:
+@_table("file rows dropped sha256 labels notes")
+def inputs(joint: Joint) -> _Rows:
     """One row per file: rows, dropped, sha256, labels, notes."""
-    rows = (
-        (joint.name, x.file, x.rows, x.dropped, x.sha256, _labels(x.labels), " ".join(map(str, x.notes)))
-        for joint in joints
-        for x in joint.inputs
-    )
-    return _framed(rows, ("joint", "file", "rows", "dropped", "sha256", "labels", "notes"))
+    for x in joint.inputs:
+        yield x.file, x.rows, x.dropped, x.sha256, _labels(x.labels), " ".join(map(str, x.notes))
 
 
-def segments(joints: Sequence[Joint]) -> pd.DataFrame:
+@_table("file where start stop velocity torque standard_error# accepted? stick_slip? reasons warnings labels")
+def segments(joint: Joint) -> _Rows:
     """One row per candidate segment: where, velocity, torque, standard error, accepted, stick_slip, reasons, warnings.
 
     `where` is its place in the file; `start` and `stop` are its first sample and one past the last, from 0.
     """
-    own = ("file", "where", "start", "stop", "velocity", "torque", "standard_error", "accepted", "stick_slip")
-    rows = (
-        (joint.name, *_fields(s, own), *(" ".join(map(str, x)) for x in (s.reasons, s.warnings)), _labels(s.labels))
-        for joint in joints
-        for s in joint.segments
-    )
-    columns = ("joint", *own, "reasons", "warnings", "labels")
-    return _framed(rows, columns, ("standard_error",), ("accepted", "stick_slip"))
+    own = attrgetter("file", "where", "start", "stop", "velocity", "torque", "standard_error", "accepted", "stick_slip")
+    for s in joint.segments:
+        yield *own(s), *(" ".join(map(str, x)) for x in (s.reasons, s.warnings)), _labels(s.labels)
 
 
 def _labels(labels: Any) -> str:
     return ", ".join(f"{name} {value}" for name, value in labels.items())
 
 
-def _fields(x: object, names: Iterable[str]) -> tuple[Any, ...]:
-    return tuple(getattr(x, name) for name in names)
-
-
-def _framed(
-    rows: Iterable[tuple[Any, ...]], columns: Sequence[str], numbers: Sequence[str] = (), flags: Sequence[str] = ()
-) -> pd.DataFrame:
-    """Rows as a frame, of which some columns are numbers, or true and false, whatever is missing in them."""
-    frame = pd.DataFrame(list(rows), columns=list(columns))
-    return frame.astype({**dict.fromkeys(numbers, float), **dict.fromkeys(flags, bool)})
-
-
-def comparison(joints: Sequence[Joint]) -> pd.DataFrame:
+@_table("direction parameter unit plain_grid# refined# standard_error# without_stick_slip# without_standard_error#")
+def comparison(joint: Joint) -> _Rows:
     """The paper's plain grid, the refined minimum and the fit without stick-slip points, side by side."""
-    rows = []
-    for joint in joints:
-        for d, fit in joint.static.items():
-            for name, e in fit.parameters.items():
-                other = fit.without_stick_slip.get(name)
-                without = (None, None) if other is None else (other.value, other.standard_error)
-                known = fit.plain_grid.get(name), e.value, e.standard_error
-                rows.append((joint.name, d, name, e.unit, *known, *without))
-    numbers = ("plain_grid", "refined", "standard_error", "without_stick_slip", "without_standard_error")
-    return _framed(rows, ("joint", "direction", "parameter", "unit", *numbers), numbers)
+    for d, fit in joint.static.items():
+        for name, e in fit.parameters.items():
+            other = fit.without_stick_slip.get(name)
+            without = (None, None) if other is None else (other.value, other.standard_error)
+            yield d, name, e.unit, fit.plain_grid.get(name), e.value, e.standard_error, *without
 
 
-def crosscheck(joints: Sequence[Joint]) -> pd.DataFrame:
+@_table("direction parameter grid# full# difference_in_se#")
+def crosscheck(joint: Joint) -> _Rows:
     """One row per parameter: the full nonlinear fit's value, the grid's, and their difference in standard errors."""
-    rows = []
-    checks = [(joint, d, check) for joint in joints for d, check in joint.crosscheck.items()]
-    for joint, d, check in checks:
+    for d, check in joint.crosscheck.items():
         for name, full in check.parameters.items():
             # What is shared belongs to a fit of its own only where two directions share it.
             fit = joint.static.get(name.direction) or joint.static.get(d)
             e = None if fit is None else fit.parameters.get(name.name)
-            grid = None if e is None else e.value
-            rows.append((joint.name, d, name.within(d), grid, full, check.difference_in_se.get(name)))
-    numbers = ("grid", "full", "difference_in_se")
-    return _framed(rows, ("joint", "direction", "parameter", *numbers), numbers)
+            yield d, name.within(d), None if e is None else e.value, full, check.difference_in_se.get(name)
 
 
-def hold_out(joints: Sequence[Joint]) -> pd.DataFrame:
+@_table("direction file relative_error relative_error_of_fit")
+def hold_out(joint: Joint) -> _Rows:
     """One row per hold-out run: relative error of the prediction, and of the fit on its own data, percent."""
-    return _held([(joint.name, d, fit) for joint in joints for d, fit in joint.static.items()], "direction")
+    for d, fit in joint.static.items():
+        yield from ((d, x.file, x.relative_error, fit.relative_error) for x in fit.hold_out)
 
 
-def _held(fits: Iterable[tuple[str, str, StaticFit | TrackingFit]], of: str) -> pd.DataFrame:
-    rows = ((joint, d, h.file, h.relative_error, fit.relative_error) for joint, d, fit in fits for h in fit.hold_out)
-    return _framed(rows, ("joint", of, "file", "relative_error", "relative_error_of_fit"))
+@_table("fit file relative_error relative_error_of_fit")
+def tracking_hold_out(joint: Joint) -> _Rows:
+    """`hold_out` of each fit of moving runs."""
+    for kind, fit in moving_fits(joint).items():
+        yield from ((kind, x.file, x.relative_error, fit.relative_error) for x in fit.hold_out)
 
 
 def presliding(joints: Sequence[Joint]) -> pd.DataFrame:
     """sigma_0 by each method, side by side, with the truth where the data are simulated; `recommended` marks the one to use."""
-    rows = []
-    for joint, d, fit in _slow_fits(joints):
+    frame = declared(_presliding(joints)).assign(parameter="sigma_0")
+    return with_truth(frame, joints).drop(columns="parameter")
+
+
+@_table("direction method value# unit standard_error# systematic# lower# upper# recommended?")
+def _presliding(joint: Joint) -> _Rows:
+    for d, fit in _slow_fits(joint).items():
         for method, e in methods(fit).items():
-            known = e.value, e.unit, e.standard_error, e.systematic, *(e.interval or (None, None))
-            rows.append((joint.name, d, method, *known, method == fit.recommended))
-    errors = ("standard_error", "systematic", "lower", "upper")
-    columns = ("joint", "direction", "method", "value", "unit", *errors, "recommended")
-    frame = _framed(rows, columns, ("value", *errors), ("recommended",))
-    return with_truth(declared(frame).assign(parameter="sigma_0"), joints).drop(columns="parameter")
+            yield d, method, *_known(e), method == fit.recommended
 
 
-def _slow_fits(joints: Sequence[Joint]) -> Iterator[tuple[Joint, str, PreslidingFit]]:
-    for joint in joints:
-        yield from ((joint, d, fit) for d, fit in (joint.presliding.fits if joint.presliding else {}).items())
+def _known(e: Estimate) -> tuple[Any, ...]:
+    """Value, unit, standard error, systematic error, and the ends of the interval."""
+    return e.value, e.unit, e.standard_error, e.systematic, *(e.interval or (None, None))
 
 
-def hysteresis(joints: Sequence[Joint]) -> pd.DataFrame:
+def _slow_fits(joint: Joint) -> Mapping[str, PreslidingFit]:
+    return joint.presliding.fits if joint.presliding else {}
+
+
+@_table("file start stop torque_amplitude displacement_amplitude loss secant# slope# inverse_slope# counts")
+def hysteresis(joint: Joint) -> _Rows:
     """One row per closed cycle: where, half the ranges of torque and displacement, work lost, secant, slope, inverse slope, counts."""
-    slopes = ("secant", "slope", "inverse_slope")
-    own = ("file", "start", "stop", "torque_amplitude", "displacement_amplitude", "loss", *slopes, "counts")
-    rows = ((joint.name, *_fields(x, own)) for joint in joints if joint.presliding for x in joint.presliding.loops)
-    return _framed(rows, ("joint", *own), slopes)
+    ranges = ("torque_amplitude", "displacement_amplitude", "loss")
+    own = attrgetter("file", "start", "stop", *ranges, "secant", "slope", "inverse_slope", "counts")
+    yield from map(own, joint.presliding.loops if joint.presliding else ())
 
 
-def stiffness(joints: Sequence[Joint]) -> pd.DataFrame:
+@_table("direction kind torque# displacement# value# standard_error# lugre# sigma_0#")
+def stiffness(joint: Joint) -> _Rows:
     """Stiffness against amplitude: initial and secants of each direction, beside what LuGre's own exponential gives from the initial one on."""
-    numbers = ("torque", "displacement", "value", "standard_error", "lugre", "sigma_0")
-    fits = _slow_fits(joints)
-    rows = ((joint.name, d, x.kind, *_fields(x, numbers)) for joint, d, fit in fits for x in fit.amplitudes)
-    return _framed(rows, ("joint", "direction", "kind", *numbers), numbers)
+    own = attrgetter("kind", "torque", "displacement", "value", "standard_error", "lugre", "sigma_0")
+    for d, fit in _slow_fits(joint).items():
+        yield from ((d, *own(x)) for x in fit.amplitudes)
 
 
-def breakaway(joints: Sequence[Joint]) -> pd.DataFrame:
+@_table("direction file start breakaway from_median_percent")
+def breakaway(joint: Joint) -> _Rows:
     """One row per loading that broke away: where it began, its torque, and how far that is from the median of its direction, percent."""
-    rows = []
-    for joint, slow in ((x, x.presliding) for x in joints if x.presliding):
-        medians = {d: e.value for d, e in slow.breakaway.items()}
-        for x in slow.breakaways:
-            median = medians.get(x.direction)
-            off = 100 * (x.breakaway / median - 1) if x.breakaway is not None and median else np.nan
-            rows.append((joint.name, x.direction, x.file, x.start, x.breakaway, off))
-    return _framed(rows, ("joint", "direction", "file", "start", "breakaway", "from_median_percent"))
+    slow = joint.presliding
+    for x in slow.breakaways if slow else ():
+        median = slow.breakaway[x.direction].value if slow and x.direction in slow.breakaway else None
+        off = 100 * (x.breakaway / median - 1) if x.breakaway is not None and median else np.nan
+        yield x.direction, x.file, x.start, x.breakaway, off
 
 
-def points(joints: Sequence[Joint]) -> pd.DataFrame:
+@_table("direction velocity torque residual time position")
+def points(joint: Joint) -> _Rows:
     """What was fitted: velocity, torque, residual, time and position of every point, in SI units."""
-    frames = []
-    fits = [(x.name, d, fit) for x in joints for d, fit in x.static.items() if fit.velocity.size]
-    for joint, d, fit in fits:
-        signals = {"velocity": fit.velocity, "torque": fit.torque, "residual": fit.residuals}
-        signals |= {"time": fit.time, "position": fit.position}
-        whole = {name: x for name, x in signals.items() if x.size == fit.velocity.size}
-        frames.append(pd.DataFrame({"joint": joint, "direction": d, **whole}))
-    columns = ["joint", "direction", "velocity", "torque", "residual", "time", "position"]
-    return pd.concat(frames, ignore_index=True).reindex(columns=columns) if frames else pd.DataFrame(columns=columns)
+    for d, fit in joint.static.items():
+        signals = (fit.velocity, fit.torque, fit.residuals, fit.time, fit.position)
+        none = np.full(fit.velocity.size, np.nan)
+        known = [x if x.size == fit.velocity.size else none for x in signals]
+        yield from ((d, *row) for row in np.column_stack(known).tolist())
 
 
-def profiles(joints: Sequence[Joint]) -> pd.DataFrame:
+@_table("direction grid v_s cost")
+def profiles(joint: Joint) -> _Rows:
     """The cost over v_s: grid (plain or refined), v_s, cost."""
-    rows = [
-        (joint.name, d, grid, v_s, cost)
-        for joint in joints
-        for d, fit in joint.static.items()
-        if (p := fit.profile) is not None
-        for grid, x, y in (
-            ("refined", p.v_s, p.cost),
-            ("near the minimum", p.near_v_s, p.near_cost),
-            ("plain", p.plain_v_s, p.plain_cost),
-        )
-        for v_s, cost in zip(x.tolist(), y.tolist(), strict=True)
-    ]
-    return _framed(rows, ("joint", "direction", "grid", "v_s", "cost"))
+    for d, p in ((d, fit.profile) for d, fit in joint.static.items() if fit.profile is not None):
+        grids = {"refined": (p.v_s, p.cost), "near the minimum": (p.near_v_s, p.near_cost)}
+        for grid, pair in (grids | {"plain": (p.plain_v_s, p.plain_cost)}).items():
+            yield from ((d, grid, *row) for row in np.column_stack(pair).tolist())
 
 
-def models(joints: Sequence[Joint]) -> pd.DataFrame:
+@_table("data model directions parameters rms# relative_error# aicc# bic# hold_out# candidate? recommended?")
+def models(joint: Joint) -> _Rows:
     """One row per joint, data and model: parameters, rms, relative error, AICc and BIC above the lowest, hold-out error, which to use."""
-    numbers, flags = ("rms", "relative_error", "aicc", "bic", "hold_out"), ("candidate", "recommended")
-    own = ("model", "directions", "parameters", *numbers, *flags)
-    rows = ((joint.name, x.data, *_fields(row, own)) for joint in joints for x in joint.models for row in x.rows)
-    return _framed(rows, ("joint", "data", *own), numbers, flags)
+    errors = ("rms", "relative_error", "aicc", "bic", "hold_out")
+    own = attrgetter("model", "directions", "parameters", *errors, "candidate", "recommended")
+    yield from ((x.data, *own(row)) for x in joint.models for row in x.rows)
 
 
-def laws(joints: Sequence[Joint]) -> pd.DataFrame:
+@_table("data law parameters rms# aicc# bic# left_out# run_left_out# weight# in_force? chosen?")
+def laws(joint: Joint) -> _Rows:
     """One row per joint and law: parameters, rms, AICc and BIC above the lowest, errors at speeds and runs left out, weight, which one."""
-    numbers, flags = ("rms", "aicc", "bic", "left_out", "run_left_out", "weight"), ("in_force", "chosen")
-    own = ("law", "parameters", *numbers, *flags)
-    rows = ((joint.name, x.data, *_fields(row, own)) for joint in joints if (x := joint.laws) for row in x.rows)
-    return _framed(rows, ("joint", "data", *own), numbers, flags)
+    errors = ("rms", "aicc", "bic", "left_out", "run_left_out", "weight")
+    own = attrgetter("law", "parameters", *errors, "in_force", "chosen")
+    if joint.laws:
+        yield from ((joint.laws.data, *own(row)) for row in joint.laws.rows)
 
 
 def table_1(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -205,32 +198,26 @@ def table_1(joints: Sequence[Joint]) -> pd.DataFrame:
 
 def tracking(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per fit and parameter, with the truth where the data are simulated, and what encoder counts had added."""
-    rows = []
-    for joint in joints:
-        for kind, fit in moving_fits(joint).items():
-            for name, e in fit.parameters.items():
-                known = e.value, e.unit, e.standard_error, e.systematic, *(e.interval or (None, None))
-                rows.append((joint.name, kind, name.direction, name.name, *known, fit.count_bias.get(name)))
-    errors = ("standard_error", "systematic", "lower", "upper", "count_bias")
-    frame = _framed(rows, ("joint", "fit", "direction", "parameter", "value", "unit", *errors), ("value", *errors))
-    return with_truth(declared(frame), joints)
+    return with_truth(declared(_tracking(joints)), joints)
 
 
-def tracking_hold_out(joints: Sequence[Joint]) -> pd.DataFrame:
-    """One row per fit and hold-out run: relative error of the prediction, and of the fit on its own data, percent."""
-    return _held([(joint.name, kind, fit) for joint in joints for kind, fit in moving_fits(joint).items()], "fit")
+@_table("fit direction parameter value# unit standard_error# systematic# lower# upper# count_bias#")
+def _tracking(joint: Joint) -> _Rows:
+    for kind, fit in moving_fits(joint).items():
+        for name, e in fit.parameters.items():
+            yield kind, name.direction, name.name, *_known(e), fit.count_bias.get(name)
 
 
-def consistency(joints: Sequence[Joint]) -> pd.DataFrame:
+@_table(
+    "direction parameter stage stage_value# stage_error# tracking_value# tracking_error# joint_value# joint_error# unit "
+    "difference_in_se# verdict"
+)
+def consistency(joint: Joint) -> _Rows:
     """One row per parameter that a stage of its own knows: that stage, the moving runs, the joint fit, and what follows."""
-    numbers = ("stage_value", "stage_error", "tracking_value", "tracking_error", "joint_value", "joint_error")
-    rows = []
-    for joint in joints:
-        for x in joint.consistency:
-            found = (*_fields(x, numbers), unit_of(joint, x.parameter), x.difference_in_se, x.verdict)
-            rows.append((joint.name, x.parameter.direction, x.parameter.name, x.stage, *found))
-    columns = ("joint", "direction", "parameter", "stage", *numbers, "unit", "difference_in_se", "verdict")
-    return _framed(rows, columns, (*numbers, "difference_in_se"))
+    errors = "stage_value", "stage_error", "tracking_value", "tracking_error", "joint_value", "joint_error"
+    own = attrgetter("parameter.direction", "parameter.name", "stage", *errors)
+    for x in joint.consistency:
+        yield *own(x), unit_of(joint, x.parameter), x.difference_in_se, x.verdict
 
 
 def unit_of(joint: Joint, name: ParameterName) -> str:
@@ -279,7 +266,7 @@ def interval_rows(joint: Joint) -> Iterator[IntervalRow]:
     for d, static in joint.static.items():
         for name, three in static.uncertainty.items():
             yield IntervalRow("static", d, name, static.parameters[name], three)
-    for _, d, slow in _slow_fits([joint]):
+    for d, slow in _slow_fits(joint).items():
         for name, three in slow.uncertainty.items():
             yield IntervalRow("presliding", d, name, slow.sigma_0, three)
     for kind, moving in moving_fits(joint).items():
@@ -287,54 +274,49 @@ def interval_rows(joint: Joint) -> Iterator[IntervalRow]:
             yield IntervalRow(kind, n.direction, n.name, moving.parameters[n], three)
 
 
-def uncertainty(joints: Sequence[Joint]) -> pd.DataFrame:
+@_table(
+    "fit direction parameter value# unit covariance_lower# covariance_upper# profile_lower# profile_upper# bootstrap_lower# "
+    "bootstrap_upper# warnings"
+)
+def uncertainty(joint: Joint) -> _Rows:
     """One row per fit and parameter: the value, and lower and upper end by each way; nan where a way has none."""
-    ends = [f"{way}_{end}" for way in WAYS for end in ("lower", "upper")]
-    found = [
-        (
-            joint.name, x.fit, x.direction, x.parameter, x.estimate.value, x.estimate.unit,
-            *(end for way in WAYS for end in getattr(x.three, way) or (None, None)), " ".join(map(str, x.three.warnings)),
-        )
-        for joint in joints
-        for x in interval_rows(joint)
-    ]  # fmt: skip  # one row, one line
-    columns = ["joint", "fit", "direction", "parameter", "value", "unit", *ends, "warnings"]
-    return _framed(found, columns, ["value", *ends])
+    for x in interval_rows(joint):
+        ends = (end for way in WAYS for end in getattr(x.three, way) or (None, None))
+        warnings = " ".join(map(str, x.three.warnings))
+        yield x.fit, x.direction, x.parameter, x.estimate.value, x.estimate.unit, *ends, warnings
 
 
-def repeats(joints: Sequence[Joint]) -> pd.DataFrame:
+@_table("fit direction parameter file value# before# after# widened#")
+def repeats(joint: Joint) -> _Rows:
     """One row per fit, parameter and run that was fitted apart: its estimate, and the scatter of all of them.
 
     `before` and `after` are sqrt(chi2_red) before and after widening, `widened` what the standard error is multiplied by.
     """
-    found = [
-        (joint.name, kind, d, name, file, value, x.before, x.after, x.widened)
-        for joint in joints
-        for kind, d, name, x in scatter(joint)
-        for file, value in x.by_run.items()
-    ]
-    numbers = ["value", "before", "after", "widened"]
-    return _framed(found, ["joint", "fit", "direction", "parameter", "file", *numbers], numbers)
+    for *of, x in scatter(joint):
+        yield from ((*of, file, value, x.before, x.after, x.widened) for file, value in x.by_run.items())
 
 
 def scatter(joint: Joint) -> Iterator[tuple[str, str, str, RunScatter]]:
     """Fit, direction and parameter, and how far it scatters over the runs."""
     for d, static in joint.static.items():
         yield from (("static", d, name, x) for name, x in static.repeats.items())
-    for _, d, slow in _slow_fits([joint]):
+    for d, slow in _slow_fits(joint).items():
         yield from (("presliding", d, name, x) for name, x in slow.repeats.items())
     for kind, moving in moving_fits(joint).items():
         yield from ((kind, n.direction, n.name, x) for n, x in moving.repeats.items())
 
 
+_QUANTITIES = {
+    "velocity": "velocity", "torque": "torque", "residual": "torque", "time": "time", "position": "position", "breakaway": "torque",
+    **dict.fromkeys(("secant", "slope", "inverse_slope", "lugre", "sigma_0"), "sigma_0"),
+    "torque_amplitude": "torque", "displacement": "position", "displacement_amplitude": "position",
+}  # fmt: skip  # a table
+"""What each column is, that has the unit of a signal or a parameter."""
+
+
 def units(joints: Sequence[Joint]) -> pd.DataFrame:
     """The unit of every column that has one, per joint."""
-    names = {"velocity": "velocity", "torque": "torque", "residual": "torque", "time": "time", "position": "position"}
-    names |= {"breakaway": "torque"} | dict.fromkeys(
-        ("secant", "slope", "inverse_slope", "lugre", "sigma_0"), "sigma_0"
-    )
-    names |= {"torque_amplitude": "torque", "displacement": "position", "displacement_amplitude": "position"}
-    rows = [(joint.name, column, unit(quantity, joint.kind)) for joint in joints for column, quantity in names.items()]
+    rows = [(x.name, column, unit(of, x.kind)) for x in joints for column, of in _QUANTITIES.items()]
     rows += [(joint.name, "loss", WORK) for joint in joints]
     return pd.DataFrame(rows, columns=["joint", "column", "unit"])
 

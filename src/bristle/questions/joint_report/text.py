@@ -21,6 +21,7 @@ from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName, unit
 from bristle.page.plain import columns, in_unit, interval, pair, wrapped
+from bristle.page.said import with_places
 from bristle.page.wording import FITS, WORK, counted, percent, printable, shortened
 from bristle.questions.joint_report import sentences
 
@@ -42,13 +43,8 @@ def fit_report(joints: Sequence[Joint]) -> str:
 def _joint(joint: Joint) -> Iterator[str]:
     yield f"[[{printable(joint.name)}]] {joint.kind}{', SIMULATED data' if joint.simulated else ''}"
     said: set[str] = set()
-    critical: dict[Finding, dict[str, None]] = {}  # each once, with all that it is about
-    for warning in joint.all_warnings():
-        if warning.severity is Severity.CRITICAL:
-            critical.setdefault(warning, {})[" ".join(warning.subject)] = None
-    for warning, about in critical.items():
+    for where, warning in with_places((x for x in joint.all_warnings() if x.severity is Severity.CRITICAL), str):
         said.add(printable(str(warning)))
-        where = ", ".join(filter(None, about))
         yield f"    critical{f' ({printable(where)})' if where else ''}: {printable(warning.coded)}"
     yield from _sentences([*filter(None, (joint.torque_scale,)), *joint.warnings], said)
     for direction in dict.fromkeys((*joint.static, *joint.crosscheck)):

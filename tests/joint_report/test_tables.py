@@ -1,13 +1,10 @@
-"""What moving runs showed as results.json, tables and text."""
+"""What was found as tables and as text: moving and presliding runs beside the other stages."""
 
-import json
 import math
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import jsonschema
 import numpy as np
 import pytest
 
@@ -19,11 +16,8 @@ from bristle.questions.joint_report import results_file, tables
 from bristle.questions.joint_report.sentences import agreement
 from bristle.questions.joint_report.text import fit_report
 
-from ..names import named
-from .conftest import TABLE_1
-from .moving import DIFFER, IPOPT, NOT_SHOWN, UNSEEN, VALUES, compared, moving, tracked, without
-
-GOLDEN = Path(__file__).parent / "tracking_report.txt"
+from .conftest import TABLE_1, loaded, nothing_seen, only, slow_fit
+from .moving import NOT_SHOWN, compared, moving, tracked, without
 
 
 @pytest.fixture(scope="module")
@@ -32,71 +26,74 @@ def moved() -> Joint:
     return moving()
 
 
+def test_the_printed_report_is_the_golden_file(joint: Joint, slide: Joint, slow: Joint, moved: Joint) -> None:
+    """Of static fits, slow loading and moving runs, word for word; BRISTLE_REGENERATE=1 rewrites them."""
+    fits = {"+": slow_fit("+"), "-": nothing_seen("-")}
+    reports = {
+        "fit": [joint, slide], "presliding": [replace(only(slow, fits=fits), static={}, crosscheck={})],
+        "tracking": [replace(moved, static={}, crosscheck={}, presliding=None)],
+    }  # fmt: skip  # a table
+    for name, joints in reports.items():
+        golden, text = Path(__file__).parent / f"{name}_report.txt", fit_report(joints)
+        if os.environ.get("BRISTLE_REGENERATE"):
+            golden.write_text(text, encoding="utf-8")
+        assert text == golden.read_text(encoding="utf-8"), name
+
+
+def test_frame_has_sigma_after_the_static_rows_of_each_direction(slow: Joint) -> None:
+    """sigma_0 is the recommended one; a direction that only presliding knows comes after all others."""
+    frame = results_file.to_frame([slow])
+    names = ["alpha_0", "alpha_1", "alpha_2", "v_s", "sigma_0", "sigma_1"]
+    assert list(frame["parameter"]) == 2 * names
+    assert list(frame["direction"]) == 6 * ["+"] + 6 * ["-"]
+    assert list(frame[frame["parameter"] == "sigma_0"]["value"]) == [TABLE_1[d].sigma_0 for d in ("+", "-")]
+    both = replace(slow, static={"both": slow.static["+"]})
+    assert list(results_file.to_frame([both])["direction"]) == 4 * ["both"] + 2 * ["+"] + 2 * ["-"]
+
+
+def test_parameters_know_the_true_sigma_and_its_absence(slow: Joint) -> None:
+    """Simulated: true and error beside sigma_0 and sigma_1; a truth that is nan is missing in table and file; one of both is that of each."""
+    frame = tables.parameters([slow]).set_index(["direction", "parameter"])
+    assert frame.loc[("-", "sigma_0"), "error_percent"] == 0.0
+    assert frame.loc[("+", "sigma_0"), "inside"] is True
+    half = replace(slow, truth={"both": TABLE_1["+"]._replace(sigma_1=float("nan"))})
+    frame = tables.parameters([half]).set_index(["direction", "parameter"])
+    assert frame.loc[("-", "sigma_0"), "true"] == TABLE_1["+"].sigma_0
+    assert np.isnan(float(str(frame.loc[("-", "sigma_1"), "true"])))
+    assert frame.loc[("-", "sigma_1"), "inside"] is None
+
+
+def test_presliding_table_has_the_methods_side_by_side(slow: Joint) -> None:
+    """Four rows per direction, of which one is recommended, each with its error against the truth."""
+    frame = tables.all_tables([slow])["presliding"]
+    assert list(frame.columns) == [
+        "joint", "direction", "method", "value", "unit", "standard_error", "lower", "upper", "true", "error_percent", "inside", "recommended",
+    ]  # fmt: skip  # a list of words
+    assert list(frame["method"]) == 2 * ["printed", "corrected", "edges", "samples"]
+    assert list(frame[frame["recommended"]]["method"]) == ["edges", "edges"]
+    np.testing.assert_allclose(frame["error_percent"], 2 * [-50.0, -45.0, 0.0, 5.0], atol=1e-9)
+
+
+def test_breakaway_and_hysteresis_tables(slow: Joint) -> None:
+    """One row per loading that broke away, with its distance from the median, and one per closed cycle; every unit is in the table of units."""
+    made = tables.all_tables([slow])
+    np.testing.assert_allclose(made["breakaway"]["from_median_percent"], [-20.0, 0.0], atol=1e-9)
+    assert list(made["hysteresis"]["loss"]) == [3e-5, 4e-5, 5e-5, 6e-5]
+    units = made["units"].set_index("column")["unit"]
+    assert (units["loss"], units["slope"], units["breakaway"]) == ("J", "N*m/rad", "N*m")
+
+
+def test_tables_without_presliding_runs_have_their_columns(joint: Joint) -> None:
+    """No runs: the three tables are empty, with the same columns."""
+    made = tables.all_tables([joint])
+    assert [len(made[name]) for name in ("presliding", "breakaway", "hysteresis")] == [0, 0, 0]
+    assert list(made["presliding"].columns) == list(tables.presliding([loaded()]).columns)
+
+
 def of(fit: TrackingFit | None) -> TrackingFit:
     """The fit that is known to be there."""
     assert fit is not None
     return fit
-
-
-def read(joint: Joint) -> dict[str, Any]:
-    """The joint as results.json holds it, after it was held to the schema."""
-    document = json.loads(results_file.to_json([joint]))
-    jsonschema.Draft202012Validator(results_file.schema()).validate(document)
-    found: dict[str, Any] = document["joints"][joint.name]
-    return found
-
-
-# results.json
-
-
-def test_json_holds_both_fits_with_every_digit(moved: Joint) -> None:
-    """Parameters keep their signed names and their values; free names, covariance, starts, count bias and hold-outs are those of the fit."""
-    found = read(moved)
-    for key, fit in (("tracking", of(moved.tracking)), ("joint_fit", of(moved.joint_fit))):
-        own = found[key]
-        assert {name: p["value"] for name, p in own["parameters"].items()} == {
-            str(name): e.value for name, e in fit.parameters.items()
-        }
-        assert own["names"] == list(map(str, fit.names))
-        np.testing.assert_array_equal(own["covariance"], fit.covariance)
-        assert own["count_bias"] == {str(name): x for name, x in fit.count_bias.items()}
-        assert own["hold_out"] == [{"file": "held.csv", "relative_error": 1.5}]
-        assert (own["n"], own["starts"], own["reached"], own["condition"]) == (fit.n, fit.starts, fit.reached, 8.9)
-    assert found["tracking"]["crosscheck"] is None
-    assert found["joint_fit"]["crosscheck"]["verdict"]["code"] == IPOPT.code
-    assert found["tracking"]["parameters"]["alpha_1-"]["warnings"][0]["message"] == str(UNSEEN)
-
-
-def test_json_compares_the_stages(moved: Joint) -> None:
-    """One entry per comparison; what the moving runs do not show is null, and the verdict says so."""
-    found = read(moved)["consistency"]
-    assert [x["parameter"] for x in found] == ["alpha_0+", "alpha_0-", "alpha_1-", "sigma_0+"]
-    assert (found[1]["difference_in_se"], found[1]["verdict"]["message"]) == (-3.2, str(DIFFER))
-    assert (found[2]["tracking_value"], found[2]["tracking_error"], found[2]["difference_in_se"]) == (None, None, None)
-    assert found[3]["stage"] == "presliding"
-    assert found[0]["joint_error"] == 0.005 * VALUES["alpha_0+"]
-
-
-def test_json_without_moving_runs_has_null(joint: Joint) -> None:
-    """No runs: null, null and an empty list, which validate."""
-    found = read(joint)
-    assert (found["tracking"], found["joint_fit"], found["consistency"]) == (None, None, [])
-
-
-def test_json_holds_no_infinity_and_no_nan(moved: Joint) -> None:
-    """An infinite condition or relative error is "inf"; a covariance that does not exist and a bias of nan are null."""
-    fit = tracked(
-        condition=float("inf"), relative_error=float("inf"), count_bias=named({"inertia": float("nan")}),
-        covariance=np.full((len(VALUES), len(VALUES)), np.nan),
-    )  # fmt: skip  # a list of changes
-    found = read(replace(moved, tracking=fit))["tracking"]
-    assert (found["condition"], found["relative_error"]) == ("inf", "inf")
-    assert found["count_bias"] == {"inertia": None}
-    assert {x for row in found["covariance"] for x in row} == {None}
-    assert read(replace(moved, tracking=tracked(condition=float("nan"))))["tracking"]["condition"] is None
-
-
-# tables
 
 
 def test_frame_gains_rows_and_last_columns(moved: Joint, joint: Joint) -> None:
@@ -179,17 +176,6 @@ def test_table_1_lists_nothing_twice(moved: Joint) -> None:
     half = replace(static, joint_fit=without(of(moved.joint_fit), "alpha_1-"), tracking=None)
     rows = tables.all_tables([half])["table_1"]
     assert list(rows[rows["parameter"] == "alpha_1"]["direction"]) == ["+", "-"]
-
-
-# text
-
-
-def test_report_is_the_golden_file(moved: Joint) -> None:
-    """The blocks of the printed report are tracking_report.txt, word for word; BRISTLE_REGENERATE=1 rewrites it."""
-    text = fit_report([replace(moved, static={}, crosscheck={}, presliding=None)])
-    if os.environ.get("BRISTLE_REGENERATE"):
-        GOLDEN.write_text(text, encoding="utf-8")
-    assert text == GOLDEN.read_text(encoding="utf-8")
 
 
 def test_agreement_is_one_sentence(moved: Joint, joint: Joint) -> None:

@@ -1,0 +1,288 @@
+"""What the pages show of presliding runs: sigma_0 by four methods, breakaway and hysteresis, with their figures."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from bristle.arrays import Array
+from bristle.data.slow_loading import Loading
+from bristle.identification.fits import Presliding, PreslidingFit
+from bristle.identification.results import Joint
+from bristle.model.functions import loading_displacement_function
+from bristle.model.parameters import unit
+from bristle.model.vectorize import evaluate
+from bristle.page.page import Drawing
+from bristle.page.report import Section, Table
+from bristle.page.said import Said
+from bristle.page.style import MOST_POINTS, panels, styled, thinned
+from bristle.page.wording import (
+    METHODS,
+    WORK,
+    axis,
+    counted,
+    direction,
+    in_print,
+    measured,
+    number,
+    pretty,
+    sentence,
+    shortened,
+    span,
+)
+from bristle.questions.joint_report import tables
+from bristle.questions.joint_report.sentences import bias, choice, level, pair
+
+MOST_LOOPS = 3
+"""Closed cycles drawn; the others stand in the table, which the caption says."""
+_GREY = "#999999"
+_CURVES = {"printed": (":", "#D55E00"), "samples": ("--", "#0072B2"), "edges": ("-", "#000000")}
+"""Line and colour of the methods that are drawn; the inverse of (14) would lie among them and show nothing new."""
+_ABOVE = 1 + np.geomspace(1e-3, 20.0, 80)
+"""Times the largest torque held: the g0 that are tried where none is known, from just above it to a curve that is straight."""
+
+
+def presliding(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
+    """All of it; empty without presliding runs."""
+    slow = joint.presliding
+    if slow is None:
+        return []
+    return [
+        _stiffness(joint, slow),
+        Section("", figures=tuple(_figures(slow, figures)), form="part"),
+        *_amplitudes(joint, slow),
+        *_breakaway_and_cycles(joint, slow),
+        Section("As a whole" if slow.warnings else "", findings=slow.warnings, form="part"),
+    ]
+
+
+def _stiffness(joint: Joint, slow: Presliding) -> Section:
+    """sigma_0 side by side, and each direction in words."""
+    frame = tables.presliding([joint])
+    frame.insert(3, "recommended", frame.pop("recommended"))
+    notes = [
+        "± one standard error. The intervals of (14) and of its inverse allow for any rest position inside a count; a "
+        "value that this excludes has none. Count edge to count edge, σ₀ comes from encoder transitions and is "
+        "insensitive to where inside a count the joint rests."
+    ]
+    if joint.truth:
+        notes.append("True: the value that was simulated. Error: (value − true) / true.")
+    facts: list[tuple[str, tuple[Said, ...]]] = []
+    for fit in slow.fits.values():
+        prior, counts = fit.sigma_1, counted(fit.counts, "count edge")
+        damping = "none" if prior.value is None else f"{pair(prior)} {pretty(prior.unit)}"
+        said = (
+            f"{in_print(choice(fit))} {counted(len(fit.loadings), 'loading')} and {counts} crossed.",
+            f"g₀ = {pretty(level(fit, joint.kind))}, from {in_print(fit.level_source)}.",
+            f"Bias of (14) as printed with this encoder: {in_print(bias(fit, joint.kind))}",
+            f"σ₁ of an assumed damping ratio: {damping}.",
+        )
+        facts.append((direction(fit.direction), (*said, *prior.warnings)))
+    return Section(
+        "Stiffness",
+        text="" if slow.fits else "No σ₀: see below for what is missing.",
+        facts=tuple(facts),
+        table=Table("presliding", "Stiffness by four methods", part=frame, note=" ".join(notes)),
+        form="part",
+    )
+
+
+def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawing]:
+    """The loadings and the closed cycles."""
+    found = "; ".join(
+        f"{direction(d)}: σ₀ = {measured(fit.sigma_0.value, fit.sigma_0.standard_error)} {pretty(fit.sigma_0.unit)}"
+        for d, fit in slow.fits.items()
+        if fit.sigma_0.value is not None
+    )
+    how = (
+        "Torque vs displacement of each loading (grey), shifted so that its fitted rest position is at zero; circles: "
+        "count edges, evenly thinned where there are many. Lines: T = g₀ (1 − exp(−σ₀ y / g₀)) with the σ₀ of three "
+        "methods; they level off at g₀ (where it is a lower bound alone, at the one above it with which σ₀ fits the "
+        "edges best), and end with the displacement that was measured."
+    )
+    yield figures["presliding"]._replace(caption=sentence(found), how=how)
+    losses = [x.loss for x in slow.loops]
+    if not losses:
+        return
+    least, most = number(min(losses), 2), number(max(losses), 2)
+    lost = f"{least if least == most else f'{least} to {most}'} {WORK} lost in {counted(len(losses), 'closed cycle')}."
+    how = (
+        "Closed cycles of torque vs displacement (grey), from one peak of the torque to the next of the same sign. "
+        "Solid: regression of torque on displacement; dashed: one over the regression of displacement on torque; "
+        "dotted: between the extremes of the torque. The area is the energy dissipated."
+    )
+    left_out = len(losses) - MOST_LOOPS
+    rest = f" The first {MOST_LOOPS} are drawn; {left_out} more are in the table." if left_out > 0 else ""
+    yield figures["hysteresis"]._replace(caption=f"{lost}{rest}", how=how, data="hysteresis")
+
+
+def _amplitudes(joint: Joint, slow: Presliding) -> Iterator[Section]:
+    """Stiffness vs amplitude; the unit of stiffness stands below the table, which is narrow so."""
+    frame = tables.stiffness([joint])
+    if frame.empty:
+        return
+    softens = any(warning.code == "softens" for fit in slow.fits.values() for warning in fit.warnings)
+    found = "the joint softens by more than" if softens else "no softening is found beyond"
+    how = (
+        f"Stiffness in {pretty(unit('sigma_0', joint.kind))}, torque / displacement from rest; beside it what "
+        "T = g₀ (1 − exp(−σ₀ y / g₀)) gives from the initial stiffness on."
+    )
+    torque, position = (pretty(unit(name, joint.kind)) for name in ("torque", "position"))
+    headings = {"torque": f"torque ({torque})", "displacement": f"displacement ({position})", "value": "stiffness"}
+    part = frame.drop(columns="sigma_0").rename(columns=headings | {"lugre": "LuGre's own"})
+    table = Table("stiffness", "Stiffness vs amplitude", part=part, note=how)
+    yield Section(f"Stiffness vs amplitude: {found} LuGre's own exponential", table=table, form="folded")
+
+
+def _breakaway_and_cycles(joint: Joint, slow: Presliding) -> Iterator[Section]:
+    """Each breakaway, and closed cycles, likewise narrow: rows in one column, amplitudes as half of a range."""
+    torque, position = (pretty(unit(name, joint.kind)) for name in ("torque", "position"))
+    frame = tables.breakaway([joint])
+    if not frame.empty:
+        medians = []
+        for d, e in slow.breakaway.items():
+            ends = "" if e.interval is None else f", 95 %: {span(e.interval)}"
+            medians.append((direction(d), in_print(f"the median breakaway torque is {pair(e)} {e.unit}{ends}.")))
+        yield Section("", facts=tuple(medians), form="part")
+        headings = {"breakaway": f"torque ({torque})", "start": "first sample"}
+        table = Table("breakaway", "Breakaway", part=frame.rename(columns=headings))
+        yield Section("Each breakaway", table=table, form="folded")
+    if not slow.loops:
+        return
+    frame = tables.hysteresis([joint])
+    frame["samples"] = [f"{start}\u2013{stop}" for start, stop in zip(frame["start"], frame["stop"], strict=True)]
+    columns = {
+        "file": "file", "samples": "samples", "counts": "counts", "torque_amplitude": f"± torque ({torque})",
+        "displacement_amplitude": f"± displacement ({position})", "slope": "regression", "inverse_slope": "inverse",
+        "secant": "secant", "loss": f"loss per cycle ({WORK})",
+    }  # fmt: skip  # a table of words
+    how = (
+        "Regression of torque on displacement, inverse regression and secant, in "
+        f"{pretty(unit('sigma_0', joint.kind))}, differ because the loop is wide: none of them is σ₀. Amplitudes are "
+        "half of the range."
+    )
+    table = Table("hysteresis", "Cycles", part=frame[[*columns]].rename(columns=columns), note=how)
+    yield Section("Each cycle", table=table, form="folded")
+
+
+def displacement(T: Array, g0: float, sigma_0: float) -> Array:
+    """How far slow loading from rest to torque T (N*m, below g0) moves the joint, rad, shape of T."""
+    return evaluate(loading_displacement_function(), T, g0, sigma_0)[0]
+
+
+def level_drawn(fit: PreslidingFit) -> float:
+    """g0 of the curves, N*m: where it is a lower bound alone, the one with which the recommended sigma_0 comes nearest to the count edges."""
+    sigma_0 = fit.sigma_0.value
+    if np.isfinite(fit.level_standard_error) or not sigma_0 or sigma_0 <= 0:
+        return fit.level
+
+    def cost(g0: float) -> float:
+        """Squared distance of the edges from the curve, each loading shifted to it."""
+        off = [x.edge_displacement - displacement(x.edge_torque, g0, sigma_0) for x in fit.loadings]
+        return float(sum(np.sum((y - y.mean()) ** 2) for y in off if y.size))
+
+    most = max((float(x.edge_torque.max(initial=0.0)) for x in fit.loadings), default=0.0)
+    tried: list[float] = (max(most, fit.level) * _ABOVE).tolist()
+    return min(tried, key=cost)
+
+
+def rest(loading: Loading, fit: PreslidingFit) -> float:
+    """Where the joint rested, rad from the start of the loading as the encoder tells it, by the recommended sigma_0.
+
+    The mean over the count edges (over the samples, where no edge was crossed) of what was travelled less what the torque there takes, each
+    weighted by the inverse variance that equal noise in the torque gives it, (1 - T / g0)**2. Zero where there is no sigma_0.
+    """
+    sigma_0, level = fit.sigma_0.value, level_drawn(fit)
+    for y, T in ((loading.edge_displacement, loading.edge_torque), (loading.displacement, loading.torque)):
+        below = level > T
+        if sigma_0 and sigma_0 > 0 and below.any():
+            off = y[below] - displacement(T[below], level, sigma_0)
+            return float(np.average(off, weights=(1 - T[below] / level) ** 2))
+    return 0.0
+
+
+@styled
+def presliding_figure(joint: Joint) -> Figure | None:
+    """Per direction the loadings, each from its fitted rest, with count edges and the curves of three methods; None without presliding fits."""
+    fits = list(joint.presliding.fits.values()) if joint.presliding else []
+    if not fits:
+        return None
+    figure, axes = _panels(joint, len(fits), 1.1 + 2.9 * len(fits), "displacement from rest")
+    for ax, fit in zip(axes, fits, strict=True):
+        _loadings(ax, fit)
+        # y(T) of the methods up to the displacement that was measured, and the level at which they slide.
+        measured = max((float(x.displacement.max(initial=0.0)) - rest(x, fit) for x in fit.loadings), default=0.0)
+        level = level_drawn(fit)
+        T = level * (1 - np.geomspace(1.0, 1e-3, 200))  # close to g0, which the curves reach nowhere
+        for name, (line, colour) in _CURVES.items():
+            sigma_0 = getattr(fit, name).value
+            if sigma_0 is not None and sigma_0 > 0:
+                chosen = " (use this)" if name == fit.recommended else ""
+                y = displacement(T, level, sigma_0)
+                inside = y <= measured
+                ax.plot(y[inside], T[inside], line, color=colour, linewidth=1.6, label=f"{METHODS[name]}{chosen}")
+        label = "g₀, at least" if np.isinf(fit.level_standard_error) else "g₀"
+        ax.axhline(fit.level, color="black", linestyle=(0, (8, 3, 1, 3)), linewidth=0.8, label=label)
+        ax.text(0.98, 0.06, direction(fit.direction), transform=ax.transAxes, ha="right")
+    _legend(figure, 3)
+    return figure
+
+
+def _panels(joint: Joint, count: int, height: float, along: str) -> tuple[Figure, list[Axes]]:
+    """A figure of this height, inches, with panels of torque one below the other under the joint's name."""
+    figure, axes = panels(height, joint.name, joint.simulated, count)
+    for ax in axes:
+        ax.set(xlabel=axis(along, joint.kind), ylabel=axis("torque", joint.kind))
+        ax.xaxis.set_major_locator(MaxNLocator(6))
+    return figure, axes
+
+
+def _legend(figure: Figure, rows: int) -> None:
+    """One for all panels, below them, in two columns; and room on the right for a tick at the frame's end."""
+    named = {label: handle for ax in figure.axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    width, height = figure.get_size_inches()
+    figure.subplots_adjust(right=1 - 0.35 / width, hspace=0.46, bottom=(0.65 + 0.24 * rows) / height)
+    figure.legend(named.values(), named.keys(), loc="lower center", ncols=2, frameon=False)
+
+
+def _loadings(ax: Axes, fit: PreslidingFit) -> None:
+    """Each as thin steps from its rest position, with the edges that it crossed."""
+    edges = [np.zeros((2, 0))]
+    for k, loading in enumerate(fit.loadings):
+        start = rest(loading, fit)
+        kept = thinned(loading.torque.size, max(MOST_POINTS // len(fit.loadings), 60))
+        label = "_loadings" if k else "loadings"
+        ax.plot(loading.displacement[kept] - start, loading.torque[kept], "-", color=_GREY, linewidth=0.7, label=label)
+        shown = thinned(loading.edge_torque.size, max(90 // len(fit.loadings), 4))  # which the caption says
+        edges.append(np.array([loading.edge_displacement[shown] - start, loading.edge_torque[shown]]))
+    y, T = np.concatenate(edges, axis=1)
+    if y.size:
+        ax.plot(y, T, "o", color="#009E73", markerfacecolor="white", markersize=4, label="count edges")
+
+
+@styled
+def hysteresis_figure(joint: Joint) -> Figure | None:
+    """Closed cycles of torque over displacement, with regression, inverse regression and secant of each; None without one."""
+    loops = joint.presliding.loops[:MOST_LOOPS] if joint.presliding else ()
+    if not loops:
+        return None
+    figure, axes = _panels(joint, len(loops), 0.9 + 2.5 * len(loops), "displacement")
+    for ax, loop in zip(axes, loops, strict=True):
+        y, T = loop.position - loop.position.mean(), loop.torque - loop.torque.mean()
+        level, kept = float(loop.torque.mean()), thinned(y.size)
+        ax.plot(y[kept], loop.torque[kept], "-", color=_GREY, linewidth=0.9, label="one cycle")
+        regression = "torque on displacement", "-", "#000000", loop.slope
+        for label, line, colour, slope in (regression, ("inverse regression", "--", "#0072B2", loop.inverse_slope)):
+            if slope is not None and np.isfinite(slope):
+                reach = float(np.ptp(T)) / slope / 2
+                ends = np.array([max(-reach, float(y.min())), min(reach, float(y.max()))])
+                ax.plot(ends, level + slope * ends, line, color=colour, linewidth=1.6, label=label)
+        if loop.secant is not None:
+            k = [int(T.argmin()), int(T.argmax())]
+            ax.plot(y[k], loop.torque[k], ":o", color="#D55E00", linewidth=1.6, markersize=4, label="secant")
+        name = f"{shortened(loop.file, 32, end=True)}\nsamples {loop.start}-{loop.stop}"
+        ax.text(0.02, 0.96, name, transform=ax.transAxes, va="top", fontsize=9)
+    _legend(figure, 2)
+    return figure
