@@ -355,7 +355,7 @@ FAULTS: dict[str, Fault] = {
     "ramps: holds that accelerate": Fault(ramps, accelerating, (0.2, 0.6), (*TERM, "No segment at constant velocity")),
     "ramps: degrees as rad, velocity logged": Fault(ramps, lambda x, s: replace(x, q=s * x.q, velocity_logged=True), (180 / np.pi, 1000.0), SPEED),
     "points: strays": Fault(points, torque(lambda x, s: off_at(x, (2, 30), s)), (0.2, 0.5), STRAYS),
-    "points: sign of one direction": Fault(points, torque(lambda x, s: np.abs(x.torque) * s), (1.0, 2.0), OPPOSES),
+    "points: sign of one direction": Fault(points, torque(lambda x, s: np.abs(x.torque) * s), (1.0, 2.0), (*OPPOSES, "is a magnitude")),
     "points: torque clipped": Fault(points, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.6), ("clipped",)),
     "points: torque offset": Fault(points, torque(lambda x, s: x.torque + s), (0.05, 0.15), SIDES),
     "points: quadratic drag": Fault(points, drag, (0.05, 0.2), TERM),

@@ -104,7 +104,7 @@ def _regressor(name: str, parameters: Collection[str], found: Score, _: int) -> 
     message = (
         f"The fit lacks a term: under fit, {lines} would explain {100 * found.share:.0f} % of the residuals' variance."
     )
-    return Finding("lacks-a-term", CAUTION, message, {"lines": lines, "share": found.share})
+    return Finding("lacks-a-term", CAUTION, message, {"lines": lines, "term": name, "share": found.share})
 
 
 def _ripple(reach: float, parameters: Collection[str], kind: Kind, found: Score, which: int) -> Finding:

@@ -112,6 +112,8 @@ def identify_joint(
     measured, told = _with_regressors(measured)
     measured, laws = _with_law(with_periods(measured))
     under, joint = laws, identified(measured, laws)
+    measured, joint, lifted = _with_gravity(measured, joint, partial(identified, laws=under))
+    told |= lifted
     measured, joint, delay, doubts = _on_time(measured, joint, partial(identified, laws=under))
     told |= delay
     if (scale := next((w for w in measured.findings if w.code == "scale-by-gravity"), None)) is not None:
@@ -291,6 +293,26 @@ def _with_regressors(measured: Measured) -> tuple[Measured, dict[str, str]]:
     told = f"{', '.join(better.set_up.regressors)}; {error} (fit.regressors overrules)"
     also = ("inertia",) if points and moving else ()
     return with_options(measured, regressors=(*also, *better.set_up.regressors)), {"chosen regressors": told}
+
+
+def _with_gravity(
+    measured: Measured, joint: Joint, identified: Callable[..., Joint]
+) -> tuple[Measured, Joint, dict[str, str]]:
+    """Moving runs with gravity, identified anew, where it explains most of what a fit without it leaves; and what is said of it; else as they were.
+
+    A regression without a bristle, which chose the regressors, may leave so much at reversals that it does not see gravity.
+    """
+    fit, said = measured.experiment.fit, () if joint.moving is None else joint.moving.warnings
+    share = next((w.numbers["share"] for w in said if w.code == "lacks-a-term" and w.numbers["term"] == "gravity"), 0.0)
+    if fit.set_up == AS_WRITTEN or share < 1 / 2:
+        return measured, joint, {}
+    more = with_options(measured, regressors=(*(fit.regressors or ()), "gravity"))
+    again = identified(more, near=joint.tracking)
+    if joint.moving is None or again.moving is None or again.moving.rms > joint.moving.rms:
+        return measured, joint, {}
+    asked = ", ".join(more.experiment.fit.regressors or ())
+    told = f"{asked}; gravity explains {100 * share:.0f} % of what the others leave (fit.set_up: as-written overrules)"
+    return more, again, {"chosen regressors": told}
 
 
 def _with_directions(measured: Measured, directions: str | None = None) -> Measured:

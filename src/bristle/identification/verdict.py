@@ -75,7 +75,7 @@ def verdict(joint: Joint) -> Verdict:
         try:
             known_joint(joint)
         except InputError as bad:  # a number that no joint has
-            return Verdict(Trust.DO_NOT_USE, Finding("impossible-value", CRITICAL, f"{str(bad).partition(': ')[2]}."))
+            found = (*found, Finding("impossible-value", CRITICAL, f"{str(bad).partition(': ')[2]}."))
     cause, wide = (next((x for x in found if x.code in codes), None) for codes in (_CAUSES, _CAUSES | _WIDENS))
     if critical := [x for x in found if x.severity is Severity.CRITICAL]:
         named = next((x for x in critical if x.code not in _SIZES), cause)

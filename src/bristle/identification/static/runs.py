@@ -15,7 +15,14 @@ from bristle.findings import NOTE, Finding
 from bristle.identification.fits import Crosscheck, StaticFit, TrackingFit
 from bristle.identification.load_levels import levels_of, settled_weights
 from bristle.identification.measured import Measured
-from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, refuse_opposing, regressors
+from bristle.identification.moving_runs import (
+    DIRECTIONS,
+    directions,
+    inertia,
+    refuse_noise,
+    refuse_opposing,
+    regressors,
+)
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import groups, point_regressors, points_problem
@@ -33,6 +40,7 @@ def refuse_opposing_points(experiment: Experiment, points: Sequence[Segment], as
         own = v * sign > 0
         refuse_opposing(experiment, v[own], T[own], f"at the {np.count_nonzero(own)} points of direction {d}")
     if asked and "gravity" not in asked and v.size and v.min() < 0 < v.max():
+        refuse_noise(experiment, v, T, f"at the {v.size} points")
         middle = (T[v > 0].mean() + T[v < 0].mean()) / 2
         refuse_opposing(experiment, v, T - middle, f"at the {v.size} points, an offset apart")
 
