@@ -73,6 +73,19 @@ def test_a_delay_is_taken_off(tmp_path: Path, late: float) -> None:
     assert "which is taken off" in " ".join(bristle.Results(joints=(joint,)).text().split())
 
 
+def test_gravity_is_taken_where_it_explains_what_is_left(tmp_path: Path) -> None:
+    """It is fitted though only an inertia is written, its coefficient comes back, and the line says so; what is written alone leaves it a finding."""
+    _, q, _, _ = motion()
+    gravity, asked = 0.2 * np.cos(q), ", regressors: [inertia]"
+    joint = bristle.identify(log(tmp_path, clean() + gravity, asked)).joint()
+    assert "gravity explains" in joint.settings["chosen regressors"]
+    near(joint, gravity_cos=0.2, alpha_0=0.8, inertia=INERTIA)
+    joint = bristle.identify(log(tmp_path, clean() + gravity, f"{asked}, set_up: as-written")).joint()
+    assert joint.tracking is not None
+    assert "lacks-a-term" in codes(joint.tracking.warnings)
+    assert "chosen regressors" not in bristle.identify(log(tmp_path, clean(), asked)).joint().settings
+
+
 @pytest.mark.slow
 def test_a_delay_is_left_as_written(tmp_path: Path) -> None:
     """What is written is fitted, and no more: the delay is a finding."""

@@ -192,7 +192,5 @@ def _with_effect(fit: Fitted, added: Array, moved: Array, finding: Finding, *, i
     if little:
         return replace(told, severity=NOTE)
     bends = f"friction by {100 * torque / fit.friction:.2g} %, and " if fit.friction else ""
-    said = (
-        f"With that in the fit, it would change {bends}a parameter by {errors:.2g} standard errors, which contain that."
-    )
+    said = f"That in the fit would change {bends}a parameter by {errors:.2g} errors of the fit alone; the errors given contain it."
     return replace(told, message=f"{finding.message} {said}")

@@ -53,7 +53,10 @@ def candidates(
 
 
 class _Waves(Sequence[Array]):
-    """Cosine and sine of so many harmonics of the range of positions, rad, (n,): made when they are asked for, (n, 2) each."""
+    """Cosine and sine of so many harmonics of the range of positions, rad, (n,), from the second on: one period is a trend, or a spring.
+
+    Made when they are asked for, (n, 2) each.
+    """
 
     def __init__(self, position: Array, count: int) -> None:
         self.reach, self.turns, self.most = float(np.ptp(position)), 2 * np.pi * (position - position.min()), count
@@ -64,7 +67,7 @@ class _Waves(Sequence[Array]):
     def __getitem__(self, k: Any) -> Any:
         if not k < self.most:
             raise IndexError
-        phase = (k + 1) * self.turns / self.reach
+        phase = (k + 2) * self.turns / self.reach
         return _centred([np.cos(phase), np.sin(phase)])
 
 
@@ -109,7 +112,7 @@ def _regressor(name: str, parameters: Collection[str], found: Score, _: int) -> 
 
 def _ripple(reach: float, parameters: Collection[str], kind: Kind, found: Score, which: int) -> Finding:
     """Of a period that is a whole share of all positions, rad; with the lines that would fit it, where it is an order that is not fitted."""
-    period = reach / (which + 1)
+    period = reach / (which + 2)
     order, fitted = round(turn_of(kind)[0] / period), {x[2] for name in parameters if (x := periodic(name))}
     asked = f"{regressor_line(('cogging',), parameters)}, orders: [{', '.join(map(str, sorted({*fitted, order})))}]"
     message = (
