@@ -99,6 +99,7 @@ _BAD: dict[str, str] = {
     "{signals.torque: null, signals.velocity_command: {column: 1, unit: rad/s}}": r"runs\.0: .* needs motor\.kd",
     "{signals.torque: null, signals.velocity_command: {column: 1, unit: rad/s, delay: 1 ms}}": "velocity_command: got a delay; expected",
     "motor: {kp: 20 +/- 1 N*m/rad, kd: 1 +/- 0.1 N*m*s/rad}": r"motor\.kd: got an error; expected it with kp",
+    "signals.torque: {column: 1, unit: N*m, scale: 35 N*m/V}": "expected unit: V, of which this scale makes N",
     "signals.velocity: {column: 1, unit: Hz}": r"signals\.velocity: unit 'Hz' is no unit of rad/s",
     "signals.position: {column: 1, unit: counts}": "needs encoder_resolution",
     "signals.position: {column: 1, unit: rad, scale: 2 +/- 0.1}": (

@@ -153,9 +153,10 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
         target_size, target_root = _root(wanted)
         torque_like = "N" in target or "kg" in target
         if measured.dimensionality != wanted.dimensionality or not (torque_like or root == target_root):
-            raise InputError(
-                f"unit {short(unit)}{by_scale} is no unit of {target}; expected one such as {_example(target, '')}"
-            )
+            own, expected = f"{wanted / _parse(times):~}", f"one such as {_example(target, '')}"
+            if times != "1" and own.isalpha():  # what the column must be in for the scale to make the target of it
+                expected = f"unit: {own}, of which this scale makes {target}, or another scale"
+            raise InputError(f"unit {short(unit)}{by_scale} is no unit of {target}; expected {expected}")
         times_si = number * size / target_size
     if not 1 / LARGEST < abs(times_si) < LARGEST:
         raise InputError(
