@@ -175,13 +175,12 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
 
 def _head(files: Sequence[Path], kind: Kind, told: Told, log: "_Log") -> tuple[str, ...]:
     def braced(text: str) -> str:
-        """Keys with values in braces, which they may have already."""
-        return f"{{{text.strip().removeprefix('{').removesuffix('}')}}}"
+        """Keys with values in braces, which they may have already; else what is one value."""
+        return f"{{{text.strip().removeprefix('{').removesuffix('}')}}}" if ":" in text else quoted(text)
 
     motor = [f"{name}: {quoted(value)}" for name, value in told.motor.items()]
     motor += [f"gear: {braced(told.gear)}"] if told.gear else []
-    size = told.gravity or ""
-    known = [f"gravity: {braced(size) if ':' in size else quoted(size)}"] if size else []
+    known = [f"gravity: {braced(told.gravity)}"] if told.gravity else []
     inertia = f"inertia: {quoted(told.inertia)}" if told.inertia else ""
     lines = [f"joint: {{name: {quoted(told.name or _common(files))}, kind: {kind}}}   # revolute or prismatic"]
     lines += [f"motor: {{{', '.join(motor)}}}   # at the joint, gear included"] if motor else []
