@@ -228,6 +228,10 @@ def _answer(
     loaded = " without load" if any(joint.law_name != joint.law.name for joint in joints) else ""
     other = "vₛ is that of the law's own peak; α₃ multiplies v·|v| and may have either sign. "
     other_law = any(joint.law != GAUSSIAN for joint in joints)
+    left = (
+        " Compensation leaves: how much of friction remains on the joint’s own runs once that of these values is fed "
+        "forward, at most: the error of the torque relative to friction alone, 100 % without compensation."
+    )
     linked = any(joint.link_inertia is not None for joint in joints)
     how = (
         "Value to use ± one standard error, errors of constants included, and [95 % interval]"
@@ -235,18 +239,14 @@ def _answer(
         f"{other * other_law}{'All others' if other_law else 'All'} are positive in both directions: α₀ Coulomb, α₁ "
         f"Stribeck amplitude (breakaway is α₀ + α₁{loaded}), α₂ viscous friction, vₛ Stribeck velocity, σ₀ and σ₁ "
         "bristle stiffness and damping. Joint fit: of all runs at once."
-        f"{_HELD * seen[0]}{_LEFT * seen[1]}"
+        f"{' Hold-out error: of the torque on runs that were not fitted, relative to its norm.' * seen[0]}"
+        f"{left * seen[1]}"
         f"{' The inertia of a joint with known links is what it has beside them: the rotor’s.' * linked}"
     )
     return Answer("dir.", columns, tuple(things), tuple(compress(_BESIDE, seen)), how)
 
 
 _BESIDE = ("hold-out error", "compensation leaves", "curve")
-_HELD = " Hold-out error: of the torque on runs that were not fitted, relative to its norm."
-_LEFT = (
-    " Compensation leaves: how much of friction remains on the joint’s own runs once that of these values is fed "
-    "forward, at most: the error of the torque relative to friction alone, 100 % without compensation."
-)
 
 
 def _beside(joint: Joint, figures: _Figures) -> tuple[Cell | Drawing, ...]:
