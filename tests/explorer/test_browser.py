@@ -12,6 +12,7 @@ import pytest
 
 import bristle
 from bristle.identification.known_joint import known_joint
+from bristle.model.parameters import Direction
 from bristle.simulation.edro import TABLE_1
 
 from ..conftest import experiment, speeds, table
@@ -167,7 +168,7 @@ def test_it_opens_on_the_joint_of_the_results(chromium: Any, tmp_path: Path) -> 
     folder = results.write(tmp_path / "report", explored=page).parent
     links = re.findall(r'href="(explore\.html#[^"]*)"', (folder / "index.html").read_text(encoding="utf-8"))
     for joint, link in ((results.joint("shoulder"), "explore.html"), *zip(results.joints, links, strict=True)):
-        own = known_joint(joint).values("+")
+        own = known_joint(joint).values(Direction.POSITIVE)
         for width, least in ((1280, 6), (390, 4)):
             tab = Tab(chromium, folder / "explore.html", link.removeprefix("explore.html"), width)
             assert tab.page.inner_text("#shown-joint") == joint.name

@@ -55,7 +55,7 @@ def test_pages_of_a_large_fleet_are_at_most_three_megabytes(monkeypatch: pytest.
     course = figures.Course("alpha", rows, None)
     files = dict[str, bytes]()
     draw = partial(figures.joint_figure, "joint", rows["session"].iloc[0], 4 * [course], simulated=True)
-    drawn({0: Drawing(draw, "figure", "a joint")}, files)
+    drawn([Drawing(draw, "figure", "a joint")], files, lambda _: None)
     assert len(files["figures/figure.svg"]) <= 5e5
 
 

@@ -19,9 +19,7 @@ from bristle.model.functions import steady_jacobian_function
 from bristle.model.vectorize import evaluate
 from bristle.page.style import MOST_POINTS, decimal_log, new_figure, render_as, styled, thinned
 from bristle.page.wording import METHODS
-from bristle.questions.joint_report import moving as moving_page
-from bristle.questions.joint_report import presliding as presliding_page
-from bristle.questions.joint_report import static_figures
+from bristle.questions.joint_report import moving_sections, presliding_sections, static_figures
 from bristle.questions.joint_report.figures import DRAW
 
 from .conftest import HOSTILE, QUANTUM, TABLE_1, closed_cycle, loading, nothing_seen, only, slow_fit
@@ -46,7 +44,7 @@ def test_every_axis_has_a_quantity_and_a_unit(record: Record) -> None:
         figures = drawn(replace(joint, kind=kind))
         assert [*figures] == [*STATIC, *SLOW, *MOVING]
         loops = len(figures["hysteresis"].axes)
-        assert loops == presliding_page.MOST_LOOPS
+        assert loops == presliding_sections.MOST_LOOPS
         more = (static_figures.stribeck_figure(), static_figures.inspect_figure([record], joint.segments, kind))
         axes = [ax for figure in (*figures.values(), *more) for ax in figure.axes]
         assert len(axes) == 2 + 2 + 3 + 2 + loops + 2 * 2 + 1 + 2
@@ -179,24 +177,24 @@ def test_labels_of_a_logarithmic_axis_leave_room(ends: tuple[float, float]) -> N
 def test_loadings_are_moved_to_where_the_joint_rests(phase: float) -> None:
     """The fitted rest position is the true one, wherever in a count that is: the edges then lie on the curve."""
     fit, piece = slow_fit("+"), loading("+", phase, "x.csv")
-    start = presliding_page.rest(piece, fit)
+    start = presliding_sections.rest(piece, fit)
     assert start == pytest.approx((phase - 0.5) * QUANTUM, abs=1e-4 * QUANTUM)
-    on_curve = presliding_page.displacement(piece.edge_torque, fit.level, TABLE_1["+"].sigma_0)
+    on_curve = presliding_sections.displacement(piece.edge_torque, fit.level, TABLE_1["+"].sigma_0)
     np.testing.assert_allclose(piece.edge_displacement - start, on_curve, atol=1e-3 * QUANTUM)
 
 
 def test_rest_without_edges_and_without_sigma_0() -> None:
     """Where no edge was crossed all samples tell the rest position; without a sigma_0 the loading stays where it began."""
     fit, piece = slow_fit("+"), loading("+", 0.0, "x.csv")
-    y = presliding_page.displacement(piece.torque, fit.level, TABLE_1["+"].sigma_0)
+    y = presliding_sections.displacement(piece.torque, fit.level, TABLE_1["+"].sigma_0)
     smooth = replace(piece, displacement=y + 0.001, edge_displacement=np.zeros(0), edge_torque=np.zeros(0))
-    assert presliding_page.rest(smooth, fit) == pytest.approx(0.001)
-    assert presliding_page.rest(piece, nothing_seen()) == 0.0
+    assert presliding_sections.rest(smooth, fit) == pytest.approx(0.001)
+    assert presliding_sections.rest(piece, nothing_seen()) == 0.0
 
 
 def test_curve_levels_off_at_g0() -> None:
     """The displacement of the model: at small torque T / sigma_0, beyond all bounds towards g0."""
-    y = presliding_page.displacement(np.array([1e-6, 0.5, 1 - 1e-9]), 1.0, 4.0)
+    y = presliding_sections.displacement(np.array([1e-6, 0.5, 1 - 1e-9]), 1.0, 4.0)
     assert y[0] == pytest.approx(2.5e-7, rel=1e-6)
     assert y[1] == pytest.approx(np.log(2.0) / 4)
     assert y[2] > 5.0
@@ -207,13 +205,13 @@ def test_a_bounded_g0_is_drawn_where_the_edges_lie() -> None:
     fit = slow_fit("+")
     most = max(float(x.edge_torque.max()) for x in fit.loadings)
     bounded = replace(fit, level=1.001 * most, level_standard_error=float("inf"))
-    assert presliding_page.level_drawn(fit) == fit.level
-    assert presliding_page.level_drawn(bounded) == pytest.approx(fit.level, rel=0.1)
+    assert presliding_sections.level_drawn(fit) == fit.level
+    assert presliding_sections.level_drawn(bounded) == pytest.approx(fit.level, rel=0.1)
 
 
 def panels(joint: Joint) -> list[Axes]:
     """Every panel of both figures."""
-    drawn = [presliding_page.presliding_figure(joint), presliding_page.hysteresis_figure(joint)]
+    drawn = [presliding_sections.presliding_figure(joint), presliding_sections.hysteresis_figure(joint)]
     return [ax for figure in drawn if figure is not None for ax in figure.axes]
 
 
@@ -240,7 +238,7 @@ def test_nothing_is_drawn_beyond_what_was_measured(slow: Joint) -> None:
     fits, loops = list(slow.presliding.fits.values()), slow.presliding.loops
     shown = panels(slow)
     for ax, fit in zip(shown[: len(fits)], fits, strict=True):
-        most = max(float(x.displacement.max()) - presliding_page.rest(x, fit) for x in fit.loadings)
+        most = max(float(x.displacement.max()) - presliding_sections.rest(x, fit) for x in fit.loadings)
         lines = [np.asarray(x.get_xdata()) for x in ax.get_lines() if not str(x.get_label()).startswith("g")]
         assert len(lines) > 3
         assert max(float(x.max()) for x in lines) <= most * (1 + 1e-9)
@@ -254,17 +252,17 @@ def test_nothing_is_drawn_beyond_what_was_measured(slow: Joint) -> None:
 
 def both(joint: Joint) -> list[Figure]:
     """Both figures of a joint."""
-    drawn = (moving_page.course_figure(joint), moving_page.velocity_figure(joint))
+    drawn = (moving_sections.course_figure(joint), moving_sections.velocity_figure(joint))
     return [figure for figure in drawn if figure is not None]
 
 
 def test_window_lies_about_the_hardest_reversal_within_one_stretch() -> None:
     """The piece holds the reversal with the largest acceleration, lasts no longer than SPAN, and crosses no boundary."""
     fit = tracked()
-    own = moving_page.window(fit)
+    own = moving_sections.window(fit)
     assert own.start >= STRETCH
     assert fit.time[own.start] < REVERSAL < fit.time[own.stop - 1]
-    assert fit.time[own.stop - 1] - fit.time[own.start] <= moving_page.SPAN + 1e-9
+    assert fit.time[own.stop - 1] - fit.time[own.start] <= moving_sections.SPAN + 1e-9
 
 
 def test_window_has_its_length_where_it_can() -> None:
@@ -272,18 +270,18 @@ def test_window_has_its_length_where_it_can() -> None:
     for seconds, turn in ((0.5, np.inf), (2.0, np.inf), (30.0, np.inf), (10.0, 9.9)):
         t = np.linspace(0.0, seconds, 1001)
         fit = tracked(time=t, velocity=np.where(t < turn, 1.0, -1.0), measured=t, residuals=0 * t, starts_of_runs=(0,))
-        own = moving_page.window(fit)
+        own = moving_sections.window(fit)
         assert (own.start == 0) == (turn > seconds)
         assert turn > seconds or own.stop == t.size
         length = t[own.stop - 1] - t[own.start]
-        assert length == pytest.approx(min(seconds, moving_page.SPAN), abs=1.1 * seconds / 1000)
+        assert length == pytest.approx(min(seconds, moving_sections.SPAN), abs=1.1 * seconds / 1000)
 
 
 def test_stretches_are_told_apart() -> None:
     """Every equation belongs to one stretch, and none is in two; an empty one is left out."""
     fit = tracked()
-    assert moving_page.stretches(fit) == [slice(0, STRETCH), slice(STRETCH, fit.time.size)]
-    assert moving_page.stretches(tracked(starts_of_runs=(0, 0, STRETCH)))[0] == slice(0, STRETCH)
+    assert moving_sections.stretches(fit) == [slice(0, STRETCH), slice(STRETCH, fit.time.size)]
+    assert moving_sections.stretches(tracked(starts_of_runs=(0, 0, STRETCH)))[0] == slice(0, STRETCH)
 
 
 def test_no_line_crosses_a_boundary() -> None:
@@ -333,5 +331,5 @@ def test_few_points_are_drawn_of_many() -> None:
     )
     for figure in both(replace(moving(), joint_fit=fit)):
         sizes = [len(np.asarray(line.get_xdata())) for ax in figure.axes for line in ax.get_lines()]
-        assert max(sizes) <= moving_page.MOST
+        assert max(sizes) <= moving_sections.MOST
         assert len(render_as(figure, "svg")) < 200_000

@@ -167,23 +167,23 @@ def _sets(joint: Joint, known: KnownJoint, travel: float, J: float) -> Iterator[
     # Of constant velocity and slow loading, else those to use; none where a direction has no such fit.
     stages: _Values = {}
     own = {row.parameter: row for row in stage_estimates(joint)}
-    for d, rows in use.items():
-        fit = joint.static.get(d)
+    for side, rows in use.items():
+        fit = joint.static.get(side)
         if fit is not None and (law := fit.values()) is not None:
-            stages[d] = dict(rows)
+            stages[side] = dict(rows)
             for name in fields_of(joint.law):
-                row = own.get(ParameterName(name, Direction(d)))
+                row = own.get(ParameterName(name, Direction(side)))
                 estimate = None if row is None else row.estimate
                 value = getattr(law, name, None if estimate is None else estimate.value)
                 if value is not None:
-                    stages[d][name] = _value(value, estimate, str(Source.STATIC if row is None else row.source))
+                    stages[side][name] = _value(value, estimate, str(Source.STATIC if row is None else row.source))
 
     # Of moving runs, what they do not show as it was held; none where a direction has no whole set.
     moving: _Values = {}
-    for d in use:
-        if (run := joint.moving) is not None and (p := run.values(d)) is not None:
-            parts = ((n, x, in_direction(run.parameters, n, d)) for n, x in p._asdict().items())
-            moving[d] = {n: _value(x, estimate, str(Source.TRACKING)) for n, x, estimate in parts}
+    for side in use:
+        if (run := joint.moving) is not None and (p := run.values(side)) is not None:
+            parts = ((n, x, in_direction(run.parameters, n, side)) for n, x in p._asdict().items())
+            moving[side] = {n: _value(x, estimate, str(Source.TRACKING)) for n, x, estimate in parts}
 
     for key, label, values in (
         ("stages", "fits of constant velocity and slow loading alone", stages),

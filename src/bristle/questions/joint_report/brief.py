@@ -100,10 +100,6 @@ def _curve(joint: Joint) -> Iterator[str]:
     yield f"  friction: {law}{'; '.join(told)}"
 
 
-_MADE_EVEN = {"samples-uneven": "interpolated at even times", "stamps-jitter": "stamps that jitter made even"}
-"""What was done to samples, by the code of its note."""
-
-
 def _chosen(joint: Joint) -> Iterator[str]:
     """Regressors, directions, and samples, low pass and decimation of moving runs whose values these are, where the data chose them."""
     told = {"regressors": "chosen regressors"}
@@ -118,7 +114,8 @@ def _chosen(joint: Joint) -> Iterator[str]:
         notes = [note for x in joint.inputs for note in x.notes]
         gaps = sum(note.numbers["gaps"] for note in notes if note.code == "gaps-bridged")
         made = [f"{gaps} gap{'s' * (gaps > 1)} bridged by the motion beside"] * bool(gaps)
-        made += [text for code, text in _MADE_EVEN.items() if code in {note.code for note in notes}]
+        even = {"samples-uneven": "interpolated at even times", "stamps-jitter": "stamps that jitter made even"}
+        made += [text for code, text in even.items() if code in {note.code for note in notes}]
         if made:
             yield f"  samples: {', '.join(made)} (cleaning.times overrules)"
     yield from (f"  {name}: {printable(joint.settings[key])}" for name, key in told.items() if key in joint.settings)

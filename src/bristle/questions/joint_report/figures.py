@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from bristle.identification.results import Joint
 from bristle.page.page import Drawing, begun
-from bristle.questions.joint_report import interval_sections, moving, presliding, static_figures
+from bristle.questions.joint_report import interval_sections, moving_sections, presliding_sections, static_figures
 from bristle.workers import Share
 
 DRAW: dict[str, Callable[[Joint], Figure | None]] = {
@@ -15,11 +15,11 @@ DRAW: dict[str, Callable[[Joint], Figure | None]] = {
     "curve": static_figures.curve_figure,
     "profile": static_figures.profile_figure,
     "residuals": static_figures.residuals_figure,
-    "presliding": presliding.presliding_figure,
-    "hysteresis": presliding.hysteresis_figure,
-    "tracking": moving.course_figure,
-    "tracking-velocity": moving.velocity_figure,
-    "tracking-load": moving.load_figure,
+    "presliding": presliding_sections.presliding_figure,
+    "hysteresis": presliding_sections.hysteresis_figure,
+    "tracking": moving_sections.course_figure,
+    "tracking-velocity": moving_sections.velocity_figure,
+    "tracking-load": moving_sections.load_figure,
 }
 _LABELS = {"small": "small curve", "tracking-velocity": "tracking over velocity", "tracking-load": "tracking over load"}
 

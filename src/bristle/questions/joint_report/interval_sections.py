@@ -36,16 +36,18 @@ _FEW = 20
 def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     """A table per fit with each interval in one cell, the scatter of the runs, and a figure per fit."""
     every, sections = list(interval_rows(joint)), list[Section]()
-    for fit, own in groupby(every, key=lambda row: FITS.get(row.fit, row.fit)):
+    for fit, rows in groupby(every, key=lambda row: row.fit):
         cells = [
             (
                 x.name, x.estimate.value, *(span(getattr(x.three, way)) for way in WAYS), x.estimate.unit,
                 " ".join(map(in_print, x.three.warnings)),
             )
-            for x in own
+            for x in rows
         ]  # fmt: skip  # one row
         frame = pd.DataFrame(cells, columns=["parameter", "value", *WAYS, "unit", "warnings"])
-        sections.append(Section("", table=Table("uncertainty", fit.capitalize(), part=frame), form="part"))
+        sections.append(
+            Section("", table=Table("uncertainty", FITS.get(fit, fit).capitalize(), part=frame), form="part")
+        )
     missing = [FITS[kind] for kind, fit in moving_fits(joint).items() if not fit.uncertainty]
     if missing and every:
         add = "Their profiles and bootstrap take time: bristle report … --uncertainty adds them."

@@ -49,19 +49,22 @@ def _of_moving(joint: Joint) -> Iterator[Finding]:
         for name, e in fit.parameters.items()
         if e.value is None or (e.standard_error or 0.0) > WIDE * abs(e.value)
     }
-    motions = {
-        ("alpha_1", "v_s"): ("peak-open", "add constant velocities below and around v_s (experiment: ramp), or move long and slowly there"),
-        ("alpha_2",): ("viscous-open", "move faster, where the viscous part is larger"),
-        ("sigma_0", "sigma_1"): (
-            "bristle-open",
-            "add slow loading below breakaway (experiment: presliding), or turn often and slowly, by a few times the way in which friction builds up",
-        ),
-        ("inertia",): ("inertia-open", "accelerate harder, or give the inertia"),
-    }  # fmt: skip  # a table
-    for of, (code, motion) in motions.items():
-        if names := tuple(name for name in of if name in wide):
-            message = f"The moving runs leave {' and '.join(names)} open: {motion}."
-            yield Finding(code, NOTE, message, {"names": names} if len(of) > 1 else {})
+    if peak := tuple(name for name in ("alpha_1", "v_s") if name in wide):
+        motion = "add constant velocities below and around v_s (experiment: ramp), or move long and slowly there"
+        message = f"The moving runs leave {' and '.join(peak)} open: {motion}."
+        yield Finding("peak-open", NOTE, message, {"names": peak})
+    if "alpha_2" in wide:
+        faster = "The moving runs leave alpha_2 open: move faster, where the viscous part is larger."
+        yield Finding("viscous-open", NOTE, faster)
+    if bristle := tuple(name for name in ("sigma_0", "sigma_1") if name in wide):
+        message = (
+            f"The moving runs leave {' and '.join(bristle)} open: add slow loading below breakaway (experiment: presliding), "
+            "or turn often and slowly, by a few times the way in which friction builds up."
+        )
+        yield Finding("bristle-open", NOTE, message, {"names": bristle})
+    if "inertia" in wide:
+        harder = "The moving runs leave inertia open: accelerate harder, or give the inertia."
+        yield Finding("inertia-open", NOTE, harder)
     if fit.quantity == "torque" and any(warning.code == "count-bias" for warning in fit.warnings):
         finer = "Encoder counts bias the moving runs: try fit.predict: position on the same logs, or a finer encoder."
         yield Finding("avoid-counts", NOTE, finer)
@@ -78,40 +81,44 @@ def _of_fit(joint: Joint, fit: StaticFit) -> Iterator[Finding]:
     sticking = [abs(s.velocity) for s in joint.segments if s.stick_slip and np.sign(s.velocity) in signs]
     slowest, fast = float(speeds.min()), float(speeds.max())
     floor = max(fast / 100, 1.1 * max(sticking, default=0.0))
-
-    def measure(code: str, text: str, low: float, high: float) -> Finding:
-        """From `low`, or `floor` where that is higher, to `high`, or to what leaves room for five speeds; {} in the text is that range."""
-        low = max(low, floor)
-        high, digit = max(high, 3 * low) if high < 1.5 * low else high, 10.0 ** (np.floor(np.log10(low)) - 1)
-        low = float(np.ceil(low / digit * (1 - 1e-12)) * digit)  # to two digits, never less than it is
-        return Finding(
-            code, NOTE, text.format(f"{low:.2g} to {high:.2g}{unit_of('velocity')}"), {"low": low, "high": high}
-        )
-
+    low, high = _between(slowest / 10, slowest, floor)
     if fit.outcome.code == "static-no-stribeck":
         below = slowest > floor
         where = "it does so below what was measured" if below else "these data do not show it"
-        message = f"If friction rises at low speed, {where}: try five constant speeds from {{}}."
-        yield measure("rises-below" if below else "rise-not-shown", message, slowest / 10, slowest)
+        message = f"If friction rises at low speed, {where}: try five constant speeds from {_speeds(low, high)}."
+        yield Finding("rises-below" if below else "rise-not-shown", NOTE, message, {"low": low, "high": high})
         return
     v_s = fit.parameters.get("v_s")
     if v_s is not None and v_s.value is not None:
         least, most = v_s.interval or (0.0, np.inf)
         if np.count_nonzero(speeds < v_s.value) < 3:
-            few = "Fewer than three points lie below v_s: measure five constant speeds from {}."
-            yield measure("few-points-below", few, v_s.value / 5, v_s.value)
+            first, last = _between(v_s.value / 5, v_s.value, floor)
+            few = f"Fewer than three points lie below v_s: measure five constant speeds from {_speeds(first, last)}."
+            yield Finding("few-points-below", NOTE, few, {"low": first, "high": last})
         elif least <= 0:
-            slower = "Nothing limits v_s below: measure five constant speeds from {}."
-            yield measure("unlimited-below", slower, slowest / 10, slowest)
+            slower = f"Nothing limits v_s below: measure five constant speeds from {_speeds(low, high)}."
+            yield Finding("unlimited-below", NOTE, slower, {"low": low, "high": high})
         if np.isinf(most):
-            yield measure(
-                "unlimited-above", "Nothing limits v_s above: measure more speeds from {}.", v_s.value, 2 * fast
-            )
+            first, last = _between(v_s.value, 2 * fast, floor)
+            above = f"Nothing limits v_s above: measure more speeds from {_speeds(first, last)}."
+            yield Finding("unlimited-above", NOTE, above, {"low": first, "high": last})
         elif v_s.standard_error and v_s.standard_error > WIDE * v_s.value:
-            near = "v_s is wide: measure more speeds, or longer runs, from {}, where the curve bends."
-            yield measure("v-s-wide", near, v_s.value / 2, 2 * v_s.value)
+            first, last = _between(v_s.value / 2, 2 * v_s.value, floor)
+            near = f"measure more speeds, or longer runs, from {_speeds(first, last)}, where the curve bends"
+            yield Finding("v-s-wide", NOTE, f"v_s is wide: {near}.", {"low": first, "high": last})
     viscous = fit.parameters.get("alpha_2")
     if viscous and viscous.value and viscous.standard_error and viscous.standard_error > WIDE * viscous.value:
-        wide = f"{fast:.2g} to {2 * fast:.2g}{unit_of('velocity')}"
-        faster = f"alpha_2 is wide: measure faster, {wide}, where the viscous part is larger."
+        faster = f"alpha_2 is wide: measure faster, {_speeds(fast, 2 * fast)}, where the viscous part is larger."
         yield Finding("alpha-2-wide", NOTE, faster, {"low": fast, "high": 2 * fast})
+
+
+def _between(low: float, high: float, floor: float) -> tuple[float, float]:
+    """A range of speeds from `low`, or `floor` where that is higher, to `high`, or to what leaves room for five speeds."""
+    low = max(low, floor)
+    digit = 10.0 ** (np.floor(np.log10(low)) - 1)
+    rounded_up = float(np.ceil(low / digit * (1 - 1e-12)) * digit)  # to two digits, never less than it is
+    return rounded_up, high if high >= 1.5 * low else 3 * low
+
+
+def _speeds(low: float, high: float) -> str:
+    return f"{low:.2g} to {high:.2g}{unit_of('velocity')}"

@@ -23,7 +23,7 @@ from bristle.page.plain import in_unit
 from bristle.page.report import Answer, Answered, Cell, Page, Report, Section, Table
 from bristle.page.said import Link, Mark, Said
 from bristle.page.wording import FITS, counted, direction, in_print, in_symbols, measured, number, pretty, slugs, span
-from bristle.questions.joint_report import moving, presliding, static_sections, tables
+from bristle.questions.joint_report import moving_sections, presliding_sections, static_sections, tables
 from bristle.questions.joint_report.brief import law_in_force
 from bristle.questions.joint_report.figures import drawings
 from bristle.questions.joint_report.interval_sections import INTRO, intervals
@@ -141,9 +141,9 @@ def _of_joint(joint: Joint, figures: _Figures) -> list[Section]:
         ended.append((direction(d), f"{in_print(fit.outcome)} {left}"))
     for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
         ended.append((f"presliding {direction(d)}", in_print(choice(slow))))
-    for kind, run in moving_fits(joint).items():
-        left = error(counted(run.n, "equation"), run.relative_error)
-        ended.append((FITS[kind], f"{in_print(run.outcome)} {left}"))
+    for kind, moving in moving_fits(joint).items():
+        left = error(counted(moving.n, "equation"), moving.relative_error)
+        ended.append((FITS[kind], f"{in_print(moving.outcome)} {left}"))
     if joint.torque_scale:
         ended.append(("torque", in_print(joint.torque_scale)))
     inside = tables.table_1([joint])["inside"].dropna().astype(bool)
@@ -152,7 +152,7 @@ def _of_joint(joint: Joint, figures: _Figures) -> list[Section]:
         more = together * bool(inside.mean() < 0.8)
         ended.append(("truth", f"{inside.sum()} of {len(inside)} true values lie inside their 95 % intervals{more}."))
     drawn = static_sections.curve_and_residuals(joint, figures) if joint.static else ()
-    course = moving.course(joint, figures)
+    course = moving_sections.course(joint, figures)
     critical = tuple(x for x in joint.all_warnings() if x.severity is CRITICAL)
     trusted: tuple[Said, ...] = (_mark(joint), *filter(None, (verdict(joint).reason,)))
     sections = [
@@ -228,6 +228,10 @@ def _answer(
     loaded = " without load" if any(joint.law_name != joint.law.name for joint in joints) else ""
     other = "vₛ is that of the law's own peak; α₃ multiplies v·|v| and may have either sign. "
     other_law = any(joint.law != GAUSSIAN for joint in joints)
+    left = (
+        " Compensation leaves: how much of friction remains on the joint’s own runs once that of these values is fed "
+        "forward, at most: the error of the torque relative to friction alone, 100 % without compensation."
+    )
     linked = any(joint.link_inertia is not None for joint in joints)
     how = (
         "Value to use ± one standard error, errors of constants included, and [95 % interval]"
@@ -235,18 +239,14 @@ def _answer(
         f"{other * other_law}{'All others' if other_law else 'All'} are positive in both directions: α₀ Coulomb, α₁ "
         f"Stribeck amplitude (breakaway is α₀ + α₁{loaded}), α₂ viscous friction, vₛ Stribeck velocity, σ₀ and σ₁ "
         "bristle stiffness and damping. Joint fit: of all runs at once."
-        f"{_HELD * seen[0]}{_LEFT * seen[1]}"
+        f"{' Hold-out error: of the torque on runs that were not fitted, relative to its norm.' * seen[0]}"
+        f"{left * seen[1]}"
         f"{' The inertia of a joint with known links is what it has beside them: the rotor’s.' * linked}"
     )
     return Answer("dir.", columns, tuple(things), tuple(compress(_BESIDE, seen)), how)
 
 
 _BESIDE = ("hold-out error", "compensation leaves", "curve")
-_HELD = " Hold-out error: of the torque on runs that were not fitted, relative to its norm."
-_LEFT = (
-    " Compensation leaves: how much of friction remains on the joint’s own runs once that of these values is fed "
-    "forward, at most: the error of the torque relative to friction alone, 100 % without compensation."
-)
 
 
 def _beside(joint: Joint, figures: _Figures) -> tuple[Cell | Drawing, ...]:
@@ -341,11 +341,11 @@ _PAGES: tuple[tuple[Any, ...], ...] = (
         "Numbers in brackets, as (9), are equations of the paper; the page on the method has them.",
     ),
     (
-        "presliding.html", "Presliding", "stiffness, breakaway and hysteresis from slow loading", presliding.presliding,
+        "presliding.html", "Presliding", "stiffness, breakaway and hysteresis from slow loading", presliding_sections.presliding,
         "While a joint loads slowly from rest, the bristle bends before anything slides: torque / displacement gives "
         "its stiffness σ₀, by four methods.",
     ),
-    ("moving.html", "Moving runs", "all parameters at once", moving.moving),
+    ("moving.html", "Moving runs", "all parameters at once", moving_sections.moving),
     ("checks.html", "Cross-checks", "the same numbers by other routes, and other models", static_sections.checks),
     ("uncertainty.html", "Uncertainty", "each interval three ways", intervals, INTRO),
     ("data.html", "Data", "files, segments and settings", _data),

@@ -104,24 +104,13 @@ def small_figure(joint: Joint) -> Figure:
     ax.axhline(0, color="#666666", linewidth=0.5, label="_zero")
     ax.axvline(0, color="#666666", linewidth=0.5, label="_zero")
     if fits := [fit for _, fit in _directions(joint) if fit.velocity.size]:
-        v, torque = (
-            max(float(np.abs(x).max()) for x in own)
-            for own in zip(*((f.velocity, f.torque) for f in fits), strict=True)
-        )
-        ax.plot([v, 0], [0, torque], "+", color="#666666", markersize=5, label="_scale")
+        fastest = max(float(np.abs(fit.velocity).max()) for fit in fits)
+        most = max(float(np.abs(fit.torque).max()) for fit in fits)
+        ax.plot([fastest, 0], [0, most], "+", color="#666666", markersize=5, label="_scale")
         speed, effort = (pretty(unit(name, joint.kind)) for name in ("velocity", "torque"))
-        ax.annotate(
-            f"{number(v, 2)} {speed}", (v, 0), (3, -3), textcoords="offset points", ha="right", va="top", fontsize=9
-        )
-        ax.annotate(
-            f"{number(torque, 2)} {effort}",
-            (0, torque),
-            (-6, 2),
-            textcoords="offset points",
-            ha="right",
-            va="top",
-            fontsize=9,
-        )
+        beside: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "va": "top", "fontsize": 9}
+        ax.annotate(f"{number(fastest, 2)} {speed}", (fastest, 0), (3, -3), **beside)
+        ax.annotate(f"{number(most, 2)} {effort}", (0, most), (-6, 2), **beside)
     ax.set_axis_off()
     return figure
 
