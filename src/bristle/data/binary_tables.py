@@ -111,7 +111,6 @@ def _npz(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
 
 
 def _header(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[tuple[int, ...], "np.dtype[Any]"]:
-    """Shape and type of the array that a member holds."""
     with reading(*_NPZ), archive.open(member) as file:
         shape, _, dtype = _HEADERS[np.lib.format.read_magic(file)](file)
     return shape, dtype

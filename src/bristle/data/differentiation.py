@@ -13,7 +13,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.record import SIGNALS, Record
 from bristle.errors import InputError
-from bristle.findings import CAUTION, NOTE, Finding, Severity
+from bristle.findings import CAUTION, NOTE, Finding
 
 Choice = Callable[[Record], tuple[float, Finding]]  # a rule for the cut-off of a record's low pass, Hz, with the reason
 ORDER = 4  # order of the Butterworth filter, which runs forward and backward
@@ -48,8 +48,8 @@ def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
         f"{'Velocity and acceleration from position' if estimated else 'Acceleration from velocity'}: Butterworth low pass of order {ORDER}, "
         f"forward and backward, cut-off {used:.3g} Hz{why.message}; then the derivatives of a quintic spline."
     )
-    code = "motion-from-position" if estimated else "acceleration-from-velocity"
-    note = Finding(code, NOTE, message, {"cutoff": used, "why": why})
+    numbers = {"cutoff": used, "why": why}
+    note = Finding("motion-from-position" if estimated else "acceleration-from-velocity", NOTE, message, numbers)
     return replace(
         record,
         velocity=derivative(record, smooth) if estimated else record.velocity,
@@ -159,7 +159,7 @@ def without_rests(record: Record) -> Record:
     long = [slice(a, b) for a, b in pairwise(cuts) if b - a >= shortest and moves[a]]
     if not rests or not long or 2 * sum(s.stop - s.start for s in long) < np.count_nonzero(moves):
         return record
-    return _kept(record, long, "rests-left-out", "in which the joint rests are left out")
+    return _kept(record, long, Finding("rests-left-out", NOTE, "in which the joint rests are left out"))
 
 
 def let_go(record: Record) -> Record:
@@ -180,7 +180,8 @@ def let_go(record: Record) -> Record:
     moves = slice(ends[0], q.size - ends[1])
     if moves.stop - moves.start < SHORTEST or not sum(ends):
         return record
-    return _kept(record, [moves], "rests-left-out", "before the joint was let go, or after it stopped, are left out")
+    why = "before the joint was let go, or after it stopped, are left out"
+    return _kept(record, [moves], Finding("rests-left-out", NOTE, why))
 
 
 def without_ends(record: Record) -> Record:
@@ -195,7 +196,7 @@ def without_ends(record: Record) -> Record:
     if not edge or 2 * sum(s.stop - s.start for s in inner) < record.time.size:
         return record
     why = "at the ends of stretches left out, where the acceleration is least known"
-    return _kept(record, inner, "ends-left-out", why)
+    return _kept(record, inner, Finding("ends-left-out", NOTE, why))
 
 
 def without_short_segments(record: Record, shortest: int = SHORTEST, for_what: str = "differentiated") -> Record:
@@ -209,14 +210,14 @@ def without_short_segments(record: Record, shortest: int = SHORTEST, for_what: s
     if len(long) == len(segments):
         return record
     why = f"dropped: segments between gaps shorter than {shortest} samples, which cannot be {for_what}"
-    return _kept(record, long, "rows-of-short-segments", why, CAUTION)
+    return _kept(record, long, Finding("rows-of-short-segments", CAUTION, why))
 
 
-def _kept(record: Record, long: list[slice], code: str, why: str, severity: Severity = NOTE) -> Record:
-    """Some segments of a record, and a note on why the other rows are not in it."""
+def _kept(record: Record, long: list[slice], why: Finding) -> Record:
+    """Some segments of a record, and a note on why the other rows are not in it, whose message goes on after their number."""
     kept = np.concatenate([np.arange(s.start, s.stop) for s in long])
     lost = int(record.time.size - kept.size)
-    message = f"{lost} row{'' if lost == 1 else 's'} {why}."
+    note = replace(why, message=f"{lost} row{'' if lost == 1 else 's'} {why.message}.", numbers={"rows": lost})
     signals = {
         name: values[kept]
         for name in ("time", *SIGNALS, "lines", "filled")
@@ -228,5 +229,5 @@ def _kept(record: Record, long: list[slice], code: str, why: str, severity: Seve
         torque_shifts={name: shift[kept] for name, shift in record.torque_shifts.items()},
         starts=(0, *np.cumsum([s.stop - s.start for s in long])[:-1].tolist()),
         dropped=record.dropped + lost,
-        notes=(*record.notes, Finding(code, severity, message, {"rows": lost})),
+        notes=(*record.notes, note),
     )

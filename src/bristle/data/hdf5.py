@@ -28,7 +28,7 @@ def read_hdf5(path: Path, keys: Sequence[Key] | None) -> list[Any]:
     cells and arrays of structs are not read. Data outside the file (external links and storage, virtual datasets), text,
     references, lists of any length and filters that h5py does not bring are refused. Raises InputError; needs the extra `hdf5`.
     """
-    matlab = _is_matlab(path)
+    matlab = path.suffix.lower() == ".mat"
     if sys.modules.get("h5py", "") is None or find_spec("h5py") is None:
         what, also = ("a MAT-file of version 7.3 (HDF5)", f", or {_MATLAB_ADVICE}") if matlab else ("an HDF5 file", "")
         raise InputError(f"is {what}, which needs h5py; install it with pip install 'bristle[hdf5]'{also}")
@@ -37,19 +37,16 @@ def read_hdf5(path: Path, keys: Sequence[Key] | None) -> list[Any]:
     return ask(columns_of, path, keys, "the HDF5 library", what, advice)
 
 
-def _is_matlab(path: Path) -> bool:
-    return path.suffix.lower() == ".mat"
-
-
 def columns_of(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
     """The columns of some keys, or (None) the names of all vectors of numbers."""
     import h5py
 
+    matlab = path.suffix.lower() == ".mat"
     with h5py.File(path, "r") as file:
         if keys is None:
-            yield from _names(file, "" if _is_matlab(path) else "/", 0, matlab=_is_matlab(path))
+            yield from _names(file, "" if matlab else "/", 0, matlab=matlab)
         for key in keys or ():
-            yield _column(file, key, matlab=_is_matlab(path))
+            yield _column(file, key, matlab=matlab)
 
 
 def _column(file: Any, key: Key, *, matlab: bool) -> Array:

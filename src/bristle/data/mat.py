@@ -63,7 +63,6 @@ def _load(path: Path, names: list[str] | None) -> dict[str, Any]:
 
 
 def _walk(variables: dict[str, Any], path: str) -> Any:
-    """What a dotted path leads to."""
     root, *parts = _PART.findall(path)
     value, seen = variables[root], root
     for part in parts:

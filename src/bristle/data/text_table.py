@@ -243,7 +243,6 @@ def _named(column: str, index: int | None, layout: Layout) -> list[int]:
 
 
 def _of_lists(layout: Layout) -> set[int]:
-    """Columns that hold a list in each cell."""
     return {k for k, x in enumerate(layout.first) if x.startswith(("[", "("))}
 
 

@@ -65,13 +65,10 @@ def run_of_arrays(
         },
     }
     experiment = validate(Experiment, data, str(_HERE), Context(kind=kind))
-    digest = hashlib.sha256()
-    for x in columns.values():
-        digest.update(x.tobytes())
     table = RawTable(
         columns={Key(name): x for name, x in columns.items()},
         rows=next(iter(sizes.values()), 0),
-        sha256=digest.hexdigest(),
+        sha256=hashlib.sha256(b"".join(x.tobytes() for x in columns.values())).hexdigest(),
     )
     return experiment, run_of_table(experiment, table, _CALLED[what])
 
@@ -119,7 +116,6 @@ def _in_seconds(values: Any) -> Any:
 
 
 def _column(name: str, values: Any) -> Array:
-    """A signal as floats, (n,)."""
     values = _in_seconds(values) if name == "time" else values
     if getattr(getattr(values, "dtype", None), "kind", "-") in "cmM":
         raise InputError(f"{name}: got numbers of type {values.dtype}; expected n real numbers")

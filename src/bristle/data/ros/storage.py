@@ -114,7 +114,6 @@ def _of_folder(folder: Path) -> Bag:
 
 @contextmanager
 def _opened(bag: Bag) -> Iterator[Any]:
-    """The reader of rosbags for a bag."""
     from rosbags import rosbag1, rosbag2
 
     suffix, readers = bag.path.suffix.lower(), rosbag2.Reader.STORAGE_PLUGINS
