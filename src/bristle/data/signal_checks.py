@@ -129,7 +129,9 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
             "the right column under signals.velocity, or leave velocity out to have it estimated."
         )
         numbers: dict[str, Any] = {"files": (record.file,), "correlation": ratio.correlation}
-        return Finding("velocity-unrelated", CRITICAL, message, numbers, {"torque": np.inf})  # no curve is known from it
+        return Finding(
+            "velocity-unrelated", CRITICAL, message, numbers, {"torque": np.inf}
+        )  # no curve is known from it
     sure = ratio.high < 2.0 * ratio.low  # a factor is told where noise leaves it uncertain by less than this
     if not sure or (ratio.value > 0 and ratio.low < 1 + _FACTOR and ratio.high > 1 - _FACTOR):
         return None
