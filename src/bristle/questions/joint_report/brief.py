@@ -39,7 +39,7 @@ def brief_report(joints: Sequence[Joint]) -> str:
         lines += [*([""] if lines else []), *wrapped([trust])]
         if found.reason is not None:
             lines += _sentence(joint, found.reason)
-        lines += wrapped([*_curve(joint), *law_in_force(joint), *_chosen(joint)])
+        lines += wrapped([*_curve(joint), *(f"  {about}: {printable(told)}" for about, told in decided(joint))])
         lines += (*_values(joint), *_rest(joint, found.reason))
     return "\n".join([*lines, "", "What a code in brackets means: bristle explain CODE. Every fit: --full."]) + "\n"
 
@@ -57,13 +57,6 @@ def verdicts(joints: Sequence[Joint]) -> Iterator[str]:
 
 def _code(reason: Finding | None) -> str:
     return "" if reason is None else f"[{reason.code}]"
-
-
-def law_in_force(joint: Joint) -> Iterator[str]:
-    """The law and the load of the fits, and whether the data chose them; nothing of the paper's law where that was asked for."""
-    told = joint.settings.get("law", joint.law_name)
-    if not told.startswith(f"{GAUSSIAN.name}:") and told != GAUSSIAN.name:
-        yield f"  law: {printable(told)}"
 
 
 def _curve(joint: Joint) -> Iterator[str]:
@@ -100,8 +93,11 @@ def _curve(joint: Joint) -> Iterator[str]:
     yield f"  friction: {law}{'; '.join(told)}"
 
 
-def _chosen(joint: Joint) -> Iterator[str]:
-    """Regressors, directions, and samples, low pass and decimation of moving runs whose values these are, where the data chose them."""
+def decided(joint: Joint) -> Iterator[tuple[str, str]]:
+    """What was decided about what: the law, where it is not the paper's as asked; of moving runs whose values these are what the data chose."""
+    law = joint.settings.get("law", joint.law_name)
+    if not law.startswith(f"{GAUSSIAN.name}:") and law != GAUSSIAN.name:
+        yield "law", law
     told = {"regressors": "chosen regressors"}
     of_points = any(x.data == "points" for x in joint.models)  # else what is static is of moving runs, too
     if any(isinstance(fit, TrackingFit) or not of_points for fit in value_fits(joint)):
@@ -117,8 +113,8 @@ def _chosen(joint: Joint) -> Iterator[str]:
         even = {"samples-uneven": "interpolated at even times", "stamps-jitter": "stamps that jitter made even"}
         made += [text for code, text in even.items() if code in {note.code for note in notes}]
         if made:
-            yield f"  samples: {', '.join(made)} (cleaning.times overrules)"
-    yield from (f"  {name}: {printable(joint.settings[key])}" for name, key in told.items() if key in joint.settings)
+            yield "samples", f"{', '.join(made)} (cleaning.times overrules)"
+    yield from ((name, joint.settings[key]) for name, key in told.items() if key in joint.settings)
     fits = [fit for fit in value_fits(joint) if not isinstance(fit, TrackingFit)]
     said = dict.fromkeys(w for fit in fits for w in fit.warnings)
     strays, resting = (
@@ -127,7 +123,7 @@ def _chosen(joint: Joint) -> Iterator[str]:
     left_out = [f"{strays} off the law of the others (fit.set_up: as-written keeps them)"] * bool(strays)
     left_out += [f"{resting} at which the joint did not slide (bristle inspect lists them)"] * bool(resting)
     if left_out:
-        yield f"  points: {sum(fit.torque.size for fit in fits)} fitted; left out are {' and '.join(left_out)}"
+        yield "points", f"{sum(fit.torque.size for fit in fits)} fitted; left out are {' and '.join(left_out)}"
 
 
 def _values(joint: Joint) -> Iterator[str]:

@@ -14,7 +14,7 @@ from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, Severity
 from bristle.identification.curve import curve
 from bristle.identification.known_joint import Known, chosen, moving_fits
 from bristle.identification.results import Joint
-from bristle.identification.verdict import Trust, verdict
+from bristle.identification.verdict import Trust, value_warnings, verdict
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import SIGNED, Direction, fields_of, in_direction, of_friction, unit
@@ -24,7 +24,7 @@ from bristle.page.report import Answer, Answered, Cell, Page, Report, Section, T
 from bristle.page.said import Link, Mark, Said
 from bristle.page.wording import FITS, counted, direction, in_print, in_symbols, measured, number, pretty, slugs, span
 from bristle.questions.joint_report import moving_sections, presliding_sections, static_sections, tables
-from bristle.questions.joint_report.brief import law_in_force
+from bristle.questions.joint_report.brief import decided
 from bristle.questions.joint_report.figures import drawings
 from bristle.questions.joint_report.interval_sections import INTRO, intervals
 from bristle.questions.joint_report.next_measurements import next_measurements
@@ -108,6 +108,18 @@ def report(
     if "curve" in figures[names[0]]:
         picture = static_sections.curve(joints[0], figures[names[0]])
         sections.append(Section("The fit in a picture", figure=picture))
+    of = {joint.name: f"{joint.name}, " if len(joints) > 1 else "" for joint in joints}
+    facts = [(f"{of[joint.name]}{about}", in_print(told)) for joint in joints for about, told in decided(joint)]
+    facts += [(f"{of[joint.name]}torque", in_print(joint.torque_scale)) for joint in joints if joint.torque_scale]
+    cautions = tuple(
+        replace(x, subject=(joint.name, *x.subject))
+        for joint in joints
+        for x in value_warnings(joint)
+        if x.severity is CAUTION
+    )
+    if facts or cautions:
+        title = "What was decided, and cautions about these values"
+        sections.append(Section(title, facts=tuple(facts), findings=cautions, lines=()))
     simulated = "Nothing here was measured on a real joint."
     if not all(joint.simulated for joint in joints):
         simulated = "Some of these joints were not measured but simulated; each says so."
@@ -199,7 +211,7 @@ def _answer(
             line.append(f"From the {source}{'' if source in FITS.values() else ' stage'}.")
         if joint.name in worth:
             line.append(f"{worth[joint.name]}.")
-        if law := "".join(law_in_force(joint)).removeprefix("  law: "):
+        if law := dict(decided(joint)).get("law"):
             line.append(f"Law: {law}.")
         beside = [
             f"{in_symbols(p.name).replace('_', ' ')} {in_unit(measured(e.value, e.total_error), pretty(e.unit))}"
@@ -233,8 +245,9 @@ def _answer(
         "forward, at most: the error of the torque relative to friction alone, 100 % without compensation."
     )
     linked = any(joint.link_inertia is not None for joint in joints)
+    constants = any(row.estimate.systematic is not None for rows in known.values() for row in rows.values())
     how = (
-        "Value to use ± one standard error, errors of constants included, and [95 % interval]"
+        f"Value to use ± one standard error{', errors of constants included,' * constants} and [95 % interval]"
         f"{'; n.i.: not identifiable from these data' * missing}. "
         f"{other * other_law}{'All others' if other_law else 'All'} are positive in both directions: α₀ Coulomb, α₁ "
         f"Stribeck amplitude (breakaway is α₀ + α₁{loaded}), α₂ viscous friction, vₛ Stribeck velocity, σ₀ and σ₁ "
