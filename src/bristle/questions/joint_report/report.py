@@ -112,14 +112,14 @@ def report(
     facts = [(f"{of[joint.name]}{about}", in_print(told)) for joint in joints for about, told in decided(joint)]
     facts += [(f"{of[joint.name]}torque", in_print(joint.torque_scale)) for joint in joints if joint.torque_scale]
     cautions = tuple(
-        replace(x, subject=(joint.name, *x.subject))
+        replace(x, subject=(joint.name, *x.subject) if len(joints) > 1 else x.subject)
         for joint in joints
         for x in value_warnings(joint)
-        if x.severity is CAUTION
+        if x.severity is CAUTION and x != verdict(joint).reason
     )
     if facts or cautions:
-        title = "What was decided, and cautions about these values"
-        sections.append(Section(title, facts=tuple(facts), findings=cautions, lines=()))
+        about = "What was decided, and cautions about these values"
+        sections.append(Section(about, facts=tuple(facts), findings=cautions, lines=()))
     simulated = "Nothing here was measured on a real joint."
     if not all(joint.simulated for joint in joints):
         simulated = "Some of these joints were not measured but simulated; each says so."

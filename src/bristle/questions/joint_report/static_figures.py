@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
-from bristle.identification.curve import band, curve
+from bristle.identification.curve import band, curve, stated_curve
 from bristle.identification.fits import StaticFit
 from bristle.identification.known_joint import as_identified
 from bristle.identification.results import Joint
@@ -172,7 +172,7 @@ def curves_to_use(joint: Joint) -> dict[str, Stribeck[float]]:
 
 
 def _to_use(ax: Axes, joint: Joint, curves: Mapping[str, Stribeck[float]], *, magnitude: bool) -> None:
-    """The law of the values to use, in black beside what is drawn."""
+    """The law of the values to use, in black beside what is drawn, with the band that the first line states."""
     speeds = np.concatenate([fit.velocity for _, fit in _directions(joint)])
     label = "values to use, from moving runs"
     for d, p in curves.items():
@@ -184,6 +184,10 @@ def _to_use(ax: Axes, joint: Joint, curves: Mapping[str, Stribeck[float]], *, ma
             v = sign * np.geomspace(slowest, 1.02 * float(along.max()), 200)
             x, y = _drawn(v, p, magnitude)
             ax.plot(x, y, "-.", color="black", linewidth=1.1, label=_once(ax, label, str(sign)))
+            half = stated_curve(joint, v)[1]
+            if np.isfinite(half).all():
+                band_of: dict[str, Any] = {"color": "black", "alpha": 0.12, "linewidth": 0}
+                ax.fill_between(x, y - half, y + half, **band_of, label=_once(ax, "95 % band of these", str(sign)))
 
 
 def _fitted_points(ax: Axes, fit: StaticFit, look: Look, label: str, *, magnitude: bool) -> None:
