@@ -21,7 +21,8 @@ myst_links_external_new_tab = False
 
 nitpicky = True
 nitpick_ignore_regex = [
-    ("py:class", r"(?!bristle\.\w+$).*")
+    ("py:class", r"(?!bristle\.\w+$).*"),
+    ("py:obj", r"typing\..*"),
 ]  # types that are not public: Python's, NumPy's, our own parts
 autodoc_member_order = "bysource"
 autodoc_typehints = "signature"

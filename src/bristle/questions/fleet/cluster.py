@@ -354,7 +354,9 @@ def spread(
                 else:
                     yield call, future.exception()
     finally:
+        left = [future for _, future in under_way.calls.values()]
         with suppress(Exception):  # a scheduler that is gone has nothing to cancel
-            client.cancel([future for _, future in under_way.calls.values()])
+            if left and client.status == "running":
+                client.cancel(left)
     if deadly:
         yield from spread(client, name, function, deadly, 1)
