@@ -72,6 +72,15 @@ def test_slow_loading_is_presliding(rate: float) -> None:
     assert kind(log(rate, small)) == "tracking"
 
 
+def test_a_slow_sine_of_torque_below_breakaway_is_presliding() -> None:
+    """Each rise of 0.5 s is one, though at 67 Hz it has 33 or 34 samples, 0.48 or 0.49 s from the first to the last."""
+    t = np.arange(670) / 67.0
+    T = 0.8 * G0 * np.sin(np.pi * t + 0.03)
+    q = np.cumsum(np.gradient(T) / (STIFFNESS * (1 - np.sign(np.gradient(T)) * T / G0)))
+    found = stretches(log(67.0, np.gradient(q) * 67.0, q, T, velocity=False), "revolute")
+    assert (found.kind, found.moving) == ("presliding", 0.0)
+
+
 def test_slow_loading_until_it_slides_both_ways_is_presliding() -> None:
     """A slow cycle of torque that breaks the joint away in each direction is slow loading, though the second begins elsewhere."""
     rate, quarter = 500.0, np.linspace(0, 0.99 * G0, 5000)

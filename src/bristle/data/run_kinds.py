@@ -87,8 +87,8 @@ def stretches(record: Record, joint: JointKind) -> Stretches:
     loadings, spans = list[Loading](), list[tuple[int, int]]()
     with suppress(InputError):  # of a joint that slides
         for x in () if record.position is None else find_loadings(record, of_slow_loading(record)[0], None, None):
-            # 0.5 s: a shorter rise of the torque is the beginning of a motion
-            if x.time.size and x.time[-1] >= 0.5 and x.displacement.max(initial=0.0) <= _BEND[joint]:
+            # 0.5 s, each end known to a sample: a shorter rise of the torque is the beginning of a motion
+            if x.time.size and x.time[-1] + 2 * step >= 0.5 and x.displacement.max(initial=0.0) <= _BEND[joint]:
                 loadings.append(x)
     for x in loadings:  # and where it does not break away what follows nearby
         start, stop = x.start, x.start + x.time.size
