@@ -14,6 +14,7 @@ from bristle.questions.fleet import dataset
 from bristle.questions.fleet.sessions import JointSession
 
 pa = pytest.importorskip("pyarrow", reason="needs the extra fleet")
+pytest.importorskip("fsspec", reason="needs the extra fleet")
 
 
 def results(keys: list[str], rows: int = 3) -> Any:

@@ -54,6 +54,8 @@ class Fitted(NamedTuple):
     """Its rms."""
     weight: Array = np.ones(1)
     """What the equations are multiplied by in the fit, (n,), or one for all."""
+    widened: bool = True
+    """Whether the errors that are given are those of `explained`."""
 
 
 class Candidate(NamedTuple):
@@ -192,5 +194,6 @@ def _with_effect(fit: Fitted, added: Array, moved: Array, finding: Finding, *, i
     if little:
         return replace(told, severity=NOTE)
     bends = f"friction by {100 * torque / fit.friction:.2g} %, and " if fit.friction else ""
-    said = f"That in the fit would change {bends}a parameter by {errors:.2g} errors of the fit alone; the errors given contain it."
+    given = "errors of the fit alone; those given contain it" if fit.widened else "of its errors"
+    said = f"It would move {bends}a parameter by {errors:.2g} {given}."
     return replace(told, message=f"{finding.message} {said}")

@@ -104,9 +104,7 @@ def _wear(found: Score, _: int) -> Finding:
 
 def _regressor(name: str, parameters: Collection[str], found: Score, _: int) -> Finding:
     lines = regressor_line((name,), parameters)
-    message = (
-        f"The fit lacks a term: under fit, {lines} would explain {100 * found.share:.0f} % of the residuals' variance."
-    )
+    message = f"The fit lacks a term: under fit, {lines} would explain {100 * found.share:.0f} % of what is left."
     return Finding("lacks-a-term", CAUTION, message, {"lines": lines, "term": name, "share": found.share})
 
 

@@ -148,7 +148,9 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     sides = 0.0 if gravity else float(100 * NORMAL * np.sqrt(other * (1 - other)) * abs(offset) / size)
     effects = [100 * x.effect["torque"] / size for x in value_warnings(joint) if "torque" in x.effect]
     effects += [100 * _withheld(fit, v) / size for fit in fits if isinstance(fit, TrackingFit)]
-    torque = np.concatenate([fit.measured if isinstance(fit, TrackingFit) else fit.torque for fit in fits])
+    moving = joint.moving  # whose torque has the load, too, where a static fit of it does not
+    points_alone = [fit.torque for fit in fits if isinstance(fit, StaticFit) and (fit.segments or moving is None)]
+    torque = np.concatenate(points_alone) if points_alone or moving is None else moving.measured
     acting, _ = known_curve(joint, along)
     share = _rms(acting[np.isfinite(acting)]) / (_rms(torque) or 1.0)
     return Accuracy(

@@ -215,8 +215,8 @@ def _backlash(found: Score, _: int) -> Finding:
     twice = 2 * float(found.sizes[0])
     message = (
         f"At each reversal the position runs {'ahead' if twice > 0 else 'behind'} by {abs(twice):.2g}{unit_of('position')}, which would explain "
-        f"{100 * found.share:.0f} % of what the fit leaves: backlash, or a flexible coupling, between the encoder and what rubs. Numbers of the "
-        "bristle and the inertia take part of it up; log the position on the side of the friction."
+        f"{100 * found.share:.0f} % of what the fit leaves: backlash, a flexible coupling between the encoder and what rubs, or a rest at the "
+        "reversal that the low pass smooths. Bristle and inertia take part of it up; log the position where it rubs."
     )
     return Finding("backlash", CAUTION, message, {"play": abs(twice), "share": found.share})
 

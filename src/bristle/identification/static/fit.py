@@ -194,6 +194,7 @@ def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[F
         np.array(errors, dtype=np.float64),
         friction,
         float(np.sqrt(np.mean(problem.friction(theta)[measured] ** 2))),
+        widened=False,
     )
     time, position = (x[order] if x.size == order.size else x for x in (where.time, where.position))
     rows = candidates(velocity[order], time, position, [*(name.name for name in names), *problem.given], kind)

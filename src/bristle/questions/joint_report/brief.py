@@ -85,7 +85,7 @@ def _curve(joint: Joint) -> Iterator[str]:
     for d, curve in ways.items():
         if np.isfinite(curve[:, 0]).all():
             ends = (
-                f"{number(T, 3)} {torque} {f'{interval((T - half, T + half))} ' * isfinite(half)}at {number(at, 2)} {speed}"
+                f"{number(T, 3)} {torque} {f'{interval((T - half, T + half))} ' * isfinite(half)}at {number(at, 3)} {speed}"
                 for (T, half), at in zip(curve.tolist(), v.tolist(), strict=True)
             )
             told.append(f"{' and '.join(dict.fromkeys(ends))}{f' ({d})' * bool(d)}")
@@ -123,7 +123,8 @@ def decided(joint: Joint) -> Iterator[tuple[str, str]]:
     left_out = [f"{strays} off the law of the others (fit.set_up: as-written keeps them)"] * bool(strays)
     left_out += [f"{resting} at which the joint did not slide (bristle inspect lists them)"] * bool(resting)
     if left_out:
-        yield "points", f"{sum(fit.torque.size for fit in fits)} fitted; left out are {' and '.join(left_out)}"
+        fitted = len({s.place for fit in fits for s in fit.segments})
+        yield "points", f"{fitted} fitted; left out are {' and '.join(left_out)}"
 
 
 def _values(joint: Joint) -> Iterator[str]:
