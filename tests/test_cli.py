@@ -188,7 +188,7 @@ def whole_joint(options: str, more: str = "") -> dict[str, str]:
 AGAIN = "  - {files: data.csv, experiment: points}\n"
 MADE = {"out/.bristle-manifest": "index.html\n", "out/index.html": "the last report"}
 BAD = [
-    *bad("missing file", READ, "'data.csv' is no file", gone=["data.csv"]),
+    *bad("missing file", READ, "'data.csv' is not a file", gone=["data.csv"]),
     *bad("missing file", [NEW], "data.csv: no such file", gone=["data.csv"]),
     *bad("missing experiment", READ, "e.yaml: no such file", gone=["e.yaml"]),
     *bad("empty file", ALL, "data.csv: the file is empty", {"data.csv": ""}),
@@ -275,10 +275,10 @@ BAD = [
     *bad("output two lines long", [("report", "e.yaml", "-o", "a\nb/out")], "a b/out", {"a\nb": "mine"}, patch=undrawn),
     *bad("draft in the way", [("new", "data.csv", "-o", "e.yaml")], "e.yaml: is there already"),
     *bad("timings in the way", [REPORT], "out/timings.json: is there already", {**MADE, "out/timings.json": "mine"}),
-    *bad("marker of no report", [REPORT, ADAPT], "out/.bristle-manifest: is no list of files", {
+    *bad("marker of no report", [REPORT, ADAPT], "out/.bristle-manifest: is not a list of files", {
         **MADE, "out/.bristle-manifest": "mine\n", "out/mine": "mine"}),
     *bad("manifest that is a pipe", [REPORT, ADAPT], "out/.bristle-manifest: is a pipe", {"out/.bristle-manifest": PIPE}),
-    *bad("output is a pipe", [REPORT, ADAPT], "out: is no folder; a report needs a folder", {"out": PIPE}),
+    *bad("output is a pipe", [REPORT, ADAPT], "out: is not a folder; a report needs a folder", {"out": PIPE}),
     *bad("output is a pipe", [IDENTIFY], "out.json: is a pipe; expected a file", {"out.json": PIPE}),
     *bad("output is a pipe", [INSPECT], "out.png: is a pipe; expected a file", {"out.png": PIPE}),
     *bad("output is a pipe", [(*PLAN, "-o", "next.csv")], "next.csv: is a pipe; expected a file", {"next.csv": PIPE}),
@@ -335,10 +335,10 @@ BAD = [
     ) for row in bad("validation that cannot be", [(*VALIDATE, option, value)], named)),
     *(row for option, value, named in (
         ("--amplitude", "0.5", "amplitude: got '0.5'; expected a number with its unit"),
-        ("--amplitude", "5 mm", "amplitude: unit 'mm' is no unit of rad"),
+        ("--amplitude", "5 mm", "amplitude: unit 'mm' is not a unit of rad"),
         ("--amplitude", "-1 rad", "amplitude: got -1 rad; expected a quantity above 0"),
         ("--amplitude", "1e300 rad", "amplitude: got '1e300 rad'; expected a finite size"),
-        ("--frequency", "3 rad/s", "frequency: unit 'rad/s' is no unit of Hz"),
+        ("--frequency", "3 rad/s", "frequency: unit 'rad/s' is not a unit of Hz"),
         ("--frequency", "0 Hz", "frequency: got 0 Hz; expected a quantity above 0"),
         ("--frequency", "1e12 Hz", "frequency: got 1e+12 Hz; expected 1e-06 to 10000 Hz"),
         ("--frequency", "1e-12 Hz", "frequency: got 1e-12 Hz; expected 1e-06 to 10000 Hz"),

@@ -55,7 +55,7 @@ def refused(folder: Path, command: Sequence[str], named: str, *, printed: bool =
         (("report", "e.yaml", "-o", "loop"), "loop: is a symbolic link to no folder"),
         (("plan", "e.yaml", "--page", "loop/a/b"), "in a circle"),
         (("compare", "loop", "data.csv", "-o", "out"), "loop: cannot be read (Too many levels of symbolic links)"),
-        (("identify", "e.yaml", "-o", "loop/r.json"), "loop is no folder; name another file"),
+        (("identify", "e.yaml", "-o", "loop/r.json"), "loop is not a folder; name another file"),
     ],
 )  # fmt: skip  # a table
 def test_an_output_that_cannot_be_is_refused_first(folder: Path, command: Sequence[str], named: str) -> None:

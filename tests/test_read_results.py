@@ -167,7 +167,7 @@ def test_what_needs_no_logs_asks_for_none(fresh: Results, folder: Path, tmp_path
     names = {n for n in wanted if n not in ("timings.json", "results.json", ".bristle-manifest")}
     assert {n: made[n] for n in names} == {n: wanted[n] for n in names}
     bristle.validate(read, repetitions=20, starts=1)
-    with pytest.raises(InputError, match=r"points\.csv' is no file"):
+    with pytest.raises(InputError, match=r"points\.csv' is not a file"):
         bristle.plan(read)
 
 
@@ -195,7 +195,7 @@ def test_a_changed_log_is_told(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"wrist: wrist\.csv was changed, or added, since the joint was identified"):
         bristle.inspect(read)
     log.unlink()
-    with pytest.raises(InputError, match=r"wrist\.csv' is no file"):
+    with pytest.raises(InputError, match=r"wrist\.csv' is not a file"):
         bristle.inspect(path)
 
 
@@ -272,8 +272,8 @@ def foreign(**changed: object) -> list[dict[str, object]]:
 
 FIT, EXPERIMENTS = ("joints", "wrist", "static", "+"), ("experiments",)
 FOREIGN: list[tuple[tuple[str, ...], Any, str]] = [
-    (RESIDUALS, {"shape": [12], "float64": "!!"}, "is no base64"),
-    (RESIDUALS, {"shape": [12], "float64": "AAAA"}, "has 3 bytes, which are no float64"),
+    (RESIDUALS, {"shape": [12], "float64": "!!"}, "is not base64"),
+    (RESIDUALS, {"shape": [12], "float64": "AAAA"}, "has 3 bytes, which are not float64"),
     (RESIDUALS, {"shape": [10**17, 10**17], "float64": ""}, "has 0 bytes"),
     (RESIDUALS, {"shape": [-1, -1], "float64": "AAAAAAAAAAA="}, "has 8 bytes"),
     (RESIDUALS, {"shape": [1], "float64": "AAAAAAAAAAA="}, "has shape (1,); expected (n) as beside it"),
@@ -285,8 +285,8 @@ FOREIGN: list[tuple[tuple[str, ...], Any, str]] = [
     (RESIDUALS, None, "Input should be"),
     (("samples", "wrist", "static/+/segments"), ["static/+"], "Circular reference"),
     (("samples", "wrist", "static/+/segments"), {}, "Input should be a valid"),
-    (("samples", "wrist", "static/+/n"), 3, "is no field of the joint"),
-    (("samples", "elbow"), {}, "is no joint"),
+    (("samples", "wrist", "static/+/n"), 3, "is not a field of the joint"),
+    (("samples", "elbow"), {}, "is not a joint"),
     (("samples",), [], "samples"),
     (EXPERIMENTS, foreign(file="../../etc/passwd"), "the name of a file"),
     (EXPERIMENTS, foreign(file="a\0"), "control character"),

@@ -96,9 +96,9 @@ def _from_base64(x: WrittenArray) -> Floats:
     try:
         data = b64decode(x.float64, validate=True)
     except binascii.Error as error:
-        raise ValueError("is no base64") from error
+        raise ValueError("is not base64") from error
     if len(x.shape) > 4 or min(x.shape, default=0) < 0 or 8 * prod(x.shape) != len(data):
-        raise ValueError(f"has {len(data)} bytes, which are no float64 of the shape that it states")
+        raise ValueError(f"has {len(data)} bytes, which are not float64 of the shape that it states")
     return np.frombuffer(data, "<f8").reshape(x.shape).astype(np.float64)
 
 

@@ -43,7 +43,7 @@ def optional(none: str, file: str = "The experiment file") -> Any:
 
 
 def output_path(text: str) -> Path:
-    """Where something is to be written; an empty path, as of a shell variable that is not set, would be the current folder."""
+    """The path to write to; an empty one, as from an unset shell variable, is refused: it would be the current folder."""
     if not text:
         raise typer.BadParameter("got an empty path; name a file or a folder, or . for the folder you are in")
     return Path(text)
@@ -70,7 +70,7 @@ def flag(names: str, meaning: str) -> Any:
 
 
 def per_signal(metavar: str, what: str) -> Any:
-    """An option that tells something of one signal, and may be given for several."""
+    """An option about one signal, which may be given for several."""
     signals = "time, position, velocity, torque, current, voltage, command or velocity_command"
     return asked(f"SIGNAL={metavar}", f"{what}; SIGNAL: {signals}.")
 
@@ -78,13 +78,13 @@ def per_signal(metavar: str, what: str) -> Any:
 FILE = given("EXPERIMENT", "The experiment file, YAML.")
 COMMON: dict[str, Any] = {
     "joint": typer.Option(
-        "--joint", metavar="NAME", help="Which joint, where the file is of a robot.", show_default=False
+        "--joint", metavar="NAME", help="Which joint, if the file describes a robot.", show_default=False
     ),
     "uncertainty": flag("--uncertainty", "Intervals of moving runs by profile and bootstrap too, which takes a while."),
     "workers": typer.Option(
         "--workers", metavar="N", min=1, max=256, help="Processes that share the work [default: the cores]."
     ),
-    "need": asked("PERCENT", "To how much of friction it has to be known (95 %), to be used [default: 10%]."),
+    "need": asked("PERCENT", "How well friction must be known (95 %) for the values to be used [default: 10%]."),
     "strict": flag("--strict", "Exit with 3 where a joint is not to be used."),
 }
 """What options mean in every command that has them and says nothing else."""
@@ -92,23 +92,23 @@ OF_LOGS: dict[str, tuple[Any, Any]] = {
     "column": (list[str], per_signal("COLUMN", "Its column, by name or by number from 0; of another file FILE:COLUMN")),
     "unit": (list[str], per_signal("UNIT", "Its unit, as deg or mA")),
     "scale": (list[str], per_signal("FACTOR", "What it is multiplied by, as -1 or 35.15 N/V")),
-    "rate": (str, asked("QUANTITY", "Of sampling, where no column is the time, as 1 kHz.")),
-    "torque_constant": (str, asked("QUANTITY", "Of the motor, at the joint, as 0.35 N*m/A.")),
-    "resistance": (str, asked("QUANTITY", "Of the motor, as 2.1 ohm, where voltage is logged.")),
-    "kp": (str, asked("QUANTITY", "Of a drive that is told a position, at the joint, as 20 N*m/rad.")),
-    "kd": (str, asked("QUANTITY", "Of a drive that is told a velocity, at the joint, as 1 N*m*s/rad.")),
-    "torque_limit": (str, asked("QUANTITY", "What a drive gives at the most, where commands are logged, as 23 N*m.")),
+    "rate": (str, asked("QUANTITY", "The sampling rate, such as 1 kHz, if no column is the time.")),
+    "torque_constant": (str, asked("QUANTITY", "Torque constant of the motor, at the joint, such as 0.35 N*m/A.")),
+    "resistance": (str, asked("QUANTITY", "Resistance of the motor, such as 2.1 ohm, if voltage is logged.")),
+    "kp": (str, asked("QUANTITY", "Gain of a drive on its position error, at the joint, such as 20 N*m/rad.")),
+    "kd": (str, asked("QUANTITY", "Gain of a drive on its velocity error, at the joint, such as 1 N*m*s/rad.")),
+    "torque_limit": (str, asked("QUANTITY", "Largest torque of the drive, such as 23 N*m, if commands are logged.")),
     "gear": (str, asked("GEAR", "As under motor: 'ratio: 100, position: motor, velocity: motor'.")),
-    "inertia": (str, asked("QUANTITY", "Of the joint, as 0.0089 kg*m^2, or with its error: then it is a prior.")),
+    "inertia": (str, asked("QUANTITY", "Inertia of the joint, such as 0.0089 kg*m^2; with an error it is a prior.")),
     "held": (bool, flag("--held/--not-held", "Whether the drive holds commands between samples.")),
     "fresh": (bool, flag("--fresh/--not-fresh", "Whether the drive compares commands with new measurements.")),
     "gravity": (str, asked("GRAVITY", "Its largest torque, as 0.7 N*m, or 'mass: 1.2 kg, centre: 0.06 m', or a URDF.")),
     "coasting": (bool, flag("--coasting", "Nothing drives the joint: --inertia or --gravity says what is known.")),
     "directions": (str, asked("WORD", "One friction for both, or one each: auto, symmetric or separate.")),
-    "name": (str, asked("NAME", "Of the joint.")),
+    "name": (str, asked("NAME", "The name of the joint.")),
     "hold_out": (list[Path], asked("LOG", "A log that is kept for validation; may be given again.")),
 }
-"""Options of what is told of logs, by name: type, and what they mean."""
+"""Options that describe logs, by name: type and help."""
 
 
 def command(**meant: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -565,7 +565,7 @@ def new(logs: list[Path], output: Path | None = None, *, of_logs: Mapping[str, A
         complain(sentence)
 
 
-@command(code=given("CODE", "What stands in brackets behind a warning."))
+@command(code=given("CODE", "The code in brackets after a warning."))
 def explain(code: str) -> None:
     """Explain a warning, and say what to do.
 
@@ -597,7 +597,7 @@ def _tell(texts: Iterable[str]) -> None:
 
 
 def _told(of_logs: Mapping[str, Any]) -> "Told":
-    """What the options tell of logs. Raises InputError where one is no SIGNAL=VALUE of a signal."""
+    """What the options say about logs. Raises InputError where one is not SIGNAL=VALUE of a signal."""
     from bristle.data.experiment.draft import Told, told_by
 
     given = dict(of_logs)

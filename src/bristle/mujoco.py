@@ -193,7 +193,7 @@ def _handed(result: Results | Fit | ExportedJoint | Path | str, name: str) -> Ex
         return result
     known = read_if_results(result)
     if not isinstance(known, Results):
-        raise InputError(f"{result}: is no results file; expected results.json, results or a fit of arrays")
+        raise InputError(f"{result}: is not a results file; expected results.json, results or a fit of arrays")
     names = [joint.name for joint in known.joints]
     if name not in names and len(names) != 1:
         raise InputError(

@@ -131,7 +131,7 @@ def test_it_shows_itself(plain: bristle.Fit) -> None:
     ("arguments", "options", "sentence"),
     [
         (([1.0, 2.0], [1.0, 2.0, 3.0]), {}, "arrays differ in length: velocity has 2, torque has 3"),
-        (([1.0, 2.0], ["a", "b"]), {}, "torque is no array of numbers"),
+        (([1.0, 2.0], ["a", "b"]), {}, "torque is not an array of numbers"),
         (([[1.0, 2.0]], [1.0, 2.0]), {}, r"velocity has shape \(1, 2\)"),
         (([1.0, 2.0],), {}, "torque: missing"),
         (([1.0, 2.0], [1.0, 2.0]), {"directons": "separate"}, "did you mean 'directions'"),

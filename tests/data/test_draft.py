@@ -128,7 +128,7 @@ def test_what_cannot_be_guessed_is_refused(tmp_path: Path) -> None:
     volts = partial(_draft, _csv(tmp_path / "volts.csv", "t,q,v_in", _T, _Q, _TAU))
     half = r"is a voltage, .* needs both .* --torque-constant .* --resistance"
     assert_refused([(partial(volts, torque_constant="1 N*m/A"), half), (partial(volts, resistance="2 ohm"), half)])
-    assert "torque: as a voltage, in V, for no torque constant was told" in volts()[1][1]
+    assert "torque: as a voltage, in V, because no torque constant was given" in volts()[1][1]
     _csv(tmp_path / "log.csv", "x1,q,tau", _T, _Q, _TAU)
     _draft(tmp_path / "log.csv", columns={"torque": "tau_2", "time": "x1"})
     told = "no column named 'tau_2'; there are: x1, q, tau"

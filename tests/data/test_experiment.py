@@ -63,7 +63,7 @@ _BAD: dict[str, str] = {
     "path: x": "unknown key 'path'",
     "joint: {}": r"joint\.name: missing",
     "joint: {name: a, kind: ball}": r"joint\.kind: got 'ball'; expected 'revolute' or 'prismatic'",
-    "joint: {name: a, kind: prismatic}": r"signals\.position: unit 'rad' is no unit of m",
+    "joint: {name: a, kind: prismatic}": r"signals\.position: unit 'rad' is not a unit of m",
     'joint: {name: "a\\x9b"}': r"joint\.name: the text 'a\\x9b' holds U\+009B",
     "inertia: 0.01": r"inertia: got 0\.01; expected a number with its unit",
     "inertia: -1 kg*m^2": "inertia: .*expected a positive inertia",
@@ -71,7 +71,7 @@ _BAD: dict[str, str] = {
     "inertia: 1e400 kg*m^2": "inertia: got '1e400 .*expected a finite size",
     "inertia: 0.05 +/- 1e400 kg*m^2": "inertia: got .*expected a finite size",
     "inertia: 1 Qm**9*Qm**9": "inertia: unit .* is too large or too small",
-    "motor: {torque_constant: 3 ohm}": r"motor\.torque_constant: unit 'ohm' is no unit of N\*m/A",
+    "motor: {torque_constant: 3 ohm}": r"motor\.torque_constant: unit 'ohm' is not a unit of N\*m/A",
     "motor: {torque_constant: 0 N*m/A}": r"motor\.torque_constant: got '0 N\*m/A'; expected greater than 0",
     "motor: {torque_constant: 0.35 +/- 0.4 N*m/A}": (
         r"motor\.torque_constant: got '0\.35 \+/- 0\.4 N\*m/A'; expected an error that is smaller than the constant"
@@ -80,7 +80,7 @@ _BAD: dict[str, str] = {
     "signals.torque: {column: true, unit: N*m}": r"signals\.torque\.column: got True",
     "signals.torque: {column: -1, unit: N*m}": r"signals\.torque\.column: got -1; expected .* counted from 0",
     "signals.torque: {column: 1, unit: A, scale: 7.6 N*m/A +/- 0.1 ohm}": (
-        r"signals\.torque: unit 'ohm' is no unit of N\*m/A"
+        r"signals\.torque: unit 'ohm' is not a unit of N\*m/A"
     ),
     "signals.torque: {column: 1, unit: A, scale: -7.6 +/- 8 N*m/A}": (
         r"signals\.torque: scale '-7\.6 \+/- 8 N\*m/A': expected a number, with an error that is smaller than it"
@@ -100,12 +100,12 @@ _BAD: dict[str, str] = {
     "{signals.torque: null, signals.velocity_command: {column: 1, unit: rad/s, delay: 1 ms}}": "velocity_command: got a delay; expected",
     "motor: {kp: 20 +/- 1 N*m/rad, kd: 1 +/- 0.1 N*m*s/rad}": r"motor\.kd: got an error; expected it with kp",
     "signals.torque: {column: 1, unit: N*m, scale: 35 N*m/V}": "expected unit: V, of which this scale makes N",
-    "signals.velocity: {column: 1, unit: Hz}": r"signals\.velocity: unit 'Hz' is no unit of rad/s",
+    "signals.velocity: {column: 1, unit: Hz}": r"signals\.velocity: unit 'Hz' is not a unit of rad/s",
     "signals.position: {column: 1, unit: counts}": "needs encoder_resolution",
     "signals.position: {column: 1, unit: rad, scale: 2 +/- 0.1}": (
         r"signals\.position: scale: got '2 \+/- 0\.1'; expected no error: only that of torque, voltage or current"
     ),
-    "signals.position: {column: 1, unit: rad, wraps: 3 s}": r"signals\.position: unit 's' is no unit of rad",
+    "signals.position: {column: 1, unit: rad, wraps: 3 s}": r"signals\.position: unit 's' is not a unit of rad",
     "signals.position:": r"runs\.0: no position",
     "signals.time:": r"runs\.0: no time",
     "signals.time: {column: t, unit: s, rate: 1 Hz}": r"signals\.time: expected either",
@@ -184,7 +184,7 @@ def test_hostile_file_names_are_refused(tmp_path: Path) -> None:
         (tmp_path / name).write_text("t\n1\n")
     says = {
         "a" * 300: "runs: files 'aaa.* cannot be looked for",
-        "a\0b.csv": r"'a\\x00b.csv' is no file",
+        "a\0b.csv": r"'a\\x00b.csv' is not a file",
         "**/a/**/b/**/*.csv": r"has \*\* more than once",
         "*" * 2000 + "x": r"has \*\* more than once",
         "*a" * 60 + "b": "matches no file",

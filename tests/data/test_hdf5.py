@@ -92,8 +92,8 @@ _REFUSED: dict[Key, str] = {
     Key("huge"): "holds 1e+12 numbers, over the limit of 200000000",
     Key("chunky"): "has chunks of over 268435456 bytes",
     Key("foreign"): "is packed by filter 32015; expected one of gzip, ",
-    Key("/"): "is no path",
-    Key(0): "is no path",
+    Key("/"): "is not a path",
+    Key(0): "is not a path",
 }
 
 

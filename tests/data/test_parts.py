@@ -152,7 +152,7 @@ def test_files_that_do_not_follow_are_refused(tmp_path: Path) -> None:
         "b.csv a.csv": r"b\.csv, a\.csv: the second begins before the first ends",
         "a.csv c.csv": "the second begins before the first ends",
         "a.csv a.csv": "files name 'a.csv' twice",
-        "a.csv none.csv": r"'none\.csv' is no file",
+        "a.csv none.csv": r"'none\.csv' is not a file",
         "a.csv other.csv": r"other\.csv: no column named 't'",
     }
     asks = [
@@ -222,12 +222,12 @@ def test_seconds_and_nanoseconds_are_one_time(tmp_path: Path) -> None:
 
 _BAD_TIMES: dict[str, str] = {
     "torque: {file: x.csv}": "signals.torque: file: a signal of another file needs a time of its own",
-    "torque: {file: x.csv, time: t}": "'x.csv' is no file",
+    "torque: {file: x.csv, time: t}": "'x.csv' is not a file",
     "torque: {file: '*.csv', time: t}": r"a signal of '\*.csv' goes with one file",
     "torque: {time: none}": r"log\.csv: no column named 'none'",
     "torque: {time: {column: t, unit: iso}}": "and unit iso was declared",
     "torque: {time: {column: t, unit: h}}": "has 1 samples in that of the run, .*; check the unit of each",
-    "torque: {time: {column: t, unit: V}}": "unit 'V' is no unit of s",
+    "torque: {time: {column: t, unit: V}}": "unit 'V' is not a unit of s",
     "torque: {time: back}": "its own time runs backward in 1 rows",
     "torque: {time: late}": "has 0 samples in that of the run",
     "torque: {time: one}": "1 samples with a time of their own",

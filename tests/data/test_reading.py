@@ -123,7 +123,7 @@ def test_mat_paths(tmp_path: Path) -> None:
         "data.x": "there are: run, t",
         "x": "there are: data, k",
         "data.run{2}.m": "say which column with index",
-        "data.t.u": "no struct",
+        "data.t.u": "not a struct",
         "data": "no plain array",
         "data..t": "dotted path",
     }
@@ -207,7 +207,7 @@ def test_units_of_logs() -> None:
     assert plus_minus("95.1 ± 0.5 kg", "kg") == plus_minus("(95.1 +/- 0.5) kg", "kg") == (95.1, 0.5)
     assert plus_minus("95.1 kg ± 500 g", "kg") == plus_minus("95.1 kg +/- 0.5", "kg") == pytest.approx((95.1, 0.5))
     assert plus_minus("9 kg", "kg") == (9, None)
-    with pytest.raises(InputError, match="no unit of kg"):
+    with pytest.raises(InputError, match="not a unit of kg"):
         plus_minus("95.1 N ± 0.5 kg", "kg")
 
 
@@ -445,7 +445,7 @@ def test_json_of_records_and_of_columns(tmp_path: Path) -> None:
         assert is_json_log(path)
     says = {
         '{"t": [1, 2], "q": [1]}': "is damaged, or no JSON of records",
-        "3": "is no JSON of records, as",
+        "3": "is not JSON of records, as",
         "[[1, 2], [3, 4]]": "no column named 't'; there are: 0, 1",
         '{"t": ["a", "b"]}': "column 't' holds no plain array of numbers",
         '[{"t": [1, 2]}, {"t": [1]}]': "column 't' holds no plain array of numbers",

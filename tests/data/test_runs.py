@@ -34,7 +34,7 @@ def test_runs_in_order_with_variables(tmp_path: Path, monkeypatch: pytest.Monkey
     assert runs[0].record.labels == {"temperature": "21", "load": "2 kg"}
     assert len(runs[0].record.sha256) == 64
     monkeypatch.delenv("RIG_LOGS")
-    says = {"${RIG_LOGS}/v_1.csv": "RIG_LOGS, which is not set", "x_*.csv": "matches no file", "x.csv": "is no file"}
+    says = {"${RIG_LOGS}/v_1.csv": "RIG_LOGS, which is not set", "x_*.csv": "matches no file", "x.csv": "is not a file"}
     read = {files: experiment(tmp_path, runs=[{"files": files, **entry}]) for files in says}
     assert_refused((partial(read_runs, read[files]), told) for files, told in says.items())
 

@@ -185,7 +185,7 @@ def spoilt(text: str) -> dict[str, str]:
 
 def test_a_document_that_is_none_is_refused_in_a_sentence(handed: Handed, tmp_path: Path) -> None:
     """Other schemas, missing parameters, impossible numbers and whatever else a file may hold: one sentence that names the file."""
-    none = "is no document of schema bristle-export/1 ("
+    none = "is not a document of schema bristle-export/1 ("
     cases: list[tuple[str, bytes | None, str, str]] = []
     cases += [("e.json", text.encode(), none, why) for why, text in spoilt(as_json([handed("wrist pitch")])).items()]
     cases += [("e.json", b"\xff", none, ""), ("e.yaml", b"a: 2020-01-01", none, ""), ("e.json", b"[1]", none, "")]

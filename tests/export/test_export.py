@@ -91,7 +91,7 @@ REFUSED = {
     "--to c --joint 'wrist pitch' --into a.urdf": "into: c is written as a file of its own",
     "--to urdf --into none.urdf": "no such file",
     "--to urdf --amplitude '-1 rad'": "amplitude: got -1 rad; expected a quantity above 0",
-    "--to urdf --amplitude '1 s'": "amplitude: unit 's' is no unit of rad",
+    "--to urdf --amplitude '1 s'": "amplitude: unit 's' is not a unit of rad",
     "--to json --amplitude '1 rad'": "json has no values that are fitted along a motion",
     "--to urdf --frequency '0 Hz'": "frequency: got 0 Hz; expected a quantity above 0",
 }

@@ -188,7 +188,7 @@ def test_a_document_that_does_not_fit_its_law_is_refused(handed: Handed, tmp_pat
     }.items():
         path = tmp_path / "e.json"
         path.write_text(spoilt, encoding="utf-8")
-        with pytest.raises(InputError, match=rf"is no document of schema bristle-export/1 \(.*{why}") as error:
+        with pytest.raises(InputError, match=rf"is not a document of schema bristle-export/1 \(.*{why}") as error:
             read_export(path)
         assert "\n" not in str(error.value)
 

@@ -94,7 +94,7 @@ def test_a_catalog_that_is_no_text_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("pyarrow", reason="needs the extra fleet")
     (tmp_path / "x.csv").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "x.parquet").write_bytes(b"nothing")
-    bad = {"x.csv": "not text", "x.parquet": "no Parquet", "none.csv": "No such file", ".": "folder"}
+    bad = {"x.csv": "not text", "x.parquet": "not a readable Parquet", "none.csv": "No such file", ".": "folder"}
     for name, said in bad.items():
         with pytest.raises(InputError, match=said):
             read_catalog(tmp_path / name)

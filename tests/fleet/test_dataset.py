@@ -92,7 +92,7 @@ def test_other_files_are_no_parts(tmp_path: Path) -> None:
     path = tmp_path / "results" / "part-00000-0123abcd.parquet"
     pd.DataFrame({"a": [1]}).to_parquet(path)
     pd.DataFrame({"a": [1]}).to_parquet(tmp_path / "results" / "mine.parquet")
-    with pytest.raises(InputError, match="is no part of a fleet's dataset"):
+    with pytest.raises(InputError, match="is not part of a fleet's dataset"):
         dataset.read_parts(str(tmp_path))
     path.write_bytes(b"PAR1")
     with pytest.raises(InputError, match="is damaged"):

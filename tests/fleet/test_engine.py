@@ -149,7 +149,7 @@ def test_what_fails_is_a_row_and_the_rest_is_done(ran: Any, tmp_path: Path) -> N
     twice, corrupt = failures["failure"].tolist()[:2]
     assert "2 rows of the catalog are of this joint and session" in twice
     assert corrupt.startswith("wrist.csv: ")
-    assert "bad.yaml: runs: files 'none.csv' is no file" in said["r1"]
+    assert "bad.yaml: runs: files 'none.csv' is not a file" in said["r1"]
     assert "none.yaml: no such file" in said["r2"]
     assert "session: got 'soon'" in said["r3"]
     assert not failures["failure"].str.contains(str(tmp_path)).any()

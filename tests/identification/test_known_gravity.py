@@ -133,7 +133,7 @@ def test_a_gravity_that_says_nothing_is_refused(tmp_path: Path) -> None:
         ('current: {column: "current", unit: "A"}', 'torque: {column: "current", unit: "N*m"}', beside),
         (whole, f"{whole}\nmotor: {{torque_constant: 0.35 N*m/A}}", beside),
         (whole, "gravity: {mass: 1 kg}", r"gravity\.centre: missing"),
-        (whole, "gravity: 1 kg", r"no unit of N\*m"),
+        (whole, "gravity: 1 kg", r"not a unit of N\*m"),
         (whole, "gravity: -1 N*m", "greater than 0"),
     ):
         assert old in text

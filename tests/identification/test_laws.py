@@ -243,7 +243,7 @@ def test_laws_are_printed_side_by_side(tmp_path: Path) -> None:
     table = ran.out[ran.out.index("friction laws on 44 points") :]
     assert all(name in table for name in LAWS)
     assert "wanted" in next(line for line in table.splitlines() if line.strip().startswith("lorentzian "))
-    assert "The data want lorentzian: its BIC is" in " ".join(table.split())
+    assert "The data favour lorentzian: its BIC is" in " ".join(table.split())
 
 
 def test_what_is_no_law_is_refused(tmp_path: Path) -> None:

@@ -89,7 +89,7 @@ def test_a_marker_that_is_none_is_refused(tmp_path: Path) -> None:
         "../precious", f"{tmp_path}/precious", "a/../../precious", "./index.html", "..\\precious", "C:precious", output_folder.MARKER, ".", "\0",
         "", "\udcff\udcfe", "precious", "notes.txt", "figures/a.txt", "figures/a/b.svg", "Index.html", "ledger.parquet/x",
     )  # fmt: skip  # a list
-    texts = {f"{name}\n": "is no list" for name in names} | {
+    texts = {f"{name}\n": "is not a list" for name in names} | {
         "index.html": "is cut off",
         "index.html\n" * 200_000: "too long",
     }
@@ -205,7 +205,7 @@ def test_what_is_no_file_is_never_replaced(tmp_path: Path) -> None:
         refused(path, "a report needs a folder")
         with pytest.raises(InputError, match="cannot be written"):
             output_folder.check_folder(path / "below")
-        with pytest.raises(InputError, match="is no folder"):
+        with pytest.raises(InputError, match="is not a folder"):
             output_folder.check_file(path / "below")
     assert (tmp_path / "pipe").is_fifo()
     assert (tmp_path / "own.json").read_text() == OWN
@@ -352,13 +352,13 @@ def test_links_in_a_circle_are_one_sentence(tmp_path: Path, path: str) -> None:
     for check in (output_folder.resolved, lambda p: output_folder.check_apart(p, tmp_path)):
         with pytest.raises(InputError, match="in a circle; name another"):
             check(tmp_path / path)
-    with pytest.raises(InputError, match=r"symbolic link|is no folder; name another|does not exist"):
+    with pytest.raises(InputError, match=r"symbolic link|is not a folder; name another|does not exist"):
         output_folder.check_file(tmp_path / path)
 
 
 def test_a_name_that_no_report_has_is_our_own_defect(tmp_path: Path) -> None:
     """What could not be known again as bristle's own is never written."""
-    with pytest.raises(ValueError, match="is no name of a report's file") as caught:
+    with pytest.raises(ValueError, match="is not the name of a report's file") as caught:
         output_folder.replace_files(tmp_path, {"notes.txt": b""})
     assert not isinstance(caught.value, InputError)
     assert not list(tmp_path.iterdir())

@@ -332,7 +332,7 @@ def test_a_model_that_differs_between_sessions_is_doubted() -> None:
     flat = fit_of(source="static +", parameters={"alpha_0+": estimate(2.0), "alpha_1+": estimate(None)})
     (warning,) = compare(session(full), session(flat)).warnings
     assert (warning.code, warning.numbers["terms"]) == ("models-differ", ("alpha_1+",))
-    assert "of the first session alone by its static + fit" in str(warning)
+    assert "known only in the first session, by its static + fit" in str(warning)
 
 
 def test_one_share_of_all_torques_hints_at_their_scale() -> None:
@@ -477,7 +477,7 @@ def test_a_comparison_carries_itself(tmp_path: Path) -> None:
     assert first.read_text(encoding="utf-8") == second.read_text(encoding="utf-8") == report.html()
     lines = report.text().splitlines()
     assert lines[:2] == [str(compared.sentence), "[[wrist]] revolute"]
-    said = "got a Change; expected what adapt, compare, fleet, plan, sensitivity or validate gave"
+    said = "got a Change; expected a result of adapt, compare, fleet, plan, sensitivity or validate"
     with pytest.raises(bristle.InputError, match=said):
         bristle.report_of(compared.changes[0])  # type: ignore[arg-type]
 
@@ -675,14 +675,14 @@ JOINTS: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "a list": (lambda _: [], "joints: Input should be an object"),
 }
 TEXTS = {
-    "empty": ("", "is no results file"),
-    "no JSON": ("{]", "is no results file"),
-    "a list": ("[1, 2]", "is no results file"),
-    "deep": ("[" * 100_000, "is no results file"),
+    "empty": ("", "is not a results file"),
+    "no JSON": ("{]", "is not a results file"),
+    "a list": ("[1, 2]", "is not a results file"),
+    "deep": ("[" * 100_000, "is not a results file"),
     "NaN": ('{"schema": NaN}', "Out of range float"),
-    "huge number": ('{"schema": ' + "9" * 5000 + "}", "is no results file"),
-    "infinite": ('{"schema": 1e999}', "is no results file"),
-    "an older schema": ('{"schema": "bristle-results/1"}', "is no results file of schema bristle-results/3 or 2 (schema"),
+    "huge number": ('{"schema": ' + "9" * 5000 + "}", "is not a results file"),
+    "infinite": ('{"schema": 1e999}', "is not a results file"),
+    "an older schema": ('{"schema": "bristle-results/1"}', "is not a results file of schema bristle-results/3 or 2 (schema"),
 }  # fmt: skip  # a table
 
 
@@ -720,7 +720,7 @@ def test_a_bad_file_is_one_sentence_and_nothing_is_written(
         refused(what, tmp_path / "b.json", named)
     refused("missing", tmp_path / "none.json", "none.json")
     refused("a folder", tmp_path, str(tmp_path))
-    refused("bytes", tmp_path / "binary", "is no results file")
+    refused("bytes", tmp_path / "binary", "is not a results file")
     refused("a pipe", tmp_path / "pipe", "pipe: is a pipe; expected a file")
     refused("an output in the way", sessions[1], "file", "file")
     monkeypatch.setattr(document, "LARGEST", 1000)

@@ -45,7 +45,7 @@ def fit(
     array([0.039])
 
     Args:
-        data: velocities, rad/s (m/s where prismatic), (n,); or a data frame, of which `velocity`, `torque` and `position` name columns.
+        data: velocities, rad/s (m/s where prismatic), (n,); or a data frame, whose columns `velocity`, `torque` and `position` name.
         torque: of the drive, positive along positive velocity, N*m (N), (n,).
         velocity: the column of a data frame.
         position: rad (m), (n,), where gravity is among the regressors.
@@ -53,7 +53,7 @@ def fit(
         kind: of the joint, `revolute` or `prismatic`.
         options: as under `fit` in an experiment file: `directions`, `law`, `regressors`, `set_up`.
 
-    Raises InputError in one sentence where an array is no n finite numbers (missing values are named by row), an option is
+    Raises InputError in one sentence where an array is not n finite numbers (missing values are named by row), an option is
     unknown, or the points cannot be fitted.
     """
     signals: dict[str, Any] = {"velocity": data, "torque": torque, "position": position}
@@ -95,7 +95,7 @@ def find_segments(
         kind: of the joint, `revolute` or `prismatic`.
 
     Returns a row for each stretch: velocity, torque, its standard error, accepted, reasons, warnings, and its samples from
-    `start` to before `stop`. Raises InputError in one sentence where an array is no n finite numbers.
+    `start` to before `stop`. Raises InputError in one sentence where an array is not n finite numbers.
     """
     experiment, run = run_of_arrays("ramp", _signals(t, position, torque, velocity), units or {}, kind, {})
     return measured_of(experiment, (run,)).to_frame().drop(columns="file")
@@ -132,7 +132,7 @@ def fit_presliding(
         kind: of the joint, `revolute` or `prismatic`.
         options: as under `fit` in an experiment file: `breakaway_displacement`.
 
-    Raises InputError in one sentence where an array is no n finite numbers, or the torque never grows slowly from zero.
+    Raises InputError in one sentence where an array is not n finite numbers, or the torque never grows slowly from zero.
     """
     others = [] if breakaway is None else [breakaway]
     signals = _signals(t, position, torque, None)
@@ -179,7 +179,7 @@ def fit_dynamic(
         options: as under `fit` in an experiment file: `directions`, `law` (if not given, that of the first prior), `regressors`,
             `position_cutoff`, `predict`, `fixed`, `shared`.
 
-    Raises InputError in one sentence where an array is no n finite numbers, an option is unknown, or the motion cannot be
+    Raises InputError in one sentence where an array is not n finite numbers, an option is unknown, or the motion cannot be
     fitted.
     """
     priors = [priors] if isinstance(priors, Fit) else priors
@@ -230,7 +230,7 @@ def simulate(velocity: "ArrayLike", dt: float, of: Fit | Lugre[float] | Pair[flo
         dt: > 0.
         of: a fit of a motion, or parameters, for both directions or for each.
 
-    Raises InputError where the velocity is no n finite numbers, or a fit does not show the bristle in both directions.
+    Raises InputError where the velocity is not n finite numbers, or a fit does not show the bristle in both directions.
     """
     if isinstance(of, Fit):
         known = known_joint(of.joint)

@@ -307,7 +307,7 @@ def report_of(result: Answer | Fleet) -> "Report":
     ('index.html', ['changes', 'sets'])
 
     Args:
-        result: what `adapt`, `compare`, `fleet`, `plan`, `sensitivity` or `validate` gave.
+        result: of `adapt`, `compare`, `fleet`, `plan`, `sensitivity` or `validate`.
 
     Raises InputError where it is anything else.
     """
@@ -315,7 +315,7 @@ def report_of(result: Answer | Fleet) -> "Report":
         return result.report()
     if not isinstance(result, Answer):
         raise InputError(
-            f"got a {type(result).__name__}; expected what adapt, compare, fleet, plan, sensitivity or validate gave"
+            f"got a {type(result).__name__}; expected a result of adapt, compare, fleet, plan, sensitivity or validate"
         )
     made: Report = import_module(f"{type(result).__module__.rpartition('.')[0]}.report").report(result)
     return made

@@ -93,7 +93,7 @@ class Results:
 
     @property
     def measured(self) -> tuple[Measured, ...]:
-        """What each joint was identified from, its logs read now where they were not. Raises InputError as `JointLogs.of` does."""
+        """The data that each joint was identified from; logs that were not read yet are read now. Raises InputError as `JointLogs.of` does."""
         return tuple(self.logs.of(joint) for joint in self.joints)
 
     def text(self, *, full: bool = False) -> str:

@@ -60,7 +60,7 @@ def _json(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
     with reading(_WHAT, _HOW):
         data = json.loads(path.read_bytes())
         if not isinstance(data, list | dict):
-            raise InputError(f"is no {_WHAT}; {_HOW}")
+            raise InputError(f"is not {_WHAT}; {_HOW}")
         frame = pd.DataFrame(data)
     bounded(frame.size)
     names = [str(name) for name in frame.columns]

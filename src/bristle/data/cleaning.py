@@ -178,8 +178,8 @@ def _drop_motor_off(rows: _Rows) -> None:
         )
     count = int(off.sum())
     message = (
-        f"{_count(count)} left out (first: {rows.word} {rows.number[np.flatnonzero(off)[0]]}): the drive is off there, the motor is open, and what "
-        "it is given is no torque."
+        f"{_count(count)} left out (first: {rows.word} {rows.number[np.flatnonzero(off)[0]]}): the drive is off there and the motor open, so "
+        "its command is not a torque."
     )
     rows.notes.append(Finding("rows-motor-off", NOTE, message, {"rows": count}))
     rows.off_before = np.cumsum(off)
@@ -228,7 +228,7 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
         count, longest = int(wide.sum()), float(intervals.max())
         message = (
             f"{count} gap{'' if count == 1 else 's'} longer than {gap:g} intervals ({gap * step:.4g} s), the longest {longest:.4g} s; "
-            "what lies between is treated separately, where the motion beside does not tell what it did meanwhile."
+            "the parts between gaps are treated separately, unless the motion around a gap shows what happened in it."
         )
         rows.notes.append(Finding("gaps", CAUTION, message, {"gaps": count, "longest": longest}))
     return (0, *(int(k) + 1 for k in np.flatnonzero(wide | off)))

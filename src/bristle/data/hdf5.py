@@ -90,7 +90,7 @@ def _opened(file: Any, key: Key, between: str) -> tuple[Any, str | None]:
     name = key.column if isinstance(key.column, str) and len(key.column) <= _LONGEST else ""
     here, left, hops = file, [part for part in name.replace(between, "/").split("/") if part], 0
     if not left or len(left) > 4 * _DEEPEST:
-        raise InputError(f"column {key} is no path; expected the name of a dataset, as /group/position")
+        raise InputError(f"column {key} is not a path; expected the name of a dataset, as /group/position")
     while left and hasattr(here, "keys"):
         part = left.pop(0)
         link, stem = here.get(part, getlink=True), part.rpartition(".")[0]

@@ -37,7 +37,7 @@ def columns_of(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
         # 1000 characters of a dotted path
         if not isinstance(key.column, str) or len(key.column) > 1000 or not _PATH.fullmatch(key.column):
             raise InputError(
-                f"column {key} is no variable of a MAT-file; expected a name or a dotted path such as data.q or data.run{{2}}.q"
+                f"column {key} is not a variable of a MAT-file; expected a name or a dotted path such as data.q or data.run{{2}}.q"
             )
     roots = None if keys is None else sorted({_PART.findall(str(key.column))[0] for key in keys})
     variables = _load(path, roots)
@@ -79,7 +79,9 @@ def _walk(variables: dict[str, Any], path: str) -> Any:
             value = value.flat[0]
         names = getattr(getattr(value, "dtype", None), "names", None)
         if not names:
-            raise InputError(f"{seen} is no struct, so it has no field {short(part)}; name {seen} itself, or a struct")
+            raise InputError(
+                f"{seen} is not a struct, so it has no field {short(part)}; name {seen} itself, or a struct"
+            )
         if part not in names:
             raise InputError(f"{seen} has no field {short(part)}; there are: {short_list(names)}")
         if value.size != 1:

@@ -188,7 +188,7 @@ def _coarse(record: Record, kind: RunKind) -> Finding | None:
         return None
     levels = round(reach / step) + 1
     message = (
-        f"The torque of {record.file}{OTHER_FILES} comes in {levels} steps of {step:.2g} (SI): what it rounds off is no noise and does not "
+        f"The torque of {record.file}{OTHER_FILES} comes in {levels} steps of {step:.2g} (SI): what it rounds off is not noise and does not "
         "average out. Numbers may be off by half a step, those of reversals by more; log it with more digits, or from a finer sensor."
     )
     effect = {"torque": step / 2} if kind == "ramp" else {}

@@ -94,7 +94,7 @@ def scale_parts(scale: object) -> tuple[float, str, float | None]:
         match = _QUANTITY.fullmatch(_plain(str(scale)))
         if not match or float(match[1]) == 0:
             raise InputError(
-                f"scale {short(str(scale))} is no quantity; expected a non-zero number, with a unit where the unit changes, such as '7.6 N*m/A'"
+                f"scale {short(str(scale))} is not a quantity; expected a non-zero number, with a unit where the unit changes, such as '7.6 N*m/A'"
             )
         return float(match[1]), match[2] or "1", None
     number, first, error, second = parts
@@ -156,7 +156,7 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
             own, expected = f"{wanted / _parse(times):~}", f"one such as {_example(target, '')}"
             if times != "1" and own.isalpha():  # what the column must be in for the scale to make the target of it
                 expected = f"unit: {own}, of which this scale makes {target}, or another scale"
-            raise InputError(f"unit {short(unit)}{by_scale} is no unit of {target}; expected {expected}")
+            raise InputError(f"unit {short(unit)}{by_scale} is not a unit of {target}; expected {expected}")
         times_si = number * size / target_size
     if not 1 / LARGEST < abs(times_si) < LARGEST:
         raise InputError(

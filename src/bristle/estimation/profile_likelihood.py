@@ -85,10 +85,10 @@ def interval_on_grid(
 def profiles(
     solution: MultistartSolution[Name], progress: Progress | None = None, *, stop_at_better: bool = True
 ) -> tuple[dict[Name, Profiled], Array | None]:
-    """The profile of each shared unknown of a solved problem, by name, and None; those that have no influence at all are open.
+    """Profiles of the shared unknowns of a solved problem, by name, and None; an unknown without influence is open.
 
-    Or, unless `stop_at_better` is false, those found before a better optimum was met, and its scaled unknowns, from which
-    the fit must be done again.
+    If a better optimum is met and `stop_at_better` is true: the profiles found until then, and the scaled unknowns of
+    that optimum, from which the fit must be repeated.
     """
     problem, minimum = solution.posed, solution.minimum
     unknowns, x, known = problem.unknowns, minimum.x, seen(minimum.jacobian)

@@ -30,7 +30,7 @@ _SHOWN = 300  # characters of a reason that are quoted
 def reading(path: Path) -> Iterator[Any]:
     """A results file as JSON has it; what its body raises of it becomes one sentence.
 
-    Raises InputError where it cannot be read, or is no results file of schema bristle-results/3 or 2.
+    Raises InputError where it cannot be read, or is not a results file of schema bristle-results/3 or 2.
     """
     data = read_at_most(path, LARGEST, "a results file")
     try:
@@ -38,7 +38,7 @@ def reading(path: Path) -> Iterator[Any]:
     except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep, not as pydantic or we want it
         why = one_line(str(error) if isinstance(error, InputError) else first_reason(error), _SHOWN)
         raise InputError(
-            f"{path}: is no results file of schema bristle-results/3 or 2 ({why}); expected a results.json that bristle wrote"
+            f"{path}: is not a results file of schema bristle-results/3 or 2 ({why}); expected a results.json that bristle wrote"
         ) from error
 
 
@@ -85,7 +85,7 @@ def with_samples(found: Any) -> Any:
         case {"joints": dict(joints), "samples": dict(samples)}:
             for name, apart in samples.items():
                 if name not in joints:
-                    raise InputError(f"samples: {short(name)} is no joint")
+                    raise InputError(f"samples: {short(name)} is not a joint")
                 put_back(joints[name], apart)
             return {**found, "samples": {name: {} for name in samples}}
     return found

@@ -269,8 +269,8 @@ def _feedback(measured: Measured, joint: Joint, late: float) -> tuple[Finding, .
     velocity = np.concatenate([np.asarray(r.velocity) for r in measured.moving(hold_out=False)])
     speed = float(np.sqrt(np.mean(velocity**2)))
     message = (
-        f"ASSUMED: the drive compares its commands with measurements as old as they are. Where it compares them with those of the "
-        f"moment, alpha_2 is {lower:.2g} {of} lower, and these data do not tell: write `fresh: true` (or `false`) under signals.command, "
+        f"ASSUMED: the drive compares its commands with measurements as old as they are. If it compares them with new "
+        f"ones, alpha_2 is {lower:.2g} {of} lower, and these data do not tell which holds: write `fresh: true` (or `false`) under signals.command, "
         "or --fresh (--not-fresh)."
     )
     return (Finding("feedback-unknown", CAUTION, message, {"lower": lower}, {"torque": lower * speed}),)

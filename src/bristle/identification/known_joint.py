@@ -277,7 +277,7 @@ def known_joint(joint: Joint) -> KnownJoint:
 
 
 def fault_of(name: ParameterName, value: float, si: str = "", interval: Interval | None = None) -> str | None:
-    """Why no joint has a parameter of this value, or it is none of its own 95 % interval; None where it may be."""
+    """Why a parameter cannot have this value: impossible for a joint, or outside its own 95 % interval; None if it can."""
     low, high = interval or (-inf, inf)
     got = f"got {name} = {f'{value:g} {si}'.strip()}"
     if not is_possible(name.name, value):

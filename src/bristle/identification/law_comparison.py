@@ -183,8 +183,8 @@ def law_warnings(laws: LawComparison | None) -> tuple[Finding, ...]:
         return ()
     gain, error, before = own.bic - best.bic, best.left_out, own.left_out
     message = (
-        f"Under fit, write `law: {best.law}` (or `law: auto`): its BIC is {gain:.1f} lower than that of {own.law}, and at speeds "
-        f"that were left out its error is {error:.3g} % of the torque instead of {before:.3g} %."
+        f"Law {best.law} fits better: its BIC is {gain:.1f} lower than that of {own.law}, and its error at left-out speeds is "
+        f"{error:.3g} % of the torque instead of {before:.3g} %. Under fit, write `law: {best.law}` (or `law: auto`)."
     )
     numbers = {"law": best.law, "own": own.law, "gain": gain, "error": error, "before": before}
     return (Finding("other-law", CAUTION, message, numbers),)
@@ -360,22 +360,22 @@ def _sentence(rows: Sequence[LawRow], chosen: int, paper: int, *, asked: bool) -
     if chosen != paper:
         gain, error, before = own.bic - best.bic, best.left_out, own.left_out
         message = (
-            f"The data want {best.law}: its BIC is {gain:.1f} lower than the paper's law's, and at five blocks of speed, each left "
+            f"The data favour {best.law}: its BIC is {gain:.1f} lower than the paper's law's, and at five blocks of speed, each left "
             f"out in turn, its error is {error:.3g} % of the torque instead of {before:.3g} %."
         )
         return Finding("law-wanted", NOTE, message, {"law": best.law, "gain": gain, "error": error, "before": before})
     other = min((row for row in rows if row is not own), key=lambda row: row.bic)
     gain = own.bic - other.bic
     if asked and own.left_out is None:
-        message = "The data cannot ask for another law than the paper's: there are too few points to leave speeds out."
+        message = "The data cannot favour another law than the paper's: there are too few points to leave speeds out."
         return Finding("laws-too-few", NOTE, message)
-    kept = "The data ask for no other law than the paper's:"
+    kept = "The data favour no other law than the paper's:"
     lower, numbers = f"{kept} the BIC of {other.law} is {gain:.1f} lower", {"law": other.law, "gain": gain}
     if gain > GAIN:
         message = f"{lower}, but it predicts speeds that were left out no better."
         return Finding("law-not-predicting", NOTE, message, numbers)
     if gain > 0:
-        return Finding("law-kept", NOTE, f"{lower}, less than the 10 asked for.", numbers)
+        return Finding("law-kept", NOTE, f"{lower}, less than the 10 required.", numbers)
     message = f"{kept} it has the lowest BIC ({other.law} has {-gain:.1f} more)."
     return Finding("law-best", NOTE, message, {"law": other.law, "gap": -gain})
 

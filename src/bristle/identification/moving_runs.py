@@ -176,8 +176,8 @@ def refuse_noise(experiment: Experiment, motion: Array, torque: Array, what: str
     if unrelated(motion, torque, others):
         if torque.min() >= 0 and motion.min() < 0 < motion.max():
             raise InputError(
-                f"{experiment.path.name}: the torque is never below zero {what}, though the joint goes both ways: it is a magnitude, which tells "
-                "no friction; log it with its sign, or name what the drive was told to follow, as in --column command=NAME"
+                f"{experiment.path.name}: the torque is never below zero {what}, though the joint goes both ways: it is a magnitude, which does "
+                "not show friction; log it with its sign, or name what the drive was told to follow, as in --column command=NAME"
             )
         raise InputError(
             f"{experiment.path.name}: the torque has nothing to do with the motion {what}, and is noise of {np.std(torque):.3g} "
@@ -274,7 +274,7 @@ def directions(experiment: Experiment, records: Sequence[Record]) -> tuple[str, 
 
 
 def moved_in(records: Sequence[Record]) -> tuple[str, ...]:
-    """The directions in which some records go a hundredth of their way or more: less is noise about rest."""
+    """Directions in which the records travel more than a hundredth of their total way; less is noise about rest."""
     velocity = np.concatenate([_of(r, "velocity") for r in records])
     way = {d: float(np.maximum(velocity * sign, 0.0).sum()) for d, sign in DIRECTIONS.items()}
     return tuple(d for d, x in way.items() if x > _AT_REST * sum(way.values()))

@@ -52,7 +52,7 @@ def offset_or_friction(
     message = (
         f"The torque of the two directions differs by a constant. Either it has an offset of {twice / 2:.3g}{T}, and alpha_0 is "
         f"{common:.4g}{T} in both (`directions: symmetric`, and offset among the regressors, under fit); or friction differs, with alpha_0 "
-        f"{a:.4g}{T} (+) and {b:.4g}{T} (-). The data cannot tell."
+        f"{a:.4g}{T} (+) and {b:.4g}{T} (-). The data cannot tell which."
     )
     numbers = {"offset": twice / 2, "common": common, "plus": a, "minus": b}
     return [Finding("offset-or-friction", CAUTION, message, numbers)]

@@ -141,7 +141,7 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path, directions: str |
     pays = {name for x in known for name in x.set_up.regressors} - {"offset"}
     lines = f"directions: {directions or sided}"
     lines += f", {regressor_line(pays)}" if pays or moving else ""
-    none = "above 100 %: too few points to tell, so the plainest is taken"
+    none = "above 100 %: too few points to decide, so the plainest is taken"
     errors = (
         f"{f'{x.error:.2g} %' if x.error < _NOTHING else none} (the plainest set-up: {x.asked_error:.2g} %)"
         for x in known

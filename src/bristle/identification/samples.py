@@ -66,7 +66,7 @@ def put_back(joint: Any, samples: Mapping[str, Any]) -> None:
     for way, (above, _, name) in ways.items():
         owner = _at(joint, above)
         if not isinstance(owner, dict) or name in owner:
-            raise InputError(f"samples: {short(way)} is no field of the joint")
+            raise InputError(f"samples: {short(way)} is not a field of the joint")
         owner[name] = samples[way]
     for way, (above, _, name) in ways.items():
         form = samples[way]

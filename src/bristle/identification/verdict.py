@@ -64,7 +64,7 @@ def verdict(joint: Joint) -> Verdict:
     known, levels = joint.accuracy, [row.estimate.value for row in rows if row.parameter.name == "alpha_0"]
     if known is None and not any(levels):
         message = (
-            "Coulomb friction comes out as nothing: an offset, viscous friction or another term takes up what is measured, and these "
+            "Coulomb friction comes out as zero: an offset, viscous friction or another term takes up what is measured, and these "
             "data do not tell them apart. Move at several speeds, both ways, or leave a term out under fit.regressors."
             if 0 in levels
             else "No run slides: the stiffness alone may be used. Move at several speeds, both ways."
@@ -110,8 +110,8 @@ def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) ->
         return Finding("opinions-differ", CRITICAL, message, {"apart": known.apart})
     if known.sides == largest:
         message = (
-            f"These data do not tell an offset of the torque from friction that differs between the directions, which is {known.sides:.2g} % of "
-            "friction. See whether the torque is zero where nothing loads the joint, or measure at more speeds in both directions."
+            f"These data do not distinguish an offset of the torque from friction that differs between the directions, which is {known.sides:.2g} % "
+            "of friction. See whether the torque is zero where nothing loads the joint, or measure at more speeds in both directions."
         )
         return Finding("offset-or-friction", CAUTION, message, {"share": known.sides})
     message = (

@@ -339,7 +339,7 @@ def effort(kind: Kind) -> str:
 
 
 def least_of(name: str) -> float:
-    """What a parameter may be at least, in SI: 0, but -inf for an offset, gravity and a quadratic term, which have a sign."""
+    """The least value of a parameter, in SI: 0, but -inf for an offset, gravity and a quadratic term, which have a sign."""
     if name in (*Lugre._fields, INERTIA.name, FASTEST) or of_load(name):
         return 0.0
     own = own_parameter(name)

@@ -15,7 +15,7 @@ from bristle.page.wording import in_print
 
 
 class Entry(NamedTuple):
-    """Of one code."""
+    """The explanation of one code."""
 
     code: str
     severity: str

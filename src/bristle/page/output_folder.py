@@ -78,7 +78,7 @@ def check_file(path: Path) -> None:
             raise InputError(f"{path}: is a folder; name a file")
         if not path.parent.is_dir():
             there, folder = os.path.lexists(path.parent), path.parent
-            why = f"{folder} is no folder;" if there else f"its folder {folder} does not exist; create it or"
+            why = f"{folder} is not a folder;" if there else f"its folder {folder} does not exist; create it or"
             raise InputError(f"{path}: {why} name another file")
         _is_there(path, "name another file")
         _check_writable(path.parent, path, "file")
@@ -98,12 +98,14 @@ def check_folder(folder: Path, claims: Collection[str] = ()) -> set[str]:
         folder: where something is to be written; nothing was made where it is empty, or not there.
         claims: names in it that are to be written, as far as they are known.
 
-    Raises InputError where it is no folder, is neither empty nor marked as bristle's, has a marker that cannot be believed, holds a report or a
+    Raises InputError where it is not a folder, is neither empty nor marked as bristle's, has a marker that cannot be believed, holds a report or a
     fleet that is not to be written anew, or a file under a name that is to be written and that the marker does not list, or a link in place of
     one; and where it, a folder in it that a page writes to, or the nearest one above that exists is not writable.
     """
     if os.path.lexists(folder) and not folder.is_dir():
-        what = "a symbolic link to no folder" if folder.is_symlink() else "a file" if folder.is_file() else "no folder"
+        what = (
+            "a symbolic link to no folder" if folder.is_symlink() else "a file" if folder.is_file() else "not a folder"
+        )
         raise InputError(f"{folder}: is {what}; a report needs a folder, name another one")
     made = set[str]()
     with _named(folder, "folder"):
@@ -127,7 +129,7 @@ def check_folder(folder: Path, claims: Collection[str] = ()) -> set[str]:
         nearest = next(path for path in (real, *real.parents) if path.exists())
         shown = next((path for path in (folder, *folder.parents) if resolved(path) == nearest), nearest)
         if not nearest.is_dir():
-            raise InputError(f"{folder}: {shown} cannot be written, for it is no folder; name another one")
+            raise InputError(f"{folder}: {shown} cannot be written, because it is not a folder; name another one")
         for path in (shown, *filter(Path.exists, (folder / "figures", folder / "tables"))):
             _check_writable(path, folder, "folder")
     return made
@@ -142,7 +144,7 @@ def listed(folder: str, marker: bytes, names: Iterable[str], claims: Collection[
     lines = [line.rpartition("  ")[2] for line in marker.decode("utf-8", "replace").split("\n")]
     shown, instead = f"{folder}/{MARKER}", f"move or remove the folder {folder}, or name another one"
     if not all(_PAGE.fullmatch(line) or line in FLEET for line in lines[:-1]):
-        raise InputError(f"{shown}: is no list of files that bristle wrote; {instead}")
+        raise InputError(f"{shown}: is not a list of files that bristle wrote; {instead}")
     if lines[-1] or len(marker) > _LONGEST:
         raise InputError(f"{shown}: is cut off, or too long; {instead}")
     if foreign := [x for x in sorted(names) if x in {*_FILES, *claims} and x not in lines]:
@@ -245,7 +247,7 @@ def replace_files(folder: Path, files: Mapping[str, bytes], claims: Collection[s
     Raises InputError as `check_folder` does, and OSError where a file cannot be written (a full disk); nothing is changed in either case.
     """
     if odd := [name for name in files if not _PAGE.fullmatch(name)]:
-        raise ValueError(f"{odd[0]}: is no name of a report's file")
+        raise ValueError(f"{odd[0]}: is not the name of a report's file")
     made, real = check_folder(folder, {*files, *claims}), resolved(folder)
     absent = [path for path in (real, *real.parents) if not path.exists()]
     try:

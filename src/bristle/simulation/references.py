@@ -70,7 +70,7 @@ class Plateau(NamedTuple):
 
 
 class Ramps(NamedTuple):
-    """A ramp experiment: each speed forth and then back, speed after speed, so that the joint ends where it began; the velocity is piecewise linear.
+    """A ramp experiment: each speed forward and then back, so that the joint ends where it began; the velocity is piecewise linear.
 
     A slow leg runs in from up to twice its speed, slowing all the way, so that only the plateau is constant.
     """
@@ -90,7 +90,7 @@ class Ramps(NamedTuple):
 
     @property
     def plateaus(self) -> tuple[Plateau, ...]:
-        """Forth and back in turn."""
+        """Forward and back in turn."""
         times, velocities = self._corners()
         return tuple(map(Plateau, velocities[3::4], times[3::4], times[4::4]))
 

@@ -120,7 +120,7 @@ def _unsteadiness(e: Evidence, usual: Scale, t: Thresholds) -> Iterator[Finding]
     if e.drift > allowed and not option:
         message = (
             f"Transient: for {e.duration:.3g} s its velocity changes by {e.drift:.3g}{unit} about a mean of {e.velocity:.3g}{unit}, on the way "
-            "from one speed to another; it is no plateau, and no setting makes it one."
+            "from one speed to another; it is not a plateau, and no setting makes it one."
         )
         yield Finding("transient", NOTE, message, {"duration": e.duration, **drift})
     if e.drift > allowed:

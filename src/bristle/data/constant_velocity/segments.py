@@ -99,9 +99,9 @@ def find_segments(
 ) -> tuple[Segment, ...]:
     """Every candidate of a ramp run, in order of time, each accepted or rejected with its reasons; none crosses a gap.
 
-    Where to look depends on the data alone; `thresholds` only decide what counts, by the noise floor where they are None. The
-    mean velocity is the slope of the position, of which a count is `encoder_resolution`, rad, or its smallest step; else the
-    mean of the velocity. Raises InputError where the record has no velocity, rad/s, or no torque, N*m.
+    The candidates depend on the data alone; `thresholds` only decide which are accepted, by the noise floor where they are
+    None. The mean velocity is the slope of the position, whose count is `encoder_resolution`, rad, or its smallest step;
+    without a position it is the mean of the velocity. Raises InputError where the record has no velocity, rad/s, or no torque, N*m.
     """
     if record.velocity is None or record.torque is None:
         raise InputError(

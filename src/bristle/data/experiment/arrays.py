@@ -122,7 +122,7 @@ def _column(name: str, values: Any) -> Array:
     try:
         column = as_floats(values)
     except (TypeError, ValueError) as error:
-        raise InputError(f"{name} is no array of numbers ({error}); expected n numbers") from error
+        raise InputError(f"{name} is not an array of numbers ({error}); expected n numbers") from error
     if column.ndim != 1:
         raise InputError(
             f"{name} has shape {column.shape}; expected (n,), as of one column of a data frame, frame[{name!r}]"

@@ -163,7 +163,7 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
             asked = {x: getattr(told, x) for x in (("held", "fresh") if name == "command" else ())}
             ends += "".join(f", {x}: {str(value).lower()}" for x, value in asked.items() if value is not None)
             lines.append(_signal(name, guess, kind, told, source, guessed) + f"{ends}}}")
-            guessed += ["position: wraps at a full turn, for it jumps by one"] * wraps
+            guessed += ["position: wraps at a full turn, because it jumps by one"] * wraps
     return Draft(
         head=_head(files, kind, told, log),
         signals=tuple(lines),
@@ -202,15 +202,15 @@ def _head(files: Sequence[Path], kind: Kind, told: Told, log: "_Log") -> tuple[s
 def _assumed(log: "_Log", guesses: Mapping[str, ColumnGuess], told: Told, drive: str, kind: Kind) -> Iterator[str]:
     """What is said of a time without a unit, and of a drive without constants."""
     if log.by_step:
-        yield f"unit of time: {log.by_step}, for a log has many samples a second"
+        yield f"unit of time: {log.by_step}, because a log has many samples a second"
     if drive in ("current", "voltage") and told.motor.keys().isdisjoint(("torque_constant", "resistance")):
         of, constants = ("A", "") if drive == "current" else ("V", " --resistance '2.1 ohm'")
-        yield f"torque: as a {drive}, in {of}, for no torque constant was told (--torque-constant '0.35 N*m/A'{constants} gives N*m)"
+        yield f"torque: as a {drive}, in {of}, because no torque constant was given (--torque-constant '0.35 N*m/A'{constants} gives N*m)"
     if drive == "command" and not told.motor:
         of = unit_of("position", kind)
-        yield f"torque: as a position error, in {of}, for no gain was told (--kp '20 N*m/rad', and --kd, gives N*m)"
+        yield f"torque: as a position error, in {of}, because no gain was given (--kp '20 N*m/rad', and --kd, gives N*m)"
         if "velocity_command" in guesses:
-            yield f"velocity_command: column {guesses['velocity_command'].column} is left out, for no kd was told"
+            yield f"velocity_command: column {guesses['velocity_command'].column} is left out, because no kd was given"
 
 
 def _apart(told: Told) -> tuple[dict[str, Path], Told]:
@@ -223,7 +223,7 @@ def _apart(told: Told) -> tuple[dict[str, Path], Told]:
     for name, column in told.columns.items():
         file = Path(parts[name][0] or column)
         if name not in apart and file.suffix.lower() in _TABLES:
-            why = "is a file, of which a column is to be named" if file.is_file() else "is no file that is there"
+            why = "is a file; name a column of it" if file.is_file() else "does not exist"
             raise InputError(
                 f"--column {name}={column}: {short(str(file))} {why}; expected FILE:COLUMN, as in {name}={file}:{name}"
             )

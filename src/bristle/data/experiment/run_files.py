@@ -114,7 +114,7 @@ def matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
     except OSError as error:
         raise InputError(f"{experiment}: runs: files {short(files)} cannot be looked for ({error.strerror})") from error
     if not found:
-        what = "matches no file" if glob.has_magic(pattern) else "is no file"
+        what = "matches no file" if glob.has_magic(pattern) else "is not a file"
         raise InputError(
             f"{experiment}: runs: files {short(files)} {what}; expected a path or glob relative to the folder of the experiment file"
         )

@@ -99,13 +99,13 @@ def read_urdf(path: Path) -> Urdf:
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            raise InputError(f"is no text in UTF-8 (byte {error.start}); expected a URDF") from error
+            raise InputError(f"is not text in UTF-8 (byte {error.start}); expected a URDF") from error
         if "<!DOCTYPE" in text or "<!ENTITY" in text:  # which may grow without bound
             raise InputError("declares a document type or entities; expected a URDF without them")
         try:
             root = Xml.fromstring(text)  # noqa: S314  # without entities nothing grows, and nothing outside is opened
         except (Xml.ParseError, ValueError) as error:
-            raise InputError(f"is no XML ({error}); expected a URDF") from error
+            raise InputError(f"is not XML ({error}); expected a URDF") from error
         if root.tag != "robot":
             raise InputError(f"begins with <{str(root.tag)[:60]}>; expected a URDF, which begins with <robot>")
         links = _by_name(root, "link")

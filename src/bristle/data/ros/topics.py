@@ -62,7 +62,7 @@ def target_of(key: Key, topics: Mapping[str, Topic]) -> Target:
     """What a column's name means. Raises InputError where there is no such topic or field, or it holds no number."""
     text = key.column
     if not isinstance(text, str) or len(text) > _LONGEST:
-        raise InputError(f"column {key} is no name; expected a topic and a field, as /joint_states.position[elbow]")
+        raise InputError(f"column {key} is not a name; expected a topic and a field, as /joint_states.position[elbow]")
 
     # the topic that the name begins with, or the only one that it can mean, and what follows
     fits = [name for name in topics if text.startswith((f"{name}.", f"{name.removeprefix('/')}."))]
@@ -92,7 +92,7 @@ def _path(text: str, key: Key, topic: str, message: MessageField) -> FieldPath:
         match = _STEP.match(text, at)
         if match is None:
             raise InputError(
-                f"column {key}: {short(text[at:])} is no field; expected names with dots between, as position[elbow]"
+                f"column {key}: {short(text[at:])} is not a field; expected names with dots between, as position[elbow]"
             )
         name, element, _ = match.groups()
         there = part.fields if isinstance(part, MessageField) else {}
@@ -114,7 +114,7 @@ def _path(text: str, key: Key, topic: str, message: MessageField) -> FieldPath:
         case NumberField(code=code) if code:
             return FieldPath(tuple(steps))
         case MessageField():
-            why = f"is no number but a message with {short_list(part.fields)}; name one of these"
+            why = f"is not a number but a message with {short_list(part.fields)}; name one of these"
         case ArrayField():
             why = f"is an array; say which element, as {topic}.position[elbow] for a joint, or [0] for the first"
         case _:
@@ -125,7 +125,7 @@ def _path(text: str, key: Key, topic: str, message: MessageField) -> FieldPath:
 def _element(part: Field, element: str, key: Key, message: MessageField, steps: list[Step]) -> Field:
     """What an array holds; its element is added to the steps, by number or by the name of a joint."""
     if not isinstance(part, ArrayField):
-        raise InputError(f"column {key}: {steps[-1]} is no array; leave [{element[:60]}] out")
+        raise InputError(f"column {key}: {steps[-1]} is not an array; leave [{element[:60]}] out")
     named = any(name in message.fields for name in NAMES)
     if not named and not (element.isdecimal() and len(element) < 10):
         raise InputError(

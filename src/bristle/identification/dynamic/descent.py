@@ -227,8 +227,8 @@ def solve_dynamic(
     """
     if problem.quantity == "position" and len(problem.motions) < _WINDOWS:
         raise InputError(
-            f"{problem.motions[0].file}: fit.predict: the moving runs make one window; expected at least {_WINDOWS}, which "
-            "tell the errors by how they differ: measure longer"
+            f"{problem.motions[0].file}: fit.predict: the moving runs make one window; expected at least {_WINDOWS}, whose "
+            "differences give the errors: measure longer"
         )
     begins = [*others, with_deflections(problem, start)]
     if search and problem.quantity == "torque" and len(problem.directions) == len(SIGNED):

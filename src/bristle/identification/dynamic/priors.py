@@ -166,7 +166,7 @@ def posed_and_start(
         meant = [n for n in known if name in (str(n), n.name)]
         if not meant:
             raise InputError(
-                f"{experiment.path.name}: fit.fixed: {name} is no parameter of the moving runs; expected one of {', '.join(map(str, known))}"
+                f"{experiment.path.name}: fit.fixed: {name} is not a parameter of the moving runs; expected one of {', '.join(map(str, known))}"
             )
         fixed |= dict.fromkeys(meant, value)
     start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}

@@ -154,8 +154,8 @@ def _delay(
     taken = f"taken {abs(delay):.2g} s ({samples:.2g} samples) {when}"
     if not alike:
         message = (
-            f"At reversals the torque looks as if {taken}: a delay, or presliding that these data do not resolve, and they do not tell "
-            "which. Check the time stamps; longer strokes would tell."
+            f"At reversals the torque looks as if {taken}: a delay, or presliding that these data do not resolve or tell "
+            "apart. Check the time stamps; longer strokes would tell them apart."
         )
         return Finding("delay-or-presliding", CAUTION, message, numbers)
     message = (
@@ -292,7 +292,7 @@ def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
             places.append(k)
     where = tuple(f"{file[k]} at {problem.time[k]:.5g} s" for k in places)
     message = (
-        f"{100 * _TOP:.0f} % of the equations hold {100 * share:.0f} % of what the fit leaves, most at {'; '.join(where)}: that is no noise, "
+        f"{100 * _TOP:.0f} % of the equations hold {100 * share:.0f} % of what the fit leaves, most at {'; '.join(where)}: that is not noise, "
         "and bends numbers further than their errors say. Look at the log there: an impact, lost samples, a reading not refreshed."
     )
     return [Finding("bursts", CAUTION, message, {"share": share, "few": _TOP, "where": where})]

@@ -125,7 +125,7 @@ def scale_warnings(found: LinkScale) -> Iterator[Finding]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """All joints of a robot in one run, at the same times: (n, joints) each."""
+    """Motion and torques of all joints of a robot in one run, (n, joints) each, at common times, (n,)."""
 
     time: Array
     q: Array

@@ -91,7 +91,7 @@ def _parts(robot: Robot, progress: Progress | None) -> list["_Part"]:
     simulated = next((j.experiment for j in robot.joints if j.experiment.fit.predict == "position"), None)
     if simulated is not None and robot.urdf is not None:
         raise InputError(
-            f"{robot.path}: fit.predict: position is for a joint alone, for the links' torque depends on all joints; leave predict out"
+            f"{robot.path}: fit.predict: position is for a single joint, because the links' torque depends on all joints; leave predict out"
         )
     body = None if robot.urdf is None else rigid_body(robot.urdf, robot.names, robot.gravity, robot.payload)
     reader = reader_of(robot)

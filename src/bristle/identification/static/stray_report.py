@@ -100,7 +100,7 @@ def _advice(search: PointSearch, options: FitOptions) -> str:
             f"They are the slowest, and have less friction than the law: below {slowest} it falls towards 0, as a regularised "
             f"law does, or they do not slide. Write `segments: {{minimum_velocity: {slowest}}}` to leave them out."
         )
-    return "They stay: neighbours, the ends of the range, or more than a tenth of the points are no strays, but show what the law lacks."
+    return "They stay: neighbours, the ends of the range, or more than a tenth of the points are not strays, but show what the law lacks."
 
 
 def _points(count: int) -> str:

@@ -44,7 +44,7 @@ class _Row(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Fit:
-    """Friction fitted to arrays, in SI: over velocity by (9), the bristle from slow loading, or all of LuGre (3)-(5) from a motion.
+    """Friction fitted to arrays, in SI: the curve (9) from points, the bristle from slow loading, or all of LuGre (3)-(5) from a motion.
 
     Parameters are named as in the paper, with their direction where each has its own: `alpha_0+`.
     """

@@ -128,7 +128,7 @@ class Plan:
         less = planned > 1.1 * np.asarray(measured)
         if worse := tuple(self.start.names[k] for k in self.free if less[k]):
             message = (
-                f"The planned motion tells less of {', '.join(map(str, worse))} than the motion measured so far, for it serves all "
+                f"The planned motion determines {', '.join(map(str, worse))} less well than the motion measured so far, because it serves all "
                 "parameters at once; repeat the measured one as well where these matter most."
             )
             warnings.append(Finding("motion-worse", CAUTION, message, {"names": worse}))

@@ -312,7 +312,7 @@ def _doubts(rows: list[ExportedParameter], ways: tuple[Direction, ...], law: Law
                 message = f"{holds_zero}, which it cannot be; the exported value may be off by any factor."
                 yield Finding("interval-with-zero-impossible", CAUTION, message, named)
             else:
-                message = f"{holds_zero}; the value is exported, and the data do not tell it from none."
+                message = f"{holds_zero}; the value is exported, although the data do not distinguish it from zero."
                 yield Finding("interval-with-zero", NOTE, message, named)
     for d in ways:
         values = {x.parameter.name: x.value for x in rows if x.parameter.direction == d}

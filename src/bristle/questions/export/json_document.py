@@ -71,7 +71,7 @@ def read_export(path: Path) -> tuple[ExportedJoint, ...]:
     except (ValueError, TypeError, RecursionError) as error:  # InputError is a ValueError
         why = str(error) if isinstance(error, InputError) else first_reason(error)
         raise InputError(
-            f"{path}: is no document of schema {SCHEMA} ({one_line(why, 300)}); expected one that bristle exported"
+            f"{path}: is not a document of schema {SCHEMA} ({one_line(why, 300)}); expected one that bristle exported"
         ) from error
 
 

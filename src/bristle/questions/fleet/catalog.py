@@ -108,7 +108,7 @@ def _parquet(data: bytes, name: str) -> "pd.DataFrame":
         frame: pd.DataFrame = pq.read_table(io.BytesIO(data)).to_pandas(ignore_metadata=True)
         return frame
     except (pa.ArrowException, ValueError, OSError) as error:
-        raise InputError(f"{name}: is no Parquet file that can be read ({one_line(str(error), 120)})") from error
+        raise InputError(f"{name}: is not a readable Parquet file ({one_line(str(error), 120)})") from error
 
 
 def _of_csv(data: bytes, name: str, base: str) -> _Texts:

@@ -34,7 +34,7 @@ _LEAN = {
 """Workers that keep the memory of freed arrays, and watch themselves less: each task is a tenth faster; and whose process may take long to begin
 anew: of one that has not begun after Dask's 15 s no other ever would."""
 _LOGGERS = ("distributed", "tornado", "bokeh")
-_UNGUARDED = 'in a script, put the call of bristle.fleet below if __name__ == "__main__":, for the worker processes read the script as well'
+_UNGUARDED = 'in a script, put the call of bristle.fleet below if __name__ == "__main__":, because the worker processes read the script as well'
 
 
 class Reach(NamedTuple):

@@ -137,7 +137,7 @@ def _part(name: str) -> "pa.Table":
     except (pa.ArrowException, ValueError, KeyError) as error:
         raise InputError(f"{name}: is damaged ({one_line(str(error), 100)}); remove it, and run again") from error
     if known is None:
-        raise InputError(f"{name}: is no part of a fleet's dataset; move it, or name another folder")
+        raise InputError(f"{name}: is not part of a fleet's dataset; move it, or name another folder")
     return rows
 
 

@@ -46,9 +46,9 @@ def notes(
         percent = max((float(y) for x in own for y in x.of.percent(x.shift)), key=abs)
         logged = any("temperature" in x.of.names for x in own)
         cause = (
-            "Temperature is taken off already; look for a new lot of grease, new firmware or another torque constant."
+            "Temperature is already corrected for; look for a new lot of grease, new firmware or another torque constant."
             if logged
-            else "Temperature is not in the catalog; log it, for it does this."
+            else "Temperature is not in the catalog; log it, because it can cause this."
         )
         message = (
             f"{', '.join(names)} of all {count} joints of type {type_} shifted together, by up to {percent:+.2g} %: the cause is "
@@ -83,7 +83,7 @@ def notes(
         short = int(not_tested["untested"].str.startswith("fewer").sum())
         why = [f"{short} without values in more than {baseline} sessions"] * (short > 0)
         if count > short:
-            why.append(f"{count - short} whose type has too few repeated sessions to tell the scatter between them")
+            why.append(f"{count - short} whose type has too few repeated sessions to estimate the scatter between them")
         message = f"Not tested for a change: {counted(count, 'joint')}; {'; '.join(why)}."
         said.append(Finding("joints-untested", NOTE, message, {"count": count, "short": short}))
     keys = ["unit", "joint", "session"]

@@ -103,12 +103,12 @@ class Adjusted:
 
     @property
     def y(self) -> Array:
-        """On the scale, (n,)."""
+        """The adjusted values, on the scale of the quantity, (n,)."""
         return self.of.y - self.regressors @ self.fit.coefficients
 
     @property
     def variance(self) -> Array:
-        """Of each, (n,)."""
+        """Variance of each, (n,)."""
         return self.known + self.fit.variance
 
     @property

@@ -183,7 +183,7 @@ def _matches(path: str, pattern: str) -> list[tuple[str, str]]:
     folder, shown = files.folder_of(path), f"{files.name_of(path)}: runs: files {short(pattern)}"
     if "${" in pattern or PurePosixPath(pattern).is_absolute():
         raise InputError(
-            f"{shown} is no path from the folder of the file; expected one, for it is read from {path.partition('://')[0]}"
+            f"{shown} is not relative to the folder of the experiment file; expected a relative path, as it is read from {path.partition('://')[0]}"
         )
     whole = files.joined_path(folder, pattern)
     found = [whole] if files.exists(whole) else files.glob_of(whole)
@@ -205,7 +205,7 @@ def laid_out(folder: Path, name: str, contents: Mapping[str, bytes]) -> Path:
         place = Path(*(base / (name if one == OWN else one)).parts)
         if PurePosixPath(one).is_absolute() or folder.resolve() not in place.resolve().parents:
             raise InputError(
-                f"{name}: names {short(one)}; expected a path from its folder, for it is sent to another machine"
+                f"{name}: names {short(one)}; expected a path relative to its folder, because it is sent to another machine"
             )
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_bytes(data)

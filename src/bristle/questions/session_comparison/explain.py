@@ -133,7 +133,7 @@ def warnings(first: Session, second: Session, shared: Sequence[str]) -> Iterator
     for which, session, other in (("first", first, second), ("second", second, first)):
         alone = tuple(name for name in session if name not in other)
         if alone:
-            message = f"In the {which} session alone: {', '.join(alone)}."
+            message = f"Only the {which} session has {', '.join(alone)}: it cannot be compared."
             yield Finding("in-one-session", CAUTION, message, {"names": alone})
     for name in shared:
         yield from _warnings_of(name, first[name], second[name])
@@ -159,7 +159,7 @@ def _warnings_of(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Findi
         )
         yield Finding("common-constants", NOTE, message, {"constants": common})
     if alone:
-        message = f"{joint}: {' and '.join(alone)} is of one session alone: its error widens the differences."
+        message = f"{joint}: {' and '.join(alone)} belongs to one session only: its error widens the differences."
         yield Finding("own-constants", NOTE, message, {"constants": alone})
     yield from dict.fromkeys(x.torque_scale for x in (a, b) if x.torque_scale and not (common or alone))
     if a.simulated != b.simulated:
@@ -183,7 +183,7 @@ def _warnings_of(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Findi
             terms = tuple(sorted(str(n) for n in own if n.name.startswith(("alpha", "offset"))))
             if terms:
                 message = (
-                    f"{joint}: {', '.join(terms)} is known of the {which} session alone by its {source} fit: "
+                    f"{joint}: {', '.join(terms)} is known only in the {which} session, by its {source} fit: "
                     "the two models differ, and so may the other parameters without any change of the joint."
                 )
                 yield Finding("models-differ", CAUTION, message, {"terms": terms})
