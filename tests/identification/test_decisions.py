@@ -172,7 +172,7 @@ def test_a_time_without_a_unit_has_many_samples_a_second(tmp_path: Path, unit: s
     np.savetxt(tmp_path / "log.csv", columns, "%.17g", ",", header="stamp,q,tau", comments="")
     text, said = bristle.draft(tmp_path / "log.csv", folder=tmp_path, told=bristle.Told(columns={"time": "stamp"}))
     assert f'unit: "{unit}"' in text
-    assert any(f"{unit}, for a log has many samples a second" in x for x in said)
+    assert any(f"{unit}, because a log has many samples a second" in x for x in said)
 
 
 @pytest.mark.parametrize(("signal", "unit"), [("current", "A"), ("voltage", "V")])
