@@ -107,12 +107,12 @@ def covered(low: Array, high: Array) -> Array:
 
 
 def test_profiles_cover_as_often_as_they_say() -> None:
-    """At 2 % noise each true parameter is held in 95 %, within three deviations; without a speed below v_s the covariance holds alpha_1 in less."""
-    for start, sets in ((0.15, 600), (1.0, 400)):
+    """At 2 % noise the profile holds each truth in 95 %, within three deviations; from v_s up in 93 to 97 %, the covariance alpha_1 in less."""
+    for start, sets, most in ((0.15, 2000, 3 * np.sqrt(0.95 * 0.05 / 2000)), (1.0, 1000, 0.02)):
         found = batch(np.geomspace(start * GRIPPER.v_s, 0.8, 16), 0.02, sets, 0)
         intervals = [profiled(x, solve(x, found.v_s_range)).intervals for x in (alone(found, k) for k in range(sets))]
         low, high = np.array([list(one.values()) for one in intervals]).T
-        assert covered(low, high) == pytest.approx([0.95] * 4, abs=3 * np.sqrt(0.95 * 0.05 / sets))
+        assert covered(low, high) == pytest.approx([0.95] * 4, abs=most)
     reach = covariance.student(12) * found.errors()
     assert covered(found.theta - reach, found.theta + reach)[2] < 0.92
 
