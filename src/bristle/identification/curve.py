@@ -149,8 +149,8 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     effects = [100 * x.effect["torque"] / size for x in value_warnings(joint) if "torque" in x.effect]
     effects += [100 * _withheld(fit, v) / size for fit in fits if isinstance(fit, TrackingFit)]
     moving = joint.moving  # whose torque has the load, too, where a static fit of it does not
-    points_alone = [fit.torque for fit in fits if isinstance(fit, StaticFit) and (fit.segments or moving is None)]
-    torque = np.concatenate(points_alone) if points_alone or moving is None else moving.measured
+    own = [moving if moving and isinstance(fit, StaticFit) and not fit.segments else fit for fit in fits]
+    torque = np.concatenate([fit.measured if isinstance(fit, TrackingFit) else fit.torque for fit in own])
     acting, _ = known_curve(joint, along)
     share = _rms(acting[np.isfinite(acting)]) / (_rms(torque) or 1.0)
     return Accuracy(
