@@ -91,6 +91,7 @@ _NAMES: dict[str, tuple[str, str | None] | None] = {
     "current[0] (mA)": ("current", "mA"),
     "position[0]": ("position", None),
     "effort[2] [Nm]": ("torque", "N*m"),
+    "ActTorque [%]": ("torque", "percent"),
 }
 
 
@@ -102,7 +103,7 @@ def test_names_as_people_write_them() -> None:
 
 _CHOSEN = [
     ("tau_cmd tau_meas", "torque", "tau_meas", 0), ("q1 q2 q3 q4 q5 q6", "position", "q1", 5), ("t q v tau", "velocity", "v", 0),
-    ("t q v", "velocity", None, 0), ("v dq tau", "velocity", "dq", 0),
+    ("t q v", "velocity", None, 0), ("target_moment actual_current", "torque", None, 0), ("v dq tau", "velocity", "dq", 0),
 ]  # fmt: skip  # a table
 
 
@@ -136,7 +137,12 @@ def test_what_cannot_be_guessed_is_refused(tmp_path: Path) -> None:
 
 
 def test_what_is_told_is_not_guessed(tmp_path: Path) -> None:
-    """A file without a header reads by columns, units, scales and a rate that were told: in SI, with the torque from the current."""
+    """A file without a header reads by columns, units, scales and a rate that were told: in SI, with the torque from the current, or from percents and what they are of."""
+    percent = _csv(tmp_path / "log.csv", "t,q,torque [%]", _T, _Q, 100 * _TAU)
+    _draft(percent, scales={"torque": "2 N*m"})
+    np.testing.assert_allclose(present(read_runs(_load(tmp_path))[0].record.torque), 2 * _TAU)
+    _draft(percent)
+    assert_refused([(partial(_load, tmp_path), r"what 100 % are, as in scale: 0.5 N\*m")])
     data = _csv(tmp_path / "log.csv", "", np.degrees(_Q), 1000 * _TAU)
     _, guessed = _draft(
         data, columns={"position": "0", "current": "1"}, units={"position": "deg", "current": "mA"}, scales={"current": "-1"},
@@ -165,6 +171,21 @@ def test_a_position_that_wraps_is_declared(tmp_path: Path) -> None:
         _draft(_csv(tmp_path / "log.csv", header, _T, q * turn / (2 * np.pi) % turn, _TAU))
         record = read_runs(_load(tmp_path))[0].record
         np.testing.assert_allclose(np.diff(present(record.position)), np.diff(q), atol=1e-9)
+
+
+def test_counts_tell_the_unit_of_an_angle(tmp_path: Path) -> None:
+    """Positions whose unit nothing says are in the one in which a turn has a power of two of counts; velocities go with them."""
+    for unit, turn in (("rad", 2 * np.pi), ("rev", 1.0), ("deg", 360.0)):
+        counts = np.round(4096 * _Q / (2 * np.pi)) / 4096 * turn
+        _, guessed = _draft(
+            _csv(tmp_path / "log.csv", "t,pos,vel,tau", _T, counts, np.cos(_T) * turn / 2 / np.pi, _TAU)
+        )
+        signals = _load(tmp_path).signals
+        assert (signals.position and signals.position.unit, signals.velocity and signals.velocity.unit) == (
+            unit,
+            f"{unit}/s",
+        )
+        assert any("a turn has 4096 counts" in sentence for sentence in guessed) == (unit != "rad")
 
 
 def test_points_and_sliding_joints(tmp_path: Path) -> None:

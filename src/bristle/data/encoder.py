@@ -59,6 +59,19 @@ def _grid(levels: Array) -> tuple[float, Array]:
     return (step if np.abs(near / step - multiples).max() < 0.1 else 0.0), multiples
 
 
+def unit_of_counts(logged: Array) -> tuple[str, int] | None:
+    """The unit in which a turn of positions as logged, (n,), has a power of two of counts, as encoders have, and how many.
+
+    None where they keep to no grid, there is no such unit, or it is rad.
+    """
+    step = smallest_step(logged)
+    for unit in UNITS["position"]["revolute"] if step else ():
+        counts = 2 * np.pi / step / units.factor(unit, "rad")
+        if counts > _COARSEST and _power_of_two(counts, _POWER):
+            return None if unit == "rad" else (unit, round(counts))
+    return None
+
+
 def whole_positions(file: str, logged: Array, signal: Position, context: Context) -> Finding | None:
     """Positions as logged, (n,), that are whole numbers of a unit in which no encoder counts, or hardly one."""
     if signal.unit.strip().startswith("count"):

@@ -156,6 +156,8 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
             own, expected = f"{wanted / _parse(times):~}", f"one such as {_example(target, '')}"
             if times != "1" and own.isalpha():  # what the column must be in for the scale to make the target of it
                 expected = f"unit: {own}, of which this scale makes {target}, or another scale"
+            elif measured.dimensionless and times == "1":
+                expected += f", or a scale: what 100 % are, as in scale: 0.5 {target}"
             raise InputError(f"unit {short(unit)}{by_scale} is not a unit of {target}; expected {expected}")
         times_si = number * size / target_size
     if not 1 / LARGEST < abs(times_si) < LARGEST:

@@ -37,10 +37,11 @@ _UNITS = {
         f"{a}{sep}s": f"{'deg' if a == '°' else a}/s"
         for a in ("rad", "deg", "mrad", "rev", "m", "mm", "°") for sep in ("", "_", "/", "_per_", "p") if a != "m" or sep not in ("", "p")
     } | {"rads": "rad/s", **dict.fromkeys(("rpm", "1/min", "min^-1", "min-1", "u/min"), "rpm")},
-    "torque": {**dict.fromkeys(("nm", "n_m", "n*m", "n.m", "n-m", "n·m"), "N*m"), "mnm": "mNm", "n": "N", "kn": "kN"},
-    "current": {**dict.fromkeys(("a", "amp", "amps", "ampere"), "A"), **dict.fromkeys(("ma", "milliamps"), "mA")},
+    "torque": {**dict.fromkeys(("nm", "n_m", "n*m", "n.m", "n-m", "n·m"), "N*m"), "mnm": "mNm", "n": "N", "kn": "kN", "%": "percent"},
+    "current": {"%": "percent", **dict.fromkeys(("a", "amp", "amps", "ampere"), "A"), **dict.fromkeys(("ma", "milliamps"), "mA")},
     "voltage": {**dict.fromkeys(("v", "volt", "volts"), "V"), **dict.fromkeys(("mv", "millivolts"), "mV")},
 }  # fmt: skip  # a table
+_MEASURED = 2.0  # the least score of a name that says nothing of having been asked for
 LONGEST = 100  # characters of a column's name that may be a usual one
 _BESIDE = frozenset((
     "joint", "motor", "link", "axis", "drive", "actuator", "servo", "arm", "load", "output", "out", "angular", "linear",
@@ -76,11 +77,15 @@ def guess_columns(names: Sequence[str], stated: Sequence[str] = ()) -> dict[str,
     units = dict(zip(names, stated, strict=False))
     best = [max(_readings(name, units.get(name, "")), default=None) for name in once]
     guesses: dict[str, ColumnGuess] = {}
+    scores = dict[str, float]()
     for signal in (*_NAMES, *COMMANDS):
         found = [(x.score, name, x.unit) for name, x in zip(once, best, strict=True) if x and x.signal == signal]
         if found:
             score, name, unit = max(found, key=lambda x: x[0])  # the first of those that are alike
+            scores[signal] = score
             guesses[signal] = ColumnGuess(name, unit or None, sum(x[0] == score for x in found) - 1)
+    if scores.get("torque", _MEASURED) < _MEASURED <= scores.get("current", 0.0):
+        del guesses["torque"]  # that was asked for, beside a current that was measured
     timed = [name for name in once if units.get(name) and _fits(units[name], "time")]
     if "time" not in guesses and len(timed) == 1:
         guesses["time"] = ColumnGuess(timed[0], units[timed[0]])

@@ -15,6 +15,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.binary_tables import names_of
 from bristle.data.columns import Key
+from bristle.data.encoder import unit_of_counts
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import COMMANDS, DRIVE, GAINS
@@ -149,6 +150,8 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
             slides = slides or bool(unit and factor(unit, unit_of(name, "prismatic")))
     kind: Kind = "prismatic" if slides else "revolute"
     guessed = [f"joint.kind: {kind}, by the units", *_assumed(log, guesses, told, drive, kind)]
+    guesses, counted = _counted(log, guesses, told, beside) if kind == "revolute" else (guesses, ())
+    guessed += counted
     lines = [] if told.rate is None else [f"time: {{rate: {quoted(told.rate)}}}"]
     drives = [*COMMANDS] if drive == "command" and told.motor else [drive]
     for name in ("velocity", *drives) if of_points else ("time", "position", "velocity", *drives):
@@ -455,6 +458,23 @@ def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
     return any(bool((np.abs(jump / turn - 1) < 0.1).any()) for jump in jumps)
 
 
+def _counted(
+    log: "_Log", guesses: dict[str, ColumnGuess], told: Told, beside: Mapping[str, "_Log"]
+) -> tuple[dict[str, ColumnGuess], tuple[str, ...]]:
+    """Columns with the unit of angles that the encoder's counts tell, where nothing else does; and what is said of it."""
+    unsaid = {x: guesses[x] for x in STATE_FIELDS if x in guesses and not (guesses[x].unit or x in told.units)}
+    if "position" not in unsaid or "position" in told.scales:
+        return guesses, ()
+    found = unit_of_counts(beside.get("position", log).values(unsaid["position"]))
+    if found is None:
+        return guesses, ()
+    unit, counts = found
+    of_each = {"position": unit, "velocity": f"{unit}/s"}
+    more = {x: guess._replace(unit=of_each[x]) for x, guess in unsaid.items() if x in of_each}
+    said = f"unit of {' and '.join(more)}: {unit}{'' if len(more) == 1 else f' and {unit}/s'}, in which a turn has {counts} counts, a power of two"
+    return guesses | more, (said,)
+
+
 def _signal(name: str, guess: ColumnGuess, kind: Kind, told: Told, log: _Log, guessed: list[str]) -> str:
     """The line of a signal, but for its end; says what was guessed."""
     unit = told.units.get(name) or guess.unit or unit_of(COMMANDS.get(name, name), kind)
@@ -473,10 +493,10 @@ def _signal(name: str, guess: ColumnGuess, kind: Kind, told: Told, log: _Log, gu
 
 
 def quoted(text: str) -> str:
-    """The text as YAML on one line, in quotes."""
+    """The text as YAML on one line, in quotes; letters that cannot be seen are escaped."""
     import yaml
 
-    return yaml.safe_dump(text, default_style='"', width=float("inf")).rstrip("\n")
+    return yaml.safe_dump(text, default_style='"', width=float("inf"), allow_unicode=text.isprintable()).rstrip("\n")
 
 
 def told_by(pairs: Sequence[str], option: str) -> dict[str, str]:
