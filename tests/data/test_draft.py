@@ -137,7 +137,7 @@ def test_what_cannot_be_guessed_is_refused(tmp_path: Path) -> None:
 
 
 def test_what_is_told_is_not_guessed(tmp_path: Path) -> None:
-    """A file without a header reads by columns, units, scales and a rate that were told: in SI, with the torque from the current, or from percents and what they are of."""
+    """A file without a header reads by columns, units, scales and a rate that were told: in SI, with the torque from the current, or percents."""
     percent = _csv(tmp_path / "log.csv", "t,q,torque [%]", _T, _Q, 100 * _TAU)
     _draft(percent, scales={"torque": "2 N*m"})
     np.testing.assert_allclose(present(read_runs(_load(tmp_path))[0].record.torque), 2 * _TAU)
