@@ -10,7 +10,7 @@ from bristle.arrays import Array
 from bristle.model.laws.parts import Expression, Peak, ViscousTerm
 
 _V_S = 0.1  # the Stribeck velocity at which a peak is tried, rad/s
-_SPEEDS = np.concatenate([[0.0], _V_S * np.geomspace(1e-6, 300, 200)])
+_SPEEDS = np.concatenate([[0.0], _V_S * np.geomspace(1e-6, 1e4, 250)])
 _CLOSE = 1e-9
 _LEFT = 0.1  # of a peak at the highest of these speeds, at most: one with a slow tail falls by and by
 
@@ -35,8 +35,10 @@ def _fault_of_shape(shape: Callable[..., Expression], own: list[float]) -> str |
     if error or values is None or mirrored is None:
         return error
     s, slope = values
-    if not (np.isfinite(s).all() and np.isfinite(slope).all()):
-        return "got a shape that is not finite, or has no derivative, at a speed; expected both from rest on"
+    lost = np.flatnonzero(~(np.isfinite(s) & np.isfinite(slope)))
+    if lost.size:
+        at = _SPEEDS[lost[0]] / _V_S
+        return f"got a shape that is not finite, or has no derivative, at {at:.3g} v_s; expected both from rest on"
     if abs(s[0] - 1) > _CLOSE:
         return f"got a shape of {s[0]:.3g} at rest; expected 1"
     if np.abs(s - mirrored[0]).max() > _CLOSE:
