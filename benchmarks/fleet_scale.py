@@ -23,6 +23,7 @@ import psutil  # which distributed needs, too
 import pyarrow as pa
 from distributed import Client
 
+import datasets_path  # noqa: F401
 from bristle.api.fleets import fleet, identified_joint
 from bristle.questions.fleet.catalog import read_catalog
 from bristle.questions.fleet.cluster import local_client, spread
@@ -30,8 +31,8 @@ from bristle.questions.fleet.dataset import COLUMNS, OF_TASK, schema_of, task_fi
 from bristle.questions.fleet.files import write_whole
 from bristle.questions.fleet.findings import findings
 from bristle.questions.fleet.report import report
-from bristle.simulation.fleet import FleetDesign, fleet_estimates, fleet_truth
 from bristle.workers import pin
+from simulated_fleet import FleetDesign, fleet_estimates, fleet_truth
 
 T = TypeVar("T")
 MAKE = Path(__file__).parents[1] / "datasets" / "fleet" / "make.py"

@@ -18,7 +18,7 @@ from bristle.questions.fleet import figures, tables
 from bristle.questions.fleet import report as reports
 from bristle.questions.fleet.findings import Findings, findings
 from bristle.questions.fleet.report import report
-from bristle.simulation.fleet import FleetDesign, fleet_estimates, fleet_truth
+from simulated_fleet import FleetDesign, fleet_estimates, fleet_truth
 
 from ..pages import Elements, assert_tables_are_named, page_text
 from .plausible import EXOTIC, HOSTILE, empty, plausible

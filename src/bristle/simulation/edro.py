@@ -220,10 +220,10 @@ def paper_pid_logs(stem: str, multiples: Sequence[float], seed: int = 0) -> Logs
     return ramp_logs(rig(stem, PID_GAINS), plan, [(seed, len(SETTINGS))])
 
 
-def datasets_folder() -> Path:
-    """Where the embedded data set is: inside the installed package, or beside `src` in a checkout. Raises FileNotFoundError where neither is."""
+def datasets_folder(name: str = "edro") -> Path:
+    """The folder of an embedded data set, `edro` or `arm`, in the package or the checkout. Raises FileNotFoundError where it is missing."""
     here = Path(__file__).resolve()
-    for folder in (here.parents[1] / "datasets" / "edro", here.parents[3] / "datasets" / "edro"):
+    for folder in (here.parents[1] / "datasets" / name, here.parents[3] / "datasets" / name):
         if folder.is_dir():
             return folder
     raise FileNotFoundError("the embedded data set is missing; reinstall bristle, or run it from a complete checkout")
