@@ -4,4 +4,4 @@ import sys
 from pathlib import Path
 
 DATASETS = Path(__file__).resolve().parents[1] / "datasets"
-sys.path += [str(DATASETS / "arm"), str(DATASETS / "fleet")]
+sys.path += [str(DATASETS / name) for name in ("fleet", "arm", "edro")]
