@@ -34,6 +34,8 @@ import casadi as ca
 import numpy as np
 from scipy.integrate import solve_ivp
 
+import datasets_path  # noqa: F401
+import simulated_edro
 from bristle.arrays import Array
 from bristle.control import compensator as compensating
 from bristle.control.adaptation import Adaptation
@@ -83,7 +85,7 @@ def joint(name: str = JOINT, sigma_0: float | None = None) -> Case:
     """A joint of Table 1, its J and the paper's PID, whose compensator starts at 0.3 alpha_0 and 0.5 alpha_2, as in Table 2."""
     plant = Pair(*(p if sigma_0 is None else p._replace(sigma_0=sigma_0) for p in edro.TABLE_1[name]))
     model = Pair(*(p._replace(alpha_0=0.3 * p.alpha_0, alpha_2=0.5 * p.alpha_2) for p in plant))
-    return Case(plant=plant, motor=edro.motor(name), model=model, gains=edro.PID_GAINS)
+    return Case(plant=plant, motor=simulated_edro.motor(name), model=model, gains=edro.PID_GAINS)
 
 
 class InNumpy:

@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+import datasets_path  # noqa: F401
+import simulated_edro
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.identification.fits import Estimate
@@ -56,7 +58,7 @@ def embedded(seeds: int) -> None:
     print(f"embedded experiment, simulated with seeds 0 to {seeds - 1}: intervals that cover the truth")
     print(f"{'':<44}{'fits':>9}" + "".join(f"{name:>9}" for name in NAMES) + f"{'no peak':>9}")
     total, every, fits = dict.fromkeys(NAMES, 0), 0, 0
-    for stem, (name, _) in edro.SETTINGS.items():
+    for stem, (name, _) in simulated_edro.SETTINGS.items():
         estimates = _estimates(stem, seeds)
         for sign, p in zip("+-", edro.TABLE_1[name], strict=True):
             found = [one[sign] for one in estimates]
@@ -80,7 +82,7 @@ def _estimates(stem: str, seeds: int) -> list[dict[str, dict[str, Estimate]]]:
         file = Path(folder) / "experiment.yaml"
         file.write_text(text)
         for first in range(0, seeds, BLOCK):
-            logs = edro.logs(stem, range(first, min(first + BLOCK, seeds)))
+            logs = simulated_edro.logs(stem, range(first, min(first + BLOCK, seeds)))
             for position, voltage in zip(logs.position, logs.voltage, strict=True):
                 np.savez(Path(folder) / "log.npz", time=logs.time, position=position, voltage=voltage)
                 measured = measure(file)
@@ -179,8 +181,8 @@ def _joints(seeds: int) -> Iterator[Joint]:
         file.write_text(text)
         for first in range(0, seeds, BLOCK):
             block = range(first, min(first + BLOCK, seeds))
-            ramps, loads = edro.logs("gripper", block), edro.load_logs("gripper", block)
-            motions = [edro.tracking_logs("gripper", block, held_out=held) for held in (False, True)]
+            ramps, loads = simulated_edro.logs("gripper", block), simulated_edro.load_logs("gripper", block)
+            motions = [simulated_edro.tracking_logs("gripper", block, held_out=held) for held in (False, True)]
             for k in range(len(block)):
                 for name, logs in zip(names, (ramps, loads, *motions), strict=True):
                     np.savez(

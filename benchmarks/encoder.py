@@ -11,6 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+import datasets_path  # noqa: F401
+import simulated_edro
 from bristle.arrays import Array
 from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
@@ -105,7 +107,7 @@ def both(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
     run = measured(quantum, seed)
 
     def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> DynamicProblem:
-        return dynamic_problem(records, ("+", "-"), ("inertia",), edro.DECIMATION, None, fixed)
+        return dynamic_problem(records, ("+", "-"), ("inertia",), simulated_edro.DECIMATION, None, fixed)
 
     found = fit_tracking(pose([run], {}), truth(), "revolute", search=False)
     return found.fit, without_count_bias(found, [run], pose, quantum)
@@ -134,11 +136,11 @@ def by_route(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
     start = {name: value for name, value in truth().items() if name not in known}
 
     def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> DynamicProblem:
-        return dynamic_problem(records, ("+", "-"), ("inertia",), edro.DECIMATION, None, fixed)
+        return dynamic_problem(records, ("+", "-"), ("inertia",), simulated_edro.DECIMATION, None, fixed)
 
     found = fit_tracking(pose([run], known), start, "revolute", search=False)
     whole = dynamic_problem([run], ("+", "-"), ("inertia",), 1, None, known)
-    windows = simulation([run], whole, edro.motor("gripper rotation"), edro.DECIMATION, 0.5)
+    windows = simulation([run], whole, simulated_edro.motor("gripper rotation"), simulated_edro.DECIMATION, 0.5)
     return without_count_bias(found, [run], pose, quantum), fit_tracking(windows, start, "revolute", search=False).fit
 
 
@@ -150,10 +152,10 @@ def relative(fit: TrackingFit, name: ParameterName) -> float:
 
 def measured(quantum: float, seed: int) -> Record:
     """A moving run of the virtual bench, with velocity and torque as `identify` estimates them."""
-    log = edro.tracking_logs("gripper", [seed], resolution=quantum)
-    motor = edro.motor("gripper rotation")
+    log = simulated_edro.tracking_logs("gripper", [seed], resolution=quantum)
+    motor = simulated_edro.motor("gripper rotation")
     record = estimate_motion(
-        Record(file="run", time=log.time, position=log.position[0], voltage=log.voltage[0]), edro.CUTOFF
+        Record(file="run", time=log.time, position=log.position[0], voltage=log.voltage[0]), simulated_edro.CUTOFF
     )
     torque = np.asarray(drive_torque(record.voltage, record.velocity, motor))
     return replace(record, torque=torque)
@@ -162,7 +164,7 @@ def measured(quantum: float, seed: int) -> Record:
 def truth() -> dict[ParameterName, float]:
     """The true parameters by name."""
     own = {ParameterName(name, d): x for d, p in zip(SIGNED, PAIR, strict=True) for name, x in p._asdict().items()}
-    return own | {INERTIA: edro.motor("gripper rotation").J}
+    return own | {INERTIA: simulated_edro.motor("gripper rotation").J}
 
 
 def distance(fit: TrackingFit, name: ParameterName) -> float:

@@ -17,10 +17,11 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+import datasets_path  # noqa: F401
 from bristle.estimation.multiple_tests import false_discovery
 from bristle.questions.fleet.findings import Findings, findings
-from bristle.simulation.fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
 from bristle.workers import pin
+from simulated_fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
 
 SEED = 20
 UNLIKE = ("robot-001", "J1")

@@ -23,18 +23,18 @@ import psutil  # which distributed needs, too
 import pyarrow as pa
 from distributed import Client
 
+import datasets_path  # noqa: F401
 from bristle.api.fleets import fleet, identified_joint
 from bristle.questions.fleet.catalog import read_catalog
 from bristle.questions.fleet.cluster import local_client, spread
-from bristle.questions.fleet.dataset import COLUMNS, OF_TASK, schema_of, task_file, write_parts
+from bristle.questions.fleet.dataset import COLUMNS, OF_TASK, schema_of, task_file, write_dataset
 from bristle.questions.fleet.files import write_whole
 from bristle.questions.fleet.findings import findings
 from bristle.questions.fleet.report import report
-from bristle.simulation.fleet import FleetDesign, fleet_estimates, fleet_truth
 from bristle.workers import pin
+from simulated_fleet import FleetDesign, fleet_estimates, fleet_truth
 
 T = TypeVar("T")
-MAKE = Path(__file__).parents[1] / "datasets" / "fleet" / "make.py"
 ROBOTS = {"1e4": 208, "1e5": 2083}
 """Of six joints and eight sessions each: 9984 and 99 984 joint sessions."""
 
@@ -74,8 +74,7 @@ def contents(output: Path) -> dict[str, bytes]:
 
 def logs(folder: Path) -> None:
     """Print how fast logs are identified."""
-    sys.path.insert(0, str(MAKE.parent))
-    import make  # type: ignore[import-not-found]  # a script beside its data
+    import make  # the script of datasets/fleet
 
     made = folder / "fleet"
     make.write_fleet(made, FleetDesign(robots=40, joints=2, sessions=4), 0)
@@ -149,7 +148,7 @@ def rows_of(name: str, folder: Path) -> None:
     table = pa.Table.from_pandas(frame[list(COLUMNS)], preserve_index=False).cast(schema_of(tuple(COLUMNS), coded=True))
     sessions = frame["key"].nunique()
     print(f"{name}: {sessions} joint sessions, {len(frame)} rows")
-    timed("write the dataset", lambda: write_parts(str(folder), table, []))
+    timed("write the dataset", lambda: write_dataset(str(folder), table))
     size = sum(len(x) for x in contents(folder).values())
     print(f"  {size / 1e6:.1f} MB, {size / sessions:.0f} bytes a joint session")
     read = timed("pandas.read_parquet", lambda: pd.read_parquet(folder / "results"))

@@ -17,6 +17,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+import datasets_path  # noqa: F401
+import simulated_arm as arm
 from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.robot.robot_file import robot_of
 from bristle.identification.fits import Estimate
@@ -25,7 +27,6 @@ from bristle.identification.known_joint import chosen
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.identification.robot.measured import measure_robot
-from bristle.simulation import arm
 
 SLIDING = ("alpha_0", "alpha_2")
 STRIBECK = ("alpha_1", "v_s")
@@ -95,14 +96,14 @@ def _of_seed(seed: int) -> tuple[list[Found], list[str]]:
 
 def _written(folder: Path, seed: int) -> Path:
     """The arm's file with the logs of a seed."""
-    text = (arm.arm_folder() / "robot.yaml").read_text(encoding="utf-8")
+    text = (arm.FOLDER / "robot.yaml").read_text(encoding="utf-8")
     for name, held_out in (("motion", False), ("held_out", True)):
         log = arm.simulate_arm(seed, held_out=held_out)
         columns: dict[str, Any] = {f"q_{joint.name}": log.position[:, k] for k, joint in enumerate(arm.JOINTS)}
         columns |= {f"i_{joint.name}": log.current[:, k] for k, joint in enumerate(arm.JOINTS)}
         np.savez(folder / f"{name}.npz", **{"time": log.time, **columns})
         text = text.replace(f"{name}.csv", f"{name}.npz")
-    (folder / "arm.urdf").write_bytes((arm.arm_folder() / "arm.urdf").read_bytes())
+    (folder / "arm.urdf").write_bytes((arm.FOLDER / "arm.urdf").read_bytes())
     (folder / "robot.yaml").write_text(text, encoding="utf-8")
     return folder / "robot.yaml"
 

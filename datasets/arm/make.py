@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+import simulated_arm as arm
 from bristle.model.parameters import Lugre, unit
-from bristle.simulation import arm
-from bristle.simulation.arm import ArmJoint, ArmLog
+from simulated_arm import ArmJoint, ArmLog
 
 HEADER = (
     "# SIMULATED by make.py: Table 1's friction, scaled, on an arm that is made up; README.md marks what is assumed.\n"

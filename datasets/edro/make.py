@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+import simulated_edro
 from bristle.model.parameters import Lugre, unit
 from bristle.simulation import edro
-from bristle.simulation.bench import Logs
+from virtual_bench import Logs
 
 HEADER = "# SIMULATED by make.py from Table 1 of the paper; README.md marks what is assumed.\n"
 
@@ -19,22 +20,22 @@ def truth(p: Lugre[float]) -> dict[str, str]:
 
 
 def experiment(
-    stem: str, title: str, runs: list[dict[str, object]], assumptions: tuple[str, ...] = edro.ASSUMPTIONS
+    stem: str, title: str, runs: list[dict[str, object]], assumptions: tuple[str, ...] = simulated_edro.ASSUMPTIONS
 ) -> str:
     """The experiment file of one joint, as YAML, with its runs; `title` names the joint."""
-    name = edro.SETTINGS[stem].name
-    pair, motor = edro.TABLE_1[name], edro.motor(name)
+    name = simulated_edro.SETTINGS[stem].name
+    pair, motor = edro.TABLE_1[name], simulated_edro.motor(name)
     document = {
         "joint": {"name": title, "kind": "revolute"},
         "motor": {"torque_constant": f"{motor.k_t} N*m/A", "resistance": f"{motor.R} ohm"},
-        "encoder_resolution": f"{edro.RESOLUTION:.10e} rad",
+        "encoder_resolution": f"{simulated_edro.RESOLUTION:.10e} rad",
         "signals": {
             "time": {"column": "time", "unit": "s"},
             "position": {"column": "position", "unit": "rad"},
             "voltage": {"column": "voltage", "unit": "V"},
         },
         "runs": runs,
-        "fit": {"position_cutoff": f"{edro.CUTOFF:g} Hz", "decimation": edro.DECIMATION},
+        "fit": {"position_cutoff": f"{simulated_edro.CUTOFF:g} Hz", "decimation": simulated_edro.DECIMATION},
         "simulated": True,
         "truth": {"+": truth(pair.positive), "-": truth(pair.negative)},
         "assumptions": list(assumptions),
@@ -58,23 +59,23 @@ def write(path: Path, text: str) -> None:
 
 def main(folder: Path) -> None:
     """Write the four experiment files and their logs, and the example of slow plateaus that stick and slip."""
-    for stem in edro.SETTINGS:
+    for stem in simulated_edro.SETTINGS:
         runs: list[dict[str, object]] = [
             {"files": f"{stem}.csv", "experiment": "ramp"},
             {"files": f"{stem}_presliding.csv", "experiment": "presliding"},
             {"files": f"{stem}_tracking.csv", "experiment": "tracking"},
             {"files": f"{stem}_held_out.csv", "experiment": "tracking", "hold_out": True},
         ]
-        write(folder / f"{stem}.yaml", experiment(stem, edro.SETTINGS[stem].name, runs))
-        write(folder / f"{stem}.csv", table(edro.logs(stem, [0])))
-        write(folder / f"{stem}_presliding.csv", table(edro.load_logs(stem, [0])))
-        write(folder / f"{stem}_tracking.csv", table(edro.tracking_logs(stem, [0])))
-        write(folder / f"{stem}_held_out.csv", table(edro.tracking_logs(stem, [0], held_out=True)))
+        write(folder / f"{stem}.yaml", experiment(stem, simulated_edro.SETTINGS[stem].name, runs))
+        write(folder / f"{stem}.csv", table(simulated_edro.logs(stem, [0])))
+        write(folder / f"{stem}_presliding.csv", table(simulated_edro.load_logs(stem, [0])))
+        write(folder / f"{stem}_tracking.csv", table(simulated_edro.tracking_logs(stem, [0])))
+        write(folder / f"{stem}_held_out.csv", table(simulated_edro.tracking_logs(stem, [0], held_out=True)))
     example = "base_paper_pid"
-    title = f"{edro.SETTINGS['base'].name}, the paper's PID"
+    title = f"{simulated_edro.SETTINGS['base'].name}, the paper's PID"
     runs = [{"files": f"{example}.csv", "experiment": "ramp"}]
-    write(folder / f"{example}.yaml", experiment("base", title, runs, edro.PAPER_PID_ASSUMPTIONS))
-    write(folder / f"{example}.csv", table(edro.paper_pid_logs("base", edro.PAPER_PID_SPEEDS)))
+    write(folder / f"{example}.yaml", experiment("base", title, runs, simulated_edro.PAPER_PID_ASSUMPTIONS))
+    write(folder / f"{example}.csv", table(simulated_edro.paper_pid_logs("base", simulated_edro.PAPER_PID_SPEEDS)))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from bristle.simulation.fleet import NAMES, TYPES, FleetDesign, FleetTruth, fleet_truth, ramp_log
+from simulated_fleet import NAMES, TYPES, FleetDesign, FleetTruth, fleet_truth, ramp_log
 
 EXPERIMENT = """\
 # SIMULATED by make.py: Table 1's friction, with scatter between robots and sessions

@@ -1,7 +1,6 @@
 """The paper's experiments in closed loop, and more: each against docs/paper.md, a formula, or another experiment."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,12 +12,9 @@ from bristle.questions.compensation.paper_experiments import Errors, adapted, er
 from bristle.questions.compensation.parameter_studies import (
     band,
     compare_controllers,
-    compare_sampling,
     drifts,
-    gradients,
     map_adaptation,
 )
-from bristle.simulation import edro
 from bristle.simulation.joint_loop import one_way
 
 from ..simulation.joints import GRIPPER, J, joint_loop
@@ -124,30 +120,6 @@ def test_maps_hold_the_adaptation_itself(monkeypatch: pytest.MonkeyPatch) -> Non
     np.testing.assert_allclose(found.amplitudes, [0.8, 0.4, 1.6])
 
 
-def test_gradients_are_those_of_the_formulas() -> None:
-    """In steady sliding the total derivative by alpha_0 is 1, the partial one sigma_1 abs(v) / g, and the printed one that times exp(-(v / v_s)**2).
-
-    By alpha_2, which does not bend the bristle, all laws have v, relative to the fastest; by sigma_0, of which steady torque is free,
-    they are relative to the largest of them; the printed law has none for v_s.
-    """
-    for p in (P, edro.TABLE_1["base rotation"].negative):
-        v, found = gradients(p, "alpha_0")
-        peak = np.exp(-((v / p.v_s) ** 2))
-        partial = p.sigma_1 * v / (p.alpha_0 + p.alpha_1 * peak)
-        assert [*found] == ["printed", "partial", "total"]
-        np.testing.assert_allclose(found["total"], 1.0, rtol=1e-12)
-        np.testing.assert_allclose(found["partial"], partial, rtol=1e-9)
-        np.testing.assert_allclose(found["printed"], partial * peak, rtol=1e-9, atol=1e-300)  # where exp underflows
-        assert v[0] < 0.1 * p.v_s
-        assert v[-1] > 10 * p.v_s
-        assert (found["printed"][v > 5 * p.v_s] < 1e-9).all()  # why it stands still
-    v, found = gradients(P, "alpha_2")
-    for own in found.values():
-        np.testing.assert_allclose(own, v / v[-1], rtol=1e-12)
-    assert max(float(g.max()) for g in gradients(P, "sigma_0")[1].values()) == 1.0
-    assert "printed" not in gradients(P, "v_s")[1]
-
-
 def test_drifts_are_told_of_every_way_with_the_known_model_first() -> None:
     """Per frequency: known, fixed, the law at a quarter and all of its rate, without limits, normalised; the first is the measure of all."""
     found = drifts(joint_loop())
@@ -178,18 +150,6 @@ def test_a_thin_sliding_mode_chatters() -> None:
     assert wide.rms_error == pytest.approx(bare.rms_error, rel=0.1)
     assert fed.rms_error < 0.2 * bare.rms_error
     assert all(r.rms_error < r.peak_error for r in (bare, fed, wide, thin))
-
-
-def test_the_sampled_loop_comes_to_the_continuous_one() -> None:
-    """At twice, once and half the period the distance falls, in proportion to it.
-
-    The gripper's loop bears 13 ms: of 16, 8 and 4 ms the first is not told.
-    """
-    found = compare_sampling(joint_loop(period=2e-3))
-    assert [r.period for r in found] == [4e-3, 2e-3, 1e-3]
-    for coarse, fine in pairwise(found):
-        assert 1.5 < coarse.distance / fine.distance < 3.5
-    assert [r.period for r in compare_sampling(joint_loop(period=8e-3))] == [8e-3, 4e-3]
 
 
 def spread(pair: Pair[float], rng: np.random.Generator, share: float) -> tuple[Pair[float], float]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+import simulated_edro
 from bristle.arrays import Array
 from bristle.control.compensator import Compensator, CompensatorState, Measurement, Reference, compiled, initial_state
 from bristle.control.control_period import Case
@@ -23,7 +24,7 @@ def case(name: str, **changes: object) -> Case:
     """A joint of Table 1 with its true model and the paper's PID."""
     values = {
         "plant": edro.TABLE_1[name],
-        "motor": edro.motor(name),
+        "motor": simulated_edro.motor(name),
         "model": edro.TABLE_1[name],
         "gains": edro.PID_GAINS,
     }

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import simulated_edro
 from bristle.control.adaptation import Adaptation, Law
 from bristle.control.closed_loop import Trajectory, simulate
 from bristle.control.compensator import Compensator, Reference
@@ -69,9 +70,9 @@ def test_the_step_of_the_plant_is_of_second_order() -> None:
 
 def test_a_voltage_is_the_torque_it_was_made_for_but_for_the_back_emf_of_the_error() -> None:
     """A voltage drive differs from a torque drive by k_t**2 / R times the velocity error alone: not at all where that is small."""
-    course, J = sine(6.0, 0.3), edro.motor("gripper rotation").J
+    course, J = sine(6.0, 0.3), simulated_edro.motor("gripper rotation").J
     off = []
-    for m in (Motor(1e-4, 1.0, 0.0, J), edro.motor("gripper rotation")):
+    for m in (Motor(1e-4, 1.0, 0.0, J), simulated_edro.motor("gripper rotation")):
         torque, voltage = (
             simulate(LoopOptions(drive=d), [case("gripper rotation", motor=m)], course, H)
             for d in ("torque", "voltage")
@@ -123,7 +124,7 @@ def test_a_period_keeps_what_no_number_changes() -> None:
     """At rest, asked for nothing, a period leaves every memory as it is: plant, current, controller, compensator and what is on its way."""
     adapting = Compensator(adaptation=Adaptation(step="least-squares", gamma=(0.0, 0.0)))
     for options in (LoopOptions(), LoopOptions(compensator=adapting, drive="voltage", inductance=True, delay=3)):
-        m = edro.motor("wrist pitch")._replace(L=1e-3)
+        m = simulated_edro.motor("wrist pitch")._replace(L=1e-3)
         memory = flat(at_rest(options, 0.0))
         given = [0.0] * 6 + [1.0, 1.0, 0.0]
         new, _ = control_period(options)(memory, given, flat(numbers_of(case("wrist pitch", motor=m), H)))

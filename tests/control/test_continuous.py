@@ -1,19 +1,17 @@
 """The continuous controller: the figures of docs/paper.md, and the limit of the sampled loop."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from bristle.control.adaptation import Adaptation, Law
 from bristle.control.closed_loop import simulate
 from bristle.control.compensator import NAMES, Compensator, Name, Velocity
-from bristle.control.continuous import simulate_continuous
 from bristle.control.control_period import LoopOptions
 from bristle.simulation import edro
 from bristle.simulation.references import Sine
 
 from .conftest import H, case, sine, wrong_start
+from .continuous import simulate_continuous
 
 SINE = Sine(1.0, 0.5).position
 
@@ -74,16 +72,3 @@ def test_gains_stop_at_their_limits() -> None:
     run = simulate_continuous(wrong_start(), Compensator(adaptation=a), SINE, 10.0, H)
     assert run.theta.max() == pytest.approx(1.5, abs=1e-4)
     assert run.theta.min() > 0.9 - 1e-4
-
-
-def test_what_is_sampled_alone_is_refused() -> None:
-    """A limit of the torque, a filter, least squares, and a period beyond the duration, in one sentence each."""
-    joint, c = case("wrist pitch"), Compensator()
-    with pytest.raises(ValueError, match="torque limit of 1 N"):
-        simulate_continuous(replace(joint, torque_limit=1.0), c, SINE, 1.0, H)
-    with pytest.raises(ValueError, match=r"a filter of 0\.01 s"):
-        simulate_continuous(replace(joint, gains=joint.gains._replace(filter_time=0.01)), c, SINE, 1.0, H)
-    with pytest.raises(ValueError, match="got least-squares; expected gradient or normalised"):
-        simulate_continuous(joint, Compensator(adaptation=Adaptation(step="least-squares")), SINE, 1.0, H)
-    with pytest.raises(ValueError, match="a period of 2 s and a duration of 1 s"):
-        simulate_continuous(joint, c, SINE, 1.0, 2.0)

@@ -6,11 +6,11 @@ import casadi as ca
 import numpy as np
 import pytest
 
+import simulated_edro
 from bristle.control.closed_loop import simulate
 from bristle.control.control_period import Case, LoopOptions
 from bristle.control.plant import State, inductive_step
 from bristle.model.parameters import Lugre, Motor, pair_of
-from bristle.simulation import edro
 
 from .conftest import H, case, sine
 
@@ -19,7 +19,7 @@ LAGGING = LoopOptions(drive="voltage", inductance=True)
 
 def lagging(name: str, lag: float) -> Case:
     """A joint of Table 1 whose motor has L / R = lag, s."""
-    m = edro.motor(name)
+    m = simulated_edro.motor(name)
     return case(name, motor=m._replace(L=lag * m.R))
 
 

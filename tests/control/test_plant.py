@@ -19,7 +19,7 @@ from bristle.control.plant import State, exponential, plant_step, quantise, whit
 from bristle.model import law, motor
 from bristle.model.parameters import Motor, Pair
 from bristle.simulation import edro
-from bristle.simulation.bench import ramp_gains
+from virtual_bench import ramp_gains
 
 GRIPPER, BASE = edro.TABLE_1["gripper rotation"], edro.TABLE_1["base rotation"]
 MOTOR = Motor(0.35, 2.1, 0.0, 1.27e-3)

@@ -65,7 +65,7 @@ def test_a_motion_stays_within_its_limits(sines: list[tuple[float, float, float]
     assert limited(played, LIMITS, duration, 0.01).amplitude == pytest.approx(played.amplitude, rel=1e-12)
     assert (played.frequency.tolist(), played.phase.tolist()) == (lines.frequency.tolist(), lines.phase.tolist())
     assert course(played, LIMITS, duration, 0.01).position == pytest.approx(run.position, abs=1e-12)
-    wanted = evaluate_motion("it", lines, replace(PROBLEM, duration=duration)).lines
+    wanted = evaluate_motion(lines, replace(PROBLEM, duration=duration)).lines
     assert wanted.amplitude == pytest.approx(played.amplitude)
 
 
@@ -76,7 +76,7 @@ def test_information_is_that_of_the_model_and_the_acceleration() -> None:
     other = gram(motion_jacobian(run.velocity, 0.01, PAIR, {"inertia": run.acceleration}), PROBLEM.noise)
     assert matrix == pytest.approx(other, rel=1e-9, abs=1e-9 * np.abs(other).max())
     assert torque > J * np.abs(run.acceleration).max() / 2
-    found = evaluate_motion("it", plain_lines(LIMITS), replace(PROBLEM, duration=2.0))
+    found = evaluate_motion(plain_lines(LIMITS), replace(PROBLEM, duration=2.0))
     assert found.errors == pytest.approx(covariance(PROBLEM.prior_information + other)[0], rel=1e-6)
 
 
@@ -89,13 +89,11 @@ def test_the_planned_motion_beats_the_plain_one(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(excitation, "STEPS", 60)
     calls: list[tuple[int, int]] = []
     found = best_motion(PROBLEM, lambda _, done, total: calls.append((done, total)))
-    plain = evaluate_motion("plain", within_torque(plain_lines(LIMITS), PROBLEM), PROBLEM)
+    plain = evaluate_motion(within_torque(plain_lines(LIMITS), PROBLEM), PROBLEM)
     assert relative(found.errors) < 0.98 * relative(plain.errors)
     assert max(found.torque, plain.torque) <= LIMITS.torque
     assert found.errors.tolist() == best_motion(PROBLEM).errors.tolist()
-    assert relative(evaluate_motion("longer", found.lines, replace(PROBLEM, duration=8.0)).errors) < relative(
-        found.errors
-    )
+    assert relative(evaluate_motion(found.lines, replace(PROBLEM, duration=8.0)).errors) < relative(found.errors)
     assert calls == [(k, 70) for k in range(70)]
     own = (5, 11)
     one = best_motion(replace(PROBLEM, aims=own))
@@ -107,7 +105,7 @@ def test_a_motion_is_scaled_down_to_the_torque_of_the_drive() -> None:
     """Where it would take too much torque it is scaled down until it does not, and left as it is where it would not."""
     weak = replace(PROBLEM, limits=replace(LIMITS, torque=0.04))
     lines = plain_lines(LIMITS)
-    assert evaluate_motion("as it is", lines, weak).torque > 0.04
-    assert evaluate_motion("scaled", within_torque(lines, weak), weak).torque <= 0.04
+    assert evaluate_motion(lines, weak).torque > 0.04
+    assert evaluate_motion(within_torque(lines, weak), weak).torque <= 0.04
     strong = replace(PROBLEM, limits=replace(LIMITS, torque=1.0))
     assert within_torque(lines, strong).amplitude.tolist() == lines.amplitude.tolist()

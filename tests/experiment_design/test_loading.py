@@ -7,7 +7,7 @@ from bristle.model import functions
 from bristle.model.parameters import Direction
 from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design import loading
-from bristle.questions.experiment_design.loading import design_loading
+from bristle.questions.experiment_design.loading import design_loading, loading_errors
 from bristle.simulation.edro import TABLE_1
 
 P = TABLE_1["gripper rotation"].positive
@@ -33,12 +33,11 @@ def test_loading_is_planned_as_its_error_asks() -> None:
     """Half the noise is half the error where g0 is known; longer rises and finer encoders are no worse; an unsure g0 lowers the peak."""
     fine = P.alpha_0 / P.sigma_0 / 500
     known = design_loading(Direction.POSITIVE, P, 0.0, 1e-4, fine)
-    half = design_loading(Direction.POSITIVE, P, 0.0, 5e-5, fine)
-    row, column = known.rises.tolist().index(known.rise), loading.PEAKS.tolist().index(known.share)
-    assert known.errors[row, column] == known.error
-    viscous = known.viscous_share * P.sigma_0
-    assert np.sqrt(half.errors[row, column] ** 2 - viscous**2) == pytest.approx(known.noise_error / 2, rel=1e-3)
-    assert (np.diff(known.errors, axis=0) <= 1e-9).all()
+    row, column = loading.RISES.tolist().index(known.rise), loading.PEAKS.tolist().index(known.share)
+    scatter, viscous, _ = loading_errors(P, 0.0, 1e-4, fine, loading.RISES)
+    assert (scatter[row, column], viscous[row, column]) == (known.noise_error, known.viscous_share)
+    assert loading_errors(P, 0.0, 5e-5, fine, loading.RISES)[0][row, column] == pytest.approx(known.noise_error / 2)
+    assert (np.diff(np.hypot(scatter, viscous * P.sigma_0), axis=0) <= 1e-9).all()
     assert known.error <= design_loading(Direction.POSITIVE, P, 0.0, 1e-4, 20 * fine).error
     assert known.peak == pytest.approx(known.share * (P.alpha_0 + P.alpha_1))
     unsure = design_loading(Direction.POSITIVE, P, 0.005 * P.alpha_0, 1e-4, fine)
@@ -67,7 +66,7 @@ def test_what_loading_neglects_is_within_the_error_that_is_promised(rise: float,
     U = evaluate(functions.loading_displacement_function(), T, g0, 1.0)[0]
     slope = np.polynomial.polynomial.polyfit(x, U, 1, w=1 - T / g0)[1]
     row, column = loading.RISES.tolist().index(rise), int(np.abs(loading.PEAKS - share).argmin())
-    promised = design_loading(Direction.POSITIVE, P, 0.0, 1e-12, 0.0).errors[row, column]
+    promised = P.sigma_0 * loading_errors(P, 0.0, 1e-12, 0.0, loading.RISES)[1][row, column]
     assert 0.4 * promised < abs(slope - P.sigma_0) < promised
 
 
@@ -78,10 +77,13 @@ def test_a_slower_rise_wins_where_much_is_neglected() -> None:
     assert quiet.error == pytest.approx(quiet.viscous_share * P.sigma_0, rel=1e-3)
     usual = design_loading(Direction.POSITIVE, P, 0.001 * P.alpha_0, 1e-4, 0.0)
     assert usual.error == pytest.approx(np.hypot(usual.noise_error, usual.viscous_share * P.sigma_0))
-    damped = design_loading(Direction.POSITIVE, P._replace(sigma_1=10 * P.sigma_1), 0.001 * P.alpha_0, 1e-4, 0.0)
+    more = P._replace(sigma_1=10 * P.sigma_1)
+    damped = design_loading(Direction.POSITIVE, more, 0.001 * P.alpha_0, 1e-4, 0.0)
     assert damped.error > usual.error
     assert damped.share <= usual.share
-    assert (damped.errors >= usual.errors).all()
+    found = (loading_errors(p, 0.001 * P.alpha_0, 1e-4, 0.0, loading.RISES)[:2] for p in (P, more))
+    of_usual, of_damped = (np.hypot(scatter, viscous * P.sigma_0) for scatter, viscous in found)
+    assert (of_damped >= of_usual).all()
 
 
 def test_a_coarse_encoder_sees_no_stiffness() -> None:

@@ -12,12 +12,10 @@ from bristle.findings import Finding, Severity
 from bristle.identification.limits import Limits, followed, limits_of
 from bristle.identification.measured import Measured, measure
 from bristle.model.parameters import Direction, ParameterName, Stribeck
-from bristle.questions.experiment_design import excitation, figures, tables
-from bristle.questions.experiment_design.excitation import MEASURED
-from bristle.questions.experiment_design.loading import design_loading
+from bristle.questions.experiment_design import excitation, figures
 from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.start import scatter
-from bristle.questions.experiment_design.velocities import evaluate_design
+from bristle.questions.experiment_design.velocities import design, evaluate_design
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import experiments
 
@@ -53,11 +51,7 @@ def assert_within(frame: pd.DataFrame, position: tuple[float, float], velocity: 
 
 
 def test_now_is_what_was_identified(gripper: Plan) -> None:
-    """Standard errors before the plan are those of the joint fit, and each part of the plan makes none larger; all of it makes each smaller.
-
-    Its frame is the table of intervals.
-    """
-    pd.testing.assert_frame_equal(gripper.to_frame(), tables.intervals(gripper))
+    """Standard errors before the plan are those of the joint fit, and each part of the plan makes none larger; all of it makes each smaller."""
     fit = gripper.joint.moving
     assert fit is not None
     said = [fit.parameters[name].standard_error for name in gripper.start.names]
@@ -82,15 +76,9 @@ def test_each_part_adds_what_it_shows(gripper: Plan) -> None:
 
 
 def test_what_it_is_worth_is_said_first(gripper: Plan) -> None:
-    """Speeds, runs, time and the intervals of alpha_0 and v_s, or of the aim, are those of the plan.
-
-    The widest interval before and after is that of the table, in percent; where the plan leaves one open, nothing is promised.
-    """
-    half = 196 * np.array([gripper.standard_errors[stage] for stage in ("now", "with motion")])[:, gripper.free]
-    now, then = half / np.abs(gripper.start.estimate[gripper.free])
-    worth, names = gripper.worth, [gripper.start.names[k].name for k in gripper.free]
-    assert worth.numbers["before"] == pytest.approx(now[np.isfinite(now) & (now <= 98)].max())
-    assert worth.numbers["after"] == pytest.approx(then.max())
+    """Speeds, runs, time and the intervals of alpha_0 and v_s, or of the aim, are those of the plan, also where one stays open."""
+    then = 196 * gripper.standard_errors["with motion"][gripper.free] / np.abs(gripper.start.estimate[gripper.free])
+    names = [gripper.start.names[k].name for k in gripper.free]
     speeds_ = np.unique(np.abs([v for x in gripper.velocities for v in x.velocities]))
     known = {aim: max(then[k] for k, name in enumerate(names) if name == aim) for aim in ("alpha_0", "v_s", "sigma_1")}
     (first, second, *_) = bristle.report_of(gripper).text().splitlines()
@@ -107,42 +95,42 @@ def test_what_it_is_worth_is_said_first(gripper: Plan) -> None:
         np.arange(len(gripper.start.names)) == gripper.free[0], np.inf, gripper.standard_errors["with motion"]
     )
     opened = replace(gripper, standard_errors={**gripper.standard_errors, "with motion": wide}).worth
-    assert "after" not in opened.numbers
     assert ": predicted alpha_0 not identifiable, v_s to +/- " in opened.message
 
 
 def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
     """A caution names what the planned motion tells less of than the measured one by more than a tenth, and nothing else.
 
-    The planned motion leaves smaller relative errors than a plain multisine, and than the motion of the embedded default, of its duration.
+    The planned motion leaves smaller relative errors than the motion of the embedded default, of its duration.
     """
-    rms = {x.name: float(np.linalg.norm(x.errors / gripper.start.estimate)) for x in gripper.motions}
-    assert set(rms) == {"planned", "plain multisine", "measured so far"}
-    assert rms["planned"] < min(rms["plain multisine"], rms["measured so far"])
-    motion = gripper.motions[0]
+    motion, measured = gripper.motion, gripper.errors_of_measured
+    assert measured is not None
+    planned, so_far = (float(np.linalg.norm(x / gripper.start.estimate)) for x in (motion.errors, measured))
+    assert planned < so_far
     better = motion.errors.copy()
     better[gripper.free[0]] /= 1.2
     better[gripper.free[1]] /= 1.05
-    told = replace(gripper, motions=(motion, replace(motion, name=MEASURED, errors=better)))
+    told = replace(gripper, errors_of_measured=better)
     (said,) = (w for w in told.warnings if w.code == "motion-worse")
     assert said.numbers["names"] == (gripper.start.names[gripper.free[0]],)
-    alone = replace(gripper, motions=(motion,))
+    alone = replace(gripper, errors_of_measured=None)
     assert "motion-worse" not in {w.code for w in alone.warnings}
 
 
 def test_designs_beat_spaced_velocities(gripper: Plan) -> None:
-    """For its own parameter each design is the best, what is known included: of the table, and beside evenly and log-spaced runs."""
+    """For its own parameter each design is the best, what is known included: beside that for all, and evenly and log-spaced runs."""
     for own in gripper.velocities:
         count = own.chosen.speeds.size
         spaced = [evaluate_design(own.problem, spaced_speeds(own.problem, count, kind)) for kind in ("log", "even")]
         for k, aim in enumerate(Stribeck._fields):
-            assert all(own.designs[aim].errors[k] <= 1.01 * x.errors[k] for x in (own.designs["all"], *spaced))
+            alone = design(own.problem, count, aim)
+            assert all(alone.errors[k] <= 1.01 * x.errors[k] for x in (own.chosen, *spaced))
 
 
 def test_references_are_read_back(gripper: Plan) -> None:
     """The file is what pandas reads back, within every limit; runs are numbered in order, torque only where the joint is loaded."""
     frame = pd.read_csv(io.StringIO(gripper.reference_csv()))
-    pd.testing.assert_frame_equal(frame, tables.references(gripper), rtol=1e-8)
+    pd.testing.assert_frame_equal(frame, gripper.reference_frame(), rtol=1e-8)
     limits = gripper.limits
     assert list(frame.columns) == ["time (s)", "experiment", "run", Q, V, T]
     assert_within(frame, limits.position, limits.velocity, limits.acceleration)
@@ -156,9 +144,15 @@ def test_references_are_read_back(gripper: Plan) -> None:
     assert frame["time (s)"].iloc[-1] == pytest.approx(gripper.duration - 1 / limits.rate)
 
 
+def table_of(plan: Plan, name: str) -> pd.DataFrame:
+    """A table of its report."""
+    found = (section.table for section in bristle.report_of(plan).sections if section.table)
+    return next(table.frame for table in found if table.name == name and table.frame is not None)
+
+
 def test_planned_speeds_are_played(gripper: Plan) -> None:
     """Each run of the file holds its planned velocity for the averaging time and more; together they are all that were planned."""
-    frame = tables.references(gripper)
+    frame = gripper.reference_frame()
     ramps = frame[frame["experiment"] == "ramp"]
     held = []
     for _, own in ramps.groupby("run"):
@@ -171,7 +165,7 @@ def test_planned_speeds_are_played(gripper: Plan) -> None:
 
 def test_stated_sines_are_those_written(gripper: Plan) -> None:
     """Least squares of the written tracking reference gives the amplitudes that are stated and their phases, but for the fading at its ends."""
-    frame, stated = pd.read_csv(io.StringIO(gripper.reference_csv())), tables.lines(gripper)
+    frame, stated = pd.read_csv(io.StringIO(gripper.reference_csv())), table_of(gripper, "lines")
     own = frame[frame["experiment"] == "tracking"]
     time = own["time (s)"].to_numpy() - own["time (s)"].iloc[0]
     turns = 2 * np.pi * time[:, None] * stated["frequency"].to_numpy() + stated["phase"].to_numpy()
@@ -249,18 +243,16 @@ def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
     bare = path.read_text()
     path.write_text(bare + "inertia: 1.3e-3 kg*m**2\n")
     found = bristle.plan(path, velocities=4)
-    assert "inertia" not in tables.intervals(found)["parameter"].tolist()
-    assert "inertia" not in tables.motions(found).columns
+    assert "inertia" not in found.to_frame()["parameter"].tolist()
     assert "\n  inertia" not in bristle.report_of(found).text()
     assert of_kind(found.assumptions, "inertia-exact")[0].numbers == {"J": 1.3e-3}
-    for figure in (figures.intervals_figure(found), figures.motions_figure(found)):
-        assert len(figure.axes[0].get_yticks()) == 12
-        low, _ = figure.axes[0].get_xlim()
-        assert low > 1e-3
+    (ax,) = figures.intervals_figure(found).axes
+    assert len(ax.get_yticks()) == 12
+    assert ax.get_xlim()[0] > 1e-3
     with pytest.raises(ValueError, match="the inertia is given as exact"):
         bristle.plan(path, velocities=4, aim="inertia")
     path.write_text(bare + "inertia: 1.3e-3 +/- 1e-4 kg*m**2\n")
-    assert "inertia" in tables.intervals(bristle.plan(path, velocities=4))["parameter"].tolist()
+    assert "inertia" in bristle.plan(path, velocities=4).to_frame()["parameter"].tolist()
 
 
 def test_noise_is_of_its_direction_and_robust(tmp_path: Path) -> None:
@@ -300,7 +292,9 @@ def test_robust_scatter_is_that_of_normal_noise(gripper: Plan) -> None:
 def test_what_loading_neglects_is_shown(gripper: Plan) -> None:
     """The table and the text have the error by noise, the viscous share, and both together as the promised one, which is what is added."""
     columns = ("by_noise", "viscous_share", "standard_error")
-    for row, own in zip(tables.loading(gripper)[[*columns]].to_numpy(float).tolist(), gripper.loadings, strict=True):
+    for row, own in zip(
+        table_of(gripper, "loading")[[*columns]].to_numpy(float).tolist(), gripper.loadings, strict=True
+    ):
         by_noise, viscous, whole = row
         sigma_0 = gripper.start.p(own.direction).sigma_0
         assert whole == pytest.approx(np.hypot(by_noise, viscous * sigma_0))
@@ -308,18 +302,6 @@ def test_what_loading_neglects_is_shown(gripper: Plan) -> None:
         k = gripper.start.names.index(ParameterName("sigma_0", own.direction))
         before, after = gripper.standard_errors["with velocities"][k], gripper.standard_errors["with loading"][k]
         assert after**-2 - before**-2 == pytest.approx(whole**-2, rel=0.05)
-
-
-def test_rises_are_drawn_as_they_are_played(gripper: Plan) -> None:
-    """The legend names each rise in the time that is left for it, where loading shows nothing too, and marks a choice where it does show."""
-    p = gripper.start.p("+")
-    for count, marked in ((0.0, True), (1.1 * p.alpha_0 / p.sigma_0, False)):
-        design = design_loading(Direction.POSITIVE, p, 0.0, 1e-4, count, share=0.5)
-        (ax,) = figures.loading_figure(replace(gripper, loadings=(design,))).axes
-        legend = ax.get_legend()
-        assert legend is not None
-        labels = [text.get_text() for text in legend.get_texts()]
-        assert labels == ["2.5 s", "4 s", "7 s", "12.5 s", "20 s"] + ["chosen"] * marked
 
 
 def test_counts_of_velocities_stay_in_the_figure(gripper: Plan) -> None:
@@ -373,7 +355,7 @@ def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     assert planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--for", "v_s").code == 0
     assert (tmp_path / "next.csv").read_bytes() == first
     page, found = page_text(tmp_path / "page" / "index.html"), findings(page_text(tmp_path / "page" / "index.html"))
-    assert len(found) == page.count("<svg") == len(list((tmp_path / "page" / "figures").glob("*.png"))) == 7
+    assert len(found) == page.count("<svg") == len(list((tmp_path / "page" / "figures").glob("*.png"))) == 4
     assert all(NUMBER.search(finding) for finding in found), found
     assert_tables_are_named(tmp_path / "page")
     assert "nan" not in page.lower().replace("resonan", "")

@@ -24,7 +24,7 @@ from bristle.api import fleets
 from bristle.errors import InputError
 from bristle.questions.fleet import cluster, engine
 from bristle.questions.fleet.catalog import read_catalog
-from bristle.questions.fleet.cluster import Reach, local_client, reach_of
+from bristle.questions.fleet.cluster import local_client, reached
 
 pytest.importorskip("distributed", reason="needs the extra fleet")
 pytest.importorskip("pyarrow", reason="needs the extra fleet")
@@ -225,7 +225,7 @@ def two() -> Iterator[Any]:
 
 
 def test_processes_and_a_client_that_gathers_make_the_same_bytes(logs: Path, alone: Tree, two: Any) -> None:
-    """Two processes make the bytes of threads; so do processes that reach neither logs nor output, which the client sends and writes."""
+    """Two processes make the bytes of threads; so do processes that do not reach the logs, which the client sends."""
     fsspec = pytest.importorskip("fsspec", reason="needs the extra fleet")
     memory = fsspec.filesystem("memory")
     memory.put(str(logs / "logs"), "/far/logs", recursive=True)
@@ -236,8 +236,8 @@ def test_processes_and_a_client_that_gathers_make_the_same_bytes(logs: Path, alo
         assert cluster.threads_of(two) == 2
         bristle.fleet(logs / "catalog.csv", logs / "two", client=two)
         assert tree(logs / "two" / "results") == alone
-        assert reach_of(two, "memory://far", ["memory://far/catalog.csv"]) == Reach(output=False, inputs=False)
-        assert reach_of(two, str(logs), [str(logs / "catalog.csv")]) == Reach(output=True, inputs=True)
+        assert not reached(two, ["memory://far/catalog.csv"])
+        assert reached(two, [str(logs / "catalog.csv")])
         far = bristle.fleet("memory://far/catalog.csv", "memory://far/out", client=two)
         assert (far.identified, far.failed) == (8, 0)
         assert {Path(x).name: memory.cat(x) for x in memory.ls("/far/out/results", detail=False)} == alone

@@ -55,50 +55,39 @@ def test_rows_have_the_columns_and_the_order() -> None:
 
 
 def test_the_order_of_tasks_does_not_show() -> None:
-    """Whatever order catalog and results come in, the parts have the same names and bytes."""
+    """Whatever order catalog and results come in, the dataset has the same bytes."""
     keys = [f"k{k}" for k in range(50)]
     rng = np.random.default_rng(0)
-    one = list(dataset.part_files(dataset.assembled(sessions(keys), results(keys))))
+    one = dataset.parquet_of(dataset.assembled(sessions(keys), results(keys)))
     mixed = results(keys).take(rng.permutation(150))
-    other = list(dataset.part_files(dataset.assembled(sessions(keys).sample(frac=1, random_state=1), mixed)))
+    other = dataset.parquet_of(dataset.assembled(sessions(keys).sample(frac=1, random_state=1), mixed))
     assert one == other
 
 
-def test_parts_are_written_once_and_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Parts follow each other; one that is as it was stays; after an interrupted swap old and new rows are there once."""
-    monkeypatch.setattr(dataset, "ROWS", 20)
+def test_a_dataset_is_read_back(tmp_path: Path) -> None:
+    """The last dataset written is the one that is read, also by pandas; of a key that sessions share the results are known once."""
     out, keys = str(tmp_path), [f"k{k}" for k in range(20)]
-    table = dataset.assembled(sessions(keys), results(keys))
-    dataset.write_parts(out, table, dataset.parts_of(out))
-    assert [name[:11] for name in dataset.parts_of(out)] == ["part-00000-", "part-00001-", "part-00002-"]
-    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "results").iterdir()}
-    dataset.write_parts(out, table, dataset.parts_of(out))
-    assert before == {path: path.stat().st_mtime_ns for path in (tmp_path / "results").iterdir()}
-    more = dataset.assembled(sessions([*keys, "k20"]), results([*keys, "k20"]))
-    dataset.write_parts(out, more, [])  # as if it had been killed before the old parts were removed
-    assert len(dataset.parts_of(out)) > 4
-    assert dataset.read_parts(out).num_rows == 60 + 63
-    known = dataset.known_results(out)
-    assert known.num_rows == 63
-    assert set(known["key"].to_pylist()) == {*keys, "k20"}
-    dataset.write_parts(out, more, dataset.parts_of(out))
-    assert dataset.read_parts(out).num_rows == 63
-    assert len(pd.read_parquet(tmp_path / "results")) == 63
+    for known in (keys, [*keys, "k20"]):
+        dataset.write_dataset(out, dataset.assembled(sessions([*known, known[0]]), results(known)))
+    assert dataset.read_dataset(out).num_rows == len(pd.read_parquet(tmp_path / "results")) == 66
+    found = dataset.known_results(out)
+    assert found.num_rows == 63
+    assert set(found["key"].to_pylist()) == {*keys, "k20"}
 
 
-def test_other_files_are_no_parts(tmp_path: Path) -> None:
-    """A part of somebody else's, or a damaged one, is refused in a sentence and stays; other names are left alone."""
+def test_other_files_are_no_dataset(tmp_path: Path) -> None:
+    """A file of somebody else's, or a damaged one, is refused in a sentence and stays; other names are left alone."""
     (tmp_path / "results").mkdir()
-    path = tmp_path / "results" / "part-00000-0123abcd.parquet"
+    path = tmp_path / dataset.DATASET
     pd.DataFrame({"a": [1]}).to_parquet(path)
     pd.DataFrame({"a": [1]}).to_parquet(tmp_path / "results" / "mine.parquet")
     with pytest.raises(InputError, match="is not part of a fleet's dataset"):
-        dataset.read_parts(str(tmp_path))
+        dataset.read_dataset(str(tmp_path))
     path.write_bytes(b"PAR1")
     with pytest.raises(InputError, match="is damaged"):
-        dataset.read_parts(str(tmp_path))
+        dataset.read_dataset(str(tmp_path))
     path.unlink()
-    assert dataset.read_parts(str(tmp_path)).num_rows == 0
+    assert dataset.read_dataset(str(tmp_path)).num_rows == 0
 
 
 def test_a_damaged_task_is_told(tmp_path: Path) -> None:
@@ -117,7 +106,7 @@ def test_a_hundred_thousand_sessions_are_read_at_once(tmp_path: Path) -> None:
     """1e5 joint sessions, 1e6 rows, are compacted in a minute and read by pandas in 5 s."""
     keys = [f"{k:032x}" for k in range(100_000)]
     begun = time.perf_counter()
-    dataset.write_parts(str(tmp_path), dataset.assembled(sessions(keys), results(keys, 10)), [])
+    dataset.write_dataset(str(tmp_path), dataset.assembled(sessions(keys), results(keys, 10)))
     wrote = time.perf_counter()
     frame = pd.read_parquet(tmp_path / "results")
     read = time.perf_counter()

@@ -210,7 +210,7 @@ def test_what_a_killed_run_left_is_taken_up(ran: Any, tmp_path: Path, monkeypatc
         for call, end in spread(*arguments):
             if isinstance(end, tasks.TaskEnd):
                 ends.append(end)
-                if len(ends) == 2:
+                if len(ends) == 3:
                     raise KeyboardInterrupt
             yield call, end
 
@@ -242,7 +242,7 @@ def test_a_full_disk_leaves_what_was(ran: Any, tmp_path: Path, monkeypatch: pyte
         write_whole(name, data)
 
     write_whole = files.write_whole
-    for module in ("tasks", "files", "dataset"):
+    for module in ("files", "dataset"):
         monkeypatch.setattr(f"bristle.questions.fleet.{module}.write_whole", full)
     with pytest.raises(OSError, match="No space left") as stopped:
         ran()
@@ -446,5 +446,4 @@ def test_progress_tells_rate_and_time(ran: Any, tmp_path: Path) -> None:
     told: list[tuple[str, int, int]] = []
     ran(progress=lambda *step: told.append(step))
     last = [what for what, done, total in told if what.startswith("identifying") and done == total == 4]
-    assert last[0].endswith("/s, 0 s left")
-    assert [engine.in_words(x) for x in (3.4, 70, 7300)] == ["3 s", "1 min 10 s", "2 h 1 min"]
+    assert last[0].endswith("/s, 0:00:00 left")

@@ -13,7 +13,7 @@ from bristle.errors import InputError
 from bristle.questions.fleet.dataset import COLUMNS, schema_of
 from bristle.questions.fleet.findings import Findings, findings
 from bristle.questions.fleet.report import report
-from bristle.simulation.fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
+from simulated_fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
 
 if TYPE_CHECKING:
     import pyarrow as pa

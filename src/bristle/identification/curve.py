@@ -91,10 +91,7 @@ def known_curve(joint: Joint, v: Array) -> tuple[Array, Array]:
 
 
 def stated_curve(joint: Joint, v: Array) -> tuple[Array, Array]:
-    """`known_curve` with half of the band that the joint's accuracy states: what is not of the errors is as large a part of friction everywhere.
-
-    The band is infinite where no accuracy is known.
-    """
+    """`known_curve` with half of the band that the accuracy states, the rest of it as a share of friction; infinite where none is known."""
     (friction, half), known = known_curve(joint, v), joint.accuracy
     if known is None or not np.isfinite(known.statistical):
         return friction, np.full(v.size, np.inf)
@@ -162,10 +159,7 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
 
 
 def _withheld(fit: TrackingFit, v: Array) -> float:
-    """A peak that is not claimed, and was in the fit, at some velocities, (n,): what the curve lacks of the one that was fitted, N*m, rms.
-
-    One that bends the whole curve is part of it.
-    """
+    """What the curve lacks of a peak that was fitted and is not claimed, N*m, rms over velocities (n,); one that bends all of it is part of it."""
     lacks = np.zeros(v.size)
     for d, side in zip(SIGNED, (v > 0, v < 0), strict=True):
         own, claimed = fit.values(d), in_direction(fit.parameters, "alpha_1", d)
@@ -178,11 +172,7 @@ def _withheld(fit: TrackingFit, v: Array) -> float:
 
 
 def _differs(joint: Joint, opinion: SecondOpinion, v: Array) -> tuple[float, float]:
-    """By how much the two differ over some velocities, (n,), and what both errors explain of that, percent of friction.
-
-    Where the joint moves both ways, it is half of the difference between the directions: what is alike in both no data tell
-    from an offset, or from gravity.
-    """
+    """How much the two differ over velocities (n,), and what both errors explain, percent of friction; where it moves both ways, of its odd part."""
     v = v[(np.abs(v) > SLOWEST * opinion.top) & (np.abs(v) <= opinion.top)]
     (f, half), (other, error) = known_curve(joint, v), opinion.friction(v)
     if v.size and v.min() < 0 < v.max():

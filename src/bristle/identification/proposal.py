@@ -54,7 +54,15 @@ def draft_of_logs(
             raise InputError(
                 f"{files[0]}: {given[0]} is of one joint, and a robot has several; write it into the draft"
             )
-        return _of_robot(files[0], files[1:], told, folder)
+        # a robot's file, whose logs were read once, and what its log says against its URDF
+        text, guessed = draft_robot(files[0], files[1:], told, folder)
+        path = (folder or files[0].parent) / f"the draft for {files[0].name}"
+        against: dict[str, list[str]] = {}
+        for name, findings in against_urdf(robot_of(parse(text, str(path)), path)).items():
+            for w in findings:
+                if w.severity is not Severity.NOTE:
+                    against.setdefault(str(w), []).append(name)
+        return text, (*guessed, *(f"{', '.join(names)}: {sentence}" for sentence, names in against.items()))
     files = (*files, *told.hold_out)
     if told.gravity and Path(told.gravity).suffix.lower() == ".urdf":
         told = replace(told, gravity=f"{largest_gravity(read_urdf(Path(told.gravity)), told.name):.6g} N*m")
@@ -81,18 +89,6 @@ def draft_of_logs(
     tell("regressors and directions")
     fit, why = _fit(draft, runs, path, told.directions)
     return draft.text(runs, fit), tuple(sentence for sentence in (*said, why) if sentence)
-
-
-def _of_robot(urdf: Path, logs: Sequence[Path], told: Told, folder: Path | None) -> tuple[str, tuple[str, ...]]:
-    """The text of a robot's file, whose logs were read once, and what its log says against its URDF."""
-    text, said = draft_robot(urdf, logs, told, folder)
-    path = (folder or urdf.parent) / f"the draft for {urdf.name}"
-    against: dict[str, list[str]] = {}
-    for name, findings in against_urdf(robot_of(parse(text, str(path)), path)).items():
-        for w in findings:
-            if w.severity is not Severity.NOTE:
-                against.setdefault(str(w), []).append(name)
-    return text, (*said, *(f"{', '.join(names)}: {sentence}" for sentence, names in against.items()))
 
 
 def completed(path: Path) -> tuple[str, str]:

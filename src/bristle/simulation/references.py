@@ -1,4 +1,4 @@
-"""References that a joint is given: ramps, holds, moves, sines, multisines and slow loads, one kind for bench, closed loop and plan.
+"""References that a joint is given: holds, moves, sines, multisines and slow loads, one kind for closed loop and plan.
 
 Each is a few numbers; `at` makes of them a `Reference` at instants from zero on, s, (n,): position, velocity and acceleration, or a torque. Holds and
 moves go from one value to the next by polynomials of the time, so that their acceleration is continuous.
@@ -59,63 +59,6 @@ class Multisine(NamedTuple):
         sines = (x[:, None] for x in self)
         x, x_t, x_tt = evaluate(functions.faded_sine_function(), time, *sines, duration, rest)
         return Reference(x.sum(axis=0), x_t.sum(axis=0), x_tt.sum(axis=0))
-
-
-class Plateau(NamedTuple):
-    """A stretch of constant reference velocity, rad/s, after its run-in, from start to stop, s."""
-
-    velocity: float
-    start: float
-    stop: float
-
-
-class Ramps(NamedTuple):
-    """A ramp experiment: each speed forward and then back, so that the joint ends where it began; the velocity is piecewise linear.
-
-    A slow leg runs in from up to twice its speed, slowing all the way, so that only the plateau is constant.
-    """
-
-    speeds: tuple[float, ...]
-    """rad/s, > 0."""
-    plateau: float = 4.0
-    """Time at each constant velocity, s."""
-    run_in: float = 0.05
-    """Least angle travelled before each plateau, rad: several bristle deflections, so that each plateau begins in steady state."""
-    settle: float = 0.6
-    """Least time before each plateau, s."""
-    turn: float = 0.2
-    """Time to reach a leg's first speed from rest, and to stop from its last, s."""
-    rest: float = 0.5
-    """Before the first leg and after the last, s."""
-
-    @property
-    def plateaus(self) -> tuple[Plateau, ...]:
-        """Forward and back in turn."""
-        times, velocities = self._corners()
-        return tuple(map(Plateau, velocities[3::4], times[3::4], times[4::4]))
-
-    @property
-    def duration(self) -> float:
-        """In s."""
-        return self._corners()[0][-1] + self.rest
-
-    def at(self, time: Array) -> Reference:
-        """At evenly spaced instants; the position is the integral of the sampled velocity by the trapezoidal rule."""
-        step, velocity = float(time[1]), np.interp(time, *self._corners())
-        position = np.concatenate([[0.0], np.cumsum(velocity[1:] + velocity[:-1])]) * (step / 2)
-        return Reference(position, velocity, np.gradient(velocity, step))
-
-    def _corners(self) -> tuple[list[float], list[float]]:
-        """Times, s, and velocities, rad/s, between which the velocity is linear: two at rest, then four of each leg."""
-        times, velocities = [0.0, self.rest], [0.0, 0.0]
-        for velocity in (sign * speed for speed in self.speeds for sign in (1, -1)):
-            first = velocity * max(1.0, min(2.0, 0.15 / abs(velocity)))
-            run_in = max(self.settle, 2 * self.run_in / abs(first + velocity))
-            start = times[-1] + self.turn + run_in
-            stop = start + self.plateau
-            times += [start - run_in, start, stop, stop + self.turn]
-            velocities += [first, velocity, velocity, 0.0]
-        return times, velocities
 
 
 class Hold(NamedTuple):

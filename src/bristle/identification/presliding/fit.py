@@ -203,10 +203,7 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: Kind) -> tuple[Est
 
 
 def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: float, creep: float) -> KnownValue:
-    """g0 from the breakaway of this direction, else of the other one, else at least the largest torque held.
-
-    Where this direction held more than the other one's breakaway, that is none of its own.
-    """
+    """g0 from the breakaway of this direction, else of the other one if less was held, else at least the largest torque held."""
     for d in (direction, "-" if direction == "+" else "+"):
         torque = breakaway[d].value if d in breakaway else None
         if torque is not None and (d == direction or held <= torque * (1 + creep)):
@@ -225,10 +222,7 @@ def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: flo
 
 
 def _moves_by_law(loop: Loop, fits: Mapping[str, PreslidingFit]) -> float:
-    """By how much of its range the cycle of a bristle of one stiffness ends away from where it began, since g0 differs between the directions.
-
-    0 where either is unknown.
-    """
+    """By how much of its range a cycle of a bristle of one stiffness ends away, as g0 differs between the directions; 0 where that is unknown."""
     ends, stiffness = (float(loop.torque.min()), float(loop.torque.max())), [fit.sigma_0.value for fit in fits.values()]
     known = [x for x in stiffness if x is not None]
     if len(known) < len(DIRECTIONS) or not all(max(map(abs, ends)) < fit.level for fit in fits.values()):
@@ -248,8 +242,7 @@ def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float], fits: Mapping
         least, most = min(few), max(few)
         spanned = f"{least}" if least == most else f"{least} to {most}"
         message = f"The hysteresis loops span only {spanned} encoder counts: their slopes and losses are coarse."
-        between = Finding("coarse-loops-between", NOTE, message, {"least": least, "most": most})
-        warnings.append(Finding("coarse-loops", NOTE, message, {"counts": least}) if least == most else between)
+        warnings.append(Finding("coarse-loops", NOTE, message, {"least": least, "most": most}))
     if drifts:
         cycles, farthest = len(drifts) + len(loops), max(drifts, key=abs)
         message = (
@@ -275,10 +268,7 @@ def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float], fits: Mapping
 
 
 def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: Kind) -> Estimate:
-    """(15): from an assumed damping ratio, no estimate; without a standard error, for nobody knows that of the ratio.
-
-    What errors of constants do to sigma_0 and the inertia they do to it too.
-    """
+    """(15): from an assumed damping ratio, no estimate, and without a standard error; with what errors of constants do to it."""
     known = inertia is not None and inertia.value > 0
     if inertia is None or not known or not sigma_0.value or sigma_0.value < 0:
         why = "no positive inertia is known: give inertia in the experiment file, or add moving runs"

@@ -147,10 +147,7 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
 
 
 def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
-    """The estimate in the middle, with the interval that g0 anywhere between leaves, and their distance in its error.
-
-    And what near and far warn of, each kind once; a range that both exclude is the wider one.
-    """
+    """The estimate in the middle, with the interval that g0 anywhere between leaves, and what near and far warn of, each kind once."""
     other, told = {x.code: x for x in far.warnings}, list[Finding]()
     for one in near.warnings:
         both = (one, other.pop(one.code, one))
@@ -227,11 +224,7 @@ def _estimate(value: float, error: float, freedom: float, kind: Kind) -> Estimat
 def _first_count(
     loadings: Sequence[Loading], pieces: Sequence[Piece], g0: float, quantum: float, kind: Kind, slope: float
 ) -> tuple[Estimate, Estimate, float]:
-    """(14) and its inverse, averaged over the loadings, and the least sigma_0 that the first counts allow.
-
-    The interval is that of a rest position anywhere in the count, and of noise in U about the line of this slope through the
-    edges; an estimate that lies outside has none.
-    """
+    """(14) and its inverse, means over loadings, with intervals of any rest position and of noise; and the least sigma_0 that first counts allow."""
     T = first_torques(loadings, g0)
     if T.size == 0:
         none = Finding("nothing-below-g0", NOTE, "No displacement was measured below g0.")

@@ -99,11 +99,7 @@ def turning_lag(
 
 
 def _turns(record: Record) -> list[tuple[int, int, int, float]]:
-    """The turns of a presliding run's torque through the low pass.
-
-    Of each the sample of the turn before, or the segment's first, its own, and that of the turn after, or the segment's last;
-    and 1 where the torque is largest, -1 where it is smallest.
-    """
+    """Of each turn of the low-passed torque the samples of the turn or end before, its own and the one after; 1 at a top, -1 at a bottom."""
     torque = np.asarray(record.torque)
     slow = smoothed(record, torque, record.cutoff) if record.cutoff < 0.5 / record.step else torque
     found = list[tuple[int, int, int, float]]()

@@ -68,10 +68,7 @@ class _Line(NamedTuple):
 def stiffness_uncertainty(
     loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate, seed: int = SEED
 ) -> Uncertainty:
-    """The intervals of sigma_0 of one direction, estimated by `edges` or `samples`.
-
-    Without a value it is a lower bound, which is all there is.
-    """
+    """The intervals of sigma_0 of one direction by `edges` or `samples`; without a value it is a lower bound, which is all there is."""
     if estimate.value is None or not estimate.standard_error or estimate.value <= 0:
         return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, warnings=estimate.warnings)
     inverse = estimator == "samples"
@@ -158,10 +155,7 @@ def _line(loadings: Sequence[Loading], level: KnownValue, estimator: str, spread
 
 
 def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int) -> tuple[Resampled, Array]:
-    """Errors of u, also studentised with those of all its sources, and u, (b,), in resampled data.
-
-    Blocks of count edges, or of samples, each loading's about its own mean; `error` is the estimate's.
-    """
+    """Errors of u in resampled blocks of edges or samples, also studentised with those of all sources, and u, (b,); `error` is the estimate's."""
     inverse = line.estimator == "samples"
     columns = sample_columns(pieces) if inverse else edge_columns(pieces)
     x, y, instrument, starts = columns or (np.zeros(0), np.zeros(0), np.zeros(0), [])

@@ -202,10 +202,7 @@ def order_warnings(
 
 
 def coupling(course: Course, moved: Array, joint: int) -> float:
-    """What the motion of the other joints explains of a joint's torque beside its own, as a share of the torque's RMS.
-
-    By sines and cosines of the positions and of sums of neighbouring ones, and by accelerations.
-    """
+    """What the other joints' motion (sines of positions and their sums, accelerations) explains of a torque beside its own, share of its RMS."""
     joints, y, k = course.q.shape[1], course.torque[:, joint], joint
     own = [moved[:, k], -moved[:, joints + k], course.v[:, k], course.a[:, k], np.ones(len(y))]
     sums = [course.q[:, i : j + 1].sum(axis=1) for i in range(joints) for j in range(i, joints)]

@@ -7,7 +7,6 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullLocator
 
 from bristle.arrays import Array
 from bristle.control.closed_loop import Trajectory
@@ -149,31 +148,6 @@ def _in_cell(ax: Axes, column: int, row: int, text: str, size: float, *, on_ligh
 def _above(ax: Axes, text: str, by: int, size: int) -> None:
     """So many points above the axes, at their left."""
     ax.annotate(text, (0.0, 1.0), (0, by), xycoords="axes fraction", textcoords="offset points", fontsize=size)
-
-
-@styled
-def gradients_figure(study: Study) -> Figure:
-    """Each law's gradient vs speed, in steady sliding, relative to the total derivative's."""
-    loop = study.adapting
-    v, found = study.gradients
-    name = loop.adaptation.parameters[0]
-    figure, (ax,) = panels(3.2, loop.name, False)
-    for law, g in found.items():
-        colour, line = LAWS[law]
-        ax.plot(v, g, linestyle=line, color=colour, label=law)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    for side in (ax.xaxis, ax.yaxis):
-        side.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-        side.set_minor_locator(NullLocator())
-    ax.set_ylim(1e-4, 10 * max(float(g.max()) for g in found.values()))
-    v_s = loop.plant.positive.v_s
-    ax.axvline(v_s, color="#666666", linewidth=0.8, label="_vₛ")
-    ax.annotate("vₛ", (v_s, 0.03), (3, 0), xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=9)
-    ax.set_xlabel(axis("velocity", loop.kind))
-    ax.set_ylabel(f"Relative G of {symbol(name)}")
-    ax.legend(loc="lower right")
-    return figure
 
 
 @styled

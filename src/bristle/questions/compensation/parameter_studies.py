@@ -1,4 +1,4 @@
-"""Beyond the paper: where adaptation ends over rate, amplitude and frequency, drift, other controllers, sampling, uncertainty."""
+"""Beyond the paper: where adaptation ends over rate, amplitude and frequency, drift, other controllers, uncertainty."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -7,17 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.control.adaptation import Adaptation, Law, laws_for, steady_gradient
+from bristle.control.adaptation import Adaptation
 from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Reference
-from bristle.control.continuous import simulate_continuous
 from bristle.control.control_period import Disturbance, LoopOptions
 from bristle.control.pid import Sliding
-from bristle.errors import InputError
-from bristle.model.parameters import Lugre
 from bristle.questions.compensation import paper_experiments as paper
 from bristle.simulation.joint_loop import JointLoop
-from bristle.simulation.references import Sine, stacked
+from bristle.simulation.references import stacked
 
 GAMMAS = (1.0, 5.0, 10.0, 20.0, 50.0)  # rates of the maps, as multiples of a twentieth of the plan's
 FREQUENCIES = (0.25, 0.5, 1.0, 2.0, 4.0)
@@ -57,20 +54,6 @@ def map_adaptation(loop: JointLoop) -> AdaptationMap:
     own = by_amplitude[:, AMPLITUDES.index(1.0)]  # the plan's own amplitude, at its own rates
     by_gamma = [own if g == top else ends(float(g) / top, [loop.sine(x, paper.SHORT) for x in f]) for g in gammas]
     return AdaptationMap(gammas, f, A, np.stack(by_gamma, axis=1), by_amplitude)
-
-
-def gradients(p: Lugre[float], parameter: str, points: int = 121) -> tuple[Array, dict[Law, Array]]:
-    """Speeds, rad/s, (points,), and each law's G in steady sliding at them, relative to the largest total one, or to the largest where that is zero.
-
-    The `partial-theta` one is left out: it is the partial one times the parameter.
-    """
-    v = np.geomspace(0.02, 30.0, points) * p.v_s
-    laws = [law for law in laws_for((parameter,)) if law != "partial-theta"]
-    plans = {law: Adaptation(law=law, parameters=(parameter,), gamma=(1.0,)) for law in laws}
-    found = {law: np.abs(steady_gradient(plan, v, p)[0]) for law, plan in plans.items()}
-    largest = max(float(g.max()) for g in found.values())
-    top = total if (total := float(found["total"].max())) > 1e-9 * largest else largest
-    return v, {law: g / top for law, g in found.items()}
 
 
 class Drift(NamedTuple):
@@ -150,31 +133,6 @@ def compare_controllers(loop: JointLoop) -> tuple[Controlled, ...]:
         Controlled(name, *(float(f(since)[0]) for f in (r.rms_error, r.peak_error, r.rms_torque, r.chatter, r.energy)))
         for name, r in runs.items()
     )
-
-
-class Sampled(NamedTuple):
-    """A row: how far the sampled loop is from the continuous one, which the paper ran, with the same feed-forward."""
-
-    joint: str
-    period: float
-    """s."""
-    distance: float
-    """Largest difference of the positions over the run, rad."""
-
-
-def compare_sampling(loop: JointLoop) -> tuple[Sampled, ...]:
-    """At twice, once and half the joint's control period."""
-    rows, sine = [], Sine(loop.amplitude, loop.frequency)
-    case = replace(loop.case(), gains=loop.gains._replace(filter_time=0.0))  # the continuous loop has none
-    for h in (2.0 * loop.period, loop.period, 0.5 * loop.period):
-        exact = simulate_continuous(case, loop.compensator, sine.position, paper.SETTLE, h)
-        reference = sine.sampled(paper.SETTLE, h)
-        try:
-            held = simulate(LoopOptions(compensator=loop.compensator), [case], reference, h)
-        except InputError:  # a longer period than the loop bears
-            continue
-        rows.append(Sampled(loop.name, h, float(np.abs(held.position - exact.position).max())))
-    return tuple(rows)
 
 
 class Band(NamedTuple):

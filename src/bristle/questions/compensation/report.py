@@ -15,11 +15,10 @@ from bristle.model.parameters import unit
 from bristle.page.page import Drawing, begun
 from bristle.page.report import Report, Section, Table
 from bristle.page.wording import in_print, number, pretty, symbol
-from bristle.questions.compensation import figures, paper_experiments, tables
+from bristle.questions.compensation import figures, paper_experiments
 from bristle.questions.compensation.study import WORSE, Study, adverse, outcomes_of, thousandths
 from bristle.workers import Share
 
-_BEYOND = 3.0  # v_s at which the gradients of the laws are told apart: the Stribeck term is gone there
 _MOST_REPLAYS = 6  # replays drawn; the table has all
 _Draw = Callable[[Study], Figure | None]
 _Show = Callable[..., Section]
@@ -35,12 +34,12 @@ def report(study: Study) -> Report:
         about="LuGre feed-forward and its adaptation.",
         simulated="The joint was not measured but simulated." if study.loops[0].simulated else "",
         seed=SEED,
-        tables=tables.all_tables(study),
+        tables=study.tables(),
     )
 
 
 def sections(study: Study, share: Share | None = None) -> tuple[Section, ...]:
-    """What a page says of it, its figures begun by whoever shares the work; their tables are those of `all_tables`."""
+    """What a page says of it, its figures begun by whoever shares the work; their tables are those of the study."""
 
     def show(title: str, draw: _Draw, kind: str, caption: str, table: Table | None = None, **more: Any) -> Section:
         """A section with a figure, marked SIMULATED where nothing else is said."""
@@ -59,7 +58,7 @@ def sections(study: Study, share: Share | None = None) -> tuple[Section, ...]:
     )
     title = "Compensators with different encoders and delays"
     ablation = show(title, figures.ablation_figure, "ablation", caption, data="ablation")
-    frames = tables.all_tables(study)
+    frames = study.tables()
     heading, *parts = *_opening(study), *_replays(study, frames, show), *_errors(study, show)
     parts += [*_adaptation(study, frames, show), *_beyond(study, frames), ablation, *_band(study, show)]
     return (heading, *(replace(x, form="part") for x in parts))
@@ -168,7 +167,7 @@ def _errors(study: Study, show: _Show) -> Iterator[Section]:
 
 
 def _adaptation(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -> Iterator[Section]:
-    """Table 2 and Figs 9 to 12: from wrong parameters, by each law; then where a law has a gradient, and where others end."""
+    """Table 2 and Figs 9 to 12: from wrong parameters, by each law; then where others end."""
     loop, settled = study.adapting, paper_experiments.SETTLE
     a, q = loop.adaptation, thousandths(study)
     initial = " and ".join(f"{share} {symbol(name)}" for name, share in loop.start.items())
@@ -201,16 +200,6 @@ def _adaptation(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -
     )
     yield show("", figures.adapted_figure, "adapted", adapted, paper="Figs 10 to 12" * study.paper)
 
-    v, found = study.gradients
-    at = int(np.abs(v - _BEYOND * loop.plant.positive.v_s).argmin())
-    told = ", ".join(f"{g[at]:.2g} by the {way} law" for way, g in found.items())
-    gradients = (
-        f"At {_BEYOND:g} vₛ the gradient of {symbol(a.parameters[0])} is {told}. Computed in steady sliding, no data: G of each law for this "
-        "parameter, relative to the largest of the total derivative (where that is not zero). That of the printed law vanishes above a few "
-        "vₛ: there it learns nothing."
-    )
-    yield show("Which law has a gradient, and where", figures.gradients_figure, "gradients", gradients, simulated=False)
-
     m, spans = study.adaptation_map, []
     for k, name in enumerate(a.parameters):  # over the loops that do not diverge
         finite = [x for x in (*m.by_gamma[k].flat, *m.by_amplitude[k].flat) if np.isfinite(x)]
@@ -226,7 +215,7 @@ def _adaptation(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -
 
 
 def _beyond(study: Study, frames: Mapping[str, pd.DataFrame]) -> Iterator[Section]:
-    """What no figure shows: friction that drifts, other controllers, and the sampled loop."""
+    """What no figure shows: friction that drifts, and other controllers."""
     yield Section(
         "Friction that drifts",
         text="α₀ and α₂ of the plant rise by half over 30 s. Known: the model drifts with the plant, the best that adaptation can reach. "
@@ -239,12 +228,6 @@ def _beyond(study: Study, frames: Mapping[str, pd.DataFrame]) -> Iterator[Sectio
         text="Sliding mode may use five times the torque that the reference needs, and has no friction model. A thinner boundary layer gives "
         "a smaller error until it chatters, which loads the drive and the gear.",
         table=Table("controllers", "Controllers", part=_part(study, frames["controllers"])),
-    )
-    yield Section(
-        "Sampled and continuous control",
-        text="The paper ran continuous blocks. The table shows the largest distance between the sampled and the continuous loop over 10 s, "
-        "both with LuGre feed-forward: it decreases with the control period.",
-        table=Table("sampling", "Sampled and continuous", part=_part(study, frames["sampling"])),
     )
 
 
@@ -266,11 +249,11 @@ def _band(study: Study, show: _Show) -> Iterator[Section]:
 
 
 def _part(study: Study, frame: pd.DataFrame) -> pd.DataFrame:
-    """A table as the page shows it: under other names, errors, distances and periods in thousandths."""
+    """A table as the page shows it: under other names, errors in thousandths."""
     q, T = thousandths(study), pretty(unit("torque", study.loops[0].kind))
     small = {
         "without": f"without ({q})", "true_model": f"true ({q})", "identified_model": f"identified ({q})", "adaptive": f"adaptive ({q})",
-        "rms_error": f"RMS error ({q})", "peak_error": f"peak error ({q})", "distance": f"distance ({q})", "period": "period (ms)",
+        "rms_error": f"RMS error ({q})", "peak_error": f"peak error ({q})",
     }  # fmt: skip  # a table of words
     others = {
         "joint": "of", "frequency": "frequency (Hz)", "identified_share": "identified / without", "adaptive_share": "adaptive / without",

@@ -5,8 +5,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from bristle.arrays import Array
-from bristle.control.adaptation import Law
 from bristle.control.closed_loop import Trajectory
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.model.parameters import unit
@@ -15,8 +13,9 @@ from bristle.questions.compensation import ablation as ablating
 from bristle.questions.compensation import paper_experiments, parameter_studies
 from bristle.questions.compensation.ablation import AblationRow
 from bristle.questions.compensation.paper_experiments import Adapted, Errors
-from bristle.questions.compensation.parameter_studies import AdaptationMap, Band, Controlled, Drift, Sampled
+from bristle.questions.compensation.parameter_studies import AdaptationMap, Band, Controlled, Drift
 from bristle.questions.compensation.replay import Replay
+from bristle.simulation.edro import TABLE_2_ADAPTED
 from bristle.simulation.joint_loop import JointLoop, one_way
 from bristle.workers import Share, called
 
@@ -28,7 +27,7 @@ WORSE = 1.1  # an error so many times another is larger; a smaller one is as goo
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study:
-    """What was tried. Errors, drifts and sampling are of every joint, all else of the first."""
+    """What was tried. Errors and drifts are of every joint, all else of the first."""
 
     loops: tuple[JointLoop, ...]
     adapting: JointLoop
@@ -39,19 +38,59 @@ class Study:
     followed: dict[str, Trajectory]
     adapted: Adapted
     adaptation_map: AdaptationMap
-    gradients: tuple[Array, dict[Law, Array]]
     drifts: tuple[Drift, ...]
     controllers: tuple[Controlled, ...]
-    sampling: tuple[Sampled, ...]
     ablation: tuple[AblationRow, ...]
     band: Band | None
     replays: tuple[Replay, ...] = ()
 
     def to_frame(self) -> "pd.DataFrame":
-        """Fig. 8: a row for each joint, frequency and inertia feed-forward; errors in rad (m), torques in N*m (N)."""
-        from bristle.questions.compensation.tables import compensation_errors
+        """Fig. 8: a row for each joint, frequency and inertia feed-forward; errors in rad (m), torques in N*m (N), and what is left of the error."""
+        import pandas as pd
 
-        return compensation_errors(self)
+        rows = [(*x, *(share / x.without for share in (x.true, x.identified, x.adaptive))) for x in self.errors]
+        columns = [
+            "joint", "frequency", "inertia_feed_forward", "without", "true_model", "identified_model", "adaptive", "torque_without",
+            "torque_with", "true_share", "identified_share", "adaptive_share",
+        ]  # fmt: skip  # a list of names
+        return pd.DataFrame(rows, columns=columns)
+
+    def tables(self) -> "dict[str, pd.DataFrame]":
+        """Every table by the name of its file; errors in rad (m), torques in N*m (N), energy in J, what replays leave unexplained in percent."""
+        import pandas as pd
+
+        # Table 2: the original value of each adapted parameter under each law, and initial, early and final shares, the paper's beside them.
+        plan, paper = self.adapting, TABLE_2_ADAPTED if self.paper else {}
+        p, kind = plan.model.positive, plan.kind
+        table_2 = [
+            (x.law, x.parameter, getattr(p, x.parameter), unit(x.parameter, kind), x.initial, x.early, x.final, paper.get(x.parameter))
+            for x in self.adapted.factors
+        ]  # fmt: skip  # one row, one line
+        of_table_2 = ["law", "parameter", "original", "unit", "initial", "at_4_s", "at_20_s", "paper"]
+        # Where adapted parameters end over rate and frequency, and over amplitude and frequency.
+        m, top = self.adaptation_map, max(plan.adaptation.gamma)
+        by_gamma = ([(g, plan.amplitude) for g in m.gammas.tolist()], m.by_gamma)
+        by_amplitude = ([(top, a) for a in m.amplitudes.tolist()], m.by_amplitude)
+        mapped = [
+            (name, *at, frequency, share)
+            for places, shares in (by_gamma, by_amplitude)
+            for name, of_name in zip(plan.adaptation.parameters, shares.tolist(), strict=True)
+            for at, row in zip(places, of_name, strict=True)
+            for frequency, share in zip(m.frequencies.tolist(), row, strict=True)
+        ]
+        replayed = [
+            (x.file, x.begun, x.adaptation.law, *x.relative_errors(), x.shares, str(x.verdict)) for x in self.replays
+        ]
+        frames = {
+            "compensation_errors": self.to_frame(),
+            "table_2": pd.DataFrame(table_2, columns=of_table_2).astype({"paper": float}),
+            "adaptation_map": pd.DataFrame(mapped, columns=["parameter", "gamma", "amplitude", "frequency", "adapted_share"]),
+            "drift": pd.DataFrame(self.drifts, columns=list(Drift._fields)),
+            "ablation": pd.DataFrame(self.ablation, columns=list(AblationRow._fields)),
+            "controllers": pd.DataFrame(self.controllers, columns=list(Controlled._fields)),
+        }  # fmt: skip  # a table
+        columns = ["file", "begun", "law", "gains_of_1", "adapted", "shares", "verdict"]
+        return frames | ({"replay": pd.DataFrame(replayed, columns=columns)} if replayed else {})
 
 
 def study(
@@ -77,12 +116,10 @@ def begin_study(
         "adapted": partial(paper_experiments.adapted, adapting),
         "controllers": partial(parameter_studies.compare_controllers, first),
         "followed": partial(paper_experiments.followed, first),
-        "gradients": partial(parameter_studies.gradients, adapting.plant.positive, adapting.adaptation.parameters[0]),
     }
     of_each: dict[str, Callable[[JointLoop], tuple[Any, ...]]] = {
         "errors": paper_experiments.errors,
         "drifts": parameter_studies.drifts,
-        "sampling": parameter_studies.compare_sampling,
     }
     parts = list(of_first.items())
     parts += [(name, partial(run, loop)) for name, run in of_each.items() for loop in loops]

@@ -19,7 +19,6 @@ from bristle.progress import Progress, teller
 from bristle.questions.experiment_design.start import Start
 from bristle.simulation.references import Multisine
 
-PLANNED, MEASURED = "planned", "measured so far"  # names of motions
 LINES = 6  # sines of a motion
 SEED = 0
 TRIES, STEPS = 30, 500  # motions to begin with, and exchanges tried from the best of them
@@ -34,7 +33,6 @@ _GOOD = 0.97  # of each limit is used, for what lies between samples
 class MotionDesign:
     """A motion to track, and what it should tell."""
 
-    name: str
     lines: Multisine
     """As they are played: scaled to the limits."""
     duration: float
@@ -90,8 +88,8 @@ def motion_problem(start: Start, limits: Limits, prior_information: Array, aim: 
     )
 
 
-def measured_motion(measured: Measured, problem: MotionProblem) -> MotionDesign | None:
-    """The longest motion measured so far, as if it had taken as long as the planned one; None where there is none."""
+def errors_of_measured(measured: Measured, problem: MotionProblem) -> Array | None:
+    """Errors to expect, (p,), after the longest motion measured so far in place of the planned one, and as long; None where there is none."""
     parts = [(record, part) for record in measured.moving(hold_out=False) for part in between_gaps(record)]
     record, part = max(parts, key=lambda x: x[1].stop - x[1].start, default=(None, slice(0)))
     if record is None or record.velocity is None or record.acceleration is None:
@@ -99,14 +97,8 @@ def measured_motion(measured: Measured, problem: MotionProblem) -> MotionDesign 
     every = max(1, round(problem.step / record.step))
     v, a = record.velocity[part][::every], record.acceleration[part][::every]
     step = every * record.step
-    matrix, torque = information(v, a, replace(problem, step=step))
-    matrix = matrix * (problem.duration / (v.size * step))
-    return _designed(MEASURED, Multisine(np.zeros(0), np.zeros(0), np.zeros(0)), problem, matrix, torque)
-
-
-def _designed(name: str, lines: Multisine, problem: MotionProblem, matrix: Array, torque: float) -> MotionDesign:
-    errors = covariance(problem.prior_information + matrix)[0]
-    return MotionDesign(name=name, lines=lines, duration=problem.duration, torque=torque, errors=errors)
+    matrix, _ = information(v, a, replace(problem, step=step))
+    return covariance(problem.prior_information + matrix * (problem.duration / (v.size * step)))[0]
 
 
 def course(lines: Multisine, limits: Limits, duration: float, step: float) -> Reference:
@@ -135,11 +127,13 @@ def plain_lines(limits: Limits) -> Multisine:
     return Multisine(amplitude, frequency, -np.pi * k * (k - 1) / LINES)
 
 
-def evaluate_motion(name: str, lines: Multisine, problem: MotionProblem) -> MotionDesign:
+def evaluate_motion(lines: Multisine, problem: MotionProblem) -> MotionDesign:
     """A motion with its sines as they are played, and what it should tell of each parameter, at the estimate."""
     lines = limited(lines, problem.limits, problem.duration, 1 / problem.limits.rate)
     run = course(lines, problem.limits, problem.duration, problem.step)
-    return _designed(name, lines, problem, *information(run.velocity, run.acceleration, problem))
+    matrix, torque = information(run.velocity, run.acceleration, problem)
+    errors = covariance(problem.prior_information + matrix)[0]
+    return MotionDesign(lines=lines, duration=problem.duration, torque=torque, errors=errors)
 
 
 def within_torque(lines: Multisine, problem: MotionProblem) -> Multisine:
@@ -184,7 +178,7 @@ def best_motion(problem: MotionProblem, progress: Progress | None = None) -> Mot
             best, least = moved, cost
         reach = float(np.clip(reach * (1.5 if helped else 0.97), *_REACH))
         tell("tracking motion")
-    return evaluate_motion(PLANNED, _unpacked(best), problem)
+    return evaluate_motion(_unpacked(best), problem)
 
 
 def _unpacked(x: Array) -> Multisine:

@@ -1,6 +1,5 @@
 """A plan as matplotlib figures."""
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,19 +9,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from bristle.arrays import Array
 from bristle.model import functions
 from bristle.model.parameters import Direction
 from bristle.model.vectorize import evaluate
 from bristle.page.style import DIRECTION, decimal_log, panels, styled, thinned
 from bristle.page.wording import axis, direction, symbol, two_digits
-from bristle.questions.experiment_design.loading import PEAKS
 from bristle.questions.experiment_design.plan import Plan
-from bristle.questions.experiment_design.tables import references
-from bristle.questions.experiment_design.velocities import errors_by_v_s
 
-_MOTIONS = ("#0072B2", "#E69F00", "#999999")
-_RISES = (("#999999", ":"), ("#E69F00", "--"), ("#009E73", "-."), ("#CC79A7", (0, (5, 1))), ("#0072B2", "-"))
 CEILING = 200.0  # percent: an error beyond is drawn as this; nothing is seen of the parameter
 _APART, _ROW = 0.055, 0.085  # least distance of two counts in a row, and height of a row, as shares of the axes
 
@@ -88,86 +81,26 @@ def velocities_figure(plan: Plan) -> Figure:
 
 
 @styled
-def robustness_figure(plan: Plan) -> Figure:
-    """The standard error of v_s to expect were v_s another one."""
-    figure, axes = _panels(plan, 0.6 + 2.3 * len(plan.velocities), len(plan.velocities))
-    for ax, velocities in zip(axes, plan.velocities, strict=True):
-        p = velocities.problem.p
-        low, high = min(0.5 * p.v_s, velocities.problem.nodes.min()), max(2 * p.v_s, velocities.problem.nodes.max())
-        v_s = np.geomspace(low, high, 60)
-        errors = errors_by_v_s(velocities.problem, velocities.chosen.speeds, v_s)
-        ax.plot(v_s, np.minimum(errors, CEILING), color="#0072B2")
-        ax.axvspan(velocities.problem.nodes.min(), velocities.problem.nodes.max(), color="#dddddd", zorder=0)
-        ax.axvline(p.v_s, color="#555555", linewidth=0.8)
-        decimal_log(ax)
-        ax.set_yscale("log")
-        _logarithmic(ax.yaxis)
-        ax.set_ylabel("Error of vₛ (%)")
-        ax.annotate(direction(velocities.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
-    axes[-1].set_xlabel(axis("velocity", plan.joint.kind, "Stribeck"))
-    return figure
-
-
-@styled
 def intervals_figure(plan: Plan) -> Figure:
-    """Relative standard error of each parameter now and after each part of the plan."""
-    relative = {stage: plan.percent(errors)[plan.free] for stage, errors in plan.standard_errors.items()}
-    first, last = relative["now"], relative["with motion"]
-    looks = (("#D55E00", "s"), ("#E69F00", "v"), ("#009E73", "^"), ("#0072B2", "o"))
-    figure, ax = _by_parameter(plan, relative, looks, 6, room=0.8, joined=True)
-    if max(np.max(first), np.max(last)) > CEILING:
-        ax.axvline(CEILING, color="#555555", linewidth=0.8, linestyle=":")
-        ax.set_xlabel(f"Standard error (% of the value; at {CEILING:g} or more: not identifiable)")
-    ax.legend(loc="upper center", ncols=4, fontsize=8.5, handletextpad=0.2, columnspacing=1.0)
-    return figure
-
-
-def _by_parameter(
-    plan: Plan,
-    relative: Mapping[str, Array],
-    looks: Sequence[tuple[str, str]],
-    size: int,
-    room: float,
-    *,
-    joined: bool = False,
-) -> tuple[Figure, Axes]:
-    """Standard errors, percent, by label, each of all free parameters, which have a row each.
-
-    `room`: rows left for the legend; `joined`: whether a line goes from the last errors to the first.
-    """
+    """Relative standard error of each free parameter now and after each part of the plan, which have a row each."""
     names = [plan.start.names[k] for k in plan.free]
+    relative = {stage: plan.percent(errors)[plan.free] for stage, errors in plan.standard_errors.items()}
+    first, *_, last = (np.minimum(errors, CEILING) for errors in relative.values())
+    looks = (("#D55E00", "s"), ("#E69F00", "v"), ("#009E73", "^"), ("#0072B2", "o"))
     figure, (ax,) = _panels(plan, 1.4 + 0.3 * len(names))
-    y, drawn = np.arange(len(names))[::-1], {label: np.minimum(x, CEILING) for label, x in relative.items()}
-    if joined:
-        first, *_, last = drawn.values()
-        ax.hlines(y, last, first, color="#bbbbbb", linewidth=1.5)
-    for (label, errors), (colour, marker) in zip(drawn.items(), looks, strict=False):
-        ax.plot(errors, y, marker, color=colour, markersize=size, label=label, clip_on=False)
+    y = np.arange(len(names))[::-1]
+    ax.hlines(y, last, first, color="#bbbbbb", linewidth=1.5)
+    for (label, errors), (colour, marker) in zip(relative.items(), looks, strict=True):
+        ax.plot(np.minimum(errors, CEILING), y, marker, color=colour, markersize=6, label=label, clip_on=False)
     ax.set_xscale("log")
     _logarithmic(ax.xaxis)
     ax.set_yticks(y, [symbol(name) for name in names])
-    ax.set_ylim(-0.7, len(names) + room)
+    ax.set_ylim(-0.7, len(names) + 0.8)
     ax.set_xlabel("Standard error (% of the value)")
-    return figure, ax
-
-
-@styled
-def loading_figure(plan: Plan) -> Figure:
-    """The standard error of sigma_0 to expect vs where the loading turns, for several rises; the chosen one is marked."""
-    figure, axes = _panels(plan, 0.6 + 2.4 * len(plan.loadings), len(plan.loadings), sharex=True)
-    for ax, loading in zip(axes, plan.loadings, strict=True):
-        percent = 100 / plan.start.p(loading.direction).sigma_0
-        errors = np.where(np.isfinite(loading.errors), percent * loading.errors, np.nan)
-        for rise, by_peak, (colour, line) in zip(loading.rises, errors, _RISES, strict=True):
-            ax.plot(PEAKS, by_peak, color=colour, linestyle=line, label=f"{rise:.3g} s")
-        if np.isfinite(loading.error):
-            ax.plot(loading.share, percent * loading.error, "o", color="black", label="chosen")
-        ax.set_yscale("log")
-        _logarithmic(ax.yaxis)
-        ax.set_ylabel("Error of σ₀ (%)")
-        ax.annotate(direction(loading.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
-    axes[0].legend(loc="upper right", ncols=3, title="rise", title_fontsize=9)
-    axes[-1].set_xlabel("Peak torque / breakaway torque")
+    if max(np.max(relative["now"]), np.max(relative["with motion"])) > CEILING:
+        ax.axvline(CEILING, color="#555555", linewidth=0.8, linestyle=":")
+        ax.set_xlabel(f"Standard error (% of the value; at {CEILING:g} or more: not identifiable)")
+    ax.legend(loc="upper center", ncols=4, fontsize=8.5, handletextpad=0.2, columnspacing=1.0)
     return figure
 
 
@@ -189,18 +122,9 @@ def motion_figure(plan: Plan) -> Figure:
 
 
 @styled
-def motions_figure(plan: Plan) -> Figure:
-    """Relative standard errors after the planned motion, a plain multisine, and the motion measured so far, each after the rest of the plan."""
-    relative = {x.name: plan.percent(x.errors)[plan.free] for x in plan.motions}
-    figure, ax = _by_parameter(plan, relative, tuple(zip(_MOTIONS, "os^", strict=True)), 7, room=0.6)
-    ax.legend(loc="upper center", ncols=3)
-    return figure
-
-
-@styled
 def whole_figure(plan: Plan) -> Figure:
     """All references vs time: position, velocity and torque, by experiment."""
-    frame = references(plan)
+    frame = plan.reference_frame()
     figure, axes = _panels(plan, 6.2, 3, sharex=True)
     time = frame.iloc[:, 0].to_numpy()
     looks = {"ramp": "#0072B2", "move": "#999999", "presliding": "#009E73", "tracking": "#D55E00"}

@@ -46,10 +46,6 @@ class LoadingDesign:
     error: float
     """The same with `viscous_share` times sigma_0 counted as an error beside it (root of the sum of squares),
     N*m/rad."""
-    rises: Array
-    """Times to the peak that were looked at, s, (m,)."""
-    errors: Array
-    """`error` for each of `rises` and `PEAKS`, (m, k)."""
 
 
 def plan_loading(
@@ -90,10 +86,7 @@ def design_loading(
         share: of the time in `RISES` that there is.
     """
     g0, rises = p.alpha_0 + p.alpha_1, share * RISES
-    noise = noise / CYCLES**0.5
-    scatter = np.array([[_stiffness_error(p, r * g0, g0_error, noise, count, rise) for r in PEAKS] for rise in rises])
-    y, y_T = evaluate(functions.loading_displacement_function(), PEAKS * g0, g0, p.sigma_0)[:2]
-    viscous = (p.sigma_1 + p.alpha_2) * y_T / rises[:, None]
+    scatter, viscous, y = loading_errors(p, g0_error, noise, count, rises)
     errors = np.hypot(scatter, viscous * p.sigma_0)
     best = errors.min(axis=1)  # the shortest rise that is at most a tenth worse than the longest
     row = int(np.argmax(best <= 1.1 * best[-1])) if np.isfinite(best[-1]) else RISES.size - 1
@@ -101,8 +94,18 @@ def design_loading(
     return LoadingDesign(
         direction=direction, peak=float(PEAKS[column] * g0), share=float(PEAKS[column]), rise=float(rises[row]),
         counts=float(y[column] / count) if count else np.inf, viscous_share=float(viscous[row, column]),
-        noise_error=float(scatter[row, column]), error=float(errors[row, column]), rises=rises, errors=errors,
+        noise_error=float(scatter[row, column]), error=float(errors[row, column]),
     )  # fmt: skip  # a list of values
+
+
+def loading_errors(
+    p: Lugre[float], g0_error: float, noise: float, count: float, rises: Array
+) -> tuple[Array, Array, Array]:
+    """Standard error of sigma_0 by noise and the viscous share, of each rise and each of `PEAKS`, (m, k); displacement at these, (k,)."""
+    g0, noise = p.alpha_0 + p.alpha_1, noise / CYCLES**0.5
+    scatter = np.array([[_stiffness_error(p, r * g0, g0_error, noise, count, rise) for r in PEAKS] for rise in rises])
+    y, y_T = evaluate(functions.loading_displacement_function(), PEAKS * g0, g0, p.sigma_0)[:2]
+    return scatter, (p.sigma_1 + p.alpha_2) * y_T / rises[:, None], y
 
 
 def seen_covariance(information: Array, at: Sequence[int]) -> Array:

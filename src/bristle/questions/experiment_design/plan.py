@@ -20,7 +20,7 @@ from bristle.model.parameters import INERTIA, SIGNED, ParameterName, Stribeck, e
 from bristle.page.wording import counted
 from bristle.progress import Progress, step
 from bristle.questions.experiment_design import excitation
-from bristle.questions.experiment_design.excitation import MEASURED, MotionDesign
+from bristle.questions.experiment_design.excitation import MotionDesign
 from bristle.questions.experiment_design.loading import LoadingDesign, plan_loading
 from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE, PlannedRun, duration, in_turn, schedule
 from bristle.questions.experiment_design.start import Start, embedded, start_of
@@ -48,8 +48,10 @@ class Plan:
     velocities: tuple[VelocityPlan, ...]
     """One for each direction, or one for both."""
     loadings: tuple[LoadingDesign, ...]
-    motions: tuple[MotionDesign, ...]
-    """The planned one, a plain multisine, and the measured one where there is any, each beside what was known and the rest of the plan."""
+    motion: MotionDesign
+    """The tracking motion, after what was known and the rest of the plan."""
+    errors_of_measured: Array | None
+    """The errors were the longest motion measured so far repeated in its place, (p,); None where there is none."""
     standard_errors: Mapping[str, Array]
     """Of every parameter, (p,): `now`, and as expected `with velocities`, `with loading`, `with motion`; inf where not seen."""
     references: tuple[PlannedRun, ...]
@@ -77,41 +79,20 @@ class Plan:
 
     @property
     def worth(self) -> Finding:
-        """What to measure, and how well alpha_0 and v_s, or what is aimed for, are then known.
-
-        Then what it does to the widest 95 % interval, in percent of the value, where it leaves none open.
-        """
-        percent = {
-            stage: [100 * NORMAL * float(errors[k] / abs(self.start.estimate[k])) for k in self.free]
-            for stage, errors in self.standard_errors.items()
-        }
-        now, then = percent["now"], percent["with motion"]
-        names, limit = [self.start.names[k] for k in self.free], 100 * NORMAL * _UNSEEN
-
-        # What to run, and how well each is then known: in the direction in which it is known worse.
+        """What to measure, and how well alpha_0 and v_s, or what is aimed for, are then known: in the direction in which it is known worse."""
+        then, limit = NORMAL * self.percent(self.standard_errors["with motion"]), 100 * NORMAL * _UNSEEN
         speeds = np.unique(np.concatenate([x.chosen.speeds for x in self.velocities]))
         runs, loads = (len({r.run for r in self.references if r.kind == kind}) for kind in ("ramp", "presliding"))
         time = f"{self.duration / 60:.0f} min" if self.duration >= 100 else f"{self.duration:.0f} s"
         aims = ("alpha_0", "v_s") if self.aim == "all" else (self.aim,)
-        worst = {aim: max(x for name, x in zip(names, then, strict=True) if name.name == aim) for aim in aims}
+        worst = {aim: max(float(then[k]) for k in self.free if self.start.names[k].name == aim) for aim in aims}
         known_to = (f"{aim} {f'to +/- {x:.2g} %' if x <= limit else 'not identifiable'}" for aim, x in worst.items())
         message = (
             f"{self.joint.name}: measure {counted(speeds.size, 'speed')} from {speeds[0]:.3g} to {speeds[-1]:.3g} "
             f"{unit('velocity', self.joint.kind)} in {counted(runs, 'run')}, {counted(loads, 'slow loading')} and a tracking motion, "
             f"{time}: predicted {', '.join(known_to)} (95 %)."
         )
-        numbers: dict[str, object] = {"duration": self.duration, "speeds": speeds.size, "known": tuple(worst.items())}
-
-        known = [k for k, x in enumerate(now) if x <= limit]
-        if known and max(then) <= limit:
-            opened = tuple(name for name, x in zip(names, now, strict=True) if not x <= limit)
-            widest, left = max(known, key=now.__getitem__), then.index(max(then))
-            after = f"{then[left]:.2g} % of the value ({names[left]})"
-            before = f"The widest interval goes from {now[widest]:.2g} % ({names[widest]}) to"
-            if opened:
-                before = f"Now {', '.join(map(str, opened))} cannot be identified; then the widest interval is"
-            message += f" {before} {after}."
-            numbers |= {"before": now[widest], "after": then[left], "opened": opened}
+        numbers = {"duration": self.duration, "speeds": speeds.size, "known": tuple(worst.items())}
         return Finding("plan-narrows", NOTE, message, numbers)
 
     @property
@@ -123,9 +104,10 @@ class Plan:
             named = ", ".join(map(str, unseen))
             message = f"Even after this plan {named} would not be identifiable within these limits."
             warnings.append(Finding("still-unseen", CAUTION, message, {"names": unseen}))
-        # Of what the planned motion, the first, tells clearly less than the measured one.
-        planned, measured = self.motions[0].errors, next((m.errors for m in self.motions if m.name == MEASURED), np.inf)
-        less = planned > 1.1 * np.asarray(measured)
+        # Of what the planned motion tells clearly less than the measured one.
+        less = self.motion.errors > 1.1 * np.asarray(
+            np.inf if self.errors_of_measured is None else self.errors_of_measured
+        )
         if worse := tuple(self.start.names[k] for k in self.free if less[k]):
             message = (
                 f"The planned motion determines {', '.join(map(str, worse))} less well than the motion measured so far, because it serves all "
@@ -151,17 +133,42 @@ class Plan:
         return tuple(warnings)
 
     def to_frame(self) -> "pd.DataFrame":
-        """One row per parameter: half of its 95 % interval now, and as expected after each part of the plan."""
-        from bristle.questions.experiment_design.tables import intervals
+        """One row per parameter that is not given as exact: half of its 95 % interval now, and as expected after each part of the plan."""
+        import pandas as pd
 
-        return intervals(self)
+        rows = []
+        for k in self.free:
+            name, value = self.start.names[k], float(self.start.estimate[k])
+            half = {stage: finite(NORMAL * errors[k]) for stage, errors in self.standard_errors.items()}
+            last = half["with motion"]
+            guess = name in self.start.guessed or (name.name == "inertia" and half["now"] is None)
+            row = {"parameter": str(name), "estimate": value, "guess": guess, "unit": unit(name.name, self.joint.kind)}
+            rows.append({**row, **half, "in percent": None if last is None else 100 * last / abs(value)})
+        return pd.DataFrame(rows).astype(dict.fromkeys((*self.standard_errors, "in percent"), object))
+
+    def reference_frame(self) -> "pd.DataFrame":
+        """Every sample to play, in order: time, experiment, run, and references of position and velocity, or of torque, with units in their names."""
+        import pandas as pd
+
+        runs, sizes = self.references, [r.position.size for r in self.references]
+        frame = pd.DataFrame({"time (s)": np.arange(sum(sizes)) / self.limits.rate})
+        frame["experiment"] = np.repeat([r.kind for r in runs], sizes)
+        frame["run"] = np.repeat([r.run for r in runs], sizes)
+        for name in ("position", "velocity", "torque"):
+            parts = [getattr(r, name) for r in runs]
+            frame[f"{name} reference ({unit(name, self.joint.kind)})"] = np.concatenate(parts)
+        return frame
 
     def reference_csv(self) -> str:
         """The references that a controller plays, as CSV; what is not commanded is empty."""
         from bristle.page.columns import to_csv
-        from bristle.questions.experiment_design.tables import references
 
-        return to_csv(references(self), "%.10g")
+        return to_csv(self.reference_frame(), "%.10g")
+
+
+def finite(x: float) -> float | None:
+    """The number, or None where there is none."""
+    return float(x) if np.isfinite(x) else None
 
 
 def plan(
@@ -214,9 +221,6 @@ def plan(
     information["with loading"] = whole
     problem = excitation.motion_problem(start, limits, whole, aim, share * DURATION)
     motion = excitation.best_motion(problem, progress)
-    plain = excitation.within_torque(excitation.plain_lines(problem.limits), problem)
-    motions = (motion, excitation.evaluate_motion("plain multisine", plain, problem))
-    so_far = excitation.measured_motion(measured, problem)
 
     # What the design assumes.
     others = len(problem.sets) - 1
@@ -240,7 +244,7 @@ def plan(
     )
     return Plan(
         joint=joint, aim=aim, limits=limits, start=start, velocities=runs, loadings=loadings,
-        motions=(*motions, so_far) if so_far else motions,
+        motion=motion, errors_of_measured=excitation.errors_of_measured(measured, problem),
         standard_errors={stage: covariance(x)[0] for stage, x in information.items()} | {"with motion": motion.errors},
         references=schedule(parts, loadings, limits, motion),
         assumptions=(*of_limits, *of_frequency, *start.assumptions, *assumed),

@@ -1,31 +1,29 @@
 """The report of a plan: what it is worth, its limits, and each part of it."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bristle.model.parameters import Direction, effort, static_estimated_of, unit
+from bristle.model.parameters import Direction, effort, unit
 from bristle.page.page import Drawing
 from bristle.page.plain import columns, pair
 from bristle.page.report import Report, Section, Table
 from bristle.page.wording import counted, direction, number, pretty, symbol, two_digits
-from bristle.questions.experiment_design import figures, tables
-from bristle.questions.experiment_design.excitation import MotionDesign
+from bristle.questions.experiment_design import figures
 from bristle.questions.experiment_design.figures import CEILING, percentage
-from bristle.questions.experiment_design.plan import NORMAL, Plan
+from bristle.questions.experiment_design.plan import NORMAL, Plan, finite
 from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE
-from bristle.questions.experiment_design.velocities import errors_by_v_s
 
 _HEADINGS = {
     "in percent": "with motion (%)", "share_of_breakaway": "ratio to breakaway", "rise": "rise (s)", "viscous_share": "viscous share",
     "frequency": "frequency (Hz)", "phase": "phase (rad)",
 }  # fmt: skip  # a table
 _UNITS = {
-    "velocity": ("velocity", "velocity"), "velocities": ("velocities", "velocity"), "peak": ("peak", "torque"),
+    "velocity": ("velocity", "velocity"), "peak": ("peak", "torque"),
     "by_noise": ("error by noise", "sigma_0"), "standard_error": ("with the viscous share", "sigma_0"),
     "amplitude": ("amplitude", "position"),
 }  # fmt: skip  # a table
@@ -35,16 +33,6 @@ _UNITS = {
 def report(plan: Plan) -> Report:
     """What to measure and what it is worth, its limits, and each part of it; the terminal has the parts before the errors to expect."""
     name, kind, aim = plan.joint.name, plan.joint.kind, plan.aim
-    every = (tables.velocities, tables.designs, tables.intervals, tables.loading, tables.lines, tables.motions)
-    frames = {table.__name__: table(plan) for table in every}
-    headings = _HEADINGS | {own: f"{symbol(own)} (%)" for own in static_estimated_of(plan.joint.law)}
-    headings |= {column: f"{words} ({pretty(unit(quantity, kind))})" for column, (words, quantity) in _UNITS.items()}
-    motions = frames["motions"].set_index("motion").drop(columns="rms").T.reset_index(names="parameter")
-
-    def table(file: str, title: str, part: pd.DataFrame, note: str = "") -> Table:
-        """One of the frames, of which the page shows a part under its own headings."""
-        return Table(file, title, frames[file], part.rename(columns=headings), note)
-
     simulated = " (identified from SIMULATED data)" if plan.joint.simulated else ""
     planned_for = f"  Planned for {'all parameters' if aim == 'all' else aim}{simulated}."
     sections = [Section("", findings=(plan.worth,), lines=(str(plan.worth), planned_for))]
@@ -76,10 +64,11 @@ def report(plan: Plan) -> Report:
             text=f"{runs} runs in {number(plan.duration, 3)} s: constant velocities, slow loading, one tracking motion. The table shows half of "
             "each 95 % interval in the parameter's unit: now, and as expected after each part of the plan.",
             figure=_intervals(plan),
-            table=table(
+            table=_table(
+                plan,
                 "intervals",
                 "Half of each 95 % interval",
-                _rounded(frames["intervals"]),
+                plan.to_frame(),
                 "Parameters given as exact are not listed. Now: as fitted. After: predicted, not measured, and lower bounds: 1.96 times the "
                 "standard errors by the Cramér-Rao bound at the estimates. Statistical errors only: those of constants, as of the torque's "
                 "scale, come on top, and no run lowers them. A dash: not identifiable. A guess is assumed, because no run identifies the "
@@ -91,24 +80,9 @@ def report(plan: Plan) -> Report:
         ),
         Section("Limits", facts=limits),
         Section("Assumed", findings=plan.assumptions, lines=tuple(assumed), turn=3, form="part"),
-        *_of_velocities(
-            plan,
-            table("velocities", "Constant velocities to run", frames["velocities"]),
-            table("designs", "Designs compared", _rounded(frames["designs"])),
-        ),
-        _of_loading(plan, table("loading", "Slow loading", _rounded(frames["loading"]))),
-        *_of_motion(
-            plan,
-            frames,
-            table(
-                "lines",
-                "Sines of the tracking motion",
-                frames["lines"],
-                "As played, scaled to the limits: amplitude · sin(2π frequency · time + phase), with time from the start of the motion, about "
-                "the middle of the position range.",
-            ),
-            table("motions", "Relative standard errors after each motion, percent", _rounded(motions)),
-        ),
+        _of_velocities(plan),
+        _of_loading(plan),
+        _of_motion(plan),
         Section("The whole plan, as played", figure=whole, id="references"),
     ]
     return Report(
@@ -163,8 +137,8 @@ def _expected(plan: Plan) -> tuple[str, ...]:
     )
 
 
-def _of_velocities(plan: Plan, runs: Table, designs: Table) -> Iterator[Section]:
-    """The runs at constant velocity, beside other designs, and what they show were v_s another one."""
+def _of_velocities(plan: Plan) -> Section:
+    """The runs at constant velocity."""
     static, hold = plan.velocities[0], number(plan.limits.hold, 3)
     what = "c-optimal runs for one parameter alone"
     if static.chosen.aim == "all":
@@ -174,21 +148,17 @@ def _of_velocities(plan: Plan, runs: Table, designs: Table) -> Iterator[Section]
         f"The {what}, in addition to the runs so far, found by exchange on a fine grid of speeds; near ones become one. Each is averaged over "
         f"{hold} s after a run-in of {SETTLE} s or {DEFLECTIONS:.0f} bristle deflections, whichever is longer."
     )
-    lines, speeds, spans, si = [], [], [], unit("velocity", plan.joint.kind)
-    v = pretty(si)
+    lines, speeds, si = [], [], unit("velocity", plan.joint.kind)
     for x in plan.velocities:
         where = "each direction" if x.direction is Direction.BOTH else f"direction {x.direction}"
-        listed = f"{tables.listed(x.chosen, '{:.4g}')} {si}"
+        listed = (
+            ", ".join(f"{speed:.4g}" + (f" x{count}" if count > 1 else "") for speed, count in x.chosen.runs) + f" {si}"
+        )
         lines.append(f"  constant velocities, {where}: {listed}; each averaged over {plan.limits.hold:.3g} s")
         run = [speed for speed, _ in x.chosen.runs]
         ends = dict.fromkeys(number(speed, 3) for speed in (run[0], run[-1]))
         many, at = counted(len(x.velocities), "run"), counted(len(run), "speed")
-        speeds.append(f"{direction(x.direction)}: {many} at {at}, {' to '.join(ends)} {v}")
-        low, high = x.problem.nodes.min(), x.problem.nodes.max()
-        of_v_s = errors_by_v_s(x.problem, x.chosen.speeds, np.geomspace(low, high, 60))
-        between = dict.fromkeys(number(float(end), 3) for end in (low, high))
-        ends = dict.fromkeys(percentage(end) for end in (float(of_v_s.min()), float(of_v_s.max())))
-        spans.append(f"{direction(x.direction)}: {' to '.join(ends)} % for a true vₛ of {' to '.join(between)} {v}")
+        speeds.append(f"{direction(x.direction)}: {many} at {at}, {' to '.join(ends)} {pretty(si)}")
     chosen = _drawing(
         plan,
         figures.velocities_figure,
@@ -197,23 +167,16 @@ def _of_velocities(plan: Plan, runs: Table, designs: Table) -> Iterator[Section]
         "Friction curve at the estimate with the speeds to run and, above, how often; grey: the plausible values of vₛ, over which the design "
         "is averaged; crosses: measured so far.",
     )
-    robust = _drawing(
-        plan,
-        figures.robustness_figure,
-        f"error of the Stribeck velocity of {plan.joint.name}",
-        f"Expected error of vₛ, {'; '.join(spans)}",
-        "Expected error of vₛ vs the true vₛ, including the information of the runs so far; vertical line: the estimate; grey: plausible values.",
-    )
-    yield Section("Constant velocities", text=text, figure=chosen, table=runs, lines=tuple(lines), id="velocities")
-    among = "Expected relative standard errors, including the information of the runs so far."
-    yield Section("Comparison with other designs", text=among, table=designs, form="part")
-    yield Section("Robustness to vₛ", figure=robust, form="part")
+    rows = [(x.direction, speed, count) for x in plan.velocities for speed, count in x.chosen.runs]
+    frame = pd.DataFrame(rows, columns=["direction", "velocity", "runs"])
+    runs = _table(plan, "velocities", "Constant velocities to run", frame, digits=None)
+    return Section("Constant velocities", text=text, figure=chosen, table=runs, lines=tuple(lines), id="velocities")
 
 
-def _of_loading(plan: Plan, table: Table) -> Section:
+def _of_loading(plan: Plan) -> Section:
     """Slow loading below breakaway."""
     torque, stiffness = (unit(x, plan.joint.kind) for x in ("torque", "sigma_0"))
-    lines, errors = [], []
+    lines = []
     for load in plan.loadings:
         seen = (
             f"predicted to +/- {load.error:.2g} {stiffness} at the least (by noise {load.noise_error:.2g} {stiffness}; the estimate "
@@ -225,83 +188,58 @@ def _of_loading(plan: Plan, table: Table) -> Section:
             f"  slow loading, direction {load.direction}: to {load.peak:.3g} {torque} ({load.share:.2g} of breakaway) in {load.rise:.3g} s, twice; "
             f"sigma_0 {seen}"
         )
-        peak = f"{number(load.peak, 3)} {pretty(torque)}"
-        percent = percentage(100 * load.error / plan.start.p(load.direction).sigma_0)
-        seen = f"{percent} % with rises of {number(load.rise, 3)} s to {peak}"
-        if not np.isfinite(load.error):
-            seen = f"not identifiable, as the joint moves only {number(load.counts, 2)} encoder counts at {peak}"
-        errors.append(f"{direction(load.direction)}: {seen}")
     text = (
         "Torque rises to the peak and falls, two times, open loop, the joint at rest. Higher peaks cross more counts, but near breakaway the "
         "displacement depends on the breakaway torque, which has an error of its own. Slower loading averages more noise. Viscous share: torque "
         "of σ₁ and α₂ at the peak, which the estimate of σ₀ neglects. It counts as an error beside the noise (root of the sum of squares), in the "
-        "choice of the rise and in the expected error."
+        "choice of the rise and in the expected error. σ₁ is not identifiable here ((15) is only a prior); the tracking motion identifies it."
     )
-    figure = _drawing(
-        plan,
-        figures.loading_figure,
-        f"error of the stiffness of {plan.joint.name} vs the peak torque",
-        f"Expected error of σ₀, {'; '.join(errors)}",
-        "Expected relative error of σ₀, including the viscous share, vs peak torque, for several rise times. σ₁ is not identifiable here ((15) "
-        "is only a prior); the tracking motion identifies it.",
-    )
-    title = "Slow loading below breakaway"
-    return Section(title, text=text, figure=figure, table=table, lines=tuple(lines), id="loading")
+    rows = [
+        {
+            "direction": x.direction, "peak": x.peak, "share_of_breakaway": x.share, "rise": x.rise, "counts": finite(x.counts),
+            "viscous_share": x.viscous_share, "by_noise": finite(x.noise_error), "standard_error": finite(x.error),
+        }
+        for x in plan.loadings
+    ]  # fmt: skip  # a table
+    title, table = "Slow loading below breakaway", _table(plan, "loading", "Slow loading", pd.DataFrame(rows))
+    return Section(title, text=text, table=table, lines=tuple(lines), id="loading")
 
 
-def _of_motion(plan: Plan, frames: Mapping[str, pd.DataFrame], sines: Table, compared: Table) -> list[Section]:
-    """The tracking motion, and what others of its duration would tell."""
-    left = ", ".join(f"{motion} {number(rms, 3)}" for motion, rms in frames["motions"][["motion", "rms"]].to_numpy())
-    position, played = unit("position", plan.joint.kind), frames["lines"].itertuples(index=False)
-    said = ", ".join(f"{x.amplitude:.2g} {position} at {x.frequency:.2g} Hz" for x in played)
-    text = (
-        "A sum of sines within the limits, faded in and out, that minimises the relative standard errors. Their root mean square, percent: "
-        f"{left}."
-    )
-    planned, *others = plan.motions
-    lines = (f"  tracking, {planned.duration:.3g} s: {said}",)
-    name, limits, run = plan.joint.name, plan.limits, plan.references[-1]
+def _of_motion(plan: Plan) -> Section:
+    """The tracking motion, its sines slowest first."""
+    position, sines = unit("position", plan.joint.kind), plan.motion.lines
+    frame = pd.DataFrame(sines._asdict()).sort_values("frequency", ignore_index=True)
+    said = ", ".join(f"{x.amplitude:.2g} {position} at {x.frequency:.2g} Hz" for x in frame.itertuples())
+    lines = (f"  tracking, {plan.motion.duration:.3g} s: {said}",)
+    limits, run = plan.limits, plan.references[-1]
     q, v = (pretty(unit(quantity, plan.joint.kind)) for quantity in ("position", "velocity"))
     ends = (np.abs(run.velocity).max(), run.position.min(), run.position.max())
     fastest, least, most = (number(float(end), 3) for end in ends)
     motion = _drawing(
         plan,
         figures.motion_figure,
-        f"tracking motion of {name}",
+        f"tracking motion of {plan.joint.name}",
         f"Peak velocity {fastest} {v}, {number(limits.velocity, 3)} {v} allowed; positions {least} to {most} {q}, "
         f"{' to '.join(number(x, 3) for x in limits.position)} {q} allowed",
         "Position and velocity of the motion; dashed: the velocity limit.",
     )
-    motions = _drawing(
-        plan,
-        figures.motions_figure,
-        f"errors of {name} after three motions",
-        f"Standard errors, planned motion {'; '.join(_beside(plan, planned, x) for x in others)}",
-        "Expected relative standard error after the planned motion, after a plain multisine (equal velocity amplitudes, logarithmically spaced "
-        "frequencies), and after the motion measured so far. All have the same duration and follow the rest of the plan.",
+    text = "A sum of sines within the limits, faded in and out, that minimises the relative standard errors."
+    note = (
+        "As played, scaled to the limits: amplitude · sin(2π frequency · time + phase), with time from the start of the motion, about "
+        "the middle of the position range."
     )
-    return [
-        Section("The tracking motion", text=text, figure=motion, table=sines, lines=lines, id="motion"),
-        Section("Comparison with other motions", figure=motions, table=compared, form="part"),
-    ]
+    table = _table(plan, "lines", "Sines of the tracking motion", frame, note, digits=None)
+    return Section("The tracking motion", text=text, figure=motion, table=table, lines=lines, id="motion")
 
 
-def _rounded(frame: pd.DataFrame) -> pd.DataFrame:
-    """A table with numbers to four digits, and None, not nan, where there is none."""
-    rounded = frame.astype(object).map(lambda x: float(f"{x:.4g}") if isinstance(x, float) else x)
-    return rounded.where(frame.notna(), None)
-
-
-def _beside(plan: Plan, planned: MotionDesign, other: MotionDesign) -> str:
-    """From the largest gain to the worst loss in what the plan is for; what of it one of the two motions alone shows."""
-    mine, theirs = (plan.percent(x.errors).tolist() for x in (planned, other))
-    ratio = {k: mine[k] / theirs[k] for k in plan.aimed if mine[k] < CEILING and theirs[k] < CEILING}
-    by = [f"{two_digits(ratio[k])} times for {_names(plan, [k])}" for k in sorted(ratio, key=ratio.__getitem__)]
-    ends = " to ".join(dict.fromkeys((by[0], by[-1]))) if by else f"none below {CEILING:g} % after both"
-    gained = _names(plan, [k for k in plan.aimed if mine[k] < CEILING and k not in ratio])
-    lost = _names(plan, [k for k in plan.aimed if theirs[k] < CEILING and k not in ratio])
-    alone = f", only the planned one shows {gained}" * bool(gained) + f", only the other one shows {lost}" * bool(lost)
-    return f"vs {other.name}: {ends}{alone}"
+def _table(plan: Plan, file: str, title: str, frame: pd.DataFrame, note: str = "", digits: int | None = 4) -> Table:
+    """A frame, shown under the page's headings with numbers to so many digits, and None, not nan, where there is none."""
+    shown = frame
+    if digits is not None:
+        rounded = frame.astype(object).map(lambda x: float(f"{x:.{digits}g}") if isinstance(x, float) else x)
+        shown = rounded.where(frame.notna(), None)
+    in_units = {own: f"{words} ({pretty(unit(of, plan.joint.kind))})" for own, (words, of) in _UNITS.items()}
+    return Table(file, title, frame, shown.rename(columns=_HEADINGS | in_units), note)
 
 
 def _names(plan: Plan, at: Sequence[int]) -> str:

@@ -8,7 +8,6 @@ criterion is averaged over what v_s may be, and a poor estimate of it does not r
 law's peak takes stays at its estimate, and p are as many as the law has. One direction at a time; speeds are positive.
 """
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -88,8 +87,6 @@ class VelocityPlan:
     direction: Direction
     problem: DesignProblem
     chosen: Design
-    designs: Mapping[str, Design]
-    """D-optimal (`all`), and c-optimal for each of the problem's names."""
 
     @property
     def velocities(self) -> list[float]:
@@ -101,7 +98,7 @@ class VelocityPlan:
 def plan_velocities(
     start: Start, direction: Direction, limits: Limits, count: int, aim: str, share: float
 ) -> VelocityPlan:
-    """All designs of `count` runs of one direction; where both share a set, each speed is run back and forth.
+    """The design of `count` runs of one direction; where both share a set, each speed is run back and forth.
 
     An aim that constant velocities do not show counts as `all`; `share` is that of its time that the plan is cut to.
     Raises InputError where the drive's torque or the travel leaves no speeds to choose from.
@@ -134,9 +131,8 @@ def plan_velocities(
         low=limits.slowest,
         high=high,
     )
-    aim = aim if aim in problem.names else "all"
-    designs = {name: design(problem, count, name) for name in ("all", *problem.names)}
-    return VelocityPlan(direction=direction, problem=problem, chosen=designs[aim], designs=designs)
+    chosen = design(problem, count, aim if aim in problem.names else "all")
+    return VelocityPlan(direction=direction, problem=problem, chosen=chosen)
 
 
 def largest_deflection(start: Start) -> float:
@@ -151,10 +147,7 @@ def nodes_of(v_s: float, relative_error: float) -> Array:
 
 
 def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
-    """The best `count` runs for one of the problem's names, or for `all`: greedy exchange over a grid of speeds; near ones then become one.
-
-    There are at least as many as there are parameters, so that they show all of these by themselves.
-    """
+    """The best `count` runs (at least as many as parameters) for one of the problem's names or `all`: greedy exchange; near ones become one."""
     grid = np.geomspace(problem.low, problem.high, CANDIDATES)
     criterion = _Criterion(problem, aim)
     rows = criterion.rows(grid)
@@ -164,9 +157,16 @@ def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
     starts += [rng.integers(0, grid.size, count) for _ in range(STARTS)]
     ends = dict.fromkeys(tuple(np.sort(_exchange(criterion, rows, start)).tolist()) for start in starts)
     best = min((grid[[*end]] for end in ends), key=criterion.value)
-    # Near speeds become one where that costs hardly any of the logarithm of the variance: few are easier to run.
-    near = [_merge(best, factor) for factor in (1.05, 1.1, 1.2)]
-    few = [x for x in near if criterion.value(x) <= criterion.value(best) + 0.01]
+    # Near speeds become one, their mean or an end of all, where that costs hardly any of the logarithm of the variance: few are easier to run.
+    best = np.sort(best)
+    few = []
+    for factor in (1.05, 1.1, 1.2):
+        groups = np.split(best, np.flatnonzero(np.diff(np.log(best)) > np.log(factor)) + 1)
+        centres = [g.mean() for g in groups]
+        if len(groups) > 1:
+            centres[0], centres[-1] = best[0], best[-1]
+        near = np.concatenate([np.full(g.size, c) for g, c in zip(groups, centres, strict=True)])
+        few += [near] if criterion.value(near) <= criterion.value(best) + 0.01 else []
     return evaluate_design(problem, min([best, *few], key=lambda x: np.unique(x).size), aim)
 
 
@@ -177,25 +177,17 @@ def evaluate_design(problem: DesignProblem, speeds: Array, aim: str = "") -> Des
     return Design(aim, speeds, covariance(problem.prior_information + information)[0], covariance(information)[0])
 
 
-def errors_by_v_s(problem: DesignProblem, speeds: Array, v_s: Array) -> Array:
-    """Expected standard error of v_s, percent, were it another one than the estimate, what is known already included: (k,) for v_s (k,)."""
-    errors = [covariance(x)[0][_V_S] for x in _informations(problem, speeds, v_s)]
-    return 100 * np.array(errors) / v_s
-
-
-def _informations(problem: DesignProblem, speeds: Array, v_s: Array) -> list[Array]:
-    """What is known, and what speeds show, for each v_s, (4, 4)."""
-    sets = [problem.p._replace(v_s=float(x)) for x in v_s]
-    return [problem.prior_information + static_information(speeds, p, problem.noise) for p in sets]
-
-
 class _Criterion:
     """What a design is judged by, averaged over v_s, with parameters in units that make the information 1 on its diagonal."""
 
     def __init__(self, problem: DesignProblem, aim: str) -> None:
         """Scale what is known, with a little added so that a design too poor to be inverted has a value, a bad one."""
         self.problem, self.aim = problem, None if aim == "all" else problem.names.index(aim)
-        whole = _informations(problem, np.geomspace(problem.low, problem.high, 50), problem.nodes)
+        sets, speeds = (
+            [problem.p._replace(v_s=float(x)) for x in problem.nodes],
+            np.geomspace(problem.low, problem.high, 50),
+        )
+        whole = [problem.prior_information + static_information(speeds, p, problem.noise) for p in sets]
         self.size = np.sqrt(np.maximum(np.diagonal(whole, axis1=1, axis2=2), _UNSEEN))
         scale = self.size[:, :, None] * self.size[:, None, :]
         self.known = problem.prior_information / scale + 1e-11 * np.eye(len(problem.names))
@@ -243,13 +235,3 @@ def _exchange(criterion: _Criterion, rows: Array, start: NDArray[np.intp]) -> ND
         if not best < value - 1e-9:
             return chosen
         value, chosen[np.flatnonzero(chosen == leaving)[0]] = best, comes
-
-
-def _merge(speeds: Array, factor: float) -> Array:
-    """Speeds with neighbours that differ by less than a factor replaced by their mean, ascending; at an end of all by that end."""
-    ordered = np.sort(speeds)
-    groups = np.split(ordered, np.flatnonzero(np.diff(np.log(ordered)) > np.log(factor)) + 1)
-    centres = [g.mean() for g in groups]
-    if len(groups) > 1:
-        centres[0], centres[-1] = ordered[0], ordered[-1]
-    return np.concatenate([np.full(g.size, c) for g, c in zip(groups, centres, strict=True)])

@@ -121,23 +121,13 @@ def ranked(people: Roster, changes: pd.DataFrame, decided: Decided) -> pd.DataFr
 
 
 def beyond_errors(quantities: Sequence[Adjusted], frame: pd.DataFrame) -> pd.DataFrame:
-    """The steps that the estimates' own errors alone would call changes, without any scatter between sessions: as `compare` judges two sessions.
-
-    The columns of `change_rows`; each joint's most significant step, anywhere, of all of these tests at a false discovery rate of 5 %.
-    """
+    """Each joint's clearest step by the estimates' own errors alone, as `compare` judges, at a false discovery rate of 5 %: as `change_rows`."""
     bare = [replace(x, fit=x.fit._replace(variance=0.0, freedom=inf)) for x in quantities]
     tests = [step_tests(x, 1) for x in bare]
     decided = decide(tests, int(max((x.of.joints.max() for x in bare), default=-1)) + 1, COMPARED)
     rows = change_rows(tests, decided, frame)
     at_once = false_discovery(decided.p) <= COMPARED
     return rows[at_once].sort_values("p", kind="stable", ignore_index=True)
-
-
-def settled_sessions(tests: StepTests, named: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Of each joint of the quantity how many of its sessions are before a change that was named: all where there was none, (m,)."""
-    most = np.bincount(tests.one.of.joint)
-    most[tests.which[named]] = tests.steps.after[named]
-    return most
 
 
 def own_levels(one: Adjusted, most: NDArray[np.intp]) -> tuple[Array, Array]:

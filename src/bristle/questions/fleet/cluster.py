@@ -10,10 +10,10 @@ from contextlib import contextmanager, suppress
 from itertools import count, islice
 from multiprocessing import current_process
 from time import monotonic, sleep
-from typing import Any, NamedTuple
+from typing import Any
 
 from bristle.errors import InputError, one_line, short
-from bristle.questions.fleet.files import digest_of, joined_path, remove, write_whole
+from bristle.questions.fleet.files import digest_of
 from bristle.questions.fleet.tasks import version_difference, versions
 from bristle.workers import cores, pinned
 
@@ -35,13 +35,6 @@ _LEAN = {
 anew: of one that has not begun after Dask's 15 s no other ever would."""
 _LOGGERS = ("distributed", "tornado", "bokeh")
 _UNGUARDED = 'in a script, put the call of bristle.fleet below if __name__ == "__main__":, because the worker processes read the script as well'
-
-
-class Reach(NamedTuple):
-    """What all workers reach."""
-
-    output: bool
-    inputs: bool
 
 
 class SchedulerLostError(OSError):
@@ -253,29 +246,16 @@ def check_workers(client: Client) -> None:
             raise InputError(wrong)
 
 
-def reach_of(client: Client, output: str, inputs: Iterable[str]) -> Reach:
-    """Whether all workers see what is written to an output, and read the same in some inputs. Raises OSError where nothing can be written."""
-    token = secrets.token_hex(16)
-    probe = joined_path(output, f".probe-{token[:8]}")
-    write_whole(probe, token.encode())
-    try:
-        written = _alike(client, [probe])
-    finally:
-        remove(probe)
-    return Reach(written, _alike(client, list(inputs)))
-
-
-def _alike(client: Client, names: list[str]) -> bool:
+def reached(client: Client, names: list[str]) -> bool:
     """Whether all workers read the same in some files as this process does."""
-    own = [digest_of(name) for name in names]
-    return not names or all(found == own for found in client.run(_digests, names, on_error="return").values())
 
-
-def _digests(names: list[str]) -> list[str] | None:
-    try:
-        return [digest_of(name) for name in names]
-    except (OSError, InputError):
+    def digests() -> list[str] | None:
+        with suppress(OSError, InputError):
+            return [digest_of(name) for name in names]
         return None
+
+    own = digests()
+    return not names or all(found == own for found in client.run(digests, on_error="return").values())
 
 
 class _UnderWay:

@@ -1,17 +1,13 @@
-"""The dataset of a fleet: Parquet, a row per unit, joint, session, direction and parameter; written per task, then compacted into parts.
+"""The dataset of a fleet: Parquet, a row per unit, joint, session, direction and parameter; written per task, then as one file.
 
-The columns are `COLUMNS`. Equal results give equal bytes: rows have one order, a part is named by its place and content, and
-nothing in it tells when it was written.
+The columns are `COLUMNS`. Equal results give equal bytes: rows have one order, and nothing tells when they were written.
 """
 
-import hashlib
 import io
 import re
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from bristle.errors import InputError, one_line
 from bristle.page.output_folder import RESULTS, TASKS
@@ -37,8 +33,8 @@ OF_TASK = (
 )  # fmt: skip  # a list
 """Columns that a task gives; the others are the catalog's."""
 ORDER = ("unit", "joint", "session", "direction", "parameter", "file", "failure")
-PART = re.compile(r"part-\d{5}-[0-9a-f]{8}\.parquet")
-ROWS = 200_000  # of a part
+DATASET = f"{RESULTS}/dataset.parquet"  # in an output
+_PART = re.compile(r"part-\d{5}-[0-9a-f]{8}\.parquet")  # what version 0.1 wrote in its place
 _READERS = 16
 
 
@@ -107,33 +103,18 @@ def read_tasks(folder: str, keys: Collection[str]) -> tuple["pa.Table", set[str]
     return pa.concat_tables([empty, *good]), {key for key, table in zip(ordered, tables, strict=True) if table is None}
 
 
-def parts_of(folder: str) -> list[str]:
-    """The part files of an output, sorted."""
-    return [name for name in names_in(joined_path(folder, RESULTS)) if PART.fullmatch(name)]
-
-
-def read_parts(folder: str) -> "pa.Table":
-    """The dataset of an output; rows that an interrupted run left twice are there once.
-
-    Raises InputError where a part is damaged, or none of bristle's.
-    """
+def read_dataset(folder: str) -> "pa.Table":
+    """The dataset of an output; without rows where there is none. Raises InputError where its file is damaged, or none of bristle's."""
     import pyarrow as pa
 
-    with ThreadPoolExecutor(4) as pool:
-        tables = list(pool.map(lambda name: _part(joined_path(folder, f"{RESULTS}/{name}")), parts_of(folder)))
-    table = pa.concat_tables([schema_of(tuple(COLUMNS), coded=True).empty_table(), *tables]).unify_dictionaries()
-    return table if len(tables) < 2 else _once(table, ORDER)
-
-
-def _part(name: str) -> "pa.Table":
-    import pyarrow as pa
-
+    name, schema = joined_path(folder, DATASET), schema_of(tuple(COLUMNS), coded=True)
     try:
         table = read_parquet(name)
         known = (table.schema.metadata or {}).get(b"bristle")
-        schema = schema_of(tuple(COLUMNS), coded=True)
         # Another version's results are identified anew; a column that only it has is left out.
         rows = table.select(schema.names).cast(schema) if known == SCHEMA.encode() else schema.empty_table()
+    except FileNotFoundError:
+        return schema.empty_table()
     except (pa.ArrowException, ValueError, KeyError) as error:
         raise InputError(f"{name}: is damaged ({one_line(str(error), 100)}); remove it, and run again") from error
     if known is None:
@@ -141,23 +122,20 @@ def _part(name: str) -> "pa.Table":
     return rows
 
 
-def _once(table: "pa.Table", columns: Sequence[str]) -> "pa.Table":
-    """The first of rows that are equal in some columns."""
-    kept = np.flatnonzero(~table.select(columns).to_pandas().duplicated().to_numpy())
-    return table if kept.size == len(table) else table.take(kept)
-
-
 def known_results(folder: str) -> "pa.Table":
     """What the dataset of the last run knows by key, as the tasks gave it, each once."""
     import pyarrow.compute as pc
 
-    table = read_parts(folder)
+    table = read_dataset(folder)
     table = table.filter(pc.is_valid(table["key"])).select(OF_TASK)
-    return _once(table, ("key", "direction", "parameter", "failure"))
+    once = ~table.select(("key", "direction", "parameter", "failure")).to_pandas().duplicated()
+    return table.filter(once.to_numpy())
 
 
 def assembled(sessions: "pd.DataFrame", results: "pa.Table") -> "pa.Table":
     """The dataset: to each joint session (columns of `JointSession`) the rows of its key, or its failure; in the order of `ORDER`."""
+    import pyarrow as pa
+
     known = results.cast(schema_of(OF_TASK, coded=False)).to_pandas()
     own = sessions.rename(columns={"failure": "why"})
     own["key"] = own["key"].where(own["why"] == "", None)  # a failure is a row of its own
@@ -166,33 +144,14 @@ def assembled(sessions: "pd.DataFrame", results: "pa.Table") -> "pa.Table":
     empty = [name for name in _TEXTS if name not in OF_TASK]
     rows[empty] = rows[empty].where(rows[empty] != "")
     rows[_TEXTS] = rows[_TEXTS].astype("category")  # text is in the order of its dictionary; what is missing comes last
-    return _coded(rows.sort_values(list(ORDER)))
-
-
-def _coded(rows: "pd.DataFrame") -> "pa.Table":
-    """The rows, whose text has dictionaries of its own words alone, sorted."""
-    import pyarrow as pa
-
-    own = rows.assign(**{name: rows[name].cat.remove_unused_categories() for name in _TEXTS})
-    table = pa.Table.from_pandas(own, schema_of(tuple(COLUMNS), coded=True), preserve_index=False)
+    ordered = rows.sort_values(list(ORDER))
+    table = pa.Table.from_pandas(ordered, schema_of(tuple(COLUMNS), coded=True), preserve_index=False)
     return table.replace_schema_metadata({"bristle": SCHEMA})
 
 
-def write_parts(folder: str, table: "pa.Table", before: Sequence[str]) -> None:
-    """Write the dataset of an output in parts; then those of before are removed. Raises OSError where a part cannot be written."""
+def write_dataset(folder: str, table: "pa.Table") -> None:
+    """Write the dataset of an output, in place of what it was. Raises OSError where it cannot be written."""
     make_folder(joined_path(folder, RESULTS))
-    names = []
-    for name, data in part_files(table):
-        names.append(name)
-        if name not in before:
-            write_whole(joined_path(folder, f"{RESULTS}/{name}"), data)
-    for name in set(before) - set(names):
+    write_whole(joined_path(folder, DATASET), parquet_of(table, compression="zstd", use_dictionary=_TEXTS))
+    for name in filter(_PART.fullmatch, names_in(joined_path(folder, RESULTS))):
         remove(joined_path(folder, f"{RESULTS}/{name}"))
-
-
-def part_files(table: "pa.Table") -> Iterator[tuple[str, bytes]]:
-    """The parts of a dataset, each with its name."""
-    for k, start in enumerate(range(0, max(len(table), 1), ROWS)):
-        part = _coded(table.slice(start, ROWS).to_pandas())
-        data = parquet_of(part, compression="zstd", use_dictionary=_TEXTS)
-        yield f"part-{k:05d}-{hashlib.sha256(data).hexdigest()[:8]}.parquet", data

@@ -6,6 +6,7 @@ What is finished stays whatever ends the run: the rows of each task lie in the o
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from datetime import timedelta
 from time import monotonic
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -45,19 +46,10 @@ def _telling(progress: Progress | None, what: str, total: int) -> Callable[[int]
     def tell(done: int) -> None:
         if progress and total:
             rate = done / max(monotonic() - begun, 1e-3)
-            pace = f", {rate:.3g}/s, {in_words((total - done) / rate)} left" if done else ""
+            pace = f", {rate:.3g}/s, {timedelta(seconds=round((total - done) / rate))} left" if done else ""
             progress(f"{what}{pace}", done, total)
 
     return tell
-
-
-def in_words(seconds: float) -> str:
-    """A time in two units at most."""
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    minutes, rest = divmod(whole, 60)
-    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
 def run_fleet(
@@ -91,19 +83,18 @@ def run_fleet(
                     with suppress(OSError, InputError):
                         if files.exists(row.path):
                             samples[system] = row.path
-            reach = cluster.reach_of(client, output, samples.values())
-        surveys = _survey(client, rows, _ledger(output), reach, progress, verify=verify)
+            reached = cluster.reached(client, list(samples.values()))
+        surveys = _survey(client, rows, output, progress, verify=verify, reached=reached)
         rows_of_files = [{"path": path, "found": surveys[path].written()} for path in sorted(surveys)]
         ledger = pa.Table.from_pylist(rows_of_files, schema=pa.schema({"path": pa.string(), "found": pa.string()}))
         data = dataset.parquet_of(ledger, compression="zstd", use_dictionary=False)
         files.write_whole(files.joined_path(output, LEDGER), data)
-        sessions, before, known = joint_sessions(rows, surveys), dataset.parts_of(output), dataset.known_results(output)
+        sessions, known = joint_sessions(rows, surveys), dataset.known_results(output)
         good = sessions[sessions["failure"] == ""]
         wanted = good.drop_duplicates("key").set_index("key")
         cached = set(known["key"].to_pylist()) & set(wanted.index)
         todo = wanted[~wanted.index.isin(list(cached | written))]
-        tasks = _tasks(todo, surveys, output, reach)
-        identified, untold = _identified(client, tasks, len(todo), output, identify, progress, sent=not reach.inputs)
+        identified, untold = _identified(client, todo, surveys, output, identify, progress, sent=not reached)
     except cluster.SchedulerLostError as error:
         stay = len(dataset.task_keys(output) - written)
         raise OSError(
@@ -119,12 +110,12 @@ def run_fleet(
     sessions.loc[failed, "failure"] = sessions.loc[failed, "key"].map(failures)
     sessions.loc[sessions["failure"] != "", "key"] = ""
 
-    # The dataset in parts; then what tasks and older parts wrote is removed. Where nothing at all is identified, what was known stays.
+    # The dataset; then what tasks wrote is removed. Where nothing at all is identified, what was known stays.
     table = dataset.assembled(sessions, pa.concat_tables([known.cast(read.schema), read]))
     ended = [dataset.task_file(output, key) for key in dataset.task_keys(output)]
     some = table["failure"].null_count > 0
     if some:
-        dataset.write_parts(output, table, before)
+        dataset.write_dataset(output, table)
     for path in ended:
         files.remove(path)
     if not some:
@@ -173,7 +164,7 @@ def held(output: str) -> Iterator[None]:
         try:
             yield
         except InputError:
-            if new and not dataset.task_keys(output) and not dataset.parts_of(output):
+            if new and not dataset.task_keys(output) and not (folder / dataset.DATASET).exists():
                 for name in (LEDGER, LOCK, MARKER):
                     (folder / name).unlink(missing_ok=True)
                 with suppress(OSError):
@@ -183,31 +174,27 @@ def held(output: str) -> Iterator[None]:
             raise
 
 
-def _ledger(output: str) -> dict[str, str]:
-    """By path, what the last run found of a file; nothing where there is no ledger, or none that can be read."""
-    import pyarrow as pa
-
-    try:
-        table = dataset.read_parquet(files.joined_path(output, LEDGER), columns=["path", "found"])
-    except (OSError, pa.ArrowException, ValueError, KeyError):
-        return {}
-    return dict(zip(table["path"].to_pylist(), table["found"].to_pylist(), strict=True))
-
-
 def _survey(
     client: cluster.Client,
     rows: Iterable[CatalogRow],
-    ledger: Mapping[str, str],
-    reach: cluster.Reach,
+    output: str,
     progress: Progress | None,
     *,
     verify: bool,
+    reached: bool,
 ) -> dict[str, Surveyed]:
     """What each file of the catalog goes back to; by the workers, where they reach the inputs."""
+    import pyarrow as pa
+
+    # By path, what the last run found of a file; nothing where there is no ledger, or none that can be read.
+    ledger: dict[str, str] = {}
+    with suppress(OSError, pa.ArrowException, ValueError, KeyError):
+        table = dataset.read_parquet(files.joined_path(output, LEDGER), columns=["path", "found"])
+        ledger = dict(zip(table["path"].to_pylist(), table["found"].to_pylist(), strict=True))
     paths = list(dict.fromkeys(row.path for row in rows if not row.failure))
     tell, found = _telling(progress, "looking at files", len(paths)), dict[str, Surveyed]()
     batches = [[(path, ledger.get(path)) for path in paths[k : k + BATCH]] for k in range(0, len(paths), BATCH)]
-    if reach.inputs:
+    if reached:
         calls, window = ((batch, verify) for batch in batches), 4 * cluster.threads_of(client)
         ends = ((call[0], end) for call, end in cluster.spread(client, "bristle-survey", survey_files, calls, window))
     else:
@@ -229,37 +216,31 @@ def _of_worker(error: BaseException) -> str:
     return one_line(f"a defect of bristle: {type(error).__name__}: {error}")
 
 
-def _tasks(
-    todo: "pd.DataFrame", surveys: Mapping[str, Surveyed], output: str, reach: cluster.Reach
-) -> Iterator[FleetTask]:
-    for key, path, joint in zip(todo.index, todo["path"], todo["name"], strict=True):
-        one, sent = surveys[path], None
-        if not reach.inputs:
-            with suppress(OSError):  # then the worker says what is missing
-                sent = {x.name: files.read_bytes(x.path) for x in one.inputs}
-        yield FleetTask(str(key), joint, one, output if reach.output else None, sent, versions())
-
-
 def _identified(
     client: cluster.Client,
-    tasks: Iterable[FleetTask],
-    total: int,
+    todo: "pd.DataFrame",
+    surveys: Mapping[str, Surveyed],
     output: str,
     identify: Identify,
     progress: Progress | None,
     *,
     sent: bool,
 ) -> tuple[set[str], dict[str, str]]:
-    """Run tasks on the workers, and write the rows that these do not write themselves.
+    """Identify the joints of `todo` on workers, and write rows as they come; keys done, and failures to try again. Raises as `run_fleet`."""
 
-    Returns the keys that were identified, and by key the failures that are to be tried again. Raises InputError where a worker
-    cannot take part, and OSError where the output is full.
-    """
-    threads, calls = cluster.threads_of(client), ((task, identify) for task in tasks)
+    def calls() -> Iterator[tuple[FleetTask, Identify]]:
+        for key, path, joint in zip(todo.index, todo["path"], todo["name"], strict=True):
+            one, logs = surveys[path], None
+            if sent:
+                with suppress(OSError):  # then the worker says what is missing
+                    logs = {x.name: files.read_bytes(x.path) for x in one.inputs}
+            yield FleetTask(str(key), joint, one, logs, versions()), identify
+
+    threads = cluster.threads_of(client)
     window = SENT_WINDOW * threads if sent else max(LEAST_WINDOW, WINDOW * threads)
-    tell, identified, failures = _telling(progress, "identifying", total), set[str](), dict[str, str]()
+    tell, identified, failures = _telling(progress, "identifying", len(todo)), set[str](), dict[str, str]()
     tell(0)
-    ends = cluster.spread(client, "bristle-identify", identify_task, calls, window)
+    ends = cluster.spread(client, "bristle-identify", identify_task, calls(), window)
     for done, ((task, _), end) in enumerate(ends, 1):
         key = task.key
         how = TaskEnd(_of_worker(end)) if isinstance(end, BaseException) else end

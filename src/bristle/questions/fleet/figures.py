@@ -1,4 +1,4 @@
-"""A fleet as matplotlib figures: a joint over its sessions, the units of a type by value, and kinds of warnings over time."""
+"""A fleet as matplotlib figures: a joint over its sessions, and kinds of warnings over time."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -15,7 +15,7 @@ from bristle.page.style import DIRECTION, panels, styled, thinned
 from bristle.page.wording import shortened
 
 _BLUE, _VERMILION, _GREY = DIRECTION["+"].colour, DIRECTION["-"].colour, "#767676"
-POINTS = 200  # sessions of a panel and units of a type that are drawn, at most
+POINTS = 200  # sessions of a panel that are drawn, at most
 _BEYOND = 3.0  # ends of intervals and limits count for an axis up to so many times the range of the values
 CODES = 5  # kinds of warnings drawn over time, at most, beside failed sessions
 _LOOKS = (
@@ -58,7 +58,12 @@ def _course(ax: Axes, one: Course, first: pd.Timestamp) -> None:
     core = core[np.isfinite(core)] if np.isfinite(core).any() else np.array([0.0, 1.0])
     bars = (upper - lower)[np.isfinite(upper - lower)]
     wide = max(np.ptp(core), bars.max(initial=0.0), 1e-9 * abs(core.max()), 1e-300)
-    bottom, top = _limits(core, np.concatenate([lower, upper, low, high]), wide, _BEYOND)
+    # Round all values, and those ends of intervals and limits that are not too far from them.
+    ends = np.concatenate([lower, upper, low, high])
+    ends = ends[(ends > core.min() - _BEYOND * wide) & (ends < core.max() + _BEYOND * wide)]
+    bottom, top = ends.min(initial=core.min()), ends.max(initial=core.max())
+    margin = 0.06 * (top - bottom or wide)
+    bottom, top = bottom - margin, top + margin
 
     limits, intervals = (np.clip(x, bottom, top) for x in ((low, high), (lower, upper)))
     ax.fill_between(x, *limits, color=_GREY, alpha=0.18, linewidth=0, label="limits")
@@ -76,15 +81,6 @@ def _course(ax: Axes, one: Course, first: pd.Timestamp) -> None:
     ax.yaxis.set_major_locator(MaxNLocator(4))
 
 
-def _limits(core: Array, ends: Array, wide: float, beyond: float) -> tuple[float, float]:
-    """Of an axis: round all of `core`, and those ends of intervals that are not too many times as far from it as it is wide."""
-    least, most = core.min(), core.max()
-    ends = ends[(ends > least - beyond * wide) & (ends < most + beyond * wide)]
-    bottom, top = ends.min(initial=least), ends.max(initial=most)
-    margin = 0.06 * (top - bottom or wide)
-    return bottom - margin, top + margin
-
-
 def _days(times: pd.Series) -> Array:
     """Times as matplotlib has them: days since 1970."""
     days: Array = times.to_numpy("datetime64[us]").astype(float) / 86_400e6
@@ -100,44 +96,6 @@ def _dated(ax: Axes) -> None:
     if high - low < 2:
         ax.set_xlim(low - 2, high + 2)
     ax.set_xlabel("Session (UTC)")
-
-
-@styled
-def units_figure(
-    name: str, label: str, rows: pd.DataFrame, spread: tuple[float, float, float], *, simulated: bool
-) -> Figure:
-    """The units of one type, those of `rows` of `Findings.units`, by value: their own with intervals, shrunken ones beside, and `spread_of` them."""
-    rows = rows.head(POINTS).sort_values("value", kind="stable")
-    x, value, outside = np.arange(1, len(rows) + 1), rows["value"].to_numpy(float), rows["outside"].to_numpy(bool)
-    reach = 1.96 * rows["standard_error"].to_numpy(float)
-    lower, upper = value - reach, value + reach
-    figure, (ax,) = panels(3.2, name, simulated)
-    mean, low, high = spread
-    if np.isfinite(low):
-        ax.axhspan(low, high, color=_GREY, alpha=0.18, linewidth=0, label="95 % of the units")
-    ax.axhline(mean, color=_GREY, linestyle="--", linewidth=1.8, label="mean")
-    ax.plot(x + 0.3, rows["shrunken"], "D", color=_GREY, markerfacecolor="none", markersize=5.5, label="shrunken")
-    for own, colour, marker, what in ((~outside, _BLUE, "o", "within"), (outside, _VERMILION, "s", "outside")):
-        ax.vlines(x[own], lower[own], upper[own], color=colour, linewidth=1.2, label=f"{what}, 95 %")
-        ax.plot(x[own], value[own], marker, color=colour, markersize=5, label=what)
-    core = np.array([*value, *(x for x in spread if np.isfinite(x))])
-    bottom, top = _limits(core, np.concatenate([lower, upper]), np.ptp(core) or abs(core.max()) or 1.0, 1.0)
-    ax.set(xlim=(0.4, len(rows) + 0.8), ylim=(bottom, top))
-    ax.set(xlabel="Units of the type, ordered by value", ylabel=label)
-    ax.xaxis.set_major_locator(MaxNLocator(8, integer=True))
-    return figure
-
-
-def spread_of(row: Any, values: Array) -> tuple[float, float, float]:
-    """Mean and band in which 95 % of the units are, of a row of `Findings.types` and the values of its units.
-
-    By logarithms where every value is positive, as the spread was estimated; else in parts of the median size.
-    """
-    mean, reach = float(row.mean), 1.96 * float(row.spread_percent) / 100
-    if (values > 0).all():
-        return mean, mean * float(np.exp(-reach)), mean * float(np.exp(reach))
-    size = reach * float(np.median(np.abs(values)))
-    return mean, mean - size, mean + size
 
 
 @styled

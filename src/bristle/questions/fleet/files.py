@@ -59,10 +59,7 @@ def name_of(name: str) -> str:
 
 @contextmanager
 def _system(name: str) -> Iterator[tuple[Any, str]]:
-    """The file system that a name is of, and its path there.
-
-    Raises InputError where fsspec knows none, or it is not installed; what its library raises is an OSError that names the URL.
-    """
+    """The file system of a name, and its path there. Raises InputError where there is none, and OSError for what its library raises."""
     from fsspec.core import url_to_fs
     from fsspec.implementations.local import LocalFileSystem
 

@@ -73,7 +73,10 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     steps = changes.change_rows(tests, decided, frame)
     joints = changes.ranked(people, steps, decided)
     parts = np.split(decided.named, np.cumsum([x.which.size for x in tests], dtype=int))  # and an empty one at the end
-    settled = [changes.settled_sessions(x, part) for x, part in zip(tests, parts[: len(tests)], strict=True)]
+    # Of each joint of each quantity how many of its sessions are before a change that was named: all where there was none.
+    settled = [np.bincount(x.one.of.joint) for x in tests]
+    for most, test, named in zip(settled, tests, parts, strict=False):
+        most[test.which[named]] = test.steps.after[named]
     units = changes.unit_rows(known, settled, people, rate)
     begun = warnings_begun(frame, people)
     said.extend(anew(people))
@@ -189,10 +192,7 @@ def _ends(name: str, percent: float, lower: float, upper: float) -> dict[str, fl
 
 
 def _series(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]], frame: pd.DataFrame) -> pd.DataFrame:
-    """A row per joint, parameter, direction and session: what a chart over time shows.
-
-    With the adjusted value, and the 95 % limits for one more session, from its joint's before a change; none before a new baseline.
-    """
+    """A row per joint, parameter, direction and session, with 95 % limits for one more before a change; none before a new baseline."""
     names = ["unit", "joint", "parameter", "direction", "session", "value", "lower", "upper", "value_unit"]
     parts = [np.zeros((3, 0))]
     for one, most in zip(every, settled, strict=True):

@@ -1,6 +1,6 @@
 """The report of a fleet: which joints changed, which units differ from their type, and how good the data are."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,9 +20,7 @@ from bristle.questions.fleet.tables import change, day, label, probability, quan
 _DRAWN = 30  # joints with a figure, at most: those that changed
 _LEAST_DRAWN = 3  # joints with a figure, at least: those that are ranked first, whether they changed or not
 _PANELS = 4  # parameters in it
-_TYPES_DRAWN = 12  # types with a figure of their units
-_MOST_CHANGED, _MOST_OUTSIDE, _MOST_TYPES, _MOST_CODES = 20, 10, 6, 4  # lines of the terminal
-_PER_TYPE = 3  # parameters named in a type's line
+_MOST_CHANGED, _MOST_OUTSIDE, _MOST_CODES = 20, 10, 4  # lines of the terminal
 
 
 def report(found: Findings, output: str = "", base: str = "") -> Report:
@@ -172,21 +170,11 @@ def _axis(row: Any) -> str:
 
 def _unit_sections(found: Findings) -> Iterator[Section]:
     units, types = found.units, found.types
-    drawings = list[Drawing]()
-    for _, rows in types.groupby("type", sort=True, observed=True):
-        of_type = units[units["type"] == rows["type"].iloc[0]]
-        odd = of_type[of_type["outside"].astype(bool)].groupby(["parameter", "direction"], observed=True).size()
-        row = max(rows_of(rows), key=lambda row: int(odd.get((row.parameter, row.direction), 0)))
-        own = of_type[(of_type["parameter"] == row.parameter) & (of_type["direction"] == row.direction)]
-        if len(own):
-            drawings.append(_units_drawing(found, row, own, len(drawings) + 1))
-    cut = f" Figures show the first {_TYPES_DRAWN} of {len(drawings)} types." if len(drawings) > _TYPES_DRAWN else ""
     yield Section(
         "Which units differ from their type",
         text=f"{int(units['outside'].sum())} of {len(units)} values are outside their type. The shrunken value is the own one drawn to the "
         "type's mean as far as it is uncertain; borrowed: the share of the mean in it. Of a joint that changed, these are its sessions "
-        f"before the change. Of each type the parameter with the most units outside is drawn.{cut}",
-        figures=tuple(drawings[:_TYPES_DRAWN]),
+        "before the change.",
         table=_table("units", "Values of units, those outside their type first", units, tables.in_units(units)),
     )
     yield Section(
@@ -195,25 +183,6 @@ def _unit_sections(found: Findings) -> Iterator[Section]:
         "between sessions; and what temperature and load do, each with its 95 % interval. A common shift, the largest over time, is "
         "taken off all joints of the type.",
         table=_table("types", "Types, parameters and directions", types, tables.in_types(types)),
-    )
-
-
-def _units_drawing(found: Findings, row: Any, rows: pd.DataFrame, k: int) -> Drawing:
-    name, rows = f"Type {row.type}", tables.outside_first(rows)
-    spread = figures.spread_of(row, rows["value"].to_numpy(float))
-    far, many = next(rows_of(rows)), len(rows) > figures.POINTS
-    farthest = f", the farthest {shortened(str(far.unit), 24)}, {far.percent:+.3g} % from the mean" * bool(far.outside)
-    part = f" Drawn are the {figures.POINTS} of them that are farthest from the mean." if many else ""
-    return Drawing(
-        partial(figures.units_figure, name, _axis(row).replace("\n", " "), rows, spread, simulated=found.simulated),
-        f"type-{k}",
-        f"units of {shortened(name)} by value",
-        f"{shortened(name)}, {label(row)}: {int(rows['outside'].sum())} of {counted(len(rows), 'unit')} outside{farthest}; "
-        f"mean {number(row.mean)} {value_unit(row)}, spread between units {number(row.spread_percent, 2)} %.{part}",
-        "Circles: own values with 95 % intervals; squares: outside the type; diamonds: shrunken values; dashed: the mean of the type; "
-        "shaded: where 95 % of its units are.",
-        data="units",
-        simulated=found.simulated,
     )
 
 
@@ -273,7 +242,6 @@ def _lines(found: Findings) -> Iterator[str]:
             f"{row.percent:+.3g} % from type {shortened(str(row.type), 16)}", f"p {probability(row.adjusted_p)}",
         ],
     )  # fmt: skip  # a row
-    yield from _type_lines(found.types)
     whole = tables.totals(found.quality)
     grave = whole[whole["severity"].isin(["caution", "critical"])].head(_MOST_CODES)
     if len(grave):
@@ -303,26 +271,3 @@ def _listed(what: str, more: str, whole: pd.DataFrame, most: int, cells: Any) ->
 
 def _name(row: Any) -> str:
     return " ".join(shortened(str(x), 24) for x in (row.unit, row.joint) if not pd.isna(x)) or MISSING
-
-
-def _type_lines(types: pd.DataFrame) -> Iterator[str]:
-    """A line a type: common shifts, and the temperature coefficients that are not zero."""
-    lines = []
-    for name, rows in types.groupby("type", sort=True, observed=True):
-        shifted = rows[rows["shift_percent"].notna()].sort_values("shift_percent", ascending=False, kind="stable")
-        shifts = [f"{quantity(row)} up to {two_digits(row.shift_percent)} %" for row in rows_of(shifted)]
-        sure = rows[(rows["temperature_lower"] > 0) | (rows["temperature_upper"] < 0)]
-        sure = sure.assign(far=-sure["temperature_percent"].abs()).sort_values("far", kind="stable")
-        sizes = sure[["temperature_percent", "temperature_lower", "temperature_upper"]].to_numpy(float)
-        warm = [f"{quantity(row)} {change(*size)} %/K" for row, size in zip(rows_of(sure), sizes, strict=True)]
-        parts = [*_first("common shift", shifts), *_first("temperature", warm)]
-        if parts:
-            lines.append(f"Type {shortened(str(name), 24)}: {'; '.join(parts)}.")
-    yield from lines[:_MOST_TYPES]
-    if len(lines) > _MOST_TYPES:
-        yield f"{counted(len(lines) - _MOST_TYPES, 'further type')}: tables/types.csv."
-
-
-def _first(what: str, found: Sequence[str]) -> list[str]:
-    more = f" and {len(found) - _PER_TYPE} more" if len(found) > _PER_TYPE else ""
-    return [f"{what} {', '.join(found[:_PER_TYPE])}{more}"] if found else []

@@ -69,10 +69,7 @@ def value_unit(row: Any) -> str:
 
 
 def totals(quality: pd.DataFrame) -> pd.DataFrame:
-    """Per code over all periods, the most frequent first: code, severity, joint_sessions, of, percent.
-
-    `of` counts the joint-sessions of the periods that have any warning.
-    """
+    """Per code over all periods that have any warning, the most frequent first: code, severity, joint_sessions, of, percent."""
     every = int(quality.drop_duplicates("period")["of"].sum())
     whole = quality.groupby(["code", "severity"], observed=True, as_index=False)["joint_sessions"].sum()
     whole = whole.assign(of=every, percent=100 * whole["joint_sessions"] / max(every, 1))
@@ -88,10 +85,7 @@ def outside_first(units: pd.DataFrame) -> pd.DataFrame:
 
 
 def report_folders(joints: pd.DataFrame) -> dict[Name, str]:
-    """By unit and joint the folder below `reports/` that a report of its latest session belongs in: a slug with the session's time.
-
-    Joints of a unit that are in one file, as those of a robot, are in one report.
-    """
+    """By unit and joint the folder below `reports/` for its latest session: a slug with the time; joints in one file, as a robot's, share it."""
     rows = joints.sort_values(["unit", "joint"], kind="stable").astype(dict.fromkeys(("unit", "joint", "file"), str))
     count = rows.groupby(["unit", "file", "latest"], dropna=False)["joint"].transform("size")
     asked = rows["unit"].where((rows["file"] != "") & (count > 1), rows["unit"] + " " + rows["joint"])

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 from bristle import __version__
 from bristle.errors import InputError, reason
-from bristle.questions.fleet.dataset import task_bytes, task_file
-from bristle.questions.fleet.files import exists, is_remote, local_path, name_of, read_bytes, stamp, write_whole
+from bristle.questions.fleet.dataset import task_bytes
+from bristle.questions.fleet.files import is_remote, local_path, name_of, read_bytes, stamp
 from bristle.questions.fleet.survey import FleetInput, Surveyed, laid_out, survey, surveyed_of, without_folder
 
 
@@ -38,7 +38,6 @@ class FleetTask(NamedTuple):
     key: str
     joint: str  # as its file calls it
     file: Surveyed
-    output: str | None  # where the worker writes its rows; None: it returns them
     sent: dict[str, bytes] | None  # the inputs by name, where the worker does not reach them
     versions: tuple[tuple[str, str], ...]  # of the client
 
@@ -47,7 +46,7 @@ class TaskEnd(NamedTuple):
     """How a task ended."""
 
     failure: str = ""  # why nothing was identified, to be tried again in the next run
-    rows: bytes | None = None  # what is to be written, where the worker did not
+    rows: bytes | None = None  # what is to be written
     refused: str = ""  # why this worker cannot take part in the run
 
 
@@ -74,7 +73,7 @@ def survey_files(paths: Sequence[tuple[str, str | None]], verify: bool) -> list[
 
 
 def identify_task(task: FleetTask, identify: Identify) -> TaskEnd:
-    """Identify a joint of a file and write its rows, or why there are none. Raises nothing but what ends the process."""
+    """The rows of a joint of a file, or why there are none. Raises nothing but what ends the process."""
     from distributed import get_worker
 
     worker = "here"  # outside Dask
@@ -84,21 +83,13 @@ def identify_task(task: FleetTask, identify: Identify) -> TaskEnd:
     if wrong:
         return TaskEnd(refused=wrong)
     try:
-        if task.output is not None and exists(task_file(task.output, task.key)):
-            return TaskEnd()
-        rows = _rows(task, identify)
+        return TaskEnd(rows=_rows(task, identify))
     except (InputError, OSError) as error:
         return TaskEnd(failure=_sentence(task, error))
     except MemoryError:
         return TaskEnd(failure="its worker ran out of memory; give each worker more with --memory")
     except Exception as error:  # noqa: BLE001  # one log of thousands must not end the run, whatever is in it
         return TaskEnd(failure=_sentence(task, f"a defect of bristle: {type(error).__name__}: {error}"))
-    end = TaskEnd(rows=rows)
-    if task.output is not None:
-        with suppress(OSError, InputError):  # where the worker cannot write, the client does
-            write_whole(task_file(task.output, task.key), rows)
-            end = TaskEnd()
-    return end
 
 
 def _sentence(task: FleetTask, error: object) -> str:

@@ -43,8 +43,7 @@ def report(validation: Validation) -> Report:
         sections.append(Section("Not validated", facts=skipped, lines=lines, form="part"))
     sections.append(Section("Assumed", findings=case_set.assumptions, lines=(), form="part"))
     names = slugs([f"{x.case.label} {x.case.design}".replace("(+)", "plus").replace("(-)", "minus") for x in drawn])
-    for name, result in zip(names, drawn, strict=True):
-        sections += _of_case(result, case_set.kind, name, told=few)
+    sections += [_of_case(x, case_set.kind, name, told=few) for name, x in zip(names, drawn, strict=True)]
     if drawn:
         sections += _of_all(validation)
     return Report(
@@ -57,48 +56,27 @@ def report(validation: Validation) -> Report:
     )
 
 
-def _of_case(result: CaseResult, kind: Kind, name: str, *, told: bool) -> list[Section]:
-    """The verdict on a case with its figures, and its methods as a table; the terminal has the verdict where it is `told`."""
+def _of_case(result: CaseResult, kind: Kind, name: str, *, told: bool) -> Section:
+    """The verdict on a case with its figures; the terminal has the verdict where it is `told`."""
     case, said = result.case, verdict(result)
     lines = (
         f"{case.label}, SIMULATED, {case.design}, noise {case.noise:.2g} {unit('torque', kind)}:",
         *(f"  {x.flagged}" for x in said),
     )
-    table = Table(
-        "methods",
-        f"Methods of {case.label}",
-        part=_rounded(v_s_by_method(result)),
-        note=f"Coverage of the intervals by each method's own covariance. Other minimum: more than {SAME_COST:g} (relative) above the "
-        "lowest cost of any method; not counted for plain grids, which always are.",
+    return Section(
+        case.label,
+        about=f"{case.design}; noise {case.noise:.2g} {pretty(unit('torque', kind))}",
+        findings=said,
+        figures=drawings(result, kind, name),
+        lines=lines if told else (),
+        id=f"{name}--case",
     )
-    return [
-        Section(
-            case.label,
-            about=f"{case.design}; noise {case.noise:.2g} {pretty(unit('torque', kind))}",
-            findings=said,
-            figures=drawings(result, kind, name),
-            lines=lines if told else (),
-            id=f"{name}--case",
-        ),
-        Section("All methods as a table", table=table, form="folded"),
-    ]
 
 
 def _of_all(validation: Validation) -> list[Section]:
     """The resolution that a plain grid needs, and every case as a table."""
     covered, bootstrapped = (min(sets, validation.repetitions) for sets in (INTERVAL_SETS, BOOTSTRAP_SETS))
     shown = "91 to 98 %" if covered >= 200 else "a less precise figure"
-    fine = Drawing(
-        partial(figures.resolution_figure, validation),
-        "resolution",
-        "error of the plain grid vs its resolution",
-        f"{resolution_caption(validation)} RMS distance of a plain grid's vₛ from the continuous minimum, relative to the standard "
-        "error of vₛ. Below a tenth it is negligible: the total error is then half a percent larger. Cases in which vₛ is not "
-        "identifiable are left out.",
-        simulated=True,
-    )
-    known = bool(validation.resolvable)
-    nothing = "" if known else "vₛ is not identifiable in any case, so the resolution does not matter."
     cases = Table(
         "cases",
         "Solvers and plain grids by case",
@@ -116,23 +94,22 @@ def _of_all(validation: Validation) -> list[Section]:
         f"data sets, a true coverage of 95 % shows as {shown} in nineteen tables of twenty.",
     )
     return [
-        Section("How fine must a plain grid be?", text=nothing, figure=fine if known else None, id="all"),
+        Section("How fine must a plain grid be?", text=resolution_said(validation), lines=(), id="all"),
         Section("All cases", table=cases),
         Section("Do the 95 % intervals cover the truth?", table=covers),
     ]
 
 
 def drawings(result: CaseResult, kind: Kind, file: str) -> tuple[Drawing, ...]:
-    """The figures of a case, their files called `file` and what they show: cost, starts and methods."""
+    """The figures of a case, their files called `file` and what they show: cost and methods."""
     lost = f"vₛ is not identifiable in {in_percent(result.declined)} of the data sets. " * result.not_identifiable
     starts, truth, v = result.starts, result.case.truth.v_s, pretty(unit("v_s", kind))
     many = counted(starts.initial_v_s.size, "random start")
 
-    # From how many starts solvers reach the best minimum, and which of them do, the fewest first.
-    by_count: dict[int, list[str]] = {}
-    for name in starts.solvers:
-        by_count.setdefault(int((~starts.in_other_minimum(name)).sum()), []).append(name)
-    (fewest, worst), *others = [(count, " and ".join(names)) for count, names in sorted(by_count.items())]
+    # From how many starts solvers miss the best minimum, and which of them do the most often.
+    misses = {name: int(starts.in_other_minimum(name).sum()) for name in starts.solvers}
+    missed = max(misses.values())
+    worst = " and ".join(name for name, count in misses.items() if count == missed)
 
     # Where the refined grid ends, and from how many starts the worst solver misses it, or which solver ends below it.
     lowest = min(starts.solvers, key=lambda name: float(starts.cost[name].min()))
@@ -144,12 +121,8 @@ def drawings(result: CaseResult, kind: Kind, file: str) -> tuple[Drawing, ...]:
             f"The refined grid ends {at}, at a cost {excess} above the lowest, which {lowest} finds at vₛ = {below} {v}"
         )
     else:
-        missed = starts.initial_v_s.size - fewest
         miss = f"the worst solver ({worst}) misses it from {missed}" if missed else "no solver misses it from any"
         of_cost = f"The refined grid finds the minimum {at}; {miss} of {many}"
-
-    by = f"{worst} (worst)" if others else f"{'every' if fewest else 'any'} solver"
-    reached = (f"{fewest or 'none'} of {many} by {by}", *(f"{n} by {names}" for n, names in others))
 
     # Median error of v_s and failures, of the refined grid and of the solvers at their worst.
     local, grid = [(name, result.methods[f"{name}, random start"]) for name in starts.solvers], result.methods[REFINED]
@@ -168,12 +141,6 @@ def drawings(result: CaseResult, kind: Kind, file: str) -> tuple[Drawing, ...]:
             f"final values of {starts.initial_v_s.size} random starts of each solver.",
         ),
         (
-            "starts", partial(figures.starts_figure, result, kind), f"success vs start of {label}",
-            f"The best minimum is reached from {', '.join(reached)}. Final vₛ vs initial vₛ, the same data set; hollow: more than "
-            f"{SAME_COST:g} (relative) above the lowest cost. Below: percentage of the starts that reach the best minimum, by their "
-            "initial vₛ.",
-        ),
-        (
             "methods", partial(figures.methods_figure, result), f"v_s by each method of {label}",
             f"{of_methods} Median error of vₛ with the width of the middle 68 % over the repetitions; right: how often each fails, "
             "that is, ends at a cost at which even the true model would be rejected.",
@@ -182,11 +149,11 @@ def drawings(result: CaseResult, kind: Kind, file: str) -> tuple[Drawing, ...]:
     return tuple(Drawing(draw, f"{file}-{what}", said, text, simulated=True) for what, draw, said, text in found)
 
 
-def resolution_caption(validation: Validation) -> str:
-    """How many values a plain grid needs, or that those tried are too few; empty where v_s can be known nowhere."""
+def resolution_said(validation: Validation) -> str:
+    """How many values a plain grid needs, or that those tried are too few."""
     needed = [x.resolution.enough for x in validation.resolvable]
     if not needed:
-        return ""
+        return "vₛ is not identifiable in any case, so the resolution does not matter."
     most, found = validation.resolvable[0].resolution.counts[-1], sorted({n for n in needed if n is not None})
     coarse = f"{needed.count(None)} of {counted(len(needed), 'case')}"
     if not found:
@@ -246,21 +213,4 @@ def resolution(validation: Validation) -> pd.DataFrame:
         for result in validation.cases
         for values, error in zip(result.resolution.counts, result.resolution.error, strict=True)
     ]
-    return pd.DataFrame(rows)
-
-
-def v_s_by_method(result: CaseResult) -> pd.DataFrame:
-    """The methods of one case: v_s relative to the truth, and times relative to the refined grid's."""
-    v_s, base = result.case.truth.v_s, result.methods[REFINED].seconds
-    rows = [
-        {
-            "method": method.name, "sets": method.repetitions, "bias of v_s (%)": 100 * float(method.bias[-1]) / v_s,
-            "spread of v_s (%)": 100 * float(method.spread[-1]) / v_s,
-            **{f"covers {name} (%)": 100 * float(x) for name, x in zip(result.case.names, method.coverage, strict=True)},
-            "fails (%)": 100 * method.failed,
-            "other minimum (%)": None if method.other_minimum is None else 100 * method.other_minimum,
-            "ms": 1e3 * method.seconds, "time ratio to refined grid": method.seconds / base,
-        }
-        for method in result.methods.values()
-    ]  # fmt: skip  # a table
     return pd.DataFrame(rows)

@@ -45,8 +45,6 @@ class GridResolution:
     counts: tuple[int, ...]
     error: Array  # RMS distance of the plain grid's v_s from the continuous minimum, rad/s, one per count
     floor: float  # `MethodResult.spread` of v_s at the continuous minimum, rad/s: what noise alone does
-    predicted: int
-    """Values with which the error of even rounding, step / sqrt(12), is `FINE_ENOUGH` times the floor; 0 without a floor."""
 
     @property
     def enough(self) -> int | None:
@@ -79,11 +77,6 @@ class RandomStarts:
         """Which starts of a solver ended above the lowest cost found within the range, (s,)."""
         lowest = min(self.best_cost, *(float(self.cost[solver].min()) for solver in self.solvers))
         return np.asarray(self.cost[name] > lowest * (1 + SAME_COST))
-
-    def without_peak(self, name: str) -> NDArray[np.bool_]:
-        """Which of them ended without a Stribeck term: alpha_1 is nothing beside alpha_0, (s,)."""
-        theta = self.final[name]
-        return np.asarray(self.in_other_minimum(name) & (theta[-2] < 1e-4 * theta[0]))
 
 
 @result

@@ -116,7 +116,7 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
     declined = float(np.mean([x is None or x.interval is None or not is_closed(x.interval) for x in v_s]))
     return results.CaseResult(
         case=case, methods=by_method, starts=random_starts, declined=declined,
-        resolution=_resolution(case, grid, {n: answers[name][0] for n, name in PLAIN_GRIDS.items()}),
+        resolution=_resolution(grid, {n: answers[name][0] for n, name in PLAIN_GRIDS.items()}),
         cost_curve=_cost_curve(case, torques[:, 0], random_starts),
         coverage=interval_coverage(case, torques, identifiable=declined <= results.MOST_DECLINED),
         polish_shift=max(float(step / s) if s > 0 else np.inf for step, s in zip(steps, spreads, strict=True)),
@@ -148,14 +148,11 @@ def _each(fit: Local, torques: Array, initial: Array) -> tuple[Array, float]:
     return _timed(lambda: np.stack([fit(torque, start) for torque, start in pairs], axis=1), len(pairs))
 
 
-def _resolution(case: ValidationCase, grid: Array, plain: Mapping[int, Array]) -> results.GridResolution:
-    floor = float(spread(grid[-1]))
-    low, high = case.v_s_range
+def _resolution(grid: Array, plain: Mapping[int, Array]) -> results.GridResolution:
     return results.GridResolution(
         counts=tuple(plain),
         error=np.array([np.sqrt(np.mean((theta[-1] - grid[-1]) ** 2)) for theta in plain.values()]),
-        floor=floor,
-        predicted=1 + int(np.ceil((high - low) / (np.sqrt(12) * results.FINE_ENOUGH * floor))) if floor > 0 else 0,
+        floor=float(spread(grid[-1])),
     )
 
 

@@ -39,18 +39,15 @@ def verdict(result: CaseResult) -> tuple[Finding, ...]:
     # The resolution of the plain grid.
     if known:
         resolution, most = result.resolution, f"{100 * FINE_ENOUGH:.3g} %"
-        enough, predicted, share = resolution.enough, resolution.predicted, 100 * resolution.share(PLAIN_GRID)
-        needed = (
-            f"the smallest of the grids tried that stays below {most} has {enough} values "
-            f"(a step divided by the root of 12 predicts {predicted})"
-            if enough
-            else f"to stay below {most} it would need about {predicted} values"
-        )
+        enough, share = resolution.enough, 100 * resolution.share(PLAIN_GRID)
+        needed = f"none of the grids tried stays below {most}"
+        if enough:
+            needed = f"the smallest of the grids tried that stays below {most} has {enough} values"
         message = (
             f"The paper's plain grid of {PLAIN_GRID} adds an error of v_s of {share:.3g} % of its standard error; {needed}. The refined "
             "grid adds none."
         )
-        numbers = {"share": share, "predicted": predicted} | ({"enough": enough} if enough else {})
+        numbers = {"share": share} | ({"enough": enough} if enough else {})
         found.append(Finding("plain-grid-error", NOTE, message, numbers))
 
     # Lower costs outside the grid's range.
@@ -100,13 +97,9 @@ def _against_solvers(result: CaseResult) -> list[Finding]:
         message = f"IPOPT initialised at the grid's estimate stays there, within {shift:.1g} standard errors: the full fit adds nothing."
         found.append(Finding("polishing-stays", NOTE, message, {"shift": shift}))
     other = tuple((name, 100 * float(starts.in_other_minimum(name).mean())) for name in starts.solvers)
-    flat = tuple((name, 100 * float(starts.without_peak(name).mean())) for name in starts.solvers)
     if any(share for _, share in other):
-        message = (
-            f"Random starts that end in another minimum, or before they reach one: {_shares(other)}; without a Stribeck term: "
-            f"{_shares(flat)}. The grid needs no start."
-        )
-        found.append(Finding("starts-part", NOTE, message, {"other": other, "flat": flat}))
+        message = f"Random starts that end in another minimum, or before they reach one: {_shares(other)}. The grid needs no start."
+        found.append(Finding("starts-part", NOTE, message, {"other": other}))
     else:
         message = (
             f"Every random start of {', '.join(starts.solvers)} ends in the grid's minimum: here the grid's only advantage is its "

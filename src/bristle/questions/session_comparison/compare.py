@@ -23,7 +23,7 @@ from bristle.identification.fits import Estimate
 from bristle.identification.systematic import shifted, statistical
 from bristle.model.parameters import ParameterName, of_shape
 from bristle.questions.session_comparison import results
-from bristle.questions.session_comparison.explain import NO_CHANGE, hints, incomparable, sentence, verdict, warnings
+from bristle.questions.session_comparison.explain import NO_CHANGE, incomparable, sentence, verdict, warnings
 
 _FEW = 4.0  # degrees of freedom below which the test of a set says nothing
 _MANY = 1e9  # degrees of freedom that count as without end
@@ -58,7 +58,7 @@ def compare(first: results.Session, second: results.Session) -> results.Comparis
     sets = [replace(x, adjusted=p, changed=p < NAMED) for x, p in zip(sets, adjusted, strict=True)]
     return results.Comparison(
         changes=tuple(changes), sets=tuple(sets), kinds={name: first[name].kind for name in shared},
-        sentence=sentence(changes, sets), hints=tuple(hints(changes)), warnings=tuple(warnings(first, second, shared)),
+        sentence=sentence(changes, sets), warnings=tuple(warnings(first, second, shared, changes)),
         simulated=any(session[name].simulated for session in (first, second) for name in shared),
     )  # fmt: skip  # a list of values
 
@@ -95,10 +95,7 @@ def holm(p: Array) -> Array:
 
 
 def _changes(joint: str, first: results.SessionJoint, second: results.SessionJoint) -> Iterator[results.Change]:
-    """Every parameter that either session names, by the first fit that knows it in both.
-
-    Raises InputError where a parameter has more than one unit.
-    """
+    """Every parameter of either session, by the first fit that knows it in both. Raises InputError where it has more than one unit."""
     paired = results.pairs(first, second)
     for name in dict.fromkeys(name for session in (first, second) for fit in session.fits for name in fit.parameters):
         told_of = paired if results.alike(name.name, first.law, second.law) else []
@@ -140,10 +137,7 @@ def _difference(joint: str, name: ParameterName, pair: results.FitPair) -> resul
 
 
 def _systematic(a: Estimate, b: Estimate, by_a: float, by_b: float) -> dict[str, float]:
-    """Change of the difference of two estimates, each times a slope, per standard error of each constant.
-
-    A constant of both sessions moves both: of it no more is left than their values differ by.
-    """
+    """Change of the difference of two estimates, each times a slope, per standard error of each constant; one of both sessions moves both."""
     constants = dict.fromkeys((*a.shifts, *b.shifts))
     return {c: b.shifts.get(c, 0.0) * by_b - a.shifts.get(c, 0.0) * by_a for c in constants}
 

@@ -1,4 +1,4 @@
-"""What a comparison of two sessions says: verdicts, reasons, and guesses at causes that are said to be guesses."""
+"""What a comparison of two sessions says: verdicts, reasons, and what limits it."""
 
 from collections.abc import Iterator, Sequence
 
@@ -10,16 +10,6 @@ from bristle.model.parameters import ParameterName
 from bristle.questions.session_comparison.results import Change, Session, SessionJoint, SetChange, alike, pairs, usable
 
 _ALIKE = 0.5  # shares that differ by less than this part of their mean are one share
-_SCALED = (
-    "another load, or another scale of the torque (motor constant, drive gain), which would scale the friction alike,"
-)
-_CAUSES = {
-    "alpha_0": ("wear, dirt, a tighter preload or a colder joint", "running in, a warmer joint or a lost preload"),
-    "alpha_2": ("a colder or stiffer lubricant", "a warmer or thinner lubricant"),
-    "sigma_0": ("a tighter preload", "wear or a lost preload"),
-    "inertia": (_SCALED, _SCALED),
-}
-"""What may make a parameter rise, and fall."""
 NO_CHANGE = Finding("no-change", NOTE, "No change beyond the joint uncertainty.")
 
 
@@ -97,38 +87,7 @@ def sentence(changes: Sequence[Change], sets: Sequence[SetChange]) -> Finding:
     return Finding("none-changed", NOTE, message, {"compared": len(compared)})
 
 
-def hints(changes: Sequence[Change]) -> Iterator[Finding]:
-    """What such changes may come from, joint by joint: guesses, said as such."""
-    for joint in dict.fromkeys(c.joint for c in changes):
-        own = [c for c in changes if c.joint == joint and c.changed is not None]
-        torques = [c for c in own if c.parameter.name in ("alpha_0", "alpha_2", "inertia")]
-        shares = [(c.difference or 0.0) / abs(c.first.value) for c in torques if c.first and c.first.value]
-        if len(shares) > 2 and any(c.changed for c in torques) and np.ptp(shares) < _ALIKE * abs(np.mean(shares)):
-            message = (
-                f"{joint}: friction and inertia changed by the same ratio; that may be the torque's scale (motor "
-                "constant, drive gain), not the friction."
-            )
-            yield Finding("torque-scale", NOTE, message)
-            continue
-        for name, (risen, fallen) in _CAUSES.items():
-            found = [c for c in own if c.parameter.name == name]
-            signs = {(c.difference or 0.0) > 0 for c in found}
-            if any(c.changed for c in found) and len(signs) == 1:
-                rose = signs == {True}
-                both = " in both directions" if len(found) > 1 else ""
-                told = f"{joint}: {name} {'rose' if rose else 'fell'}{both}; {risen if rose else fallen} may do that."
-                match name:
-                    case "alpha_0":
-                        yield Finding("alpha-0-rose" if rose else "alpha-0-fell", NOTE, told)
-                    case "alpha_2":
-                        yield Finding("alpha-2-rose" if rose else "alpha-2-fell", NOTE, told)
-                    case "sigma_0":
-                        yield Finding("sigma-0-rose" if rose else "sigma-0-fell", NOTE, told)
-                    case "inertia":
-                        yield Finding("inertia-rose" if rose else "inertia-fell", NOTE, told)
-
-
-def warnings(first: Session, second: Session, shared: Sequence[str]) -> Iterator[Finding]:
+def warnings(first: Session, second: Session, shared: Sequence[str], changes: Sequence[Change]) -> Iterator[Finding]:
     """What limits the comparison."""
     for which, session, other in (("first", first, second), ("second", second, first)):
         alone = tuple(name for name in session if name not in other)
@@ -136,6 +95,18 @@ def warnings(first: Session, second: Session, shared: Sequence[str]) -> Iterator
             message = f"Only the {which} session has {', '.join(alone)}: it cannot be compared."
             yield Finding("in-one-session", CAUTION, message, {"names": alone})
     for name in shared:
+        torques = [c for c in changes if c.joint == name and c.parameter.name in ("alpha_0", "alpha_2", "inertia")]
+        known = [
+            (c.difference or 0.0) / abs(c.first.value)
+            for c in torques
+            if c.changed is not None and c.first and c.first.value
+        ]
+        if len(known) > 2 and any(c.changed for c in torques) and np.ptp(known) < _ALIKE * abs(np.mean(known)):
+            message = (
+                f"{name}: friction and inertia changed by the same ratio; that may be the torque's scale (motor "
+                "constant, drive gain), not the friction."
+            )
+            yield Finding("torque-scale", NOTE, message)
         yield from _warnings_of(name, first[name], second[name])
 
 
@@ -147,8 +118,7 @@ def _warnings_of(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Findi
             f"{joint}: the sessions share data and are not independent: {which} of the files are the same in both. "
             "Errors of differences are overstated, and changes missed."
         )
-        numbers = {"same": same, "files": files}
-        yield Finding("files-all-shared" if same == files else "files-shared", CAUTION, message, numbers)
+        yield Finding("files-shared", CAUTION, message, {"same": same, "files": files})
     # The constants that torques were computed with.
     of_a, of_b = ({c: 0 for fit in x.fits for e in fit.parameters.values() for c in e.shifts} for x in (a, b))
     common, alone = tuple(c for c in of_a if c in of_b), tuple(sorted(of_a.keys() ^ of_b.keys()))

@@ -24,7 +24,7 @@ _BEYOND = 8.0  # the axis reaches this many times as far as the median of the ro
 
 
 def report(compared: Comparison) -> Report:
-    """The verdict, its possible causes and its limits, then each joint; the terminal has the joints after the verdict."""
+    """The verdict and its limits, then each joint; the terminal has the joints after the verdict."""
     joints = list(compared.kinds)
     columns = ["joint", "source", "parameters", "F", "freedom", "p", "adjusted_p", "changed", "names"]
     sets = pd.DataFrame(
@@ -36,9 +36,6 @@ def report(compared: Comparison) -> Report:
     )  # fmt: skip  # one row, one line
     tables = {"changes": compared.to_frame(), "sets": sets}
     sections = [Section("", findings=(compared.sentence,), lines=(str(compared.sentence),), turn=-1)]
-    if compared.hints:
-        lines = tuple(f"perhaps: {x}" for x in compared.hints)
-        sections.append(Section("Possible causes (a guess)", findings=compared.hints, lines=lines, turn=2, form="part"))
     if compared.warnings:
         lines = tuple(f"warning: {x.coded}" for x in compared.warnings)
         limits = "What limits the comparison"
@@ -143,10 +140,7 @@ def _p(p: float | None) -> str:
 
 @styled
 def forest_figure(compared: Comparison, joint: str) -> Figure | None:
-    """Forest plot of one joint: value and 95 % interval of each comparable parameter in both sessions, percent from the first session's value.
-
-    What changed is marked; where an interval reaches beyond the axis, an arrow says so. None where nothing can be drawn.
-    """
+    """Both sessions' values and 95 % intervals of one joint, percent from the first's value; None where nothing can be drawn."""
     rows = [c for c in compared.changes if c.joint == joint and c.changed is not None and c.first and c.first.value]
     rows = rows[:_MOST]
     if not rows:

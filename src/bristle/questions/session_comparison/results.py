@@ -126,8 +126,6 @@ class Comparison:
     """Of the joints compared."""
     sentence: Finding
     """The overall verdict."""
-    hints: tuple[Finding, ...]
-    """What such changes may come from: guesses."""
     warnings: tuple[Finding, ...]
     """What limits the comparison."""
     simulated: bool

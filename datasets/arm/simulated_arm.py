@@ -16,9 +16,10 @@ from bristle.data.robot.rigid_body import RigidBody, rigid_body
 from bristle.data.robot.urdf import read_urdf
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout
-from bristle.simulation.edro import TABLE_1, datasets_folder
+from bristle.simulation.edro import TABLE_1
 from bristle.simulation.references import Multisine
 
+FOLDER = Path(__file__).resolve().parent  # of the arm's files
 STIFFER = 4.0
 """Times which a bristle's stiffness is beside what the torques are: it deflects by 0.8 mrad, not 3 mrad, as gears of arms are stiffer."""
 
@@ -95,14 +96,9 @@ class ArmLog(NamedTuple):
     current: Array
 
 
-def arm_folder() -> Path:
-    """Where the arm's files are: inside the installed package, or beside `src` in a checkout."""
-    return datasets_folder().with_name("arm")
-
-
 def body() -> RigidBody:
     """The arm without friction. Raises InputError where Pinocchio is missing."""
-    urdf = read_urdf(arm_folder() / "arm.urdf")
+    urdf = read_urdf(FOLDER / "arm.urdf")
     return rigid_body(urdf, [joint.name for joint in JOINTS], (0.0, 0.0, -9.81), None)
 
 

@@ -16,7 +16,6 @@ from bristle.control.closed_loop import Trajectory
 from bristle.control.compensator import Compensator, Measurement, Reference
 from bristle.control.control_period import Case
 from bristle.control.plant import plant_rates
-from bristle.errors import InputError
 from bristle.model import law, motor
 from bristle.model.laws.parts import Expression
 from bristle.model.parameters import Pair
@@ -27,19 +26,9 @@ def simulate_continuous(
 ) -> Trajectory:
     """Runs a case from rest for a duration, s, logged every period, s; there is no encoder, and the compensator measures the true velocity.
 
-    `reference` is the position, rad, of a CasADi symbol of time, s. Raises InputError where the case or the compensator has what is sampled alone,
-    as a limit of the torque or a filter, or period and duration are not positive.
+    `reference` is the position, rad, of a CasADi symbol of time, s. A limit of the torque, a filter and least squares, which are sampled
+    alone, are left out.
     """
-    if case.torque_limit < inf or case.gains.filter_time > 0:
-        raise InputError(
-            f"continuous: got a torque limit of {case.torque_limit:g} N*m and a filter of {case.gains.filter_time:g} s; expected inf and 0"
-        )
-    if compensator.adaptation and compensator.adaptation.step == "least-squares":
-        raise InputError("continuous: adaptation: step: got least-squares; expected gradient or normalised")
-    if not 0 < period <= duration < inf:
-        raise InputError(
-            f"continuous: got a period of {period:g} s and a duration of {duration:g} s; expected 0 < period <= duration, finite"
-        )
     gains = compensating.adapted_count(compensator)
     t, x = ca.SX.sym("t"), ca.SX.sym("x", 5 + 2 * gains)
     y, v, z, integral, *memory = ca.vertsplit(x)
