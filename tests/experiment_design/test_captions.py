@@ -93,19 +93,13 @@ def test_findings_are_those_of_the_results(gripper: Plan) -> None:
     assert said(gripper, "whole").startswith(
         f"The plan takes {gripper.duration:.3g} s: 24 runs at constant velocity, 2 of"
     )
-
-
-def test_robustness_spans_the_plausible_values(gripper: Plan) -> None:
-    """The errors said are those at the plausible values of v_s; values that would not show it have an error beyond the axis."""
+    # the errors said are those at the plausible values of v_s; values that would not show it have an error beyond the axis
     own = gripper.velocities[0]
     for part, x in zip(said(gripper, "robustness").split("; "), gripper.velocities, strict=True):
         assert f"{x.problem.nodes.min():.3g} to {x.problem.nodes.max():.3g} rad/s" in part
     blind = replace(own, problem=replace(own.problem, prior_information=np.zeros((4, 4)), noise=1e3))
     assert "(+): >200 % for" in said(replace(gripper, velocities=(blind,)), "robustness")
-
-
-def test_what_stays_open_is_said_first(gripper: Plan) -> None:
-    """A parameter that the plan leaves open is named in place of the widest; one that it does not improve has the same error twice."""
+    # a parameter that the plan leaves open is named in place of the widest; one that it does not improve has the same error twice
     errors = gripper.standard_errors["with motion"].copy()
     errors[[0, 2]] = np.inf, 3 * gripper.start.estimate[2]
     opened = replace(gripper, standard_errors={**gripper.standard_errors, "with motion": errors})
@@ -135,10 +129,7 @@ def test_a_planned_motion_that_loses_is_said(gripper: Plan) -> None:
     assert said(replace(gripper, motions=mirrored), "motions").endswith(", only the other one shows α₀ (+).")
     none = replace(motion, errors=np.full(len(names), np.inf))
     assert "none below 200 % after both" in said(replace(gripper, motions=(none, none)), "motions")
-
-
-def test_loading_that_shows_nothing_is_said(gripper: Plan) -> None:
-    """Where the joint moves by less than two encoder counts, sigma_0 is said to be not identifiable, with the counts."""
+    # where the joint moves by less than two encoder counts, sigma_0 is said to be not identifiable, with the counts
     p = gripper.start.p("+")
     load = design_loading(Direction.POSITIVE, p, 0.0, 1e-4, 1.1 * p.alpha_0 / p.sigma_0)
     expected = f"not identifiable, as the joint moves only {load.counts:.2g} encoder counts at {load.peak:.3g} N·m."

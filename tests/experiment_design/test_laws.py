@@ -92,11 +92,7 @@ def test_runs_planned_for_the_laws_own_parameter_beat_spaced_ones(law: str) -> N
     planned = design(own, 10, OWN[law])
     others = [design(own, 10), *(evaluate_design(own, spaced_speeds(own, 10, kind)) for kind in ("log", "even"))]
     assert planned.alone[k] < min(x.alone[k] for x in others)
-
-
-@pytest.mark.parametrize("law", OWN)
-def test_the_columns_of_a_design_are_differences_of_the_curve(law: str) -> None:
-    """The derivative of steady torque by each parameter that is estimated is its central difference, to 1e-6."""
+    # the derivative of steady torque by each parameter that is estimated is its central difference, to 1e-6
     p, v = truth_of(law), np.geomspace(0.01, 1.2, 30)
     found = static_jacobian(v, p)
     for k, name in enumerate(problem(law).names):
@@ -116,10 +112,7 @@ def test_what_is_no_parameter_of_the_joints_law_is_refused() -> None:
         bristle.plan(points(EXPONENT), aim="alpha_3")
     with pytest.raises(InputError, match="expected 5 to 1000"):
         bristle.plan(points(DRAG), velocities=4)
-
-
-def test_a_peak_that_was_not_found_has_the_middle_shape() -> None:
-    """Without a peak all of it is a guess, its shape in the middle of where it is looked for, which is said."""
+    # without a peak all of it is a guess, its shape in the middle of where it is looked for, which is said
     fit = points(EXPONENT)
     static = fit.joint.static["both"]
     none = {
