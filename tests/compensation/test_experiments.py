@@ -221,6 +221,7 @@ def test_the_band_holds_the_truth_that_it_was_drawn_for() -> None:
     assert narrow.rms_actual == pytest.approx(np.sqrt(np.mean(narrow.actual**2)))
     # what they do to the RMS error alone stands beside the band of all causes, and is no part of its quantiles; without them it is None. A
     # joint whose covariance is unknown has no band
+    rng = np.random.default_rng(0)
     draws, by_constants = (tuple(spread(GRIPPER, rng, 0.1) for _ in range(20)) for _ in range(2))
     one = joint_loop(period=2e-3, draws=draws)
     assert band(replace(one, draws=())) is None
