@@ -90,6 +90,21 @@ def test_sides_may_differ(tmp_path: Path) -> None:
     ).warnings
     assert found.code == "velocity-factor"
     assert "the other side for velocity under motor.gear" in str(found)
+    # no ratio, one that is none, signals of an unknown side, an efficiency, which is friction, and a current without k_t: one sentence
+    # each. Of a joint that slides a bare ratio is refused, as what has another dimension
+    constants = {"torque_constant": f"{K_T} N*m/A", "resistance": f"{R} ohm"}
+    sides, asks = "position: motor, velocity: motor, torque: motor", []
+    current: dict[str, Any] = {"position": "qm rad", "velocity": "wm rad/s", "current": "i A"}
+    for text, says in _BAD.items():
+        motor = {
+            key: x for key, x in (constants | yaml.safe_load(text.replace("SIDES", sides))).items() if x is not None
+        }
+        asks.append((partial(experiment, tmp_path, None, more={"motor": motor}, **current), says))
+    slides: dict[str, Any] = {name: current[name] for name in ("position", "current")}
+    for ratio in (100, "5 m", "100", 0, "0 rad/m", "inf rad/m", "0 mm/rev", None):
+        gear = {"ratio": ratio, "position": "motor"}
+        asks.append((partial(experiment, tmp_path, gear, kind="prismatic", **slides), r"motor\.gear\.ratio: "))
+    assert_refused(asks)
 
 
 def test_constants_of_the_motor_at_the_joint(tmp_path: Path) -> None:
@@ -193,23 +208,3 @@ _BAD: dict[str, str] = {
     "{torque_constant: null}": r"motor\.torque_constant: missing; add this key",
     "{torque_constant: null, resistance: null, gear: {ratio: 2, position: motor}}": r"torque from current needs motor\.torque_constant",
 }
-
-
-def test_bad_gears_are_refused(tmp_path: Path) -> None:
-    """No ratio, one that is none, signals of an unknown side, an efficiency, which is friction, and a current without k_t: one sentence each.
-
-    Of a joint that slides a bare ratio is refused, as what has another dimension.
-    """
-    constants = {"torque_constant": f"{K_T} N*m/A", "resistance": f"{R} ohm"}
-    sides, asks = "position: motor, velocity: motor, torque: motor", []
-    current: dict[str, Any] = {"position": "qm rad", "velocity": "wm rad/s", "current": "i A"}
-    for text, says in _BAD.items():
-        motor = {
-            key: x for key, x in (constants | yaml.safe_load(text.replace("SIDES", sides))).items() if x is not None
-        }
-        asks.append((partial(experiment, tmp_path, None, more={"motor": motor}, **current), says))
-    slides: dict[str, Any] = {name: current[name] for name in ("position", "current")}
-    for ratio in (100, "5 m", "100", 0, "0 rad/m", "inf rad/m", "0 mm/rev", None):
-        gear = {"ratio": ratio, "position": "motor"}
-        asks.append((partial(experiment, tmp_path, gear, kind="prismatic", **slides), r"motor\.gear\.ratio: "))
-    assert_refused(asks)

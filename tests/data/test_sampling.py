@@ -320,10 +320,7 @@ def test_copies_and_freezes() -> None:
     # one long interval does not move the sampling interval; a single sample has none
     assert Record(file="", time=np.array([0.0, 1.0, 2.0, 9.0])).step == 1.0
     assert np.isnan(Record(file="", time=np.array([0.0])).step)
-
-
-def test_refuses_what_is_no_time_series() -> None:
-    """Time must be one finite, strictly increasing column, and every signal finite and as long."""
+    # time must be one finite, strictly increasing column, and every signal finite and as long
     times: list[Any] = [[], [[0.0, 1.0]], [0.0, 0.0], [1.0, 0.0], [0.0, np.nan]]
     asks = [(partial(Record, file="a.csv", time=np.array(time)), r"^a\.csv: time") for time in times]
     pair = partial(Record, file="a.csv", time=np.array([0.0, 1.0]))

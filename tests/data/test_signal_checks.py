@@ -253,7 +253,7 @@ def test_counts_given_as_rad_are_critical(tmp_path: Path, counts: float) -> None
         assert not [d for d in written(tmp_path, position, log) if d.code == "whole-positions"]
 
 
-def test_files_with_one_fault_are_one_warning() -> None:
+def test_files_with_one_fault_are_one_warning(tmp_path: Path) -> None:
     """Files alike are named together, a few of many; what is critical comes first; another remedy is another warning."""
 
     def factor(file: str, ratio: float, remedy: str) -> Finding:
@@ -275,10 +275,7 @@ def test_files_with_one_fault_are_one_warning() -> None:
         "Lost: a.csv row 5; b.csv row 9.",
     ]
     assert str(alike[0]) == "Of 0.csv: 57."
-
-
-def test_a_unit_that_contradicts_the_encoder(tmp_path: Path) -> None:
-    """Positions whose steps are not the declared count: the unit that explains it, bits, rounding, or the factor; none where they agree."""
+    # positions whose steps are not the declared count: the unit that explains it, bits, rounding, or the factor; none where they agree
     t = np.arange(4000) / 1000
     count = 2 * np.pi / 4096
     q, torque = np.round(np.sin(3 * t) * np.exp(-t / 9) / count) * count, np.sin(3 * t) + 0.1 * np.cos(3 * t)

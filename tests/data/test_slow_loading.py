@@ -158,6 +158,17 @@ def test_a_torque_exceeded_without_sliding_is_no_breakaway() -> None:
     assert with_more.torque.size > alone.torque.size
     (slid,), _ = find_all_loadings([replace(x, cutoff=2.0) for x in (slipped(0.7 * G0, G0), higher)], None, None)
     assert slid.breakaway == pytest.approx(0.7 * G0, rel=0.12)
+    # whatever count is declared, no more than four edges a reading are kept, in order; one of more counts than any encoder has is bad input
+    (first, *_) = find_loadings(cycle(), 1e3, 1e-12, None)
+    assert 0 < first.edge_torque.size <= 4 * first.torque.size
+    assert (np.diff(first.edge_displacement) > 0).all()
+    for absurd in (1e-30, 1e-300):
+        with pytest.raises(
+            InputError, match=r"counts of encoder_resolution, more than any encoder has; check its unit"
+        ):
+            find_loadings(cycle(), 1e3, absurd, None)
+        with pytest.raises(InputError, match="encoder_resolution"):
+            find_loops(cycle(), 1e3, absurd)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 1e-4, 1e-3]), st.floats(0, 10))
@@ -187,20 +198,6 @@ def test_the_count_is_found_in_the_readings(quantum: float, levels: int, seed: i
     assert smallest_step(readings) == pytest.approx(quantum, rel=1e-6)
     assert smallest_step(rng.standard_normal(50)) == 0.0
     assert smallest_step(np.ones(10)) == 0.0
-
-
-def test_a_count_far_below_the_readings_is_thinned_and_an_absurd_one_refused() -> None:
-    """Whatever count is declared, no more than four edges a reading are kept, in order; one of more counts than any encoder has is bad input."""
-    (first, *_) = find_loadings(cycle(), 1e3, 1e-12, None)
-    assert 0 < first.edge_torque.size <= 4 * first.torque.size
-    assert (np.diff(first.edge_displacement) > 0).all()
-    for absurd in (1e-30, 1e-300):
-        with pytest.raises(
-            InputError, match=r"counts of encoder_resolution, more than any encoder has; check its unit"
-        ):
-            find_loadings(cycle(), 1e3, absurd, None)
-        with pytest.raises(InputError, match="encoder_resolution"):
-            find_loops(cycle(), 1e3, absurd)
 
 
 @given(st.floats(1e-30, 1.0))

@@ -81,10 +81,7 @@ def test_in_a_linear_problem_covariance_profile_and_bootstrap_coincide() -> None
         value, reach = solution.values[name], student(freedom) * np.sqrt(matrix[j, j])
         assert found[name].interval == pytest.approx((value - reach, value + reach), abs=1e-5 * reach)
         assert drawn[name][0] == pytest.approx([value - reach, value + reach], abs=0.2 * reach)
-
-
-def test_blocks_that_err_together_widen_the_jackknife() -> None:
-    """A mean of 40 blocks, each with an offset of its own: the jackknife's error is that of the mean of 40 numbers."""
+    # a mean of 40 blocks, each with an offset of its own: the jackknife's error is that of the mean of 40 numbers
     rng = np.random.default_rng(2)
     offsets = np.repeat(rng.standard_normal(40), 25)
     one = line(offsets, np.ones((1000, 1)))
@@ -152,6 +149,12 @@ def test_no_columns_have_an_empty_basis() -> None:
     """Nothing spans nothing, in silence."""
     q, inverse = orthonormal(np.zeros((7, 0)))
     assert (q.shape, inverse.shape) == ((7, 0), (0, 0))
+    # no sample, one sample and a constant have no correlation, and a standard error that is unknown or zero
+    assert autocorrelation(EMPTY).size == 0
+    assert lag_one(np.ones(1)) == lag_one(np.full(9, 0.1)) == 0.0
+    assert standard_error(np.ones(1)) is None
+    assert standard_error(np.full(50, 0.1)) == pytest.approx(0.0, abs=1e-15)
+    assert lag_one(np.tile([1.0, -1.0], 50)) == pytest.approx(-0.99)
 
 
 @settings(max_examples=30, deadline=None)
@@ -299,12 +302,3 @@ def test_autocorrelation_is_that_of_the_definition(x: Array) -> None:
     if np.ptp(x) > 1e-3:
         direct = [centred[k:] @ centred[: x.size - k] / (centred @ centred) for k in range(x.size)]
         assert rho == pytest.approx(np.array(direct), abs=1e-9)
-
-
-def test_degenerate_series() -> None:
-    """No sample, one sample and a constant have no correlation, and a standard error that is unknown or zero."""
-    assert autocorrelation(EMPTY).size == 0
-    assert lag_one(np.ones(1)) == lag_one(np.full(9, 0.1)) == 0.0
-    assert standard_error(np.ones(1)) is None
-    assert standard_error(np.full(50, 0.1)) == pytest.approx(0.0, abs=1e-15)
-    assert lag_one(np.tile([1.0, -1.0], 50)) == pytest.approx(-0.99)

@@ -65,16 +65,7 @@ def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
     parts = [section.table.part for section in report(plan).sections if section.table]
     columns = [x for part in parts if part is not None for x in part]
     assert f"{SYMBOLS[plan.joint.law.name]} (%)" in columns
-
-
-@pytest.mark.parametrize("plan", [OUTSIDE], indirect=True)
-def test_the_page_has_the_laws_own_parameter(plan: Plan, tmp_path: Path) -> None:
-    """Its symbol stands there, also of a law from outside."""
-    assert "β" in page_text(bristle.report_of(plan).write(tmp_path / "page"))
-
-
-def test_fits_of_simulated_runs_scatter_as_predicted(plan: Plan) -> None:
-    """The scatter of fits under the law is the prediction within a fifth, for planned and for spaced runs."""
+    # the scatter of fits under the law is the prediction within a fifth, for planned and for spaced runs
     for x in plan.velocities:
         own, count = (
             replace(x.problem, prior_information=np.zeros_like(x.problem.prior_information)),
@@ -83,6 +74,12 @@ def test_fits_of_simulated_runs_scatter_as_predicted(plan: Plan) -> None:
         spaced = (spaced_speeds(own, count, kind) for kind in ("log", "even"))
         for speeds in (design(own, count, x.chosen.aim).speeds, *spaced):
             assert simulated_errors(own, speeds) == pytest.approx(evaluate_design(own, speeds).alone, rel=0.2)
+
+
+@pytest.mark.parametrize("plan", [OUTSIDE], indirect=True)
+def test_the_page_has_the_laws_own_parameter(plan: Plan, tmp_path: Path) -> None:
+    """Its symbol stands there, also of a law from outside."""
+    assert "β" in page_text(bristle.report_of(plan).write(tmp_path / "page"))
 
 
 @pytest.mark.parametrize("law", OWN)

@@ -242,6 +242,14 @@ def test_acceleration_is_continuous() -> None:
     assert sum(h.averaged for h in reference.passes(most, 1, 1e-3, short)) == pytest.approx(3.0)
     with pytest.raises(ValueError, match="too short for a hold"):
         reference.fastest(1e-3, replace(LIMITS, position=(0.0, 0.01)))
+    # what a motion tells is J'J / noise**2 of friction through the bristle with the acceleration for the inertia, as the other route has it
+    run = course(plain_lines(LIMITS), LIMITS, 2.0, 0.01)
+    matrix, torque = information(run.velocity, run.acceleration, PROBLEM)
+    other = gram(motion_jacobian(run.velocity, 0.01, PAIR, {"inertia": run.acceleration}), PROBLEM.noise)
+    assert matrix == pytest.approx(other, rel=1e-9, abs=1e-9 * np.abs(other).max())
+    assert torque > J * np.abs(run.acceleration).max() / 2
+    found = evaluate_motion("it", plain_lines(LIMITS), replace(PROBLEM, duration=2.0))
+    assert found.errors == pytest.approx(covariance(PROBLEM.prior_information + other)[0], rel=1e-6)
 
 
 @pytest.mark.parametrize(("tag", "sign"), [("+", 1.0), ("-", -1.0)])
@@ -364,17 +372,6 @@ def test_a_motion_stays_within_its_limits(sines: list[tuple[float, float, float]
     assert course(played, LIMITS, duration, 0.01).position == pytest.approx(run.position, abs=1e-12)
     wanted = evaluate_motion("it", lines, replace(PROBLEM, duration=duration)).lines
     assert wanted.amplitude == pytest.approx(played.amplitude)
-
-
-def test_information_is_that_of_the_model_and_the_acceleration() -> None:
-    """What a motion tells is J'J / noise**2 of friction through the bristle with the acceleration for the inertia, as the other route has it."""
-    run = course(plain_lines(LIMITS), LIMITS, 2.0, 0.01)
-    matrix, torque = information(run.velocity, run.acceleration, PROBLEM)
-    other = gram(motion_jacobian(run.velocity, 0.01, PAIR, {"inertia": run.acceleration}), PROBLEM.noise)
-    assert matrix == pytest.approx(other, rel=1e-9, abs=1e-9 * np.abs(other).max())
-    assert torque > J * np.abs(run.acceleration).max() / 2
-    found = evaluate_motion("it", plain_lines(LIMITS), replace(PROBLEM, duration=2.0))
-    assert found.errors == pytest.approx(covariance(PROBLEM.prior_information + other)[0], rel=1e-6)
 
 
 def test_a_motion_is_scaled_down_to_the_torque_of_the_drive(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -58,7 +58,7 @@ def torques_of(case: ValidationCase, sets: int, seed: int = 0) -> Array:
     return np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, sets).T)
 
 
-def test_the_sweep_is_what_it_says() -> None:
+def test_the_sweep_is_what_it_says(joint: Joint) -> None:
     """Eight sets, two noise levels, three designs; the third has no speed below v_s; v_s lies within the grid's range; directions keep their sign."""
     cases = sweep().cases
     assert len(cases) == len({(c.label, c.design, c.noise) for c in cases}) == 8 * 2 * 3
@@ -72,6 +72,16 @@ def test_the_sweep_is_what_it_says() -> None:
     together, apart = both_ways(flat, torques_of(flat, 20), 50)
     assert 0 < (together[1] == 0).sum() < 20
     assert together == pytest.approx(apart, rel=1e-9, abs=1e-12)
+    # a joint's own cases have its velocities, its fitted parameters, its range of v_s, and its noise, corrected for four parameters
+    case_set = joint_cases(joint)
+    assert [c.label for c in case_set.cases] == ["wrist (+)", "wrist (-)"]
+    for case, fit in zip(case_set.cases, joint.static.values(), strict=True):
+        assert case.velocity.tolist() == fit.velocity.tolist()
+        assert case.theta.tolist() == [fit.parameters[name].value for name in NAMES]
+        assert case.noise == pytest.approx(np.sqrt(np.sum(fit.residuals**2) / (fit.n - 4)), rel=1e-12)
+        assert case.v_s_range == pytest.approx(static.default_range(fit.velocity), rel=1e-12)
+    louder = joint_cases(joint, 0.03)
+    assert [c.noise for c in louder.cases] == pytest.approx([0.03 * c.truth.alpha_0 for c in louder.cases])
 
 
 def both_ways(case: ValidationCase, torques: Array, count: int) -> tuple[Array, Array]:
@@ -316,19 +326,6 @@ def test_intervals_of_bristle_cover_as_counted(validation: Validation) -> None:
 def joint(tmp_path_factory: pytest.TempPathFactory) -> Joint:
     """A joint of points in both directions."""
     return identify(write(tmp_path_factory.mktemp("joint"), speeds())).joints[0]
-
-
-def test_own_design_is_the_joint_s(joint: Joint) -> None:
-    """A joint's own cases have its velocities, its fitted parameters, its range of v_s, and its noise, corrected for four parameters."""
-    case_set = joint_cases(joint)
-    assert [c.label for c in case_set.cases] == ["wrist (+)", "wrist (-)"]
-    for case, fit in zip(case_set.cases, joint.static.values(), strict=True):
-        assert case.velocity.tolist() == fit.velocity.tolist()
-        assert case.theta.tolist() == [fit.parameters[name].value for name in NAMES]
-        assert case.noise == pytest.approx(np.sqrt(np.sum(fit.residuals**2) / (fit.n - 4)), rel=1e-12)
-        assert case.v_s_range == pytest.approx(static.default_range(fit.velocity), rel=1e-12)
-    louder = joint_cases(joint, 0.03)
-    assert [c.noise for c in louder.cases] == pytest.approx([0.03 * c.truth.alpha_0 for c in louder.cases])
 
 
 def test_what_cannot_be_tried_is_skipped_and_said(joint: Joint, tmp_path: Path) -> None:

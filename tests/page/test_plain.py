@@ -81,10 +81,7 @@ def test_a_code_is_found_in_any_form() -> None:
         ran = run("explain", code)
         assert (ran.code, ran.out, len(ran.said)) == (2, "", 1)
         assert near in ran.err
-
-
-def test_a_page_has_the_entries_that_it_links_to() -> None:
-    """A finding ends with a link to its code, a note only where notes are listed; each code linked has one entry, the critical ones first."""
+    # a finding ends with a link to its code, a note only where notes are listed; each code linked has one entry, the critical ones first
     caution, note = Finding("single-run", CAUTION, "1 of 4 <b>."), Finding("correlated", NOTE, "They are.")
     assert flagged(note) == str(note)
     assert "href" not in flagged("a text of somebody's") + warned("<b>")
