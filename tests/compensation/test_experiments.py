@@ -350,7 +350,7 @@ def test_every_way_under_each_circumstance(tried: tuple[AblationRow, ...]) -> No
     found = of(tried, LUGRE)
     assert all(found[1.0].rms_error < 0.5 * row.rms_error for share, row in found.items() if share != 1.0)
     assert found[1.0].over_none < 0.1
-    # coulomb friction by the measured velocity makes the held joint swing on at every share; nothing by the reference velocity does
+    # Coulomb friction by the measured velocity makes the held joint swing on at every share; nothing by the reference velocity does
     for way in WAYS:
         found = of(tried, way)
         if way.endswith("reference velocity") or way == "none":

@@ -56,7 +56,7 @@ def test_values_are_those_to_use(edro_results: Path) -> None:
     assert {x.source for x in one.parameters if x.parameter.name == "sigma_1"} == {"assumed"}
     assert {x.source for x in one.parameters if x.parameter.name == "sigma_0"} == {"presliding"}
     assert "prior" in {x.code for x in one.said}
-    # coulomb and Stribeck compensators have losses; the LuGre ones have none
+    # Coulomb and Stribeck compensators have losses; the LuGre ones have none
     for name, least in (("coulomb", 20.0), ("stribeck", 0.01)):
         handed_over = bristle.export(edro_results, "c", joint="wrist pitch", compensator=name)
         (found,) = handed_over.artefact.losses.values()

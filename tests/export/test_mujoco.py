@@ -263,7 +263,7 @@ def test_a_pair_driven_by_a_torque_follows_the_continuous_equation(handed: Hande
         true = continuous(joint, 4.0)
         assert not joint.law.terms or np.abs(true).max() > joint.fastest / 3
         assert off(velocity(joint, 0.001, 4.0), true) <= 0.5, joint.law.name
-    # euler, implicit and implicitfast give the same simulation
+    # Euler, implicit and implicitfast give the same simulation
     joint = handed("wrist pitch")
     euler = velocity(joint, 0.002, 2.0)
     for integrator in ("implicit", "implicitfast"):

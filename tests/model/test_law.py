@@ -34,7 +34,7 @@ def test_bristle_rests_in_steady_state(v: float, p: Lugre[float]) -> None:
     z = 0.3
     expected = float(law.relaxation(v, p) * (law.steady_deflection(v, p) - z))
     assert float(law.bristle_rate(z, v, p)) == pytest.approx(expected, rel=1e-9, abs=1e-9 * abs(v))
-    # t_ss is its own derivative times alpha_0, alpha_1, alpha_2 (11)-(12), and the Stribeck shape is the column of alpha_1
+    # T_ss is its own derivative times alpha_0, alpha_1, alpha_2 (11)-(12), and the Stribeck shape is the column of alpha_1
     static = p[:4]
     (torque,) = evaluate(functions.steady_torque_function(), v, *static)
     columns = evaluate(functions.steady_jacobian_function(), v, *static)

@@ -218,7 +218,7 @@ def test_half_intervals_freedom_sets_and_many_tests() -> None:
     up, down = (change(compare(first, session(plain({"alpha_0": 10.0 + d}, 1e-6))), "alpha_0") for d in (8.0, -8.0))
     assert up.z == pytest.approx(2.0, rel=1e-6)
     assert down.z == pytest.approx(-8.0, rel=1e-6)
-    # welch: with 3 and 3 degrees of freedom and equal errors a difference has 6 of them
+    # Welch: with 3 and 3 degrees of freedom and equal errors a difference has 6 of them
     reach = stats.t.ppf(0.975, 3)
     both = ({"alpha_0": estimate(x, 1.0, reach=reach)} for x in (0.0, 3.0))
     made = (session(fit_of(source="static +", parameters=parameters, freedom=3)) for parameters in both)

@@ -73,7 +73,7 @@ def test_plateaus_noise_seeds_and_travel() -> None:
     np.testing.assert_array_equal(alone.voltage[0], batch.voltage[1])
     np.testing.assert_array_equal(alone.position[0], batch.position[1])
     assert not np.array_equal(batch.voltage[0], batch.voltage[1])
-    # monte Carlo points have (9) as their mean and the stated deviation
+    # Monte Carlo points have (9) as their mean and the stated deviation
     v, p = np.array([-0.5, -0.05, 0.05, 0.5]), PAIR.positive
     T = bench.steady_points(p, v, 1e-3, np.random.default_rng(0), 20_000)
     expected = [float(law.steady_torque(x, p)) for x in v.tolist()]
