@@ -134,12 +134,8 @@ def test_mat_files_are_read_whole(tmp_path: Path) -> None:
         assert names_of(path) == ("q",)
     headers = [(0, -1, 3, 0, 2), (0, -11, 2, 0, 2), (0, -1, -1, 0, 2), (0, 65536, 65536, 0, 2), (0, 1, 1, 0, -5)]
     headers += [
-        (0, 2**31 - 1, 2**31 - 1, 1, 2),
-        (0, 1, 1, 0, 2**31 - 1),
-        (0, 1, 1, 0, 0),
-        (99, 1, 1, 0, 2),
-        (0, 3, 1, 0, 2),
-    ]
+        (0, 2**31 - 1, 2**31 - 1, 1, 2), (0, 1, 1, 0, 2**31 - 1), (0, 1, 1, 0, 0), (99, 1, 1, 0, 2), (0, 3, 1, 0, 2),
+    ]  # fmt: skip  # a list of values
     paths = [_write(tmp_path, _version_4("<", *x) + bytes(8), f"{k}.mat") for k, x in enumerate(headers)]
     assert all("is damaged" in str(said) for said in answers("bristle.data.mat", "scipy.io", paths, Key("q")))
     # beside an object of MATLAB, which SciPy knows no name of, the arrays are read and listed

@@ -33,12 +33,9 @@ TRUTH, INERTIA = Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0), 0.08
 def at(record: Record, time: Array) -> Record:
     """What would have been logged at other times."""
     return replace(
-        record,
-        time=time,
-        position=sampled(record, time),
-        velocity=None,
+        record, time=time, position=sampled(record, time), velocity=None,
         torque=np.interp(time, record.time, present(record.torque)),
-    )
+    )  # fmt: skip  # a list of values
 
 
 def even(record: Record) -> bool:

@@ -142,12 +142,9 @@ def test_units_and_sign_change_no_decision(powers: tuple[float, float, float], s
     tick, speed, load = (2.0 ** round(3 * p) for p in powers)
     record = staircase(seed=2, hold=0.5, signs=(1,))
     other = replace(
-        record,
-        time=record.time * tick,
-        velocity=present(record.velocity) * speed * sign,
-        position=present(record.position) * speed * tick * sign,
-        torque=present(record.torque) * load * sign,
-    )
+        record, time=record.time * tick, velocity=present(record.velocity) * speed * sign,
+        position=present(record.position) * speed * tick * sign, torque=present(record.torque) * load * sign,
+    )  # fmt: skip  # a list of values
     before, after = find_segments(record, Thresholds()), find_segments(other, Thresholds())
     assert [(s.start, s.stop, s.accepted) for s in before] == [(s.start, s.stop, s.accepted) for s in after]
     assert [s.velocity * speed * sign for s in before] == pytest.approx([s.velocity for s in after])
@@ -183,12 +180,9 @@ def motion(velocity: Array, torque: Array | None = None) -> Record:
     torque = friction(velocity) + 0.1 * np.gradient(velocity, time) if torque is None else torque
     noisy = velocity + 1e-4 * rng.normal(size=velocity.size)
     return Record(
-        file="motion.csv",
-        time=time,
-        velocity=noisy,
-        torque=torque + 1e-3 * rng.normal(size=time.size),
+        file="motion.csv", time=time, velocity=noisy, torque=torque + 1e-3 * rng.normal(size=time.size),
         position=np.cumsum(velocity) / RATE,
-    )
+    )  # fmt: skip  # a list of values
 
 
 N = 3000

@@ -136,12 +136,9 @@ def test_a_dead_zone(width: float) -> None:
         at = np.repeat(np.arange(t.size), np.where(np.arange(t.size) % 800 == 799, 200, 1))
         still = np.diff(at, prepend=-1) == 0
         resting = replace(
-            record,
-            time=np.arange(at.size) / RATE,
-            position=np.cumsum(v)[at] / RATE,
-            velocity=np.where(still, 0.0, v[at]),
-            torque=np.where(still, 0.0, torque[at]),
-        )
+            record, time=np.arange(at.size) / RATE, position=np.cumsum(v)[at] / RATE,
+            velocity=np.where(still, 0.0, v[at]), torque=np.where(still, 0.0, torque[at]),
+        )  # fmt: skip  # a list of values
         assert kinds(resting, "tracking") == []
 
 

@@ -48,11 +48,8 @@ RUNS = 12
 def problem(low: float = 0.15, high: float = 0.8, relative: float = 0.0, **changed: object) -> DesignProblem:
     """Gripper rotation (+), from `low` v_s to `high` rad/s, with nothing known before."""
     given_ = {
-        "p": P,
-        "nodes": nodes_of(P.v_s, relative),
-        "prior_information": np.zeros((4, 4)),
-        "noise": 0.005 * P.alpha_0,
-    }
+        "p": P, "nodes": nodes_of(P.v_s, relative), "prior_information": np.zeros((4, 4)), "noise": 0.005 * P.alpha_0,
+    }  # fmt: skip  # a list of values
     return DesignProblem(**{**given_, "low": low * P.v_s, "high": high, **changed})  # type: ignore[arg-type]  # of mixed types
 
 

@@ -508,12 +508,8 @@ def test_a_joint_that_slides_has_its_units(handed: Handed, exported: Exported, m
     assert fmu_problems(artefact.content) == []
     units = {v.attrib["name"]: v[0].attrib["unit"] for v in root_of(artefact.content).iter("ScalarVariable")}
     assert [units[name] for name in ("torque", "position", "velocity", "inertia", "positive.sigma_0")] == [
-        "N",
-        "m",
-        "m/s",
-        "kg",
-        "N/m",
-    ]
+        "N", "m", "m/s", "kg", "N/m",
+    ]  # fmt: skip  # a list of values
     assert not {"rad", "N*m"} & {u.attrib["name"] for u in root_of(artefact.content).iter("Unit")}
     # the FMU then has no binary, says so, is valid, and is else the same to the byte
     joint = handed("wrist pitch")

@@ -213,11 +213,8 @@ def check_equations(joint: ExportedJoint) -> None:
 
 
 _PYTHON = {
-    "Min": min,
-    "Max": max,
-    "sign": np.sign,
-    **{name: getattr(math, name) for name in ("exp", "log", "sqrt", "atan")},
-}
+    "Min": min, "Max": max, "sign": np.sign, **{name: getattr(math, name) for name in ("exp", "log", "sqrt", "atan")},
+}  # fmt: skip  # a list of values
 """What SymPy's text calls."""
 
 
@@ -250,12 +247,9 @@ def test_a_law_from_outside_is_handed_over(handed: Handed, monkeypatch: pytest.M
     width = OwnParameter(name="width", symbol="w", units=("1", "1"), searched=(0.5, 3.0))
     root = OwnParameter(name="beta", symbol="β", units=("N*m*s**1.5/rad**1.5", "N*s**1.5/m**1.5"), least=-math.inf)
     peak = Peak(
-        name="arc",
-        title="arc",
-        shape=lambda v, v_s, w: 1 - 2 / ca.pi * ca.atan(w * (v / v_s) ** 2),
-        own=(width,),
+        name="arc", title="arc", shape=lambda v, v_s, w: 1 - 2 / ca.pi * ca.atan(w * (v / v_s) ** 2), own=(width,),
         reach=2.5,
-    )
+    )  # fmt: skip  # a list of values
     registry.register_law(peak, compete=False)
     registry.register_law(ViscousTerm(name="root", title="v·√|v|", coefficient=root, rate=ca.sqrt), compete=False)
     outside = registry.law_named("arc+root")

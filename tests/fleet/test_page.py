@@ -326,12 +326,9 @@ def test_names_changes_and_counts_in_text() -> None:
     assert not any(26 * "b" in line for line in lines[2:])
     # a change is rounded as its interval, to the second digit of a quarter of its width; an open interval is left out
     cases = (
-        ((15.234, 12.1, 18.3), "+15.2 [12.1, 18.3]"),
-        ((-0.4, -2.2, 1.4), "-0.40 [-2.20, 1.40]"),
-        ((250.3, 100.0, 400.0), "+250 [100, 400]"),
-        ((12.0, -math.inf, math.inf), "+12"),
-        ((math.nan, 0.0, 1.0), "–"),
-    )
+        ((15.234, 12.1, 18.3), "+15.2 [12.1, 18.3]"), ((-0.4, -2.2, 1.4), "-0.40 [-2.20, 1.40]"),
+        ((250.3, 100.0, 400.0), "+250 [100, 400]"), ((12.0, -math.inf, math.inf), "+12"), ((math.nan, 0.0, 1.0), "–"),
+    )  # fmt: skip  # a list of values
     assert [change(*given) for given, _ in cases] == [wanted for _, wanted in cases]
     assert [estimate(*given) for given, _ in cases] == [wanted.removeprefix("+") for _, wanted in cases]
     # two digits; below 1e-30 no more than that; a dash where there is none

@@ -135,11 +135,8 @@ def test_logs_of_two_kinds_are_drafted_together(tmp_path: Path) -> None:
     e = load_experiment(tmp_path / "draft.yaml")
     assert e.context.gear is not None
     assert (e.joint.name, e.context.gear.ratio, e.inertia, e.fit.directions) == (
-        "elbow",
-        2.0,
-        PlusMinus(value=0.05, standard_error=0.01),
-        "symmetric",
-    )
+        "elbow", 2.0, PlusMinus(value=0.05, standard_error=0.01), "symmetric",
+    )  # fmt: skip  # a list of values
     assert [(run.files, run.hold_out) for run in e.runs] == [
         ("wrist_1.csv", False),
         ("wrist_2.csv", False),

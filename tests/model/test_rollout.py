@@ -119,14 +119,9 @@ def test_error_on_irregular_steps() -> None:
 
 anything = st.floats(-10, 10)
 scaled = st.builds(
-    Lugre,
-    st.floats(0.01, 10),
-    st.floats(0, 10),
-    st.floats(0, 10),
-    st.floats(0.01, 1),
-    st.floats(-2, 8).map(lambda e: 10.0**e),
-    st.floats(0, 1),
-)
+    Lugre, st.floats(0.01, 10), st.floats(0, 10), st.floats(0, 10), st.floats(0.01, 1),
+    st.floats(-2, 8).map(lambda e: 10.0**e), st.floats(0, 1),
+)  # fmt: skip  # a list of values
 speeds = hnp.arrays(float, st.integers(0, 60), elements=anything)
 
 
