@@ -84,7 +84,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if (skipped := config.stash.get(SKIPPED, None)) is not None:
 
         def is_left(item: pytest.Item) -> bool:
-            """Whether it skipped, alone or with its module."""
             of = item.nodeid.partition("::")[0].removesuffix(".py").replace("/", ".")
             return not skipped.isdisjoint({(of, ""), (of, item.name)})
 

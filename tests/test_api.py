@@ -3,6 +3,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import FrozenInstanceError, fields, is_dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,11 @@ from bristle import Results, api
 from bristle.api import identifying
 from bristle.api.sources import JointLogs
 from bristle.data.experiment.load import load_experiment
-from bristle.identification.fits import StaticFit
+from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.measured import Measured
+from bristle.model.parameters import Direction, Lugre, ParameterName
+from bristle.questions.joint_report import results_file
+from bristle.simulation.edro import TABLE_1
 
 from .conftest import FEW, speeds, write
 
@@ -26,12 +30,18 @@ def clean(tmp_path_factory: pytest.TempPathFactory) -> Results:
     return bristle.identify(write(tmp_path_factory.mktemp("clean"), speeds()))
 
 
-def test_the_package_offers_the_api() -> None:
+def test_the_package_offers_the_api(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`bristle` offers what it lists, each the library's own, and refuses any other name as Python does."""
     names = set(bristle.__all__) - {"__version__"}
     assert not [name for name in names if getattr(bristle, name) is not getattr(api, name)]
     with pytest.raises(AttributeError, match="nothing_such"):
         _ = bristle.nothing_such
+    # `inspect` gives runs and segments, frozen too, and never comes near a fit
+    monkeypatch.delattr("bristle.identification.static.runs.fit_static")
+    measured = bristle.inspect(write(tmp_path, FEW))
+    assert isinstance(measured, Measured)
+    assert [segment.velocity for found in measured.segments for segment in found] == FEW.tolist()
+    check_immutable((measured.runs, measured.segments))
 
 
 def test_joints_of_one_name_are_refused(tmp_path: Path) -> None:
@@ -44,10 +54,7 @@ def test_joints_of_one_name_are_refused(tmp_path: Path) -> None:
         bristle.identify(*paths)
     with pytest.raises(ValueError, match=r"joint\.name"):
         bristle.identify(paths[1], paths[1])
-
-
-def test_joints_keep_their_order(tmp_path: Path) -> None:
-    """Joints come out in the order in which their experiments went in: in the results, the JSON, the table and the text."""
+    # joints come out in the order in which their experiments went in: in the results, the JSON, the table and the text
     names = ["wrist", "base", "Elbow", "arm"]
     results = bristle.identify(*(write(tmp_path, FEW, joint=name, stem=name) for name in names))
     assert [joint.name for joint in results.joints] == names
@@ -56,16 +63,13 @@ def test_joints_keep_their_order(tmp_path: Path) -> None:
     assert re.findall(r"^\[\[(\w+)\]\]", results.text(full=True), re.MULTILINE) == names
     assert re.findall(r"^(\w+) \(revolute\)", str(results), re.MULTILINE) == names
     assert list(dict.fromkeys(warning.subject[0] for warning in results.warnings)) == names
-
-
-def test_a_source_is_a_path_its_text_or_the_experiment(tmp_path: Path) -> None:
-    """An experiment gives the same results as a path, as that path's text, and loaded."""
+    # an experiment gives the same results as a path, as that path's text, and loaded
     path = write(tmp_path, FEW)
     one, two, three = (bristle.identify(source).to_json() for source in (path, str(path), load_experiment(path)))
     assert one == two == three
 
 
-def test_table_holds_every_estimate(clean: Results) -> None:
+def test_table_holds_every_estimate(clean: Results, tmp_path: Path) -> None:
     """The table has a row for each joint, direction and parameter, in order, and the numbers of the estimates."""
     frame = clean.to_frame()
     rows = [
@@ -79,10 +83,7 @@ def test_table_holds_every_estimate(clean: Results) -> None:
     assert len(rows) == 8
     assert (frame["lower"] <= frame["value"]).all()
     assert (frame["value"] <= frame["upper"]).all()
-
-
-def test_what_is_missing_is_nan_with_a_warning(tmp_path: Path) -> None:
-    """Where nothing can be estimated the table has the same rows, each nan and with a warning that says why, and the JSON null."""
+    # where nothing can be estimated the table has the same rows, each nan and with a warning that says why, and the JSON null
     results = bristle.identify(write(tmp_path, FEW))
     frame = results.to_frame()
     assert list(frame.columns) == COLUMNS
@@ -91,6 +92,13 @@ def test_what_is_missing_is_nan_with_a_warning(tmp_path: Path) -> None:
     assert frame["warnings"].str.contains("points for").all()
     for fit in json.loads(results.to_json())["joints"]["wrist"]["static"].values():
         assert all(p["value"] is None and p["warnings"] for p in fit["parameters"].values())
+    # results are frozen through and through, the runs and segments behind them too; writing into one of their arrays is an error
+    found = check_immutable(replace(clean, logs=JointLogs()))
+    check_immutable(tuple(x for measured in clean.measured for x in (measured.runs, measured.segments)))
+    assert sum(isinstance(part, StaticFit) for part in found) == 2
+    assert sum(isinstance(part, np.ndarray) for part in found) > 10
+    with pytest.raises(ValueError, match="read-only"):
+        clean.joints[0].static["+"].covariance[0, 0] = 0.0
 
 
 def parts(value: object) -> Iterator[object]:
@@ -120,25 +128,6 @@ def check_immutable(result: object) -> list[object]:
     return found
 
 
-def test_results_cannot_be_changed(clean: Results) -> None:
-    """Results are frozen through and through, the runs and segments behind them too; writing into one of their arrays is an error."""
-    found = check_immutable(replace(clean, logs=JointLogs()))
-    check_immutable(tuple(x for measured in clean.measured for x in (measured.runs, measured.segments)))
-    assert sum(isinstance(part, StaticFit) for part in found) == 2
-    assert sum(isinstance(part, np.ndarray) for part in found) > 10
-    with pytest.raises(ValueError, match="read-only"):
-        clean.joints[0].static["+"].covariance[0, 0] = 0.0
-
-
-def test_inspect_reads_and_fits_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`inspect` gives runs and segments, frozen too, and never comes near a fit."""
-    monkeypatch.delattr("bristle.identification.static.runs.fit_static")
-    measured = bristle.inspect(write(tmp_path, FEW))
-    assert isinstance(measured, Measured)
-    assert [segment.velocity for found in measured.segments for segment in found] == FEW.tolist()
-    check_immutable((measured.runs, measured.segments))
-
-
 def test_one_joint_of_a_results_file_is_taken(tmp_path: Path, clean: Results) -> None:
     """A results file of several joints gives the one that is named, as `bristle validate --joint` needs it, or says what there is."""
     (joint,) = clean.joints
@@ -147,13 +136,95 @@ def test_one_joint_of_a_results_file_is_taken(tmp_path: Path, clean: Results) ->
     assert [x.name for x in identifying.identified(file, joint="elbow").joints] == ["elbow"]
     with pytest.raises(ValueError, match="one of wrist, elbow"):
         identifying.identified(file, joint="knee")
-
-
-def test_results_of_several_joints_are_no_joint(clean: Results) -> None:
-    """What asks about one joint refuses results of two, and such as hold no data, with what it got."""
+    # what asks about one joint refuses results of two, and such as hold no data, with what it got
     (joint,) = clean.joints
     two = Results(joints=(joint, replace(joint, name="elbow")), logs=clean.logs)
     with pytest.raises(ValueError, match="got 2 joints; expected one: say which with joint, one of wrist, elbow"):
         bristle.plan(two)
     with pytest.raises(ValueError, match="got results without their logs"):
         bristle.plan(Results(joints=(joint,)))
+
+
+STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
+
+
+@pytest.fixture(scope="module")
+def results(edro_results: Path) -> Results:
+    """All four joints, all stages."""
+    return bristle.read_results(edro_results)
+
+
+def test_nothing_stands_for_the_embedded_joints(results: Results, edro_report: Path) -> None:
+    """Without an experiment the four joints of Ed-Ro are identified, in the order of Table 1, and progress is told of each."""
+    names, told = (
+        list(TABLE_1),
+        [*map(tuple, json.loads(edro_report.with_name("edro.told.json").read_text(encoding="utf-8")))],
+    )
+    assert [joint.name for joint in results.joints] == names
+    assert [step for step in told if step[0] in {f"identifying {name}" for name in names}] == [
+        (f"identifying {name}", k, 4) for k, name in enumerate(names)
+    ]
+    # each joint's second slow cycle is a hysteresis loop, or a warning says how far it drifts; at least two joints show a loop
+    shown = [joint.presliding for joint in results.joints if joint.presliding]
+    assert len(shown) == 4
+    assert all(bool(p.loops) != any(warning.code == "open-cycles" for warning in p.warnings) for p in shown)
+    assert sum(bool(p.loops) for p in shown) >= 2
+    # what is critical or a caution in the results has the codes that docs/warnings.md lists with a cause, and each of these is there
+    page = (Path(__file__).parents[1] / "docs" / "warnings.md").read_text(encoding="utf-8")
+    table = page.partition("its cause in the simulation")[2].partition("\n\n")[0]
+    listed = {code for row in re.findall(r"^\| (`.*?) \|", table, re.MULTILINE) for code in re.findall(r"[\w-]+", row)}
+    assert set(warned(json.loads(results_file.to_json(results.joints)))) == listed
+
+
+def holds(e: Estimate, true: float) -> bool:
+    """Whether an interval holds the truth."""
+    return e.interval is not None and e.interval[0] <= true <= e.interval[1]
+
+
+def test_static_parameters_are_found(results: Results) -> None:
+    """At least 26 of 32 true values lie in their intervals, alpha_0 and alpha_2 within 2 %; grid and full fit agree to 1 % of a standard error."""
+    inside = 0
+    for joint in results.joints:
+        for d, p in joint.truth.items():
+            found = joint.static[d].parameters
+            inside += sum(holds(found[name], getattr(p, name)) for name in STATIC)
+            assert found["alpha_0"].value == pytest.approx(p.alpha_0, rel=0.02)
+            assert found["alpha_2"].value == pytest.approx(p.alpha_2, rel=0.02)
+            assert max(map(abs, joint.crosscheck[d].difference_in_se.values())) < 0.01
+    assert inside >= 26
+    # in at least 12 of 16 cases the interval of the edge-to-edge or the all-sample estimate holds the true sigma_0; sigma_1 is called a
+    # prior
+    inside = 0
+    for joint in results.joints:
+        assert joint.presliding is not None
+        for d, p in joint.truth.items():
+            fit = joint.presliding.fits[d]
+            inside += holds(fit.edges, p.sigma_0) + holds(fit.samples, p.sigma_0)
+            assert fit.edges.value == pytest.approx(p.sigma_0, rel=0.05)
+            assert fit.sigma_1.warnings[0].code == "prior"
+    assert inside >= 12
+    # at least 40 of the 48 true values lie in the intervals of the joint fit, the held-out torque is predicted to 2 %, and the stages agree
+    inside = 0
+    for joint in results.joints:
+        fit = joint.joint_fit
+        assert fit is not None
+        inside += sum(
+            holds(fit.parameters[ParameterName(name, Direction(d))], getattr(p, name))
+            for d, p in joint.truth.items()
+            for name in Lugre._fields
+        )
+        assert all(held.relative_error < 2 for held in fit.hold_out)
+        assert len(fit.hold_out) == 1
+        assert sum(c.verdict.code == "stage-agrees" for c in joint.consistency) >= 8
+    assert inside >= 40
+
+
+def warned(value: Any) -> Iterator[str]:
+    """The kind of each diagnostic of a results file that is critical or a caution, wherever it stands."""
+    match value:
+        case {"severity": severity, "code": str(kind), "message": _}:
+            yield from [kind] if severity != "note" else []
+        case dict():
+            yield from (kind for x in value.values() for kind in warned(x))
+        case list():
+            yield from (kind for x in value for kind in warned(x))

@@ -1,6 +1,7 @@
-"""Numbers that no joint has, masked arrays, older results and options beyond reason: one sentence each, and no number that is wrong in silence."""
+"""Numbers that no joint has, masked arrays, older results, options beyond reason, inputs that once broke: one sentence each, or a result."""
 
 import json
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -12,6 +13,7 @@ import pytest
 
 import bristle
 from bristle.data.record import Record
+from bristle.data.units import to_si
 from bristle.errors import InputError
 from bristle.questions.export.export import TARGETS
 
@@ -77,16 +79,13 @@ def one_sentence(*arguments: object, says: str) -> str | None:
     return None if right else f"{arguments}: {ran.code}, {ran.out[-200:]} {ran.err[-200:]}"
 
 
-def test_no_question_takes_a_number_that_no_joint_has() -> None:
+def test_bad_numbers_in_a_results_file() -> None:
     """Every export, the explorer, plans, loops and sensitivities refuse it by the one sentence, and write nothing."""
     file, before = spoilt("sigma_0", lambda _: -1.0), set(Path().iterdir())
     says = " = -1 N*m/rad; expected more than 0: look at its fit in the report"
     assert not [fault for ask in ASKS if (fault := one_sentence(ask[0], file, *ask[1:], says=says))]
     assert set(Path().iterdir()) == before
-
-
-def test_which_numbers_no_joint_has() -> None:
-    """Stiffness, Stribeck velocity and inertia are above zero, the others of the law not below, and none is outside its own interval."""
+    # stiffness, Stribeck velocity and inertia are above zero, the others of the law not below, and none is outside its own interval
     cases: list[tuple[str, Callable[[dict[str, Any]], float], str]] = [
         ("sigma_0", lambda _: 0.0, " = 0 N*m/rad; expected more than 0"),
         ("v_s", lambda _: 0.0, "got v_s+ = 0 rad/s; expected more than 0"),
@@ -103,10 +102,7 @@ def test_which_numbers_no_joint_has() -> None:
             faults += [fault] if (fault := one_sentence(*ask, says=says)) else []
     assert not faults
     assert run("export", "good.json", "--to", "urdf", "-o", "good.urdf").code == 0
-
-
-def test_a_bad_fit_is_read_shown_and_compared() -> None:
-    """Its text, its report and its comparison are there; of the report only the page to play with is not."""
+    # its text, its report and its comparison are there; of the report only the page to play with is not
     bad = bristle.read_results(spoilt("sigma_0", lambda _: 0.0))
     assert "sigma_0+" in bad.text()
     assert "sigma_0+" in bad.text(full=True)
@@ -114,16 +110,10 @@ def test_a_bad_fit_is_read_shown_and_compared() -> None:
     assert run("report", "bad.json", "-o", "shown").code == 0
     assert Path("shown/index.html").exists()
     assert not Path("shown/explore.html").exists()
-
-
-def test_results_are_not_identified_again() -> None:
-    """`identify` of them is refused; what asks about them is answered."""
+    # `identify` of them is refused; what asks about them is answered
     assert one_sentence("identify", "good.json", says="is a results file, identified already") is None
     assert run("sensitivity", "good.json", "--samples", "0", "-o", "sensitivity").code == 0
-
-
-def test_a_validation_needs_a_law() -> None:
-    """Points are simulated from no law without a Stribeck velocity."""
+    # points are simulated from no law without a Stribeck velocity
     with pytest.raises(InputError, match=r"wrist: got v_s\+ = 0; expected more than 0"):
         bristle.validate(spoilt("v_s", lambda _: 0.0), repetitions=20, starts=1)
 
@@ -160,7 +150,7 @@ def refusal(ask: Callable[[], object]) -> str:
 
 def test_masked_values_are_missing_ones() -> None:
     """Each call that takes arrays refuses values that a mask hides by the sentence that it has for nan."""
-    t = np.arange(0.0, 4.0, 0.01)
+    t: Any = np.arange(0.0, 4.0, 0.01)
     whole, hidden = np.sin(t), np.isin(np.arange(t.size), [3, 4, 5])
     masked, gone = np.ma.array(np.where(hidden, 0.3, whole), mask=hidden), np.where(hidden, np.nan, whole)
     asks: dict[str, Callable[[Any], object]] = {
@@ -180,16 +170,12 @@ def test_masked_values_are_missing_ones() -> None:
     assert "time is missing or not finite in 3 of 400" in refusal(lambda: bristle.find_segments(instants, whole, whole))
     law = bristle.Lugre(0.02, 0.006, 0.04, 0.07, 6.0, 0.02)
     assert (np.isnan(bristle.friction(masked, law)) == hidden).all()
-
-
-def test_what_is_no_joint_is_refused() -> None:
-    """Kinds that there are none of, numbers and fits in the place of results: each is one sentence that says what was expected."""
+    # kinds that there are none of, numbers and fits in the place of results: each is one sentence that says what was expected
     v = np.r_[np.geomspace(0.02, 0.8, 12), -np.geomspace(0.02, 0.8, 12)]
     fit = bristle.fit(v, 0.3 * np.sign(v) + 0.4 * v + 1e-3 * np.cos(9e3 * v))
-    t: Any = np.arange(0.0, 4.0, 0.01)
     some: Any = 5
     evil: Any = "evil"
-    asks: dict[str, tuple[Callable[[], object], str]] = {
+    wrong: dict[str, tuple[Callable[[], object], str]] = {
         "fit": (lambda: bristle.fit(v, v, kind=evil), "kind: got 'evil'; expected 'revolute' or 'prismatic'"),
         "fit_dynamic": (lambda: bristle.fit_dynamic(t, t, t, kind=evil, inertia=0.1), "kind: got 'evil'"),
         "fit_presliding": (lambda: bristle.fit_presliding(t, t, t, kind=evil), "kind: got 'evil'"),
@@ -202,7 +188,84 @@ def test_what_is_no_joint_is_refused() -> None:
         "export": (lambda: bristle.export(some, "c"), "got 5, int; expected an experiment"),
         "read_results": (lambda: bristle.read_results(some), "got 5, int; expected the path of a results.json"),
     }
-    said = {name: refusal(ask) for name, (ask, _) in asks.items()}
+    said = {name: refusal(ask) for name, (ask, _) in wrong.items()}
     assert not {
-        name: said[name] for name, (_, expected) in asks.items() if expected not in said[name] or "Error:" in said[name]
+        name: said[name]
+        for name, (_, expected) in wrong.items()
+        if expected not in said[name] or "Error:" in said[name]
     }
+
+
+POINTS = """
+joint: {name: wrist}
+signals: {velocity: {column: v, unit: rad/s}, torque: {column: tau, unit: N*m}}
+runs: [{files: points.csv, experiment: points}]
+"""
+MOVING = """
+joint: {name: wrist}
+signals:
+  time: {column: t, unit: s}
+  position: {column: q, unit: rad}
+  velocity: {column: v, unit: rad/s}
+  torque: {column: tau, unit: N*m}
+runs: [{files: tracking.csv, experiment: tracking}]
+"""
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with points and a moving run, in which one is."""
+    for kind in ("points", "tracking"):
+        pd.DataFrame(logs()[kind]).to_csv(tmp_path / f"{kind}.csv", index=False)
+    (tmp_path / "e.yaml").write_text(POINTS, encoding="utf-8")
+    (tmp_path / "m.yaml").write_text(MOVING, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_no_unit_takes_long() -> None:
+    """A power of many digits, or of powers, is refused at once, however it is written, and so is an error; one digit raised is read."""
+    powers = ("9⁹⁹⁹⁹⁹⁹⁹⁹", "((((((((9**9)**9)**9)**9)**9)**9)**9)**9)", "9⁻⁹⁹⁹⁹", "(2**9)**9*(2**9)**9")
+    for text in (*(f"1 N*m*{power}" for power in powers), "1 kg*m**2 +/- 0 kg*m**2"):
+        begun = time.monotonic()
+        with pytest.raises(InputError, match="is not known"):
+            to_si(text, "N*m")
+        assert time.monotonic() - begun < 5, text
+    assert to_si("2 kg·m²", "kg*m**2") == 2.0
+
+
+def test_options_that_are_taken_warn_of_nothing(here: Path) -> None:
+    """A fine grid, and a value far off, are fitted without a word of NumPy's: warnings are errors here."""
+    for options in ("fit: {grid: 1000}", "fit: {fixed: {alpha_1: 1e20 N*m}}"):
+        (here / "m.yaml").write_text(f"{MOVING}{options}\n", encoding="utf-8")
+        assert run("identify", "m.yaml").code == 0
+    # points of no torque, and one whose speed is rounding, are read and fitted, or refused in a sentence; no warning, no traceback
+    for torque in (0.0, 1e-18):
+        frame = pd.DataFrame(logs()["points"])
+        frame["tau"] = torque * np.sign(frame["v"])
+        frame.loc[3, "v"] = 5e-324
+        frame.to_csv(here / "points.csv", index=False)
+        for command in (("identify", "e.yaml"), ("sensitivity", "e.yaml", "--samples", "0", "-o", "out")):
+            assert run(*command).code in {0, 2}
+        assert "1 point" not in run("inspect", "e.yaml").err
+    # two links that lead back up do not hold a glob up; it finds files below real folders, not hidden ones, by absolute paths too
+    (here / "logs" / "a" / ".hidden").mkdir(parents=True)
+    for place in ("a", "a/.hidden"):
+        (here / "logs" / place / "points.csv").write_bytes((here / "points.csv").read_bytes())
+    for name in ("l1", "l2"):
+        (here / "logs" / "a" / name).symlink_to("..")
+    for pattern in ("logs/**/*.csv", f"{here}/logs/**/*.csv"):
+        (here / "e.yaml").write_text(POINTS.replace("points.csv", pattern), encoding="utf-8")
+        ran = run("inspect", "e.yaml")
+        assert ran.code == 0, ran.err
+        assert ran.out.count("24 rows") == 1
+
+
+@pytest.mark.parametrize("last", [0.0, 1e-190, 1.0])
+def test_a_torque_of_next_to_nothing_warns_of_nothing(here: Path, last: float) -> None:
+    """A moving run whose torque is zero, or nearly, throughout or but for one row, ends with a result or a sentence; warnings are errors here."""
+    tau = np.append(np.zeros(logs()["tracking"]["tau"].size - 1), last)
+    pd.DataFrame({**logs()["tracking"], "tau": tau}).to_csv(here / "tracking.csv", index=False)
+    for text in (MOVING, MOVING.replace("  velocity: {column: v, unit: rad/s}\n", "")):
+        (here / "m.yaml").write_text(text, encoding="utf-8")
+        assert run("identify", "m.yaml").code in (0, 2)

@@ -409,6 +409,16 @@ def test_units_far_off_are_fitted_without_a_word(tmp_path: Path) -> None:
         ran = run("identify", placed(tmp_path, log("ramp", **columns | {name: columns[name] * factor})))
         wrong += [] if (ran.code, len(ran.said)) == ((2, 1) if name == "t" else (0, 0)) else [(name, factor, ran)]
     assert wrong == []
+    # position and velocity that disagree by a unit are a critical warning about the joint that names the unit, and --strict exits with 3
+    time = np.arange(4000) / 100
+    speed = np.repeat([0.1, 0.3, 0.5, 0.8], 1000) + 1e-4 * np.random.default_rng(0).standard_normal(4000)
+    position, torque = np.cumsum(speed) / 100, 0.2 + 0.1 * speed
+    log_of = log("ramp", t=time, q=position, v=60 / (2 * np.pi) * speed, tau=torque)
+    ran = run("identify", placed(tmp_path, log_of), "--strict")
+    assert ran.code == 3
+    said = "critical [velocity-factor]: The position of data.csv moves 0.105 times as far as its logged velocity says"
+    assert said in ran.words
+    assert "`unit: rpm` under signals.velocity" in ran.words
 
 
 @pytest.mark.slow
@@ -437,11 +447,7 @@ def test_one_direction_is_a_warning(hostile: tuple[Path, Ran]) -> None:
     (warning,) = (x["message"] for x in joint["warnings"])
     assert "Direction - is not identified" in warning
     assert warning in html.unescape(report_text(folder / "out"))
-
-
-def test_html_in_a_name_stays_text(hostile: tuple[Path, Ran]) -> None:
-    """A name that is HTML and a path is shown as it is, makes no element of the page, and no file outside of the report or of another name."""
-    folder, ran = hostile
+    # a name that is HTML and a path is shown as it is, makes no element of the page, and no file outside of the report or of another name
     text = report_text(folder / "out")
     page = Elements(text)
     assert ran.code == 0
@@ -493,7 +499,7 @@ def test_logs_need_no_experiment_file(tmp_path: Path, monkeypatch: pytest.Monkey
 
 def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
     """Where nothing is in warning --strict is 0; the JSON satisfies its schema, holds the truth within 5 standard errors, and is printed."""
-    ran = run("identify", write(tmp_path, speeds()), "-o", tmp_path / "out.json", "--strict")
+    ran = run("identify", write(tmp_path, speeds()), "-o", tmp_path / "out.json", "--strict", "--uncertainty")
     assert ran.code == 0
     assert not ran.said
     results = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
@@ -507,14 +513,7 @@ def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
             assert abs(p["value"] - getattr(TRUTH, name)) < 5 * p["standard_error"]
             shown = re.escape(measured(p["value"], p["standard_error"]).replace("±", "+/-"))
             assert re.search(rf"{name}{re.escape(fit['direction'])} +{shown} {re.escape(p['unit'])} ", ran.out)
-
-
-def test_identify_prints_every_interval_three_ways(tmp_path: Path) -> None:
-    """With --uncertainty a line per parameter has its three intervals, as results.json has them, to the second digit of their error."""
-    file = write(tmp_path, speeds())
-    ran = run("identify", file, "--uncertainty", "-o", tmp_path / "out.json")
-    assert ran.code == 0
-    results = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    # with --uncertainty a line per parameter has its three intervals, as results.json has them, to the second digit of their error
     for sign, fit in results["joints"]["wrist"]["static"].items():
         for name, ways in fit["uncertainty"].items():
             ends = [interval(ways[way]) for way in ("covariance", "profile", "bootstrap")]
@@ -677,13 +676,8 @@ def test_new_drafts_a_file_that_loads(tmp_path: Path) -> None:
     (tmp_path / "draft.yaml").write_text(printed.out, encoding="utf-8")
     assert printed.err == ran.err
     assert len(measure(tmp_path / "draft.yaml").runs) == 1
-
-
-def test_new_completes_an_experiment_file(tmp_path: Path) -> None:
-    """An experiment file gets the lines that its runs ask for, once.
-
-    With lines under `fit` of its own they are a comment, and another folder is refused.
-    """
+    # an experiment file gets the lines that its runs ask for, once. With lines under `fit` of its own they are a comment, and another
+    # folder is refused
     t = np.arange(2000) / 250
     q = 0.6 * np.sin(2 * np.pi * 0.3 * t) + 0.4 * np.sin(2 * np.pi * 0.8 * t)
     v = np.gradient(q, t)
@@ -705,13 +699,20 @@ def test_new_completes_an_experiment_file(tmp_path: Path) -> None:
     assert not list((tmp_path / "other").iterdir())
 
 
-def test_version() -> None:
+def test_version_sentences_and_help(monkeypatch: pytest.MonkeyPatch) -> None:
     """`--version` prints the package's version and nothing else."""
     assert run("--version") == Ran(0, f"{__version__}\n", "")
-
-
-def test_bristle_alone_shows_its_help(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without any argument the help is printed, as with --help, and each command shows its own; on 80 columns no summary is cut."""
+    # escapes stand for what a terminal would obey; a very long sentence keeps its beginning and its end, where it says what to do
+    assert one_line(reason(OSError("a\x1b[31m\nb\u202e \udc80")), _LONGEST) == "a\\x1b[31m b\\u202e \\udc80"
+    for text in ("x" * 10**6, "\x1b" * 10**6, "x" * 499 + "\x1b" * 100):
+        missing = OSError(errno.ENOENT, "none; name another", f"file: {text}")
+        for error in (InputError(f"file: {text}; name another"), missing):
+            said = one_line(reason(error), _LONGEST)
+            assert len(said) < 510
+            assert said.startswith("file: ")
+            assert said.endswith("; name another")
+    assert one_line(reason(OSError("x" * 500)), _LONGEST) == "x" * 500
+    # without any argument the help is printed, as with --help, and each command shows its own; on 80 columns no summary is cut
     monkeypatch.setenv("COLUMNS", "80")
     alone = run()
     assert alone == run("--help")
@@ -755,7 +756,7 @@ def test_colour_is_the_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
         assert re.sub(r"\x1b\[[0-9;]*m", "", shown.getvalue()) == plain
 
 
-def test_help_waits_for_no_library() -> None:
+def test_help_waits_for_no_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`bristle --help` imports none of the libraries that take seconds."""
     script = (
         "import sys; from bristle.__main__ import main; sys.argv = ['bristle', '--help']\n"
@@ -767,19 +768,10 @@ def test_help_waits_for_no_library() -> None:
     assert code == "0"
     assert "Usage: bristle" in done.stdout
     assert not {"numpy", "casadi", "pandas", "matplotlib", "scipy"} & set(modules)
-
-
-def test_warnings_about_signals_count(tmp_path: Path) -> None:
-    """Position and velocity that disagree by a unit are a critical warning about the joint that names the unit, and --strict exits with 3."""
-    time = np.arange(4000) / 100
-    speed = np.repeat([0.1, 0.3, 0.5, 0.8], 1000) + 1e-4 * np.random.default_rng(0).standard_normal(4000)
-    position, torque = np.cumsum(speed) / 100, 0.2 + 0.1 * speed
-    log_of = log("ramp", t=time, q=position, v=60 / (2 * np.pi) * speed, tau=torque)
-    ran = run("identify", placed(tmp_path, log_of), "--strict")
-    assert ran.code == 3
-    said = "critical [velocity-factor]: The position of data.csv moves 0.105 times as far as its logged velocity says"
-    assert said in ran.words
-    assert "`unit: rpm` under signals.velocity" in ran.words
+    # without -o the folder has the name of the experiment file, or, of a results.json, of the folder that it lies in
+    monkeypatch.chdir(tmp_path)
+    for file, called in (("wrist.yaml", "wrist"), ("june/results.json", "june"), ("a/b.json", "b")):
+        assert output_folder(None, Path(file), "-adapt") == Path("reports") / f"{called}-adapt"
 
 
 def process(*arguments: object, streams: str = "", **environment: str) -> subprocess.CompletedProcess[str]:
@@ -873,23 +865,3 @@ def test_closed_streams_are_no_defect(tmp_path: Path, closed: Sequence[str]) -> 
         ran = process("identify", tmp_path / "none.yaml", streams=streams)
         assert ran.returncode == 2
         assert "Traceback" not in ran.stdout + ran.stderr
-
-
-def test_a_sentence_is_one_short_line() -> None:
-    """Escapes stand for what a terminal would obey; a very long sentence keeps its beginning and its end, where it says what to do."""
-    assert one_line(reason(OSError("a\x1b[31m\nb\u202e \udc80")), _LONGEST) == "a\\x1b[31m b\\u202e \\udc80"
-    for text in ("x" * 10**6, "\x1b" * 10**6, "x" * 499 + "\x1b" * 100):
-        missing = OSError(errno.ENOENT, "none; name another", f"file: {text}")
-        for error in (InputError(f"file: {text}; name another"), missing):
-            said = one_line(reason(error), _LONGEST)
-            assert len(said) < 510
-            assert said.startswith("file: ")
-            assert said.endswith("; name another")
-    assert one_line(reason(OSError("x" * 500)), _LONGEST) == "x" * 500
-
-
-def test_a_page_is_called_after_its_joint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without -o the folder has the name of the experiment file, or, of a results.json, of the folder that it lies in."""
-    monkeypatch.chdir(tmp_path)
-    for file, called in (("wrist.yaml", "wrist"), ("june/results.json", "june"), ("a/b.json", "b")):
-        assert output_folder(None, Path(file), "-adapt") == Path("reports") / f"{called}-adapt"

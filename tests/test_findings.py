@@ -2,7 +2,7 @@
 
 import ast
 from collections.abc import Iterator
-from dataclasses import FrozenInstanceError
+from dataclasses import FrozenInstanceError, replace
 from functools import cache
 from typing import Any
 
@@ -10,15 +10,26 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
+import bristle
+from bristle.api import Results
+from bristle.data.experiment.load import load_experiment
 from bristle.findings import CAUTION, NOTE, Finding, Severity, unit_of, with_subjects
+from bristle.identification.results import Joint
 from bristle.identification.verdict import WEIGHTIEST_FIRST
 from bristle.model.parameters import units_of
 from bristle.page.entries import entries
+from bristle.questions.compensation.replay import replays
+from bristle.questions.joint_report.next_measurements import next_measurements
+from bristle.questions.joint_report.sentences import choice
+from bristle.questions.sensitivity.study import findings, sobol_sentences
+from bristle.simulation import edro
+from bristle.simulation.joint_loop import of_experiment, of_paper
 
+from .sameness import held, without_sentences
 from .source import SOURCE, nodes, trees
 
 
-def test_a_finding_is_a_value() -> None:
+def test_findings_are_values() -> None:
     """Equal and of one hash where code, message and numbers are, whatever it is about; it cannot be assigned to."""
     made, same = (Finding("single-run", CAUTION, "1 of 4.", {"reached": 1}, subject=x) for x in ((), ("static",)))
     other = Finding("single-run", CAUTION, "2 of 4.", {"reached": 2})
@@ -26,10 +37,7 @@ def test_a_finding_is_a_value() -> None:
     assert len({made, same, other}) == 2
     with pytest.raises(FrozenInstanceError):
         made.code = "strays"  # type: ignore[misc]
-
-
-def test_a_finding_comes_back_from_its_file() -> None:
-    """An open bound and no number too; parts of it that are findings become their text."""
+    # an open bound and no number too; parts of it that are findings become their text
     part = Finding("sum", NOTE, "A part.")
     ends, count = (-np.inf, np.float64(2.5)), np.int64(3)
     numbers = {"ends": ends, "count": count, "none": np.nan, "why": part, "names": ("a", "b")}
@@ -43,10 +51,7 @@ def test_a_finding_comes_back_from_its_file() -> None:
     assert {**back.numbers, "none": 0} == {
         "ends": (-np.inf, 2.5), "count": 3, "none": 0, "why": "A part.", "names": ("a", "b"),
     }  # fmt: skip  # a value
-
-
-def test_numbers_have_the_units_of_their_joint() -> None:
-    """A joint's findings give its units; before the joint is known there are none, and what a file calls something stays as it is."""
+    # a joint's findings give its units; before the joint is known there are none, and what a file calls something stays as it is
     name = "{velocity} %s $x$ <b>"
     made = Finding("x", NOTE, f"{name}: {2.0:.3g}{unit_of('torque')} at {0.5:.3g}{unit_of('velocity')}.")
     assert str(made) == f"{name}: 2 at 0.5."
@@ -70,6 +75,18 @@ def test_every_code_has_a_paragraph() -> None:
         assert x.advice.endswith("."), x.code
         assert not set("{}") & set(x.meaning + x.advice), x.code
     assert WEIGHTIEST_FIRST.keys() <= made.keys()
+    # no file asks whether a text begins with, ends with or holds several words
+    found = {(path.relative_to(SOURCE).as_posix(), text) for path, tree in trees().items() for text in decisions(tree)}
+    assert found == set()
+    # the search itself finds what it is for
+    sources = (
+        'warning.startswith("The fit")', 'any("only a sum" in d for d in warnings)', 'x = d.endswith(("a b", "c"))',
+        'd not in ("They agree.",)', 'f"No bootstrap: {n}" in d',
+    )  # fmt: skip  # a list
+    assert not [source for source in sources if not list(decisions(ast.parse(source)))]
+    # what asks it for words must say `str`
+    assert not isinstance(Finding("x", NOTE, "x"), str)
+    assert not hasattr(Finding, "startswith")
 
 
 def codes() -> Iterator[tuple[str, str]]:
@@ -137,22 +154,56 @@ def decisions(tree: ast.AST) -> Iterator[str]:
                 pass
 
 
-def test_nothing_is_decided_by_a_sentence() -> None:
-    """No file asks whether a text begins with, ends with or holds several words."""
-    found = {(path.relative_to(SOURCE).as_posix(), text) for path, tree in trees().items() for text in decisions(tree)}
-    assert found == set()
+def scarce(joint: Joint) -> Joint:
+    """As if little had been measured: one direction, no run held out, open intervals, and moving runs that show nothing."""
+    fit, moving = joint.static["+"], joint.tracking
+    assert moving is not None
+    open_ = {name: replace(e, standard_error=e.value, interval=(0.0, np.inf)) for name, e in fit.parameters.items()}
+    unseen = {name: replace(e, value=None) for name, e in moving.parameters.items()}
+    return replace(
+        joint,
+        static={"+": replace(fit, parameters=open_, hold_out=())},
+        tracking=replace(moving, parameters=unseen, hold_out=()),
+        joint_fit=None,
+    )
 
 
-def test_a_decision_by_a_sentence_is_seen() -> None:
-    """The search itself finds what it is for."""
-    sources = (
-        'warning.startswith("The fit")', 'any("only a sum" in d for d in warnings)', 'x = d.endswith(("a b", "c"))',
-        'd not in ("They agree.",)', 'f"No bootstrap: {n}" in d',
-    )  # fmt: skip  # a list
-    assert not [source for source in sources if not list(decisions(ast.parse(source)))]
+def advised(joints: tuple[Joint, ...]) -> Iterator[Finding]:
+    """What to measure next, and which sigma_0 to use."""
+    for joint in (*joints, *map(scarce, joints)):
+        yield from next_measurements(joint)
+        yield from map(choice, joint.presliding.fits.values() if joint.presliding else ())
 
 
-def test_a_finding_is_no_text() -> None:
-    """What asks it for words must say `str`."""
-    assert not isinstance(Finding("x", NOTE, "x"), str)
-    assert not hasattr(Finding, "startswith")
+def found(results: Results) -> Iterator[Finding]:
+    """What is said of the first joint's sensitivity, Sobol indices included, and of the adaptation on its runs."""
+    joint, measured = results.joints[0], results.measured[0]
+    study = bristle.sensitivity(results, joint=joint.name, samples=32)
+    assert study.sobol is not None
+    yield from (*findings(study), *sobol_sentences(study.sobol, study.kind))
+    yield from (x.verdict for x in replays(of_experiment(measured.experiment, joint), joint, measured))
+
+
+@pytest.mark.slow
+def test_no_sentence_decides_on_the_embedded_joints(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With every template replaced by its kind's name, two joints come out the same in every number, kind and severity; so does --strict.
+
+    The notes on their files, the advice on models and on what to measure next, the assumptions of their loops, and what is found of sensitivity and
+    adaptation are among them.
+    """
+    experiments = edro.experiments()[::3]
+    gripper = load_experiment(experiments[0])
+    first = bristle.identify(*experiments)
+    worded = [str(warning) for warning in first.warnings]
+    loops = held((*of_paper(first.joints), of_experiment(gripper, first.joints[0])))
+    said = (*advised(first.joints), *found(first))
+    kinds = {x.code for x in said}
+    before = held(said)
+    without_sentences(monkeypatch)
+    second = bristle.identify(*experiments)
+    assert held(second.joints) == held(first.joints)
+    assert held((*of_paper(second.joints), of_experiment(gripper, second.joints[0]))) == loops
+    assert held((*advised(second.joints), *found(second))) == before
+    assert {"unlimited-below", "alpha-2-wide", "bristle-open", "hold-back", "claim-on-map", "sobol-indices"} < kinds
+    assert [d.code for d in first.serious] == [d.code for d in second.serious]
+    assert worded != [str(warning) for warning in second.warnings]

@@ -1,12 +1,16 @@
-"""The house: imports run down only, no question or stage knows another, only the CLI prints, and few tests are slow."""
+"""The house: imports run down only, no question knows another, only the CLI prints, few tests are slow; and what a release says of itself."""
 
 import ast
 import re
+import tomllib
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
+import yaml
+
+import bristle
 
 from .conftest import SLOW
 from .source import FILES, SOURCE, nodes
@@ -16,20 +20,13 @@ GROUND = {"arrays", "errors", "findings", "progress", "workers"}
 """What every floor stands on; it imports nothing of ours."""
 CORE = {"model", "estimation", "data", "control", "identification", "simulation"}
 BELOW = {
-    **{name: set[str]() for name in GROUND},
-    "model": set[str](),
-    "estimation": set[str](),
-    "data": {"model", "estimation"},
-    "control": {"model", "estimation"},
+    **{name: set[str]() for name in GROUND}, "model": set[str](), "estimation": set[str](),
+    "data": {"model", "estimation"}, "control": {"model", "estimation"},
     "identification": {"model", "estimation", "data", "control"},
-    "simulation": {"model", "estimation", "data", "control", "identification"},
-    "page": {"model"},
-    "questions": {*CORE, "page"},
-    "api": {*CORE, "page", "questions"},
-    "mujoco": {*CORE, "page", "questions", "api"},
-    "terminal": set[str](),
-    "cli": {*CORE, "page", "questions", "api", "terminal"},
-}
+    "simulation": {"model", "estimation", "data", "control", "identification"}, "page": {"model"},
+    "questions": {*CORE, "page"}, "api": {*CORE, "page", "questions"}, "mujoco": {*CORE, "page", "questions", "api"},
+    "terminal": set[str](), "cli": {*CORE, "page", "questions", "api", "terminal"},
+}  # fmt: skip  # a list of values
 """Each floor, and those that it may import from, beside itself and the ground. The kit of pages knows no result, least squares no friction."""
 STAGES = {"static", "presliding", "dynamic"}  # folders of identification that only `identify.py` puts together
 DRAWING = {"report", "sections", "figures"}  # how names of files end that make the pages of a question with a report.py
@@ -61,9 +58,9 @@ def room(where: tuple[str, ...]) -> str | None:
     return folder if where[0] == "questions" or (where[0] == "identification" and folder in STAGES) else None
 
 
-def test_imports_run_down_only() -> None:
+def test_imports_and_prints() -> None:
     """A file imports nothing from a floor above its own, and no import is relative."""
-    found = []
+    found: list[tuple[str, object]] = []
     for path, of_file in nodes().items():
         floor = place(path)[0]
         relative = [node for node in of_file if isinstance(node, ast.ImportFrom) and node.level > 0]
@@ -71,10 +68,18 @@ def test_imports_run_down_only() -> None:
         if relative or (floor not in ENTRANCES and above):
             found.append((path.relative_to(SOURCE).as_posix(), above or "a relative import"))
     assert found == []
-
-
-def test_neighbours_do_not_know_each_other() -> None:
-    """No question imports another, nor does static, presliding or dynamic identification."""
+    # each folder and module of the package is on the list, so that none escapes it; no two floors stand on each other
+    assert {place(path)[0] for path in FILES} == {*BELOW, *ENTRANCES}
+    assert set(TopologicalSorter(BELOW).static_order()) == set(BELOW)
+    # no file but terminal.py calls print, and by the floors none but cli.py knows that one
+    prints = [
+        path.name
+        for path, of_file in nodes().items()
+        for node in of_file
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
+    ]
+    assert set(prints) == {"terminal.py"}
+    # no question imports another, nor does static, presliding or dynamic identification
     found = []
     for path in FILES:
         own = room(place(path))
@@ -82,11 +87,9 @@ def test_neighbours_do_not_know_each_other() -> None:
         if own is not None and not others <= {own, None}:
             found.append((path.relative_to(SOURCE).as_posix(), others - {own, None}))
     assert found == []
-
-
-def test_results_know_no_report() -> None:
-    """In a question with a report.py only that, its sections and figures import what draws or makes a page, and nobody imports the report itself."""
-    found: list[tuple[str, object]] = []
+    # in a question with a report.py only that, its sections and figures import what draws or makes a page, and nobody imports the report
+    # itself
+    found = []
     for path in FILES:
         names = imported(path)
         if (path.parent / "report.py").exists() and path.stem.split("_")[-1] not in DRAWING:
@@ -98,23 +101,6 @@ def test_results_know_no_report() -> None:
     assert found == []
 
 
-def test_only_the_cli_prints() -> None:
-    """No file but terminal.py calls print, and by the floors none but cli.py knows that one."""
-    prints = [
-        path.name
-        for path, of_file in nodes().items()
-        for node in of_file
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
-    ]
-    assert set(prints) == {"terminal.py"}
-
-
-def test_every_part_has_a_floor() -> None:
-    """Each folder and module of the package is on the list, so that none escapes it; no two floors stand on each other."""
-    assert {place(path)[0] for path in FILES} == {*BELOW, *ENTRANCES}
-    assert set(TopologicalSorter(BELOW).static_order()) == set(BELOW)
-
-
 def test_few_tests_are_slow(pytestconfig: pytest.Config) -> None:
     """At most 5 % of all tests are left to .ci/run, and CONTRIBUTING.md lists their files and no other."""
     slow, every = pytestconfig.stash[SLOW]
@@ -124,3 +110,30 @@ def test_few_tests_are_slow(pytestconfig: pytest.Config) -> None:
     marked = {x for x in files if re.search(r"mark\.slow\b", (ROOT / "tests" / x).read_text(encoding="utf-8"))}
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("Slow tests")[2]
     assert set(re.findall(r"`([\w/]+\.py)`", text)) == marked
+
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+
+
+def test_one_version() -> None:
+    """The package, the newest entry of the changelog and the citation name the same version."""
+    newest = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert newest is not None
+    assert newest[1] == bristle.__version__
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["version"] == bristle.__version__
+    # `test-all` brings the tests and every extra that only some tests need, so that nothing has a reason to skip
+    extras = PROJECT["project"]["optional-dependencies"]
+    (everything,) = extras["test-all"]
+    named = set(re.fullmatch(r"bristle\[(.+)\]", everything)[1].split(","))  # type: ignore[index]  # it matches, or the test fails
+    packages = {requirement for name in named for requirement in extras[name]}
+    optional = set(extras) - {"test", "test-all", "lint", "release", "benchmark"}
+    assert {requirement for name in optional for requirement in extras[name]} <= packages
+    # summary, licence, versions of Python from the first that is asked for, and a README in Markdown whose figures and links stand
+    project = PROJECT["project"]
+    assert project["readme"] == "README.md"
+    first = project["requires-python"].removeprefix(">=")
+    assert f"Programming Language :: Python :: {first}" in project["classifiers"]
+    assert not [c for c in project["classifiers"] if c.startswith("License ::")], (
+        "the licence is an expression, PEP 639"
+    )
+    assert len(project["description"]) < 512

@@ -124,6 +124,25 @@ def test_what_is_read_is_what_was_written(fresh: Results, read: Results) -> None
     assert read.to_json("x") == fresh.to_json("x")
 
 
+def test_the_file_names_nothing_absolute(fresh: Results, folder: Path) -> None:
+    """The experiment is named from where the results lie; the same in two places gives the same bytes; a loaded experiment is a file's."""
+    (known,) = json.loads(fresh.to_json(folder / "out"))["experiments"]
+    assert (known["file"], known["folder"], known["text"]) == ("wrist.yaml", "..", EVERYTHING)
+    assert str(folder) not in fresh.to_json(folder / "out")
+    path = write(folder / "loaded", speeds())
+    loaded = bristle.identify(load_experiment(path))
+    assert loaded.to_json(folder) == bristle.identify(path).to_json(folder)
+    path.write_text(path.read_text("utf-8") + "simulated: true\n", encoding="utf-8")
+    assert json.loads(bristle.identify(loaded.measured[0].experiment).to_json())["experiments"] == []
+
+
+def test_the_embedded_joints_are_named_by_their_file_alone() -> None:
+    """Of the embedded data set no folder is written: the file is the same on every machine."""
+    logs = sources.JointLogs(texts=tuple(text for _, text in sources.open_all(()) if text))
+    stems = ("gripper", "wrist", "elbow", "base")
+    assert [(x.file, x.folder) for x in logs.written(Path())] == [(f"{stem}.yaml", None) for stem in stems]
+
+
 ASKED: dict[str, Ask] = {
     "plan": lambda x: bristle.report_of(bristle.plan(x, velocities=4)).text(),
     "validate": lambda x: bristle.validate(x, repetitions=20, starts=1).to_frame().to_csv(),
@@ -181,7 +200,7 @@ def test_the_command_line_writes_a_report_of_a_results_file(read: Results, folde
     assert again["file"] == "wrist.yaml"
 
 
-def test_a_changed_log_is_told(tmp_path: Path) -> None:
+def test_a_changed_log_is_told(tmp_path: Path, fresh: Results) -> None:
     """A log that is not as it was, or is missing, is one sentence; nothing is opened before a question needs it; moved together all is found."""
     (tmp_path / "a" / "reports").mkdir(parents=True)
     found = bristle.identify(write(tmp_path / "a", speeds()))
@@ -197,25 +216,24 @@ def test_a_changed_log_is_told(tmp_path: Path) -> None:
     log.unlink()
     with pytest.raises(InputError, match=r"wrist\.csv' is not a file"):
         bristle.inspect(path)
-
-
-def test_the_file_names_nothing_absolute(fresh: Results, folder: Path) -> None:
-    """The experiment is named from where the results lie; the same in two places gives the same bytes; a loaded experiment is a file's."""
-    (known,) = json.loads(fresh.to_json(folder / "out"))["experiments"]
-    assert (known["file"], known["folder"], known["text"]) == ("wrist.yaml", "..", EVERYTHING)
-    assert str(folder) not in fresh.to_json(folder / "out")
-    path = write(folder / "loaded", speeds())
-    loaded = bristle.identify(load_experiment(path))
-    assert loaded.to_json(folder) == bristle.identify(path).to_json(folder)
-    path.write_text(path.read_text("utf-8") + "simulated: true\n", encoding="utf-8")
-    assert json.loads(bristle.identify(loaded.measured[0].experiment).to_json())["experiments"] == []
-
-
-def test_the_embedded_joints_are_named_by_their_file_alone() -> None:
-    """Of the embedded data set no folder is written: the file is the same on every machine."""
-    logs = sources.JointLogs(texts=tuple(text for _, text in sources.open_all(()) if text))
-    stems = ("gripper", "wrist", "elbow", "base")
-    assert [(x.file, x.folder) for x in logs.written(Path())] == [(f"{stem}.yaml", None) for stem in stems]
+    # what is no base64, has another shape, leads nowhere or is of another type is one sentence, soon. A text of an experiment that is none
+    # is told when a question needs the logs, and not before
+    path, good = tmp_path / "results.json", json.loads(fresh.to_json())
+    wrong = list[tuple[object, ...]]()
+    for way, value, says in FOREIGN:
+        path.write_text(spoilt(good, way, value), encoding="utf-8")
+        begun = time.monotonic()
+        ran = run("plan", path)
+        if ran.code != 2 or len(ran.said) != 1 or says not in ran.err or time.monotonic() - begun > 5:
+            wrong.append((way, says, ran))
+    for text, says in (
+        ("{", "expected"), ("joint: {name: elbow}", "missing"), ("!!python/object/apply:os.system [ls]", "without !"), ("joints: []", "a list"),
+    ):  # fmt: skip  # a table
+        path.write_text(spoilt(good, EXPERIMENTS, foreign(text=text)), encoding="utf-8")
+        ran, whole = run("plan", path), bristle.read_results(path).to_frame().equals(fresh.to_frame())
+        if ran.code != 2 or len(ran.said) != 1 or says not in ran.err or not whole:
+            wrong.append((text, says, ran))
+    assert wrong == []
 
 
 ROBOT = """
@@ -298,29 +316,6 @@ FOREIGN: list[tuple[tuple[str, ...], Any, str]] = [
     ((*FIT, "parameters", "alpha_0", "unit"), "N", "alpha_0: got the unit 'N'; expected N*m"),
     (("schema",), "bristle-results/9", "schema"),
 ]  # fmt: skip  # a table
-
-
-def test_a_foreign_file_is_refused(fresh: Results, tmp_path: Path) -> None:
-    """What is no base64, has another shape, leads nowhere or is of another type is one sentence, soon.
-
-    A text of an experiment that is none is told when a question needs the logs, and not before.
-    """
-    path, good = tmp_path / "results.json", json.loads(fresh.to_json())
-    wrong = list[tuple[object, ...]]()
-    for way, value, says in FOREIGN:
-        path.write_text(spoilt(good, way, value), encoding="utf-8")
-        begun = time.monotonic()
-        ran = run("plan", path)
-        if ran.code != 2 or len(ran.said) != 1 or says not in ran.err or time.monotonic() - begun > 5:
-            wrong.append((way, says, ran))
-    for text, says in (
-        ("{", "expected"), ("joint: {name: elbow}", "missing"), ("!!python/object/apply:os.system [ls]", "without !"), ("joints: []", "a list"),
-    ):  # fmt: skip  # a table
-        path.write_text(spoilt(good, EXPERIMENTS, foreign(text=text)), encoding="utf-8")
-        ran, whole = run("plan", path), bristle.read_results(path).to_frame().equals(fresh.to_frame())
-        if ran.code != 2 or len(ran.said) != 1 or says not in ran.err or not whole:
-            wrong.append((text, says, ran))
-    assert wrong == []
 
 
 @pytest.fixture(scope="module")

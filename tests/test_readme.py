@@ -3,8 +3,10 @@ import io
 import json
 import re
 import shlex
+import sys
 import textwrap
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -23,7 +25,7 @@ from bristle.model.vectorize import evaluate
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import TABLE_1
 
-from .conftest import TRUTH, run
+from .conftest import TRUTH, run, speeds, write
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 DOCS = Path(__file__).parents[1] / "docs"
@@ -98,31 +100,23 @@ def test_two_arrays_give_what_is_shown() -> None:
     velocity = np.concatenate([v, -v])
     level = 0.83 + 0.31 * np.exp(-((velocity / 0.09) ** 2))
     noise = 0.01 * np.random.default_rng(0).standard_normal(velocity.size)
-    names = {"velocity": velocity, "torque": np.sign(velocity) * level + 0.52 * velocity + noise}
+    names: dict[str, Any] = {"velocity": velocity, "torque": np.sign(velocity) * level + 0.52 * velocity + noise}
     with contextlib.redirect_stdout(io.StringIO()) as out:
         exec(compile(code, "README.md", "exec"), names)  # noqa: S102  # our own README, run as a user would
     (shown,) = blocks("text")
     assert out.getvalue() == shown
-
-
-def test_the_loops_in_the_docs_compensate() -> None:
-    """The real-time loops of docs/compensation.md run as they stand: at 0.1 rad/s the torque is the gripper's steady friction (9).
-
-    Under load it is a tenth of what the gear carries, 0.07 N*m, more.
-    """
+    # the real-time loops of docs/compensation.md run as they stand: at 0.1 rad/s the torque is the gripper's steady friction (9). Under
+    # load it is a tenth of what the gear carries, 0.07 N*m, more
     codes = blocks("python", (DOCS / "compensation.md").read_text(encoding="utf-8"))
     p = TABLE_1["gripper rotation"].positive
     (steady,) = evaluate(steady_torque_function(), 0.1, *p[:4])
     for code, more in zip(codes, (0.0, 0.007), strict=True):
-        names: dict[str, Any] = {}
+        names = {}
         exec(compile(code, "compensation.md", "exec"), names)  # noqa: S102  # our own docs, run as a user would
         assert names["torque"] == pytest.approx(float(steady) + more, rel=1e-3)
-
-
-def test_the_arrays_in_the_docs_are_fitted() -> None:
-    """The code of docs/arrays.md runs as it stands, and finds what it simulates: friction, and the bristle within its interval."""
+    # the code of docs/arrays.md runs as it stands, and finds what it simulates: friction, and the bristle within its interval
     (code,) = blocks("python", (DOCS / "arrays.md").read_text(encoding="utf-8"))
-    names: dict[str, Any] = {}
+    names = {}
     with contextlib.redirect_stdout(io.StringIO()) as out:
         exec(compile(code, "arrays.md", "exec"), names)  # noqa: S102  # our own docs, run as a user would
     fit, dynamic, truth = names["fit"], names["dynamic"], names["truth"]
@@ -179,7 +173,7 @@ def test_the_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pyte
     assert "nan" not in out.getvalue()
 
 
-def test_experiment_file_loads_and_reads(desk: Path) -> None:
+def test_experiment_file_loads_and_reads(desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The experiment file is one, and every log that its glob matches is a run."""
     experiment = load_experiment(desk / "wrist.yaml")
     assert (experiment.joint.name, experiment.joint.kind) == ("wrist", "revolute")
@@ -189,10 +183,7 @@ def test_experiment_file_loads_and_reads(desk: Path) -> None:
     assert ran.code == 0
     logs = list(desk.glob("velocity_*.csv"))
     assert len(re.findall(r"^velocity_.*csv \(ramp\): 600 rows, 0 dropped$", ran.out, re.MULTILINE)) == len(logs)
-
-
-def test_a_line_of_shell_answers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """README's line of shell ends in a first line as it shows one; `--save` and `new` write files that say the same."""
+    # README's line of shell ends in a first line as it shows one; `--save` and `new` write files that say the same
     t = np.arange(6000) / 500
     v = 0.5 * np.cos(2 * t) + 0.4 * np.cos(5.1 * t + 1)
     torque = bristle.simulate(v, 1 / 500, TRUTH) + 0.002 * np.gradient(v, t)
@@ -227,30 +218,56 @@ def test_commands_exist() -> None:
         if context.args or (k < len(commands()) and not plain <= set(map(str, values))):
             wrong.append((name, *arguments))
     assert wrong == []
-
-
-def test_every_command_is_shown() -> None:
-    """README leaves no command out, and the way that commands are found in it misses none."""
-    root: Any = typer.main.get_command(cli.app)
+    # README leaves no command out, and the way that commands are found in it misses none
     assert {command[0] for command in commands()} == set(root.commands)
-
-
-def test_prose_wraps_and_links_lead_somewhere() -> None:
-    """No line of prose is longer than 120 characters, and each relative link names a file, and a heading of it."""
-    wrong = []
+    # no line of prose is longer than 120 characters, and each relative link names a file, and a heading of it
+    astray = []
     for page in PAGES:
         text = page.read_text(encoding="utf-8")
         prose = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.MULTILINE | re.DOTALL).splitlines()
-        wrong += [line for line in prose if len(line) > 120 and not re.match(r" *(\||!\[)", line)]
+        astray += [line for line in prose if len(line) > 120 and not re.match(r" *(\||!\[)", line)]
         for link in re.findall(r"\]\((?!https?:)([^)]+)\)", text):
             name, _, heading = link.partition("#")
             target = page.parent / name if name else page
             if not target.exists() or (heading and heading not in headings(target)):
-                wrong.append(f"{page.name}: {link}")
-    assert wrong == []
+                astray.append(f"{page.name}: {link}")
+    assert astray == []
 
 
 def headings(page: Path) -> set[str]:
     """The anchors of a page's headings, as GitHub makes them: words in lower case, blanks as hyphens."""
     titles = re.findall(r"^#+ +(.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+ROOT = Path(__file__).parents[1]
+SOURCE = f"{ROOT / 'src' / 'bristle'}/"
+TOUR = (ROOT / "docs" / "tour.md").read_text(encoding="utf-8")
+
+
+def test_the_tour_is_the_way_of_one_csv(tmp_path: Path) -> None:
+    """Every step is called for one CSV of points, and the first calls come in the order of the page."""
+    steps = re.findall(r"^\d+\. `(\S+\.py)` `(\w+)`", TOUR, re.MULTILINE)
+    every = re.findall(r"`(\S+\.py)`\s+`(\w+)`", TOUR)
+    called = dict[tuple[str, str], None]()
+
+    def note(frame: FrameType, event: str, _: object) -> None:
+        code = frame.f_code
+        if event == "call" and code.co_filename.startswith(SOURCE):
+            called.setdefault((code.co_filename.removeprefix(SOURCE), code.co_name))
+
+    file, before = write(tmp_path, speeds()), sys.getprofile()
+    sys.setprofile(note)
+    try:
+        found = bristle.identify(file)
+    finally:
+        sys.setprofile(before)
+    assert set(every) - called.keys() == set()
+    assert [step for step in called if step in steps] == steps
+    assert len(steps) > 10
+    assert found.joints[0].static["+"].parameters["alpha_0"].value is not None
+    # files and folders named in passing exist too
+    named = set(re.findall(r"`((?:\w+/)+(?:\w+\.py)?|\w+\.py)`", TOUR))
+    assert len(named) > 10
+    roots = (Path(SOURCE), ROOT)
+    assert {name for name in named if not any((root / name).exists() for root in roots)} == set()

@@ -95,10 +95,7 @@ def test_a_caption_begins_with_its_finding(edro_report: Path) -> None:
         for text in findings((edro_report / name).read_text(encoding="utf-8"))
     ]
     assert [x for x in said if not re.search(r"\d", x[1])] == []
-
-
-def test_every_figure_has_its_data(edro_report: Path) -> None:
-    """Beside each drawing lie its picture and its data: rows of named series, none called after its kind alone, with numbers in them."""
+    # beside each drawing lie its picture and its data: rows of named series, none called after its kind alone, with numbers in them
     figures = sorted((edro_report / "figures").glob("*.svg"))
     assert len(figures) > 40
     for drawing in figures:
@@ -111,7 +108,7 @@ def test_every_figure_has_its_data(edro_report: Path) -> None:
         assert any(row["y"] or row["value"] for row in rows), drawing
 
 
-def test_text_and_marks_stand_out(chromium: Any, edro_report: Path) -> None:
+def test_a_page_can_be_read_and_used(chromium: Any, edro_report: Path) -> None:
     """On a light page and a dark one text has a contrast of 4.5 at least, and the marks of both directions 3."""
     names = ("paper", "ink", "quiet", "link", "warn", "bad", "good")
     script = "(names) => names.map((n) => getComputedStyle(document.documentElement).getPropertyValue('--' + n).trim())"
@@ -124,6 +121,47 @@ def test_text_and_marks_stand_out(chromium: Any, edro_report: Path) -> None:
         assert [name for name, ink in zip(names[1:], inks, strict=True) if contrast(ink, paper) < 4.5] == []
         assert all(contrast(look.colour, paper) >= 3 for look in DIRECTION.values())
     assert len(papers) == 2
+    # within the first 900 px stand, for each joint: its name, whether to trust it, the values of both directions, and where they come from.
+    # So do the hold-out error, what compensation leaves of friction, and the curve with its scales
+    page, _ = opened(chromium, edro_report, "index.html")
+    rows = page.evaluate(
+        "[...document.querySelectorAll('table.answer tbody')].map((b) => [b.getBoundingClientRect().bottom, b.innerText])"
+    )
+    assert len(rows) == 4
+    for bottom, text in rows:
+        assert bottom <= 900
+        assert re.search(r"\b(use|do not use)\. ", text)
+        assert text.count("±") >= 12
+        assert re.search(r"\t[\d.]+ %\t[\d.]+ %\s+of friction\s+in held-out runs", text)
+        assert re.search(r" N·m\s+[\d.]+ rad/s|rad/s\s+[\d.]+ N·m", text)
+        assert "RMS position error" in text
+    page.close()
+    # on a desk, a tablet and a phone, light and dark: 9 px high or more, within the screen, in the page's ink, and not one over the other
+    for width, scheme in ((1280, "light"), (800, "light"), (390, "dark")):
+        page, _ = opened(chromium, edro_report, "index.html", width, scheme)
+        ink = page.evaluate("getComputedStyle(document.body).color")
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        curves = page.evaluate(SCALES)
+        page.close()
+        assert [len(texts) for texts in curves] == [2] * 4
+        for one, other in curves:
+            assert all(bottom - top >= 9 and 0 <= left < right <= width for left, right, top, bottom, _ in (one, other))
+            assert one[-1] == other[-1] == ink
+            assert one[3] <= other[2] or other[3] <= one[2] or one[1] <= other[0] or other[1] <= one[0]
+    # a click on a heading sorts a long table, a word filters it, and its rows can be copied
+    page, wrong = opened(chromium, edro_report, "joints.html")
+    head = "table.long thead button >> nth=3"
+    column = "[...document.querySelector('table.long').tBodies[0].rows].filter((r) => !r.hidden).map((r) => r.cells[3].innerText)"
+    page.click(head)
+    values = [float(x) for x in page.evaluate(column)]
+    assert values == sorted(values)
+    page.click(head)
+    assert [float(x) for x in page.evaluate(column)] == values[::-1]
+    page.fill("table.long caption input >> nth=0", "inertia")
+    assert len(page.evaluate(column)) == 1
+    page.click("caption button >> nth=0")
+    assert wrong == []
+    page.close()
 
 
 def contrast(one: str, other: str) -> float:
@@ -138,60 +176,8 @@ def _luminance(colour: str) -> float:
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-def test_the_first_screen_answers(chromium: Any, edro_report: Path) -> None:
-    """Within the first 900 px stand, for each joint: its name, whether to trust it, the values of both directions, and where they come from.
-
-    So do the hold-out error, what compensation leaves of friction, and the curve with its scales.
-    """
-    page, _ = opened(chromium, edro_report, "index.html")
-    rows = page.evaluate(
-        "[...document.querySelectorAll('table.answer tbody')].map((b) => [b.getBoundingClientRect().bottom, b.innerText])"
-    )
-    assert len(rows) == 4
-    for bottom, text in rows:
-        assert bottom <= 900
-        assert re.search(r"\b(use|do not use)\. ", text)
-        assert text.count("±") >= 12
-        assert re.search(r"\t[\d.]+ %\t[\d.]+ %\s+of friction\s+in held-out runs", text)
-        assert re.search(r" N·m\s+[\d.]+ rad/s|rad/s\s+[\d.]+ N·m", text)
-        assert "RMS position error" in text
-    page.close()
-
-
 SCALES = """[...document.querySelectorAll("td.small svg")].map((svg) => [...svg.querySelectorAll("text")].map((text) => {
   const { left, right, top, bottom } = text.getBoundingClientRect();
   return [left, right, top, bottom, getComputedStyle(text).fill];
 }))"""
 """Where the texts of each small curve are, and their colours."""
-
-
-def test_the_scales_of_small_curves_can_be_read(chromium: Any, edro_report: Path) -> None:
-    """On a desk, a tablet and a phone, light and dark: 9 px high or more, within the screen, in the page's ink, and not one over the other."""
-    for width, scheme in ((1280, "light"), (800, "light"), (390, "dark")):
-        page, _ = opened(chromium, edro_report, "index.html", width, scheme)
-        ink = page.evaluate("getComputedStyle(document.body).color")
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-        curves = page.evaluate(SCALES)
-        page.close()
-        assert [len(texts) for texts in curves] == [2] * 4
-        for one, other in curves:
-            assert all(bottom - top >= 9 and 0 <= left < right <= width for left, right, top, bottom, _ in (one, other))
-            assert one[-1] == other[-1] == ink
-            assert one[3] <= other[2] or other[3] <= one[2] or one[1] <= other[0] or other[1] <= one[0]
-
-
-def test_a_table_is_sorted_filtered_and_copied(chromium: Any, edro_report: Path) -> None:
-    """A click on a heading sorts a long table, a word filters it, and its rows can be copied."""
-    page, wrong = opened(chromium, edro_report, "joints.html")
-    head = "table.long thead button >> nth=3"
-    column = "[...document.querySelector('table.long').tBodies[0].rows].filter((r) => !r.hidden).map((r) => r.cells[3].innerText)"
-    page.click(head)
-    values = [float(x) for x in page.evaluate(column)]
-    assert values == sorted(values)
-    page.click(head)
-    assert [float(x) for x in page.evaluate(column)] == values[::-1]
-    page.fill("table.long caption input >> nth=0", "inertia")
-    assert len(page.evaluate(column)) == 1
-    page.click("caption button >> nth=0")
-    assert wrong == []
-    page.close()

@@ -1,7 +1,9 @@
-"""Work shared among processes: the same bytes whatever their number, and no process left behind."""
+"""Work shared among processes, with the same bytes whatever their number, and none left behind; its progress on a terminal."""
 
 import contextlib
 import os
+import pty
+import re
 import signal
 import subprocess
 import sys
@@ -11,10 +13,13 @@ from multiprocessing import active_children, forkserver
 from pathlib import Path
 
 import pytest
-from tests.conftest import run, speeds, write
 
+import bristle
 from bristle.page.output_folder import write_text
+from bristle.progress import shown, step, teller
 from bristle.workers import called, cores, interruptible, pin, sharing, threads
+
+from .conftest import experiment, run, speeds, table, write
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc, and sends signals")
 REPORT = ("-m", "bristle", "report")
@@ -36,14 +41,11 @@ def running(parent: int) -> list[int]:
     return found
 
 
-def test_one_worker_is_this_process() -> None:
+def test_one_worker_is_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fewer than two workers are a plain map."""
     with sharing(1) as share:
         assert share is map
-
-
-def test_workers_have_one_thread_and_keep_the_order(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Parts come back in their order, from other processes with one thread each; the environment is then as it was."""
+    # parts come back in their order, from other processes with one thread each; the environment is then as it was
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "7")
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
     vars(forkserver)["_forkserver"]._stop()  # one that another test began has the environment of then
@@ -55,10 +57,8 @@ def test_workers_have_one_thread_and_keep_the_order(monkeypatch: pytest.MonkeyPa
         assert told == [1, "1", "7"]
     assert (os.environ.get("OMP_NUM_THREADS"), os.environ["OPENBLAS_NUM_THREADS"]) == (None, "7")
     assert threads() == cores() >= 1
-
-
-def test_what_is_set_is_not_pinned(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whoever sets threads for linear algebra keeps them."""
+    monkeypatch.undo()
+    # whoever sets threads for linear algebra keeps them
     monkeypatch.setenv("OMP_NUM_THREADS", "3")
     for name in ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
         monkeypatch.setenv(name, "")
@@ -74,10 +74,7 @@ def test_a_part_that_fails_ends_the_others() -> None:
         list(share(called, [partial(int, "1"), partial(int, "the second"), *[partial(time.sleep, 60)] * 4]))
     assert time.monotonic() - began < 30
     assert set(active_children()) <= others
-
-
-def test_a_killed_worker_is_one_sentence() -> None:
-    """A process that the system ends is told as such, with what to do."""
+    # a process that the system ends is told as such, with what to do
     said = "a worker process was killed, perhaps for want of memory; take fewer --workers"
     with pytest.raises(OSError, match=said), sharing(2) as share:
         list(share(called, [partial(signal.raise_signal, signal.SIGKILL)] * 2))
@@ -152,3 +149,69 @@ def test_nothing_is_left_of_what_is_stopped(tmp_path: Path, how: signal.Signals)
         time.sleep(0.2)
     assert not [child for child in every if Path(f"/proc/{child}").exists()]
     assert not list(tmp_path.iterdir())
+
+
+def on_terminal(*arguments: object, folder: Path) -> tuple[float, str]:
+    """What a command prints on a terminal, and seconds from its start to the first letter."""
+    leader, follower = pty.openpty()
+    command = [sys.executable, "-c", "from bristle.__main__ import main; main()", *map(str, arguments)]
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
+    begun, first, text = time.perf_counter(), float("inf"), b""
+    process = subprocess.Popen(command, cwd=folder, env=environment, stdin=follower, stdout=follower, stderr=follower)  # noqa: S603
+    os.close(follower)
+    while True:
+        try:
+            part = os.read(leader, 65536)
+        except OSError:  # the other end is closed
+            break
+        if not part:
+            break
+        if re.search(rb"[a-z]{3}", part):
+            first = min(first, time.perf_counter() - begun)
+        text += part
+    os.close(leader)
+    assert process.wait() == 0
+    return first, text.decode()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """An experiment of points that can be fitted."""
+    (tmp_path / "e.yaml").write_text(experiment(), encoding="utf-8")
+    (tmp_path / "data.csv").write_text(table(speeds()), encoding="utf-8")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("command", "steps"),
+    [
+        (("identify", "e.yaml"), ("starting", "identifying wrist", "fitting friction vs velocity")),
+        pytest.param(
+            ("new", "data.csv", "-o", "n.yaml"), ("starting", "regressors and directions"), marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_a_terminal_shows_the_step(folder: Path, command: tuple[str, ...], steps: tuple[str, ...]) -> None:
+    """Within seconds of the start a line stands on the terminal, before the libraries are read, and then the name of each step."""
+    first, text = on_terminal(*command, folder=folder)
+    assert first < 10  # two, on a machine that does nothing else
+    assert text.index("starting") < 200
+    assert [name for name in steps if name in text] == list(steps)
+
+
+def test_steps_are_counted(folder: Path) -> None:
+    """A teller tells each step with how many are done; a step of unknown length is told as the only one; without a listener nothing is.
+
+    A draft tells its last step, which takes longest.
+    """
+    told: list[tuple[str, int, int]] = []
+    tell = teller(lambda *what: told.append(what), 2)
+    tell("a")
+    tell("b")
+    step(lambda *what: told.append(what), "c")
+    step(None, "d")
+    assert told == [("a", 0, 2), ("b", 1, 2), ("c", 0, 1)]
+    with shown() as progress:  # no terminal: silent
+        progress("e", 0, 3)
+    bristle.draft(folder / "data.csv", progress=lambda *what: told.append(what))
+    assert told[-1][0] == "regressors and directions"

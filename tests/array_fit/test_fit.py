@@ -1,4 +1,4 @@
-"""Fits of arrays: the same numbers as files give, by every way to hand arrays over."""
+"""Fits of arrays, of any law: the same numbers as files give, by every way to hand arrays over."""
 
 import subprocess
 import sys
@@ -13,10 +13,14 @@ from matplotlib.figure import Figure
 import bristle
 from bristle.arrays import Array
 from bristle.errors import InputError
+from bristle.model.parameters import fields_of
+from bristle.page.wording import in_symbols, symbol
 from bristle.questions.array_fit.fit import METHODS
 from bristle.simulation import edro
 
+from .. import laws
 from ..conftest import TRUTH, speeds
+from ..laws import DRAG, EXPONENT, OUTSIDE, motion, registered, truth_of
 
 
 def points(noise: float = 2e-5, seed: int = 0) -> tuple[Array, Array]:
@@ -65,6 +69,27 @@ def test_every_way_to_hand_arrays_over_is_one(plain: bristle.Fit) -> None:
     ):
         assert other.params == pytest.approx(plain.params, rel=1e-9)
         assert other.stderr == pytest.approx(plain.stderr, rel=1e-7)
+    # predicted torques are those of the law in each direction, nan in one that was not measured; gravity needs positions
+    v, T = points(0.0)
+    found = bristle.fit(v, T)
+    assert found.predict(v) == pytest.approx(T, rel=1e-6)
+    assert found.predict(v.reshape(2, -1)).shape == (2, v.size // 2)
+    forward = bristle.fit(v[v > 0], T[v > 0])
+    assert np.isnan(forward.predict([-0.5])).all()
+    q = np.linspace(0, 5, v.size)
+    loaded = bristle.fit(v, T + 0.01 * np.sin(q), position=q, directions="symmetric", regressors=["gravity"])
+    assert loaded.predict(v, q) == pytest.approx(T + 0.01 * np.sin(q), rel=1e-4)
+    with pytest.raises(InputError, match="gravity was fitted; give the position too"):
+        loaded.predict(v)
+    # text, table and curve: into given axes, and as HTML with a picture and no script; the caller's style is left alone
+    before = dict(mpl.rcParams)
+    ax = Figure().subplots()
+    assert plain.plot(ax) is ax
+    assert ax.get_xlabel() == "Velocity (rad/s)"
+    page = plain._repr_html_()
+    assert [part in page for part in ("<table", "<svg", "<script")] == [True, True, False]
+    assert list(plain.to_frame().index) == list(plain.params)
+    assert dict(mpl.rcParams) == before
 
 
 def test_intervals_hold_one_another(plain: bristle.Fit) -> None:
@@ -75,6 +100,10 @@ def test_intervals_hold_one_another(plain: bristle.Fit) -> None:
         assert (inner["upper"] < outer["upper"]).all()
     half = plain.conf_int(0.6827, "covariance")
     assert ((half["upper"] - half["lower"]) / 2).to_dict() == pytest.approx(plain.stderr, rel=0.05)
+    # a method that there is not, and a level that a method does not have
+    for level, method in ((1.5, "covariance"), (0.99, "profile"), (0.9, "bootstrap"), (0.95, "guess")):
+        with pytest.raises(InputError, match="expected"):
+            plain.conf_int(level, method)  # type: ignore[arg-type]  # what is wrong
 
 
 @pytest.mark.slow
@@ -89,21 +118,6 @@ def test_intervals_hold_the_truth() -> None:
     assert min(held.values()) >= 0.9 * 20 * 4
 
 
-def test_predictions_are_the_law() -> None:
-    """Predicted torques are those of the law in each direction, nan in one that was not measured; gravity needs positions."""
-    v, T = points(0.0)
-    found = bristle.fit(v, T)
-    assert found.predict(v) == pytest.approx(T, rel=1e-6)
-    assert found.predict(v.reshape(2, -1)).shape == (2, v.size // 2)
-    forward = bristle.fit(v[v > 0], T[v > 0])
-    assert np.isnan(forward.predict([-0.5])).all()
-    q = np.linspace(0, 5, v.size)
-    loaded = bristle.fit(v, T + 0.01 * np.sin(q), position=q, directions="symmetric", regressors=["gravity"])
-    assert loaded.predict(v, q) == pytest.approx(T + 0.01 * np.sin(q), rel=1e-4)
-    with pytest.raises(InputError, match="gravity was fitted; give the position too"):
-        loaded.predict(v)
-
-
 def test_what_the_points_do_not_show_is_nan() -> None:
     """Without slow points there is no Stribeck term: nan, in parameters, intervals and the table, with a warning that says why."""
     v, T = points()
@@ -113,18 +127,6 @@ def test_what_the_points_do_not_show_is_nan() -> None:
     assert found.conf_int().loc["v_s"].isna().all()
     assert any("Stribeck term not identifiable" in str(w) for w in found.warnings)
     assert "Stribeck term not identifiable" in repr(found)
-
-
-def test_it_shows_itself(plain: bristle.Fit) -> None:
-    """Text, table and curve: into given axes, and as HTML with a picture and no script; the caller's style is left alone."""
-    before = dict(mpl.rcParams)
-    ax = Figure().subplots()
-    assert plain.plot(ax) is ax
-    assert ax.get_xlabel() == "Velocity (rad/s)"
-    page = plain._repr_html_()
-    assert [part in page for part in ("<table", "<svg", "<script")] == [True, True, False]
-    assert list(plain.to_frame().index) == list(plain.params)
-    assert dict(mpl.rcParams) == before
 
 
 @pytest.mark.parametrize(
@@ -148,13 +150,6 @@ def test_what_cannot_be_fitted_is_one_sentence(
         bristle.fit(*arguments, **options)  # type: ignore[arg-type]  # what is wrong
 
 
-def test_intervals_that_do_not_exist_are_refused(plain: bristle.Fit) -> None:
-    """A method that there is not, and a level that a method does not have."""
-    for level, method in ((1.5, "covariance"), (0.99, "profile"), (0.9, "bootstrap"), (0.95, "guess")):
-        with pytest.raises(InputError, match="expected"):
-            plain.conf_int(level, method)  # type: ignore[arg-type]  # what is wrong
-
-
 def test_a_first_fit_loads_no_page_and_no_command_line() -> None:
     """Neither matplotlib nor Typer nor Jinja is imported for numbers, nor to print them."""
     code = (
@@ -164,3 +159,29 @@ def test_a_first_fit_loads_no_page_and_no_command_line() -> None:
     )
     ran = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)  # noqa: S603  # our own code
     assert ran.stdout.split() == ["True", "[]"]
+
+
+@pytest.mark.parametrize("law", [DRAG, EXPONENT])
+def test_a_fit_under_a_law_has_its_curve(law: str) -> None:
+    """Each parameter is near the true one, and friction and prediction are the true curve to a thousandth."""
+    found, truth, v = laws.points(law), truth_of(law), np.linspace(-0.8, 0.8, 9)
+    assert found.joint.law == truth.law
+    for name in truth.law.own:
+        assert found.params[name.name] == pytest.approx(getattr(truth, name.name), rel=0.1)
+    for torque in (found.predict(v), bristle.friction(v, found)):
+        assert torque == pytest.approx(bristle.friction(v, truth), rel=1e-3)
+    # it is fitted under the law of the points without being told, and simulates as the true parameters do
+    found, truth = motion(law), truth_of(law)
+    assert found.joint.law == truth.law
+    v = 0.5 * np.sin(2.0 * np.arange(0, 4, 0.002))
+    true = bristle.simulate(v, 0.002, truth)
+    assert np.linalg.norm(bristle.simulate(v, 0.002, found) - true) < 0.01 * np.linalg.norm(true)
+
+
+def test_every_parameter_has_a_symbol() -> None:
+    """Those of bristle's laws and of a registered one, alone, with a direction, and in a sentence where they are no words."""
+    with registered():
+        assert [symbol(name) for name in fields_of(truth_of(DRAG).law)[-2:]] == ["α₃", "vₑ"]
+        assert symbol("delta+") == "δ (+)"
+        assert symbol(fields_of(truth_of(OUTSIDE).law)[-1]) == "β"
+        assert in_symbols("alpha_3+ beyond v_end; the blunt delta") == "α₃ (+) beyond vₑ; the blunt delta"

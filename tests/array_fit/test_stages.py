@@ -101,10 +101,7 @@ def test_arrays_give_what_files_give(of_files: bristle.Results, fits: Fits) -> N
     assert list(dynamic.params) == list(map(str, joint.joint_fit.parameters))
     for key, e in joint.joint_fit.parameters.items():
         assert dynamic.params[str(key)] == e.value
-
-
-def test_estimates_hold_the_truth(fits: Fits) -> None:
-    """Every parameter lies within four standard errors of what was simulated, sigma_1 of slow loading apart, which is assumed."""
+    # every parameter lies within four standard errors of what was simulated, sigma_1 of slow loading apart, which is assumed
     true = {**P._asdict(), "inertia": J, "offset": 0.0}
     for found in fits:
         for name, value in found.params.items():
@@ -115,6 +112,15 @@ def test_estimates_hold_the_truth(fits: Fits) -> None:
     assert dynamic.friction([0.5]) == pytest.approx(bristle.friction([0.5], P), rel=0.01)
     v = 0.3 * np.sin(np.arange(1000) * 0.01)
     assert bristle.simulate(v, 0.01, dynamic) == pytest.approx(bristle.simulate(v, 0.01, P), abs=0.02 * P.alpha_0)
+    # points show no bristle, and slow loading no friction vs velocity: a sentence each
+    static, _, _ = fits
+    slow = bristle.fit_presliding(*loading())
+    with pytest.raises(InputError, match="simulate: sigma_0, sigma_1 of direction"):
+        bristle.simulate([0.1, 0.2], 0.01, static)
+    with pytest.raises(InputError, match="nothing is known of friction vs velocity"):
+        slow.predict([0.1])
+    with pytest.raises(InputError, match="dt: got 0"):
+        bristle.simulate([0.1, 0.2], 0, P)
 
 
 def test_a_motion_has_each_interval_where_it_is_asked_for(fits: Fits) -> None:
@@ -127,31 +133,7 @@ def test_a_motion_has_each_interval_where_it_is_asked_for(fits: Fits) -> None:
     for method in METHODS:
         ends = whole.conf_int(method=method).to_dict("index")["alpha_0"]
         assert ends["lower"] < whole.params["alpha_0"] < ends["upper"]
-
-
-def test_a_series_brings_its_time() -> None:
-    """The index of a series is the time; without one, time must be given."""
-    t, q, T = loading()
-    one, series = bristle.fit_presliding(t, q, T), pd.Series(q, index=t)
-    assert bristle.fit_presliding(None, series, T).params == pytest.approx(one.params, rel=1e-6, nan_ok=True)
-    with pytest.raises(InputError, match="t: missing"):
-        bristle.fit_presliding(None, q, T)
-
-
-def test_segments_are_kept_or_rejected_with_reasons() -> None:
-    """Three held speeds and a ramp between them: the speeds are kept with their torque, all else has a reason."""
-    v = np.concatenate([np.full(3000, 0.2), np.linspace(0.2, 0.6, 400), np.full(3000, 0.6)])
-    t = np.arange(v.size) * STEP
-    T = bristle.friction(v, P) + noise(v.size, 1e-4)
-    found = bristle.find_segments(t, STEP * np.cumsum(v), T)
-    kept = found[found.accepted]
-    assert kept.velocity.to_numpy() == pytest.approx([0.2, 0.6], rel=1e-3)
-    assert kept.torque.to_numpy() == pytest.approx(bristle.friction([0.2, 0.6], P), rel=5e-3)
-    assert (found[~found.accepted].reasons != "").all()
-
-
-def test_stages_show_themselves(fits: Fits) -> None:
-    """Each as text, as HTML, and as axes with quantity and unit."""
+    # each as text, as HTML, and as axes with quantity and unit
     labels = ("Velocity (rad/s)", "Displacement (rad)", "Time (s)")
     for found, label in zip(fits, labels, strict=True):
         ax = found.plot(Figure().subplots())
@@ -160,16 +142,44 @@ def test_stages_show_themselves(fits: Fits) -> None:
         assert "<svg" in found._repr_html_()
 
 
-def test_what_is_not_known_is_not_simulated(fits: Fits) -> None:
-    """Points show no bristle, and slow loading no friction vs velocity: a sentence each."""
-    static, _, _ = fits
-    slow = bristle.fit_presliding(*loading())
-    with pytest.raises(InputError, match="simulate: sigma_0, sigma_1 of direction"):
-        bristle.simulate([0.1, 0.2], 0.01, static)
-    with pytest.raises(InputError, match="nothing is known of friction vs velocity"):
-        slow.predict([0.1])
-    with pytest.raises(InputError, match="dt: got 0"):
-        bristle.simulate([0.1, 0.2], 0, P)
+def test_time_as_index_or_as_numbers() -> None:
+    """The index of a series is the time; without one, time must be given."""
+    t, q, T = loading()
+    one, series = bristle.fit_presliding(t, q, T), pd.Series(q, index=t)
+    assert bristle.fit_presliding(None, series, T).params == pytest.approx(one.params, rel=1e-6, nan_ok=True)
+    with pytest.raises(InputError, match="t: missing"):
+        bristle.fit_presliding(None, q, T)
+    # an index that counts rows, complex numbers, units that are a text, priors that are no fits: a sentence each
+    t, q, T = motion()
+    with pytest.raises(InputError, match="t: missing; give n times"):
+        bristle.fit_dynamic(None, pd.Series(q), T)
+    with pytest.raises(InputError, match="expected n real numbers"):
+        bristle.fit(np.array([1j, 2.0]), [1.0, 2.0])
+    with pytest.raises(InputError, match="units: got 'deg/s'; expected units by signal"):
+        bristle.fit([1.0, 2.0], [1.0, 2.0], units="deg/s")  # type: ignore[arg-type]  # what a user may write
+    with pytest.raises(InputError, match="priors: got"):
+        bristle.fit_dynamic(t, q, T, priors=[1])  # type: ignore[list-item]  # the same
+    with pytest.raises(InputError, match="as of one column of a data frame"):
+        bristle.fit_dynamic(t, pd.DataFrame({"q": q, "T": T}), T)
+    # three held speeds and a ramp between them: the speeds are kept with their torque, all else has a reason
+    v = np.concatenate([np.full(3000, 0.2), np.linspace(0.2, 0.6, 400), np.full(3000, 0.6)])
+    t = np.arange(v.size) * STEP
+    T = bristle.friction(v, P) + noise(v.size, 1e-4)
+    found = bristle.find_segments(t, STEP * np.cumsum(v), T)
+    kept = found[found.accepted]
+    assert kept.velocity.to_numpy() == pytest.approx([0.2, 0.6], rel=1e-3)
+    assert kept.torque.to_numpy() == pytest.approx(bristle.friction([0.2, 0.6], P), rel=5e-3)
+    assert (found[~found.accepted].reasons != "").all()
+    # as an index, or as the time itself, they give the segments that the seconds give
+    t = np.arange(0, 6, STEP)
+    v = np.repeat([0.1, 0.9], t.size // 2)
+    q, T = np.cumsum(v) * STEP, 0.02 + 0.04 * v + noise(t.size, 1e-4)
+    plain, past = bristle.find_segments(t, q, T), pd.to_timedelta(t, unit="s")
+    instants = pd.Timestamp("2024-05-01", tz="Europe/Amsterdam") + past
+    for clock in (past, pd.Timestamp("2024-05-01") + past, instants):
+        for times, positions in ((None, pd.Series(q, index=clock)), (pd.Series(clock), q)):
+            found = bristle.find_segments(times, positions, T)
+            assert found.velocity.to_numpy() == pytest.approx(plain.velocity.to_numpy(), rel=1e-6)
 
 
 def test_a_compensator_runs_and_learns(fits: Fits) -> None:
@@ -193,31 +203,3 @@ def test_a_compensator_runs_and_learns(fits: Fits) -> None:
         comp.step(0.0, (0.0, 0.3), 0.0)
     with pytest.raises(InputError, match="bristle stiffness"):
         static.compensator()
-
-
-def test_durations_and_dates_are_seconds() -> None:
-    """As an index, or as the time itself, they give the segments that the seconds give."""
-    t = np.arange(0, 6, STEP)
-    v = np.repeat([0.1, 0.9], t.size // 2)
-    q, T = np.cumsum(v) * STEP, 0.02 + 0.04 * v + noise(t.size, 1e-4)
-    plain, past = bristle.find_segments(t, q, T), pd.to_timedelta(t, unit="s")
-    instants = pd.Timestamp("2024-05-01", tz="Europe/Amsterdam") + past
-    for clock in (past, pd.Timestamp("2024-05-01") + past, instants):
-        for times, positions in ((None, pd.Series(q, index=clock)), (pd.Series(clock), q)):
-            found = bristle.find_segments(times, positions, T)
-            assert found.velocity.to_numpy() == pytest.approx(plain.velocity.to_numpy(), rel=1e-6)
-
-
-def test_what_is_no_time_and_no_fit_is_refused() -> None:
-    """An index that counts rows, complex numbers, units that are a text, priors that are no fits: a sentence each."""
-    t, q, T = motion()
-    with pytest.raises(InputError, match="t: missing; give n times"):
-        bristle.fit_dynamic(None, pd.Series(q), T)
-    with pytest.raises(InputError, match="expected n real numbers"):
-        bristle.fit(np.array([1j, 2.0]), [1.0, 2.0])
-    with pytest.raises(InputError, match="units: got 'deg/s'; expected units by signal"):
-        bristle.fit([1.0, 2.0], [1.0, 2.0], units="deg/s")  # type: ignore[arg-type]  # what a user may write
-    with pytest.raises(InputError, match="priors: got"):
-        bristle.fit_dynamic(t, q, T, priors=[1])  # type: ignore[list-item]  # the same
-    with pytest.raises(InputError, match="as of one column of a data frame"):
-        bristle.fit_dynamic(t, pd.DataFrame({"q": q, "T": T}), T)

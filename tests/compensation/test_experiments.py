@@ -1,13 +1,22 @@
-"""The paper's experiments in closed loop, and more: each against docs/paper.md, a formula, or another experiment."""
+"""The paper's experiments in closed loop, and more: each against docs/paper.md, a formula, or another experiment; and what is shown of them."""
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from bristle.api.experiments import report_of
 from bristle.control.adaptation import LAWS, Adaptation
+from bristle.control.closed_loop import simulate
+from bristle.control.compensator import Compensator
+from bristle.control.control_period import LoopOptions
 from bristle.model.parameters import Lugre, Pair
-from bristle.questions.compensation import parameter_studies
+from bristle.questions.compensation import ablation, parameter_studies
+from bristle.questions.compensation import ablation as trying
+from bristle.questions.compensation.ablation import SHARES, WAYS, AblationRow, ablate
 from bristle.questions.compensation.paper_experiments import Errors, adapted, errors, followed
 from bristle.questions.compensation.parameter_studies import (
     band,
@@ -15,6 +24,8 @@ from bristle.questions.compensation.parameter_studies import (
     drifts,
     map_adaptation,
 )
+from bristle.questions.compensation.report import sections
+from bristle.questions.compensation.study import Study, outcomes_of, study
 from bristle.simulation.joint_loop import one_way
 
 from ..simulation.joints import GRIPPER, J, joint_loop
@@ -76,7 +87,7 @@ def test_compensation_is_followed_for_two_periods() -> None:
     assert not runs["without"].compensation.any()
 
 
-def test_the_adaptation_is_table_2() -> None:
+def test_adaptation_is_table_2_and_its_maps_hold_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """The gripper one way, from 0.3 alpha_0 and 0.5 alpha_2: `partial` ends within 0.02 of 0.84 and 1.05, `printed` leaves alpha_0 at 0.30."""
     found = adapted(one_way(joint_loop()))
     by = {(f.law, f.parameter): f for f in found.factors}
@@ -93,17 +104,11 @@ def test_the_adaptation_is_table_2() -> None:
         assert by["partial-theta", name].final == pytest.approx(by["partial", name].final, rel=1e-9)
     late = {name: run.rms_error(16.0)[0] for name, run in found.runs.items()}
     assert late["partial"] < 0.2 * late["not adapted"]
-
-
-def test_the_printed_law_is_left_out_where_it_is_not_typeset() -> None:
-    """A plan that adapts v_s is tried by the three laws that can."""
+    # a plan that adapts v_s is tried by the three laws that can
     plan = Adaptation(parameters=("alpha_0", "v_s"), gamma=(20.0, 1.0))
     found = adapted(one_way(joint_loop(adaptation=plan)))
     assert [*found.runs] == ["not adapted", "partial", "partial-theta", "total"]
-
-
-def test_maps_hold_the_adaptation_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    """At the plan's own rate, amplitude and frequency both maps hold what the adaptation ends at; shapes are those of their axes."""
+    # at the plan's own rate, amplitude and frequency both maps hold what the adaptation ends at; shapes are those of their axes
     monkeypatch.setattr(parameter_studies, "GAMMAS", (20.0, 50.0, 5.0))
     monkeypatch.setattr(parameter_studies, "FREQUENCIES", (2.0, 1.0))
     monkeypatch.setattr(parameter_studies, "AMPLITUDES", (1.0, 0.5, 2.0))
@@ -118,6 +123,12 @@ def test_maps_hold_the_adaptation_itself(monkeypatch: pytest.MonkeyPatch) -> Non
     np.testing.assert_allclose(found.gammas, [20.0, 50.0, 5.0])
     np.testing.assert_allclose(found.frequencies, [1.2, 0.6])
     np.testing.assert_allclose(found.amplitudes, [0.8, 0.4, 1.6])
+    monkeypatch.undo()
+    # with rates of zero nothing moves, over the whole map
+    for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
+        monkeypatch.setattr(parameter_studies, name, (1.0,))
+    found = map_adaptation(joint_loop(adaptation=Adaptation(gamma=(0.0, 0.0))))
+    np.testing.assert_array_equal(found.by_gamma.ravel(), [0.3, 0.5])
 
 
 def test_drifts_are_told_of_every_way_with_the_known_model_first() -> None:
@@ -178,13 +189,8 @@ def test_the_band_holds_the_truth_that_it_was_drawn_for() -> None:
     assert narrow.joints == 40
     assert narrow.time[0] == pytest.approx(1 / one.slow)
     assert narrow.rms_actual == pytest.approx(np.sqrt(np.mean(narrow.actual**2)))
-
-
-def test_errors_of_constants_are_a_part_of_the_band() -> None:
-    """What they do to the RMS error alone stands beside the band of all causes, and is no part of its quantiles; without them it is None.
-
-    A joint whose covariance is unknown has no band.
-    """
+    # what they do to the RMS error alone stands beside the band of all causes, and is no part of its quantiles; without them it is None. A
+    # joint whose covariance is unknown has no band
     rng = np.random.default_rng(0)
     draws, by_constants = (tuple(spread(GRIPPER, rng, 0.1) for _ in range(20)) for _ in range(2))
     one = joint_loop(period=2e-3, draws=draws)
@@ -199,25 +205,7 @@ def test_errors_of_constants_are_a_part_of_the_band() -> None:
     assert beside.rms_systematic == pytest.approx((alone.rms[0], alone.rms[2]))
 
 
-def test_rates_of_zero_leave_the_map_at_its_start(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With rates of zero nothing moves, over the whole map."""
-    for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
-        monkeypatch.setattr(parameter_studies, name, (1.0,))
-    found = map_adaptation(joint_loop(adaptation=Adaptation(gamma=(0.0, 0.0))))
-    np.testing.assert_array_equal(found.by_gamma.ravel(), [0.3, 0.5])
-
-
-def test_the_plans_own_law_has_the_plans_own_rates(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the law of the plan, its row of Table 2 ends where the map at the same rate does."""
-    for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
-        monkeypatch.setattr(parameter_studies, name, (20.0,) if name == "GAMMAS" else (1.0,))
-    for law in ("partial", "partial-theta", "total"):
-        one = one_way(joint_loop(adaptation=Adaptation(law=law, gamma=(100.0, 100.0))))
-        ends = [x.final for x in adapted(one).factors if x.law == law]
-        np.testing.assert_allclose(map_adaptation(one).by_gamma.ravel(), ends, rtol=1e-9)
-
-
-def test_a_parameter_of_zero_divides_nothing() -> None:
+def test_a_parameter_of_zero_divides_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """A joint without viscous friction is adapted by every law, whatever the law of the plan, with finite gains."""
     pair = Pair(*(p._replace(alpha_2=0.0, sigma_1=0.0) for p in GRIPPER))
     for law in ("partial", "partial-theta", "total"):
@@ -225,3 +213,133 @@ def test_a_parameter_of_zero_divides_nothing() -> None:
         rows = {x.law: x for x in adapted(one).factors if x.parameter == "alpha_2"}
         assert {"partial", "partial-theta", "total"} <= set(rows)
         assert all(np.isfinite(x.final) for x in rows.values())
+    # whatever the law of the plan, its row of Table 2 ends where the map at the same rate does
+    for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
+        monkeypatch.setattr(parameter_studies, name, (20.0,) if name == "GAMMAS" else (1.0,))
+    for way in ("partial", "partial-theta", "total"):
+        one = one_way(joint_loop(adaptation=Adaptation(law=way, gamma=(100.0, 100.0))))
+        ends = [x.final for x in adapted(one).factors if x.law == way]
+        np.testing.assert_allclose(map_adaptation(one).by_gamma.ravel(), ends, rtol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def compensated() -> Study:
+    """The gripper with its true model, on small maps."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module, name, few in (
+            (parameter_studies, "GAMMAS", (20.0,)), (parameter_studies, "FREQUENCIES", (1.0,)), (parameter_studies, "AMPLITUDES", (1.0,)),
+            (ablation, "BITS", (20,)), (ablation, "DELAYS", (0,)), (ablation, "SHARES", (1.0,)),
+        ):  # fmt: skip  # a table
+            patch.setattr(module, name, few)
+        return study([joint_loop()])
+
+
+def test_a_study_shows_itself(compensated: Study, tmp_path: Path) -> None:
+    """A row for each error, with the same numbers."""
+    frame = compensated.to_frame()
+    assert len(frame) == len(compensated.errors)
+    assert frame["identified_model"].tolist() == [row.identified for row in compensated.errors]
+    assert (frame["true_share"] * frame["without"]).tolist() == pytest.approx([row.true for row in compensated.errors])
+    # one line each, without inertia feed-forward, with what is left of the error and where each factor ends
+    found = list(outcomes_of(compensated))
+    plain = [row for row in compensated.errors if not row.inertia]
+    factors = compensated.adapted.factors
+    assert report_of(compensated).text().splitlines() == list(map(str, found))
+    assert [x.code for x in found] == ["errors-compensated"] * len(plain) + ["adapted-to"] * len(factors)
+    for said, row in zip(found, plain, strict=False):
+        assert said.numbers["unit"] == "mrad"
+        assert (said.numbers["without"], said.numbers["identified"]) == (1e3 * row.without, 1e3 * row.identified)
+        assert said.numbers["identified_percent"] == 100 * row.identified / row.without
+    for said, factor in zip(found[len(plain) :], factors, strict=True):
+        ends = {"law": factor.law, "name": factor.parameter, "initial": factor.initial, "final": factor.final}
+        assert ends.items() <= said.numbers.items()
+    # each caption begins with SIMULATED; each figure has a name of its own
+    drawn = [x for own in sections(compensated) for x in own.drawings]
+    assert all(x.simulated for x in drawn)
+    assert len({x.name for x in drawn}) == len(drawn)
+    # with the same numbers, to six digits
+    report_of(compensated).write(tmp_path / "a")
+    written = pd.read_csv(tmp_path / "a" / "tables" / "compensation_errors.csv", comment="#")
+    pd.testing.assert_frame_equal(written, compensated.to_frame(), check_dtype=False, rtol=1e-6)
+    # a gain that ends at zero has the colour of the smallest ratio, one of a loop that diverges none; the caption counts the finite ones
+    twice = np.tile(compensated.adaptation_map.by_gamma, 3)
+    twice[..., 0], twice[..., 1], twice[..., 2] = 0.0, np.nan, 2.0
+    m = compensated.adaptation_map._replace(frequencies=np.array([0.1, 0.2, 0.5]), by_gamma=twice, by_amplitude=twice)
+    study = replace(compensated, adaptation_map=m)
+    landings = next(x for own in sections(study) for x in own.drawings if x.name == "compensation-landings")
+    figure = landings.draw()
+    assert figure is not None
+    image = figure.axes[0].images[0]
+    shown: np.ma.MaskedArray[Any, Any] = np.ma.asarray(image.norm(np.asarray(image.get_array(), dtype=float)))
+    assert shown[0, 0] == 0
+    assert np.ma.getmaskarray(shown).sum() == 1
+    assert landings.caption.partition(". ")[0].endswith("α₂ from 0 to 2")
+
+
+@pytest.mark.parametrize(("share", "said"), [(1.05, True), (1.2, False)])
+def test_a_stribeck_curve_as_good_as_lugre_is_said(compensated: Study, share: float, said: bool) -> None:
+    """Where the steady curve leaves an error within a tenth of LuGre's, the page says so with both."""
+    rows = {row.compensator: row for row in compensated.ablation}
+    lugre = rows["LuGre, reference velocity"]
+    stribeck = rows["Stribeck, reference velocity"]._replace(rms_error=share * lugre.rms_error)
+    tried = (rows | {stribeck.compensator: stribeck}).values()
+    shown = sections(replace(compensated, ablation=tuple(tried)))
+    found = [x for section in shown for x in section.findings if x.code == "stribeck-as-good"]
+    assert [x.numbers["stribeck"] for x in found] == ([pytest.approx(1e3 * share * lugre.rms_error)] if said else [])
+
+
+LUGRE = "LuGre, reference velocity"
+
+
+@pytest.fixture(scope="module")
+def tried() -> tuple[AblationRow, ...]:
+    """The gripper with its true model, behind 20 bits, without delay and with one of five periods."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trying, "BITS", (20,))
+        patch.setattr(trying, "DELAYS", (0, 5))
+        return ablate(joint_loop())
+
+
+def of(tried: tuple[AblationRow, ...], compensator: str, delay: int = 0) -> dict[float, AblationRow]:
+    """Rows of one compensator and delay, by share."""
+    return {r.share: r for r in tried if r.compensator == compensator and r.delay == delay}
+
+
+def test_every_way_under_each_circumstance(tried: tuple[AblationRow, ...]) -> None:
+    """One row for every compensator, encoder, delay and share, and one without compensation, which has no share."""
+    expected = [(way, 20, d, s) for way in WAYS for d in (0, 5) for s in (SHARES if way != "none" else (0.0,))]
+    assert [(r.compensator, r.encoder_bits, r.delay, r.share) for r in tried] == expected
+    assert all(np.isfinite([r.rms_error, r.over_none, r.chatter]).all() for r in tried)
+    # `none` without delay is what all others are relative to, and leads nowhere
+    assert of(tried, "none")[0.0].over_none == 1.0
+    bare = of(tried, "none")[0.0].rms_error
+    for row in tried:
+        assert row.over_none == pytest.approx(row.rms_error / bare)
+    assert not any(r.over_compensated for r in tried if r.compensator == "none")
+    # LuGre by reference velocity: with all of the true friction the error is less than half of that with any other share
+    found = of(tried, LUGRE)
+    assert all(found[1.0].rms_error < 0.5 * row.rms_error for share, row in found.items() if share != 1.0)
+    assert found[1.0].over_none < 0.1
+    # Coulomb friction by the measured velocity makes the held joint swing on at every share; nothing by the reference velocity does
+    for way in WAYS:
+        found = of(tried, way)
+        if way.endswith("reference velocity") or way == "none":
+            assert not any(r.limit_cycle for r in found.values())
+    assert all(r.limit_cycle for r in of(tried, "Coulomb, measured velocity").values())
+    # five periods late, feed-forward still leaves less than a fifth of the error
+    assert of(tried, LUGRE, 5)[1.0].over_none < 0.2
+    # half of the model's parameters, v_s aside, compensate as the whole model does by half of its torque
+    one = joint_loop()
+    course, moving = trying._back_and_forth(one)
+    case = replace(one.case(), resolution=trying._count(one, 20))
+    run = simulate(LoopOptions(compensator=Compensator(share=0.5), encoder=True), [case], course, one.period)
+    assert of(tried, LUGRE)[0.5].rms_error == pytest.approx(np.sqrt(np.mean(run.error[0, moving] ** 2)), rel=1e-9)
+
+
+@pytest.mark.parametrize("way", [way for way in WAYS if way.startswith(("LuGre", "Stribeck"))])
+def test_more_than_all_of_the_friction_is_marked(tried: tuple[AblationRow, ...], way: str) -> None:
+    """With the whole curve at 150 % the joint leads its reference and is marked over-compensated; at 50 % it lags and is not."""
+    found = of(tried, way)
+    assert found[1.5].over_compensated
+    assert not found[0.5].over_compensated
+    assert not found[0.75].over_compensated

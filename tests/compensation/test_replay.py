@@ -60,23 +60,15 @@ def test_a_replay_is_of_every_sample(tmp_path: Path) -> None:
             assert run.theta.shape == (2, t.size)
             friction = rollout(v, STEP, GRIPPER, 0.0).torque
             assert np.abs(run.measured - friction)[50:-50].max() < 0.01 * np.abs(torque).max()
-
-
-def test_a_model_that_is_right_stays(tmp_path: Path) -> None:
-    """On a run of the model's own joint the gains stay at 1 to a hundredth, and the verdict is that adaptation changes nothing."""
+    # on a run of the model's own joint the gains stay at 1 to a hundredth, and the verdict is that adaptation changes nothing
     run, _ = replayed(tmp_path, 1.0)
     np.testing.assert_allclose(run.theta, 1.0, atol=0.01)
     before, after = run.relative_errors()
     assert max(before, after) < 1.0
     assert run.verdict.code == "adaptation-idle"
     assert run.verdict.numbers == {"before": before, "after": after, "ratios": run.ratios}
-
-
-def test_a_model_that_is_wrong_is_mended(tmp_path: Path) -> None:
-    """Where Coulomb and viscous friction are 1.5 times the model's, both shares go most of the way, the error halves, and the verdict says so.
-
-    Errors are 100 norm(measured - predicted) / norm(measured) from the middle of the run on, with gains of 1 and adapted.
-    """
+    # where Coulomb and viscous friction are 1.5 times the model's, both shares go most of the way, the error halves, and the verdict says
+    # so. Errors are 100 norm(measured - predicted) / norm(measured) from the middle of the run on, with gains of 1 and adapted
     run, wrong = replayed(tmp_path, 1.5)
     assert (np.abs(run.theta[:, -1] - 1.5) < 0.2).all()
     assert (np.diff(run.theta[:, ::1000], axis=1) > 0).all()
@@ -95,7 +87,7 @@ def test_a_model_that_is_wrong_is_mended(tmp_path: Path) -> None:
     assert wrong.relative_errors()[1] < wrong.relative_errors()[0]
 
 
-def test_gains_go_on_across_a_gap(tmp_path: Path) -> None:
+def test_gains_rates_and_limits_of_replays(tmp_path: Path) -> None:
     """A run with a gap is replayed stretch by stretch: as without one up to the gap, then from the gains that it had before it."""
     whole, _ = replayed(tmp_path, 1.5)
     run, _ = replayed(tmp_path, 1.5, gap=True)
@@ -108,50 +100,32 @@ def test_gains_go_on_across_a_gap(tmp_path: Path) -> None:
     assert (run.theta[:, before.size] > 1.05).all()
     assert (run.theta[:, -1] > run.theta[:, before.size]).all()
     assert run.relative_errors()[1] < 0.5 * run.relative_errors()[0]
-
-
-def test_rates_are_those_of_the_loop(tmp_path: Path) -> None:
-    """The torque error teaches as an error of position over K_p: twice the gain with twice the rates is the same replay."""
+    # the torque error teaches as an error of position over K_p: twice the gain with twice the rates is the same replay
     one = joint_loop()
     stiff = joint_loop(gains=one.gains._replace(K_p=2 * one.gains.K_p), adaptation=Adaptation(gamma=(40.0, 40.0)))
     first, second = (replayed(tmp_path, 1.5, own)[0] for own in (one, stiff))
     np.testing.assert_allclose(first.theta, second.theta, rtol=1e-9)
-
-
-def test_a_gain_at_its_limit_is_not_trusted(tmp_path: Path) -> None:
-    """Where a gain ends at its upper limit the verdict is to leave the adaptation off, or to lower its rate."""
+    # where a gain ends at its upper limit the verdict is to leave the adaptation off, or to lower its rate
     one = joint_loop(adaptation=Adaptation(limits=(0.5, 1.2)))
     run, _ = replayed(tmp_path, 1.5, one)
     assert run.theta.max() == pytest.approx(1.2)
     assert run.verdict.code == "gain-at-limit"
-
-
-def test_an_adaptation_that_harms_is_left_off(tmp_path: Path) -> None:
-    """Where the rate is so high that every sample overshoots, a model that was right explains less, and the verdict is to leave it off."""
+    # where the rate is so high that every sample overshoots, a model that was right explains less, and the verdict is to leave it off
     run, _ = replayed(tmp_path, 1.0, joint_loop(adaptation=Adaptation(gamma=(0.0, 1e5), limits=(0.01, 100.0))))
     before, after = run.relative_errors()
     assert after > before + 10
     assert run.verdict.code == "adaptation-harms"
-
-
-def test_a_gain_is_judged_by_how_far_it_went(tmp_path: Path) -> None:
-    """Limits are those of the gains, not of the shares: one that never moved is at none, one that doubled is at two."""
+    # limits are those of the gains, not of the shares: one that never moved is at none, one that doubled is at two
     still = joint_loop(start={"alpha_0": 0.4}, adaptation=Adaptation(gamma=(0.0, 0.0), limits=(0.5, 2.0)))
     assert replayed(tmp_path, 1.0, still)[1].verdict.code != "gain-at-limit"
     driven = joint_loop(
         start={"alpha_0": 0.3, "alpha_2": 0.1}, adaptation=Adaptation(gamma=(20.0, 200.0), limits=(0.05, 2.0))
     )
     assert replayed(tmp_path, 1.0, driven)[1].verdict.code == "gain-at-limit"
-
-
-def test_without_adaptation_a_replay_is_the_rollout(tmp_path: Path) -> None:
-    """With rates of zero the torque that adapts is the one with gains of 1, but for where z passes zero within a sample."""
+    # with rates of zero the torque that adapts is the one with gains of 1, but for where z passes zero within a sample
     run = replayed(tmp_path, 1.0, joint_loop(adaptation=Adaptation(gamma=(0.0, 0.0))))[0]
     np.testing.assert_allclose(run.adapted, run.fixed, atol=1e-4 * np.abs(run.fixed).max())
-
-
-def test_without_a_fit_of_moving_runs_the_known_inertia_is_taken_off(tmp_path: Path) -> None:
-    """Where nothing but the inertia is known beside friction, a right model still explains the run."""
+    # where nothing but the inertia is known beside friction, a right model still explains the run
     written(tmp_path)
     measured = measure(experiment(tmp_path, "", ""))
     first = replays(joint_loop(), replace(joint(), tracking=None), measured)[0]

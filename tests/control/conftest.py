@@ -23,11 +23,8 @@ def sine(seconds: float, frequency: float, period: float = H, amplitude: float =
 def case(name: str, **changes: object) -> Case:
     """A joint of Table 1 with its true model and the paper's PID."""
     values = {
-        "plant": edro.TABLE_1[name],
-        "motor": simulated_edro.motor(name),
-        "model": edro.TABLE_1[name],
-        "gains": edro.PID_GAINS,
-    }
+        "plant": edro.TABLE_1[name], "motor": simulated_edro.motor(name), "model": edro.TABLE_1[name], "gains": edro.PID_GAINS,
+    }  # fmt: skip  # a list of values
     return Case(**(values | changes))  # type: ignore[arg-type]
 
 

@@ -1,5 +1,6 @@
-"""The adaptive closed loop under whatever comes: random references, noise, delays and starts; drift; divergence and what keeps from it."""
+"""The adaptive loop and its controllers under whatever comes: random references, noise, delays, limits, periods that are too long."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
@@ -10,13 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bristle.arrays import Array
+from bristle.control import closed_loop
 from bristle.control.adaptation import LAWS, STEPS, Adaptation, Law, Step
 from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator, Name, Reference
 from bristle.control.control_period import Case, Disturbance, LoopOptions
-from bristle.control.pid import Gains
-from bristle.control.stability import refuse_long_period
-from bristle.model.parameters import Lugre, Pair
+from bristle.control.pid import AT_REST, Gains, Memory, Sliding, pid, sliding
+from bristle.control.stability import growth, refuse_long_period
+from bristle.model.parameters import Lugre, Motor, Pair
 from bristle.simulation import edro
 
 from .conftest import PAIR, H, P, case, follow, sine
@@ -160,3 +162,147 @@ def test_a_reversal_onto_another_stiffness_makes_no_jump(name: Name, stiff: int,
         _, T = follow(Compensator(name=name, adaptation=adaptation), v, Pair(*sets))
         steady = P.alpha_0 + P.alpha_1 + P.alpha_2 * np.abs(v)
         assert (np.abs(T) <= steady * (1 + 1e-9)).all()
+
+
+BARE = LoopOptions(compensator=Compensator(name="none"))
+
+
+def borne(options: LoopOptions, name: str, period: float) -> float:
+    """The period that the refusal names, s."""
+    with pytest.raises(ValueError, match="control period") as refused:
+        simulate(options, [case(name)], sine(100 * period, 0.1, period), period)
+    said = re.search(r"bears about (\S+) s", str(refused.value))
+    assert said is not None
+    return float(said[1])
+
+
+def test_what_is_refused_and_what_is_borne() -> None:
+    """A period of 0.1 s on the gripper with the paper's PID: what was got, how fast it grows, what it bears, what to do."""
+    with pytest.raises(
+        ValueError,
+        match=r"^case 1: got a control period of 0\.1 s, in which the loop's fastest mode grows by a factor of 9\.1\d+; "
+        r"the loop bears about 0\.013 s: shorten the period, or lower the gains or the delay$",
+    ):
+        simulate(LoopOptions(), [case("base rotation"), case("gripper rotation")], sine(10.0, 0.5, 0.1), 0.1)
+    # every joint of Table 1 with the paper's PID at 1 kHz, by torque and by voltage, up to five periods late; and sliding mode at any
+    # period
+    cases = [case(name) for name in edro.TABLE_1]
+    for delay in range(6):
+        for options in (LoopOptions(delay=delay), LoopOptions(delay=delay, drive="voltage")):
+            refuse_long_period(options, cases, H)
+            assert (growth(options, cases, np.full(len(cases), H)) < 1e-4).all()
+    slide = LoopOptions(controller="sliding", compensator=Compensator(name="none"))
+    assert (growth(slide, cases, np.full(len(cases), 0.1)) > 0.1).any()
+    refuse_long_period(slide, cases, 0.1)
+    # with too much integral for its damping the continuous loop is unstable itself; no gains at all do not grow; neither is refused
+    p = P._replace(alpha_2=0.0)
+    one = case("gripper rotation", plant=Pair(p, p), gains=Gains(1.0, 1000.0, 0.01, 0.0))
+    free = replace(one, gains=Gains(0.0, 0.0, 0.0, 0.0))
+    for h in (1e-4, 1e-3):
+        refuse_long_period(BARE, [one], h)
+        refuse_long_period(BARE, [free], 1000 * h)
+        assert growth(BARE, [one], np.array([h])) > 1e-4
+        assert growth(BARE, [free], np.array([1000 * h])) < 1e-4
+    # in a batch every case has the growth that it has by itself, and a refusal names the worst
+    gains = [Gains(3.0, 1.2, K_d, 0.0) for K_d in (0.2, 2.0, 5.0, 1.0)]
+    cases = [case("gripper rotation", gains=g) for g in gains]
+    every = growth(BARE, cases, np.full(len(cases), H))
+    alone = [growth(BARE, [one], np.array([H]))[0] for one in cases]
+    np.testing.assert_array_equal(every, alone)
+    with pytest.raises(ValueError, match=r"^case 2: "):
+        refuse_long_period(BARE, cases, H)
+
+
+@pytest.mark.parametrize("options", [BARE, replace(BARE, drive="voltage"), replace(BARE, delay=3)])
+@pytest.mark.parametrize("name", ["gripper rotation", "wrist pitch"])
+def test_below_the_bound_it_runs_and_above_it_diverges(
+    options: LoopOptions, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a blow of a thousand breakaway torques, 0.9 of the named period brings the joint back; 1.2 of it, unrefused, loses it."""
+    named = borne(options, name, 0.5)
+    monkeypatch.setattr(closed_loop, "refuse_long_period", lambda *_: None)
+    ends = []
+    for h in (0.9 * named, 1.2 * named):
+        zero, load = np.zeros(601), np.zeros(601)
+        load[:5] = 1000 * case(name).plant.positive.alpha_0
+        run = simulate(options, [case(name)], Reference(zero, zero, zero), h, Disturbance(load=load))
+        blow, end = np.abs(run.error[0, :50]).max(), np.abs(run.error[0, -50:]).max()
+        ends.append(end / blow)
+    assert ends[0] < 0.1
+    assert not ends[1] < 10
+
+
+@pytest.mark.parametrize("sigma_0", [6.0, 1e3, 1e4, 1e5])
+def test_swings_in_stick_are_not_refused(sigma_0: float) -> None:
+    """A bristle however stiff at 1 kHz: what grows in stick ends where the joint breaks away, and the loop tracks."""
+    p = P._replace(sigma_0=sigma_0)
+    run = simulate(BARE, [case("gripper rotation", plant=Pair(p, p))], sine(4.0, 0.5), H)
+    assert run.peak_error(1.0)[0] < 0.06
+
+
+@pytest.mark.parametrize("k", [0.5, 1.3, 2.5])
+def test_growth_is_that_of_the_linear_loop(k: float) -> None:
+    """An inertia with K_d = k J / h alone and no viscous friction: of (y, v, the last y) the modes are those of a matrix that a pencil writes."""
+    J, h, p = 1e-3, 0.01, P._replace(alpha_2=0.0)
+    one = case("wrist pitch", plant=Pair(p, p), motor=Motor(1.0, 1.0, 0.0, J), gains=Gains(0.0, 0.0, k * J / h, 0.0))
+    step = np.array([[1 - k / 2, h, k / 2], [-k / h, 1.0, k / h], [1.0, 0.0, 0.0]])
+    (found,) = growth(BARE, [one], np.array([h]))
+    assert np.exp(found) == pytest.approx(np.abs(np.linalg.eigvals(step)).max(), rel=1e-3)
+
+
+GAINS = Gains(3.0, 1.2, 0.2, 0.0)
+errors = st.lists(st.floats(-1, 1), min_size=1, max_size=30)
+
+
+def run(
+    values: list[float], gains: Gains[float] = GAINS, limit: float = 1e9, h: float = 1e-3
+) -> list[tuple[float, Memory[float]]]:
+    """The output and the memory after each error."""
+    out, memory = [], AT_REST
+    for error in values:
+        output, memory = pid(memory, error, h, gains, limit)
+        out.append((output, memory))
+    return out
+
+
+@settings(deadline=None, max_examples=50)
+@given(errors)
+def test_unlimited_output_is_21(values: list[float]) -> None:
+    """Far from the limit, the output is K_p e + K_i sum(e) h + K_d (e - e_before) / h."""
+    h, e = 1e-3, np.array(values)
+    expected = 3 * e + 1.2 * h * np.cumsum(e) + 0.2 * np.diff(e, prepend=0.0) / h
+    np.testing.assert_allclose([u for u, _ in run(values)], expected, rtol=1e-12, atol=1e-12)
+
+
+@settings(deadline=None, max_examples=50)
+@given(errors, st.floats(1e-3, 10))
+def test_integral_never_pushes_into_the_limit(values: list[float], limit: float) -> None:
+    """The output stays within the limit; a sample whose output meets it with room to spare does not move the integral further that way."""
+    before = 0.0
+    for output, memory in run(values, limit=limit):
+        assert abs(output) <= limit
+        wanted = GAINS.K_p * memory.error + GAINS.K_d * memory.derivative + before
+        if abs(wanted) > limit:
+            assert memory.integral * np.sign(wanted) <= before * np.sign(wanted) + 1e-15
+        before = memory.integral
+
+
+def test_saturation_filter_and_layer() -> None:
+    """After a long saturation the output leaves its limit within a few samples of the error's change of sign; a wound-up one would not."""
+    gains, limit = Gains(1.0, 10.0, 0.0, 0.0), 1.0
+    outputs = [u for u, _ in run([2.0] * 5000 + [-0.1] * 5, gains, limit)]
+    assert outputs[4999] == limit
+    assert max(outputs[5000:]) < 0
+    # on an error that grows steadily the filtered derivative goes to its slope
+    h, slope = 1e-3, 0.5
+    _, memory = run([slope * h * (k + 1) for k in range(400)], Gains(0.0, 0.0, 1.0, 0.01), h=h)[-1]
+    assert memory.derivative == pytest.approx(slope, rel=1e-12)
+    # there T = K / layer (de/dt + slope e), which is (21) with K_d = K / layer and K_p = slope K_d; beyond, T = +-K
+    gains, layer = Sliding(K=2.0, slope=15.0, layer=10.0, filter_time=0.002), AT_REST
+    same, alike = Gains(K_p=3.0, K_i=0.0, K_d=0.2, filter_time=0.002), AT_REST
+    for error in 0.02 * np.sin(np.arange(30)):
+        T, layer = sliding(layer, float(error), 0.01, gains)
+        expected, alike = pid(alike, float(error), 0.01, same, 1e9)
+        assert float(T) == pytest.approx(float(expected), abs=1e-12)
+    for error, T in ((50.0, 2.0), (-50.0, -2.0)):
+        assert float(sliding(Memory(0.0, 0.0, error), error, 0.01, gains)[0]) == T

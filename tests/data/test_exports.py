@@ -178,7 +178,7 @@ def saved(draft: Draft, folder: Path) -> Path:
     return path
 
 
-def test_channels_with_times_of_their_own(tmp_path: Path) -> None:
+def test_times_and_columns_of_channels(tmp_path: Path) -> None:
     """TwinCAT's channels, sampled every 1 ms and 2 ms, go together on the time of the position, without one row lost but beyond the last sample."""
     (tmp_path / "log.csv").write_text(twincat(), encoding="utf-8")
     (tmp_path / "e.yaml").write_text(
@@ -190,15 +190,26 @@ def test_channels_with_times_of_their_own(tmp_path: Path) -> None:
     assert (record.rows, record.dropped) == (N, 1)
     np.testing.assert_allclose(present(record.torque)[::2], 0.5e-3 * I[::2], atol=1e-6)
     np.testing.assert_allclose(present(record.torque), 0.5e-3 * I[:-1], rtol=2e-3)
-
-
-def test_the_time_of_another_channel_is_refused(tmp_path: Path) -> None:
-    """Of channels with a block each, one sampled otherwise than the time that is read with it is refused, with the line to add."""
+    # of channels with a block each, one sampled otherwise than the time that is read with it is refused, with the line to add
     (tmp_path / "log.csv").write_text(twincat(), encoding="utf-8")
     with pytest.raises(
         InputError, match=r"column 'Axis1\.ActCurrent' has a time of its own, column 2, .*; add time: 2 to the signal"
     ):
         read_table(tmp_path / "log.csv", [Key(0), Key("Axis1.ActPos"), Key("Axis1.ActCurrent")])
+    # by a name in the row of names, or else in another row above the numbers; the second of a name by `#2`, or by its number. Comments,
+    # decimal commas, rows of units, byte order marks and delimiters at the ends of lines shift no column
+    path, found = tmp_path / "log.csv", list[tuple[str, int | str, list[float]]]()
+    for content, column, _ in _FOUND:
+        path.write_text(content, encoding="utf-8", newline="")
+        found.append((content, column, read_table(path, [Key(column)]).columns[Key(column)].tolist()))
+    assert found == _FOUND
+    # ambiguous names, grouped digits, dates that are none, rows of words, tables very wide, long or empty: one short sentence each, soon
+    asks = []
+    for k, (content, key, says) in enumerate(_REFUSED):
+        path = tmp_path / f"{k}.csv"
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        asks.append((partial(read_table, path, [key]), says))
+    assert_refused(asks, str(tmp_path))
 
 
 _FOUND: list[tuple[str, int | str, list[float]]] = [
@@ -237,18 +248,6 @@ _FOUND: list[tuple[str, int | str, list[float]]] = [
     ('t,q"\n0,1\n2,3\n"4",5\n', 0, [0, 2, 4]),  # a quote that is never closed hides no row
     ("// a log\nt,q\n0,1\n1,2\n2,3\n3,4\n", "q", [1, 2, 3, 4]),
 ]
-
-
-def test_columns_are_found(tmp_path: Path) -> None:
-    """By a name in the row of names, or else in another row above the numbers; the second of a name by `#2`, or by its number.
-
-    Comments, decimal commas, rows of units, byte order marks and delimiters at the ends of lines shift no column.
-    """
-    path, found = tmp_path / "log.csv", list[tuple[str, int | str, list[float]]]()
-    for content, column, _ in _FOUND:
-        path.write_text(content, encoding="utf-8", newline="")
-        found.append((content, column, read_table(path, [Key(column)]).columns[Key(column)].tolist()))
-    assert found == _FOUND
 
 
 @pytest.mark.parametrize("name", ["position[1]", "position_1", "position.1"])
@@ -315,16 +314,6 @@ _REFUSED: list[tuple[str | bytes, Key, str]] = [
     ("t,q,tau\n0,1,2\nstart,of,run\n" + "1,2,3\n" * 9, Key("t"), "row 2 of column 't' holds 'start'"),
     *((f"t,q,a,b\n{row}\n1,2,3,4\n", Key("t"), "line 2 stands between names and numbers") for row in ("0,stop,n.i.,off", "0,,,x", "1e-3,a,b,c")),
 ]  # fmt: skip  # a table
-
-
-def test_what_cannot_be_read_is_refused(tmp_path: Path) -> None:
-    """Ambiguous names, grouped digits, dates that are none, rows of words, tables very wide, long or empty: one short sentence each, soon."""
-    asks = []
-    for k, (content, key, says) in enumerate(_REFUSED):
-        path = tmp_path / f"{k}.csv"
-        path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        asks.append((partial(read_table, path, [key]), says))
-    assert_refused(asks, str(tmp_path))
 
 
 _LINES = st.sampled_from(

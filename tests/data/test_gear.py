@@ -66,13 +66,9 @@ def test_the_motor_side_is_the_joint_side(tmp_path: Path, size: float, sign: int
     ratio = sign * size
     column, unit, name = drive.split()
     found = record(
-        tmp_path,
-        {"ratio": ratio, **MOTOR},
-        ratio=ratio,
-        position="qm rad",
-        velocity="wm rad/s",
+        tmp_path, {"ratio": ratio, **MOTOR}, ratio=ratio, position="qm rad", velocity="wm rad/s",
         **{name: f"{column} {unit}"},
-    )
+    )  # fmt: skip  # a list of values
     for got, wanted in ((found.position, Q), (found.velocity, W), (found.torque, TAU)):
         assert got is not None
         np.testing.assert_allclose(got, wanted, atol=1e-9 * max(1, size))
@@ -88,6 +84,27 @@ def test_sides_may_differ(tmp_path: Path) -> None:
     for found in (link, sensor):
         np.testing.assert_allclose(present(found.position), Q, atol=1e-9)
         np.testing.assert_allclose(present(found.torque), TAU, atol=1e-9)
+    # a velocity of the joint declared as the motor's differs from the position by the ratio, and the warning names the side
+    (found,) = record(
+        tmp_path, {"ratio": RATIO, **MOTOR}, position="qm rad", velocity="w rad/s", current="i A"
+    ).warnings
+    assert found.code == "velocity-factor"
+    assert "the other side for velocity under motor.gear" in str(found)
+    # no ratio, one that is none, signals of an unknown side, an efficiency, which is friction, and a current without k_t: one sentence
+    # each. Of a joint that slides a bare ratio is refused, as what has another dimension
+    constants = {"torque_constant": f"{K_T} N*m/A", "resistance": f"{R} ohm"}
+    sides, asks = "position: motor, velocity: motor, torque: motor", []
+    current: dict[str, Any] = {"position": "qm rad", "velocity": "wm rad/s", "current": "i A"}
+    for text, says in _BAD.items():
+        motor = {
+            key: x for key, x in (constants | yaml.safe_load(text.replace("SIDES", sides))).items() if x is not None
+        }
+        asks.append((partial(experiment, tmp_path, None, more={"motor": motor}, **current), says))
+    slides: dict[str, Any] = {name: current[name] for name in ("position", "current")}
+    for ratio in (100, "5 m", "100", 0, "0 rad/m", "inf rad/m", "0 mm/rev", None):
+        gear = {"ratio": ratio, "position": "motor"}
+        asks.append((partial(experiment, tmp_path, gear, kind="prismatic", **slides), r"motor\.gear\.ratio: "))
+    assert_refused(asks)
 
 
 def test_constants_of_the_motor_at_the_joint(tmp_path: Path) -> None:
@@ -109,11 +126,8 @@ def test_constants_of_the_motor_at_the_joint(tmp_path: Path) -> None:
         assert torque is not None
         torques.append(torque)
     np.testing.assert_allclose(shift, (torques[0] - torques[1]) / 0.0002 * 0.001, rtol=1e-6)
-
-
-def test_the_encoder_is_on_the_side_of_the_position(tmp_path: Path) -> None:
-    """Counts of an encoder at the motor are so much finer at the joint; a turn that wraps is the motor's."""
-    more = {"encoder_resolution": "4096 counts/rev"}
+    # counts of an encoder at the motor are so much finer at the joint; a turn that wraps is the motor's
+    more: dict[str, Any] = {"encoder_resolution": "4096 counts/rev"}
     gear = {"ratio": RATIO, "position": "motor"}
     e = experiment(tmp_path, gear, more=more, position="counts counts", current="i A")
     assert e.encoder_resolution == pytest.approx(2 * np.pi / 4096 / RATIO)
@@ -124,11 +138,7 @@ def test_the_encoder_is_on_the_side_of_the_position(tmp_path: Path) -> None:
     np.testing.assert_allclose(present(wrapped.position), Q, atol=1e-9)
     with pytest.raises(InputError, match="position jumps by a full turn between samples"):
         record(tmp_path, gear, position="turned rad", current="i A")
-
-
-def test_a_lead(tmp_path: Path) -> None:
-    """A joint that slides has the angle of its motor per length, or its lead: m, N and kg at the joint, rad, N*m and kg*m**2 at the motor."""
-    more: dict[str, Any] = {"encoder_resolution": "4096 counts/rev"}
+    # a joint that slides has the angle of its motor per length, or its lead: m, N and kg at the joint, rad, N*m and kg*m**2 at the motor
     for ratio in (f"{RATIO} rad/m", "100 rad/m", f"{2 * np.pi / RATIO!r} m/rev", f"{2000 * np.pi / RATIO!r} mm/rev"):
         gear = {"ratio": ratio, "position": "motor"}
         more["motor"] = {"torque_constant": f"{K_T} N*m/A", "inertia": "1e-6 kg*m**2", "gear": gear}
@@ -139,15 +149,6 @@ def test_a_lead(tmp_path: Path) -> None:
         found = read_runs(e)[0].record
         np.testing.assert_allclose(present(found.position), Q, rtol=1e-9)
         np.testing.assert_allclose(present(found.torque), TAU, rtol=1e-9)
-
-
-def test_a_wrong_side_is_named(tmp_path: Path) -> None:
-    """A velocity of the joint declared as the motor's differs from the position by the ratio, and the warning names the side."""
-    (found,) = record(
-        tmp_path, {"ratio": RATIO, **MOTOR}, position="qm rad", velocity="w rad/s", current="i A"
-    ).warnings
-    assert found.code == "velocity-factor"
-    assert "the other side for velocity under motor.gear" in str(found)
 
 
 @pytest.mark.parametrize("side", ["motor", "joint"])
@@ -172,7 +173,6 @@ def test_commands_are_the_torque_that_the_drive_makes(tmp_path: Path, side: str)
     gains |= {"gear": {"ratio": by, "position": side, "velocity": side}} if motor else {}
 
     def torque(**more: Any) -> np.ndarray:
-        """That of the run, with other signals."""
         given = {name: s for name, s in (signals | more).items() if s is not None}
         whole = experiments.experiment(tmp_path, joint={"name": "axis"}, motor=gains, signals=given)
         return present(read_runs(whole)[0].record.torque)
@@ -208,23 +208,3 @@ _BAD: dict[str, str] = {
     "{torque_constant: null}": r"motor\.torque_constant: missing; add this key",
     "{torque_constant: null, resistance: null, gear: {ratio: 2, position: motor}}": r"torque from current needs motor\.torque_constant",
 }
-
-
-def test_bad_gears_are_refused(tmp_path: Path) -> None:
-    """No ratio, one that is none, signals of an unknown side, an efficiency, which is friction, and a current without k_t: one sentence each.
-
-    Of a joint that slides a bare ratio is refused, as what has another dimension.
-    """
-    constants = {"torque_constant": f"{K_T} N*m/A", "resistance": f"{R} ohm"}
-    sides, asks = "position: motor, velocity: motor, torque: motor", []
-    current: dict[str, Any] = {"position": "qm rad", "velocity": "wm rad/s", "current": "i A"}
-    for text, says in _BAD.items():
-        motor = {
-            key: x for key, x in (constants | yaml.safe_load(text.replace("SIDES", sides))).items() if x is not None
-        }
-        asks.append((partial(experiment, tmp_path, None, more={"motor": motor}, **current), says))
-    slides: dict[str, Any] = {name: current[name] for name in ("position", "current")}
-    for ratio in (100, "5 m", "100", 0, "0 rad/m", "inf rad/m", "0 mm/rev", None):
-        gear = {"ratio": ratio, "position": "motor"}
-        asks.append((partial(experiment, tmp_path, gear, kind="prismatic", **slides), r"motor\.gear\.ratio: "))
-    assert_refused(asks)

@@ -31,13 +31,9 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with h5py.File(folder / "log.h5", "w") as file:
         file["t"] = np.arange(5)
         file.create_dataset(
-            "arm/q",
-            data=np.arange(10.0).reshape(5, 2),
-            chunks=(2, 2),
-            compression="gzip",
-            shuffle=True,
+            "arm/q", data=np.arange(10.0).reshape(5, 2), chunks=(2, 2), compression="gzip", shuffle=True,
             fletcher32=True,
-        )
+        )  # fmt: skip  # a list of values
         file["arm/column"] = np.arange(5.0).reshape(5, 1)
         file["arm/a.b"] = np.arange(5.0) + 1
         file["log"] = _TABLE
@@ -59,42 +55,29 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 _READ: dict[Key, list[float]] = {
-    Key("t"): [0, 1, 2, 3, 4],
-    Key("/t"): [0, 1, 2, 3, 4],
-    Key("/arm/q", 1): [1, 3, 5, 7, 9],
-    Key("arm/column"): [0, 1, 2, 3, 4],
-    Key("/arm/a.b"): [1, 2, 3, 4, 5],
-    Key("/log.position"): [0, 1, 2, 3, 4],
-    Key("/log/counts"): [0, -1, -2, -3, -4],
-    Key("/soft"): [0, 1, 2, 3, 4],
-    Key("flags"): [1, 0, 1, 1, 0],
-}
+    Key("t"): [0, 1, 2, 3, 4], Key("/t"): [0, 1, 2, 3, 4], Key("/arm/q", 1): [1, 3, 5, 7, 9],
+    Key("arm/column"): [0, 1, 2, 3, 4], Key("/arm/a.b"): [1, 2, 3, 4, 5], Key("/log.position"): [0, 1, 2, 3, 4],
+    Key("/log/counts"): [0, -1, -2, -3, -4], Key("/soft"): [0, 1, 2, 3, 4], Key("flags"): [1, 0, 1, 1, 0],
+}  # fmt: skip  # a list of values
 _REFUSED: dict[Key, str] = {
     Key("x"): "nothing is named 'x'; there are: arm, away, ",
     Key("/arm/x"): "nothing is named 'x'; there are: a.b, column, q",
     Key("/arm"): "is a group, with a.b, column, q; name a dataset",
     Key("/arm/q"): "is a matrix of shape (5, 2); say which column with index: 0 to 1",
-    Key("/arm/q", 2): "has shape (5, 2); index counts",
-    Key("/t", 0): "has shape (5,); index counts",
+    Key("/arm/q", 2): "has shape (5, 2); index counts", Key("/t", 0): "has shape (5,); index counts",
     Key("one"): "holds a single number",
     Key("/log"): "is a table with the fields position, counts, tag; name one, as in '/log'.position",
     Key("/log.speed"): "no field 'speed'; there are: position, counts, tag",
-    Key("/log.tag"): "holds no plain numbers",
-    Key("text"): "holds no plain numbers, but text, references or lists",
-    Key("lists"): "holds no plain numbers",
-    Key("references"): "holds no plain numbers",
+    Key("/log.tag"): "holds no plain numbers", Key("text"): "holds no plain numbers, but text, references or lists",
+    Key("lists"): "holds no plain numbers", Key("references"): "holds no plain numbers",
     Key("complex"): "holds no plain numbers, but values of type complex128",
-    Key("away"): "is behind a link to another file",
-    Key("soft_away"): "is behind a link to another file",
-    Key("circle"): "links in a circle",
-    Key("outside"): "is stored in other files; copy the data into the file",
-    Key("virtual"): "is stored in other files",
-    Key("huge"): "holds 1e+12 numbers, over the limit of 200000000",
+    Key("away"): "is behind a link to another file", Key("soft_away"): "is behind a link to another file",
+    Key("circle"): "links in a circle", Key("outside"): "is stored in other files; copy the data into the file",
+    Key("virtual"): "is stored in other files", Key("huge"): "holds 1e+12 numbers, over the limit of 200000000",
     Key("chunky"): "has chunks of over 268435456 bytes",
-    Key("foreign"): "is packed by filter 32015; expected one of gzip, ",
-    Key("/"): "is not a path",
+    Key("foreign"): "is packed by filter 32015; expected one of gzip, ", Key("/"): "is not a path",
     Key(0): "is not a path",
-}
+}  # fmt: skip  # a list of values
 
 
 def _all(path: Path, key: Key) -> list[float]:
@@ -102,7 +85,7 @@ def _all(path: Path, key: Key) -> list[float]:
     return list(values.tolist())
 
 
-def test_a_path_reads_its_dataset_or_says_why_not(log: Path) -> None:
+def test_a_path_reads_its_dataset_or_says_why_not(log: Path, tmp_path: Path) -> None:
     """Vectors, columns of matrices, fields of tables and links inside the file are read as floats; what is no plain number in it is refused."""
     assert {key: _all(log, key) for key in _READ} == _READ
     assert_refused((partial(_all, log, key), re.escape(says)) for key, says in _REFUSED.items())
@@ -112,53 +95,7 @@ def test_a_path_reads_its_dataset_or_says_why_not(log: Path) -> None:
     assert "is a group" in str(refusal(log, [Key("/arm")]))
     shutil.copy(log, log.with_name("LOG.HDF"))  # the suffix says the format in whatever case
     assert read_table(log.with_name("LOG.HDF"), [Key("t")]).rows == 5
-
-
-def test_names_and_draft(tmp_path: Path, log: Path) -> None:
-    """The vectors of numbers are offered by path, through no link; a draft takes them by their names."""
-    assert {"/t", "/arm/column", "/log.position", "/log.counts", "/flags"} <= set(names_of(log))
-    assert not {"/soft", "/away", "/text", "/arm/q", "/one"} & set(names_of(log))
-    with h5py.File(tmp_path / "log.hdf5", "w") as file:
-        file["time"] = 0.01 * np.arange(200)
-        file["joint/position"], file["joint/torque"] = np.sin(file["time"][()]), np.cos(file["time"][()])
-    assert [line.split(",")[0] for line in draft_experiment([tmp_path / "log.hdf5"]).signals] == [
-        'time: {column: "/time"', 'position: {column: "/joint/position"', 'torque: {column: "/joint/torque"',
-    ]  # fmt: skip  # a list of lines
-
-
-def _mat_7_3(path: Path) -> Path:
-    """A file as MATLAB writes one of version 7.3: matrices with their rows last, structs as groups."""
-    with h5py.File(path, "w", userblock_size=512) as file:
-        for name, values, kind in (
-            ("t", np.arange(4.0).reshape(1, 4), "double"),
-            ("data/q", np.arange(4.0).reshape(4, 1), "single"),
-            ("data/m", np.arange(8.0).reshape(2, 4), "double"),
-            ("label", np.arange(4, dtype="u2").reshape(4, 1), "char"),
-        ):
-            file[name] = values
-            file[name].attrs["MATLAB_class"] = np.bytes_(kind)
-        file.create_dataset("runs", (1, 2), dtype=h5py.ref_dtype).attrs["MATLAB_class"] = np.bytes_("cell")
-    content = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512)
-    path.write_bytes(content + path.read_bytes()[512:])
-    return path
-
-
-def test_mat_files_of_version_7_3(tmp_path: Path) -> None:
-    """Variables and structs of version 7.3 are read by the same names as those of version 7; cells and text are refused."""
-    path = _mat_7_3(tmp_path / "log.mat")
-    table = read_table(path, [Key("t"), Key("data.q"), Key("data.m", 1)])
-    assert [column.tolist() for column in table.columns.values()] == [[0, 1, 2, 3], [0, 1, 2, 3], [4, 5, 6, 7]]
-    assert set(names_of(path)) == {"t", "data.q"}
-    for column, says in {
-        "runs{1}.q": "is in a cell or an array of structs", "runs": "holds no plain numbers, but cell", "label": "but char",
-        "data": "is a group", "x": "nothing is named 'x'", "data.m": r"matrix of shape \(4, 2\)",
-    }.items():  # fmt: skip  # a table
-        with pytest.raises(InputError, match=says):
-            list(columns_of(path, [Key(column)]))
-
-
-def test_damaged_files_are_refused_in_a_sentence(tmp_path: Path, log: Path) -> None:
-    """Empty, cut short, random, or with bytes overwritten: a column, or one sentence, which a user gets with the name of the file."""
+    # empty, cut short, random, or with bytes overwritten: a column, or one sentence, which a user gets with the name of the file
     rng, whole = np.random.default_rng(0), log.read_bytes()
     broken = [b"", b"\x89HDF\r\n\x1a\n", rng.bytes(3000), *(whole[: int(rng.integers(len(whole)))] for _ in range(8))]
     for changed in [1, 2, 5, 20] * 16:
@@ -178,8 +115,45 @@ def test_damaged_files_are_refused_in_a_sentence(tmp_path: Path, log: Path) -> N
         assert len(refusal(path, [Key("/arm/q", 1), Key("/log.position")]) or "") < 500
 
 
-def test_without_h5py_the_sentence_says_how_to_install_it(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A missing h5py is named, with the command that installs it."""
+def test_names_and_draft(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The vectors of numbers are offered by path, through no link; a draft takes them by their names."""
+    assert {"/t", "/arm/column", "/log.position", "/log.counts", "/flags"} <= set(names_of(log))
+    assert not {"/soft", "/away", "/text", "/arm/q", "/one"} & set(names_of(log))
+    with h5py.File(tmp_path / "log.hdf5", "w") as file:
+        file["time"] = 0.01 * np.arange(200)
+        file["joint/position"], file["joint/torque"] = np.sin(file["time"][()]), np.cos(file["time"][()])
+    assert [line.split(",")[0] for line in draft_experiment([tmp_path / "log.hdf5"]).signals] == [
+        'time: {column: "/time"', 'position: {column: "/joint/position"', 'torque: {column: "/joint/torque"',
+    ]  # fmt: skip  # a list of lines
+    # variables and structs of version 7.3 are read by the same names as those of version 7; cells and text are refused
+    path = _mat_7_3(tmp_path / "log.mat")
+    table = read_table(path, [Key("t"), Key("data.q"), Key("data.m", 1)])
+    assert [column.tolist() for column in table.columns.values()] == [[0, 1, 2, 3], [0, 1, 2, 3], [4, 5, 6, 7]]
+    assert set(names_of(path)) == {"t", "data.q"}
+    for column, says in {
+        "runs{1}.q": "is in a cell or an array of structs", "runs": "holds no plain numbers, but cell", "label": "but char",
+        "data": "is a group", "x": "nothing is named 'x'", "data.m": r"matrix of shape \(4, 2\)",
+    }.items():  # fmt: skip  # a table
+        with pytest.raises(InputError, match=says):
+            list(columns_of(path, [Key(column)]))
+    # a missing h5py is named, with the command that installs it
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(InputError, match=r"needs h5py; install it with pip install 'bristle\[hdf5\]'"):
         read_table(log, [Key("t")])
+
+
+def _mat_7_3(path: Path) -> Path:
+    """A file as MATLAB writes one of version 7.3: matrices with their rows last, structs as groups."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, values, kind in (
+            ("t", np.arange(4.0).reshape(1, 4), "double"),
+            ("data/q", np.arange(4.0).reshape(4, 1), "single"),
+            ("data/m", np.arange(8.0).reshape(2, 4), "double"),
+            ("label", np.arange(4, dtype="u2").reshape(4, 1), "char"),
+        ):
+            file[name] = values
+            file[name].attrs["MATLAB_class"] = np.bytes_(kind)
+        file.create_dataset("runs", (1, 2), dtype=h5py.ref_dtype).attrs["MATLAB_class"] = np.bytes_("cell")
+    content = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512)
+    path.write_bytes(content + path.read_bytes()[512:])
+    return path

@@ -68,7 +68,6 @@ def test_parts_of_one_file_are_runs(tmp_path: Path) -> None:
     np.savez(tmp_path / "log.npz", t=T, q=Q, tau=TAU)
 
     def rows(*parts: dict[str, Any], suffix: str = "csv", **more: Any) -> list[int]:
-        """Rows of each run."""
         runs = [{"files": f"log.{suffix}", **part} for part in parts]
         return [x.record.rows for x in measure(experiment(tmp_path, *runs, **more)).runs]
 
@@ -85,6 +84,29 @@ def test_parts_of_one_file_are_runs(tmp_path: Path) -> None:
     points = [{"rows": part, "experiment": "points"} for part in ("2-100", "101-300", "100-200")]
     assert rows(*points[:2], signals=signals) == [99, 200]
     assert_refused([(partial(rows, *points[::2], signals=signals), "is given twice")])
+    # ranges beyond the file, empty or turned round, and lists that are none: one sentence, with which the command ends with 2
+    log(tmp_path)
+    for part, says in _BAD_PARTS.items():
+        assert_refused([(partial(records, tmp_path, yaml.safe_load(part)), says)])
+        ran = bristle("inspect", tmp_path / "experiment.yaml")
+        assert (part, ran.code, len(ran.said)) == (part, 2, 1)
+    # files out of order, that overlap, given twice or of other columns are no run
+    for name, span in (("a.csv", slice(0, 300)), ("b.csv", slice(300, N)), ("c.csv", slice(200, N))):
+        log(tmp_path, name, span)
+    (tmp_path / "other.csv").write_text("x,y\n1,2\n3,4\n")
+    says = {
+        "b.csv a.csv": r"b\.csv, a\.csv: the second begins before the first ends",
+        "a.csv c.csv": "the second begins before the first ends",
+        "a.csv a.csv": "files name 'a.csv' twice",
+        "a.csv none.csv": r"'none\.csv' is not a file",
+        "a.csv other.csv": r"other\.csv: no column named 't'",
+    }
+    asks = [
+        (partial(records, tmp_path, {"files": files.split(), "joined": True}), told) for files, told in says.items()
+    ]
+    both: list[dict[str, Any]] = [{"files": ["a.csv", "b.csv"], "joined": True}, {"files": "b.csv"}]
+    asks.append((partial(records, tmp_path, *both), "'b.csv' is a part of a joined run and of another"))
+    assert_refused(asks)
 
 
 _BAD_PARTS: dict[str, str] = {
@@ -109,19 +131,10 @@ _BAD_PARTS: dict[str, str] = {
 }
 
 
-def test_bad_parts_are_refused(tmp_path: Path) -> None:
-    """Ranges beyond the file, empty or turned round, and lists that are none: one sentence, with which the command ends with 2."""
-    log(tmp_path)
-    for part, says in _BAD_PARTS.items():
-        assert_refused([(partial(records, tmp_path, yaml.safe_load(part)), says)])
-        ran = bristle("inspect", tmp_path / "experiment.yaml")
-        assert (part, ran.code, len(ran.said)) == (part, 2, 1)
-
-
 # several files
 
 
-def test_consecutive_files_are_one_run(tmp_path: Path) -> None:
+def test_runs_of_several_files(tmp_path: Path) -> None:
     """Files whose time goes on are one run without a gap; one whose time begins anew follows after a gap, across which nothing is filtered."""
     log(tmp_path, "a.csv", slice(0, 300))
     log(tmp_path, "b.csv", slice(300, N))
@@ -141,26 +154,27 @@ def test_consecutive_files_are_one_run(tmp_path: Path) -> None:
     signals = {"time": {"column": "t", "unit": "iso"}}  # dates, over midnight too
     (dated,) = records(tmp_path, {"files": ["a.csv", "b.csv"], "joined": True}, signals=signals)
     np.testing.assert_allclose(dated.time, T, atol=1e-9)
-
-
-def test_files_that_do_not_follow_are_refused(tmp_path: Path) -> None:
-    """Files out of order, that overlap, given twice or of other columns are no run."""
-    for name, rows in (("a.csv", slice(0, 300)), ("b.csv", slice(300, N)), ("c.csv", slice(200, N))):
-        log(tmp_path, name, rows)
-    (tmp_path / "other.csv").write_text("x,y\n1,2\n3,4\n")
-    says = {
-        "b.csv a.csv": r"b\.csv, a\.csv: the second begins before the first ends",
-        "a.csv c.csv": "the second begins before the first ends",
-        "a.csv a.csv": "files name 'a.csv' twice",
-        "a.csv none.csv": r"'none\.csv' is not a file",
-        "a.csv other.csv": r"other\.csv: no column named 't'",
-    }
-    asks = [
-        (partial(records, tmp_path, {"files": files.split(), "joined": True}), told) for files, told in says.items()
-    ]
-    both: list[dict[str, Any]] = [{"files": ["a.csv", "b.csv"], "joined": True}, {"files": "b.csv"}]
-    asks.append((partial(records, tmp_path, *both), "'b.csv' is a part of a joined run and of another"))
-    assert_refused(asks)
+    # a torque of another file, in a unit of time of its own and with fewer samples, is brought to the position; the digest is of both files
+    log(tmp_path)
+    log(tmp_path, "torque.csv", slice(0, 400, 2), t=1e3 * T)
+    torque = SIGNALS["torque"] | {"file": "torque.csv", "time": {"column": "t", "unit": "ms"}}
+    (found,) = records(tmp_path, signals={"torque": torque})
+    assert (found.rows, found.dropped, found.time.size) == (N, N - 399, 399)
+    np.testing.assert_allclose(present(found.torque), TAU[:399], atol=1e-4)
+    assert [n.code for n in found.notes].count("own-time") == 1
+    (own,) = records(tmp_path)
+    assert found.sha256 != own.sha256
+    # between 359 and 1 deg lies 0 deg, and not 180
+    turning = 40 * T
+    log(tmp_path, q=np.degrees(turning) % 360, tau=TAU, t2=T + 0.0005)
+    position = {"column": "q", "unit": "deg", "wraps": True, "time": "t2"}
+    (found,) = records(tmp_path, signals={"position": position})
+    np.testing.assert_allclose(np.diff(present(found.position)), 0.04, atol=1e-6)
+    # a second column is added to the first, and no digit of a late date is lost
+    log(tmp_path, t=1714557600 + np.arange(N) // 300, ns=np.arange(N) % 300 * 1_000_000 + np.arange(N) // 300 * 0)
+    (found,) = records(tmp_path, signals={"time": {"column": "t", "unit": "s", "plus": {"column": "ns", "unit": "ns"}}})
+    np.testing.assert_allclose(found.time[:300], T[:300], atol=1e-9)
+    np.testing.assert_allclose(found.time[300:], 1 + T[:300], atol=1e-9)
 
 
 # a time of its own
@@ -188,36 +202,6 @@ def test_nothing_is_interpolated_over_a_gap() -> None:
     own = np.append(np.arange(10.0), 100 + np.arange(10.0))
     found = brought_to(np.array([8.5, 9.0, 50.0, 100.0, 100.5]), own, own, 5.0)
     np.testing.assert_array_equal(found, [8.5, 9.0, np.nan, 100.0, 100.5])
-
-
-def test_a_signal_of_another_file(tmp_path: Path) -> None:
-    """A torque of another file, in a unit of time of its own and with fewer samples, is brought to the position; the digest is of both files."""
-    log(tmp_path)
-    log(tmp_path, "torque.csv", slice(0, 400, 2), t=1e3 * T)
-    torque = SIGNALS["torque"] | {"file": "torque.csv", "time": {"column": "t", "unit": "ms"}}
-    (found,) = records(tmp_path, signals={"torque": torque})
-    assert (found.rows, found.dropped, found.time.size) == (N, N - 399, 399)
-    np.testing.assert_allclose(present(found.torque), TAU[:399], atol=1e-4)
-    assert [n.code for n in found.notes].count("own-time") == 1
-    (own,) = records(tmp_path)
-    assert found.sha256 != own.sha256
-
-
-def test_a_position_that_wraps_is_whole_before_it_is_interpolated(tmp_path: Path) -> None:
-    """Between 359 and 1 deg lies 0 deg, and not 180."""
-    turning = 40 * T
-    log(tmp_path, q=np.degrees(turning) % 360, tau=TAU, t2=T + 0.0005)
-    position = {"column": "q", "unit": "deg", "wraps": True, "time": "t2"}
-    (found,) = records(tmp_path, signals={"position": position})
-    np.testing.assert_allclose(np.diff(present(found.position)), 0.04, atol=1e-6)
-
-
-def test_seconds_and_nanoseconds_are_one_time(tmp_path: Path) -> None:
-    """A second column is added to the first, and no digit of a late date is lost."""
-    log(tmp_path, t=1714557600 + np.arange(N) // 300, ns=np.arange(N) % 300 * 1_000_000 + np.arange(N) // 300 * 0)
-    (found,) = records(tmp_path, signals={"time": {"column": "t", "unit": "s", "plus": {"column": "ns", "unit": "ns"}}})
-    np.testing.assert_allclose(found.time[:300], T[:300], atol=1e-9)
-    np.testing.assert_allclose(found.time[300:], 1 + T[:300], atol=1e-9)
 
 
 _BAD_TIMES: dict[str, str] = {
@@ -254,13 +238,8 @@ def test_times_that_do_not_go_together_are_refused(tmp_path: Path) -> None:
     says = r"points are pairs in rows, without time; leave out signals\.torque\.time"
     asks.append((partial(records, tmp_path, {"experiment": "points"}, signals=pairs), says))
     assert_refused(asks)
-
-
-# units that the file states
-
-
-def test_another_unit_than_the_header_states_is_said(tmp_path: Path) -> None:
-    """A declared unit that differs from that of the row of units, or of brackets, is a caution with the line to write, unless a scale was given."""
+    # a declared unit that differs from that of the row of units, or of brackets, is a caution with the line to write, unless a scale was
+    # given
     said = [("deg", 1.0, False), ("rad", 1.0, True), ("rad", -1.0, True), ("rad", 57.3, False), ("mdeg", 1.0, True)]
     for header in ("t,q,tau\ns,deg,Nm", "t [s],q [deg],tau (Nm)"):
         rows = "".join(f"{t},{q},{tau}\n" for t, q, tau in zip(T, Q, TAU, strict=True))
@@ -275,3 +254,6 @@ def test_another_unit_than_the_header_states_is_said(tmp_path: Path) -> None:
             (found,) = records(tmp_path, signals=signals)
             warned = [str(w) for w in found.warnings if w.code == "unit-differs"]
             assert ["states deg, and " in warning for warning in warned] == [True] * differs
+
+
+# units that the file states

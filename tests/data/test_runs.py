@@ -39,7 +39,7 @@ def test_runs_in_order_with_variables(tmp_path: Path, monkeypatch: pytest.Monkey
     assert_refused((partial(read_runs, read[files]), told) for files, told in says.items())
 
 
-def test_torque_from_whatever_drives(tmp_path: Path) -> None:
+def test_torques_points_and_signals_of_a_run(tmp_path: Path) -> None:
     """Torque, current (k_t i), voltage (8) and a scaled reading of another unit all give the same torque."""
     k_t, resistance = 0.5, 2.0
     tau, v = np.cos(9 * _T), 9 * np.cos(9 * _T)
@@ -57,10 +57,7 @@ def test_torque_from_whatever_drives(tmp_path: Path) -> None:
         assert record.acceleration is not None
     flipped = first_record(tmp_path, signals=signals_with(torque={"column": "tau", "unit": "N*m", "scale": -1}))
     np.testing.assert_allclose(present(flipped.torque), -tau)
-
-
-def test_an_error_of_a_constant_is_one_of_the_torque(tmp_path: Path) -> None:
-    """Per standard error: s / x of the torque for a scale or for k_t of a current; of a voltage the derivatives of k_t (u - k_t w) / R."""
+    # per standard error: s / x of the torque for a scale or for k_t of a current; of a voltage the derivatives of k_t (u - k_t w) / R
     k_t, R = 0.5, 2.0
     tau, v = np.cos(9 * _T), 9 * np.cos(9 * _T)
     u = R * tau / k_t + k_t * v
@@ -85,20 +82,14 @@ def test_an_error_of_a_constant_is_one_of_the_torque(tmp_path: Path) -> None:
         assert list(record.torque_shifts) == list(expected)
         for name, shift in expected.items():
             np.testing.assert_allclose(record.torque_shifts[name], shift, atol=1e-12)
-
-
-def test_points_are_pairs(tmp_path: Path) -> None:
-    """Points need velocity and torque alone; time counts them, and rows that are not finite are dropped."""
+    # points need velocity and torque alone; time counts them, and rows that are not finite are dropped
     (tmp_path / "points.csv").write_text("v,tau\n60,1\nnan,2\n-120,3\n")
     signals = {"velocity": {"column": "v", "unit": "rpm"}, "torque": {"column": "tau", "unit": "N*m"}}
     record = first_record(tmp_path, signals=signals, runs=[{"files": "points.csv", "experiment": "points"}])
     assert record.time.tolist() == [0, 1]
     np.testing.assert_allclose(present(record.velocity), [2 * np.pi, -4 * np.pi])
     assert (record.rows, record.dropped) == (3, 1)
-
-
-def test_own_signals_of_a_run(tmp_path: Path) -> None:
-    """A run's own signals replace the experiment's, one by one; a current replaces a torque."""
+    # a run's own signals replace the experiment's, one by one; a current replaces a torque
     _log(tmp_path, p=np.degrees(np.sin(9 * _T)))
     own = {"position": {"column": "p", "unit": "deg"}, "current": {"column": "tau", "unit": "A"}}
     runs = [{"files": "log.csv", "experiment": "tracking", "signals": own}]
@@ -122,10 +113,7 @@ def test_wrapped_positions_are_unwrapped(tmp_path: Path) -> None:
         del position["wraps"]
         with pytest.raises(InputError, match="declare wraps: true"):
             first_record(tmp_path, signals=signals_with(position=position), encoder_resolution="1000 counts/rev")
-
-
-def test_time_is_counted_and_handled_as_declared(tmp_path: Path) -> None:
-    """Repeated and backward stamps, rows that are not finite, and gaps: each dropped or refused as declared, counted and said."""
+    # repeated and backward stamps, rows that are not finite, and gaps: each dropped or refused as declared, counted and said
     time, tau = np.array(_T), np.cos(9 * _T)
     time[100], tau[50] = time[99], np.nan
     time[200:] += 1.0
@@ -156,7 +144,7 @@ def test_time_is_counted_and_handled_as_declared(tmp_path: Path) -> None:
     assert str(backward) == "1 row dropped: time runs backward (first: line 302)."
 
 
-def test_a_delayed_signal_is_taken_when_it_happened(tmp_path: Path) -> None:
+def test_delays_velocities_and_useless_data(tmp_path: Path) -> None:
     """A torque logged 2.5 ms late comes back in time with the position, and a note says so; a delay as long as the run is refused."""
     _log(tmp_path, tau=np.cos(9 * (_T - 2.5e-3)))
     torque = SIGNALS["torque"]
@@ -168,10 +156,7 @@ def test_a_delayed_signal_is_taken_when_it_happened(tmp_path: Path) -> None:
     np.testing.assert_allclose(present(early.torque)[1:], np.cos(9 * (_T - 3.5e-3))[1:], atol=2e-5)
     with pytest.raises(ValueError, match=r"torque: delay: got 1 s in a run of 0\.399 s"):
         first_record(tmp_path, signals=signals_with(torque=torque | {"delay": "1 s"}))
-
-
-def test_velocity_from_position_where_it_is_not_logged(tmp_path: Path) -> None:
-    """A ramp without velocity has it from its position, by the rate where there is no time, and the notes say so."""
+    # a ramp without velocity has it from its position, by the rate where there is no time, and the notes say so
     q = 0.3 * _T + 1e-3 * np.sin(50 * _T)
     _log(tmp_path, q=q)
     record = first_record(
@@ -182,10 +167,7 @@ def test_velocity_from_position_where_it_is_not_logged(tmp_path: Path) -> None:
     assert derived.numbers["why"].code == "cutoff-of-holds"
     (declared,) = of_kind(record.notes, "rate-declared")
     assert declared.numbers == {"rate": 1000.0}
-
-
-def test_useless_data_are_refused(tmp_path: Path) -> None:
-    """All-NaN, constant and timeless logs, and one sample, are one sentence that opens with the file."""
+    # All-NaN, constant and timeless logs, and one sample, are one sentence that opens with the file
     cases: list[tuple[dict[str, Any], str]] = [
         ({"tau": np.full(400, np.nan)}, "torque holds no finite number"),
         ({"q": np.zeros(400)}, "position is 0 .* in all 400 rows"),
@@ -201,10 +183,7 @@ def test_useless_data_are_refused(tmp_path: Path) -> None:
         runs = [{"files": f"log_{k}.csv", "experiment": "tracking"}]
         asks.append((partial(first_record, tmp_path, signals=signals, runs=runs), rf"^log_{k}\.csv: .*{says}"))
     assert_refused(asks)
-
-
-def test_a_place_is_told_by_the_line_of_the_file(tmp_path: Path) -> None:
-    """Samples of a text file are told by its lines, the header being 1, dropped rows counted; where these are unknown by rows, from 1."""
+    # samples of a text file are told by its lines, the header being 1, dropped rows counted; where these are unknown by rows, from 1
     tau = np.cos(9 * _T)
     tau[50] = np.nan
     _log(tmp_path, tau=tau)

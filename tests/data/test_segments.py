@@ -67,13 +67,48 @@ def is_right(found: list[Segment], levels: list[float], rel: float = 0.02) -> bo
 BOTH = [*LEVELS, *(-v for v in LEVELS)]
 
 
-def test_every_plateau_of_a_staircase_is_found_once() -> None:
+def test_plateaus_are_found_or_rejected_with_their_reason() -> None:
     """Twelve plateaus in both directions: twelve accepted segments, with the right velocities, and torques within four standard errors."""
     found = accepted(find_segments(staircase(), Thresholds()))
     assert is_right(found, BOTH, rel=1e-3)
     off = [(s.torque - friction(np.array([s.velocity]))[0]) / (s.standard_error or np.nan) for s in found]
     assert np.abs(off).max() < 4
     assert not any(s.stick_slip for s in found)
+    # the candidates follow one another through the whole run, and each gap is an edge between two of them
+    record = replace(staircase(seed=5), starts=(0, 700, 2100))
+    found = find_segments(record, Thresholds())
+    edges = [found[0].start, *(s.stop for s in found)]
+    assert edges[:-1] == [s.start for s in found]
+    assert edges[-1] == record.time.size
+    assert {700, 2100} <= set(edges)
+    # triangles, sines, ramps of velocity and rest hold no segment; the longest candidate says why. Nor does a joint that creeps while its
+    # torque goes through zero, which is bent, not slid, or that hunts about a slow mean
+    for name, (record, code) in _NOT_CONSTANT.items():
+        found = find_segments(record, Thresholds())
+        longest = max(found, key=lambda s: s.stop - s.start)
+        of = found if code in {"unsettled", "hunting"} else [longest]
+        assert (name, accepted(found)) == (name, [])
+        assert code in [reason.code for segment in of for reason in segment.reasons], name
+    # a joint that rests half of the time and slips in between, at a steady mean, is one segment, with a warning
+    slips = 0.08 * np.maximum(np.sin(2 * np.pi * 4 * T), 0.0) * (1 + 0.1 * np.sin(2 * np.pi * 0.9 * T))
+    (segment,) = accepted(find_segments(motion(slips, 1.5 + 0.2 * np.cos(2 * np.pi * 4 * T)), Thresholds()))
+    assert segment.stick_slip
+    assert segment.velocity == pytest.approx(0.08 / np.pi, rel=0.05)
+    assert any(warning.code == "stick-slip" for warning in segment.warnings)
+    # five plateaus with rests as long between them are five segments, none of which sticks
+    velocity = np.tile(np.r_[np.zeros(300), np.linspace(0, 0.5, 20), np.full(300, 0.5), np.linspace(0.5, 0, 20)], 5)
+    found = accepted(find_segments(motion(velocity), Thresholds()))
+    assert is_right(found, [0.5] * 5)
+    assert not any(s.stick_slip for s in found)
+    # a torque clipped for a third of a plateau is saturated; a declared limit below the torque says the same, one above it does not
+    rng = np.random.default_rng(1)
+    free = motion(np.full(N, 0.5), 1.8 + 0.1 * rng.normal(size=N))
+    clipped = replace(free, torque=np.minimum(present(free.torque), 1.84))
+    for record, limit in ((clipped, None), (free, 1.5)):
+        (segment,) = find_segments(record, Thresholds(torque_limit=limit))
+        assert any(reason.code == "saturated" for reason in segment.reasons)
+    assert accepted(find_segments(free, Thresholds()))
+    assert accepted(find_segments(free, Thresholds(torque_limit=4.0)))
 
 
 @pytest.mark.parametrize("counts", [4096, 65536])
@@ -107,12 +142,9 @@ def test_units_and_sign_change_no_decision(powers: tuple[float, float, float], s
     tick, speed, load = (2.0 ** round(3 * p) for p in powers)
     record = staircase(seed=2, hold=0.5, signs=(1,))
     other = replace(
-        record,
-        time=record.time * tick,
-        velocity=present(record.velocity) * speed * sign,
-        position=present(record.position) * speed * tick * sign,
-        torque=present(record.torque) * load * sign,
-    )
+        record, time=record.time * tick, velocity=present(record.velocity) * speed * sign,
+        position=present(record.position) * speed * tick * sign, torque=present(record.torque) * load * sign,
+    )  # fmt: skip  # a list of values
     before, after = find_segments(record, Thresholds()), find_segments(other, Thresholds())
     assert [(s.start, s.stop, s.accepted) for s in before] == [(s.start, s.stop, s.accepted) for s in after]
     assert [s.velocity * speed * sign for s in before] == pytest.approx([s.velocity for s in after])
@@ -141,16 +173,6 @@ def test_loosening_a_threshold_never_rejects(
     assert all(s.accepted == (not s.reasons) for s in (*before, *after))
 
 
-def test_candidates_cover_the_run_and_cross_no_gap() -> None:
-    """The candidates follow one another through the whole run, and each gap is an edge between two of them."""
-    record = replace(staircase(seed=5), starts=(0, 700, 2100))
-    found = find_segments(record, Thresholds())
-    edges = [found[0].start, *(s.stop for s in found)]
-    assert edges[:-1] == [s.start for s in found]
-    assert edges[-1] == record.time.size
-    assert {700, 2100} <= set(edges)
-
-
 def motion(velocity: Array, torque: Array | None = None) -> Record:
     """A run with this velocity, its friction and inertia or the torque given, and little noise."""
     time = np.arange(velocity.size) / RATE
@@ -158,12 +180,9 @@ def motion(velocity: Array, torque: Array | None = None) -> Record:
     torque = friction(velocity) + 0.1 * np.gradient(velocity, time) if torque is None else torque
     noisy = velocity + 1e-4 * rng.normal(size=velocity.size)
     return Record(
-        file="motion.csv",
-        time=time,
-        velocity=noisy,
-        torque=torque + 1e-3 * rng.normal(size=time.size),
+        file="motion.csv", time=time, velocity=noisy, torque=torque + 1e-3 * rng.normal(size=time.size),
         position=np.cumsum(velocity) / RATE,
-    )
+    )  # fmt: skip  # a list of values
 
 
 N = 3000
@@ -179,48 +198,6 @@ _NOT_CONSTANT: dict[str, tuple[Record, str]] = {
     "creep through a reversal": (replace(motion(np.full(N, 0.01)), torque=np.linspace(0.5, -0.4, N)), "unsettled"),
     "a limit cycle that reverses": (motion(0.1 + 0.5 * np.sin(2 * np.pi * 4 * T)), "hunting"),
 }
-
-
-def test_motion_that_is_not_constant_is_rejected_with_its_reason() -> None:
-    """Triangles, sines, ramps of velocity and rest hold no segment; the longest candidate says why.
-
-    Nor does a joint that creeps while its torque goes through zero, which is bent, not slid, or that hunts about a slow mean.
-    """
-    for name, (record, code) in _NOT_CONSTANT.items():
-        found = find_segments(record, Thresholds())
-        longest = max(found, key=lambda s: s.stop - s.start)
-        of = found if code in {"unsettled", "hunting"} else [longest]
-        assert (name, accepted(found)) == (name, [])
-        assert code in [reason.code for segment in of for reason in segment.reasons], name
-
-
-def test_stick_slip_is_kept_with_its_warning() -> None:
-    """A joint that rests half of the time and slips in between, at a steady mean, is one segment, with a warning."""
-    slips = 0.08 * np.maximum(np.sin(2 * np.pi * 4 * T), 0.0) * (1 + 0.1 * np.sin(2 * np.pi * 0.9 * T))
-    (segment,) = accepted(find_segments(motion(slips, 1.5 + 0.2 * np.cos(2 * np.pi * 4 * T)), Thresholds()))
-    assert segment.stick_slip
-    assert segment.velocity == pytest.approx(0.08 / np.pi, rel=0.05)
-    assert any(warning.code == "stick-slip" for warning in segment.warnings)
-
-
-def test_going_and_resting_is_not_stick_slip() -> None:
-    """Five plateaus with rests as long between them are five segments, none of which sticks."""
-    velocity = np.tile(np.r_[np.zeros(300), np.linspace(0, 0.5, 20), np.full(300, 0.5), np.linspace(0.5, 0, 20)], 5)
-    found = accepted(find_segments(motion(velocity), Thresholds()))
-    assert is_right(found, [0.5] * 5)
-    assert not any(s.stick_slip for s in found)
-
-
-def test_saturation_is_told_with_and_without_a_declared_limit() -> None:
-    """A torque clipped for a third of a plateau is saturated; a declared limit below the torque says the same, one above it does not."""
-    rng = np.random.default_rng(1)
-    free = motion(np.full(N, 0.5), 1.8 + 0.1 * rng.normal(size=N))
-    clipped = replace(free, torque=np.minimum(present(free.torque), 1.84))
-    for record, limit in ((clipped, None), (free, 1.5)):
-        (segment,) = find_segments(record, Thresholds(torque_limit=limit))
-        assert any(reason.code == "saturated" for reason in segment.reasons)
-    assert accepted(find_segments(free, Thresholds()))
-    assert accepted(find_segments(free, Thresholds(torque_limit=4.0)))
 
 
 @pytest.mark.parametrize(
@@ -257,10 +234,7 @@ def test_short_runs_are_candidates_too() -> None:
         assert "No segment" in nothing_left(found, (record,), Thresholds())
     with pytest.raises(ValueError, match=r"bare\.csv.*under signals"):
         find_segments(Record(file="bare.csv", time=np.arange(5.0)), Thresholds())
-
-
-def test_pieces_of_a_settling_edge_are_no_points_of_their_own() -> None:
-    """Where the velocity rings before it settles, nothing but the plateau counts, however the cut falls."""
+    # where the velocity rings before it settles, nothing but the plateau counts, however the cut falls
     time = np.arange(0, 6, 1 / RATE)
     for seed in range(10):
         noise = np.random.default_rng(seed).normal(size=(2, time.size))

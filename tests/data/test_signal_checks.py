@@ -101,7 +101,7 @@ def test_a_velocity_that_is_not_that_of_the_position(kind: RunKind, factor: floa
         assert "`unit: rad/s`" not in str(found)  # which is what was declared
 
 
-def test_the_line_follows_what_was_declared() -> None:
+def test_what_is_named_and_what_is_left_alone() -> None:
     """A unit is proposed where it, in place of the declared one and times its scale, makes the two agree."""
     record, _ = moving(3)
     (found,) = checked(
@@ -113,10 +113,7 @@ def test_the_line_follows_what_was_declared() -> None:
     (found,) = checked(slow, cutoff=1e5, time={"column": "t", "unit": "ms"})
     assert found.numbers["ratio"] == pytest.approx(1e3, rel=0.02)
     assert "`unit: s` under signals.time" in str(found)
-
-
-def test_a_velocity_of_something_else() -> None:
-    """A smooth velocity that has nothing to do with the position is critical; noise about a joint at rest is not."""
+    # a smooth velocity that has nothing to do with the position is critical; noise about a joint at rest is not
     for seed in range(5):
         record, _ = moving(seed)
         other, _ = moving(seed + 100)
@@ -124,10 +121,26 @@ def test_a_velocity_of_something_else() -> None:
         assert found.code in {"velocity-unrelated", "velocity-factor"}
         noise = np.random.default_rng(seed).standard_normal((2, record.time.size))
         assert checked(replace(record, position=1e-4 * noise[0], velocity=1e-2 * noise[1]), "ramp") == ()
-
-
-def test_signals_at_right_angles_have_no_ratio() -> None:
-    """A velocity that is the position itself goes neither with it nor against it: no factor is said, and nothing divides by zero."""
+    # a reading that was held and then caught up, a spike, and measured time stamps with a gap say nothing of lost samples
+    record, v = moving(1, "trapezia")
+    assert record.position is not None
+    fast = int(np.flatnonzero(np.abs(v) > 0.9 * np.abs(v).max())[300])
+    spike = np.array([0.0, 0.3 * abs(v[fast]), 0.0, 0.0])
+    for change in (np.full(4, record.position[fast - 1]), record.position[fast : fast + 4] + spike):
+        q = record.position.copy()
+        q[fast : fast + 4] = change
+        assert not [d for d in checked(replace(record, position=q), "ramp") if d.code == "lost-samples"]
+    keep = np.delete(np.arange(v.size), np.arange(fast, fast + 4))
+    stamped = Record(file="run.csv", time=record.time[keep], position=record.position[keep], torque=v[keep])
+    assert checked(stamped, "ramp", time={"column": "t", "unit": "s"}) == ()
+    # a staircase of commanded torque, and a torque that follows from a voltage, are what they are
+    record, _ = moving(2)
+    n = record.time.size
+    stairs = np.concatenate([np.repeat(np.linspace(-1, 1, 9), n // 10), np.linspace(1, 0, n - 9 * (n // 10))])
+    assert checked(replace(record, torque=stairs)) == ()
+    cut = np.clip(present(record.torque), -0.5, 0.5)
+    assert checked(replace(record, torque=cut, voltage=cut)) == ()
+    # a velocity that is the position itself goes neither with it nor against it: no factor is said, and nothing divides by zero
     time = np.arange(4000.0) / RATE
     position = np.sin(2 * np.pi * time)
     record = Record(file="run.csv", time=time, position=position, velocity=position, torque=np.cos(time))
@@ -169,24 +182,6 @@ def test_lost_samples_are_named_by_their_row(lost: int, named: float) -> None:
     assert hits >= named * 60
 
 
-def test_what_comes_back_is_no_lost_sample() -> None:
-    """A reading that was held and then caught up, a spike, and measured time stamps with a gap say nothing of lost samples."""
-    record, v = moving(1, "trapezia")
-    assert record.position is not None
-    fast = int(np.flatnonzero(np.abs(v) > 0.9 * np.abs(v).max())[300])
-    spike = np.array([0.0, 0.3 * abs(v[fast]), 0.0, 0.0])
-    for change in (
-        np.full(4, record.position[fast - 1]),
-        record.position[fast : fast + 4] + spike,
-    ):
-        q = record.position.copy()
-        q[fast : fast + 4] = change
-        assert not [d for d in checked(replace(record, position=q), "ramp") if d.code == "lost-samples"]
-    keep = np.delete(np.arange(v.size), np.arange(fast, fast + 4))
-    stamped = Record(file="run.csv", time=record.time[keep], position=record.position[keep], torque=v[keep])
-    assert checked(stamped, "ramp", time={"column": "t", "unit": "s"}) == ()
-
-
 @pytest.mark.parametrize("counted", [True, False])
 @pytest.mark.parametrize(("held", "every"), [(5, 200), (9, 10)])
 def test_a_reading_that_is_not_refreshed(counted: bool, held: int, every: int) -> None:
@@ -217,16 +212,6 @@ def test_a_clipped_torque_of_a_moving_run(share: float, levels: int | None) -> N
         assert checked(replace(record, torque=torque)) == ()
 
 
-def test_a_command_that_is_held_is_not_clipped() -> None:
-    """A staircase of commanded torque, and a torque that follows from a voltage, are what they are."""
-    record, _ = moving(2)
-    n = record.time.size
-    stairs = np.concatenate([np.repeat(np.linspace(-1, 1, 9), n // 10), np.linspace(1, 0, n - 9 * (n // 10))])
-    assert checked(replace(record, torque=stairs)) == ()
-    cut = np.clip(present(record.torque), -0.5, 0.5)
-    assert checked(replace(record, torque=cut, voltage=cut)) == ()
-
-
 @pytest.mark.parametrize("limit", [1.2, 1.4])
 def test_a_plateau_that_is_clipped_in_whole_is_rejected(limit: float) -> None:
     """Every sample of a plateau at the largest torque: the reason says so; with a voltage or a held command it is kept."""
@@ -243,10 +228,7 @@ def test_a_plateau_that_is_clipped_in_whole_is_rejected(limit: float) -> None:
     ]
     assert max(cut) == 1
     held = 0.8 + 0.8 * np.concatenate([np.repeat([0.2, 0.6], 4000), np.linspace(0.6, 1, 50), np.full(3950, 1.0)])
-    for open_loop in (
-        replace(record, torque=held),
-        replace(record, torque=torque, voltage=np.minimum(10 * held, 16)),
-    ):
+    for open_loop in (replace(record, torque=held), replace(record, torque=torque, voltage=np.minimum(10 * held, 16))):
         assert any(s.accepted and s.velocity > 0.9 for s in find_segments(open_loop, Thresholds()))
 
 
@@ -271,7 +253,7 @@ def test_counts_given_as_rad_are_critical(tmp_path: Path, counts: float) -> None
         assert not [d for d in written(tmp_path, position, log) if d.code == "whole-positions"]
 
 
-def test_files_with_one_fault_are_one_warning() -> None:
+def test_files_with_one_fault_are_one_warning(tmp_path: Path) -> None:
     """Files alike are named together, a few of many; what is critical comes first; another remedy is another warning."""
 
     def factor(file: str, ratio: float, remedy: str) -> Finding:
@@ -293,10 +275,7 @@ def test_files_with_one_fault_are_one_warning() -> None:
         "Lost: a.csv row 5; b.csv row 9.",
     ]
     assert str(alike[0]) == "Of 0.csv: 57."
-
-
-def test_a_unit_that_contradicts_the_encoder(tmp_path: Path) -> None:
-    """Positions whose steps are not the declared count: the unit that explains it, bits, rounding, or the factor; none where they agree."""
+    # positions whose steps are not the declared count: the unit that explains it, bits, rounding, or the factor; none where they agree
     t = np.arange(4000) / 1000
     count = 2 * np.pi / 4096
     q, torque = np.round(np.sin(3 * t) * np.exp(-t / 9) / count) * count, np.sin(3 * t) + 0.1 * np.cos(3 * t)
@@ -346,10 +325,8 @@ def test_encoders_are_left_alone() -> None:
         record = Record(file="run.csv", time=np.arange(q.size) / RATE, position=q)
         found += [count_mismatch(record, signal, Context(resolution=r)) for r in (count, None)]
     assert len([d for d in found if d is not None]) <= 1
-
-
-def test_a_turn_of_a_power_of_two_in_another_unit() -> None:
-    """Without a declared count, degrees given as rad and rad given as degrees are told by a turn of 2**n counts; so declared, nothing is said."""
+    # without a declared count, degrees given as rad and rad given as degrees are told by a turn of 2**n counts; so declared, nothing is
+    # said
     count = 2 * np.pi / 4096
     turns = np.round(np.sin(np.arange(4000) / 300) / count) * count
     for unit, other, factor in (("rad", "deg", 180 / np.pi), ("deg", "rad", np.pi / 180), ("rad", "rev", 0.5 / np.pi)):

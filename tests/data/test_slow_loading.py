@@ -63,7 +63,7 @@ def test_edges_lie_on_the_true_displacement(phase: float, sign: float, bits: int
     )
 
 
-def test_a_cycle_is_cut_where_its_torque_passes_zero() -> None:
+def test_cycles_and_loops() -> None:
     """Each half cycle loads once in each direction, from zero torque up to its turn, with torque and displacement positive along it."""
     found = find_loadings(cycle(), 1e3, None, None)
     assert [x.direction for x in found] == ["+", "-", "+", "-", "+", "-", "+"]
@@ -72,10 +72,7 @@ def test_a_cycle_is_cut_where_its_torque_passes_zero() -> None:
         assert x.torque[-1] == pytest.approx(x.torque.max(), rel=1e-6)
         assert (np.diff(x.displacement) > -1e-12).all()
         assert x.breakaway is None
-
-
-def test_loops_have_the_loss_and_stiffness_of_the_law() -> None:
-    """A closed cycle loses the work of the law around it, cycles settle to one loss, and no regression is stiffer than the bristle."""
+    # a closed cycle loses the work of the law around it, cycles settle to one loss, and no regression is stiffer than the bristle
     record = cycle(turns=8)
     found, drifts = find_loops(record, 1e3, None)
     assert drifts == ()
@@ -94,16 +91,30 @@ def test_loops_have_the_loss_and_stiffness_of_the_law() -> None:
     assert found[-1].torque_amplitude == pytest.approx(
         found[-1].displacement_amplitude * (found[-1].secant or 0), rel=2e-3
     )
-
-
-def test_a_cycle_that_drifts_is_no_loop() -> None:
-    """A cycle whose ends are a third of its range apart is not given as a loop; how far apart they are is."""
-    record = cycle(turns=8)
+    # a cycle whose ends are a third of its range apart is not given as a loop; how far apart they are is
     drift = np.ptp(present(record.position)) * record.time / record.time[-1]
     found, drifts = find_loops(replace(record, position=present(record.position) + 3 * drift), 1e3, None)
     assert found == ()
     assert len(drifts) == 7
     assert all(0.2 < share < 0.5 for share in drifts)
+    # at the tip of a triangle the low pass rounds the torque off; what was held is the tip, to its noise
+    record = cycle()
+    noisy = replace(
+        record, torque=present(record.torque) + 1e-3 * G0 * np.random.default_rng(0).standard_normal(record.time.size)
+    )
+    for one, tolerance in ((record, 1e-6), (noisy, 6e-3)):
+        for x in find_loadings(one, 2.0, None, None)[1:-1]:
+            own = np.abs(present(record.torque)[x.start : x.start + x.torque.size])
+            assert x.held == pytest.approx(own.max(), rel=tolerance)
+    # sliding back and forth is no presliding: the torque is there at once and the joint travels; one sentence says so
+    time = np.arange(0, 10, STEP)
+    velocity = 0.2 * np.sin(2 * np.pi * 0.2 * time)
+    position = np.cumsum(velocity) * STEP
+    record = Record(file="slide.csv", time=time, position=position, torque=rollout(velocity, STEP, P, 0.0).torque)
+    with pytest.raises(
+        ValueError, match=r"slide\.csv: the joint slides: .* give this one as experiment: tracking or ramp"
+    ):
+        find_loadings(record, 1e3, None, None)
 
 
 def slipped(level: float, top: float, seconds: float = 12.0, back: bool = False) -> Record:
@@ -147,18 +158,17 @@ def test_a_torque_exceeded_without_sliding_is_no_breakaway() -> None:
     assert with_more.torque.size > alone.torque.size
     (slid,), _ = find_all_loadings([replace(x, cutoff=2.0) for x in (slipped(0.7 * G0, G0), higher)], None, None)
     assert slid.breakaway == pytest.approx(0.7 * G0, rel=0.12)
-
-
-def test_the_largest_torque_held_is_the_logged_one() -> None:
-    """At the tip of a triangle the low pass rounds the torque off; what was held is the tip, to its noise."""
-    record = cycle()
-    noisy = replace(
-        record, torque=present(record.torque) + 1e-3 * G0 * np.random.default_rng(0).standard_normal(record.time.size)
-    )
-    for one, tolerance in ((record, 1e-6), (noisy, 6e-3)):
-        for x in find_loadings(one, 2.0, None, None)[1:-1]:
-            own = np.abs(present(record.torque)[x.start : x.start + x.torque.size])
-            assert x.held == pytest.approx(own.max(), rel=tolerance)
+    # whatever count is declared, no more than four edges a reading are kept, in order; one of more counts than any encoder has is bad input
+    (first, *_) = find_loadings(cycle(), 1e3, 1e-12, None)
+    assert 0 < first.edge_torque.size <= 4 * first.torque.size
+    assert (np.diff(first.edge_displacement) > 0).all()
+    for absurd in (1e-30, 1e-300):
+        with pytest.raises(
+            InputError, match=r"counts of encoder_resolution, more than any encoder has; check its unit"
+        ):
+            find_loadings(cycle(), 1e3, absurd, None)
+        with pytest.raises(InputError, match="encoder_resolution"):
+            find_loops(cycle(), 1e3, absurd)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 1e-4, 1e-3]), st.floats(0, 10))
@@ -179,18 +189,6 @@ def test_what_is_no_stiffness_is_absent(seed: int, quantum: float, noise: float)
             assert value is None or 0 < value < np.inf
 
 
-def test_a_run_that_slides_is_refused() -> None:
-    """Sliding back and forth is no presliding: the torque is there at once and the joint travels; one sentence says so."""
-    time = np.arange(0, 10, STEP)
-    velocity = 0.2 * np.sin(2 * np.pi * 0.2 * time)
-    position = np.cumsum(velocity) * STEP
-    record = Record(file="slide.csv", time=time, position=position, torque=rollout(velocity, STEP, P, 0.0).torque)
-    with pytest.raises(
-        ValueError, match=r"slide\.csv: the joint slides: .* give this one as experiment: tracking or ramp"
-    ):
-        find_loadings(record, 1e3, None, None)
-
-
 @given(st.floats(1e-7, 1e-2), st.integers(2, 60), st.integers(0, 5))
 @settings(deadline=None)
 def test_the_count_is_found_in_the_readings(quantum: float, levels: int, seed: int) -> None:
@@ -200,20 +198,6 @@ def test_the_count_is_found_in_the_readings(quantum: float, levels: int, seed: i
     assert smallest_step(readings) == pytest.approx(quantum, rel=1e-6)
     assert smallest_step(rng.standard_normal(50)) == 0.0
     assert smallest_step(np.ones(10)) == 0.0
-
-
-def test_a_count_far_below_the_readings_is_thinned_and_an_absurd_one_refused() -> None:
-    """Whatever count is declared, no more than four edges a reading are kept, in order; one of more counts than any encoder has is bad input."""
-    (first, *_) = find_loadings(cycle(), 1e3, 1e-12, None)
-    assert 0 < first.edge_torque.size <= 4 * first.torque.size
-    assert (np.diff(first.edge_displacement) > 0).all()
-    for absurd in (1e-30, 1e-300):
-        with pytest.raises(
-            InputError, match=r"counts of encoder_resolution, more than any encoder has; check its unit"
-        ):
-            find_loadings(cycle(), 1e3, absurd, None)
-        with pytest.raises(InputError, match="encoder_resolution"):
-            find_loops(cycle(), 1e3, absurd)
 
 
 @given(st.floats(1e-30, 1.0))

@@ -1,31 +1,36 @@
-"""A least-squares problem that knows no friction: in a linear one all intervals coincide; scales, blocks, several starts."""
+"""Least squares that know no friction: intervals, bootstrap, bounds, correlated noise, scales, blocks, several starts."""
 
 from collections.abc import Mapping
+from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.optimize import lsq_linear
+from scipy.signal import lfilter
 
 from bristle.arrays import Array
-from bristle.estimation.bootstrap import bootstrap_at
+from bristle.estimation import bootstrap
+from bristle.estimation.autocorrelation import autocorrelation, inflation, lag_one, standard_error
+from bristle.estimation.bootstrap import block_bootstrap, bootstrap_at, residual_bootstrap
 from bristle.estimation.covariance import covariance, student
+from bristle.estimation.linear import bounded_least_squares, orthonormal
 from bristle.estimation.multistart import MultistartSolution, solve_from_starts
 from bristle.estimation.nonlinear import Block, LeastSquares, Minimum, Unknowns, minimise
 from bristle.estimation.profile_likelihood import profiles
+from bristle.identification.static.grid import Projected, solve_at
+from bristle.identification.static.problem import from_points
 
 
 def unknowns(*names: str, logarithmic: tuple[str, ...] = ()) -> Unknowns[str]:
     """Free unknowns; those of logarithms are positive."""
     p, positive = len(names), np.array([name in logarithmic for name in names])
     return Unknowns(
-        names=names,
-        logarithmic=positive,
-        scale=np.where(positive, 1.0, 2.0),
-        lower=np.full(p, -np.inf),
-        upper=np.full(p, np.inf),
-        least=np.where(positive, 0.0, -np.inf),
-    )
+        names=names, logarithmic=positive, scale=np.where(positive, 1.0, 2.0), lower=np.full(p, -np.inf),
+        upper=np.full(p, np.inf), least=np.where(positive, 0.0, -np.inf),
+    )  # fmt: skip  # a list of values
 
 
 def line(measured: Array, columns: Array) -> LeastSquares[str]:
@@ -33,7 +38,6 @@ def line(measured: Array, columns: Array) -> LeastSquares[str]:
     known = unknowns(*"abcdef"[: columns.shape[1]])
 
     def evaluate(x: Array) -> tuple[Array, Array]:
-        """Modelled less measured, and the columns."""
         return columns @ known.natural(x) - measured, columns * known.slopes(x)
 
     return LeastSquares(unknowns=known, evaluate=evaluate)
@@ -44,7 +48,6 @@ def solved(problem: LeastSquares[str], values: Mapping[str, float]) -> Multistar
     own = problem.unknowns
 
     def solve(at: Mapping[str, float], most: int, _lowest: float) -> tuple[LeastSquares[str], Minimum]:
-        """The problem and its minimum."""
         return problem, minimise(problem.evaluate, own.scaled(at), own.lower, own.upper, most, settled=1e-14)
 
     return solve_from_starts(solve, [values], lambda posed, minimum: (posed, minimum))
@@ -78,10 +81,7 @@ def test_in_a_linear_problem_covariance_profile_and_bootstrap_coincide() -> None
         value, reach = solution.values[name], student(freedom) * np.sqrt(matrix[j, j])
         assert found[name].interval == pytest.approx((value - reach, value + reach), abs=1e-5 * reach)
         assert drawn[name][0] == pytest.approx([value - reach, value + reach], abs=0.2 * reach)
-
-
-def test_blocks_that_err_together_widen_the_jackknife() -> None:
-    """A mean of 40 blocks, each with an offset of its own: the jackknife's error is that of the mean of 40 numbers."""
+    # a mean of 40 blocks, each with an offset of its own: the jackknife's error is that of the mean of 40 numbers
     rng = np.random.default_rng(2)
     offsets = np.repeat(rng.standard_normal(40), 25)
     one = line(offsets, np.ones((1000, 1)))
@@ -107,7 +107,6 @@ def test_the_lowest_of_several_minima_is_kept() -> None:
     problem = LeastSquares(unknowns=known, evaluate=evaluate)
 
     def solve(a: float, most: int, lowest: float) -> tuple[LeastSquares[str], Minimum]:
-        """From a."""
         start = known.scaled({"a": a})
         return problem, minimise(evaluate, start, known.lower, known.upper, most, lowest=lowest)
 
@@ -126,3 +125,180 @@ def test_ends_a_tenth_of_a_standard_error_apart_are_one() -> None:
         return posed, Minimum(np.zeros(1), costs[start], np.full(100, 0.1), np.ones((100, 1)), 1, converged=True)
 
     assert solve_from_starts(solve, [0.0, 1.0, 2.0], lambda posed, minimum: (posed, minimum)).reached == 2
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 10**6), free=st.integers(0, 3), bounded=st.integers(0, 4))
+def test_bounded_least_squares_is_lsq_linears(seed: int, free: int, bounded: int) -> None:
+    """Any columns, with a bound of zero on some, in any order and scale: the same solution as scipy's lsq_linear, and no bound broken."""
+    rng = np.random.default_rng(seed)
+    count = free + bounded
+    if count == 0:
+        return
+    design = rng.standard_normal((12, count)) + 0.5
+    lower = rng.permutation([0.0] * bounded + [-np.inf] * free)
+    torque = rng.standard_normal(12)
+    scale = 10.0 ** rng.uniform(-2, 2, count)
+    found = bounded_least_squares(design * scale, torque, lower)
+    assert (found >= lower).all()
+    expected = lsq_linear(design, torque, (lower, np.inf), method="bvls", tol=1e-14).x
+    assert found * scale == pytest.approx(expected, abs=1e-9)
+
+
+def test_no_columns_have_an_empty_basis() -> None:
+    """Nothing spans nothing, in silence."""
+    q, inverse = orthonormal(np.zeros((7, 0)))
+    assert (q.shape, inverse.shape) == ((7, 0), (0, 0))
+    # no sample, one sample and a constant have no correlation, and a standard error that is unknown or zero
+    assert autocorrelation(EMPTY).size == 0
+    assert lag_one(np.ones(1)) == lag_one(np.full(9, 0.1)) == 0.0
+    assert standard_error(np.ones(1)) is None
+    assert standard_error(np.full(50, 0.1)) == pytest.approx(0.0, abs=1e-15)
+    assert lag_one(np.tile([1.0, -1.0], 50)) == pytest.approx(-0.99)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_costs_with_bounds_are_those_of_bounded_least_squares(seed: int) -> None:
+    """Whatever the torques, so that any set of bounds is active, with gravity and without: each grid cost is that of the bounded solution there."""
+    rng = np.random.default_rng(seed)
+    velocity, v_s = np.geomspace(0.01, 0.8, 12), np.geomspace(0.004, 0.7, 9)
+    extra = {"gravity_sin": np.sin(9 * velocity)} if seed % 2 else {}
+    problem = from_points(velocity, rng.standard_normal(12) + rng.uniform(-2, 2), ("both",), extra)
+    expected = [solve_at(problem, [s]).cost for s in v_s.tolist()]
+    assert Projected(problem).costs(v_s) == pytest.approx(expected, rel=1e-7)
+
+
+def correlated(rho: float, n: int, seed: int) -> Array:
+    """AR(1) noise with innovations of variance one, (n,)."""
+    noise = np.random.default_rng(seed).standard_normal(n + 500)
+    return np.asarray(lfilter([1.0], [1.0, -rho], noise)[500:], dtype=float)
+
+
+def mean_of(x: Array, **options: int) -> Array:
+    """What the mean of x moves by in resampled data, (B,)."""
+    return block_bootstrap(-np.ones((x.size, 1)), x - x.mean(), **options).steps[:, 0]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.8])
+def test_the_mean_of_correlated_noise_scatters_as_it_should(rho: float) -> None:
+    """Over series the mean variance of the draws is 1 / (n (1 - rho)**2), less what block ends cut off: 2 rho / ((1 - rho**2) L), and L / n."""
+    n, length, series = 4000, 100, 40
+    found = [mean_of(correlated(rho, n, seed), length=length, draws=300, seed=seed).var() for seed in range(series)]
+    cut = 2 * rho / ((1 - rho**2) * length) + length / n
+    true = (1 - cut) / (n * (1 - rho) ** 2)
+    spread = np.std(found) / np.sqrt(series)
+    assert np.mean(found) == pytest.approx(true, abs=3.5 * spread)
+    assert spread < 0.05 * true
+
+
+def test_bootstrap_knows_skewness_priors_blocks_and_seeds() -> None:
+    """The mean of exponential noise: bootstrap-t reaches farther up than down, as the truth lies."""
+    x = np.random.default_rng(2).exponential(size=60)
+    low, high = block_bootstrap(-np.ones((60, 1)), x - x.mean(), length=1, draws=8000).interval(0, 1.0)
+    assert high > 1.15 * -low
+    # with a prior of its own weight the draws scatter by (G s**2 + sigma**2 P**2) / (G + P**2)**2, and t is of unit variance
+    rng = np.random.default_rng(3)
+    n, P, sigma, s = 1000, 30.0, 1.5, 0.7
+    J, left = rng.standard_normal((n, 1)), s * rng.standard_normal(n)
+    left -= J[:, 0] * (J[:, 0] @ left) / (J[:, 0] @ J[:, 0])
+    found = block_bootstrap(J, left, priors=np.array([[P]]), sigma=sigma, length=1, draws=3000)
+    G = float(J[:, 0] @ J[:, 0])
+    assert found.steps.std() == pytest.approx(np.sqrt(G * s**2 + sigma**2 * P**2) / (G + P**2), rel=0.06)
+    assert found.studentised.std() == pytest.approx(1.0, rel=0.06)
+    # blocks that cut correlation make draws scatter by too little; t has unit variance all the same
+    x = correlated(0.9, 6000, 4)
+    short = block_bootstrap(-np.ones((x.size, 1)), x - x.mean(), length=12, draws=2000)
+    true = 10 / np.sqrt(x.size)
+    assert short.steps.std() < 0.8 * true
+    assert short.studentised.std() == pytest.approx(1.0, rel=0.08)
+    # residuals that are one constant per segment: with segments as blocks the mean scatters as the mean of as many independent values
+    rng = np.random.default_rng(5)
+    level = rng.standard_normal(50)
+    x = np.repeat(level - level.mean(), 20)
+    found = block_bootstrap(-np.ones((1000, 1)), x, range(0, 1000, 20), length=1000, draws=4000)
+    assert found.blocks == 50
+    assert found.steps.std() == pytest.approx(level.std() / np.sqrt(50), rel=0.06)
+    # the same seed gives the same bytes, another one others
+    x = correlated(0.5, 500, 0)
+    assert mean_of(x, seed=7).tobytes() == mean_of(x, seed=7).tobytes()
+    assert mean_of(x, seed=7).tobytes() != mean_of(x, seed=8).tobytes()
+
+
+@given(st.floats(-6, 6), st.integers(0, 5))
+@settings(deadline=None, max_examples=20)
+def test_a_step_scales_with_its_parameter(power: float, seed: int) -> None:
+    """Expressing a parameter in another unit changes its steps by that unit and nothing else, t not at all."""
+    rng = np.random.default_rng(seed)
+    J, left = rng.standard_normal((200, 2)), rng.standard_normal(200)
+    unit = np.array([10.0**power, 1.0])
+    one, other = (block_bootstrap(j, left, length=5, draws=50, seed=seed) for j in (J, J * unit))
+    np.testing.assert_allclose(other.steps * unit, one.steps, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(other.studentised, one.studentised, rtol=1e-6, atol=1e-9)
+
+
+def test_of_a_mean_t_is_that_of_each_resample(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of three values with blocks of one, t is (mean* - mean) / (s* / sqrt(3)) of one of the ten resamples that there are, s* about its own mean."""
+    x = np.array([-2.0, 0.5, 1.5])
+    samples = [np.array(one) for one in combinations_with_replacement(x, 3) if np.ptp(one) > 0]
+    expected = np.array([-one.mean() / (one.std(ddof=1) / np.sqrt(3)) for one in samples])
+    found = block_bootstrap(-np.ones((3, 1)), x, length=1, draws=300).studentised[:, 0]
+    usual = found[np.abs(found) < 1e6]  # three times the same value has no s*
+    assert 200 < usual.size < 300
+    assert np.abs(np.abs(usual)[:, None] - np.abs(expected)).min(axis=1).max() < 1e-9
+    assert np.unique(np.round(usual, 9)).size == expected.size
+    # however few numbers are drawn at once: as many draws, all different, the same errors of the estimate, and the covariance s**2
+    # (J'J)**-1
+    rng, n = np.random.default_rng(3), 200
+    J, residuals = np.column_stack([np.ones(n), np.linspace(-1, 1, n)]), rng.standard_normal(n)
+    whole, errors = residual_bootstrap(J, residuals, np.ones(n), draws=4000)
+    monkeypatch.setattr(bootstrap, "_AT_ONCE", 7 * n)
+    parts, same = residual_bootstrap(J, residuals, np.ones(n), draws=4000)
+    assert parts.steps.shape == parts.studentised.shape == whole.steps.shape == (4000, 2)
+    np.testing.assert_allclose(same, errors, rtol=1e-12)
+    np.testing.assert_allclose(np.cov(parts.steps.T), np.cov(whole.steps.T), rtol=0.1, atol=6e-4)
+    assert len(np.unique(parts.steps[:, 0])) == 4000
+
+
+EMPTY = np.zeros(0)
+
+
+def ar1(rho: float, shape: tuple[int, ...], seed: int = 0) -> Array:
+    """AR(1) noise along the last axis, stationary."""
+    noise = np.random.default_rng(seed).normal(size=(*shape[:-1], shape[-1] + 500))
+    return np.asarray(lfilter([1.0], [1.0, -rho], noise)[..., 500:])
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
+def test_inflation_of_ar1(rho: float) -> None:
+    """AR(1) noise inflates the variance of a mean by (1 + rho) / (1 - rho)."""
+    measured = np.mean([inflation(x) for x in ar1(rho, (30, 10_000))])
+    assert measured == pytest.approx((1 + rho) / (1 - rho), rel=0.07)
+    # over repetitions, the standard error's root mean square is the standard deviation of the means
+    x = ar1(rho, (200, 4000), seed=1)
+    errors = [standard_error(row) or np.inf for row in x]
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(np.std(x.mean(axis=1)), rel=0.12)
+
+
+@settings(deadline=None, max_examples=50)
+@given(arrays(float, st.integers(1, 60), elements=st.floats(-1e6, 1e6)), st.floats(1e-3, 1e3), st.floats(-1e3, 1e3))
+@example(np.array([np.finfo(float).tiny, 0, 0, 0, 0, 0]), 1.0, 0.0)
+def test_inflation_is_bounded_and_ignores_sign(x: Array, scale: float, shift: float) -> None:
+    """1 <= inflation <= n for any data, short or constant; a change of sign changes nothing, nor does a change of unit by a power of two."""
+    tau = inflation(x)
+    assert 1.0 <= tau <= max(x.size, 1)
+    assert inflation(-x) == tau
+    assert inflation(x * 2.0**5) == tau
+    assert inflation(np.full(x.size, scale + shift)) == 1.0
+
+
+@settings(deadline=None, max_examples=50)
+@given(arrays(float, st.integers(2, 60), elements=st.floats(-1e3, 1e3)))
+def test_autocorrelation_is_that_of_the_definition(x: Array) -> None:
+    """The FFT gives the sums of products of the definition; lag zero is one, and no lag exceeds it."""
+    rho, centred = autocorrelation(x), x - x.mean()
+    assert rho[0] == pytest.approx(1.0)
+    assert np.all(np.abs(rho) <= 1 + 1e-9)
+    if np.ptp(x) > 1e-3:
+        direct = [centred[k:] @ centred[: x.size - k] / (centred @ centred) for k in range(x.size)]
+        assert rho == pytest.approx(np.array(direct), abs=1e-9)

@@ -86,10 +86,7 @@ def test_findings_are_those_of_the_results(gripper: Plan) -> None:
     assert said(gripper, "whole").startswith(
         f"The plan takes {gripper.duration:.3g} s: 24 runs at constant velocity, 2 of"
     )
-
-
-def test_what_stays_open_is_said_first(gripper: Plan) -> None:
-    """A parameter that the plan leaves open is named in place of the widest; one that it does not improve has the same error twice."""
+    # a parameter that the plan leaves open is named in place of the widest; one that it does not improve has the same error twice
     errors = gripper.standard_errors["with motion"].copy()
     errors[[0, 2]] = np.inf, 3 * gripper.start.estimate[2]
     opened = replace(gripper, standard_errors={**gripper.standard_errors, "with motion": errors})

@@ -55,16 +55,7 @@ def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
     assert errors[-1] < 0.9 * errors[0]
     assert "v_end" not in {name.name for name in plan.start.names}
     assert any(row.startswith(own) for row in plan.to_frame()["parameter"])
-
-
-@pytest.mark.parametrize("plan", [OUTSIDE], indirect=True)
-def test_the_page_has_the_laws_own_parameter(plan: Plan, tmp_path: Path) -> None:
-    """Its symbol stands there, also of a law from outside."""
-    assert "β" in page_text(bristle.report_of(plan).write(tmp_path / "page"))
-
-
-def test_fits_of_simulated_runs_scatter_as_predicted(plan: Plan) -> None:
-    """The scatter of fits under the law is the prediction within a fifth, for planned and for spaced runs."""
+    # the scatter of fits under the law is the prediction within a fifth, for planned and for spaced runs
     for x in plan.velocities:
         own, count = (
             replace(x.problem, prior_information=np.zeros_like(x.problem.prior_information)),
@@ -75,6 +66,12 @@ def test_fits_of_simulated_runs_scatter_as_predicted(plan: Plan) -> None:
             assert simulated_errors(own, speeds) == pytest.approx(evaluate_design(own, speeds).alone, rel=0.2)
 
 
+@pytest.mark.parametrize("plan", [OUTSIDE], indirect=True)
+def test_the_page_has_the_laws_own_parameter(plan: Plan, tmp_path: Path) -> None:
+    """Its symbol stands there, also of a law from outside."""
+    assert "β" in page_text(bristle.report_of(plan).write(tmp_path / "page"))
+
+
 @pytest.mark.parametrize("law", OWN)
 def test_runs_planned_for_the_laws_own_parameter_beat_spaced_ones(law: str) -> None:
     """Ten runs that are c-optimal for it give it a smaller error than ten spaced ones, and than the D-optimal ones."""
@@ -82,11 +79,7 @@ def test_runs_planned_for_the_laws_own_parameter_beat_spaced_ones(law: str) -> N
     planned = design(own, 10, OWN[law])
     others = [design(own, 10), *(evaluate_design(own, spaced_speeds(own, 10, kind)) for kind in ("log", "even"))]
     assert planned.alone[k] < min(x.alone[k] for x in others)
-
-
-@pytest.mark.parametrize("law", OWN)
-def test_the_columns_of_a_design_are_differences_of_the_curve(law: str) -> None:
-    """The derivative of steady torque by each parameter that is estimated is its central difference, to 1e-6."""
+    # the derivative of steady torque by each parameter that is estimated is its central difference, to 1e-6
     p, v = truth_of(law), np.geomspace(0.01, 1.2, 30)
     found = static_jacobian(v, p)
     for k, name in enumerate(problem(law).names):
@@ -106,10 +99,7 @@ def test_what_is_no_parameter_of_the_joints_law_is_refused() -> None:
         bristle.plan(points(EXPONENT), aim="alpha_3")
     with pytest.raises(InputError, match="expected 5 to 1000"):
         bristle.plan(points(DRAG), velocities=4)
-
-
-def test_a_peak_that_was_not_found_has_the_middle_shape() -> None:
-    """Without a peak all of it is a guess, its shape in the middle of where it is looked for, which is said."""
+    # without a peak all of it is a guess, its shape in the middle of where it is looked for, which is said
     fit = points(EXPONENT)
     static = fit.joint.static["both"]
     none = {

@@ -60,10 +60,7 @@ def test_now_is_what_was_identified(gripper: Plan) -> None:
     for before, after in pairwise(PARTS):
         assert (gripper.standard_errors[after] <= gripper.standard_errors[before] * (1 + 1e-9)).all()
     assert (gripper.standard_errors["with motion"] < gripper.standard_errors["now"]).all()
-
-
-def test_each_part_adds_what_it_shows(gripper: Plan) -> None:
-    """Velocities shrink the four static parameters, loading sigma_0, and the motion sigma_1 and the inertia, by a tenth at least."""
+    # velocities shrink the four static parameters, loading sigma_0, and the motion sigma_1 and the inertia, by a tenth at least
     at = {str(name): k for k, name in enumerate(gripper.start.names)}
     shrunk = {
         after: gripper.standard_errors[after] / gripper.standard_errors[before] for before, after in pairwise(PARTS)
@@ -73,10 +70,7 @@ def test_each_part_adds_what_it_shows(gripper: Plan) -> None:
         assert shrunk["with loading"][at["sigma_0" + d]] < 0.9
         assert shrunk["with motion"][at["sigma_1" + d]] < 0.9
     assert shrunk["with motion"][at["inertia"]] < 0.9
-
-
-def test_what_it_is_worth_is_said_first(gripper: Plan) -> None:
-    """Speeds, runs, time and the intervals of alpha_0 and v_s, or of the aim, are those of the plan, also where one stays open."""
+    # speeds, runs, time and the intervals of alpha_0 and v_s, or of the aim, are those of the plan, also where one stays open
     then = 196 * gripper.standard_errors["with motion"][gripper.free] / np.abs(gripper.start.estimate[gripper.free])
     names = [gripper.start.names[k].name for k in gripper.free]
     speeds_ = np.unique(np.abs([v for x in gripper.velocities for v in x.velocities]))
@@ -115,16 +109,26 @@ def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
     assert said.numbers["names"] == (gripper.start.names[gripper.free[0]],)
     alone = replace(gripper, errors_of_measured=None)
     assert "motion-worse" not in {w.code for w in alone.warnings}
-
-
-def test_designs_beat_spaced_velocities(gripper: Plan) -> None:
-    """For its own parameter each design is the best, what is known included: beside that for all, and evenly and log-spaced runs."""
+    # for its own parameter each design is the best, what is known included: beside that for all, and evenly and log-spaced runs
     for own in gripper.velocities:
         count = own.chosen.speeds.size
         spaced = [evaluate_design(own.problem, spaced_speeds(own.problem, count, kind)) for kind in ("log", "even")]
         for k, aim in enumerate(Stribeck._fields):
             alone = design(own.problem, count, aim)
             assert all(alone.errors[k] <= 1.01 * x.errors[k] for x in (own.chosen, *spaced))
+    # of many normal residuals both measures are their standard deviation; with few degrees of freedom both are the root mean square
+    residuals = np.random.default_rng(0).standard_normal(20_000)
+    rms = float(np.sqrt(np.mean(residuals**2)))
+    fit = replace(gripper.joint.static["+"], rms=rms, n=residuals.size, residuals=residuals)
+    assert scatter(fit) == pytest.approx((1.0, 1.0), rel=0.02)
+    few = replace(fit, n=5, residuals=residuals[:5], rms=0.3)
+    assert scatter(few) == pytest.approx((0.3 * 5**0.5,) * 2)
+
+
+def table_of(plan: Plan, name: str) -> pd.DataFrame:
+    """A table of its report."""
+    found = (section.table for section in bristle.report_of(plan).sections if section.table)
+    return next(table.frame for table in found if table.name == name and table.frame is not None)
 
 
 def test_references_are_read_back(gripper: Plan) -> None:
@@ -142,16 +146,7 @@ def test_references_are_read_back(gripper: Plan) -> None:
     breakaway = max(p.alpha_0 + p.alpha_1 for p in gripper.start.sets)
     assert 0.2 * breakaway < loaded[T].abs().max() < 0.81 * breakaway
     assert frame["time (s)"].iloc[-1] == pytest.approx(gripper.duration - 1 / limits.rate)
-
-
-def table_of(plan: Plan, name: str) -> pd.DataFrame:
-    """A table of its report."""
-    found = (section.table for section in bristle.report_of(plan).sections if section.table)
-    return next(table.frame for table in found if table.name == name and table.frame is not None)
-
-
-def test_planned_speeds_are_played(gripper: Plan) -> None:
-    """Each run of the file holds its planned velocity for the averaging time and more; together they are all that were planned."""
+    # each run of the file holds its planned velocity for the averaging time and more; together they are all that were planned
     frame = gripper.reference_frame()
     ramps = frame[frame["experiment"] == "ramp"]
     held = []
@@ -161,10 +156,7 @@ def test_planned_speeds_are_played(gripper: Plan) -> None:
         held.append(speed if own[V].max() == speed else -speed)
     wanted = [(-1 if d.direction == "-" else 1) * v for d in gripper.velocities for v in d.chosen.speeds]
     assert sorted(held) == pytest.approx(sorted(wanted))
-
-
-def test_stated_sines_are_those_written(gripper: Plan) -> None:
-    """Least squares of the written tracking reference gives the amplitudes that are stated and their phases, but for the fading at its ends."""
+    # least squares of the written tracking reference gives the amplitudes that are stated and their phases, but for the fading at its ends
     frame, stated = pd.read_csv(io.StringIO(gripper.reference_csv())), table_of(gripper, "lines")
     own = frame[frame["experiment"] == "tracking"]
     time = own["time (s)"].to_numpy() - own["time (s)"].iloc[0]
@@ -253,10 +245,7 @@ def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
         bristle.plan(path, velocities=4, aim="inertia")
     path.write_text(bare + "inertia: 1.3e-3 +/- 1e-4 kg*m**2\n")
     assert "inertia" in bristle.plan(path, velocities=4).to_frame()["parameter"].tolist()
-
-
-def test_noise_is_of_its_direction_and_robust(tmp_path: Path) -> None:
-    """Ten times the noise in one direction, and one far point, leave the other's noise as it is; the far point does not rule, and is said."""
+    # ten times the noise in one direction, and one far point, leave the other's noise as it is; the far point does not rule, and is said
     v = np.geomspace(0.2 * TRUTH.v_s, 0.8, 40)
     rng = np.random.default_rng(1)
     T = steady_points(TRUTH, v, 0.0, rng, 1)[0]
@@ -279,16 +268,6 @@ def test_noise_is_of_its_direction_and_robust(tmp_path: Path) -> None:
     assert outliers.startswith("Noise (+): ")
 
 
-def test_robust_scatter_is_that_of_normal_noise(gripper: Plan) -> None:
-    """Of many normal residuals both measures are their standard deviation; with few degrees of freedom both are the root mean square."""
-    residuals = np.random.default_rng(0).standard_normal(20_000)
-    rms = float(np.sqrt(np.mean(residuals**2)))
-    fit = replace(gripper.joint.static["+"], rms=rms, n=residuals.size, residuals=residuals)
-    assert scatter(fit) == pytest.approx((1.0, 1.0), rel=0.02)
-    few = replace(fit, n=5, residuals=residuals[:5], rms=0.3)
-    assert scatter(few) == pytest.approx((0.3 * 5**0.5,) * 2)
-
-
 def test_what_loading_neglects_is_shown(gripper: Plan) -> None:
     """The table and the text have the error by noise, the viscous share, and both together as the promised one, which is what is added."""
     columns = ("by_noise", "viscous_share", "standard_error")
@@ -302,10 +281,7 @@ def test_what_loading_neglects_is_shown(gripper: Plan) -> None:
         k = gripper.start.names.index(ParameterName("sigma_0", own.direction))
         before, after = gripper.standard_errors["with velocities"][k], gripper.standard_errors["with loading"][k]
         assert after**-2 - before**-2 == pytest.approx(whole**-2, rel=0.05)
-
-
-def test_counts_of_velocities_stay_in_the_figure(gripper: Plan) -> None:
-    """Every count is drawn within its axes, apart from the others and from each point; the legend lies below all axes."""
+    # every count is drawn within its axes, apart from the others and from each point; the legend lies below all axes
     figure = figures.velocities_figure(gripper)
     figure.draw_without_rendering()
     (legend,) = figure.legends
@@ -318,28 +294,6 @@ def test_counts_of_velocities_stay_in_the_figure(gripper: Plan) -> None:
         assert max(y for _, y in points) < min(b.y0 for b in boxes)
         assert legend.get_window_extent().y1 < frame.y0
     assert 0 <= legend.get_window_extent().x0 < legend.get_window_extent().x1 <= figure.bbox.x1
-
-
-def test_declared_limits_are_kept(tmp_path: Path) -> None:
-    """What the experiment file declares is what the references keep to, said by no assumption; the total time too."""
-    limits = (
-        "position: [-20 deg, 0.6 rad], velocity: 0.5 rad/s, minimum_velocity: 0.02 rad/s, acceleration: 4 rad/s**2, "
-        "torque: 0.2 N*m, time: 150 s, hold: 2 s, frequency: 3 Hz, rate: 50 Hz"
-    )
-    ran = planned(tmp_path, limits, "--velocities", 5)
-    assert ran.code == 0, ran.err
-    assert "to override" not in ran.words
-    frame = pd.read_csv(tmp_path / "next.csv")
-    tracked = frame.loc[frame["experiment"] == "tracking", V].to_numpy()
-    spectrum = np.abs(np.fft.rfft(tracked * np.hanning(tracked.size))) ** 2
-    frequency = np.fft.rfftfreq(tracked.size, 0.02)
-    assert spectrum[frequency > 3.5].sum() < 1e-3 * spectrum.sum()
-    assert_within(frame, (-np.deg2rad(20), 0.6), 0.5, 4.0)
-    assert frame["time (s)"].iloc[-1] <= 150
-    assert frame["time (s)"].iloc[1] == 0.02
-    held = frame[frame["experiment"] == "ramp"].groupby("run")[V].apply(lambda v: v.abs().max())
-    assert held.size == 10
-    assert held.min() >= 0.02
 
 
 @pytest.mark.usefixtures("raster")
@@ -435,6 +389,25 @@ def test_bad_input_is_refused(tmp_path: Path) -> None:
         if ran.code != 2 or len(ran.said) != 1 or named not in ran.said[0] or (tmp_path / "next.csv").exists():
             failed.append((options, arguments, ran))
     assert failed == []
+    # what the experiment file declares is what the references keep to, said by no assumption; the total time too
+    limits = (
+        "position: [-20 deg, 0.6 rad], velocity: 0.5 rad/s, minimum_velocity: 0.02 rad/s, acceleration: 4 rad/s**2, "
+        "torque: 0.2 N*m, time: 150 s, hold: 2 s, frequency: 3 Hz, rate: 50 Hz"
+    )
+    ran = planned(tmp_path, limits, "--velocities", 5)
+    assert ran.code == 0, ran.err
+    assert "to override" not in ran.words
+    frame = pd.read_csv(tmp_path / "next.csv")
+    tracked = frame.loc[frame["experiment"] == "tracking", V].to_numpy()
+    spectrum = np.abs(np.fft.rfft(tracked * np.hanning(tracked.size))) ** 2
+    frequency = np.fft.rfftfreq(tracked.size, 0.02)
+    assert spectrum[frequency > 3.5].sum() < 1e-3 * spectrum.sum()
+    assert_within(frame, (-np.deg2rad(20), 0.6), 0.5, 4.0)
+    assert frame["time (s)"].iloc[-1] <= 150
+    assert frame["time (s)"].iloc[1] == 0.02
+    held = frame[frame["experiment"] == "ramp"].groupby("run")[V].apply(lambda v: v.abs().max())
+    assert held.size == 10
+    assert held.min() >= 0.02
 
 
 def test_an_interrupt_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

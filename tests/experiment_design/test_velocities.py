@@ -1,11 +1,32 @@
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 from bristle.arrays import Array
-from bristle.identification.fisher import covariance, static_information, static_jacobian
-from bristle.questions.experiment_design import velocities
+from bristle.identification.fisher import covariance, gram, motion_jacobian, static_information, static_jacobian
+from bristle.identification.limits import Limits
+from bristle.model import functions
+from bristle.model.parameters import Direction
+from bristle.model.vectorize import evaluate
+from bristle.questions.experiment_design import excitation, loading, velocities
+from bristle.questions.experiment_design import references as reference
+from bristle.questions.experiment_design.excitation import (
+    MotionProblem,
+    best_motion,
+    course,
+    evaluate_motion,
+    information,
+    limited,
+    plain_lines,
+    within_torque,
+)
+from bristle.questions.experiment_design.loading import CYCLES, design_loading, loading_errors
+from bristle.questions.experiment_design.references import PlannedRun
 from bristle.questions.experiment_design.velocities import (
     Design,
     DesignProblem,
@@ -13,8 +34,10 @@ from bristle.questions.experiment_design.velocities import (
     evaluate_design,
     nodes_of,
 )
-from bristle.simulation.edro import TABLE_1
+from bristle.simulation.edro import TABLE_1, inertia
+from bristle.simulation.references import Multisine
 
+from .limits import LIMITS
 from .simulated_fits import simulated_errors, spaced_speeds
 
 P = TABLE_1["gripper rotation"].positive
@@ -30,11 +53,8 @@ def errors_by_v_s(own: DesignProblem, speeds: Array, v_s: Array) -> Array:
 def problem(low: float = 0.15, high: float = 0.8, relative: float = 0.0, **changed: object) -> DesignProblem:
     """Gripper rotation (+), from `low` v_s to `high` rad/s, with nothing known before."""
     given_ = {
-        "p": P,
-        "nodes": nodes_of(P.v_s, relative),
-        "prior_information": np.zeros((4, 4)),
-        "noise": 0.005 * P.alpha_0,
-    }
+        "p": P, "nodes": nodes_of(P.v_s, relative), "prior_information": np.zeros((4, 4)), "noise": 0.005 * P.alpha_0,
+    }  # fmt: skip  # a list of values
     return DesignProblem(**{**given_, "low": low * P.v_s, "high": high, **changed})  # type: ignore[arg-type]  # of mixed types
 
 
@@ -45,7 +65,7 @@ def loss(own: DesignProblem, found: Design) -> float:
     return -float(np.mean(each))
 
 
-def test_planned_velocities_beat_log_spaced_ones_for_v_s() -> None:
+def test_planned_velocities_are_the_best() -> None:
     """Twelve runs planned for v_s alone give it at most 0.67 times the standard error of twelve log-spaced ones; simulated fits agree."""
     own = problem()
     planned, log = design(own, RUNS, "v_s"), evaluate_design(own, spaced_speeds(own, RUNS, "log"))
@@ -53,6 +73,38 @@ def test_planned_velocities_beat_log_spaced_ones_for_v_s() -> None:
     seen = [simulated_errors(own, speeds, 20_000)[3] for speeds in (planned.speeds, log.speeds)]
     assert seen[0] <= 0.67 * seen[1]
     assert seen[0] == pytest.approx(planned.alone[3], rel=0.05)
+    # far above v_s, where the peak's information is zero to the last digit, Coulomb and viscous friction are planned as without a peak
+    own = problem(low=40.0, high=80 * P.v_s)
+    assert not (static_jacobian(np.array([own.low]), P)[0, [1, 3]] ** 2).any()
+    found = design(own, RUNS, "alpha_2")
+    assert np.isfinite(found.errors[[0, 2]]).all()
+    assert {*np.round(found.speeds, 9).tolist()} == {round(own.low, 9), round(own.high, 9)}
+    # Kiefer and Wolfowitz: with a multiple of four runs, n s'(v) F**-1 s(v) / noise**2 is at most 4 anywhere, and 4 at each speed that is
+    # run
+    own = problem()
+    found = design(own, RUNS)
+    inverse = np.linalg.inv(static_information(found.speeds, P, own.noise))
+
+    def reach(speeds: Array) -> Array:
+        rows = static_jacobian(speeds, P) / own.noise
+        return np.asarray(RUNS * np.einsum("np,pq,nq->n", rows, inverse, rows))
+
+    assert reach(np.geomspace(own.low, own.high, 2000)).max() <= 4 * 1.001
+    assert reach(found.speeds) == pytest.approx(4.0, rel=1e-3)
+    assert np.unique(found.speeds).size == 4
+    # where all but alpha_2 is known, its runs all go to the fastest speed v, and its error is noise / (sqrt(n) v)
+    own = problem(prior_information=np.diag([1e14, 1e14, 0.0, 1e14]))
+    found = design(own, 9, "alpha_2")
+    assert found.speeds == pytest.approx(np.full(9, own.high), rel=1e-6)
+    assert found.errors[2] == pytest.approx(own.noise / (3 * own.high), rel=1e-3)
+    # standard errors are those of the sum of both informations, and smaller than those of the runs alone; known runs move the design
+    first = spaced_speeds(problem(), 6, "log")
+    own = problem(prior_information=static_information(first, P, problem().noise))
+    found = design(own, 6, "v_s")
+    together = evaluate_design(problem(), np.concatenate([first, found.speeds]))
+    assert found.errors == pytest.approx(together.errors, rel=1e-6)
+    assert (found.errors < found.alone).all()
+    assert found.errors[3] < evaluate_design(own, design(problem(), 6, "v_s").speeds).errors[3]
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.05, 0.8), (1.0, 0.8), (0.15, 0.3)])
@@ -66,31 +118,6 @@ def test_planned_velocities_win_in_every_range(low: float, high: float) -> None:
             found.errors[k] <= evaluate_design(own, spaced_speeds(own, RUNS, kind)).errors[k]
             for kind in ("log", "even")
         )
-
-
-def test_speeds_that_show_no_peak_are_planned_for_the_rest() -> None:
-    """Far above v_s, where the peak's information is zero to the last digit, Coulomb and viscous friction are planned as without a peak."""
-    own = problem(low=40.0, high=80 * P.v_s)
-    assert not (static_jacobian(np.array([own.low]), P)[0, [1, 3]] ** 2).any()
-    found = design(own, RUNS, "alpha_2")
-    assert np.isfinite(found.errors[[0, 2]]).all()
-    assert {*np.round(found.speeds, 9).tolist()} == {round(own.low, 9), round(own.high, 9)}
-
-
-def test_d_optimal_runs_satisfy_the_equivalence_theorem() -> None:
-    """Kiefer and Wolfowitz: with a multiple of four runs, n s'(v) F**-1 s(v) / noise**2 is at most 4 anywhere, and 4 at each speed that is run."""
-    own = problem()
-    found = design(own, RUNS)
-    inverse = np.linalg.inv(static_information(found.speeds, P, own.noise))
-
-    def reach(speeds: Array) -> Array:
-        """Runs times s' F**-1 s / noise**2."""
-        rows = static_jacobian(speeds, P) / own.noise
-        return np.asarray(RUNS * np.einsum("np,pq,nq->n", rows, inverse, rows))
-
-    assert reach(np.geomspace(own.low, own.high, 2000)).max() <= 4 * 1.001
-    assert reach(found.speeds) == pytest.approx(4.0, rel=1e-3)
-    assert np.unique(found.speeds).size == 4
 
 
 @settings(max_examples=30, deadline=None)
@@ -108,25 +135,6 @@ def test_no_other_runs_are_better(where: list[float]) -> None:
 _PLANNED = {aim: design(problem(relative=0.3), RUNS, aim) for aim in ("all", "v_s")}
 
 
-def test_one_unknown_parameter_has_a_closed_form() -> None:
-    """Where all but alpha_2 is known, its runs all go to the fastest speed v, and its error is noise / (sqrt(n) v)."""
-    own = problem(prior_information=np.diag([1e14, 1e14, 0.0, 1e14]))
-    found = design(own, 9, "alpha_2")
-    assert found.speeds == pytest.approx(np.full(9, own.high), rel=1e-6)
-    assert found.errors[2] == pytest.approx(own.noise / (3 * own.high), rel=1e-3)
-
-
-def test_what_is_known_is_added_up() -> None:
-    """Standard errors are those of the sum of both informations, and smaller than those of the runs alone; known runs move the design."""
-    first = spaced_speeds(problem(), 6, "log")
-    own = problem(prior_information=static_information(first, P, problem().noise))
-    found = design(own, 6, "v_s")
-    together = evaluate_design(problem(), np.concatenate([first, found.speeds]))
-    assert found.errors == pytest.approx(together.errors, rel=1e-6)
-    assert (found.errors < found.alone).all()
-    assert found.errors[3] < evaluate_design(own, design(problem(), 6, "v_s").speeds).errors[3]
-
-
 def test_an_average_over_v_s_survives_a_poor_estimate() -> None:
     """Where v_s is known to a factor of two only, the averaged design is worse at the estimate, and better where v_s is half of it."""
     averaged, local = design(problem(relative=0.7), RUNS, "v_s"), design(problem(), RUNS, "v_s")
@@ -134,13 +142,16 @@ def test_an_average_over_v_s_survives_a_poor_estimate() -> None:
     here = errors_by_v_s(problem(), local.speeds, np.array([P.v_s, P.v_s / 2]))
     assert there[0] > here[0]
     assert there[1] < 0.9 * here[1]
-
-
-def test_predictions_are_what_simulated_fits_scatter_by() -> None:
-    """At little noise the scatter of fits of simulated runs is the predicted standard error of each parameter, within 3 %."""
+    # at little noise the scatter of fits of simulated runs is the predicted standard error of each parameter, within 3 %
     own = problem(noise=5e-4 * P.alpha_0)
     speeds = spaced_speeds(own, RUNS, "log")
     assert simulated_errors(own, speeds, 20_000) == pytest.approx(evaluate_design(own, speeds).alone, rel=0.03)
+    # their middle and geometric mean are the estimate; they spread with its error, and all are the estimate where it has none
+    nodes = nodes_of(P.v_s, 0.3)
+    assert nodes[2] == pytest.approx(P.v_s)
+    assert np.exp(np.log(nodes).mean()) == pytest.approx(P.v_s)
+    assert np.ptp(nodes_of(P.v_s, 0.6)) > 1.5 * np.ptp(nodes)
+    assert nodes_of(P.v_s, 0.0) == pytest.approx(np.full(5, P.v_s))
 
 
 @pytest.mark.parametrize("aim", ["all", "alpha_1"])
@@ -152,15 +163,6 @@ def test_the_grid_is_fine_enough(aim: str, monkeypatch: pytest.MonkeyPatch) -> N
     assert usual <= judged.value(design(own, RUNS, aim).speeds) + 0.01
 
 
-def test_nodes_lie_about_the_estimate() -> None:
-    """Their middle and geometric mean are the estimate; they spread with its error, and all are the estimate where it has none."""
-    nodes = nodes_of(P.v_s, 0.3)
-    assert nodes[2] == pytest.approx(P.v_s)
-    assert np.exp(np.log(nodes).mean()) == pytest.approx(P.v_s)
-    assert np.ptp(nodes_of(P.v_s, 0.6)) > 1.5 * np.ptp(nodes)
-    assert nodes_of(P.v_s, 0.0) == pytest.approx(np.full(5, P.v_s))
-
-
 @settings(max_examples=8, deadline=None)
 @given(low=st.floats(0.02, 2.0), share=st.floats(1.5, 100.0), count=st.integers(4, 9))
 def test_runs_stay_within_their_range(low: float, share: float, count: int) -> None:
@@ -170,3 +172,233 @@ def test_runs_stay_within_their_range(low: float, share: float, count: int) -> N
     assert found.size == count
     assert own.low <= found.min()
     assert found.max() <= own.high
+
+
+STEP = 0.01
+
+
+def played(velocities: list[float], limits: Limits, deflection: float) -> list[PlannedRun]:
+    """Each pass and the moves between, in order."""
+    holds = [h for k, v in enumerate(velocities, 1) for h in reference.passes(v, k, deflection, limits)]
+    found, at = [], sum(limits.position) / 2
+    for where, hold in reference.ordered(holds, limits):
+        found += [reference.played(reference.move_within(at, where, limits), STEP), reference.played(hold, STEP, where)]
+        at = where + hold.travel
+    return found
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    speeds=st.lists(st.tuples(st.floats(0.05, 1.0), st.sampled_from([-1, 1])), min_size=1, max_size=6),
+    low=st.floats(-3.0, 3.0),
+    travel=st.floats(1.5, 6.0),
+    acceleration=st.floats(3.0, 30.0),
+    deflection=st.floats(1e-4, 0.01),
+    hold=st.floats(0.3, 4.0),
+)
+def test_references_respect_every_limit(
+    speeds: list[tuple[float, int]], low: float, travel: float, acceleration: float, deflection: float, hold: float
+) -> None:
+    """Positions, velocities and accelerations keep within their limits; position is the integral of velocity, and nowhere jumps."""
+    limits = replace(LIMITS, position=(low, low + travel), velocity=1.0, acceleration=acceleration, hold=hold)
+    found = played([v * sign for v, sign in speeds], limits, deflection)
+    for r in found:
+        assert limits.position[0] <= r.position.min() <= r.position.max() <= limits.position[1]
+        assert np.abs(r.velocity).max() <= limits.velocity
+        assert np.abs(np.diff(r.velocity)).max() <= limits.acceleration * STEP
+        assert r.velocity[[0, -1]] == pytest.approx([0.0, 0.0], abs=1e-12)
+        trapezoid = np.cumsum((r.velocity[1:] + r.velocity[:-1]) * STEP / 2)
+        assert r.position[1:] - r.position[0] == pytest.approx(trapezoid, abs=limits.acceleration * STEP**2)
+    assert all(abs(a.position[-1] - b.position[0]) <= 1e-9 for a, b in pairwise(found))
+
+
+@settings(max_examples=25, deadline=None)
+@given(speed=st.floats(0.02, 1.0), deflection=st.floats(1e-4, 0.01), hold=st.floats(0.5, 8.0))
+def test_every_run_is_averaged_as_long_as_asked(speed: float, deflection: float, hold: float) -> None:
+    """A run's passes add up to the averaging time, each at exactly its speed after a run-in of eight deflections and 0.6 s."""
+    limits = replace(LIMITS, hold=hold)
+    holds = reference.passes(-speed, 3, deflection, limits)
+    assert sum(h.averaged for h in holds) == pytest.approx(hold)
+    for h in holds:
+        assert h.run_in * speed >= 8 * deflection * (1 - 1e-12)
+        assert h.run_in >= 0.6
+        r = reference.played(h, STEP)
+        steady = np.flatnonzero(r.velocity == -speed)
+        assert (np.diff(steady) == 1).all()
+        assert (steady.size + 1) * STEP >= h.run_in + h.averaged
+        assert r.position[-1] == pytest.approx(h.travel)
+        assert r.run == 3
+
+
+def test_acceleration_is_continuous() -> None:
+    """Between a velocity and the next the acceleration of a fine reference never jumps by more than a few percent of its peak."""
+    hold = reference.passes(1.0, 1, 1e-3, replace(LIMITS, hold=0.5))[0]
+    a = np.diff(reference.played(hold, 1e-4).velocity) / 1e-4
+    assert np.abs(np.diff(a)).max() <= 0.01 * np.abs(a).max()
+    # a speed at which nothing is left to average is refused in one sentence, and the fastest that is allowed leaves enough
+    short = replace(LIMITS, position=(0.0, 0.3))
+    with pytest.raises(ValueError, match=r"the travel of 0\.3 leaves"):
+        reference.passes(1.0, 1, 1e-3, short)
+    most = reference.fastest(1e-3, short)
+    assert LIMITS.slowest < most < 1.0
+    assert sum(h.averaged for h in reference.passes(most, 1, 1e-3, short)) == pytest.approx(3.0)
+    with pytest.raises(ValueError, match="too short for a hold"):
+        reference.fastest(1e-3, replace(LIMITS, position=(0.0, 0.01)))
+    # what a motion tells is J'J / noise**2 of friction through the bristle with the acceleration for the inertia, as the other route has it
+    run = course(plain_lines(LIMITS), LIMITS, 2.0, 0.01)
+    matrix, torque = information(run.velocity, run.acceleration, PROBLEM)
+    other = gram(motion_jacobian(run.velocity, 0.01, PAIR, {"inertia": run.acceleration}), PROBLEM.noise)
+    assert matrix == pytest.approx(other, rel=1e-9, abs=1e-9 * np.abs(other).max())
+    assert torque > J * np.abs(run.acceleration).max() / 2
+    found = evaluate_motion(plain_lines(LIMITS), replace(PROBLEM, duration=2.0))
+    assert found.errors == pytest.approx(covariance(PROBLEM.prior_information + other)[0], rel=1e-6)
+
+
+@pytest.mark.parametrize(("tag", "sign"), [("+", 1.0), ("-", -1.0)])
+def test_loading_rises_to_its_peak_and_falls(tag: str, sign: float) -> None:
+    """Torque begins and ends at zero, reaches the peak of its sign once a cycle, never beyond, and rises as slowly as planned."""
+    plan = design_loading(Direction(tag), P, 0.0, 1e-4, 0.0)
+    torque = sign * reference.played(reference.slow_loads(plan), STEP, run=7).torque
+    assert torque[0] == torque[-1] == 0
+    assert torque.min() >= 0
+    assert torque.max() == pytest.approx(plan.peak, rel=1e-9)
+    assert np.diff(torque).max() == pytest.approx(plan.peak * STEP / plan.rise)
+    tops = (torque[1:-1] >= torque[:-2]) & (torque[1:-1] > torque[2:])
+    assert tops.sum() == CYCLES
+
+
+def test_loading_is_planned_for_the_error_that_it_has() -> None:
+    """With g0 known, weighted straight lines through simulated count edges scatter by the error predicted for as many independent edges."""
+    g0, edges, noise = P.alpha_0 + P.alpha_1, 40, 1e-4
+    peak = 0.6 * g0
+    reach = float(evaluate(functions.loading_displacement_function(), peak, g0, P.sigma_0)[0])
+    predicted = loading._stiffness_error(P, peak, 0.0, noise, reach / edges, rise=0.1 * edges)
+    y = reach * (np.arange(edges) + 0.5) / edges
+    T = g0 * -np.expm1(-P.sigma_0 * y / g0)
+    rng = np.random.default_rng(0)
+    U = evaluate(functions.loading_displacement_function(), T + noise * rng.standard_normal((4000, edges)), g0, 1.0)[0]
+    weight = 1 - T / g0
+    slopes = np.polynomial.polynomial.polyfit(y, U.T, 1, w=weight)[1]
+    assert slopes.mean() == pytest.approx(P.sigma_0, rel=0.02)
+    assert predicted == pytest.approx(slopes.std(), rel=0.05)
+    # half the noise is half the error where g0 is known; longer rises and finer encoders are no worse; an unsure g0 lowers the peak
+    fine = P.alpha_0 / P.sigma_0 / 500
+    known = design_loading(Direction.POSITIVE, P, 0.0, 1e-4, fine)
+    row, column = loading.RISES.tolist().index(known.rise), loading.PEAKS.tolist().index(known.share)
+    scatter, viscous, _ = loading_errors(P, 0.0, 1e-4, fine, loading.RISES)
+    assert (scatter[row, column], viscous[row, column]) == (known.noise_error, known.viscous_share)
+    assert loading_errors(P, 0.0, 5e-5, fine, loading.RISES)[0][row, column] == pytest.approx(known.noise_error / 2)
+    assert (np.diff(np.hypot(scatter, viscous * P.sigma_0), axis=0) <= 1e-9).all()
+    assert known.error <= design_loading(Direction.POSITIVE, P, 0.0, 1e-4, 20 * fine).error
+    assert known.peak == pytest.approx(known.share * (P.alpha_0 + P.alpha_1))
+    unsure = design_loading(Direction.POSITIVE, P, 0.005 * P.alpha_0, 1e-4, fine)
+    assert unsure.share < known.share
+    assert unsure.error > known.error
+    reach = float(evaluate(functions.loading_displacement_function(), known.peak, P.alpha_0 + P.alpha_1, P.sigma_0)[0])
+    assert known.counts == pytest.approx(reach / fine)
+    assert design_loading(Direction.POSITIVE, P, 0.0, 1e-4, fine, share=0.5).rise == known.rise / 2
+    # with hardly any noise the slowest rise is planned, its error is the viscous share; ten times the damping never makes the error smaller
+    quiet = design_loading(Direction.POSITIVE, P, 0.0, 1e-9, 0.0)
+    assert quiet.rise == loading.RISES[-1]
+    assert quiet.error == pytest.approx(quiet.viscous_share * P.sigma_0, rel=1e-3)
+    usual = design_loading(Direction.POSITIVE, P, 0.001 * P.alpha_0, 1e-4, 0.0)
+    assert usual.error == pytest.approx(np.hypot(usual.noise_error, usual.viscous_share * P.sigma_0))
+    more = P._replace(sigma_1=10 * P.sigma_1)
+    damped = design_loading(Direction.POSITIVE, more, 0.001 * P.alpha_0, 1e-4, 0.0)
+    assert damped.error > usual.error
+    assert damped.share <= usual.share
+    found = (loading_errors(p, 0.001 * P.alpha_0, 1e-4, 0.0, loading.RISES)[:2] for p in (P, more))
+    of_usual, of_damped = (np.hypot(scatter, viscous * P.sigma_0) for scatter, viscous in found)
+    assert (of_damped >= of_usual).all()
+    # where the joint moves less than two counts below breakaway the error is infinite, and the peak the highest
+    coarse = design_loading(Direction.NEGATIVE, P, 0.0, 1e-4, 1.1 * P.alpha_0 / P.sigma_0)
+    assert coarse.error == np.inf
+    assert coarse.counts < 2
+    assert coarse.share == loading.PEAKS[-1]
+
+
+@pytest.mark.parametrize("share", [0.4, 0.6, 0.8])
+@pytest.mark.parametrize("rise", [5.0, 25.0])
+def test_what_loading_neglects_is_within_the_error_that_is_promised(rise: float, share: float) -> None:
+    """sigma_0 of a simulated rise without noise is off by 0.4 to 1 times the viscous share, which is the promised error where there is no noise."""
+    g0 = P.alpha_0 + P.alpha_1
+    peak, time = share * g0, np.linspace(0.0, rise, 300)
+
+    def speed(t: float, state: Array) -> tuple[float, float]:
+        """dz/dt and velocity under the torque of time t, the bristle of (3) at no speed."""
+        held = P.sigma_0 * state[0]
+        v = (peak * t / rise - held) / (P.sigma_1 * (1 - held / g0) + P.alpha_2)
+        return v * (1 - held / g0), v
+
+    found = solve_ivp(speed, (0.0, rise), [0.0, 0.0], method="LSODA", t_eval=time, rtol=1e-9, atol=1e-13)
+    T, x = peak * time[10:] / rise, found.y[1][10:]
+    U = evaluate(functions.loading_displacement_function(), T, g0, 1.0)[0]
+    slope = np.polynomial.polynomial.polyfit(x, U, 1, w=1 - T / g0)[1]
+    row, column = loading.RISES.tolist().index(rise), int(np.abs(loading.PEAKS - share).argmin())
+    promised = P.sigma_0 * loading_errors(P, 0.0, 1e-12, 0.0, loading.RISES)[1][row, column]
+    assert 0.4 * promised < abs(slope - P.sigma_0) < promised
+
+
+PAIR = TABLE_1["gripper rotation"]
+J = inertia(PAIR)
+VALUES = np.array([*PAIR.positive, *PAIR.negative, J])
+PROBLEM = MotionProblem(
+    sets=(PAIR,), inertias=(J,), prior_information=np.diag((0.05 * VALUES) ** -2), noise=4e-4, step=0.01,
+    limits=LIMITS, duration=4.0, aims=tuple(range(13)),
+)  # fmt: skip  # a list of values
+
+
+def relative(errors: Array) -> float:
+    """Root of the sum of squared relative standard errors."""
+    return float(np.linalg.norm(errors / VALUES))
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    st.lists(st.tuples(st.floats(1e-4, 5.0), st.floats(0.1, 8.0), st.floats(0.0, 6.3)), min_size=1, max_size=6),
+    st.floats(1.5, 3.0),
+)
+def test_a_motion_stays_within_its_limits(sines: list[tuple[float, float, float]], duration: float) -> None:
+    """Position, velocity and acceleration keep within their limits whatever is asked; it begins and ends at rest in the middle.
+
+    Sines once scaled to the limits are not scaled again, keep their frequencies and phases, and give the course of those asked for.
+    """
+    lines = Multisine(*np.array(sines).T)
+    run = course(lines, LIMITS, duration, 0.01)
+    assert LIMITS.position[0] <= run.position.min() <= run.position.max() <= LIMITS.position[1]
+    assert np.abs(run.velocity).max() <= LIMITS.velocity
+    assert np.abs(run.acceleration).max() <= LIMITS.acceleration
+    assert run.position[[0, -1]] == pytest.approx(0.5)
+    assert np.abs(run.velocity[[0, -1]]).max() <= 1e-9
+    played = limited(lines, LIMITS, duration, 0.01)
+    assert limited(played, LIMITS, duration, 0.01).amplitude == pytest.approx(played.amplitude, rel=1e-12)
+    assert (played.frequency.tolist(), played.phase.tolist()) == (lines.frequency.tolist(), lines.phase.tolist())
+    assert course(played, LIMITS, duration, 0.01).position == pytest.approx(run.position, abs=1e-12)
+    wanted = evaluate_motion(lines, replace(PROBLEM, duration=duration)).lines
+    assert wanted.amplitude == pytest.approx(played.amplitude)
+
+
+def test_a_motion_is_scaled_down_to_the_torque_of_the_drive(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where it would take too much torque it is scaled down until it does not, and left as it is where it would not."""
+    weak = replace(PROBLEM, limits=replace(LIMITS, torque=0.04))
+    lines = plain_lines(LIMITS)
+    assert evaluate_motion(lines, weak).torque > 0.04
+    assert evaluate_motion(within_torque(lines, weak), weak).torque <= 0.04
+    strong = replace(PROBLEM, limits=replace(LIMITS, torque=1.0))
+    assert within_torque(lines, strong).amplitude.tolist() == lines.amplitude.tolist()
+    # its relative errors are smaller than those of a plain multisine, within the torque limit; the same each time; longer is better.
+    # Planned for sigma_1 alone, its two errors are smaller than when planned for all
+    monkeypatch.setattr(excitation, "TRIES", 10)
+    monkeypatch.setattr(excitation, "STEPS", 60)
+    calls: list[tuple[int, int]] = []
+    found = best_motion(PROBLEM, lambda _, done, total: calls.append((done, total)))
+    plain = evaluate_motion(within_torque(plain_lines(LIMITS), PROBLEM), PROBLEM)
+    assert relative(found.errors) < 0.98 * relative(plain.errors)
+    assert max(found.torque, plain.torque) <= LIMITS.torque
+    assert found.errors.tolist() == best_motion(PROBLEM).errors.tolist()
+    assert relative(evaluate_motion(found.lines, replace(PROBLEM, duration=8.0)).errors) < relative(found.errors)
+    assert calls == [(k, 70) for k in range(70)]
+    own = (5, 11)
+    one = best_motion(replace(PROBLEM, aims=own))
+    of_one, of_all = (relative(np.where(np.isin(range(13), own), x.errors, 0)) for x in (one, found))
+    assert of_one < of_all

@@ -366,10 +366,7 @@ def test_a_page_without_a_worker_draws_the_same_map(tab: Tab, chromium: Any, fil
             wrong.append(f"{why}: {alone.page.workers}, {alone.wrong}")
         alone.context.close()
     assert not wrong, "\n".join(wrong)
-
-
-def test_the_state_in_a_link(tab: Tab, chromium: Any, file: Path) -> None:
-    """Values, joint, direction and view come back from a copied link; numbers that are none or too large are left or clamped, words are left."""
+    # values, joint, direction and view come back from a copied link; numbers that are none or too large are left or clamped, words are left
     tab.page.select_option("#joint", "1")
     tab.page.select_option("#direction", "-")
     tab.set("sigma_0", 700)

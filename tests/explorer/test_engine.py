@@ -1,9 +1,10 @@
-"""The model in JavaScript is the model in Python: each function of the explorer's script in Node against bristle's own."""
+"""The model and the cost maps in JavaScript are those of Python: each function of the explorer's script in Node against bristle's own."""
 
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import product
+from importlib.resources import files
+from itertools import pairwise, product
 from typing import Any
 
 import casadi as ca
@@ -17,6 +18,7 @@ from bristle.control.compensator import NAMES, Compensator
 from bristle.control.control_period import LoopOptions
 from bristle.control.pid import Gains
 from bristle.model import functions
+from bristle.model.law import is_passive
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.operations import OPERATIONS
 from bristle.model.parameters import Lugre, Pair, pair_of
@@ -25,12 +27,13 @@ from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 from bristle.questions.compensation.paper_experiments import LONG, SETTLE, SHORT
 from bristle.questions.explorer import engine, javascript
+from bristle.questions.explorer.data import explored
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import JointLoop, one_way
 
 from ..model.test_vectorize import BINARY, OTHERS, UNARY, VALUES
 from ..simulation.joints import joint_loop
-from .conftest import Node
+from .conftest import Explored, Node
 
 JOINTS = (*edro.TABLE_1,)
 
@@ -100,6 +103,14 @@ def test_every_operation_and_its_derivatives_equal_casadi(node: Node) -> None:
         np.testing.assert_allclose(floats(answer), theirs, rtol=1e-13, atol=1e-15)
     with pytest.raises(ValueError, match="no JavaScript counterpart"):
         javascript.printed(ca.Function("f", [x], [ca.erf(x)]), "f")
+    # a vector is read by its elements, outputs follow one another, a zero without an instruction is written, and constants are exact
+    x, q = ca.SX.sym("x"), ca.SX.sym("q", 3)
+    zero = ca.SX(2, 1)
+    zero[1] = q[2] - x
+    f = ca.Function("f", [x, q], [zero, ca.vertcat(x * -1e-300, 1 / ca.SX(3), ca.inf, -ca.inf)], ["x", "q"], ["a", "b"])
+    path = printed_functions(node, [f])
+    (((*got,),),) = node.call(path, [("each", 0, 6, [0.7], [[1.0, 2.0, 0.1]])])
+    assert floats(got).tolist() == [0.0, 0.1 - 0.7, 0.7 * -1e-300, 1 / 3, np.inf, -np.inf]
 
 
 def test_the_printer_knows_what_numpy_knows() -> None:
@@ -111,17 +122,17 @@ def test_the_printer_knows_what_numpy_knows() -> None:
         except KeyError:
             lacking.append(code)
     assert lacking == [ca.OP_ERF]
-
-
-def test_vectors_constants_and_structural_zeros_are_printed(node: Node) -> None:
-    """A vector is read by its elements, outputs follow one another, a zero without an instruction is written, and constants are exact."""
-    x, q = ca.SX.sym("x"), ca.SX.sym("q", 3)
-    zero = ca.SX(2, 1)
-    zero[1] = q[2] - x
-    f = ca.Function("f", [x, q], [zero, ca.vertcat(x * -1e-300, 1 / ca.SX(3), ca.inf, -ca.inf)], ["x", "q"], ["a", "b"])
-    path = printed_functions(node, [f])
-    (((*got,),),) = node.call(path, [("each", 0, 6, [0.7], [[1.0, 2.0, 0.1]])])
-    assert floats(got).tolist() == [0.0, 0.1 - 0.7, 0.7 * -1e-300, 1 / 3, np.inf, -np.inf]
+    # made again it is equal byte for byte; it holds nothing of a user, nor what would run text; options are JSON without text of a user
+    hostile = replace(joint_loop(), name="</script><b>alert")
+    text = engine.script([hostile])
+    assert text == engine.script()
+    assert engine._of_law.__wrapped__(GAUSSIAN, (*engine._ways(Compensator(), Adaptation()).values(),)) in text
+    assert text.isascii()
+    assert not [
+        word for word in ("eval(", "Function(", "</", "alert", "innerHTML", "document", "import(") if word in text
+    ]
+    said = json.dumps(engine.loop_options(hostile), allow_nan=False)
+    assert "alert" not in said
 
 
 SPEEDS = np.concatenate([np.geomspace(1e-4, 3.0, 40), [0.0], -np.geomspace(1e-4, 3.0, 40)])
@@ -150,6 +161,8 @@ def test_a_rollout_is_that_of_python(name: str, js: Engine) -> None:
             for key in ("z", "torque"):
                 expected = getattr(theirs, key)
                 np.testing.assert_allclose(floats(ours[key]), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    # 20 s of each joint of Table 1 from the wrong start: position, torque, RMS error and the adapted factors, these to 1e-6
+    assert [*check_loops(js, joint_loop(name), 20.0)] == ["none", "fixed", *LAWS]
 
 
 def test_a_rollout_takes_steps_of_any_length_and_a_start(js: Engine) -> None:
@@ -163,10 +176,7 @@ def test_a_rollout_takes_steps_of_any_length_and_a_start(js: Engine) -> None:
         [],
         [pytest.approx(rollout(v[:1], 1e-3, pair).z[0])],
     ]
-
-
-def test_sets_far_apart_roll_out_as_in_python(js: Engine) -> None:
-    """Any sets drawn over the sliders, the directions up to a factor of ten apart, alpha_1 up to a thousand alpha_0, to 1e-9."""
+    # any sets drawn over the sliders, the directions up to a factor of ten apart, alpha_1 up to a thousand alpha_0, to 1e-9
     rng = np.random.default_rng(3)
     lowest, highest = np.array([-6.0, -2.0, -4.0, -6.0, -1.0, -4.0]), np.array([3.0, 2.0, 3.0, 1.0, 6.0, 3.0])
     t = 1e-3 * np.arange(1001)
@@ -178,10 +188,7 @@ def test_sets_far_apart_roll_out_as_in_python(js: Engine) -> None:
         theirs = rollout(v, 1e-3, pair).torque
         ours = floats(js("rollout", v, 1e-3, of(pair))["torque"])
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9 * np.abs(theirs).max())
-
-
-def test_presliding_is_that_of_python(js: Engine) -> None:
-    """Slow loading goes as far as `law.loading_displacement` says, the same way in both directions, and a loop is a rollout from rest."""
+    # slow loading goes as far as `law.loading_displacement` says, the same way in both directions, and a loop is a rollout from rest
     p = edro.TABLE_1["wrist pitch"].positive
     g0 = p.alpha_0 + p.alpha_1
     T = np.linspace(0.0, 0.99 * g0, 20)
@@ -228,12 +235,6 @@ def check_loops(js: Engine, loop: JointLoop, duration: float) -> dict[str, dict[
     return got
 
 
-@pytest.mark.parametrize("name", JOINTS)
-def test_the_loop_is_that_of_python_under_every_law(name: str, js: Engine) -> None:
-    """20 s of each joint of Table 1 from the wrong start: position, torque, RMS error and the adapted factors, these to 1e-6."""
-    assert [*check_loops(js, joint_loop(name), 20.0)] == ["none", "fixed", *LAWS]
-
-
 def test_the_default_ends_where_table_2_does(js: Engine) -> None:
     """The gripper with its positive friction in both directions ends at 0.845 and 1.051, as `bristle adapt` says, after the paper's 20 s."""
     assert (engine.DURATION, engine.SETTLE) == (SHORT, SETTLE)
@@ -244,6 +245,34 @@ def test_the_default_ends_where_table_2_does(js: Engine) -> None:
     assert [course[0] for course in courses] == pytest.approx([0.3, 0.5], abs=1e-3)
     assert [course[-1] for course in courses] == pytest.approx([0.845, 1.051], abs=5e-4)
     check_loops(js, loop, 4.0)
+    # with gains that the control period does not bear every array ends where the error is ten times the amplitude; no RMS is said
+    options = engine.loop_options(joint_loop()) | {"gains": {"K_p": 3.0, "K_i": 1.2, "K_d": 50.0, "filter_time": 0.0}}
+    run = js("closedLoop", options)
+    size = len(run["time"])
+    assert run["diverged"] == pytest.approx(1e-3 * size)
+    assert 1 < size < 2000
+    assert {len(x) for x in (*(x for x in run.values() if isinstance(x, list)), *run["factors"].values())} == {size}
+    assert np.abs(floats(run["error"])).max() <= 10.0
+    assert run["rms"] is None
+    np.testing.assert_array_equal(floats(run["error"]), floats(run["reference"]) - floats(run["position"]))
+    # at every corner of the sliders, alone and against another corner, no function gives NaN or infinity; a loop is cut before it does
+    rng, v = np.random.default_rng(4), np.concatenate([SPEEDS, 1e3 * SPEEDS])
+    corners = [Lugre(*x) for x in product((1e-6, 1e3), (0.0, 1e3), (0.0, 1e3), (1e-6, 1e3), (1e-1, 1e6), (0.0, 1e3))]
+    t = 1e-3 * np.arange(501)
+    motion = 2 * np.sin(19 * t) + 1e-6 * np.sin(1000 * t)
+    options = engine.loop_options(joint_loop()) | {"duration": 0.2, "settle": 0.1}
+    laws = [*options["laws"]]
+    for k, p in enumerate(corners):
+        g0 = p.alpha_0 + p.alpha_1
+        for other in (p, corners[rng.integers(len(corners))]):
+            pair = of(Pair(p, other))
+            answers = [
+                js("steady", v, pair), js("cost", v, v, pair),
+                js("refit", v, v + np.sign(v), "gaussian", p._asdict()), js("rollout", motion, 1e-3, pair),
+                js("hysteresis", pair, 1e-3, 0.1, 1, 100), js("loading", [-0.5 * g0, 0.999999 * g0], g0, p.sigma_0),
+                js("closedLoop", {**options, "plant": pair, "model": pair, "law": laws[k % len(laws)]}),
+            ]  # fmt: skip  # a list of calls
+            assert [finite(answer) for answer in answers] == [True] * len(answers), (p, other)
 
 
 OTHER_LOOPS = [
@@ -272,19 +301,6 @@ def test_a_users_own_loop_is_that_of_python(k: int, node: Node) -> None:
     check_loops(Engine(node, engine.script(OTHER_LOOPS)), loop, 1.0)
 
 
-def test_a_loop_that_diverges_is_cut(js: Engine) -> None:
-    """With gains that the control period does not bear every array ends where the error is ten times the amplitude; no RMS is said."""
-    options = engine.loop_options(joint_loop()) | {"gains": {"K_p": 3.0, "K_i": 1.2, "K_d": 50.0, "filter_time": 0.0}}
-    run = js("closedLoop", options)
-    size = len(run["time"])
-    assert run["diverged"] == pytest.approx(1e-3 * size)
-    assert 1 < size < 2000
-    assert {len(x) for x in (*(x for x in run.values() if isinstance(x, list)), *run["factors"].values())} == {size}
-    assert np.abs(floats(run["error"])).max() <= 10.0
-    assert run["rms"] is None
-    np.testing.assert_array_equal(floats(run["error"]), floats(run["reference"]) - floats(run["position"]))
-
-
 def finite(value: Any) -> bool:
     """Whether all numbers of an answer are finite."""
     if isinstance(value, dict):
@@ -292,36 +308,70 @@ def finite(value: Any) -> bool:
     return value is None or bool(np.isfinite(floats(value)).all())
 
 
-def test_no_extreme_makes_no_number(js: Engine) -> None:
-    """At every corner of the sliders, alone and against another corner, no function gives NaN or infinity; a loop is cut before it does."""
-    rng, v = np.random.default_rng(4), np.concatenate([SPEEDS, 1e3 * SPEEDS])
-    corners = [Lugre(*x) for x in product((1e-6, 1e3), (0.0, 1e3), (0.0, 1e3), (1e-6, 1e3), (1e-1, 1e6), (0.0, 1e3))]
-    t = 1e-3 * np.arange(501)
-    motion = 2 * np.sin(19 * t) + 1e-6 * np.sin(1000 * t)
-    options = engine.loop_options(joint_loop()) | {"duration": 0.2, "settle": 0.1}
-    laws = [*options["laws"]]
-    for k, p in enumerate(corners):
-        g0 = p.alpha_0 + p.alpha_1
-        for other in (p, corners[rng.integers(len(corners))]):
-            pair = of(Pair(p, other))
-            answers = [
-                js("steady", v, pair), js("cost", v, v, pair),
-                js("refit", v, v + np.sign(v), "gaussian", p._asdict()), js("rollout", motion, 1e-3, pair),
-                js("hysteresis", pair, 1e-3, 0.1, 1, 100), js("loading", [-0.5 * g0, 0.999999 * g0], g0, p.sigma_0),
-                js("closedLoop", {**options, "plant": pair, "model": pair, "law": laws[k % len(laws)]}),
-            ]  # fmt: skip  # a list of calls
-            assert [finite(answer) for answer in answers] == [True] * len(answers), (p, other)
+CELLS = "module.exports = { cells: (asked) => new Promise((done) => costs.map(asked, ({ cells }) => cells && done(cells))) };"
 
 
-def test_the_script_is_the_same_text_and_nobodys() -> None:
-    """Made again it is equal byte for byte; it holds nothing of a user, nor what would run text; options are JSON without text of a user."""
-    hostile = replace(joint_loop(), name="</script><b>alert")
-    text = engine.script([hostile])
-    assert text == engine.script()
-    assert engine._of_law.__wrapped__(GAUSSIAN, (*engine._ways(Compensator(), Adaptation()).values(),)) in text
-    assert text.isascii()
-    assert not [
-        word for word in ("eval(", "Function(", "</", "alert", "innerHTML", "document", "import(") if word in text
+@pytest.fixture(scope="module")
+def module(node: Node) -> str:
+    """The scripts of which the page makes its worker; `cells` gives a whole map."""
+    costs = (files("bristle.questions.explorer") / "costs.js").read_text(encoding="utf-8")
+    return node.module("\n".join((engine.script(), costs, CELLS)))
+
+
+def cost_of(data: dict[str, Any], pair: Pair[float]) -> float:
+    """Sum of squared residuals at these values."""
+    if "fits" in data:
+        return sum(
+            float(np.sum(np.square(np.subtract(fit["torque"], steady(np.array(fit["velocity"]), pair)))))
+            for fit in data["fits"]
+        )
+    run = data["moving"]
+    begun = Pair(*(Lugre(**run["pair"][d]) for d in ("+", "-")))
+    v, ends = np.array(run["velocity"]), [*run["starts"], len(run["velocity"])]
+    change = [
+        rollout(v[a:b], run["step"], begun).torque - rollout(v[a:b], run["step"], pair).torque
+        for a, b in pairwise(ends)
     ]
-    said = json.dumps(engine.loop_options(hostile), allow_nan=False)
-    assert "alert" not in said
+    return float(np.sum(np.square(np.array(run["residuals"]) + np.concatenate(change))))
+
+
+def steady(v: Any, pair: Pair[float]) -> Any:
+    """The steady torque, each direction by its set."""
+    own = [evaluate(functions.steady_torque_function(), v, *p.stribeck)[0] for p in pair]
+    return np.where(v > 0, *own)
+
+
+@pytest.mark.parametrize(("data", "directions"), [("fits", "+"), ("fits", "+-"), ("moving", "+"), ("moving", "-")])
+def test_a_map_is_that_of_python(data: str, directions: str, module: str, node: Node, edro: Explored) -> None:
+    """Change of cost in changes up to the threshold to 1e-6 of the largest, and where LuGre is not passive; the others stay as they are."""
+    joint = edro.results.joints[0]
+    known = explored([joint], {joint.name: "no loop"})["joints"][0]
+    found = {d: {name: row["value"] for name, row in rows.items()} for d, rows in known["sets"][0]["values"].items()}
+    now = {d: p | {"alpha_2": 1.2 * p["alpha_2"]} for d, p in found.items()}
+    law = {"law": "gaussian"}
+    fits = [fit for fit in known["static"] if fit["direction"] in directions]
+    of = {"fits": fits} if data == "fits" else {"moving": known["moving"]}
+    begun = now[directions[0]]
+    x, y = ("v_s", (0.05, 0.09)), ("sigma_1", (0.0, 2 * begun["alpha_2"] * begun["alpha_0"] / begun["alpha_1"]))
+    asked = {
+        "job": 1, "n": 4, "names": [x[0], y[0]], "ends": [x[1], y[1]], "pair": now | law, "identified": found | law,
+        **of,
+    }  # fmt: skip  # a list of values
+    (cells,) = node.call(module, [("cells", asked | {"directions": [*directions]})])
+    middles = (np.arange(4) + 0.5) / 4
+    places = [(x[1][0] + a * np.ptp(x[1]), y[1][0] + b * np.ptp(y[1])) for b in middles for a in middles]
+    np.testing.assert_allclose([(cell["x"], cell["y"]) for cell in cells], places, rtol=1e-12)
+    sets = {"+": Lugre(**now["+"]), "-": Lugre(**now["-"])}
+    own = [sets[directions[0]]._replace(v_s=v_s, sigma_1=sigma_1) for v_s, sigma_1 in places]
+    costs = [cost_of(of, Pair(*(p if d in directions else sets[d] for d in "+-"))) for p in own]
+    if data == "fits":
+        least, by = sum(fit["least"] for fit in fits), max(fit["threshold"] - fit["least"] for fit in fits)
+    else:
+        least = cost_of(of, Pair(*(Lugre(**found[d]) for d in "+-")))
+        by = 3.84 * least / (len(known["moving"]["velocity"]) - 4)
+    changes = (np.array(costs) - least) / by
+    assert np.ptp(changes) > 1
+    np.testing.assert_allclose([cell["change"] for cell in cells], changes, rtol=0, atol=1e-6 * np.abs(changes).max())
+    active = [not is_passive(p) for p in own]
+    assert [cell["active"] for cell in cells] == active
+    assert set(active) == {False, True}

@@ -34,8 +34,7 @@ from ..simulation.joints import joint as moving_joint
 from ..simulation.joints import joint_loop, tracked, values_of
 from .conftest import Node
 from .test_browser import VIEWS, Tab
-from .test_costs import CELLS
-from .test_engine import SPEEDS, TIME, Engine, check_loops, floats, of
+from .test_engine import CELLS, SPEEDS, TIME, Engine, check_loops, floats, of
 from .test_page import known_of
 
 OWN = {"delta": 1.3, "alpha_3": -0.004, FASTEST: 0.8, "sharpness": 2.5}
@@ -80,7 +79,7 @@ def pair_with(law: Law, **negative: float) -> Pair[float]:
     return Pair(kind(**values), kind(**(values | other)))
 
 
-def test_the_steady_curve_and_passivity_are_those_of_python(law: Law, js: Engine) -> None:
+def test_every_function_of_a_law_is_that_of_python(law: Law, js: Engine) -> None:
     """In both directions, beyond the fastest measured speed too; it is told from where viscous friction is held."""
     pair = pair_with(law)
     acting = [np.where(SPEEDS < 0, n, p) for p, n in zip(*(p.stribeck for p in pair), strict=True)]
@@ -91,10 +90,7 @@ def test_the_steady_curve_and_passivity_are_those_of_python(law: Law, js: Engine
         assert js("isPassive", p._asdict(), law.name) == bool(is_passive(p))
     held = [js("heldFrom", p._asdict(), law.name) for p in pair]
     assert held == [OWN[FASTEST] if law.terms else "Infinity", "Infinity"]
-
-
-def test_the_refit_is_the_bounded_least_squares_of_python(law: Law, js: Engine) -> None:
-    """At its shape, where some of the coefficients meet their bound too; one with a sign has none, and the cost is that of `cost`."""
+    # at its shape, where some of the coefficients meet their bound too; one with a sign has none, and the cost is that of `cost`
     rng, begun = np.random.default_rng(1), pair_with(law).positive
     v = np.concatenate([speeds(), 0.5 * speeds()])
     names = ("alpha_0", "alpha_1", "alpha_2", *law.coefficients)
@@ -118,10 +114,7 @@ def test_the_refit_is_the_bounded_least_squares_of_python(law: Law, js: Engine) 
         p = pair.positive._replace(**dict(zip(names, ours.tolist(), strict=True)))
         cost = float(((T - design @ ours) ** 2).sum())
         assert (got["cost"], js("cost", v, T, of(Pair(p, p)))) == pytest.approx((cost, cost), rel=1e-11)
-
-
-def test_a_rollout_is_that_of_python(law: Law, js: Engine) -> None:
-    """Of sets that differ between the directions, fast and in presliding, to 1e-9 of the largest torque."""
+    # of sets that differ between the directions, fast and in presliding, to 1e-9 of the largest torque
     pair = pair_with(law)
     for v in (
         1.2 * np.cos(np.pi * TIME[:4001]),
@@ -131,10 +124,7 @@ def test_a_rollout_is_that_of_python(law: Law, js: Engine) -> None:
         for key in ("z", "torque"):
             expected = getattr(theirs, key)
             np.testing.assert_allclose(floats(ours[key]), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
-
-
-def test_the_loop_is_that_of_python_under_every_adaptation(law: Law, js: Engine) -> None:
-    """Plant and model of the law, from the wrong start."""
+    # plant and model of the law, from the wrong start
     pair = pair_with(law)
     loop = joint_loop(plant=pair, model=Pair(*(p._replace(alpha_0=0.9 * p.alpha_0) for p in pair)))
     assert [*check_loops(js, loop, 2.0)] == ["none", "fixed", *LAWS]
@@ -146,21 +136,15 @@ def test_a_script_of_the_papers_law_has_no_other() -> None:
     assert text.count('LAWS["') == 1
     assert text.count("function steadyTorque(") == 1
     assert engine.script(laws=(GAUSSIAN, law_named("lorentzian"))).count("function steadyTorque(") == 2
-
-
-def test_a_signed_coefficient_has_a_slider_to_both_sides_of_zero() -> None:
-    """Where its value is zero too; the exponent's goes as far as it is searched, and the fastest speed has none."""
+    # where its value is zero too; the exponent's goes as far as it is searched, and the fastest speed has none
     law = law_named("free-exponent+quadratic")
     p: Any = pair_with(law).positive
     for alpha_3, high in ((-0.004, 0.016), (0.0, 4 * p.alpha_0 / 0.64)):
         found = ranges(law, [p._replace(alpha_3=alpha_3)._asdict()], 0.8)
         assert [*found] == [name for name in p._fields if name != FASTEST]
         assert found["alpha_3"] == {
-            "low": pytest.approx(-high),
-            "high": pytest.approx(high),
-            "log": False,
-            "least": "-inf",
-        }
+            "low": pytest.approx(-high), "high": pytest.approx(high), "log": False, "least": "-inf",
+        }  # fmt: skip  # a list of values
         assert found["delta"] == {"low": 0.5, "high": 4.0, "log": True, "least": 0.0}
         assert (found["alpha_2"]["low"], found["alpha_2"]["least"]) == (0.0, 0.0)
 
@@ -239,7 +223,7 @@ def test_the_cost_map_of_a_moving_run_is_that_of_python(node: Node) -> None:
     assert [cell["active"] for cell in cells] == [not is_passive(p) for p in own]
 
 
-def test_a_loop_of_two_laws_is_refused_in_a_sentence(bent: bristle.Results) -> None:
+def test_a_loop_of_two_laws_is_refused_in_a_sentence(bent: bristle.Results, tmp_path: Path, chromium: Any) -> None:
     """A simulated joint whose true friction has another law than the fit is not run in a loop."""
     pair, (joint,) = pair_with(BENT), bent.joints
     told = [
@@ -249,11 +233,7 @@ def test_a_loop_of_two_laws_is_refused_in_a_sentence(bent: bristle.Results) -> N
     assert isinstance(told[0], list)
     json.dumps(told[0], allow_nan=False)
     assert "has gaussian friction, the fitted model lorentzian+quadratic" in told[1]
-
-
-def test_a_loop_of_another_law_is_on_the_page(bent: bristle.Results, tmp_path: Path, chromium: Any) -> None:
-    """It runs there, and its model follows the sliders, that of the signed coefficient too."""
-    pair, (joint,) = pair_with(BENT), bent.joints
+    # it runs there, and its model follows the sliders, that of the signed coefficient too
     page = explorer([joint], {"bent": replace(joint_loop(), plant=pair, model=pair)})
     tab = Tab(chromium, page.write(tmp_path / "loop.html"), "#view=compensation&loop-duration=2")
     rows = "[...document.querySelectorAll('#loop-rows tr')].map((x) => x.innerText)"

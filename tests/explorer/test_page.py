@@ -74,10 +74,25 @@ def test_the_page_is_small_and_loads_nothing(edro: Explored) -> None:
     assert html.count("function steadyTorque(") == html.count("async function map(") == 1
     digests = re.findall(r"'sha256-([^']+)'", policy)
     assert digests == [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in read.scripts[1:]]
-
-
-def test_numbers_are_those_of_the_results(edro: Explored) -> None:
-    """Values, intervals, truth, points, costs and thresholds in the page are those of the results, to the last digit."""
+    # whatever compensator, step and parameters a joint runs with, the script has each of its laws
+    joint = edro.results.whole_joint("base rotation")
+    (own,) = of_paper([joint])
+    own = replace(
+        own,
+        compensator=Compensator(name="lugre-feedback"),
+        adaptation=Adaptation(step="normalised", parameters=("v_s",), gamma=(1.0,)),
+        start={"v_s": 0.5},
+    )
+    page = explorer([joint], {joint.name: own})
+    laws = {
+        way
+        for (told,) in [known_of(page)["joints"]]
+        for plan in told["loop"]
+        for way in plan["options"]["laws"].values()
+    }
+    assert "lugre-feedback reference partial normalised v_s" in laws
+    assert [way for way in laws if f"  {json.dumps(way)}: {{ rest: " not in page.html] == []
+    # values, intervals, truth, points, costs and thresholds in the page are those of the results, to the last digit
     results, page = edro
     for joint, told in zip(results.joints, known_of(page)["joints"], strict=True):
         assert (told["name"], told["simulated"]) == (joint.name, True)
@@ -134,10 +149,7 @@ def test_hostile_names_stay_text(hostile: Explored, tmp_path: Path) -> None:
     assert told["name"] == HOSTILE
     assert all(HOSTILE_FILE in place for fit in told["static"] for place in fit["place"])
     assert page.write(tmp_path / "explore.html").read_bytes() == page.html.encode()
-
-
-def test_a_joint_of_points_has_no_loop_and_a_bristle_that_is_assumed(hostile: Explored) -> None:
-    """What the points do not show is called assumed; without a bristle the sentence stands where the loop would."""
+    # what the points do not show is called assumed; without a bristle the sentence stands where the loop would
     (told,) = known_of(hostile.page)["joints"]
     (use,) = told["sets"]
     assert {
@@ -145,27 +157,6 @@ def test_a_joint_of_points_has_no_loop_and_a_bristle_that_is_assumed(hostile: Ex
     } == {"assumed"}
     assert "nothing is known of the bristle stiffness" in told["loop"]
     assert (told["moving"], told["presliding"], told["loops"], told["truth"]) == (None, {}, [], None)
-
-
-def test_a_loop_of_ones_own_is_on_the_page(edro: Explored) -> None:
-    """Whatever compensator, step and parameters a joint runs with, the script has each of its laws."""
-    joint = edro.results.whole_joint("base rotation")
-    (own,) = of_paper([joint])
-    own = replace(
-        own,
-        compensator=Compensator(name="lugre-feedback"),
-        adaptation=Adaptation(step="normalised", parameters=("v_s",), gamma=(1.0,)),
-        start={"v_s": 0.5},
-    )
-    page = explorer([joint], {joint.name: own})
-    laws = {
-        way
-        for (told,) in [known_of(page)["joints"]]
-        for plan in told["loop"]
-        for way in plan["options"]["laws"].values()
-    }
-    assert "lugre-feedback reference partial normalised v_s" in laws
-    assert [way for way in laws if f"  {json.dumps(way)}: {{ rest: " not in page.html] == []
 
 
 def test_points_that_were_not_fitted_are_told_apart(tmp_path: Path) -> None:
@@ -185,10 +176,7 @@ def test_points_that_were_not_fitted_are_told_apart(tmp_path: Path) -> None:
         (x, f"held.csv line {k}") for k, x in enumerate(speeds()[:3].tolist(), 2)
     ]
     assert sorted(x for fit in fits.values() for x in fit["velocity"]) == sorted(x for x in speeds().tolist() if x != v)
-
-
-def test_what_cannot_be_shown_is_refused(tmp_path: Path) -> None:
-    """Joints of which no law is known are refused in a sentence, and a page never replaces a file."""
+    # joints of which no law is known are refused in a sentence, and a page never replaces a file
     (tmp_path / "wrist.csv").write_text("v,tau\n0.1,0.02\n-0.1,-0.02\n", encoding="utf-8")
     (tmp_path / "wrist.yaml").write_text(experiment(data="wrist.csv"), encoding="utf-8")
     with pytest.raises(bristle.InputError, match="nothing is known of the friction over velocity"):

@@ -59,11 +59,8 @@ def called(compensator: Compensator) -> str:
 
 @needs_gcc
 @pytest.mark.parametrize("compensator", ALL, ids=called)
-def test_c_is_python(compensator: Compensator, handed: Handed) -> None:
-    """Over 10 s at 1 kHz with presliding, standstill, reversals and noise: double to 1e-12 of the peak torque, single to 1e-6, adapting 5e-6.
-
-    The header's own self-test passes in both.
-    """
+def test_c_is_python(compensator: Compensator, handed: Handed, tmp_path: Path) -> None:
+    """The header of each compensator is Python, and compiles without a warning."""
     joint = handed("wrist pitch")
     text, inputs = header(joint, compensator), motion(joint)
     torque = python_torque(joint, compensator, inputs)
@@ -72,6 +69,14 @@ def test_c_is_python(compensator: Compensator, handed: Handed) -> None:
         with compiled(text, joint, compensator, real) as code:
             assert np.abs(code(inputs) - torque).max() <= most * np.abs(torque).max()
             assert code.self_test() == 0
+    # with every warning that controllers' rules ask for, freestanding, in double and single precision, with self-test and simulated joint.
+    # What needs an optimiser to be seen, as a value that is not set, is the same in both precisions; without either part is only read
+    (tmp_path / "joint.h").write_text(header(handed(), compensator), encoding="ascii")
+    (tmp_path / "f.c").write_text(TWO_FUNCTIONS, encoding="ascii")
+    single = ["-DBRISTLE_SINGLE", "-DBRISTLE_SELF_TEST"] if compensator in SINGLE else []
+    for options in (["-fsyntax-only"], [*single, "-fsyntax-only"], ["-DBRISTLE_SIMULATE", "-DBRISTLE_SELF_TEST"]):
+        done = run(tmp_path, "gcc", *FREESTANDING, *options, "-c", "f.c")
+        assert done.returncode == 0, done.stderr
 
 
 @needs_gcc
@@ -84,11 +89,7 @@ def test_every_joint_is_exported(handed: Handed) -> None:
         exact = double.startswith("double precision: 0.0e+00 of the peak torque")
         failed += [(name, double, single)] * (not (exact and double.endswith("passed") and single.endswith("passed")))
     assert failed == []
-
-
-@needs_gcc
-def test_a_wrong_header_fails_its_self_test(handed: Handed) -> None:
-    """A constant that is off by a millionth makes the self-test say at which step."""
+    # a constant that is off by a millionth makes the self-test say at which step
     joint = handed()
     text = header(joint, Compensator())
     damaged = text.replace(repr(joint.pair.positive.alpha_2), repr(joint.pair.positive.alpha_2 * (1 + 1e-6)))
@@ -102,7 +103,6 @@ def built(tmp_path: Path) -> Build:
     """A C file beside a header, compiled and loaded."""
 
     def build(header_text: str, source: str, *options: str) -> ctypes.CDLL:
-        """The library."""
         (tmp_path / "joint.h").write_text(header_text, encoding="ascii")
         (tmp_path / "f.c").write_text(source, encoding="ascii")
         name = f"f{len([*tmp_path.iterdir()])}.so"
@@ -119,7 +119,6 @@ def flagged(joint: ExportedJoint, compensator: Compensator, single: bool, built:
     adapts = compensator.adaptation is not None
 
     def drawn(owner: str, name: str, *of: Law) -> str:
-        """An assignment."""
         low, high = ranges(name, *of, adapts=adapts)[single]
         return f"{owner}.{name} = drawn({low!r}, {high!r});"
 
@@ -151,16 +150,7 @@ def test_no_flag_is_raised_within_the_ranges(handed: Handed, built: Build) -> No
         (j.law.name, j.rises, called(c), "single" if x else "double") for j, c, x in cases if flagged(j, c, x, built)
     ]
     assert found == []
-
-
-RISES = [{"link_load": 0.1}, {"motor_load": 0.1}, {"gear_load": 0.08}, {"gear_load": 0.05, "gear_load_squared": 0.6}]
-"""Coefficients of each load that a law may have."""
-
-
-@pytest.mark.slow
-@needs_gcc
-def test_c_takes_the_load(handed: Handed) -> None:
-    """Told the torques of motor and links, the C gives what Python gives under that load; nothing says that it is without."""
+    # told the torques of motor and links, the C gives what Python gives under that load; nothing says that it is without
     for compensator, rises in zip([*PLAIN, ADAPTING[0], FEEDBACK], cycle(RISES), strict=False):  # each, and each load
         joint = beside(handed("wrist pitch"), **rises)
         export = export_joints([joint], "c", Request(compensator=compensator))
@@ -178,6 +168,10 @@ def test_c_takes_the_load(handed: Handed) -> None:
         assert f"friction law: gaussian+{'-'.join(max(rises, key=len).split('_'))}" in text
         plain = export_joints([joint], "latex", Request())
         assert [x.code for x in plain.joints[0].said].count("load-left-out") == 1
+
+
+RISES = [{"link_load": 0.1}, {"motor_load": 0.1}, {"gear_load": 0.08}, {"gear_load": 0.05, "gear_load_squared": 0.6}]
+"""Coefficients of each load that a law may have."""
 
 
 BAD = """
@@ -243,21 +237,6 @@ int tick(const br_params *p, br_state *s, const br_input *in, br_real *torque) {
 """
 
 
-@needs_gcc
-@pytest.mark.parametrize("compensator", ALL, ids=called)
-def test_no_warning(compensator: Compensator, handed: Handed, tmp_path: Path) -> None:
-    """With every warning that controllers' rules ask for, freestanding, in double and single precision, with self-test and simulated joint.
-
-    What needs an optimiser to be seen, as a value that is not set, is the same in both precisions; without either part is only read.
-    """
-    (tmp_path / "joint.h").write_text(header(handed(), compensator), encoding="ascii")
-    (tmp_path / "f.c").write_text(TWO_FUNCTIONS, encoding="ascii")
-    single = ["-DBRISTLE_SINGLE", "-DBRISTLE_SELF_TEST"] if compensator in SINGLE else []
-    for options in (["-fsyntax-only"], [*single, "-fsyntax-only"], ["-DBRISTLE_SIMULATE", "-DBRISTLE_SELF_TEST"]):
-        done = run(tmp_path, "gcc", *FREESTANDING, *options, "-c", "f.c")
-        assert done.returncode == 0, done.stderr
-
-
 @pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++, which is not installed")
 def test_the_header_is_cpp_too(handed: Handed, tmp_path: Path) -> None:
     """A ros2_control controller is C++17: no warning there either."""
@@ -316,7 +295,6 @@ def test_what_stands_in_one_file(handed: Handed, tmp_path: Path) -> None:
         (tmp_path / name).write_text(text, encoding="ascii")
 
     def told(*included: str, code: str = "", options: tuple[str, ...] = ()) -> str:
-        """What the compiler says of a file."""
         text = "".join(f'#include "{name}"\n' for name in included) + code
         (tmp_path / "f.c").write_text(text, encoding="ascii")
         return run(tmp_path, "gcc", *options, "-c", "f.c").stderr

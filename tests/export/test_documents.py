@@ -95,22 +95,30 @@ def saved(folder: Path, artefact: Artefact) -> Path:
     return path
 
 
-def test_schema_in_the_docs_is_the_one_in_the_code() -> None:
+def test_the_schema_and_what_stands_in_a_document(handed: Handed) -> None:
     """docs/export.schema.json is what `export_schema()` gives; BRISTLE_REGENERATE=1 rewrites it."""
     text = json.dumps(export_schema(), indent=2) + "\n"
     path = DOCS / "export.schema.json"
     if os.environ.get("BRISTLE_REGENERATE"):
         path.write_text(text, encoding="utf-8")
     assert path.read_text(encoding="utf-8") == text
-
-
-def test_schema_refuses_a_parameter_without_a_unit(handed: Handed) -> None:
-    """The schema is not empty words: a parameter without its unit is refused."""
+    # the schema is not empty words: a parameter without its unit is refused
     document = json.loads(as_json([handed()]))
     jsonschema.validate(document, export_schema())
     del document["joints"][0]["parameters"][0]["unit"]
     with pytest.raises(jsonschema.ValidationError, match="unit"):
         jsonschema.validate(document, export_schema())
+    # a value that was filled in has the source `assumed`; a diagnostic has its code, severity and sentence, with units
+    joint = handed("base rotation")
+    row = replace(joint.parameters[0], source="assumed", standard_error=None, interval=(0.0, math.inf))
+    document = json.loads(as_json([replace(joint, parameters=(row, *joint.parameters[1:]))]))["joints"][0]
+    assert document["parameters"][0]["source"] == "assumed"
+    assert document["parameters"][0]["standard_error"] is None
+    assert document["parameters"][0]["interval"] == [0.0, "inf"]
+    assert document["reason"] is None
+    (said,) = document["said"]
+    assert (said["severity"], said["code"]) == ("caution", "not-passive")
+    assert "N*m*s/rad" in said["message"]
 
 
 def test_what_was_exported_is_read_back_to_the_last_bit(handed: Handed, tmp_path: Path) -> None:
@@ -120,6 +128,26 @@ def test_what_was_exported_is_read_back_to_the_last_bit(handed: Handed, tmp_path
     assert read_export(saved(tmp_path, artefact)) == tuple(joints)
     assert check_json(artefact, joints, ASK) == ("bristle-export/1: valid", "read back: equal to the last bit")
     assert check_json(artefact, joints[:2], ASK)[1] == "read back: NOT what was exported"
+    # other schemas, missing parameters, impossible numbers and whatever else a file may hold: one sentence that names the file
+    none = "is not a document of schema bristle-export/1 ("
+    cases: list[tuple[str, bytes | None, str, str]] = []
+    cases += [("e.json", text.encode(), none, why) for why, text in spoilt(as_json([handed("wrist pitch")])).items()]
+    cases += [("e.json", b"\xff", none, ""), ("e.yaml", b"a: 2020-01-01", none, ""), ("e.json", b"[1]", none, "")]
+    cases += [
+        ("e.json", b" " * 10_000_001, "is larger than 10000000 bytes", ""),
+        ("none/e.json", None, "no such file", ""),
+    ]
+    failed = []
+    for name, content, begins, why in cases:
+        path = tmp_path / name
+        if content is not None:
+            path.write_bytes(content)
+        with pytest.raises(InputError) as error:
+            read_export(path)
+        named = str(error.value).startswith(f"{path}: {begins}")
+        if not (named and (why in str(error.value) or why in {"recursion", "Unable to"})):
+            failed.append((why, str(error.value)))
+    assert failed == []
 
 
 @pytest.mark.slow
@@ -132,20 +160,6 @@ def test_any_joint_comes_back(joint: ExportedJoint) -> None:
     assert read == joint
     assert as_json([read]) == as_json([joint])
     jsonschema.validate(json.loads(text), export_schema())
-
-
-def test_what_is_assumed_and_said_stands_in_the_document(handed: Handed) -> None:
-    """A value that was filled in has the source `assumed`; a diagnostic has its code, severity and sentence, with units."""
-    joint = handed("base rotation")
-    row = replace(joint.parameters[0], source="assumed", standard_error=None, interval=(0.0, math.inf))
-    document = json.loads(as_json([replace(joint, parameters=(row, *joint.parameters[1:]))]))["joints"][0]
-    assert document["parameters"][0]["source"] == "assumed"
-    assert document["parameters"][0]["standard_error"] is None
-    assert document["parameters"][0]["interval"] == [0.0, "inf"]
-    assert document["reason"] is None
-    (said,) = document["said"]
-    assert (said["severity"], said["code"]) == ("caution", "not-passive")
-    assert "N*m*s/rad" in said["message"]
 
 
 def changed(text: str, **fields: Any) -> str:
@@ -183,29 +197,6 @@ def spoilt(text: str) -> dict[str, str]:
     }  # fmt: skip  # a table
 
 
-def test_a_document_that_is_none_is_refused_in_a_sentence(handed: Handed, tmp_path: Path) -> None:
-    """Other schemas, missing parameters, impossible numbers and whatever else a file may hold: one sentence that names the file."""
-    none = "is not a document of schema bristle-export/1 ("
-    cases: list[tuple[str, bytes | None, str, str]] = []
-    cases += [("e.json", text.encode(), none, why) for why, text in spoilt(as_json([handed("wrist pitch")])).items()]
-    cases += [("e.json", b"\xff", none, ""), ("e.yaml", b"a: 2020-01-01", none, ""), ("e.json", b"[1]", none, "")]
-    cases += [
-        ("e.json", b" " * 10_000_001, "is larger than 10000000 bytes", ""),
-        ("none/e.json", None, "no such file", ""),
-    ]
-    failed = []
-    for name, content, begins, why in cases:
-        path = tmp_path / name
-        if content is not None:
-            path.write_bytes(content)
-        with pytest.raises(InputError) as error:
-            read_export(path)
-        named = str(error.value).startswith(f"{path}: {begins}")
-        if not (named and (why in str(error.value) or why in {"recursion", "Unable to"})):
-            failed.append((why, str(error.value)))
-    assert failed == []
-
-
 TEXT = r"(?:'(?:[^'\n]|'')*'|native2unicode\(uint8\(\[[\d ]*\]\), 'UTF-8'\))"
 NUMBER = r"(?:-?\d[\d.e+-]*|-?Inf|NaN|\[\])"
 VALUE = rf"(?:{TEXT}|{NUMBER}|true|false|\[{NUMBER}, {NUMBER}\])"
@@ -216,7 +207,7 @@ ASSIGNED = re.compile(
 """All that a line of the script is, beside comments."""
 
 
-def test_a_script_for_matlab_assigns_and_nothing_else(handed: Handed) -> None:
+def test_a_script_for_matlab_assigns_every_value_and_nothing_else(handed: Handed) -> None:
     """Whatever the joint is called, each line is a comment or one assignment of constants, in ASCII; its name is there, byte by byte."""
     failed: list[tuple[str, object]] = []
     for name in (*HOSTILE, *NAMES):
@@ -232,10 +223,7 @@ def test_a_script_for_matlab_assigns_and_nothing_else(handed: Handed) -> None:
         read = shown[1:-1].replace("''", "'") if as_bytes is None else as_bytes
         failed += [(name, (read, alone.name))] * (read != name or not re.fullmatch(r"[a-z]\w*_friction\.m", alone.name))
     assert failed == []
-
-
-def test_a_script_for_matlab_has_every_value(handed: Handed) -> None:
-    """Values, units, errors, intervals and sources of every joint are in the script, every digit of them."""
+    # values, units, errors, intervals and sources of every joint are in the script, every digit of them
     joints = robot(handed)
     rows = (
         replace(joints[0].parameters[0], source="assumed", interval=(0.0, math.inf), standard_error=None),
@@ -266,7 +254,7 @@ def test_the_script_runs_in_octave(handed: Handed) -> None:
     assert "NOT" not in said[0]
 
 
-def test_no_name_reaches_latex_unescaped(handed: Handed) -> None:
+def test_the_table_of_a_paper(handed: Handed) -> None:
     """Without its escapes a name has no special character, is short, and stands on one line; comments are ASCII."""
     failed = []
     for name in (*HOSTILE, *NAMES):
@@ -286,10 +274,7 @@ def test_no_name_reaches_latex_unescaped(handed: Handed) -> None:
         )
         failed += [(name, held)] * (not all(held))
     assert failed == []
-
-
-def test_the_table_has_each_parameter_as_a_paper_has_it(handed: Handed) -> None:
-    """Values are rounded to two digits of their errors; what is assumed has an asterisk, which the caption explains; no package is needed."""
+    # values are rounded to two digits of their errors; what is assumed has an asterisk, which the caption explains; no package is needed
     joint = handed("wrist pitch")
     rows = assumed(joint, "sigma_1").parameters
     text = write_latex([replace(joint, parameters=rows)], ASK).content.decode()

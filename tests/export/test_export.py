@@ -36,15 +36,6 @@ LAW = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0
 DOCS = Path(__file__).parents[2] / "docs"
 
 
-@pytest.fixture
-def points(tmp_path: Path) -> Path:
-    """The results of a joint of which points alone were measured."""
-    results = bristle.identify(write(tmp_path, speeds()))
-    path = tmp_path / "results.json"
-    path.write_text(results.to_json(tmp_path), encoding="utf-8")
-    return path
-
-
 def test_values_are_those_to_use(edro_results: Path) -> None:
     """Of each joint the exported value, error, interval and source of every parameter are those of the report's first screen."""
     results = bristle.read_results(edro_results)
@@ -57,6 +48,27 @@ def test_values_are_those_to_use(edro_results: Path) -> None:
             assert (x.value, x.standard_error, x.interval, x.unit, x.source) == expected
         assert handed.simulated
         assert handed.origin.logs == {one.file: one.sha256 for one in joint.inputs}
+    # slow loading and an inertia give sigma_1 by (15), an assumption: its source is `assumed`, and the warning goes along
+    joint = replace(results.joint("wrist pitch"), tracking=None, joint_fit=None)
+    one = exported(
+        joint, results.logs.experiment_of(joint)[0], Origin(bristle="0", results_sha256=None, experiment=None, logs={})
+    )
+    assert {x.source for x in one.parameters if x.parameter.name == "sigma_1"} == {"assumed"}
+    assert {x.source for x in one.parameters if x.parameter.name == "sigma_0"} == {"presliding"}
+    assert "prior" in {x.code for x in one.said}
+    # Coulomb and Stribeck compensators have losses; the LuGre ones have none
+    for name, least in (("coulomb", 20.0), ("stribeck", 0.01)):
+        handed_over = bristle.export(edro_results, "c", joint="wrist pitch", compensator=name)
+        (found,) = handed_over.artefact.losses.values()
+        assert max(x.percent for x in found) > least
+    assert not bristle.export(edro_results, "c", joint="wrist pitch").artefact.losses
+    plain, theta = (
+        bristle.export(results, "c", joint="wrist pitch", adapt=law) for law in ("partial", "partial-theta")
+    )
+    assert plain.request.compensator.adaptation is not None
+    assert theta.request.compensator.adaptation is not None
+    assert plain.request.compensator.adaptation.gamma == (20.0, 20.0)
+    assert theta.request.compensator.adaptation.gamma != (20.0, 20.0)
 
 
 @pytest.mark.parametrize("to", TARGETS)
@@ -109,8 +121,12 @@ def test_bad_requests_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert [path.name for path in tmp_path.iterdir()] == ["a.urdf"]
 
 
-def test_points_alone_have_no_bristle(points: Path, tmp_path: Path) -> None:
+def test_points_alone_have_no_bristle(tmp_path: Path) -> None:
     """A joint of constant velocities goes where no bristle is needed, without sigma_0 and sigma_1; where one is, it is refused."""
+    results = bristle.identify(write(tmp_path, speeds()))
+    path = tmp_path / "results.json"
+    path.write_text(results.to_json(tmp_path), encoding="utf-8")
+    points = path
     handed = bristle.export(points, "json").joints[0]
     assert {x.parameter.name for x in handed.parameters} == {*Stribeck._fields}
     assert not handed.has_bristle
@@ -128,6 +144,21 @@ def test_points_alone_have_no_bristle(points: Path, tmp_path: Path) -> None:
     assert [x.motion.name for x in losses_of] == ["fitted", "medium", "slow"]
     assert losses_of[0].percent < 5
     assert run("export", points, "--to", "c", "--compensator", "stribeck", "-o", tmp_path / "out.h").code == 0
+    # alpha_1 may be none, v_s may not: a note and a caution
+    data = json.loads(points.read_text(encoding="utf-8"))
+    fits = data["joints"]["wrist"]["static"]
+    for fit in fits.values():
+        fit["parameters"]["alpha_1"]["interval"] = [-1.0, 1.0]
+        fit["parameters"]["v_s"]["interval"] = [-1.0, 1.0]
+    points.write_text(json.dumps(data), encoding="utf-8")
+    said = bristle.export(points, "json").joints[0].said
+    assert {"interval-with-zero", "interval-with-zero-impossible"} <= {x.code for x in said}
+    # what is known in one direction alone is no joint that can be handed over
+    ran = run("export", write(tmp_path, speeds(both=False)), "--to", "urdf", "-o", tmp_path / "out")
+    assert ran.code == 2
+    assert "nothing is known of the friction vs velocity in direction -" in ran.err
+    few = run("export", write(tmp_path / "few", FEW), "--to", "urdf", "-o", tmp_path / "out")
+    assert few.code == 2
 
 
 NUMBERS_ONLY = ("mujoco-frictionloss", "urdf", "sdf", "isaac")
@@ -146,13 +177,9 @@ def test_an_artefact_says_where_its_numbers_are_from(to: str, handed: Handed) ->
             content = archive.read("documentation/index.html")
     text = re.sub(r"\s+(\* )?", " ", content.decode())
     said = [
-        "identified by bristle 0",
-        "sha256 " + "0" * 64,
-        "experiment: edro.yaml, 1 logs",
-        "SIMULATED",
-        "ASSUMED",
+        "identified by bristle 0", "sha256 " + "0" * 64, "experiment: edro.yaml, 1 logs", "SIMULATED", "ASSUMED",
         "95 % [",
-    ]
+    ]  # fmt: skip  # a list of values
     said += ["torque RMS error"] if artefact.losses else []
     said += ["Test vector", "N*m*s/rad, [0, 10000]"] if to == "c" else []
     said += [f"{x.parameter} = " for x in joint.parameters]
@@ -182,16 +209,7 @@ def test_what_is_lost_and_left_out_is_said(to: str, handed: Handed) -> None:
         assert [x.percent > 10 for x in plain] == [True] * 4
 
 
-def test_one_direction_is_refused(tmp_path: Path) -> None:
-    """What is known in one direction alone is no joint that can be handed over."""
-    ran = run("export", write(tmp_path, speeds(both=False)), "--to", "urdf", "-o", tmp_path / "out")
-    assert ran.code == 2
-    assert "nothing is known of the friction vs velocity in direction -" in ran.err
-    few = run("export", write(tmp_path / "few", FEW), "--to", "urdf", "-o", tmp_path / "out")
-    assert few.code == 2
-
-
-def test_a_current_or_a_voltage_is_no_torque(handed: Handed) -> None:
+def test_which_joints_a_target_takes_and_what_is_said(handed: Handed, edro_results: Path) -> None:
     """A joint whose torque is known as one, or per inertia, goes to the documents, to C and to the FMU, and is refused elsewhere."""
     request = Request()
     for kind, alone in (
@@ -206,28 +224,30 @@ def test_a_current_or_a_voltage_is_no_torque(handed: Handed) -> None:
             else:
                 with pytest.raises(bristle.InputError, match=f"known as a {alone}"):
                     target(to).write([joint], request)
-
-
-def test_of_several_joints_those_that_fit_are_exported(handed: Handed) -> None:
-    """A joint that a target cannot take is left out and named; where it takes none, that is refused."""
+    # a joint that a target cannot take is left out and named; where it takes none, that is refused
     good, bad = handed("wrist pitch"), handed("elbow pitch", kind="revolute in A")
     one = export_joints([good, bad], "urdf", Request())
     assert [joint.name for joint in one.joints] == ["wrist pitch"]
     assert "Left out: elbow pitch: its torque is known as a current alone" in one.text().replace("\n", " ")
     with pytest.raises(bristle.InputError, match="known as a current alone"):
         export_joints([bad, bad], "urdf", Request())
-
-
-def test_a_damping_of_an_assumed_ratio_is_marked(edro_results: Path) -> None:
-    """Slow loading and an inertia give sigma_1 by (15), an assumption: its source is `assumed`, and the warning goes along."""
-    results = bristle.read_results(edro_results)
-    joint = replace(results.joint("wrist pitch"), tracking=None, joint_fit=None)
-    one = exported(
-        joint, results.logs.experiment_of(joint)[0], Origin(bristle="0", results_sha256=None, experiment=None, logs={})
+    # base rotation is not passive, which stands in what is printed and in the artefact; an interval that holds zero is said too
+    handed_over = bristle.export(edro_results, "c", joint="base rotation")
+    assert "can feed energy back in direction -" in " ".join(handed_over.text().split())
+    assert b"can feed energy back in direction -" in handed_over.content
+    one = handed("base rotation")
+    assert one.reason is None
+    assert "not-passive" in [x.code for x in one.said]
+    # of `both` directions, + and - are the same set
+    joint = handed()
+    both = tuple(
+        replace(x, parameter=x.parameter._replace(direction=Direction.BOTH))
+        for x in joint.parameters
+        if x.parameter.direction == Direction.POSITIVE
     )
-    assert {x.source for x in one.parameters if x.parameter.name == "sigma_1"} == {"assumed"}
-    assert {x.source for x in one.parameters if x.parameter.name == "sigma_0"} == {"presliding"}
-    assert "prior" in {x.code for x in one.said}
+    pair = replace(joint, parameters=both).pair
+    assert pair.positive == pair.negative == joint.pair.positive
+    assert len(both) == len(Lugre._fields)
 
 
 def test_one_law_with_two_stiffnesses_is_a_pair() -> None:
@@ -243,37 +263,6 @@ def test_one_law_with_two_stiffnesses_is_a_pair() -> None:
     one = bristle.export(slow, "json").joints[0]
     assert one.has_bristle
     assert one.pair.positive.sigma_0 == known[ParameterName("sigma_0", Direction.POSITIVE)]
-
-
-def test_a_compensator_without_a_bristle_says_what_it_leaves_out(edro_results: Path) -> None:
-    """Coulomb and Stribeck compensators have losses; the LuGre ones have none."""
-    for name, least in (("coulomb", 20.0), ("stribeck", 0.01)):
-        handed_over = bristle.export(edro_results, "c", joint="wrist pitch", compensator=name)
-        (found,) = handed_over.artefact.losses.values()
-        assert max(x.percent for x in found) > least
-    assert not bristle.export(edro_results, "c", joint="wrist pitch").artefact.losses
-
-
-def test_what_is_doubtful_is_said(handed: Handed, edro_results: Path) -> None:
-    """Base rotation is not passive, which stands in what is printed and in the artefact; an interval that holds zero is said too."""
-    handed_over = bristle.export(edro_results, "c", joint="base rotation")
-    assert "can feed energy back in direction -" in " ".join(handed_over.text().split())
-    assert b"can feed energy back in direction -" in handed_over.content
-    one = handed("base rotation")
-    assert one.reason is None
-    assert "not-passive" in [x.code for x in one.said]
-
-
-def test_intervals_that_hold_zero_are_said(points: Path) -> None:
-    """alpha_1 may be none, v_s may not: a note and a caution."""
-    data = json.loads(points.read_text(encoding="utf-8"))
-    fits = data["joints"]["wrist"]["static"]
-    for fit in fits.values():
-        fit["parameters"]["alpha_1"]["interval"] = [-1.0, 1.0]
-        fit["parameters"]["v_s"]["interval"] = [-1.0, 1.0]
-    points.write_text(json.dumps(data), encoding="utf-8")
-    said = bristle.export(points, "json").joints[0].said
-    assert {"interval-with-zero", "interval-with-zero-impossible"} <= {x.code for x in said}
 
 
 def test_the_loss_is_its_formula(handed: Handed) -> None:
@@ -294,31 +283,6 @@ def test_the_loss_is_its_formula(handed: Handed) -> None:
     dragged = beside(joint, quadratic=0.05)
     assert best_coulomb_viscous(dragged, motions[0])[1] > best_coulomb_viscous(joint, motions[0])[1]
     assert losses(dragged, lugre(joint.pair), motions[:1])[0].percent > 1
-
-
-def test_adaptation_has_the_rates_of_the_joints_loop(edro_results: Path) -> None:
-    """--adapt takes the paper's rates for the embedded joints, scaled where a law has the parameter once more in its gradient."""
-    results = bristle.read_results(edro_results)
-    plain, theta = (
-        bristle.export(results, "c", joint="wrist pitch", adapt=law) for law in ("partial", "partial-theta")
-    )
-    assert plain.request.compensator.adaptation is not None
-    assert theta.request.compensator.adaptation is not None
-    assert plain.request.compensator.adaptation.gamma == (20.0, 20.0)
-    assert theta.request.compensator.adaptation.gamma != (20.0, 20.0)
-
-
-def test_a_symmetric_joint_has_one_set(handed: Handed) -> None:
-    """Of `both` directions, + and - are the same set."""
-    joint = handed()
-    both = tuple(
-        replace(x, parameter=x.parameter._replace(direction=Direction.BOTH))
-        for x in joint.parameters
-        if x.parameter.direction == Direction.POSITIVE
-    )
-    pair = replace(joint, parameters=both).pair
-    assert pair.positive == pair.negative == joint.pair.positive
-    assert len(both) == len(Lugre._fields)
 
 
 def example(name: str) -> str:

@@ -147,7 +147,7 @@ def test_hostile_names_stay_names(handed: Handed) -> None:
     assert failed == []
 
 
-def test_a_urdf_of_joints_loads(handed: Handed, slide: ExportedJoint) -> None:
+def test_a_check_tells_what_differs(handed: Handed, slide: ExportedJoint) -> None:
     """The snippet is a robot: MuJoCo and Pinocchio read damping and friction as exported, turning and sliding."""
     pytest.importorskip("mujoco", reason="needs MuJoCo: pip install mujoco")
     joints = [*map(handed, JOINTS), slide, handed("wrist pitch", name="no inertia", inertia=None)]
@@ -168,7 +168,7 @@ def test_a_urdf_of_joints_loads(handed: Handed, slide: ExportedJoint) -> None:
     assert model.body_mass[5] == pytest.approx(slide.inertia)
 
 
-def test_a_check_tells_what_differs(handed: Handed) -> None:
+def test_a_urdf_of_joints_loads(handed: Handed) -> None:
     """A file whose numbers were changed does not pass."""
     joint = handed("wrist pitch")
     artefact = URDF_TARGET.write([joint], Request())
@@ -196,10 +196,7 @@ def test_merging_into_a_urdf_changes_nothing_else(handed: Handed) -> None:
     changed = [x for x in parsed(merged) if x.find("dynamics") is not None and x.get("name") == "wrist pitch"]
     assert len(changed) == 1
     assert merged.index(new) < URDF.index(b"\t</joint>") + len(new)
-
-
-def test_dynamics_that_are_there_keep_what_else_they_say(handed: Handed) -> None:
-    """Friction and damping are replaced, other attributes and blanks stay; merging once more changes nothing."""
+    # friction and damping are replaced, other attributes and blanks stay; merging once more changes nothing
     joint = handed("elbow pitch")
     (best,) = best_values([joint], Request(), "urdf")
     merged = URDF_TARGET.write([joint], Request(into=URDF, into_name="r.urdf")).content
@@ -211,6 +208,25 @@ def test_dynamics_that_are_there_keep_what_else_they_say(handed: Handed) -> None
     begin, end = merged.index(b"<dynamics  "), merged.index(b" -->", merged.index(b"<!-- bristle: "))
     assert again.startswith(merged[:begin])
     assert again.endswith(merged[end:])
+    # a joint that is not there, there twice, rigid or of another kind, and what is no model: a sentence, with the line
+    cases = [
+        *((URDF_TARGET, URDF, name, why) for name, why in IN_URDF.items()),
+        *((SDF_TARGET, SDF, name, why) for name, why in IN_SDF.items()),
+        (URDF_TARGET, b"<robot/>", "wrist pitch", "f: has no joint 'wrist pitch'; its joints are none"),
+        (URDF_TARGET, b"<mujoco/>", "wrist pitch", "f: its root is <mujoco>; expected a URDF"),
+        (SDF_TARGET, b"<mujoco/>", "wrist pitch", "f: its root is <mujoco>; expected an SDF"),
+        *(
+            (target, content, "wrist pitch", why)
+            for target in (URDF_TARGET, SDF_TARGET)
+            for content, why in NO_MODEL.items()
+        ),
+    ]
+    failed = []
+    for target, content, name, why in cases:
+        with pytest.raises(InputError) as error:
+            target.write([handed("wrist pitch", name=name)], Request(into=content, into_name="f"))
+        failed += [(name, str(error.value))] * (not str(error.value).startswith(why))
+    assert failed == []
 
 
 IN_URDF = {
@@ -237,28 +253,6 @@ NO_MODEL = {
     b"<sdf>": "f, line 1: is not well-formed",
     b"": "f, line 1: is not well-formed",
 }
-
-
-def test_what_cannot_be_merged_into_is_refused(handed: Handed) -> None:
-    """A joint that is not there, there twice, rigid or of another kind, and what is no model: a sentence, with the line."""
-    cases = [
-        *((URDF_TARGET, URDF, name, why) for name, why in IN_URDF.items()),
-        *((SDF_TARGET, SDF, name, why) for name, why in IN_SDF.items()),
-        (URDF_TARGET, b"<robot/>", "wrist pitch", "f: has no joint 'wrist pitch'; its joints are none"),
-        (URDF_TARGET, b"<mujoco/>", "wrist pitch", "f: its root is <mujoco>; expected a URDF"),
-        (SDF_TARGET, b"<mujoco/>", "wrist pitch", "f: its root is <mujoco>; expected an SDF"),
-        *(
-            (target, content, "wrist pitch", why)
-            for target in (URDF_TARGET, SDF_TARGET)
-            for content, why in NO_MODEL.items()
-        ),
-    ]
-    failed = []
-    for target, content, name, why in cases:
-        with pytest.raises(InputError) as error:
-            target.write([handed("wrist pitch", name=name)], Request(into=content, into_name="f"))
-        failed += [(name, str(error.value))] * (not str(error.value).startswith(why))
-    assert failed == []
 
 
 def test_a_robot_is_merged_joint_by_joint(handed: Handed) -> None:
@@ -292,10 +286,7 @@ def test_merging_into_an_sdf_keeps_springs(handed: Handed, slide: ExportedJoint)
         b'<model name="inner"><joint name="elbow pitch" type="revolute"><axis/></joint></model>',
         b'<joint name="slide" type="prismatic"><axis><dynamics/></axis></joint>',
     }
-
-
-def test_an_sdf_of_joints_holds_the_values(handed: Handed, slide: ExportedJoint) -> None:
-    """The snippet has each joint with its numbers; without Gazebo the check says what it could not do."""
+    # the snippet has each joint with its numbers; without Gazebo the check says what it could not do
     joints = [*map(handed, JOINTS), slide]
     try:
         said = check_sdf(SDF_TARGET.write(joints, Request()), joints, Request())[0]
@@ -358,19 +349,12 @@ def test_the_actuators_of_isaac_lab_have_the_numbers(handed: Handed) -> None:
         assert [re.fullmatch(actuator.joint_names_expr[0], x.name) is not None for x in joints] == [
             x is best.joint for x in joints
         ]
-
-
-def test_static_friction_is_not_below_the_dynamic_one(handed: Handed) -> None:
-    """PhysX refuses a static friction below the dynamic one, which a joint without viscous friction at low speed could have."""
+    # PhysX refuses a static friction below the dynamic one, which a joint without viscous friction at low speed could have
     joint = handed("wrist pitch")
     small = beside(scaled(joint, alpha_0=1e-5, alpha_1=0.0, alpha_2=0.0), quadratic=5.0)
     made = run(ISAAC_TARGET.write([small], Request()).content)["wrist pitch"]
     assert made.friction >= made.dynamic_friction
-
-
-def test_an_armature_is_never_invented(handed: Handed) -> None:
-    """Without an inertia it stays as the asset has it, and that is said; of a robot's joint it is the rotor's alone."""
-    joint = handed("wrist pitch")
+    # without an inertia it stays as the asset has it, and that is said; of a robot's joint it is the rotor's alone
     rows = tuple(x for x in joint.parameters if x.parameter.name != "inertia")
     artefact = ISAAC_TARGET.write([replace(joint, parameters=rows, inertia=None, rotor_inertia=None)], Request())
     assert run(artefact.content)["wrist pitch"].armature is None

@@ -89,10 +89,7 @@ def test_a_long_table_is_turned_over_sorted_and_filtered(opened: Open) -> None:
     tab.page.fill("caption input >> nth=0", "no such joint")
     assert place.inner_text() == "no row of 60"
     tab.page.click("caption button >> nth=0")  # copies it
-
-
-def test_hostile_names_run_nothing(opened: Open) -> None:
-    """On a phone, too, a hostile name is read as it is, nothing of it runs, and nothing is wider than the screen."""
+    # on a phone, too, a hostile name is read as it is, nothing of it runs, and nothing is wider than the screen
     for name in ("index", "units", "quality"):
         tab = opened(name, width=390)
         assert HOSTILE[:60] in tab.page.inner_text("main")
@@ -104,10 +101,7 @@ def test_hostile_names_run_nothing(opened: Open) -> None:
         assert tab.page.evaluate(
             "[...document.querySelectorAll('figure svg')].every((x) => x.getAttribute('aria-label').length > 8)"
         )
-
-
-def test_without_javascript_all_is_read(opened: Open) -> None:
-    """Headline, notes, every row and every figure stand there."""
+    # headline, notes, every row and every figure stand there
     tab = opened(java_script_enabled=False)
     assert "joints changed, at a false discovery rate of 5 %" in tab.page.inner_text("main")
     assert tab.page.locator("table").first.locator("tbody tr:visible").count() == 60

@@ -49,13 +49,12 @@ def alone(logs: Path, client: Any) -> Tree:
     return tree(logs / "alone" / "results")
 
 
-def test_a_call_that_no_worker_holds_is_made_again(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_calls_sizes_and_schedulers(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the scheduler waits for a worker that does not come, as for one that died with what it held, the others end and so does that call."""
     monkeypatch.setattr(cluster, "_WAIT", 1.0)
     submit, asked = client.submit, list[int]()
 
     def astray(function: Any, number: int, **options: Any) -> Any:
-        """The first call goes to a worker that is not there."""
         asked.append(number)
         where = {"workers": ["tcp://127.0.0.1:1"]} if len(asked) == 1 else {}
         return submit(function, number, **options, **where)
@@ -64,10 +63,8 @@ def test_a_call_that_no_worker_holds_is_made_again(client: Any, monkeypatch: pyt
     calls = [(k,) for k in range(4)]
     assert sorted(x for _, x in cluster.spread(client, "negative", operator.neg, calls, 3)) == [-3, -2, -1, 0]
     assert asked.count(0) == 2
-
-
-def test_memory_and_certificates_are_checked() -> None:
-    """A size of memory is read as Dask does, an empty one refused; certificates make the connection one of TLS alone."""
+    monkeypatch.undo()
+    # a size of memory is read as Dask does, an empty one refused; certificates make the connection one of TLS alone
     with pytest.raises(InputError, match=r"memory: got .* expected"):
         cluster._bytes_of("")
     assert cluster._bytes_of("2 GiB") == 2**31
@@ -75,10 +72,7 @@ def test_memory_and_certificates_are_checked() -> None:
     assert security.require_encryption
     assert (security.tls_ca_file, security.tls_client_cert, security.tls_client_key) == ("a.pem", "b.pem", "c.pem")
     assert cluster._security({}) is None
-
-
-def test_log_lines_of_dask_are_silent_meanwhile() -> None:
-    """Inside `quiet` no logger of Dask, Tornado or Bokeh says anything, whatever level it had; afterwards each has that level again."""
+    # inside `quiet` no logger of Dask, Tornado or Bokeh says anything, whatever level it had; afterwards each has that level again
     names = "distributed distributed.client distributed.comm.tcp tornado.application tornado.general bokeh"
     loggers = [logging.getLogger(name) for name in names.split()]
     before = [one.level for one in loggers]
@@ -86,6 +80,14 @@ def test_log_lines_of_dask_are_silent_meanwhile() -> None:
         assert not any(one.isEnabledFor(logging.CRITICAL) for one in loggers)
         assert logging.getLogger("bristle").isEnabledFor(logging.CRITICAL)
     assert [one.level for one in loggers] == before
+    # a port that takes the call and never answers ends in one sentence, in time
+    monkeypatch.setattr(cluster, "_WAIT", 4.0)
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        one.listen()
+        address = f"tcp://127.0.0.1:{one.getsockname()[1]}"
+        with pytest.raises(InputError, match="no Dask scheduler answers"), cluster.remote_client(address):
+            pass
 
 
 @contextmanager
@@ -190,17 +192,6 @@ def alive(group: int) -> bool:
     return True
 
 
-def test_a_scheduler_that_says_nothing_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A port that takes the call and never answers ends in one sentence, in time."""
-    monkeypatch.setattr(cluster, "_WAIT", 4.0)
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        one.listen()
-        address = f"tcp://127.0.0.1:{one.getsockname()[1]}"
-        with pytest.raises(InputError, match="no Dask scheduler answers"), cluster.remote_client(address):
-            pass
-
-
 @LINUX
 def test_a_script_without_a_guard_says_so(logs: Path, tmp_path: Path) -> None:
     """A script that calls `bristle.fleet` at its top ends with a sentence that says what to write, and nothing is identified."""
@@ -249,7 +240,6 @@ def test_a_worker_that_dies_of_one_log_is_a_failure_of_that_log(logs: Path, two:
     """Where a log ends its worker's process each time it is tried, its row says so, and it is tried again in the next run."""
 
     def deadly(path: Path, joint: str) -> Any:  # sent by value
-        """End the process at one session."""
         import os
 
         from bristle.api.fleets import identified_joint

@@ -76,9 +76,18 @@ def test_what_wears_is_named_and_little_else() -> None:
     assert right / total > 0.75
     assert (said - right) / said < 0.06
     assert wrong / tests < 0.06
+    # sessions that scatter by errors of few points, and no more: an error that is small by chance makes no joint accused, nor a scatter
+    for freedom in (3.0, 8.0):
+        accusations = 0
+        for seed in range(12):
+            frame, _ = fleet(FleetDesign(12, 2, 9, worn=0.0, scatter=0.0, errors=(0.005, 0.005), freedom=freedom), seed)
+            found = findings(frame)
+            accusations += found.changed > 0
+            assert found.types["scatter_percent"].median() < 0.2
+        assert accusations <= 2, freedom
 
 
-def test_the_step_is_sized_and_placed(plain: Plain) -> None:
+def test_the_step_is_sized_and_placed_in_any_order(plain: Plain) -> None:
     """Of the joints that are found the step is at the worn session in most cases, and its interval mostly holds 15 %."""
     _, truth, found = plain
     hits = found.joints[[pair in worn(truth) for pair in zip(found.joints["unit"], found.joints["joint"], strict=True)]]
@@ -89,56 +98,13 @@ def test_the_step_is_sized_and_placed(plain: Plain) -> None:
     assert (hits["since"].to_numpy() == since).mean() >= 0.75
     assert ((hits["percent_lower"] < 15) & (hits["percent_upper"] > 15)).mean() >= 0.8
     assert set(hits["parameter"]) == {"alpha_0"}
-
-
-def test_rows_may_come_in_any_order(plain: Plain) -> None:
-    """Shuffled rows give the same tables, but for the order of the series."""
+    # shuffled rows give the same tables, but for the order of the series
     frame, _, found = plain
     again = findings(frame.sample(frac=1.0, random_state=1).reset_index(drop=True))
     for name in ("joints", "changes", "types", "units", "quality"):
         pd.testing.assert_frame_equal(getattr(found, name), getattr(again, name), rtol=1e-6)
     assert found.headline == again.headline
-
-
-def test_temperature_is_taken_off_where_it_is_logged() -> None:
-    """With 10 K of swing and 1 %/K: the coefficient is in its interval for most parameters, and 0 is for v_s; no common shift is left."""
-    frame, truth = fleet(FleetDesign(robots=100, joints=3, swing=10.0), 1)
-    found = findings(frame)
-    friction = found.types[found.types["parameter"].str.startswith("alpha")]
-    inside = (friction["temperature_lower"] < 1.0) & (friction["temperature_upper"] > 1.0)
-    assert inside.mean() > 0.8
-    v_s = found.types[found.types["parameter"] == "v_s"]
-    assert ((v_s["temperature_lower"] < 0) & (v_s["temperature_upper"] > 0)).all()
-    assert "common-shift" not in kinds(found)
-    assert len(accused(found) & worn(truth)) / len(worn(truth)) > 0.7
-    assert len(accused(found) - worn(truth)) <= 0.07 * len(accused(found)) + 1
-
-
-def test_a_shift_that_all_share_accuses_nobody() -> None:
-    """The same without wear, temperature not logged: the shift is named for every friction parameter, with its size, and no joint is accused."""
-    frame, _ = fleet(FleetDesign(robots=100, joints=3, swing=10.0, worn=0.0), 2)
-    found = findings(frame.assign(temperature=np.nan))
-    shifts = [x for x in found.notes if x.code == "common-shift"]
-    assert {x.numbers["type"] for x in shifts} == {"J1", "J2", "J3"}
-    assert all(set(x.numbers["names"]) == {f"alpha_{k}{d}" for k in "012" for d in "+-"} for x in shifts)
-    assert not any(x.numbers["temperature_logged"] for x in shifts)
-    assert all(3 < abs(x.numbers["percent"]) < 15 for x in shifts)
-    assert accused(found) == set()
-    assert found.headline.code == "fleet-unchanged"
-
-
-def test_few_temperatures_missing_do_no_harm() -> None:
-    """Where a tenth of the sessions have no temperature their values count less, and what wears is still found."""
-    frame, truth = fleet(FleetDesign(robots=100, joints=2, swing=10.0), 3)
-    gaps = frame.assign(temperature=frame["temperature"].where(frame["session"].dt.day % 10 != 0))
-    found = findings(gaps)
-    assert gaps["temperature"].isna().mean() > 0.03
-    assert len(accused(found) & worn(truth)) > 0.6 * len(worn(truth))
-    assert len(accused(found) - worn(truth)) <= 2
-
-
-def test_a_warning_that_begins_with_the_step_points_at_the_log(plain: Plain) -> None:
-    """Where sessions since the step have a warning that those before had not, the joint and a note name it; old warnings are not named."""
+    # where sessions since the step have a warning that those before had not, the joint and a note name it; old warnings are not named
     frame, truth, found = plain
     unit, joint = min(accused(found) & worn(truth))
     own = (frame["unit"] == unit) & (frame["joint"] == joint)
@@ -154,18 +120,35 @@ def test_a_warning_that_begins_with_the_step_points_at_the_log(plain: Plain) -> 
     assert (again.quality["percent"] == 100 * again.quality["joint_sessions"] / again.quality["of"]).all()
 
 
-def test_a_unit_unlike_its_type_is_outside() -> None:
-    """A robot with 60 % more friction in all sessions is outside and has not changed; its own value is drawn in by little."""
-    frame, _ = fleet(SMALL._replace(worn=0.0), 4)
-    high = (frame["unit"] == "robot-007") & (frame["joint"] == "J1") & (frame["parameter"] == "alpha_0")
-    for name in ("value", "standard_error", "lower", "upper"):
-        frame[name] = frame[name].where(~high, 1.6 * frame[name])
+def test_temperature_is_taken_off_where_it_is_logged_and_may_be_missing() -> None:
+    """With 10 K of swing and 1 %/K: the coefficient is in its interval for most parameters, and 0 is for v_s; no common shift is left."""
+    frame, truth = fleet(FleetDesign(robots=100, joints=3, swing=10.0), 1)
     found = findings(frame)
-    out = found.units[found.units["outside"]]
-    assert set(zip(out["unit"], out["joint"], out["parameter"], strict=True)) == {("robot-007", "J1", "alpha_0")}
-    assert set(found.joints.loc[found.joints["outside"], "unit"]) == {"robot-007"}
+    friction = found.types[found.types["parameter"].str.startswith("alpha")]
+    inside = (friction["temperature_lower"] < 1.0) & (friction["temperature_upper"] > 1.0)
+    assert inside.mean() > 0.8
+    v_s = found.types[found.types["parameter"] == "v_s"]
+    assert ((v_s["temperature_lower"] < 0) & (v_s["temperature_upper"] > 0)).all()
+    assert "common-shift" not in kinds(found)
+    assert len(accused(found) & worn(truth)) / len(worn(truth)) > 0.7
+    assert len(accused(found) - worn(truth)) <= 0.07 * len(accused(found)) + 1
+    # the same without wear, temperature not logged: the shift is named for every friction parameter, with its size, and no joint is accused
+    frame, _ = fleet(FleetDesign(robots=100, joints=3, swing=10.0, worn=0.0), 2)
+    found = findings(frame.assign(temperature=np.nan))
+    shifts = [x for x in found.notes if x.code == "common-shift"]
+    assert {x.numbers["type"] for x in shifts} == {"J1", "J2", "J3"}
+    assert all(set(x.numbers["names"]) == {f"alpha_{k}{d}" for k in "012" for d in "+-"} for x in shifts)
+    assert not any(x.numbers["temperature_logged"] for x in shifts)
+    assert all(3 < abs(x.numbers["percent"]) < 15 for x in shifts)
     assert accused(found) == set()
-    assert (out["borrowed_percent"] < 5).all()
+    assert found.headline.code == "fleet-unchanged"
+    # where a tenth of the sessions have no temperature their values count less, and what wears is still found
+    frame, truth = fleet(FleetDesign(robots=100, joints=2, swing=10.0), 3)
+    gaps = frame.assign(temperature=frame["temperature"].where(frame["session"].dt.day % 10 != 0))
+    found = findings(gaps)
+    assert gaps["temperature"].isna().mean() > 0.03
+    assert len(accused(found) & worn(truth)) > 0.6 * len(worn(truth))
+    assert len(accused(found) - worn(truth)) <= 2
 
 
 def test_little_data_borrows_more(plain: Plain) -> None:
@@ -181,6 +164,17 @@ def test_little_data_borrows_more(plain: Plain) -> None:
     ends = np.sort(both[["mean", "value"]].to_numpy(float), axis=1)
     assert ((ends[:, 0] <= both["shrunken"]) & (both["shrunken"] <= ends[:, 1])).all()
     assert (both["shrunken_error"] < both["standard_error"]).all()
+    # a robot with 60 % more friction in all sessions is outside and has not changed; its own value is drawn in by little
+    frame, _ = fleet(SMALL._replace(worn=0.0), 4)
+    high = (frame["unit"] == "robot-007") & (frame["joint"] == "J1") & (frame["parameter"] == "alpha_0")
+    for name in ("value", "standard_error", "lower", "upper"):
+        frame[name] = frame[name].where(~high, 1.6 * frame[name])
+    found = findings(frame)
+    out = found.units[found.units["outside"]]
+    assert set(zip(out["unit"], out["joint"], out["parameter"], strict=True)) == {("robot-007", "J1", "alpha_0")}
+    assert set(found.joints.loc[found.joints["outside"], "unit"]) == {"robot-007"}
+    assert accused(found) == set()
+    assert (out["borrowed_percent"] < 5).all()
 
 
 def test_what_cannot_be_tested_says_why() -> None:
@@ -197,6 +191,23 @@ def test_what_cannot_be_tested_says_why() -> None:
     assert len(none.failures) == 2
     assert none.units.empty
     assert (none.quality["code"] == "failed").all()
+    # of an offset about zero there is no percent, and it is left out; about -1 of either sign it is told in parts of its type's median
+    frame, _ = fleet(SMALL._replace(worn=0.0), 5)
+    base = frame["parameter"].astype(str)
+    mirrored = frame.assign(value=np.where(base == "alpha_1", -frame["value"], frame["value"]))
+    found = findings(mirrored)
+    row = found.types[(found.types["parameter"] == "alpha_1") & (found.types["direction"] == "+")].iloc[0]
+    assert row["mean"] < 0
+    assert 5 < row["spread_percent"] < 15
+    about = frame.assign(value=np.where(base == "alpha_1", 1e-9, frame["value"]))
+    about.loc[about.index[base == "alpha_1"][::2], "value"] = -1e-9
+    assert "alpha_1" not in set(findings(about).types["parameter"])
+    # others are refused in a sentence, as is a baseline of no session
+    frame, _ = fleet(SMALL._replace(robots=2))
+    with pytest.raises(InputError, match="rate: got 0; expected"):
+        findings(frame, rate=0.0)
+    with pytest.raises(InputError, match="baseline: got 0; expected 1 to 10000 sessions"):
+        findings(frame, baseline=0)
 
 
 def test_values_that_are_not_to_be_used_are_left_out(plain: Plain) -> None:
@@ -216,33 +227,7 @@ def test_values_that_are_not_to_be_used_are_left_out(plain: Plain) -> None:
     one = frame["session"].isin(frame.loc[frame["unit"] == "robot-003", "session"].unique()[-1:])
     other = findings(frame.assign(source=np.where(one & (frame["unit"] == "robot-003"), "joint", "static")))
     assert "of-other-fits" in kinds(other)
-
-
-def test_a_parameter_of_either_sign_is_scaled_by_its_median() -> None:
-    """Of an offset about zero there is no percent, and it is left out; about -1 of either sign it is told in parts of its type's median."""
-    frame, _ = fleet(SMALL._replace(worn=0.0), 5)
-    base = frame["parameter"].astype(str)
-    mirrored = frame.assign(value=np.where(base == "alpha_1", -frame["value"], frame["value"]))
-    found = findings(mirrored)
-    row = found.types[(found.types["parameter"] == "alpha_1") & (found.types["direction"] == "+")].iloc[0]
-    assert row["mean"] < 0
-    assert 5 < row["spread_percent"] < 15
-    about = frame.assign(value=np.where(base == "alpha_1", 1e-9, frame["value"]))
-    about.loc[about.index[base == "alpha_1"][::2], "value"] = -1e-9
-    assert "alpha_1" not in set(findings(about).types["parameter"])
-
-
-def test_a_rate_is_between_0_and_1() -> None:
-    """Others are refused in a sentence, as is a baseline of no session."""
-    frame, _ = fleet(SMALL._replace(robots=2))
-    with pytest.raises(InputError, match="rate: got 0; expected"):
-        findings(frame, rate=0.0)
-    with pytest.raises(InputError, match="baseline: got 0; expected 1 to 10000 sessions"):
-        findings(frame, baseline=0)
-
-
-def test_failures_without_a_name_are_told_and_belong_to_nobody(plain: Plain) -> None:
-    """Rows whose unit, joint or session is not known stand among the failures, and leave every joint as it is."""
+    # rows whose unit, joint or session is not known stand among the failures, and leave every joint as it is
     frame, _, found = plain
     rows = frame.iloc[:3].assign(value=np.nan, failure="no such file", parameter=None, direction=None)
     lost = {name: rows.index != k for k, name in enumerate(("unit", "joint", "session"))}
@@ -252,10 +237,7 @@ def test_failures_without_a_name_are_told_and_belong_to_nobody(plain: Plain) -> 
     assert len(again.failures) == 3
     (note,) = [x for x in again.notes if x.code == "sessions-failed"]
     assert note.numbers["failed"] == 3
-
-
-def test_a_sensor_that_fails_is_named_by_joint_and_session(plain: Plain) -> None:
-    """A caution that begins in the fifth session is told with joint, time and count; a note, and a warning from the first on, are not."""
+    # a caution that begins in the fifth session is told with joint, time and count; a note, and a warning from the first on, are not
     frame, _, found = plain
     own = frame[["unit", "joint"]].astype(str).agg(" ".join, axis=1).to_numpy()
     at = np.sort(frame.loc[own == "robot-011 J2", "session"].unique())[4]
@@ -268,19 +250,6 @@ def test_a_sensor_that_fails_is_named_by_joint_and_session(plain: Plain) -> None
     assert row["since"] == at
     assert (row["sessions"], row["of"]) == (4, 4)
     assert accused(again) == accused(found)
-
-
-@pytest.mark.slow
-def test_errors_of_few_points_accuse_nobody() -> None:
-    """Sessions that scatter by errors of few points, and no more: an error that is small by chance makes no joint accused, nor a scatter."""
-    for freedom in (3.0, 8.0):
-        accusations = 0
-        for seed in range(12):
-            frame, _ = fleet(FleetDesign(12, 2, 9, worn=0.0, scatter=0.0, errors=(0.005, 0.005), freedom=freedom), seed)
-            found = findings(frame)
-            accusations += found.changed > 0
-            assert found.types["scatter_percent"].median() < 0.2
-        assert accusations <= 2, freedom
 
 
 def test_a_session_with_the_tag_baseline_begins_its_joint_anew(plain: Plain) -> None:
@@ -307,10 +276,7 @@ def test_a_session_with_the_tag_baseline_begins_its_joint_anew(plain: Plain) -> 
         pd.testing.assert_series_equal(again.types["joints"], found.types["joints"])
         counts = again.units[(again.units["unit"] == row["unit"]) & (again.units["joint"] == row["joint"])]["sessions"]
         assert counts.max() <= left
-
-
-def test_marked_sessions_in_a_row_are_one_baseline() -> None:
-    """Three marked sessions in a row begin one baseline; what was before it is no change, and a step after it is found against it."""
+    # three marked sessions in a row begin one baseline; what was before it is no change, and a step after it is found against it
     frame, _ = fleet(FleetDesign(robots=60, joints=2, worn=0.0))
     place = frame.groupby("unit", observed=True)["session"].rank("dense")
     frame = frame.assign(tags=pd.Categorical(np.where(place.between(2, 4), "baseline", "")))
@@ -322,10 +288,7 @@ def test_marked_sessions_in_a_row_are_one_baseline() -> None:
     assert accused(found) == {("robot-007", "J1")}
     assert found.joints.iloc[0]["since"] == frame.loc[hit & (place == 6), "session"].iloc[0]
     assert abs(found.joints.iloc[0]["percent"] - 50) < 15
-
-
-def test_the_mark_of_a_session_that_failed_holds(plain: Plain) -> None:
-    """A marked session of which no joint is known, its file being gone, begins the joints of its unit and type anew, and no others."""
+    # a marked session of which no joint is known, its file being gone, begins the joints of its unit and type anew, and no others
     frame, _, found = plain
     row = found.joints.iloc[0]
     own = (frame["unit"] == row["unit"]) & (frame["joint"] == row["joint"])
@@ -417,10 +380,7 @@ def test_columns_of_the_dataset() -> None:
     first = " ".join(re.findall(r"^\|([^|]*)\|", section, re.MULTILINE))
     named = re.findall(r"`(\w+)`", first)
     assert sorted(named) == sorted(COLUMNS)
-
-
-def test_columns_of_the_tables() -> None:
-    """The document names the columns of every table of findings."""
+    # the document names the columns of every table of findings
     found = findings(fleet(FleetDesign(robots=6, joints=1, sessions=5))[0])
     names = ("joints", "changes", "types", "units", "quality", "warned", "failures", "series")
     told = {table: set(re.findall(r"`(\w+)`", row_of(table))) for table in names}

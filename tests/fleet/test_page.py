@@ -1,8 +1,10 @@
-"""The pages of a fleet: what stands on them whatever names say, how large they get, their figures, and the tables beside them."""
+"""The pages and the text of a fleet: what stands there whatever names say, how large pages get, their figures, and the tables beside them."""
 
 import csv
 import io
+import math
 import re
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -17,7 +19,9 @@ from bristle.page.report import Report
 from bristle.questions.fleet import figures, tables
 from bristle.questions.fleet import report as reports
 from bristle.questions.fleet.findings import Findings, findings
+from bristle.questions.fleet.notes import headline
 from bristle.questions.fleet.report import report
+from bristle.questions.fleet.tables import change, day, estimate, probability, totals
 from simulated_fleet import FleetDesign, fleet_estimates, fleet_truth
 
 from ..pages import Elements, assert_tables_are_named, page_text
@@ -58,25 +62,7 @@ def test_pages_of_a_large_fleet_are_at_most_three_megabytes(monkeypatch: pytest.
     assert len(files["figures/figure.svg"]) <= 5e5
 
 
-def test_a_larger_fleet_says_what_is_left_out(found: Findings, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Beyond the caps tables and figures hold the first ranks, the page says so, and the CSV files are whole."""
-    monkeypatch.setattr(tables, "MOST", 12)
-    monkeypatch.setattr(reports, "_DRAWN", 2)
-    report(found).write(tmp_path / "out")
-    pages = {name: page_text(tmp_path / "out" / f"{name}.html") for name in ("index", "units", "quality")}
-    for name, title, count, of in (
-        ("index", "Joints, by rank", 16, "joints"),
-        ("units", "Values of units", 64, "units"),
-        ("quality", "Sessions without a result", 45, "failures"),
-    ):
-        assert f"This page has the first 12 of {count} rows; tables/{of}.csv has all." in pages[name]
-        assert len(table_rows(pages[name], title)) == 12
-        assert (tmp_path / "out" / "tables" / f"{of}.csv").read_bytes().count(b"\n") == count + 1
-    assert "Figures show the first 2 of the 4 joints that changed" in pages["index"]
-    assert pages["index"].count("<figure") == 2
-
-
-def test_hostile_names_stay_text(folder: Path) -> None:
+def test_hostile_names_stay_text(folder: Path, tmp_path: Path) -> None:
     """A name that ends a script and loads an image begins no tag, and stands in tables, headings and figures as it is."""
     for name in ("index", "units", "quality"):
         page = page_text(folder / f"{name}.html")
@@ -87,10 +73,7 @@ def test_hostile_names_stay_text(folder: Path) -> None:
     rows = table_rows(page_text(folder / "index.html"), "Joints, by rank")
     assert [row[1] for row in rows if "&lt;img" in row[1]]
     assert next(row[2] for row in rows if "Zelle" in row[2]).endswith("手首")
-
-
-def test_equal_findings_give_equal_bytes(folder: Path, tmp_path: Path) -> None:
-    """Written again every file is the same."""
+    # written again every file is the same
     again = report(plausible(units=8, failed=45), "out put").write(tmp_path / "page").parent
     read = [{x.relative_to(top): x.read_bytes() for x in top.rglob("*") if x.is_file()} for top in (folder, again)]
     assert read[0] == read[1]
@@ -142,7 +125,7 @@ def test_what_is_no_number_or_open_is_drawn_as_far_as_it_is_one(found: Findings)
     assert all(np.isfinite(ax.get_ylim()).all() for ax in figure.axes)
 
 
-def test_quality_over_time_leaves_notes_out(folder: Path) -> None:
+def test_quality_over_time_leaves_notes_out(folder: Path, found: Findings) -> None:
     """The figure has cautions, critical warnings and failed sessions, and no notes; the table has all, with their entries."""
     with (folder / "figures" / "quality.csv").open(encoding="utf-8") as file:
         assert {line["series"] for line in csv.DictReader(file)} == {"clipped", "torque-drifts", "failed"}
@@ -151,62 +134,7 @@ def test_quality_over_time_leaves_notes_out(folder: Path) -> None:
     for code in ("clipped", "torque-drifts"):
         assert f'href="#warning-{code}"' in page
         assert f'<dt id="warning-{code}">' in page
-
-
-def test_reports_are_commands_until_they_are_there(found: Findings, tmp_path: Path) -> None:
-    """Each joint has the command that makes its report in a shell, and a link once the report stands below the page."""
-    folders = tables.report_folders(found.joints)
-    assert len(set(folders.values())) == len(found.joints)
-    slug = folders["robot-006", EXOTIC]
-    assert re.fullmatch(r"[a-z0-9-]+-2026-07-20-0800", slug)
-    rows = table_rows(report(found, str(tmp_path), "/logs").html(), "Joints, by rank")
-    (said,) = [row[-1] for row in rows if row[1] == "robot-006" and "Zelle" in row[2]]
-    assert said == f"bristle report &#39;/logs/logs/0010 ü.yaml&#39; -o {tmp_path}/reports/{slug}"
-    (tmp_path / "reports" / slug).mkdir(parents=True)
-    (tmp_path / "reports" / slug / "index.html").write_text("a report", encoding="utf-8")
-    rows = table_rows(report(found, str(tmp_path)).html(), "Joints, by rank")
-    links = [row[-1] for row in rows if not row[-1].startswith("bristle report")]
-    assert links == [f'<a href="reports/{slug}/index.html">report</a>']
-
-
-def test_commands_are_safe_in_a_shell() -> None:
-    """A file or folder that begins with a hyphen gets ./ before it, one with a quote stays one word; behind a URL there is none."""
-    joints = pd.DataFrame({"unit": ["a"], "joint": ["b"], "latest": [pd.NaT], "file": ["--it's; rm x.yaml"]})
-    (command,) = tables.report_commands(joints, "-out/").values()
-    assert command == "bristle report './--it'\"'\"'s; rm x.yaml' -o ./-out/reports/a-b"
-    (command,) = tables.report_commands(joints.assign(file="x.yaml"), "/out", "the logs").values()
-    assert command == "bristle report 'the logs/x.yaml' -o /out/reports/a-b"
-    assert tables.report_commands(joints.assign(file="s3://logs/x.yaml"), "out") == {}
-
-
-def test_joints_of_one_file_share_a_report() -> None:
-    """A robot's joints, measured in one file, have one folder, named by the robot; two robots that are called alike have two."""
-    rows = [("R 1", "J1", "r.yaml"), ("R 1", "J2", "r.yaml"), ("R-1", "J1", "s.yaml"), ("R 1", "J3", "t.yaml")]
-    joints = pd.DataFrame(rows, columns=["unit", "joint", "file"]).assign(latest=pd.Timestamp("2026-05-04 08:30"))
-    folders = tables.report_folders(joints)
-    assert folders["R 1", "J1"] == folders["R 1", "J2"] == "r-1-2026-05-04-0830"
-    assert folders["R 1", "J3"] == "r-1-j3-2026-05-04-0830"
-    assert folders["R-1", "J1"] == "r-1-j1-2026-05-04-0830"
-
-
-def test_tables_beside_the_page_are_whole(found: Findings, folder: Path) -> None:
-    """Each table of the findings is a CSV file of its columns and rows, in which no text is a formula."""
-    assert_tables_are_named(folder)
-    frames = report(found).frames
-    assert set(frames) == {"joints", "changes", "units", "types", "quality", "warned", "failures"}
-    assert {path.stem for path in (folder / "tables").iterdir()} == set(frames)
-    for name, frame in frames.items():
-        rows = list(csv.DictReader(io.StringIO((folder / "tables" / f"{name}.csv").read_text(encoding="utf-8"))))
-        assert len(rows) == len(frame) == len(getattr(found, name))
-        assert list(rows[0]) == list(frame.columns)
-        assert [row["joint"] for row in rows] == list(frame["joint"]) if "joint" in frame else True
-    assert rows[0]["file"] == "'=cut <off>.csv"
-    written = (folder / "tables" / "joints.csv").read_text(encoding="utf-8")
-    assert [float(row["percent"]) for row in csv.DictReader(io.StringIO(written))] == list(found.joints["percent"])
-
-
-def test_what_must_be_said_stands_first(folder: Path) -> None:
-    """Headline, SIMULATED, notes with their codes' entries, the ranked joints, and of the first what to think of new warnings."""
+    # headline, SIMULATED, notes with their codes' entries, the ranked joints, and of the first what to think of new warnings
     page = page_text(folder / "index.html")
     assert "<strong>SIMULATED data.</strong>" in page
     assert "of 16 joints changed, at a false discovery rate of 5 %" in page
@@ -223,6 +151,69 @@ def test_what_must_be_said_stands_first(folder: Path) -> None:
     assert types[0][7].startswith(("-1.", "-0.9"))
     failures = table_rows(page_text(folder / "quality.html"), "Sessions without a result")
     assert failures[0][3] == "&lt;i&gt;file 0&lt;/i&gt;: ends in line 812; log it again"
+    # each table of the findings is a CSV file of its columns and rows, in which no text is a formula
+    assert_tables_are_named(folder)
+    frames = report(found).frames
+    assert set(frames) == {"joints", "changes", "units", "types", "quality", "warned", "failures"}
+    assert {path.stem for path in (folder / "tables").iterdir()} == set(frames)
+    for name, frame in frames.items():
+        read = list(csv.DictReader(io.StringIO((folder / "tables" / f"{name}.csv").read_text(encoding="utf-8"))))
+        assert len(read) == len(frame) == len(getattr(found, name))
+        assert list(read[0]) == list(frame.columns)
+        assert [row["joint"] for row in read] == list(frame["joint"]) if "joint" in frame else True
+    assert read[0]["file"] == "'=cut <off>.csv"
+    written = (folder / "tables" / "joints.csv").read_text(encoding="utf-8")
+    assert [float(row["percent"]) for row in csv.DictReader(io.StringIO(written))] == list(found.joints["percent"])
+
+
+def test_reports_are_commands_until_they_are_there(
+    found: Findings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each joint has the command that makes its report in a shell, and a link once the report stands below the page."""
+    folders = tables.report_folders(found.joints)
+    assert len(set(folders.values())) == len(found.joints)
+    slug = folders["robot-006", EXOTIC]
+    assert re.fullmatch(r"[a-z0-9-]+-2026-07-20-0800", slug)
+    rows = table_rows(report(found, str(tmp_path), "/logs").html(), "Joints, by rank")
+    (said,) = [row[-1] for row in rows if row[1] == "robot-006" and "Zelle" in row[2]]
+    assert said == f"bristle report &#39;/logs/logs/0010 ü.yaml&#39; -o {tmp_path}/reports/{slug}"
+    (tmp_path / "reports" / slug).mkdir(parents=True)
+    (tmp_path / "reports" / slug / "index.html").write_text("a report", encoding="utf-8")
+    rows = table_rows(report(found, str(tmp_path)).html(), "Joints, by rank")
+    links = [row[-1] for row in rows if not row[-1].startswith("bristle report")]
+    assert links == [f'<a href="reports/{slug}/index.html">report</a>']
+    # beyond the caps tables and figures hold the first ranks, the page says so, and the CSV files are whole
+    monkeypatch.setattr(tables, "MOST", 12)
+    monkeypatch.setattr(reports, "_DRAWN", 2)
+    report(found).write(tmp_path / "out")
+    pages = {name: page_text(tmp_path / "out" / f"{name}.html") for name in ("index", "units", "quality")}
+    for name, title, count, of in (
+        ("index", "Joints, by rank", 16, "joints"),
+        ("units", "Values of units", 64, "units"),
+        ("quality", "Sessions without a result", 45, "failures"),
+    ):
+        assert f"This page has the first 12 of {count} rows; tables/{of}.csv has all." in pages[name]
+        assert len(table_rows(pages[name], title)) == 12
+        assert (tmp_path / "out" / "tables" / f"{of}.csv").read_bytes().count(b"\n") == count + 1
+    assert "Figures show the first 2 of the 4 joints that changed" in pages["index"]
+    assert pages["index"].count("<figure") == 2
+
+
+def test_commands_are_safe_in_a_shell() -> None:
+    """A file or folder that begins with a hyphen gets ./ before it, one with a quote stays one word; behind a URL there is none."""
+    joints = pd.DataFrame({"unit": ["a"], "joint": ["b"], "latest": [pd.NaT], "file": ["--it's; rm x.yaml"]})
+    (command,) = tables.report_commands(joints, "-out/").values()
+    assert command == "bristle report './--it'\"'\"'s; rm x.yaml' -o ./-out/reports/a-b"
+    (command,) = tables.report_commands(joints.assign(file="x.yaml"), "/out", "the logs").values()
+    assert command == "bristle report 'the logs/x.yaml' -o /out/reports/a-b"
+    assert tables.report_commands(joints.assign(file="s3://logs/x.yaml"), "out") == {}
+    # a robot's joints, measured in one file, have one folder, named by the robot; two robots that are called alike have two
+    rows = [("R 1", "J1", "r.yaml"), ("R 1", "J2", "r.yaml"), ("R-1", "J1", "s.yaml"), ("R 1", "J3", "t.yaml")]
+    joints = pd.DataFrame(rows, columns=["unit", "joint", "file"]).assign(latest=pd.Timestamp("2026-05-04 08:30"))
+    folders = tables.report_folders(joints)
+    assert folders["R 1", "J1"] == folders["R 1", "J2"] == "r-1-2026-05-04-0830"
+    assert folders["R 1", "J3"] == "r-1-j3-2026-05-04-0830"
+    assert folders["R-1", "J1"] == "r-1-j1-2026-05-04-0830"
 
 
 def test_findings_of_nothing_are_a_page(tmp_path: Path) -> None:
@@ -242,10 +233,7 @@ def test_findings_of_nothing_are_a_page(tmp_path: Path) -> None:
     page = page_text(tmp_path / "quality.html")
     assert "No session has a warning." in page
     assert "None: every session was identified and used." in page
-
-
-def test_findings_of_a_simulated_fleet_are_a_page() -> None:
-    """What `findings` gives of estimates is what the page takes: every joint and type, and figures though no joint changed."""
+    # what `findings` gives of estimates is what the page takes: every joint and type, and figures though no joint changed
     design = FleetDesign(robots=12, joints=2, sessions=5, worn=0.0, swing=10.0)
     rng = np.random.default_rng(3)
     found = findings(fleet_estimates(design, fleet_truth(design, rng), rng))
@@ -258,3 +246,77 @@ def test_findings_of_a_simulated_fleet_are_a_page() -> None:
     (types,) = [x.table for x in made.pages[0].sections if x.title == "Types"]
     assert types is not None
     assert len(types.cells.rows) == len(found.types) == 16
+
+
+def text(found: Findings) -> str:
+    """What the command prints."""
+    return report(found).text()
+
+
+def test_the_text_of_a_small_fleet() -> None:
+    """Headline, changed joints, values outside, data quality, failures and notes, in this order, each with its numbers."""
+    found = plausible(units=3, joints=2, sessions=6)
+    joints = found.joints.copy()
+    joints[["unit", "joint"]] = [[f"r{k}", "J1"] for k in range(6)]
+    units = found.units[found.units["unit"] != HOSTILE].assign(joint="J1", type="T1")
+    failures = found.failures.assign(unit="r0", joint="J1")
+    first = headline(joints.assign(percent=15.0), 0.05)
+    warned = found.warned.assign(unit="r0", joint="J1")
+    told = replace(found, joints=joints, headline=first, units=units, failures=failures, warned=warned)
+    lines = text(told).splitlines()
+    assert lines[:2] == [
+        "2 of 6 joints changed, at a false discovery rate of 5 %; the clearest: r0 J1, alpha_0- by +15 % since 2026-04-27; "
+        "1 other changed as well.",
+        "SIMULATED data.",
+    ]
+    assert lines[2] == "Joints that changed (2), with 95 % interval and adjusted p:"
+    row = found.joints.iloc[0]
+    size = change(row["percent"], row["percent_lower"], row["percent_upper"])
+    named = f"  r0 J1  alpha_0{row['direction']}  {size} %"
+    assert lines[3] == f"{named}  since 2026-04-27  p {probability(row['adjusted_p'])}"
+    assert [line for line in lines if line.startswith("      new")] == ["      new warnings: clipped torque-drifts"]
+    (at,) = [k for k, line in enumerate(lines) if line.startswith("Values outside their type (2)")]
+    assert all("N*m" in line and "% from type" in line and "+/-" in line for line in lines[at + 1 : at + 3])
+    assert lines[at + 3].startswith("Data quality, percent of 30 joint-sessions: ")
+    assert "too-short" not in lines[at + 3]
+    assert lines[at + 4] == "Warnings that began and stayed (1):"
+    assert lines[at + 5].endswith("clipped  since 2026-01-05  in 2 of 3 sessions")
+    assert lines[at + 6] == (
+        "3 sessions failed or left out; the first: r0 J1 of 2026-01-05: <i>file 0</i>: ends in line 812; log it again"
+    )
+    assert lines[at + 7].endswith("a failing sensor is not wear. [warned-since]")
+    assert lines[at + 8 :] == ["What a code in brackets means: bristle explain CODE"]
+    # of many joints 20 are listed, of many values outside 10, and the counts are those of all
+    lines = text(plausible(units=60, joints=9)).splitlines()
+    assert "Joints that changed (108, the first 20), with 95 % interval and adjusted p:" in lines
+    assert "Values outside their type (154, the first 10), with adjusted p:" in lines
+    assert sum(" since 2026-" in line for line in lines[2:]) == 20 + 1  # and where a warning began
+
+
+def test_names_changes_and_counts_in_text() -> None:
+    """Whatever a unit is called, a line has no control character, and the name takes 24 columns at most."""
+    found = plausible(units=1, joints=1)
+    joints = found.joints.assign(unit="a\x1b[31m\n" + 50 * "b", joint="J\t1")
+    lines = text(replace(found, joints=joints)).splitlines()
+    assert all(line.isprintable() for line in lines)
+    assert not any(26 * "b" in line for line in lines[2:])
+    # a change is rounded as its interval, to the second digit of a quarter of its width; an open interval is left out
+    cases = (
+        ((15.234, 12.1, 18.3), "+15.2 [12.1, 18.3]"), ((-0.4, -2.2, 1.4), "-0.40 [-2.20, 1.40]"),
+        ((250.3, 100.0, 400.0), "+250 [100, 400]"), ((12.0, -math.inf, math.inf), "+12"), ((math.nan, 0.0, 1.0), "–"),
+    )  # fmt: skip  # a list of values
+    assert [change(*given) for given, _ in cases] == [wanted for _, wanted in cases]
+    assert [estimate(*given) for given, _ in cases] == [wanted.removeprefix("+") for _, wanted in cases]
+    # two digits; below 1e-30 no more than that; a dash where there is none
+    assert [probability(p) for p in (0.04321, 1e-40, math.nan, 1.0)] == ["0.043", "< 1e-30", "–", "1"]
+    assert (day(pd.Timestamp("2026-05-04 23:59")), day(pd.NaT)) == ("2026-05-04", "–")
+    # a code's percent is of the joint-sessions of all periods, also of those in which it does not occur
+    quality = pd.DataFrame(
+        {
+            "period": pd.to_datetime(["2026-01-01", "2026-01-01", "2026-02-01"]), "code": ["gaps", "clipped", "clipped"],
+            "severity": "caution", "joint_sessions": [3, 1, 4], "of": [10, 10, 30], "percent": [30.0, 10.0, 13.3],
+        }
+    )  # fmt: skip  # a table
+    whole = totals(quality)
+    assert list(whole["code"]) == ["clipped", "gaps"]
+    assert np.allclose(whole["percent"], [12.5, 7.5])

@@ -18,7 +18,6 @@ def main() -> None:
     seed, end, kinds = options.seed, time.monotonic() + 60 * options.minutes, set[str]()
 
     def found(case: Case, defect: AssertionError) -> None:
-        """Print a defect of a kind that was not seen before."""
         said = str(defect).strip()
         kind = "".join(c for c in "\n".join(said.splitlines()[-4:]) if not c.isdigit())
         if kind not in kinds:

@@ -44,14 +44,8 @@ _STEP = 5e-3
 _GRIPPER = TABLE_1["gripper rotation"].positive
 _UNITS = {"t": "s", "q": "rad", "v": "rad/s", "tau": "N*m", "i": "A", "u": "V", "q_des": "rad"}
 _SIGNALS = {
-    "t": "time",
-    "q": "position",
-    "v": "velocity",
-    "tau": "torque",
-    "i": "current",
-    "u": "voltage",
-    "q_des": "command",
-}
+    "t": "time", "q": "position", "v": "velocity", "tau": "torque", "i": "current", "u": "voltage", "q_des": "command",
+}  # fmt: skip  # a list of values
 
 
 @cache
@@ -497,27 +491,17 @@ _COMMANDS: list[tuple[str, ...]] = (
 
 
 _EXPORTS = [
-    "c.h",
-    "mujoco.xml",
-    "mujoco-frictionloss.xml",
-    "urdf.urdf",
-    "sdf.sdf",
-    "isaac.py",
-    "json.json",
-    "matlab.m",
+    "c.h", "mujoco.xml", "mujoco-frictionloss.xml", "urdf.urdf", "sdf.sdf", "isaac.py", "json.json", "matlab.m",
     "latex.tex",
-]
+]  # fmt: skip  # a list of values
 """Targets, with the suffix that each is written with."""
 _READING: list[tuple[str, ...]] = [
-    ("inspect", "r.json"),
-    ("report", "r.json", "-o", "out"),
-    ("plan", "r.json", "-o", "out.csv"),
-    ("sensitivity", "r.json", "--samples", "0", "-o", "out"),
-    ("explore", "r.json", "-o", "out.html"),
+    ("inspect", "r.json"), ("report", "r.json", "-o", "out"), ("plan", "r.json", "-o", "out.csv"),
+    ("sensitivity", "r.json", "--samples", "0", "-o", "out"), ("explore", "r.json", "-o", "out.html"),
     ("adapt", "r.json", "-o", "out"),
     *(("export", "r.json", "--to", Path(x).stem, "-o", f"out{Path(x).suffix}") for x in _EXPORTS),
     ("validate", "r.json", "--repetitions", "20", "--starts", "2", "-o", "out"),
-]
+]  # fmt: skip  # a list of values
 
 
 _EXPERIMENT = """

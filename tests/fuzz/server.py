@@ -24,18 +24,9 @@ SECONDS, BYTES = 20, 2 * 2**30
 _PATIENCE = 30.0
 """Times that: a command that waits, and does not work, is ended then; one that works is by its time of the processor, whatever runs beside it."""
 _READERS = (
-    "data",
-    "questions/session_comparison/results.py",
-    "identification/document.py",
-    "identification/samples.py",
-    "errors.py",
-    "__main__.py",
-    "cli.py",
-    "terminal.py",
-    "api/",
-    "progress.py",
-    "workers.py",
-)
+    "data", "questions/session_comparison/results.py", "identification/document.py", "identification/samples.py",
+    "errors.py", "__main__.py", "cli.py", "terminal.py", "api/", "progress.py", "workers.py",
+)  # fmt: skip  # a list of values
 """Where, below the package, an input that fails there was not yet past the reader."""
 
 
@@ -51,7 +42,6 @@ def _run(folder: str, arguments: list[str]) -> None:
     plain = process.reason
 
     def sentence(error: object) -> str:
-        """The sentence, and a file that says that the input was read."""
         if isinstance(error, BaseException) and _past(error.__traceback__):
             Path(f"{folder}.past").touch()
         return str(plain(error))

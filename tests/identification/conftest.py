@@ -33,12 +33,9 @@ J = 1.27e-3
 TONES = ((0.25, 0.3), (0.06, 1.3), (0.04, 3.1), (0.02, 7.0), (0.01, 12.0))
 """Amplitudes of velocity, rad/s, at frequencies, Hz, that show all parameters of `GRIPPER`."""
 SIGNALS = {
-    "t": "time: {column: t, unit: s}",
-    "q": "position: {column: q, unit: rad}",
-    "v": "velocity: {column: v, unit: rad/s}",
-    "T": "torque: {column: T, unit: N*m}",
-    "driven": "enabled: driven",
-}
+    "t": "time: {column: t, unit: s}", "q": "position: {column: q, unit: rad}",
+    "v": "velocity: {column: v, unit: rad/s}", "T": "torque: {column: T, unit: N*m}", "driven": "enabled: driven",
+}  # fmt: skip  # a list of values
 """What an experiment file says of a column."""
 
 

@@ -25,7 +25,6 @@ def swing(folder: Path, zero: float = 0.0) -> list[Path]:
     t = np.arange(0, 40, 1 / 150)
 
     def rates(_: float, x: Array) -> list[float]:
-        """Of position and velocity."""
         return [x[1], (-GRAVITY * np.sin(x[0]) - COULOMB * np.tanh(x[1] / 2e-3) - VISCOUS * x[1]) / J]
 
     logs = []
@@ -85,6 +84,22 @@ def test_a_hand_that_holds_before_it_lets_go_is_no_friction(tmp_path: Path) -> N
     near(joint, 0.15, alpha_0=COULOMB, alpha_2=VISCOUS)
     said = [next(n for n in x.notes if n.code == "rests-left-out") for x in joint.inputs]
     assert [n.numbers["rows"] >= 140 * k for k, n in enumerate(said, 1)] == [True, True, True]
+    # a torque, another kind of run, what the torque is made of as a regressor, and both gravity and inertia: one sentence each
+    (log,) = spin(tmp_path)[:1]
+    text, _ = bristle.draft(log, told=bristle.Told(coasting=True, inertia="1 kg*m^2"))
+    line, path = 'coasting: {inertia: "1 kg*m^2"}', tmp_path / "bad.yaml"
+    for old, new, says in (
+        (line, 'coasting: {inertia: "1 kg*m^2", gravity: 1 N*m}', "got gravity and inertia; expected one of them"),
+        (line, f"{line}\ninertia: 1 kg*m^2", "coasting: got inertia beside it"),
+        ("tracking}", "ramp}", "got a run of kind ramp beside it; expected tracking runs"),
+        ("signals:", 'signals:\n  torque: {column: "q", unit: "N*m"}', r"got signals\.torque beside it"),
+        ("regressors: []", "regressors: [inertia]", r"got fit\.regressors: inertia beside it"),
+    ):
+        path.write_text(text.replace(old, new), encoding="utf-8")
+        with pytest.raises(InputError, match=says):
+            load_experiment(path)
+    path.write_text(text.replace(line, "coasting: {gravity: 1 N*m}\ninertia: 1 kg*m^2"), encoding="utf-8")
+    load_experiment(path)
 
 
 @pytest.mark.parametrize(
@@ -104,22 +119,3 @@ def test_a_wheel_that_spins_down(tmp_path: Path, told: str | None, kind: str, by
     assert ("per-inertia" in {w.code for w in joint.warnings}) == (not told)
     if told:
         assert (found["alpha_0"].standard_error or 0.0) > 0.01 * 2 * COULOMB
-
-
-def test_what_contradicts_coasting_is_refused(tmp_path: Path) -> None:
-    """A torque, another kind of run, what the torque is made of as a regressor, and both gravity and inertia: one sentence each."""
-    (log,) = spin(tmp_path)[:1]
-    text, _ = bristle.draft(log, told=bristle.Told(coasting=True, inertia="1 kg*m^2"))
-    line, path = 'coasting: {inertia: "1 kg*m^2"}', tmp_path / "bad.yaml"
-    for old, new, says in (
-        (line, 'coasting: {inertia: "1 kg*m^2", gravity: 1 N*m}', "got gravity and inertia; expected one of them"),
-        (line, f"{line}\ninertia: 1 kg*m^2", "coasting: got inertia beside it"),
-        ("tracking}", "ramp}", "got a run of kind ramp beside it; expected tracking runs"),
-        ("signals:", 'signals:\n  torque: {column: "q", unit: "N*m"}', r"got signals\.torque beside it"),
-        ("regressors: []", "regressors: [inertia]", r"got fit\.regressors: inertia beside it"),
-    ):
-        path.write_text(text.replace(old, new), encoding="utf-8")
-        with pytest.raises(InputError, match=says):
-            load_experiment(path)
-    path.write_text(text.replace(line, "coasting: {gravity: 1 N*m}\ninertia: 1 kg*m^2"), encoding="utf-8")
-    load_experiment(path)

@@ -84,6 +84,11 @@ def test_gravity_is_taken_where_it_explains_what_is_left(tmp_path: Path) -> None
     assert joint.tracking is not None
     assert "lacks-a-term" in codes(joint.tracking.warnings)
     assert "chosen regressors" not in bristle.identify(log(tmp_path, clean(), asked)).joint().settings
+    # a torque cut off at seven tenths of its largest: the samples there are named and left out, and the joint comes back
+    torque = clean()
+    joint = bristle.identify(log(tmp_path, torque, limit=0.7 * float(np.abs(torque).max()))).joint()
+    assert "clipped-left-out" in codes(joint.warnings)
+    near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
 
 
 @pytest.mark.slow
@@ -94,11 +99,7 @@ def test_a_delay_is_left_as_written(tmp_path: Path) -> None:
     assert "chosen delay" not in joint.settings
     assert joint.tracking is not None
     assert "torque-delayed" in codes(joint.tracking.warnings)
-
-
-@pytest.mark.slow
-def test_drag_is_taken(tmp_path: Path) -> None:
-    """Drag is in the law where the torque has it, its coefficient comes back, and the line says so; a clean joint keeps the paper's law."""
+    # drag is in the law where the torque has it, its coefficient comes back, and the line says so; a clean joint keeps the paper's law
     _, _, v, _ = motion()
     dragged = bristle.identify(log(tmp_path, clean() + 0.4 * v * np.abs(v))).joint()
     near(dragged, alpha_0=0.8, alpha_2=0.5, alpha_3=0.4, inertia=INERTIA)
@@ -106,14 +107,6 @@ def test_drag_is_taken(tmp_path: Path) -> None:
     plain = bristle.identify(log(tmp_path, clean())).joint()
     assert plain.law_name == "gaussian"
     near(plain, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
-
-
-def test_clipped_samples_of_a_motion_are_left_out(tmp_path: Path) -> None:
-    """A torque cut off at seven tenths of its largest: the samples there are named and left out, and the joint comes back."""
-    torque = clean()
-    joint = bristle.identify(log(tmp_path, torque, limit=0.7 * float(np.abs(torque).max()))).joint()
-    assert "clipped-left-out" in codes(joint.warnings)
-    near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
 
 
 def test_points_at_rest_and_points_that_are_clipped_are_left_out() -> None:
@@ -127,6 +120,19 @@ def test_points_at_rest_and_points_that_are_clipped_are_left_out() -> None:
     assert reasons.count("saturated") == int(np.sum(np.abs(T) == 1.1))
     for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
         assert holds(fit.joint.static["both"].parameters[name].interval, getattr(TRUTH, name)), name
+    # points at one speed both ways about an offset: friction there is known, its split is not, and alpha_2 is at most all of it
+    v = np.repeat([0.4, -0.4], 20) * (1 + 0.01 * np.random.default_rng(2).standard_normal(40))
+    T = bristle.friction(v, TRUTH) + 0.3 + 1e-3 * np.random.default_rng(3).standard_normal(40)
+    fit = bristle.fit(v, T, directions="symmetric", regressors=("offset",))
+    found, whole = fit.joint.static["both"].parameters, 0.8 + 0.5 * 0.4
+    assert found["offset"].value == pytest.approx(0.3, abs=2e-3)
+    assert fit.friction(0.4) == pytest.approx(whole, abs=3e-3)
+    assert found["alpha_0"].interval == pytest.approx((0.0, whole), abs=3e-3)
+    assert found["alpha_2"].interval == pytest.approx((0.0, whole / 0.4), abs=0.02)
+    assert all("one-speed-only" in codes(found[name].warnings) for name in ("alpha_0", "alpha_2"))
+    assert ParameterName.parse("alpha_2") not in fit.joint.crosscheck["both"].parameters
+    assert fit.joint.accuracy is not None
+    assert fit.joint.accuracy.band < 1
 
 
 @pytest.mark.slow
@@ -146,22 +152,6 @@ def test_points_that_are_all_at_a_limit_state_no_error(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "index.html").is_file()
     again = bristle.read_results(tmp_path / "out" / "results.json").joint()
     assert [w.effect for w in again.warnings] == [w.effect for w in joint.warnings]
-
-
-def test_of_one_speed_the_sum_is_known() -> None:
-    """Points at one speed both ways about an offset: friction there is known, its split is not, and alpha_2 is at most all of it."""
-    v = np.repeat([0.4, -0.4], 20) * (1 + 0.01 * np.random.default_rng(2).standard_normal(40))
-    T = bristle.friction(v, TRUTH) + 0.3 + 1e-3 * np.random.default_rng(3).standard_normal(40)
-    fit = bristle.fit(v, T, directions="symmetric", regressors=("offset",))
-    found, whole = fit.joint.static["both"].parameters, 0.8 + 0.5 * 0.4
-    assert found["offset"].value == pytest.approx(0.3, abs=2e-3)
-    assert fit.friction(0.4) == pytest.approx(whole, abs=3e-3)
-    assert found["alpha_0"].interval == pytest.approx((0.0, whole), abs=3e-3)
-    assert found["alpha_2"].interval == pytest.approx((0.0, whole / 0.4), abs=0.02)
-    assert all("one-speed-only" in codes(found[name].warnings) for name in ("alpha_0", "alpha_2"))
-    assert ParameterName.parse("alpha_2") not in fit.joint.crosscheck["both"].parameters
-    assert fit.joint.accuracy is not None
-    assert fit.joint.accuracy.band < 1
 
 
 @pytest.mark.parametrize(("unit", "step"), [("ms", 2.0), ("us", 2000.0), ("ns", 2e6)])
@@ -232,7 +222,6 @@ def test_what_a_drive_compares_its_commands_with(tmp_path: Path) -> None:
     gains = {"kp": f"{kp} N*m/rad", "kd": f"{kd} N*m*s/rad", "held": False}
 
     def identified(fresh: bool | None, delay: str = "") -> Joint:
-        """As it is drafted."""
         text, _ = bristle.draft(log, told=bristle.Told(fresh=fresh, **gains))  # type: ignore[arg-type]  # by name
         (tmp_path / "log.yaml").write_text(
             text.replace('"q_des", unit: "rad"', f'"q_des", unit: "rad"{delay}'), encoding="utf-8"
@@ -247,10 +236,7 @@ def test_what_a_drive_compares_its_commands_with(tmp_path: Path) -> None:
     assert (found, reason and reason.code) == (Trust.DO_NOT_USE, "feedback-unknown")
     (said,) = (w for w in untold.warnings if w.code == "feedback-unknown")
     assert said.numbers["lower"] == pytest.approx(kp * late, rel=0.05)
-
-
-def test_a_drive_that_would_act_before_it_is_told_is_not_believed(tmp_path: Path) -> None:
-    """Commands that were logged 20 ms late, or gains that are wrong, look so: critical."""
+    # commands that were logged 20 ms late, or gains that are wrong, look so: critical
     t, q, v, _ = motion()
     torque = clean() + white(t.size, 0.01)
     q_d = q + (np.interp(t - 0.02, t, torque) + 1.5 * v) / 40
@@ -267,7 +253,6 @@ def test_a_peak_that_is_not_claimed_is_in_the_band(tmp_path: Path) -> None:
     t, q, v, acceleration = sines(200.0, 60.0, [(0.6, 0.15, 0.0), (0.12, 0.73, 0.0)])
 
     def friction(v: Array) -> Array:
-        """N*m."""
         level: Array = (2.0 + 0.8 * np.exp(-((v / 0.05) ** 2))) * np.tanh(v / 1e-3) + 1.5 * v
         return level
 
@@ -298,10 +283,8 @@ def test_a_stroke_too_slow_for_v_s_gives_its_curve_and_no_peak(tmp_path: Path) -
     for name in ("alpha_1", "v_s"):
         assert (by_name[name].value, codes(by_name[name].warnings)) == (None, ["unseen-shape"])
     assert by_name["inertia"].value is None or by_name["inertia"].value > 0
-
-
-def test_two_velocities_are_a_motion(tmp_path: Path) -> None:
-    """A triangle at one speed has two constant velocities, of which points tell nothing: as a motion it gives the friction at that speed to 2 %."""
+    # a triangle at one speed has two constant velocities, of which points tell nothing: as a motion it gives the friction at that speed to
+    # 2 %
     t, speed = np.arange(0, 24, 1 / RATE), 0.02
     v = speed * np.tanh(40 * np.sin(2 * np.pi * t / 12))
     torque = bristle.simulate(v, 1 / RATE, TRUTH) + INERTIA * np.gradient(v, t)

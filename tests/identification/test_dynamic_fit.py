@@ -20,13 +20,7 @@ from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.descent import fit, solve_dynamic
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
-from bristle.identification.dynamic.problem import (
-    DynamicProblem,
-    InitialState,
-    Prior,
-    dynamic_problem,
-    residuals,
-)
+from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Prior, dynamic_problem, residuals
 from bristle.identification.dynamic.what_is_left import pattern_left
 from bristle.identification.fits import TrackingFit
 from bristle.identification.moving_runs import moved_in
@@ -99,19 +93,13 @@ def test_the_jacobian_is_that_of_differences(p: Lugre[float] | Pair[float], deci
 
 
 @SETS
-def test_without_noise_the_truth_comes_back(p: Lugre[float] | Pair[float]) -> None:
+def test_without_noise_the_truth_comes_back(p: Lugre[float] | Pair[float], monkeypatch: pytest.MonkeyPatch) -> None:
     """From a start that is off by a quarter, noise-free data give every parameter back."""
     values, minimum = fit(posed(record(p), sides(p)), shifted(by_name(p)) | {Z0: 0.0})
     assert minimum.cost < 1e-16
     for name, true in by_name(p).items():
         assert values[name] == pytest.approx(true, rel=1e-4)
-
-
-@SETS
-def test_many_samples_have_the_minimum_that_few_of_them_lead_to(
-    p: Lugre[float] | Pair[float], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A fit that begins on every eighth sample ends where one that does not ends, to 1e-2 standard errors; where those show nothing, too."""
+    # a fit that begins on every eighth sample ends where one that does not ends, to 1e-2 standard errors; where those show nothing, too
     problem = posed(record(p, noise=3e-4), sides(p))
     start = shifted(by_name(p), 1.5) | {Z0: 0.0}
     plain, minimum = fit(problem, start)
@@ -121,15 +109,6 @@ def test_many_samples_have_the_minimum_that_few_of_them_lead_to(
     assert other.cost == pytest.approx(minimum.cost, rel=1e-9)
     assert (np.abs(other.x - minimum.x) < 1e-2 * spread_of(minimum)).all()
     assert thinned.keys() == plain.keys()
-
-
-def test_samples_that_show_nothing_do_not_end_a_fit_of_many(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where every eighth sample is at rest, the fit ends where it would have, had it not looked at those alone."""
-    problem = posed(record(noise=3e-4, v=np.where(np.arange(V.size) % 8 == 0, 0.0, V)))
-    start = shifted(TRUTH, 1.1) | {Z0: 0.0, INERTIA: 0.0}
-    plain, _ = fit(problem, start)
-    monkeypatch.setattr(descent, "_LARGE", 1)
-    assert fit(problem, start)[0] == pytest.approx(plain, rel=1e-6)
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
@@ -150,13 +129,8 @@ def test_correlated_noise_widens_the_intervals() -> None:
     alpha_0 = parse("alpha_0")
     assert error_of(other.parameters[alpha_0]) > 3 * error_of(one.parameters[alpha_0])
     assert "correlated" in codes(other.warnings)
-
-
-def test_slow_motion_does_not_tell_alpha_0_from_alpha_1() -> None:
-    """With all speeds far below v_s only alpha_0 + alpha_1 is seen: alpha_1 and v_s have no value.
-
-    alpha_0 is that sum, and a warning says so.
-    """
+    # with all speeds far below v_s only alpha_0 + alpha_1 is seen: alpha_1 and v_s have no value. alpha_0 is that sum, and a warning says
+    # so
     found = fitted(posed(record(noise=1e-5, v=0.03 * GRIPPER.v_s * V)))
     for name in map(parse, ("alpha_1", "v_s")):
         assert found.parameters[name].value is None
@@ -168,7 +142,7 @@ def test_slow_motion_does_not_tell_alpha_0_from_alpha_1() -> None:
     assert level.value == pytest.approx(GRIPPER.alpha_0 + GRIPPER.alpha_1, rel=0.01)
 
 
-def test_the_unseen_direction_is_named() -> None:
+def test_what_is_unseen_scarce_or_fixed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two columns that are the same but for noise: the warning names both parameters, and that they are seen as a sum only."""
     problem = posed(record())
     doubled = replace(
@@ -182,6 +156,46 @@ def test_the_unseen_direction_is_named() -> None:
     found = fitted(doubled, {**TRUTH, INERTIA: 0.6 * J, parse("offset"): 0.4 * J})
     (told,) = (warning for warning in found.warnings if warning.code == "only-as-sum")
     assert list(map(str, told.numbers["all"])) == ["inertia", "offset"]
+    # a motion that leaves fewer equations than twice the unknowns has no values, however well it fits, and says how many are needed
+    run = record(noise=2e-4)
+    for every, few in ((40, True), (1, False)):
+        signals = {n: getattr(run, n)[::every] for n in ("time", "velocity", "acceleration", "torque")}
+        problem = posed(replace(run, **signals), decimation=5)
+        for asked in (problem, replace(problem, stribeck="stribeck")):
+            found = fitted(asked).parameters.values()
+            assert all((e.value is None) is few for e in found)
+            assert ("unseen-too-few" in {w.code for e in found for w in e.warnings}) is few
+    # a fixed parameter is no unknown, keeps its value, and makes the others surer
+    run, sigma_1 = record(noise=3e-4), parse("sigma_1")
+    free = fitted(posed(run, decimation=5))
+    problem = dynamic_problem([run], ("both",), ("inertia",), 5, None, {sigma_1: GRIPPER.sigma_1})
+    held = fitted(problem, {name: value for name, value in TRUTH.items() if name != sigma_1})
+    assert sigma_1 not in held.names
+    assert held.fixed == {sigma_1: GRIPPER.sigma_1}
+    for name in (parse("sigma_0"), INERTIA):
+        assert error_of(held.parameters[name]) <= error_of(free.parameters[name]) * 1.02
+    # what is worse than no model at all tells nothing: no parameter has a value, however small its error; a good fit has
+    problem = posed(record(noise=2e-4), decimation=5)
+    assert fitted(problem).parameters[parse("alpha_0")].value is not None
+    monkeypatch.setattr(DynamicProblem, "extent", property(lambda _: 1e-9))
+    assert {e.value for e in fitted(problem).parameters.values()} == {None}
+    monkeypatch.undo()
+    # two segments, each begun with a deflection of its own, give the truth; the deflections come back too
+    both = record(z0=2e-3), record(z0=-1e-3)
+    v, T, a = (np.concatenate([getattr(x, n) for x in both]) for n in ("velocity", "torque", "acceleration"))
+    time = np.concatenate([TIME, TIME + TIME[-1] + 5.0])
+    problem = posed(Record(file="two.csv", time=time, starts=(0, V.size), velocity=v, torque=T, acceleration=a))
+    assert [str(name) for name in problem.names[-2:]] == ["z0[0]", "z0[1]"]
+    later = InitialState("z0", 1)
+    values, minimum = fit(problem, shifted(TRUTH, 1.1) | {Z0: 0.0, later: 0.0})
+    assert minimum.cost < 1e-16
+    assert [values[Z0], values[later]] == pytest.approx([2e-3, -1e-3], rel=1e-4)
+    # where every eighth sample is at rest, the fit ends where it would have, had it not looked at those alone
+    problem = posed(record(noise=3e-4, v=np.where(np.arange(V.size) % 8 == 0, 0.0, V)))
+    start = shifted(TRUTH, 1.1) | {Z0: 0.0, INERTIA: 0.0}
+    plain, _ = fit(problem, start)
+    monkeypatch.setattr(descent, "_LARGE", 1)
+    assert fit(problem, start)[0] == pytest.approx(plain, rel=1e-6)
 
 
 def test_a_stiff_bristle_converges() -> None:
@@ -192,19 +206,22 @@ def test_a_stiff_bristle_converges() -> None:
     found = fit_tracking(posed(run), shifted(truth, 1.1), "revolute").fit
     assert found.outcome.code in {"converged", "converged-at-bound"}
     assert sum(holds(found.parameters[name].interval, true) for name, true in truth.items()) >= 6
-
-
-def test_each_segment_has_its_own_deflection_and_no_gap_is_crossed() -> None:
-    """Two segments, each begun with a deflection of its own, give the truth; the deflections come back too."""
-    both = record(z0=2e-3), record(z0=-1e-3)
-    v, T, a = (np.concatenate([getattr(x, n) for x in both]) for n in ("velocity", "torque", "acceleration"))
-    time = np.concatenate([TIME, TIME + TIME[-1] + 5.0])
-    problem = posed(Record(file="two.csv", time=time, starts=(0, V.size), velocity=v, torque=T, acceleration=a))
-    assert [str(name) for name in problem.names[-2:]] == ["z0[0]", "z0[1]"]
-    later = InitialState("z0", 1)
-    values, minimum = fit(problem, shifted(TRUTH, 1.1) | {Z0: 0.0, later: 0.0})
-    assert minimum.cost < 1e-16
-    assert [values[Z0], values[later]] == pytest.approx([2e-3, -1e-3], rel=1e-4)
+    # where a joint hardly slides between reversals, a late torque is a caution that names both causes, and no line to change
+    soft = GRIPPER._replace(sigma_0=GRIPPER.sigma_0 / 10)
+    late = with_torque(record(soft, 2e-5, v=0.3 * V), lambda T: np.interp(TIME - 5e-3, TIME, T))
+    found = fitted(posed(late, decimation=5), by_name(soft))
+    (said,) = [d for d in found.warnings if d.code in {"torque-delayed", "delay-or-presliding"}]
+    assert (said.code, said.severity) == ("delay-or-presliding", Severity.CAUTION)
+    assert "presliding" in str(said)
+    assert "to the delay of" not in str(said)
+    # with the inertia fixed 5 % too high, a warning names it and what is to be added, and nothing else is blamed; with the right one none
+    # does
+    for factor in (1.0, 1.05):
+        problem = dynamic_problem([record(noise=2e-4)], ("both",), (), 2, factor * J)
+        warnings = fitted(problem, by_name(GRIPPER, None)).warnings
+        said = [d for d in warnings if d.code in {"inertia-doubted", "torque-delayed"}]
+        added = [float(str(d).split("with ")[1].split()[0]) for d in said]
+        assert added == pytest.approx([(1 - factor) * J] * (factor > 1), rel=0.2)
 
 
 def test_a_prior_pulls_as_far_as_it_is_sure() -> None:
@@ -220,6 +237,15 @@ def test_a_prior_pulls_as_far_as_it_is_sure() -> None:
         moves.append((value_of(found) - value) / (2 * error))
     assert 0.25 < moves[0] < 0.75
     assert moves[1] == pytest.approx(1.0, abs=0.02)
+    # of two runs, one ten times as noisy, the fit trusts the quiet one: its errors are near those of the quiet run alone
+    quiet, noisy = record(noise=2e-4, seed=1), replace(record(noise=2e-3, seed=2), file="noisy.csv")
+    together = dynamic_problem([quiet, noisy], ("both",), ("inertia",), 5, None)
+    both = fit_tracking(together, TRUTH, "revolute", search=False)
+    weights = [m.weight for m in both.problem.motions]
+    assert weights[0] == pytest.approx(10 * weights[1], rel=0.1)
+    alone = fitted(posed(quiet, decimation=5))
+    for name in map(parse, ("alpha_0", "sigma_0")):
+        assert error_of(both.fit.parameters[name]) < 1.1 * error_of(alone.parameters[name])
 
 
 def counted(quantum: float, torque: Array, place: float = 0.0) -> Record:
@@ -248,13 +274,19 @@ def test_coarse_counts_bias_and_the_bootstrap_takes_it_off() -> None:
     off = [np.array([(f.parameters[n].value or 0.0) / TRUTH[n] - 1 for n in names]) for f in (found, better)]
     assert np.linalg.norm(off[1]) < 0.6 * np.linalg.norm(off[0])
     assert "count-bias" in codes(better.warnings)
-
-
-def test_counts_too_fine_to_matter_take_nothing_off() -> None:
-    """With a count of a micro-radian, however the filters end, no estimate moves by a tenth of its standard error."""
+    # with a count of a micro-radian, however the filters end, no estimate moves by a tenth of its standard error
     found, better = behind_counts(1e-6, 2e-4, place=0.5)
     for name, bias in better.count_bias.items():
         assert abs(bias) < 0.1 * error_of(found.parameters[name]), name
+    # its position is off by no more than the readings, its velocity by a third at most; beside a noise above the count nothing changes
+    position, quantum = way(V, STEP), 2 * np.pi / 2**12
+    run = Record(file="run.csv", time=TIME, position=quantum * (np.floor(position / quantum) + 0.5))
+    read = estimate_motion(run, 100.0)
+    smooth = between_counts(read, quantum)
+    assert smooth.position is not None
+    assert np.std(smooth.position - position) < quantum / np.sqrt(12)
+    assert np.std(np.asarray(smooth.velocity) - V) < np.std(np.asarray(read.velocity) - V) / 3
+    assert between_counts(read, quantum / 10).velocity == pytest.approx(read.velocity)
 
 
 @pytest.mark.parametrize("bits", [9, 17])
@@ -264,18 +296,6 @@ def test_a_bend_of_a_few_counts_is_withdrawn_and_one_of_many_is_right(bits: int)
     sigma_0 = behind_counts(quantum, 2e-4, count=quantum)[1].parameters[parse("sigma_0")]
     assert (sigma_0.value is None) == (sigma_0.interval is None) == (bits == 9)
     assert sigma_0.interval is None or holds(sigma_0.interval, GRIPPER.sigma_0)
-
-
-def test_the_motion_between_the_counts_is_nearer_to_the_truth() -> None:
-    """Its position is off by no more than the readings, its velocity by a third at most; beside a noise above the count nothing changes."""
-    position, quantum = way(V, STEP), 2 * np.pi / 2**12
-    run = Record(file="run.csv", time=TIME, position=quantum * (np.floor(position / quantum) + 0.5))
-    read = estimate_motion(run, 100.0)
-    smooth = between_counts(read, quantum)
-    assert smooth.position is not None
-    assert np.std(smooth.position - position) < quantum / np.sqrt(12)
-    assert np.std(np.asarray(smooth.velocity) - V) < np.std(np.asarray(read.velocity) - V) / 3
-    assert between_counts(read, quantum / 10).velocity == pytest.approx(read.velocity)
 
 
 @pytest.mark.parametrize("samples", [0.0, 1.0, 0.5, -1.0])
@@ -302,17 +322,6 @@ def test_counts_and_presliding_are_no_delay(bits: int, delay: float) -> None:
     assert said == pytest.approx([delay] * bool(delay), rel=0.2)
 
 
-def test_a_motion_without_sliding_cannot_tell_a_delay_from_presliding() -> None:
-    """Where a joint hardly slides between reversals, a late torque is a caution that names both causes, and no line to change."""
-    soft = GRIPPER._replace(sigma_0=GRIPPER.sigma_0 / 10)
-    late = with_torque(record(soft, 2e-5, v=0.3 * V), lambda T: np.interp(TIME - 5e-3, TIME, T))
-    found = fitted(posed(late, decimation=5), by_name(soft))
-    (said,) = [d for d in found.warnings if d.code in {"torque-delayed", "delay-or-presliding"}]
-    assert (said.code, said.severity) == ("delay-or-presliding", Severity.CAUTION)
-    assert "presliding" in str(said)
-    assert "to the delay of" not in str(said)
-
-
 def test_what_is_left_in_a_few_moments_is_named() -> None:
     """Even noise says nothing, in 200 records; drift is called a pattern, more about reversals is named by how much, large misses by where."""
     problem = posed(record())
@@ -335,46 +344,10 @@ def test_what_is_left_in_a_few_moments_is_named() -> None:
     (where,) = said.numbers["where"]
     assert float(where.split()[-2]) == pytest.approx(problem.time[fast], abs=0.01)
     assert pattern_left(problem, np.zeros(V.size)) == []
-
-
-def test_hardly_more_equations_than_unknowns_estimate_nothing() -> None:
-    """A motion that leaves fewer equations than twice the unknowns has no values, however well it fits, and says how many are needed."""
-    run = record(noise=2e-4)
-    for every, few in ((40, True), (1, False)):
-        signals = {n: getattr(run, n)[::every] for n in ("time", "velocity", "acceleration", "torque")}
-        problem = posed(replace(run, **signals), decimation=5)
-        for asked in (problem, replace(problem, stribeck="stribeck")):
-            found = fitted(asked).parameters.values()
-            assert all((e.value is None) is few for e in found)
-            assert ("unseen-too-few" in {w.code for e in found for w in e.warnings}) is few
-
-
-def test_a_wrong_inertia_that_was_given_is_named() -> None:
-    """With the inertia fixed 5 % too high, a warning names it and what is to be added, and nothing else is blamed; with the right one none does."""
-    for factor in (1.0, 1.05):
-        problem = dynamic_problem([record(noise=2e-4)], ("both",), (), 2, factor * J)
-        warnings = fitted(problem, by_name(GRIPPER, None)).warnings
-        said = [d for d in warnings if d.code in {"inertia-doubted", "torque-delayed"}]
-        added = [float(str(d).split("with ")[1].split()[0]) for d in said]
-        assert added == pytest.approx([(1 - factor) * J] * (factor > 1), rel=0.2)
-
-
-def test_rest_shows_nothing_and_is_refused() -> None:
-    """A run at rest shows no parameter; it is refused in one sentence."""
+    # a run at rest shows no parameter; it is refused in one sentence
     with pytest.raises(ValueError, match=r"run\.csv: at rest throughout"):
         posed(record(v=np.zeros(8000)))
-
-
-def test_a_fit_that_leaves_more_than_was_measured_gives_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is worse than no model at all tells nothing: no parameter has a value, however small its error; a good fit has."""
-    problem = posed(record(noise=2e-4), decimation=5)
-    assert fitted(problem).parameters[parse("alpha_0")].value is not None
-    monkeypatch.setattr(DynamicProblem, "extent", property(lambda _: 1e-9))
-    assert {e.value for e in fitted(problem).parameters.values()} == {None}
-
-
-def test_noise_about_rest_is_no_direction() -> None:
-    """A direction in which less than a hundredth of the way is gone is none; two hundredths are one."""
+    # a direction in which less than a hundredth of the way is gone is none; two hundredths are one
     there = np.abs(V[:-100])
     for back, directions in ((0.005, ("+",)), (0.02, ("+", "-"))):
         velocity = np.append(there, np.full(100, -back * there.sum() / 100))
@@ -394,10 +367,7 @@ def test_the_descent_respects_its_bounds() -> None:
     gradient = A.T @ (A @ held.x - b)
     assert gradient[0] > 0
     np.testing.assert_allclose(gradient[1:], 0.0, atol=1e-4)
-
-
-def test_a_zero_gradient_is_an_error() -> None:
-    """A start where nothing depends on anything is refused, as is one without a finite cost, or whose derivatives have no squares."""
+    # a start where nothing depends on anything is refused, as is one without a finite cost, or whose derivatives have no squares
     box = np.full(1, -np.inf), np.full(1, np.inf)
     with pytest.raises(ValueError, match="the gradient is zero"):
         minimise(lambda _: (np.ones(3), np.zeros((3, 1))), np.zeros(1), *box)
@@ -419,30 +389,6 @@ def test_ipopt_finds_the_same(p: Lugre[float] | Pair[float]) -> None:
     assert max(map(abs, check.difference_in_se.values())) < 0.1
 
 
-def test_what_is_fixed_stays() -> None:
-    """A fixed parameter is no unknown, keeps its value, and makes the others surer."""
-    run, sigma_1 = record(noise=3e-4), parse("sigma_1")
-    free = fitted(posed(run, decimation=5))
-    problem = dynamic_problem([run], ("both",), ("inertia",), 5, None, {sigma_1: GRIPPER.sigma_1})
-    held = fitted(problem, {name: value for name, value in TRUTH.items() if name != sigma_1})
-    assert sigma_1 not in held.names
-    assert held.fixed == {sigma_1: GRIPPER.sigma_1}
-    for name in (parse("sigma_0"), INERTIA):
-        assert error_of(held.parameters[name]) <= error_of(free.parameters[name]) * 1.02
-
-
-def test_a_noisy_run_counts_for_less() -> None:
-    """Of two runs, one ten times as noisy, the fit trusts the quiet one: its errors are near those of the quiet run alone."""
-    quiet, noisy = record(noise=2e-4, seed=1), replace(record(noise=2e-3, seed=2), file="noisy.csv")
-    together = dynamic_problem([quiet, noisy], ("both",), ("inertia",), 5, None)
-    both = fit_tracking(together, TRUTH, "revolute", search=False)
-    weights = [m.weight for m in both.problem.motions]
-    assert weights[0] == pytest.approx(10 * weights[1], rel=0.1)
-    alone = fitted(posed(quiet, decimation=5))
-    for name in map(parse, ("alpha_0", "sigma_0")):
-        assert error_of(both.fit.parameters[name]) < 1.1 * error_of(alone.parameters[name])
-
-
 def test_each_direction_found_alone_leads_to_both() -> None:
     """From a start that is good in one direction and far off in the other, with others no better, the minimum of both is found."""
     problem = posed(record(Pair(GRIPPER, GRIPPER), 1e-5), ("+", "-"), 10)
@@ -452,10 +398,7 @@ def test_each_direction_found_alone_leads_to_both() -> None:
     assert whole.minimum.cost < 0.5 * alone.minimum.cost
     for name, true in good.items():
         assert whole.values[name] == pytest.approx(true, rel=0.02)
-
-
-def test_a_peak_of_one_direction_is_found_though_one_set_for_both_has_none() -> None:
-    """Where one set for both directions ends without a peak, or in one too narrow to matter, each direction still gets its own."""
+    # where one set for both directions ends without a peak, or in one too narrow to matter, each direction still gets its own
     uneven = Pair(
         GRIPPER._replace(alpha_1=0.1 * GRIPPER.alpha_0), OTHER._replace(alpha_1=0.8 * OTHER.alpha_0, v_s=0.03)
     )
@@ -504,6 +447,20 @@ def test_a_bend_that_noise_makes_hides_no_coulomb_friction() -> None:
     found = fit_tracking(problem, start, "revolute").fit.parameters[parse("alpha_0-")]
     assert abs(value_of(found) - OTHER.alpha_0) < 3 * error_of(found) < 0.3 * OTHER.alpha_0
     assert "only-sum-seen" in codes(found.warnings)
+    # in what the halves of a record differ, and by how many standard errors, does not change with the size of the Jacobian's columns
+    softer = torque_of(record(GRIPPER._replace(sigma_0=0.5 * GRIPPER.sigma_0), 2e-4))
+    both = with_torque(record(noise=2e-4), lambda T: np.where(np.arange(V.size) < V.size // 2, T, softer))
+    solved = fit_tracking(posed(both, decimation=5), TRUTH, "revolute", search=False)
+    minimum, estimates = solved.solution.minimum, solved.fit.parameters
+    told = bristle_doubts(solved.problem, solved.solution, estimates)
+    assert "unseen-halves" in codes(told.values())
+    for size in (1e-170, 1e-3, 1e100):
+        other = solved.solution._replace(minimum=minimum._replace(jacobian=size * minimum.jacobian))
+        again = bristle_doubts(solved.problem, other, estimates)
+        assert {name: d.code for name, d in again.items()} == {name: d.code for name, d in told.items()}
+        for name, d in told.items():
+            if d.code == "unseen-halves":
+                assert again[name].numbers["apart"] == pytest.approx(d.numbers["apart"], rel=1e-6)
 
 
 @pytest.mark.parametrize("v_s", [1e-4, 1e-3, GRIPPER.v_s])
@@ -518,19 +475,16 @@ def test_a_peak_of_which_there_is_no_sign_hides_no_bristle(v_s: float) -> None:
 
 
 PLANTED: list[tuple[dict[str, float], dict[str, object]]] = [
-    ({"every": 10}, {}),
-    ({"every": 10, "drag": 0.05}, {"lacks-a-term": "regressors: [inertia, quadratic]"}),
-    ({"every": 10, "gravity": 0.01}, {"lacks-a-term": "regressors: [inertia, gravity]"}),
-    ({"noise": 2e-4}, {}),
+    ({"every": 10}, {}), ({"every": 10, "drag": 0.05}, {"lacks-a-term": "regressors: [inertia, quadratic]"}),
+    ({"every": 10, "gravity": 0.01}, {"lacks-a-term": "regressors: [inertia, gravity]"}), ({"noise": 2e-4}, {}),
     ({"noise": 2e-4, "drift": 0.1}, {"torque-drifts-in-runs": ("grows", pytest.approx(0.1, rel=0.1))}),
     ({"noise": 2e-4, "drift": -0.3}, {"torque-drifts-in-runs": ("falls", pytest.approx(0.3, rel=0.1))}),
-    ({"noise": 2e-4, "inertia": -3.0}, {"inertia-below-zero": Severity.CRITICAL}),
-    ({"known gravity": 0.05}, {}),
+    ({"noise": 2e-4, "inertia": -3.0}, {"inertia-below-zero": Severity.CRITICAL}), ({"known gravity": 0.05}, {}),
     ({"known gravity": 0.05, "load": 0.2}, {"friction-by-load": (True, pytest.approx(0.2, rel=0.2))}),
     ({"pair": 1.0, "every": 10}, {}),
     ({"pair": 1.0, "every": 10, "offset": 2e-3}, {"offset-or-friction": pytest.approx(2e-3, rel=0.2)}),
     ({"pair": 1.0, "every": 10, "offset": -2e-3}, {"offset-or-friction": pytest.approx(-2e-3, rel=0.2)}),
-]
+]  # fmt: skip  # a list of values
 """What a torque has that its fit does not, N*m or a share, with its noise and its decimation, and what is said of it."""
 SIZES: dict[str, Callable[[Finding], object]] = {
     "lacks-a-term": lambda d: next(x for x in re.findall(r"regressors: \[inertia, \w+\]", str(d))),
@@ -554,10 +508,14 @@ def test_what_the_torque_has_and_the_fit_lacks_is_named_with_its_size(
     known = more["known gravity"] * np.sin(q)
 
     def changed(T: Array) -> Array:
-        """With all of it."""
-        T = T * (1 + more["drift"] * (TIME / TIME[-1] - 0.5))
-        T = T + more["drag"] * V * np.abs(V) + more["gravity"] * np.sin(q) + more["inertia"] * J * np.gradient(V, TIME)
-        return T + known + more["load"] * np.abs(known) * np.sign(V) + more["offset"]
+        out: Array = T * (1 + more["drift"] * (TIME / TIME[-1] - 0.5))
+        out = (
+            out
+            + more["drag"] * V * np.abs(V)
+            + more["gravity"] * np.sin(q)
+            + more["inertia"] * J * np.gradient(V, TIME)
+        )
+        return out + known + more["load"] * np.abs(known) * np.sign(V) + more["offset"]
 
     run = replace(with_torque(record(p, more["noise"]), changed), position=None if more["pair"] else q)
     regressors = ("inertia", "gravity") if more["known gravity"] else ("inertia",)
@@ -610,20 +568,3 @@ def test_what_a_sensor_keeps_is_named_with_its_size(code: str, share: float) -> 
     assert codes(said)[:1] == [code] * bool(share)
     for d in said[:1]:
         assert d.numbers["torque"] == pytest.approx(share * largest if code == "torque-missing" else top, rel=0.2)
-
-
-def test_the_halves_of_a_record_are_compared_in_any_unit() -> None:
-    """In what the halves of a record differ, and by how many standard errors, does not change with the size of the Jacobian's columns."""
-    softer = torque_of(record(GRIPPER._replace(sigma_0=0.5 * GRIPPER.sigma_0), 2e-4))
-    both = with_torque(record(noise=2e-4), lambda T: np.where(np.arange(V.size) < V.size // 2, T, softer))
-    solved = fit_tracking(posed(both, decimation=5), TRUTH, "revolute", search=False)
-    minimum, estimates = solved.solution.minimum, solved.fit.parameters
-    told = bristle_doubts(solved.problem, solved.solution, estimates)
-    assert "unseen-halves" in codes(told.values())
-    for size in (1e-170, 1e-3, 1e100):
-        other = solved.solution._replace(minimum=minimum._replace(jacobian=size * minimum.jacobian))
-        again = bristle_doubts(solved.problem, other, estimates)
-        assert {name: d.code for name, d in again.items()} == {name: d.code for name, d in told.items()}
-        for name, d in told.items():
-            if d.code == "unseen-halves":
-                assert again[name].numbers["apart"] == pytest.approx(d.numbers["apart"], rel=1e-6)

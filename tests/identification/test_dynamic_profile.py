@@ -51,19 +51,12 @@ def linear(columns: Array, torque: Array, priors: Sequence[Prior] = ()) -> Dynam
     def equations(
         _: DynamicProblem, known: Values, __: Sequence[dict[Unknown, Array]]
     ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
-        """What the columns leave, and the columns."""
         yield torque - columns @ [known[n] for n in names], dict(zip(names, columns.T, strict=True))
 
     return DynamicProblem(
-        motions=(motion,),
-        directions=(Direction.BOTH,),
-        extra_names=names,
-        fixed=LUGRE,
-        initial_states=(),
-        equations=equations,
-        priors=tuple(priors),
-        sigma=1.0,
-    )
+        motions=(motion,), directions=(Direction.BOTH,), extra_names=names, fixed=LUGRE, initial_states=(),
+        equations=equations, priors=tuple(priors), sigma=1.0,
+    )  # fmt: skip  # a list of values
 
 
 def solved(problem: DynamicProblem, start: Values) -> DynamicSolution:
@@ -115,7 +108,7 @@ def test_in_a_linear_problem_all_three_coincide(rho: float, told: bool) -> None:
     assert three[A].draws.std() > 0
 
 
-def test_a_profile_ends_where_a_fit_of_the_rest_crosses_the_threshold(gripper: DynamicSolution) -> None:
+def test_profiles_of_moving_data(gripper: DynamicSolution) -> None:
     """Each end, put in as a fixed value and all else fitted by the whole descent, costs J_min + (t error)**2 / (J'J)**-1_jj."""
     seen, _ = profiles(gripper.solution)
     problem, solution = gripper.problem, gripper.solution
@@ -128,10 +121,7 @@ def test_a_profile_ends_where_a_fit_of_the_rest_crosses_the_threshold(gripper: D
             rest = replace(problem, fixed={name: value})
             _, minimum = fit(rest, {n: v for n, v in gripper.values.items() if n != name})
             assert (minimum.cost - rows @ rows) / high == pytest.approx(1.0, abs=0.02)
-
-
-def test_a_curve_runs_from_end_to_end(gripper: DynamicSolution) -> None:
-    """It is zero at the estimate, one at both ends, ascends in value, and falls to the estimate and rises from it."""
+    # it is zero at the estimate, one at both ends, ascends in value, and falls to the estimate and rises from it
     seen, _ = profiles(gripper.solution)
     for name, (interval, (values, height), warnings) in seen.items():
         assert not warnings
@@ -141,15 +131,11 @@ def test_a_curve_runs_from_end_to_end(gripper: DynamicSolution) -> None:
         assert (np.diff(height)[:at] <= 1e-3).all()
         assert (np.diff(height)[at:] >= -1e-3).all()
         np.testing.assert_allclose(np.interp(interval, values, height), 1.0, atol=1e-6)
-
-
-def test_few_evaluations_suffice(gripper: DynamicSolution) -> None:
-    """A well-posed fit costs two evaluations a side (28 for seven parameters); progress is told parameter by parameter."""
+    # a well-posed fit costs two evaluations a side (28 for seven parameters); progress is told parameter by parameter
     count, told = [0], list[tuple[str, int, int]]()
     posed = gripper.solution.posed
 
     def counted(x: Array) -> tuple[Array, Array]:
-        """One more."""
         count[0] += 1
         return posed.evaluate(x)
 
@@ -158,6 +144,14 @@ def test_few_evaluations_suffice(gripper: DynamicSolution) -> None:
     assert count[0] <= 30
     assert [done for _, done, _ in told] == list(range(7))
     assert {of for _, _, of in told} == {7}
+
+    # no restart, no warning, the same fit
+    def never(_: Values) -> DynamicSolution:
+        raise AssertionError
+
+    again, _ = profile_until_stable(gripper, never)
+    assert again.fit.warnings == gripper.fit.warnings
+    assert again.values == gripper.values
 
 
 def two_minima(k: float = 1.0, tilt: float = 0.2) -> DynamicProblem:
@@ -169,7 +163,6 @@ def two_minima(k: float = 1.0, tilt: float = 0.2) -> DynamicProblem:
     def double(
         _: DynamicProblem, known: Values, __: Sequence[dict[Unknown, Array]]
     ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
-        """What is left, and what it grows by with -a."""
         a, rest, slope = known[A], noise.copy(), np.zeros(60)
         rest[:2] = k * (a * a - 1), tilt * (a - 1)
         slope[:2] = -2 * k * a, -tilt
@@ -188,26 +181,11 @@ def test_a_profile_that_finds_a_better_optimum_restarts_the_fit() -> None:
     assert again.values[A] == pytest.approx(1.0, abs=1e-3)
     assert "refitted" in codes(again.fit.warnings)
     assert seen[A].interval[0] < 1 < seen[A].interval[1]
-
-
-def test_a_fit_that_does_not_follow_is_distrusted() -> None:
-    """Where the new fit ends in the old minimum each time, the search stops after three, says it, and still gives an interval."""
+    # where the new fit ends in the old minimum each time, the search stops after three, says it, and still gives an interval
     first = solved(two_minima(), {A: -1.0})
     again, seen = profile_until_stable(first, lambda _: first)
     assert "still-lower" in codes(again.fit.warnings)
     assert np.isfinite(seen[A].interval).all()
-
-
-def test_a_fit_in_its_only_minimum_is_left_alone(gripper: DynamicSolution) -> None:
-    """No restart, no warning, the same fit."""
-
-    def never(_: Values) -> DynamicSolution:
-        """Not called."""
-        raise AssertionError
-
-    again, _ = profile_until_stable(gripper, never)
-    assert again.fit.warnings == gripper.fit.warnings
-    assert again.values == gripper.values
 
 
 def test_what_the_motion_does_not_show_is_open_and_never_nan() -> None:
@@ -238,7 +216,6 @@ def test_the_bias_of_counts_moves_all_three_alike(gripper: DynamicSolution) -> N
     plain = with_three_ways(gripper, gripper.fit, seen).uncertainty
 
     def moved(e: Estimate) -> Estimate:
-        """Off by half an error, and surer by none."""
         error = error_of(e)
         return replace(e, value=value_of(e) + 0.5 * error, standard_error=1.5 * error)
 

@@ -45,7 +45,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say(gripper: Lugre[float], s
     assert all(abs(count / 300 - 0.95) < 3 * np.sqrt(0.95 * 0.05 / 300) for count in hits.values()), hits
 
 
-def test_no_peak_is_invented(speeds: Array) -> None:
+def test_peaks_are_found_where_they_are(speeds: Array, gripper: Lugre[float]) -> None:
     """From Coulomb and viscous friction alone, alpha_1 and v_s do not exist and say why; the other two are there and right."""
     torque = 0.02 + 0.04 * speeds + white(speeds.size, 1e-4, 3)
     fit = points(speeds, torque)
@@ -56,35 +56,33 @@ def test_no_peak_is_invented(speeds: Array) -> None:
         assert estimate.warnings[0].code == "no-stribeck"
     for name, true in (("alpha_0", 0.02), ("alpha_2", 0.04)):
         assert holds(fit.parameters[name].interval, true)
-
-
-def test_a_bend_over_all_speeds_is_not_called_stribeck() -> None:
-    """A significant concave bend over the whole range, as worn or lubricated drives show it, is not fitted by a Stribeck term."""
+    # a significant concave bend over the whole range, as worn or lubricated drives show it, is not fitted by a Stribeck term
     velocity = np.linspace(0.01, 0.12, 40)
     torque = 20 + 200 * velocity - 400 * velocity**2 + white(40, 0.02, 4)
     fit = points(velocity, torque)
     assert fit.outcome.code == "static-no-stribeck"
     (refused,) = (warning for warning in fit.warnings if warning.code == "no-stribeck")
     assert refused.numbers["why"].code in {"bend", "like-noise"}
-
-
-def test_a_drop_that_viscous_friction_hides_is_found(gripper: Lugre[float], speeds: Array) -> None:
-    """A curve that rises at every speed still has its Stribeck term where the data show it: alpha_2 > 0.86 alpha_1 / v_s is no reason to drop it."""
+    # a curve that rises at every speed still has its Stribeck term where the data show it: alpha_2 > 0.86 alpha_1 / v_s is no reason to
+    # drop it
     p = gripper._replace(alpha_2=gripper.alpha_1 / gripper.v_s)
     assert (np.diff(curve(speeds, p)) > 0).all()
     fit = points(speeds, curve(speeds, p) + white(speeds.size, 2e-5, 6))
     assert fit.outcome.code == "static-converged"
     assert fit.parameters["v_s"].value == pytest.approx(p.v_s, rel=0.1)
-
-
-def test_stick_slip_points_are_fitted_without_as_well(gripper: Lugre[float], speeds: Array) -> None:
-    """With flagged points the fit without them stands beside, from the other points alone."""
+    # with flagged points the fit without them stands beside, from the other points alone
     flags = speeds < 0.02
     torque = curve(speeds, gripper) + white(speeds.size, 1e-4, 6)
     fit = points(speeds, torque, flags)
     alone = points(speeds[~flags], torque[~flags])
     assert fit.without_stick_slip["alpha_0"].value == pytest.approx(alone.parameters["alpha_0"].value, rel=1e-5)
     assert "stick-slip-points" in codes(fit.warnings)
+    # ten points at one speed cannot tell Coulomb from viscous friction, and say so; together they are known
+    velocity = np.full(10, 0.2)
+    fit = points(velocity, curve(velocity, gripper) + white(10, 1e-5, 8))
+    assert all("one-speed-only" in codes(fit.parameters[name].warnings) for name in ("alpha_0", "alpha_2"))
+    assert fit.parameters["alpha_0"].value == pytest.approx(float(curve(np.array([0.2]), gripper)[0]), rel=1e-3)
+    assert fit.parameters["alpha_2"].value == 0
 
 
 @pytest.mark.parametrize(
@@ -98,15 +96,6 @@ def test_few_points_give_few_parameters(count: int, outcome: str, gripper: Lugre
     assert all(estimate.value is not None or estimate.warnings for estimate in fit.parameters.values())
 
 
-def test_one_speed_only_gives_friction_there(gripper: Lugre[float]) -> None:
-    """Ten points at one speed cannot tell Coulomb from viscous friction, and say so; together they are known."""
-    velocity = np.full(10, 0.2)
-    fit = points(velocity, curve(velocity, gripper) + white(10, 1e-5, 8))
-    assert all("one-speed-only" in codes(fit.parameters[name].warnings) for name in ("alpha_0", "alpha_2"))
-    assert fit.parameters["alpha_0"].value == pytest.approx(float(curve(np.array([0.2]), gripper)[0]), rel=1e-3)
-    assert fit.parameters["alpha_2"].value == 0
-
-
 def test_speeds_above_the_peak_leave_an_open_interval(gripper: Lugre[float]) -> None:
     """With no speed below v_s the Stribeck term is dropped, or its interval is open and a warning asks for slower speeds."""
     velocity = np.geomspace(1.2 * gripper.v_s, 0.8, 14)
@@ -116,17 +105,7 @@ def test_speeds_above_the_peak_leave_an_open_interval(gripper: Lugre[float]) -> 
         assert fit.outcome.code == "static-no-stribeck"
     else:
         assert "few-below-v-s" in codes(fit.warnings)
-
-
-def test_prismatic_joints_have_their_units(speeds: Array) -> None:
-    """The same fit of a prismatic joint is in N, N*s/m and m/s."""
-    torque = curve(speeds, GRIPPER) + white(speeds.size, 1e-5, 10)
-    found = estimate_static(from_points(speeds, torque, ("both",)), FitOptions(), "prismatic")
-    assert [found[name].unit for name in STATIC] == ["N", "N", "N*s/m", "m/s"]
-
-
-def test_a_peak_that_rests_on_stick_slip_is_called_so(gripper: Lugre[float]) -> None:
-    """Where only stick-slip points show the Stribeck region, the outcome itself says that the term rests on them."""
+    # where only stick-slip points show the Stribeck region, the outcome itself says that the term rests on them
     v = np.concatenate([np.geomspace(0.01, 0.1, 6), np.linspace(0.3, 1.2, 12)])
     torque = curve(v, gripper) + white(v.size, 1e-4, 1)
     fit = points(v, torque, v < 0.2)
@@ -135,8 +114,12 @@ def test_a_peak_that_rests_on_stick_slip_is_called_so(gripper: Lugre[float]) -> 
     assert fit.outcome.code == "static-stick-slip"
 
 
-def test_each_direction_has_its_own_fit_without_stick_slip(gripper: Lugre[float], speeds: Array) -> None:
-    """Where two directions share a regressor, what is left without the points that stick is each direction's own, not the other's."""
+def test_units_directions_and_checks_of_a_fit(speeds: Array, gripper: Lugre[float]) -> None:
+    """The same fit of a prismatic joint is in N, N*s/m and m/s."""
+    torque = curve(speeds, GRIPPER) + white(speeds.size, 1e-5, 10)
+    found = estimate_static(from_points(speeds, torque, ("both",)), FitOptions(), "prismatic")
+    assert [found[name].unit for name in STATIC] == ["N", "N", "N*s/m", "m/s"]
+    # where two directions share a regressor, what is left without the points that stick is each direction's own, not the other's
     v = np.concatenate([speeds, -speeds])
     torque = np.concatenate([curve(speeds, gripper), -0.5 * curve(speeds, gripper)])
     torque = torque + white(v.size, 1e-5, 2)
@@ -149,10 +132,7 @@ def test_each_direction_has_its_own_fit_without_stick_slip(gripper: Lugre[float]
     for d, share in (("+", 1.0), ("-", 0.5)):
         assert fits[d].without_stick_slip["alpha_0"].value == pytest.approx(share * gripper.alpha_0, rel=0.1)
     assert set(fits["shared"].without_stick_slip) == {"gravity_sin", "gravity_cos"}
-
-
-def test_the_cross_check_is_of_the_fit_that_is_reported(speeds: Array) -> None:
-    """Without a Stribeck term the full fit has none either, and finds the cost that the reported residuals have."""
+    # without a Stribeck term the full fit has none either, and finds the cost that the reported residuals have
     torque = 0.02 + 0.04 * speeds + white(speeds.size, 1e-4, 3)
     options = FitOptions()
     fits, checks = fit_static(from_points(speeds, torque, ("+",)), options, "revolute", PointInfo())
@@ -160,10 +140,7 @@ def test_the_cross_check_is_of_the_fit_that_is_reported(speeds: Array) -> None:
     assert checks["+"].cost_grid == pytest.approx(float(fits["+"].residuals @ fits["+"].residuals), rel=1e-12)
     assert checks["+"].agrees
     assert set(map(str, checks["+"].parameters)) == {"alpha_0+", "alpha_2+"}
-
-
-def test_a_peak_that_is_left_out_by_hand_is_said(gripper: Lugre[float], speeds: Array) -> None:
-    """Coulomb and viscous friction asked for: the outcome says so; where the data show a peak, alpha_0 and alpha_2 are cautioned, else not."""
+    # Coulomb and viscous friction asked for: the outcome says so; where the data show a peak, alpha_0 and alpha_2 are cautioned, else not
     noise = white(speeds.size, 1e-4, 4)
     for p, shown in ((gripper, True), (gripper._replace(alpha_1=0.0), False)):
         problem = from_points(speeds, curve(speeds, p) + noise, ("+",))

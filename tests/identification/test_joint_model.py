@@ -37,6 +37,18 @@ def test_every_way_to_its_friction_agrees(joint: JointModel) -> None:
         row = rows[f"alpha_0{d}"]
         assert row["lower"] < row["value"] < row["upper"]
         assert row["value"] == p.alpha_0
+    # the derivative by the velocity is the difference quotient's
+    steady, v = joint.casadi().steady, ca.SX.sym("v")
+    slope = ca.Function("slope", [v], [ca.jacobian(steady(v), v)])
+    h = 1e-6
+    for speed in (-0.3, 0.02, 0.5):
+        assert float(slope(speed)) == pytest.approx(float(steady(speed + h) - steady(speed - h)) / (2 * h), rel=1e-5)
+    # without adaptation, and driven at one velocity for long, the compensator adds the friction of steady sliding
+    running = joint.compensator(law=None)
+    torque = 0.0
+    for k in range(4000):
+        torque = running.step(1e-3, (0.3e-3 * k, 0.3), 0.3e-3 * k)
+    assert torque == pytest.approx(float(joint.friction(0.3)), rel=1e-6)
 
 
 def test_drag_beside_the_law_is_friction(joint: JointModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -52,24 +64,6 @@ def test_drag_beside_the_law_is_friction(joint: JointModel, tmp_path: Path, monk
         f"{file.read_text('utf-8')}fit: {{regressors: [quadratic], set_up: as-written}}\n", encoding="utf-8"
     )
     np.testing.assert_allclose(bristle.identify(file).model().friction(log.v), torque, rtol=0.02)
-
-
-def test_casadi_differentiates_it(joint: JointModel) -> None:
-    """The derivative by the velocity is the difference quotient's."""
-    steady, v = joint.casadi().steady, ca.SX.sym("v")
-    slope = ca.Function("slope", [v], [ca.jacobian(steady(v), v)])
-    h = 1e-6
-    for speed in (-0.3, 0.02, 0.5):
-        assert float(slope(speed)) == pytest.approx(float(steady(speed + h) - steady(speed - h)) / (2 * h), rel=1e-5)
-
-
-def test_its_compensator_slides_to_its_friction(joint: JointModel) -> None:
-    """Without adaptation, and driven at one velocity for long, the compensator adds the friction of steady sliding."""
-    running = joint.compensator(law=None)
-    torque = 0.0
-    for k in range(4000):
-        torque = running.step(1e-3, (0.3e-3 * k, 0.3), 0.3e-3 * k)
-    assert torque == pytest.approx(float(joint.friction(0.3)), rel=1e-6)
 
 
 def test_what_is_not_known_is_said(tmp_path: Path) -> None:

@@ -61,6 +61,14 @@ def test_a_drive_of_unknown_gain_tells_ratios(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"known as a position error alone, and urdf takes N\*m or N; give motor.kp"):
         bristle.export(bristle.Results(joints=(joint,)), "urdf")
     assert b"0.005" in bristle.export(bristle.Results(joints=(joint,)), "json").content
+    # a joint that turns about a vertical axis: its friction stays in A, and it is said what is missing
+    t, q, _, torque = swung()
+    torque -= GRAVITY * np.sin(q - HANGS)
+    log = written(tmp_path / "log.csv", t=t, q=q, current=torque / 0.35)
+    joint = drafted(log, told=bristle.Told(gravity="0.8 N*m"))
+    assert joint.kind == "revolute in A"
+    assert "constant-unseen" in codes(joint.warnings)
+    assert "chosen scale" not in joint.settings
 
 
 @pytest.mark.parametrize("signal", list(EFFORTS))
@@ -110,17 +118,6 @@ def test_a_urdf_tells_the_gravity(tmp_path: Path) -> None:
         InputError, match="gravity makes no torque of yaw, which slides, or turns about a vertical axis"
     ):
         bristle.draft(log, told=bristle.Told(gravity=str(urdf), name="yaw"))
-
-
-def test_a_gravity_that_does_not_show_scales_nothing(tmp_path: Path) -> None:
-    """A joint that turns about a vertical axis: its friction stays in A, and it is said what is missing."""
-    t, q, _, torque = swung()
-    torque -= GRAVITY * np.sin(q - HANGS)
-    log = written(tmp_path / "log.csv", t=t, q=q, current=torque / 0.35)
-    joint = drafted(log, told=bristle.Told(gravity="0.8 N*m"))
-    assert joint.kind == "revolute in A"
-    assert "constant-unseen" in codes(joint.warnings)
-    assert "chosen scale" not in joint.settings
 
 
 def test_a_gravity_that_says_nothing_is_refused(tmp_path: Path) -> None:

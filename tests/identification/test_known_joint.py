@@ -30,17 +30,14 @@ def with_static(own: Joint, alpha_1: float | None) -> Joint:
     return replace(own, static={"+": fit})
 
 
-def test_a_whole_fit_is_what_is_known() -> None:
+def test_what_is_known_and_drawn_of_a_joint() -> None:
     """Of a joint with every parameter the sets are the fit's, nothing is missing, and each row says its stage."""
     known = known_joint(joint())
     assert known.directions == SIGNED
     assert known.pair(WAY, J) == GRIPPER
     assert {known.missing(d) for d in SIGNED} == {()}
     assert {row.source for row in chosen(joint())} == {Source.TRACKING}
-
-
-def test_a_law_is_of_one_stage() -> None:
-    """Where the moving runs show no peak their alpha_0 is the sum; the peak of another stage is neither put on top of it nor listed."""
+    # where the moving runs show no peak their alpha_0 is the sum; the peak of another stage is neither put on top of it nor listed
     own = with_static(joint(unseen(tracked(values_of(GRIPPER)), {"alpha_1+": 0.0, "v_s+": 0.2})), alpha_1=0.01)
     known = known_joint(own)
     assert known.values(Direction.POSITIVE)["alpha_1"] == 0.0
@@ -49,10 +46,7 @@ def test_a_law_is_of_one_stage() -> None:
     assert listed[parse("alpha_1+")].source == Source.TRACKING
     assert listed[parse("alpha_1+")].estimate.value is None
     assert listed[parse("alpha_0+")].source == Source.TRACKING
-
-
-def test_the_bristle_alone_is_filled_in() -> None:
-    """An unseen sigma_0 bends by its share of the way, an unseen sigma_1 damps by (15), in the model and in every draw; the rest stays."""
+    # an unseen sigma_0 bends by its share of the way, an unseen sigma_1 damps by (15), in the model and in every draw; the rest stays
     own = joint(unseen(tracked(values_of(GRIPPER)), {"sigma_0+": 1.0, "sigma_1+": 9.0}))
     known = known_joint(own)
     p, n = known.pair(WAY, J)
@@ -62,10 +56,7 @@ def test_the_bristle_alone_is_filled_in() -> None:
     assert n == pytest.approx(GRIPPER.negative)
     for pair, _ in draws_of(own, known, WAY, J):
         assert pair.positive.sigma_0 == pytest.approx(pair.positive.alpha_0 / (DEFLECTION * WAY))
-
-
-def test_a_draw_is_a_joint_however_little_is_known() -> None:
-    """With standard errors of a thousand times the values a drawn v_s, alpha_0, sigma_0 and J stay within e**5 of the estimate, never zero."""
+    # with standard errors of a thousand times the values a drawn v_s, alpha_0, sigma_0 and J stay within e**5 of the estimate, never zero
     fit = tracked(values_of(GRIPPER))
     values = np.array([fit.parameters[name].value for name in fit.names], float)
     own = joint(replace(fit, covariance=np.diag((1e3 * values) ** 2)))
@@ -74,10 +65,7 @@ def test_a_draw_is_a_joint_however_little_is_known() -> None:
         for drawn, estimated in zip(pair, GRIPPER, strict=True):
             ratios = np.array([getattr(drawn, n) / getattr(estimated, n) for n in ("alpha_0", "v_s", "sigma_0")])
             assert (np.abs(np.log(ratios)) < 5.001).all()
-
-
-def test_a_fit_without_a_value_draws_nothing() -> None:
-    """Where no parameter of the moving runs is identifiable the law is that of another stage, and no joint is drawn from the moving fit."""
+    # where no parameter of the moving runs is identifiable the law is that of another stage, and no joint is drawn from the moving fit
     values = values_of(GRIPPER)
     own = with_static(joint(unseen(tracked(values), values)), alpha_1=0.1)
     assert draws_of(own, known_joint(own), WAY, J) == ()
@@ -90,10 +78,7 @@ def test_one_set_is_of_both_directions() -> None:
     assert known.directions == (Direction.BOTH,)
     assert known.pair(WAY, J) == Pair(GRIPPER.positive, GRIPPER.positive)
     assert known.estimate("alpha_0", Direction.NEGATIVE) is known.estimates[ParameterName("alpha_0", Direction.BOTH)]
-
-
-def test_without_coulomb_friction_there_is_no_law() -> None:
-    """At alpha_0 = 0 no bristle could carry a torque: the direction counts as not known, and what needs it is refused in a sentence."""
+    # at alpha_0 = 0 no bristle could carry a torque: the direction counts as not known, and what needs it is refused in a sentence
     own = joint(tracked(values_of(GRIPPER) | {"alpha_0-": 0.0}))
     assert known_joint(own).directions == (Direction.POSITIVE,)
     with pytest.raises(InputError, match="nothing is known of the friction vs velocity in direction -"):

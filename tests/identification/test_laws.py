@@ -52,7 +52,6 @@ def chosen(p: Stribeck[float], noise: float, seed: int) -> LawComparison:
     T = torques(p, SPEEDS, noise, seed)
 
     def pose(law: Law) -> list[Regression]:
-        """One solve."""
         return [from_points(SPEEDS, T, ("both",), law=law)]
 
     found = compare_laws(pose, GAUSSIAN)
@@ -109,35 +108,13 @@ def test_the_exponent_is_searched_to_its_minimum() -> None:
     shapes = (replace(found, shape=(delta,)) for delta in np.geomspace(0.5, 4.0, 60).tolist())
     others = [solve(other, default_range(SPEEDS)).cost for other in shapes]
     assert best <= min(others) * (1 + 1e-6)
-
-
-def test_the_papers_law_is_kept() -> None:
-    """Where the paper's law is the truth it is kept in 60 sets of 60, at small noise and at large."""
-    for noise in (0.005, 0.05):
-        kept = [chosen(truth_of(GAUSSIAN), noise, seed).chosen.law for seed in range(30)]
-        assert kept.count("gaussian") >= 29
-
-
-def test_a_bend_is_found() -> None:
-    """A strong v abs(v) is chosen in every one of 30 sets at large noise, and a weak one in nine of ten at small noise."""
-    law = law_named("gaussian+quadratic")
-    strong = [chosen(truth_of(law, alpha_3=1.5), 0.05, seed).chosen.law for seed in range(30)]
-    weak = [chosen(truth_of(law, alpha_3=0.02), 0.005, seed).chosen.law for seed in range(30)]
-    assert sum(name.endswith("+quadratic") for name in strong) == 30
-    assert sum(name.endswith("+quadratic") for name in weak) >= 27
-
-
-def test_points_off_the_papers_law_alone_are_not_left_out() -> None:
-    """A strong bend makes strays of the paper's law, which are its evidence: it is found in nearly every set."""
+    # a strong bend makes strays of the paper's law, which are its evidence: it is found in nearly every set
     p = truth_of(law_named("lorentzian+quadratic"), alpha_3=-0.02)
     found = [bristle.fit(SPEEDS, torques(p, SPEEDS, 0.005, seed)).joint for seed in range(8)]
     wanted = [joint.laws.chosen.law for joint in found if joint.laws is not None]
     assert sum("quadratic" in law for law in wanted) >= 7
     assert any(joint.static["+"].strays for joint in found)
-
-
-def test_a_point_off_all_laws_is_left_out_of_their_comparison() -> None:
-    """One torque half as large again is a stray of every law: with it left out, the paper's law is kept."""
+    # one torque half as large again is a stray of every law: with it left out, the paper's law is kept
     T = torques(GRIPPER.stribeck, SPEEDS, 0.005, 3)
     T[12] *= 1.5
     laws = bristle.fit(SPEEDS, T).joint.laws
@@ -146,8 +123,18 @@ def test_a_point_off_all_laws_is_left_out_of_their_comparison() -> None:
     assert laws.chosen.law == GAUSSIAN.name
 
 
-def test_rows_of_a_comparison_go_together() -> None:
-    """Weights add up to one, the lowest BIC is zero, one law is in force, and averages lie between the laws' own values."""
+def test_laws_that_compete() -> None:
+    """Where the paper's law is the truth it is kept in 60 sets of 60, at small noise and at large."""
+    for noise in (0.005, 0.05):
+        kept = [chosen(truth_of(GAUSSIAN), noise, seed).chosen.law for seed in range(30)]
+        assert kept.count("gaussian") >= 29
+    # a strong v abs(v) is chosen in every one of 30 sets at large noise, and a weak one in nine of ten at small noise
+    law = law_named("gaussian+quadratic")
+    strong = [chosen(truth_of(law, alpha_3=1.5), 0.05, seed).chosen.law for seed in range(30)]
+    weak = [chosen(truth_of(law, alpha_3=0.02), 0.005, seed).chosen.law for seed in range(30)]
+    assert sum(name.endswith("+quadratic") for name in strong) == 30
+    assert sum(name.endswith("+quadratic") for name in weak) >= 27
+    # weights add up to one, the lowest BIC is zero, one law is in force, and averages lie between the laws' own values
     found = chosen(truth_of(law_named("gaussian+quadratic"), alpha_3=1.5), 0.05, 1)
     assert sum(row.weight for row in found.rows) == pytest.approx(1.0)
     assert min(row.bic for row in found.rows) == 0.0
@@ -155,14 +142,10 @@ def test_rows_of_a_comparison_go_together() -> None:
     assert [row.law for row in found.rows] == [law.name for law in competing()]
     spread = found.averaged[ParameterName("alpha_0", Direction.BOTH)]
     assert spread.interval[0] < spread.value < spread.interval[1]
-
-
-def test_an_unlikely_law_without_a_parameter_takes_no_average_away() -> None:
-    """Of three laws, the third of which has its alpha_0 at a bound: with 1 % of the weights the others' average stays, with half it is none."""
+    # of three laws, the third of which has its alpha_0 at a bound: with 1 % of the weights the others' average stays, with half it is none
     alpha_0, noise = ParameterName("alpha_0", Direction.BOTH), np.random.default_rng(0).standard_normal(50)
 
     def fitted(name: str, scale: float, own: Known) -> FittedLaw:
-        """A law that leaves so many times the noise."""
         solves = (Solve(scale * noise, 4, 50.0, 50.0),)
         return FittedLaw(law=law_named(name), solves=solves, left_out=lambda: (None, None), known=own)
 
@@ -206,6 +189,24 @@ def test_a_file_gets_the_law_that_it_asks_for(tmp_path: Path) -> None:
     again = bristle.read_results(tmp_path / "results.json").joint()
     assert (again.law, again.laws) == (auto.joint().law, auto.joint().laws)
     assert again.static["+"].values() == auto.joint().static["+"].values()
+    # `--laws` prints a row a law, which one is fitted, which is wanted, and one sentence; so does `validate`
+    path = both_ways(tmp_path, truth_of(law_named("lorentzian")), 0.002)
+    ran: Ran = run("identify", path, "--laws")
+    assert ran.code == 0
+    table = ran.out[ran.out.index("friction laws on 44 points") :]
+    assert all(name in table for name in LAWS)
+    assert "wanted" in next(line for line in table.splitlines() if line.strip().startswith("lorentzian "))
+    assert "The data favour lorentzian: its BIC is" in " ".join(table.split())
+    # a law that there is not, or a term that it has already, is one sentence with what can be written
+    wrong = {
+        "law: gauss": r"got 'gauss'; expected paper, auto, coulomb-viscous, or one of gaussian \| exponential",
+        "law: gaussian+gaussian": r"each perhaps with \+quadratic",
+        "law: 3": "law",
+        "law: lorentzian+quadratic, regressors: [quadratic]": "the same term",
+    }
+    for fit, said in wrong.items():
+        with pytest.raises(InputError, match=said):
+            bristle.identify(both_ways(tmp_path, truth_of(GAUSSIAN), 0.01, fit))
 
 
 def test_a_law_from_outside_is_fitted_compared_reported_and_explored(
@@ -233,30 +234,6 @@ def test_a_law_from_outside_is_fitted_compared_reported_and_explored(
     rows = {row.parameter.name: row.changed for row in bristle.compare(again, results).changes}
     assert rows["drop"] is False
     assert "flat" in bristle.explore(again).html
-
-
-def test_laws_are_printed_side_by_side(tmp_path: Path) -> None:
-    """`--laws` prints a row a law, which one is fitted, which is wanted, and one sentence; so does `validate`."""
-    path = both_ways(tmp_path, truth_of(law_named("lorentzian")), 0.002)
-    ran: Ran = run("identify", path, "--laws")
-    assert ran.code == 0
-    table = ran.out[ran.out.index("friction laws on 44 points") :]
-    assert all(name in table for name in LAWS)
-    assert "wanted" in next(line for line in table.splitlines() if line.strip().startswith("lorentzian "))
-    assert "The data favour lorentzian: its BIC is" in " ".join(table.split())
-
-
-def test_what_is_no_law_is_refused(tmp_path: Path) -> None:
-    """A law that there is not, or a term that it has already, is one sentence with what can be written."""
-    wrong = {
-        "law: gauss": r"got 'gauss'; expected paper, auto, coulomb-viscous, or one of gaussian \| exponential",
-        "law: gaussian+gaussian": r"each perhaps with \+quadratic",
-        "law: 3": "law",
-        "law: lorentzian+quadratic, regressors: [quadratic]": "the same term",
-    }
-    for fit, said in wrong.items():
-        with pytest.raises(InputError, match=said):
-            bristle.identify(both_ways(tmp_path, truth_of(GAUSSIAN), 0.01, fit))
 
 
 def moving(law: Law) -> dict[str, Any]:

@@ -68,7 +68,6 @@ def test_derivatives_by_a_level_are_those_of_differences(p: Lugre[float] | Pair[
     c = np.array([0.05, 0.03])
 
     def torque(c: Array) -> Array:
-        """The friction torque at coefficients, (n,)."""
         return rollout(VELOCITY, 1e-3, p, z0, level=c @ RISES).torque
 
     count = 6 if isinstance(p, Lugre) else 12
@@ -158,10 +157,7 @@ def test_names_of_loads() -> None:
             FitOptions(law=wrong)
     with pytest.raises(KeyError):  # what a results file or an export holds is a curve
         law_named("gaussian+gear-load")
-
-
-def test_a_load_needs_a_motion() -> None:
-    """Points alone, or a simulated position, cannot be fitted with a load: one sentence each, not a fit without it."""
+    # points alone, or a simulated position, cannot be fitted with a load: one sentence each, not a fit without it
     v = np.geomspace(0.05, 1, 20)
     with pytest.raises(InputError, match="gear-load needs a tracking run"):
         bristle.fit(v, 0.1 + 0.05 * v + 1e-4 * np.sin(1e4 * v), law="paper+gear-load")
@@ -175,10 +171,7 @@ def test_a_load_that_nothing_tells_is_refused() -> None:
     file.write_text(file.read_text().replace("[inertia, gravity]", "[inertia]"))
     with pytest.raises(InputError, match="gear-load needs what gravity does"):
         bristle.identify(file)
-
-
-def test_what_a_run_has_in_common_counts_once() -> None:
-    """Of a mean over k runs with an offset each, the clustered error is the offsets' scatter over the root of k."""
+    # of a mean over k runs with an offset each, the clustered error is the offsets' scatter over the root of k
     rng, offsets = np.random.default_rng(0), np.array([0.3, -0.1, 0.2, -0.4])
     noise = 1e-3 * rng.standard_normal((4, 500))
     x = offsets[:, None] + noise
@@ -203,6 +196,14 @@ def test_rows_with_the_drive_off_are_left_out(tmp_path: Path) -> None:
     assert run.record.starts == (0, int(np.flatnonzero(on == 0)[0]))
     (told,) = (n for n in run.record.notes if n.code == "rows-motor-off")
     assert told.numbers["rows"] == off
+    # a flag without a column, or of a drive that was never on: one sentence
+    t = np.array([0.0, 0.1, 0.2])
+    path = experiment_file(tmp_path, {"t": t, "q": 2 * t, "T": t + 1, "driven": 0 * t})
+    with pytest.raises(InputError, match="enabled is 0 in all 3 rows"):
+        measure(path)
+    path.write_text(path.read_text().replace("enabled: driven", "enabled: nothing"))
+    with pytest.raises(InputError, match="no column named 'nothing'"):
+        measure(path)
 
 
 @pytest.mark.slow
@@ -229,11 +230,7 @@ def test_compensation_sees_the_load() -> None:
     unloaded = float(np.std((first.measured - rollout(first.velocity, STEP, loop.model, 0.0).torque)[200:]))
     assert left < 1.5 * 0.02
     assert unloaded > 2 * left
-
-
-@pytest.mark.slow
-def test_friction_that_is_part_of_its_load() -> None:
-    """A level that rises with the motor's torque, friction included, is the one at which both agree; at a coefficient of 1 there is none."""
+    # a level that rises with the motor's torque, friction included, is the one at which both agree; at a coefficient of 1 there is none
     file, fitted = geared("paper+link-load", 0.1, EXACT)
     loop = of_experiment(measure(file).experiment, fitted)
     loaded = replace(loop, carried=Carried({"gear_load": 0.2}, {"gravity_sin": G}))
@@ -299,21 +296,8 @@ def test_who_takes_the_joint_without_load_says_so(embedded: tuple[Joint, Joint])
     (told,) = without_load(loaded)
     assert (told.numbers["names"], told.numbers["rise"]) == (("link_load",), 0.1)
     assert not without_load(plain)
-
-
-def test_a_flag_that_is_none_is_refused(tmp_path: Path) -> None:
-    """A flag without a column, or of a drive that was never on: one sentence."""
-    t = np.array([0.0, 0.1, 0.2])
-    path = experiment_file(tmp_path, {"t": t, "q": 2 * t, "T": t + 1, "driven": 0 * t})
-    with pytest.raises(InputError, match="enabled is 0 in all 3 rows"):
-        measure(path)
-    path.write_text(path.read_text().replace("enabled: driven", "enabled: nothing"))
-    with pytest.raises(InputError, match="no column named 'nothing'"):
-        measure(path)
-
-
-def test_the_load_is_named_where_the_joint_is_shown(embedded: tuple[Joint, Joint]) -> None:
-    """The short report says which law and load the fits have; that of the paper's law says none. A document names both, and their coefficients."""
+    # the short report says which law and load the fits have; that of the paper's law says none. A document names both, and their
+    # coefficients
     plain, found = embedded
     assert found.law_name == "gaussian+link-load"
     assert "law: gaussian+link-load: Gaussian peak" in " ".join(brief_report([found]).split())

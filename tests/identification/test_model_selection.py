@@ -180,6 +180,20 @@ def test_too_few_points_are_said(tmp_path: Path) -> None:
     v = np.array([0.1, 0.1 + 1e-9, 0.1 + 2e-9])
     found = joint_of(tmp_path, v, curve(v, FLAT) + WOBBLE).models
     assert [r.model for x in found for r in x.rows] == [COULOMB]
+    # where the fit keeps no Stribeck term but a criterion would, the advice stays with the fit and says by how much the criterion differs
+    static = points(tmp_path, FLAT, None).static
+    assert static["+"].parameters["alpha_1"].value is None
+    sizes = {COULOMB: 3.0, VISCOUS: 1.0, STRIBECK: 0.5}
+    found = [
+        ModelCandidate(model=m, directions=ONE, parameters=k, residuals=np.full(50, x), hold_out=None)
+        for (m, x), k in zip(sizes.items(), (1, 2, 4), strict=True)
+    ]
+    judged = choose("points", found, None, 1.0, 100.0, static, None, ())
+    assert judged is not None
+    assert used(judged).model == VISCOUS
+    (refused,) = reasons(judged, REFUSED)
+    assert refused == f"{REFUSED}, though it would lower the BIC by {used(judged).bic:.1f} (the fit's warnings say why)"
+    assert used(judged).bic == pytest.approx(50 * np.log(4) - 2 * np.log(50))
 
 
 def run(seed: int) -> Record:
@@ -215,7 +229,7 @@ def whole(
     return fit_tracking(problem, start, "revolute", [("held", test)], search=False).fit
 
 
-def test_symmetric_coulomb_with_an_offset_is_coulomb_per_direction(
+def test_models_on_a_moving_run(
     on_motion: tuple[ModelComparison, TrackingFit],
 ) -> None:
     """On moving runs the two are one model: the same residuals, parameters, criteria and hold-out error."""
@@ -225,10 +239,7 @@ def test_symmetric_coulomb_with_an_offset_is_coulomb_per_direction(
     assert one.rms == pytest.approx(two.rms, rel=1e-9)
     assert one.bic == pytest.approx(two.bic, abs=1e-6)
     assert one.hold_out == pytest.approx(two.hold_out, rel=1e-9)
-
-
-def test_moving_runs_compare_lugre_with_the_static_models(on_motion: tuple[ModelComparison, TrackingFit]) -> None:
-    """LuGre made the run, per direction: it is advised so, whichever fit was asked for; the fit that was done is not done again."""
+    # LuGre made the run, per direction: it is advised so, whichever fit was asked for; the fit that was done is not done again
     compared, alone = on_motion
     best = used(compared)
     assert (best.model, best.directions) == (LUGRE, APART)
@@ -243,20 +254,15 @@ def test_moving_runs_compare_lugre_with_the_static_models(on_motion: tuple[Model
     assert 1 < compared.effective < compared.n
     if done is best:
         assert compared.effective == pytest.approx(compared.n / inflation(alone.residuals))
-
-
-def test_correlated_residuals_count_for_fewer(on_motion: tuple[ModelComparison, TrackingFit]) -> None:
-    """The criteria of two models differ by n' times the logarithm of their residuals' ratio, plus the terms of their parameters; n' = effective."""
+    # the criteria of two models differ by n' times the logarithm of their residuals' ratio, plus the terms of their parameters; n' =
+    # effective
     compared, _ = on_motion
     a, b = row(compared, VISCOUS, SYMMETRIC), row(compared, STRIBECK, SYMMETRIC)
     n = compared.effective
     assert b.bic - a.bic == pytest.approx(
         2 * n * np.log(b.rms / a.rms) + (b.parameters - a.parameters) * np.log(n), abs=1e-6
     )
-
-
-def test_a_bristle_that_the_motion_does_not_show_is_not_advised(on_motion: tuple[ModelComparison, TrackingFit]) -> None:
-    """Without any sigma_0 LuGre is no candidate, however low its BIC, and the sentence says why."""
+    # without any sigma_0 LuGre is no candidate, however low its BIC, and the sentence says why
     compared, alone = on_motion
     blind = {n: replace(e, value=None) if n.name == "sigma_0" else e for n, e in alone.parameters.items()}
     found = [
@@ -274,20 +280,3 @@ def test_a_bristle_that_the_motion_does_not_show_is_not_advised(on_motion: tuple
     assert used(judged).model != LUGRE
     assert reasons(judged, "the motion does not show LuGre's bristle")
     assert min(judged.rows, key=lambda r: r.bic).model == LUGRE
-
-
-def test_a_term_that_the_fit_refused_is_not_advised_however_low_its_bic(tmp_path: Path) -> None:
-    """Where the fit keeps no Stribeck term but a criterion would, the advice stays with the fit and says by how much the criterion differs."""
-    static = points(tmp_path, FLAT, None).static
-    assert static["+"].parameters["alpha_1"].value is None
-    sizes = {COULOMB: 3.0, VISCOUS: 1.0, STRIBECK: 0.5}
-    found = [
-        ModelCandidate(model=m, directions=ONE, parameters=k, residuals=np.full(50, x), hold_out=None)
-        for (m, x), k in zip(sizes.items(), (1, 2, 4), strict=True)
-    ]
-    judged = choose("points", found, None, 1.0, 100.0, static, None, ())
-    assert judged is not None
-    assert used(judged).model == VISCOUS
-    (refused,) = reasons(judged, REFUSED)
-    assert refused == f"{REFUSED}, though it would lower the BIC by {used(judged).bic:.1f} (the fit's warnings say why)"
-    assert used(judged).bic == pytest.approx(50 * np.log(4) - 2 * np.log(50))

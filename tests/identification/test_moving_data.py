@@ -52,16 +52,13 @@ def values(
     return dict(zip(problem.names, solve(problem, default_range(problem.velocity)).theta, strict=True))
 
 
-def test_filtering_both_sides_is_unbiased() -> None:
+def test_fits_of_moving_runs_find_the_truth() -> None:
     """sgn(v) and the Stribeck shape are formed before the filter, so noise-free data give back the exact parameters although both are smoothed."""
     found = values(moving(noise=0.0), ("+", "-"), ("inertia",))
     assert found[parse("inertia")] == pytest.approx(INERTIA, rel=1e-5)
     for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
         assert [found[parse(name + sign)] for sign in "+-"] == pytest.approx([getattr(STRONG, name)] * 2, rel=1e-4)
-
-
-def test_runs_of_several_rates_are_fitted_together() -> None:
-    """A run at 500 Hz beside one at 200 Hz: equations as far apart, and without noise the exact parameters, by both routes."""
+    # a run at 500 Hz beside one at 200 Hz: equations as far apart, and without noise the exact parameters, by both routes
     fast, slow = moving(noise=0.0), thinned(moving(noise=0.0), slice(None, None, 5), "slow.csv")
     between = thinned(fast, slice(None, None, 2), "fast.csv")
     both = [replace(between, oversampled=2.5), slow]  # 500 Hz beside 200 Hz
@@ -74,6 +71,27 @@ def test_runs_of_several_rates_are_fitted_together() -> None:
     posed = dynamic_problem(both, (Direction.BOTH,), ("inertia",), 4, None, {})
     steps = [np.diff(m.smoothed(m.time)) for m in posed.motions]
     assert all(step == pytest.approx(0.02) for step in steps)
+    # with the inertia fixed the rest comes out as when it is estimated, and it is no parameter any more
+    fixed = values(moving(), ("both",), ("offset",), inertia=INERTIA)
+    free = values(moving(), ("both",), ("inertia", "offset"))
+    assert parse("inertia") not in fixed
+    assert fixed[parse("alpha_2")] == pytest.approx(free[parse("alpha_2")], rel=0.01)
+    # an absurdly tight prior decides the inertia; a loose one leaves it alone
+    problem, _, _ = from_records([moving()], ("both",), ("inertia",), 10)
+    position = problem.names.index(parse("inertia"))
+    tight = with_prior(problem, parse("inertia"), 0.005, 1e-9, 1e-4)
+    loose = with_prior(problem, parse("inertia"), 0.005, 1.0, 1e-4)
+    v_s_range = default_range(problem.velocity)
+    assert solve(tight, v_s_range).theta[position] == pytest.approx(0.005, rel=1e-4)
+    assert solve(loose, v_s_range).theta[position] == pytest.approx(solve(problem, v_s_range).theta[position], rel=1e-5)
+    # two routes agree: IPOPT on the law itself, through the same filter, and the grid; costs within 1e-6 relative
+    problem, _, _ = from_records([moving()], ("both",), ("inertia", "offset"), 10)
+    v_s_range = default_range(problem.velocity)
+    grid = solve(problem, v_s_range)
+    theta = min(full_fit(problem, v_s_range, starts=3), key=lambda end: float(np.sum(problem.residuals(end) ** 2)))
+    cost = float(np.sum(problem.residuals(theta) ** 2))
+    assert cost == pytest.approx(grid.cost, rel=1e-6)
+    assert theta == pytest.approx(grid.theta, rel=2e-3, abs=1e-5)
 
 
 def thinned(record: Record, samples: slice, file: str) -> Record:
@@ -82,26 +100,7 @@ def thinned(record: Record, samples: slice, file: str) -> Record:
     return replace(record, file=file, **kept)
 
 
-def test_a_known_inertia_is_taken_off() -> None:
-    """With the inertia fixed the rest comes out as when it is estimated, and it is no parameter any more."""
-    fixed = values(moving(), ("both",), ("offset",), inertia=INERTIA)
-    free = values(moving(), ("both",), ("inertia", "offset"))
-    assert parse("inertia") not in fixed
-    assert fixed[parse("alpha_2")] == pytest.approx(free[parse("alpha_2")], rel=0.01)
-
-
-def test_a_prior_pulls_as_its_standard_error_says() -> None:
-    """An absurdly tight prior decides the inertia; a loose one leaves it alone."""
-    problem, _, _ = from_records([moving()], ("both",), ("inertia",), 10)
-    position = problem.names.index(parse("inertia"))
-    tight = with_prior(problem, parse("inertia"), 0.005, 1e-9, 1e-4)
-    loose = with_prior(problem, parse("inertia"), 0.005, 1.0, 1e-4)
-    v_s_range = default_range(problem.velocity)
-    assert solve(tight, v_s_range).theta[position] == pytest.approx(0.005, rel=1e-4)
-    assert solve(loose, v_s_range).theta[position] == pytest.approx(solve(problem, v_s_range).theta[position], rel=1e-5)
-
-
-def test_smoothing_keeps_constants_and_never_crosses_a_gap() -> None:
+def test_smoothing_lengths_and_hold_outs() -> None:
     """Each equation's kernel sums to one, and takes its samples from one segment only."""
     record = moving(starts=(0, 3000))
     problem, (time, _), dropped = from_records([record], ("both",), ("inertia",), 10)
@@ -113,13 +112,24 @@ def test_smoothing_keeps_constants_and_never_crosses_a_gap() -> None:
     assert not (first & second).any()
     assert time.size == smooth.shape[0]
     assert dropped > 0
-
-
-def test_too_short_a_segment_names_the_length_it_needs() -> None:
-    """A record shorter than the filter's transient is refused with the number of samples that it takes."""
+    # a record shorter than the filter's transient is refused with the number of samples that it takes
     short = thinned(moving(), slice(0, 100), "short.csv")
     with pytest.raises(ValueError, match=r"short\.csv: no segment between gaps is longer than \d+ samples"):
         from_records([short], ("both",), ("offset",), 10)
+    # a regressor whose signal the run does not have is refused, naming the file and the signal
+    bare = replace(moving(), file="bare.csv", acceleration=None)
+    with pytest.raises(ValueError, match=r"bare\.csv: the fit needs acceleration"):
+        from_records([bare], ("both",), ("inertia",), 10)
+    # the relative error on a held-out run is 100 * norm(residual) / norm(torque) with the training run's parameters
+    training, (time, position), _ = from_records([moving(0)], ("both",), ("inertia",), 10)
+    other, _, _ = from_records([moving(1)], ("both",), ("inertia",), 10)
+    where = PointInfo(time=time, position=position)
+    fits, _ = fit_static(training, FitOptions(), "revolute", where, [("other.csv", other)])
+    fit = fits["both"]
+    theta: Array = solve(training, default_range(training.velocity)).theta
+    by_hand = 100 * np.linalg.norm(other.residuals(theta)) / np.linalg.norm(other.torque)
+    assert fit.hold_out[0].file == "other.csv"
+    assert fit.hold_out[0].relative_error == pytest.approx(by_hand, rel=1e-9)
 
 
 @pytest.mark.parametrize("samples", [5, 37, 100, 368, 369, 10_000])
@@ -152,10 +162,7 @@ def test_a_short_run_is_fitted_with_what_it_has(tmp_path: Path) -> None:
     assert every <= longest_decimation(100, 150)
     with pytest.raises(InputError, match=r"short.csv: no segment .* below 10"):
         identify_joint(measure(moving_file(tmp_path, ", decimation: 10", short=True)))
-
-
-def test_a_shape_that_motion_does_not_show_is_assumed_and_said(tmp_path: Path) -> None:
-    """A free exponent without points at constant velocity is held in the middle of its range, which is a caution; a given one is not."""
+    # a free exponent without points at constant velocity is held in the middle of its range, which is a caution; a given one is not
     for given, said in (("", ["1.41"]), (", fixed: {delta: 2.0}", [])):
         joint = identify_joint(measure(moving_file(tmp_path, f", law: free-exponent{given}")))
         fit = joint.moving
@@ -164,37 +171,15 @@ def test_a_shape_that_motion_does_not_show_is_assumed_and_said(tmp_path: Path) -
         assert [f"{w.numbers['value']:.3g}" for w in told] == said
         (p,) = curves_to_use(joint).values()
         assert p.alpha_0 == fit.known[parse("alpha_0")]
-
-
-def test_missing_acceleration_is_named() -> None:
-    """A regressor whose signal the run does not have is refused, naming the file and the signal."""
-    bare = replace(moving(), file="bare.csv", acceleration=None)
-    with pytest.raises(ValueError, match=r"bare\.csv: the fit needs acceleration"):
-        from_records([bare], ("both",), ("inertia",), 10)
-
-
-def test_the_full_fit_on_moving_data_ends_where_the_grid_does() -> None:
-    """Two routes agree: IPOPT on the law itself, through the same filter, and the grid; costs within 1e-6 relative."""
-    problem, _, _ = from_records([moving()], ("both",), ("inertia", "offset"), 10)
-    v_s_range = default_range(problem.velocity)
-    grid = solve(problem, v_s_range)
-    theta = min(full_fit(problem, v_s_range, starts=3), key=lambda end: float(np.sum(problem.residuals(end) ** 2)))
-    cost = float(np.sum(problem.residuals(theta) ** 2))
-    assert cost == pytest.approx(grid.cost, rel=1e-6)
-    assert theta == pytest.approx(grid.theta, rel=2e-3, abs=1e-5)
-
-
-def test_hold_out_is_judged_and_never_fitted() -> None:
-    """The relative error on a held-out run is 100 * norm(residual) / norm(torque) with the training run's parameters."""
-    training, (time, position), _ = from_records([moving(0)], ("both",), ("inertia",), 10)
-    other, _, _ = from_records([moving(1)], ("both",), ("inertia",), 10)
-    where = PointInfo(time=time, position=position)
-    fits, _ = fit_static(training, FitOptions(), "revolute", where, [("other.csv", other)])
-    fit = fits["both"]
-    theta: Array = solve(training, default_range(training.velocity)).theta
-    by_hand = 100 * np.linalg.norm(other.residuals(theta)) / np.linalg.norm(other.torque)
-    assert fit.hold_out[0].file == "other.csv"
-    assert fit.hold_out[0].relative_error == pytest.approx(by_hand, rel=1e-9)
+    # a run of which rows are lost is fitted by the stretches that its filter fits into, the others counted, and finds the friction
+    file = moving_file(tmp_path)
+    rows = np.loadtxt(tmp_path / "long.csv", delimiter=",", skiprows=1)
+    lost = np.r_[3000:3100, 3120:3200, 6000:6050, 6200:6300]
+    np.savetxt(tmp_path / "long.csv", np.delete(rows, lost, axis=0), delimiter=",", header="t,v,T", comments="")
+    joint = identify_joint(measure(file))
+    assert joint.inputs[0].dropped == 20 + 150
+    assert joint.tracking is not None
+    assert holds(joint.tracking.parameters[parse("alpha_0")].interval, 0.25)
 
 
 @pytest.mark.slow
@@ -216,18 +201,6 @@ def test_a_low_pass_that_takes_motion_is_widened(monkeypatch: pytest.MonkeyPatch
     off = [abs(fit.params["alpha_0"] / law.alpha_0 - 1) for fit in (usual, widened, asked)]
     assert max(off[:2]) < 0.001, off
     assert off[2] > 0.01, off
-
-
-def test_short_stretches_between_gaps_are_left_out(tmp_path: Path) -> None:
-    """A run of which rows are lost is fitted by the stretches that its filter fits into, the others counted, and finds the friction."""
-    file = moving_file(tmp_path)
-    rows = np.loadtxt(tmp_path / "long.csv", delimiter=",", skiprows=1)
-    lost = np.r_[3000:3100, 3120:3200, 6000:6050, 6200:6300]
-    np.savetxt(tmp_path / "long.csv", np.delete(rows, lost, axis=0), delimiter=",", header="t,v,T", comments="")
-    joint = identify_joint(measure(file))
-    assert joint.inputs[0].dropped == 20 + 150
-    assert joint.tracking is not None
-    assert holds(joint.tracking.parameters[parse("alpha_0")].interval, 0.25)
 
 
 def test_a_poorer_law_of_the_same_runs_says_so_and_warns_of_nothing() -> None:

@@ -118,10 +118,7 @@ def test_derivatives_are_those_of_finite_differences() -> None:
         by[k] = 1e-6
         slope = (evaluate(x + by)[0] - evaluate(x - by)[0]) / 2e-6
         assert np.linalg.norm(slope - jacobian[:, k]) <= 1e-5 * np.linalg.norm(jacobian[:, k]) + 1e-12, problem.names[k]
-
-
-def test_torque_in_position_out_recovers_the_truth() -> None:
-    """From torque alone, a counted position and windows that begin anywhere, each parameter that is seen lies within its own interval."""
+    # from torque alone, a counted position and windows that begin anywhere, each parameter that is seen lies within its own interval
     t = np.arange(0, 2.4, STEP)
     T = 0.06 * drive(t)
     truth = Pair(GRIPPER, GRIPPER)
@@ -176,6 +173,17 @@ def test_a_held_out_run_is_judged_from_its_own_starts() -> None:
     assert relative_error(problem, values_of(Pair(GRIPPER, OTHER))) == pytest.approx(
         100 * quantum / 12**0.5 / spread, rel=0.2
     )
+    # a problem whose regressors leave the inertia out is refused in one sentence that says what to add
+    t = np.arange(0, 1.0, STEP)
+    run = Record(
+        file="run.csv", time=t, position=np.sin(t), velocity=np.cos(t), torque=drive(t), acceleration=-np.sin(t)
+    )
+    whole = dynamic_problem([run], ("both",), (), 1, None)
+    with pytest.raises(ValueError, match=r"fit\.predict: position simulates the motor, which needs an inertia"):
+        simulation([run], whole, None, 1, 0.5)
+    blind = replace(run, position=None)
+    with pytest.raises(ValueError, match=r"run\.csv: fit\.predict: position needs the position"):
+        simulation([blind], dynamic_problem([blind], ("both",), ("inertia",), 1, None), None, 1, 0.5)
 
 
 @pytest.fixture(scope="module")
@@ -228,17 +236,3 @@ def test_behind_a_coarse_encoder_the_simulated_motor_sees_more(coarse: dict[str,
     assert by_position.hold_out[0].relative_error < 1.0
     assert coarse["torque"].static
     assert not coarse["position"].static
-
-
-def test_without_an_inertia_nothing_can_be_simulated() -> None:
-    """A problem whose regressors leave the inertia out is refused in one sentence that says what to add."""
-    t = np.arange(0, 1.0, STEP)
-    run = Record(
-        file="run.csv", time=t, position=np.sin(t), velocity=np.cos(t), torque=drive(t), acceleration=-np.sin(t)
-    )
-    whole = dynamic_problem([run], ("both",), (), 1, None)
-    with pytest.raises(ValueError, match=r"fit\.predict: position simulates the motor, which needs an inertia"):
-        simulation([run], whole, None, 1, 0.5)
-    blind = replace(run, position=None)
-    with pytest.raises(ValueError, match=r"run\.csv: fit\.predict: position needs the position"):
-        simulation([blind], dynamic_problem([blind], ("both",), ("inertia",), 1, None), None, 1, 0.5)

@@ -30,15 +30,9 @@ from .conftest import curve, experiment_file, holds, way, white
 
 JOINT = Lugre(0.3, 0.1, 0.05, 0.2, 100.0, 0.3)
 WAVES = {
-    "cogging_sin_4": 0.05,
-    "cogging_cos_4": 0.02,
-    "cogging_sin_11": 0.03,
-    "cogging_cos_11": -0.02,
-    "ripple_sin_4": 0.02,
-    "ripple_cos_4": 0.01,
-    "ripple_sin_11": 0.0,
-    "ripple_cos_11": 0.01,
-}
+    "cogging_sin_4": 0.05, "cogging_cos_4": 0.02, "cogging_sin_11": 0.03, "cogging_cos_11": -0.02,
+    "ripple_sin_4": 0.02, "ripple_cos_4": 0.01, "ripple_sin_11": 0.0, "ripple_cos_11": 0.01,
+}  # fmt: skip  # a list of values
 """Amplitudes by parameter, N*m."""
 ASKED = with_orders(("cogging", "ripple"), (4, 11), "revolute")
 STEP = 4e-3
@@ -124,11 +118,7 @@ def test_a_fit_that_is_asked_to_finds_the_orders_and_says_so(size: float) -> Non
             found.predict(np.ones(2))
         wanted = curve(np.ones(2), JOINT) + waves(q, np.ones(2))
         assert found.predict(np.ones(2), q) == pytest.approx(wanted, abs=5e-3)
-
-
-@pytest.mark.parametrize("size", [0.0, 1.0])
-def test_points_show_the_orders_too(size: float) -> None:
-    """Points scattered over a turn get the order of their cogging, and its amplitude; without any they get none."""
+    # points scattered over a turn get the order of their cogging, and its amplitude; without any they get none
     rng = np.random.default_rng(2)
     v = np.tile(np.geomspace(0.03, 2.0, 30), 2) * np.repeat([1.0, -1.0], 30)
     q = rng.uniform(0, 2 * np.pi, v.size)
@@ -153,6 +143,21 @@ def test_what_is_held_out_is_predicted_with_the_same_orders(tmp_path: Path) -> N
         errors[asked] = found.hold_out[0].relative_error
     plain, repeating = errors.values()
     assert repeating < 0.3 * plain
+    # orders of nothing, of none, that are no whole numbers or finer than the positions get one sentence, which says what is expected
+    t, q, torque = bristles(4.0)
+    for options, sentence in REFUSED:
+        named: dict[str, Any] = {} if sentence.startswith("fit.orders: nothing") else {"regressors": ["cogging"]}
+        with pytest.raises(InputError) as refused:
+            bristle.fit_dynamic(t, q, torque, **named, **options)
+        assert sentence in str(refused.value)
+        assert "\n" not in str(refused.value)
+    # runs and points without a position are refused, as for gravity
+    some = np.ones(3)
+    path = experiment_file(tmp_path, {"t": some, "v": some, "T": some}, fit="regressors: [ripple]")
+    with pytest.raises(InputError, match="no position, which tracking runs need; name it under signals"):
+        load_experiment(path)
+    with pytest.raises(InputError, match=r"fit\.regressors: cogging needs the position of every point"):
+        bristle.fit(np.linspace(0.1, 1, 20), np.linspace(0.2, 0.3, 20), regressors=["cogging"], orders=[4])
 
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
@@ -172,27 +177,6 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ),
 ]
 """Orders that cannot be, and what is said of them."""
-
-
-def test_orders_that_cannot_be_are_refused() -> None:
-    """Orders of nothing, of none, that are no whole numbers or finer than the positions get one sentence, which says what is expected."""
-    t, q, torque = bristles(4.0)
-    for options, sentence in REFUSED:
-        asked: dict[str, Any] = {} if sentence.startswith("fit.orders: nothing") else {"regressors": ["cogging"]}
-        with pytest.raises(InputError) as refused:
-            bristle.fit_dynamic(t, q, torque, **asked, **options)
-        assert sentence in str(refused.value)
-        assert "\n" not in str(refused.value)
-
-
-def test_a_position_is_needed(tmp_path: Path) -> None:
-    """Runs and points without a position are refused, as for gravity."""
-    some = np.ones(3)
-    path = experiment_file(tmp_path, {"t": some, "v": some, "T": some}, fit="regressors: [ripple]")
-    with pytest.raises(InputError, match="no position, which tracking runs need; name it under signals"):
-        load_experiment(path)
-    with pytest.raises(InputError, match=r"fit\.regressors: cogging needs the position of every point"):
-        bristle.fit(np.linspace(0.1, 1, 20), np.linspace(0.2, 0.3, 20), regressors=["cogging"], orders=[4])
 
 
 @pytest.mark.parametrize(("kind", "rate"), [("revolute", 4.0), ("prismatic", 8 * np.pi), ("prismatic in A", 8 * np.pi)])

@@ -128,7 +128,7 @@ def rows(order: Array, drift: float, seed: int) -> list[Finding]:
     return [d for d in found if d.code == "drift-of-rows"]
 
 
-def test_a_drift_over_the_rows_of_points_is_said() -> None:
+def test_a_drift_over_the_rows_of_points_is_said(tmp_path: Path) -> None:
     """Where speeds go up and down, or in any order, with sign and size; none where they only rise, and of 100 clean sets at most one."""
     both = np.concatenate([SPEEDS, SPEEDS[::-1]])
     for drift in (-0.1, 0.3):
@@ -140,6 +140,32 @@ def test_a_drift_over_the_rows_of_points_is_said() -> None:
                 assert d.numbers["share"] == pytest.approx(abs(drift), rel=0.6)
         assert rows(np.sort(both), drift, 2) == []
     assert sum(bool(rows(both, 0.0, seed)) for seed in range(100)) <= 1
+    # holds that pass most of a turn: friction and gravity come back with the means of sin and cos, not with those of the middle
+    rate, K = 200, 0.15 * TRUTH.alpha_0
+    v = np.concatenate([np.full(int(min(4.0 / s, 20) * rate), x) for s in (0.05, *SPEEDS) for x in (s, -s)])
+    time, q = np.arange(v.size) / rate, np.cumsum(v) / rate
+    torque = steady_points(TRUTH, v, 0.05 * TRUTH.alpha_0, np.random.default_rng(0), 1)[0] + K * np.sin(q)
+    columns = {"t": time, "q": q, "T": torque}
+    path = experiment_file(tmp_path, columns, "ramp", "directions: symmetric, regressors: [gravity]")
+    found = bristle.identify(path).joints[0].static["both"].parameters
+    for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
+        assert found[name].value == pytest.approx(getattr(TRUTH, name), rel=0.03)
+    assert found["gravity_sin"].value == pytest.approx(K, rel=0.03)
+    # copies of points are named, with what they do to the errors; a speed that was measured twice, or a torque that recurs, is no copy
+    rng, v = np.random.default_rng(4), np.geomspace(0.05, 2, 8)
+    (torque,) = steady_points(TRUTH, np.tile(v, 2), NOISE, rng, 1)
+
+    def said(v: Array, T: Array) -> list[Finding]:
+        points = as_points(v, T)
+        record = Record(file="p.csv", time=np.arange(v.size, dtype=float), velocity=v, torque=T)
+        given = measured(tmp_path, (Run(kind="points", record=record),), (points,))
+        return [d for d in point_warnings(given, points, fits(NOISE)) if d.code == "points-repeated"]
+
+    assert said(np.tile(v, 2), torque) == []
+    assert said(np.concatenate([v, 1.1 * v]), np.tile(torque[:8], 2)) == []
+    (copies,) = said(np.tile(v, 2), np.tile(torque[:8], 2))
+    assert (copies.numbers["count"], copies.numbers["points"], copies.numbers["where"]) == (8, 16, "row 9")
+    assert copies.numbers["factor"] == pytest.approx(2**0.5)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.35])
@@ -160,39 +186,6 @@ def test_holds_that_swing_are_said(tmp_path: Path, share: float) -> None:
     assert len(said) == (share > 0.2)
     for d in said:
         assert d.numbers["swing"] == pytest.approx(share / np.sqrt(2), rel=0.1)
-
-
-def test_gravity_of_a_hold_is_its_mean(tmp_path: Path) -> None:
-    """Holds that pass most of a turn: friction and gravity come back with the means of sin and cos, not with those of the middle."""
-    rate, K = 200, 0.15 * TRUTH.alpha_0
-    v = np.concatenate([np.full(int(min(4.0 / s, 20) * rate), x) for s in (0.05, *SPEEDS) for x in (s, -s)])
-    time, q = np.arange(v.size) / rate, np.cumsum(v) / rate
-    torque = steady_points(TRUTH, v, 0.05 * TRUTH.alpha_0, np.random.default_rng(0), 1)[0] + K * np.sin(q)
-    columns = {"t": time, "q": q, "T": torque}
-    path = experiment_file(tmp_path, columns, "ramp", "directions: symmetric, regressors: [gravity]")
-    found = bristle.identify(path).joints[0].static["both"].parameters
-    for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
-        assert found[name].value == pytest.approx(getattr(TRUTH, name), rel=0.03)
-    assert found["gravity_sin"].value == pytest.approx(K, rel=0.03)
-
-
-def test_points_that_are_written_twice_are_said(tmp_path: Path) -> None:
-    """Copies of points are named, with what they do to the errors; a speed that was measured twice, or a torque that recurs, is no copy."""
-    rng, v = np.random.default_rng(4), np.geomspace(0.05, 2, 8)
-    (torque,) = steady_points(TRUTH, np.tile(v, 2), NOISE, rng, 1)
-
-    def said(v: Array, T: Array) -> list[Finding]:
-        """Of copies, in these points."""
-        points = as_points(v, T)
-        record = Record(file="p.csv", time=np.arange(v.size, dtype=float), velocity=v, torque=T)
-        given = measured(tmp_path, (Run(kind="points", record=record),), (points,))
-        return [d for d in point_warnings(given, points, fits(NOISE)) if d.code == "points-repeated"]
-
-    assert said(np.tile(v, 2), torque) == []
-    assert said(np.concatenate([v, 1.1 * v]), np.tile(torque[:8], 2)) == []
-    (copies,) = said(np.tile(v, 2), np.tile(torque[:8], 2))
-    assert (copies.numbers["count"], copies.numbers["points"], copies.numbers["where"]) == (8, 16, "row 9")
-    assert copies.numbers["factor"] == pytest.approx(2**0.5)
 
 
 def directions(seed: int, offset: float, negative: Lugre[float] = TRUTH) -> list[Finding]:

@@ -43,10 +43,8 @@ def test_clean_points_say_nothing(tmp_path: Path) -> None:
     """Without strays there is no such warning, no other fit, and every point is fitted."""
     fit = static(points_file(tmp_path, SPEEDS, torques()))
     assert (of(ABOUT, fit), fit.strays, fit.other_points, fit.n) == ([], (), None, 22)
-
-
-def test_a_stray_is_named_judged_and_kept_where_asked(tmp_path: Path) -> None:
-    """With `set_up: as-written` every point is fitted; the stray is named by its line, the fit without it beside; one that matters is critical."""
+    # with `set_up: as-written` every point is fitted; the stray is named by its line, the fit without it beside; one that matters is
+    # critical
     T = torques()
     T[20] += 20 * NOISE
     fit = static(points_file(tmp_path, SPEEDS, T, "set_up: as-written"))
@@ -63,10 +61,7 @@ def test_a_stray_is_named_judged_and_kept_where_asked(tmp_path: Path) -> None:
         assert e.interval is not None
         assert e.interval[0] <= getattr(GRIPPER, name) <= e.interval[1]
         assert stray.without[name] == pytest.approx(e.value)
-
-
-def test_a_term_that_the_fit_lacks_comes_before_strays(tmp_path: Path) -> None:
-    """Points off the law because of drag, v * abs(v), are not left out, but the term is taken and comes back; a stray is left out."""
+    # points off the law because of drag, v * abs(v), are not left out, but the term is taken and comes back; a stray is left out
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
     for share in (0.3, 0.5):
@@ -111,7 +106,7 @@ def test_strays_are_left_out_of_everything(tmp_path: Path) -> None:
     assert [reason.code for reason in left_out.reasons] == ["stray-dropped"]
 
 
-def test_a_point_below_breakaway_is_left_out(tmp_path: Path) -> None:
+def test_points_that_are_left_out_or_misfit(tmp_path: Path) -> None:
     """At vanishing speed with half the friction a point did not slide: left out by default, with the reason; at ordinary speed it is a stray."""
     slow = np.concatenate([[1e-5], SPEEDS])
     T = np.concatenate([[0.5 * GRIPPER.alpha_0], torques()])
@@ -120,10 +115,7 @@ def test_a_point_below_breakaway_is_left_out(tmp_path: Path) -> None:
     assert joint.segments[0].reasons[0].code == "below-breakaway"
     assert [w.code for w in of(ABOUT, joint.static["+"])] == ["resting-left-out"]
     assert joint.static["+"].n == 22
-
-
-def test_what_is_excluded_is_not_fitted(tmp_path: Path) -> None:
-    """`fit.exclude` leaves out the lines that it names and no others, and refuses to name none."""
+    # `fit.exclude` leaves out the lines that it names and no others, and refuses to name none
     T = torques()
     path = points_file(tmp_path, SPEEDS, T, "exclude: [{file: points.csv, rows: 8}, {file: points.csv, rows: 10-11}]")
     joint = bristle.identify(path).joints[0]
@@ -135,20 +127,14 @@ def test_what_is_excluded_is_not_fitted(tmp_path: Path) -> None:
     for rows in ("x", "3-2", "-1", "1.5", "[1]", "1-2-3", "true"):
         with pytest.raises(InputError, match="rows"):
             bristle.identify(points_file(tmp_path, SPEEDS, T, f"exclude: [{{file: points.csv, rows: {rows}}}]"))
-
-
-def test_minimum_velocity_holds_for_points(tmp_path: Path) -> None:
-    """Points slower than `segments.minimum_velocity` are rejected, with the reason."""
+    # points slower than `segments.minimum_velocity` are rejected, with the reason
     path = points_file(
         tmp_path, SPEEDS, torques(), more=f"segments: {{minimum_velocity: {float(SPEEDS[3])!r} rad/s}}\n"
     )
     joint = bristle.identify(path).joints[0]
     assert [s.accepted for s in joint.segments] == [False] * 3 + [True] * 19
     assert {s.reasons[0].code for s in joint.segments[:3]} == {"point-too-slow"}
-
-
-def test_a_law_that_does_not_fit_is_misfit(tmp_path: Path) -> None:
-    """Where more than an eighth of the points would have to go, nothing is left out, and that is said."""
+    # where more than an eighth of the points would have to go, nothing is left out, and that is said
     T = torques()
     T[[3, 8, 13]] += NOISE * np.array([160, -60, 25])
     for set_up in ("as-written", "auto"):
@@ -158,7 +144,7 @@ def test_a_law_that_does_not_fit_is_misfit(tmp_path: Path) -> None:
         assert warning.effect["torque"] == pytest.approx(fit.rms)
 
 
-def test_a_segment_as_far_off_as_its_own_error_explains_is_no_stray() -> None:
+def test_a_segment_as_far_off_as_its_own_error_explains_is_no_stray(tmp_path: Path) -> None:
     """The same points with and without a standard error: five standard deviations of the others, but two of its own, are chance."""
     T = torques()
     T[20] += 12 * NOISE
@@ -171,10 +157,7 @@ def test_a_segment_as_far_off_as_its_own_error_explains_is_no_stray() -> None:
         (search,) = search_points(load_experiment(edro.experiments()[0]), points)
         found.append(search.strays)
     assert found == [(20,), (20,), ()]
-
-
-def test_what_an_offset_would_be_is_noted(tmp_path: Path) -> None:
-    """Where the directions differ otherwise too an offset is noted with its size: half the difference of alpha_0."""
+    # where the directions differ otherwise too an offset is noted with its size: half the difference of alpha_0
     v = np.concatenate([SPEEDS, -SPEEDS])
     other = GRIPPER._replace(alpha_0=0.8 * GRIPPER.alpha_0, alpha_2=1.3 * GRIPPER.alpha_2)
     T = np.concatenate([curve(SPEEDS, GRIPPER), -curve(SPEEDS, other)])

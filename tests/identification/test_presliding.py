@@ -46,6 +46,12 @@ def test_the_loading_curve_solves_the_law() -> None:
     slope = 2 * h / GRIPPER.sigma_0 / (bent(T + h) - bent(T - h))
     rate = np.array([float(law.bristle_rate(t / GRIPPER.sigma_0, 1e-9, GRIPPER._replace(v_s=1.0))) / 1e-9 for t in T])
     np.testing.assert_allclose(slope, rate, rtol=1e-6)
+    # of three runs, the one that breaks away at two thirds of the others is named; the median is that of the others
+    records = [slid("a.csv", G0), slid("b.csv", 0.65 * G0), slid("c.csv", 1.01 * G0)]
+    result = identify_presliding(records, {}, None, FitOptions(), None, "revolute")
+    assert result.breakaway["+"].value == pytest.approx(G0, rel=0.05)
+    assert str(next(d for d in result.warnings if d.code == "outlier")).startswith("b.csv is an outlier")
+    assert result.fits["+"].level_source.code in {"of-breakaway", "of-one-breakaway"}
 
 
 @given(st.floats(0, 0.999), st.sampled_from([12, 14, 16]))
@@ -58,13 +64,40 @@ def test_edges_are_exact_wherever_the_joint_rests(phase: float, bits: int) -> No
     assert fit.samples.value == pytest.approx(GRIPPER.sigma_0, rel=0.08 if bits == 12 else 0.02)
 
 
-def test_the_inverse_of_14_is_exact_on_an_edge() -> None:
+def test_slow_loading_tells_sigma_0_with_its_errors() -> None:
     """Where rest lies on a count edge the closed form gives sigma_0 back, and (14) errs by the bias that the closed form predicts."""
     quantum = 2 * np.pi / 2**12
     fit = found(run(quantum, 0.0), quantum)
     assert fit.corrected.value == pytest.approx(GRIPPER.sigma_0, rel=5e-3)
     assert value_of(fit.printed) / GRIPPER.sigma_0 - 1 == pytest.approx(fit.bias_on_edge, abs=0.005)
     assert fit.bias_on_edge == pytest.approx(-0.17, abs=0.003)
+    # where no two count edges are crossed there is no value: a lower bound that the truth keeps, an open interval, and the sentence
+    quantum = 4 * float(np.ptp(np.asarray(run(0.0, 0.0).position)))
+    fit = found(run(quantum, 0.5), quantum)
+    for e in (fit.printed, fit.corrected, fit.edges, fit.samples):
+        low, high = ends_of(e.interval)
+        assert e.value is None
+        assert 0 < low < GRIPPER.sigma_0
+        assert high == np.inf
+        assert e.warnings[0].code == "within-noise"
+    assert fit.sigma_1.value is None
+    # an uncertain g0 widens the interval of sigma_0, by about what moving g0 moves it
+    loadings = find_loadings(run(2 * np.pi / 2**14, 0.3), 1e3, 2 * np.pi / 2**14, None)
+    levels = (known(G0, 1e-6 * G0), known(G0, 0.02 * G0), known(1.02 * G0, 0.0))
+    sure, unsure, moved = (fit_presliding(loadings, level, None, "revolute").edges for level in levels)
+    both = np.hypot(error_of(sure), value_of(moved) - value_of(sure))
+    assert error_of(unsure) == pytest.approx(both, rel=0.2)
+    # (15): 0.2 sqrt(J sigma_0), called an assumption, without an error; without J it is absent, with the reason
+    loadings = find_loadings(run(2 * np.pi / 2**16, 0.2), 1e3, 2 * np.pi / 2**16, None)
+    J = 1.37e-3
+    fit = fit_presliding(loadings, LEVEL, known(J, 0.1 * J), "revolute")
+    assert fit.sigma_1.value == pytest.approx(0.2 * np.sqrt(J * value_of(fit.edges)), rel=1e-12)
+    assert (fit.sigma_1.standard_error, fit.sigma_1.interval) == (None, None)
+    assert fit.sigma_1.warnings[0].code == "prior"
+    absent = fit_presliding(loadings, LEVEL, None, "revolute").sigma_1
+    assert absent.value is None
+    assert absent.warnings[0].code == "no-sigma-1"
+    assert "no positive inertia is known" in absent.warnings[0].numbers["why"]
 
 
 @pytest.mark.parametrize("u", [1e-6, 1e-3, 0.1, 0.38, 2.0])
@@ -102,42 +135,6 @@ def test_over_rest_positions_edges_and_samples_are_unbiased() -> None:
         assert np.mean([holds(fit.corrected.interval, GRIPPER.sigma_0) for fit in fits]) >= 0.85
 
 
-def test_the_error_of_g0_enters() -> None:
-    """An uncertain g0 widens the interval of sigma_0, by about what moving g0 moves it."""
-    loadings = find_loadings(run(2 * np.pi / 2**14, 0.3), 1e3, 2 * np.pi / 2**14, None)
-    levels = (known(G0, 1e-6 * G0), known(G0, 0.02 * G0), known(1.02 * G0, 0.0))
-    sure, unsure, moved = (fit_presliding(loadings, level, None, "revolute").edges for level in levels)
-    both = np.hypot(error_of(sure), value_of(moved) - value_of(sure))
-    assert error_of(unsure) == pytest.approx(both, rel=0.2)
-
-
-def test_within_one_count_there_is_a_bound_and_no_number() -> None:
-    """Where no two count edges are crossed there is no value: a lower bound that the truth keeps, an open interval, and the sentence."""
-    quantum = 4 * float(np.ptp(np.asarray(run(0.0, 0.0).position)))
-    fit = found(run(quantum, 0.5), quantum)
-    for e in (fit.printed, fit.corrected, fit.edges, fit.samples):
-        low, high = ends_of(e.interval)
-        assert e.value is None
-        assert 0 < low < GRIPPER.sigma_0
-        assert high == np.inf
-        assert e.warnings[0].code == "within-noise"
-    assert fit.sigma_1.value is None
-
-
-def test_sigma_1_is_a_prior_and_says_so() -> None:
-    """(15): 0.2 sqrt(J sigma_0), called an assumption, without an error; without J it is absent, with the reason."""
-    loadings = find_loadings(run(2 * np.pi / 2**16, 0.2), 1e3, 2 * np.pi / 2**16, None)
-    J = 1.37e-3
-    fit = fit_presliding(loadings, LEVEL, known(J, 0.1 * J), "revolute")
-    assert fit.sigma_1.value == pytest.approx(0.2 * np.sqrt(J * value_of(fit.edges)), rel=1e-12)
-    assert (fit.sigma_1.standard_error, fit.sigma_1.interval) == (None, None)
-    assert fit.sigma_1.warnings[0].code == "prior"
-    absent = fit_presliding(loadings, LEVEL, None, "revolute").sigma_1
-    assert absent.value is None
-    assert absent.warnings[0].code == "no-sigma-1"
-    assert "no positive inertia is known" in absent.warnings[0].numbers["why"]
-
-
 @pytest.mark.parametrize(
     ("freedom", "share"), [(1.0, 2.0), (2.0, 2.0), (4.0, np.sqrt(2.0)), (30.0, np.sqrt(30 / 28)), (np.inf, 1.0)]
 )
@@ -157,15 +154,6 @@ def slid(name: str, level: float) -> Record:
     torque = 1.3 * level * TIME / 20
     y = bent(np.minimum(torque, 0.99 * level), level)
     return Record(file=name, time=TIME, position=y + np.cumsum(np.maximum(torque - level, 0)) * 0.2, torque=torque)
-
-
-def test_an_outlier_among_breakaways_is_named() -> None:
-    """Of three runs, the one that breaks away at two thirds of the others is named; the median is that of the others."""
-    records = [slid("a.csv", G0), slid("b.csv", 0.65 * G0), slid("c.csv", 1.01 * G0)]
-    result = identify_presliding(records, {}, None, FitOptions(), None, "revolute")
-    assert result.breakaway["+"].value == pytest.approx(G0, rel=0.05)
-    assert str(next(d for d in result.warnings if d.code == "outlier")).startswith("b.csv is an outlier")
-    assert result.fits["+"].level_source.code in {"of-breakaway", "of-one-breakaway"}
 
 
 @pytest.mark.parametrize("level", [0.0, 0.7, 0.86])

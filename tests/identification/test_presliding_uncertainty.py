@@ -52,11 +52,46 @@ def widths(three: Uncertainty) -> Array:
     return own
 
 
-def test_with_a_g0_that_is_known_the_profile_is_the_covariance() -> None:
+def test_profiles_of_slow_loading() -> None:
     """At given g0 the line through the count edges is linear least squares: both intervals are the same to 1e-6 of the width."""
     three = three_ways(loadings(0), known(G0, 0.0), "edges")
     np.testing.assert_allclose(ends(three)[1], ends(three)[0], rtol=0, atol=1e-6 * widths(three)[0])
     assert not three.warnings
+    # a g0 that may be much lower makes a much stiffer joint: the profile reaches farther up than the covariance, which is symmetric
+    own, level = loadings(2), known(G0, 0.06 * G0)
+    levels = (known(0.9 * G0, 0.0), level, known(1.1 * G0, 0.0))
+    low, value, high = (value_of(stiffness(own, x, "revolute")["edges"]) for x in levels)
+    three = three_ways(own, level, "edges")
+    longer = np.sign((low - value) - (value - high))
+    for low_end, high_end in map(ends_of, (three.profile, three.bootstrap)):
+        assert np.sign((high_end - value) - (value - low_end)) == longer
+    # the presliding fit carries the recommended estimator's; the same seed draws the same bytes, another one others
+    own, level = loadings(0), known(G0, 0.003 * G0)
+    fit = fit_presliding(own, level, None, "revolute")
+    same, other = (three_ways(own, level, fit.recommended, seed) for seed in (0, 1))
+    assert fit.uncertainty["sigma_0"].draws.tobytes() == same.draws.tobytes() != other.draws.tobytes()
+    assert fit.uncertainty["sigma_0"].profile == other.profile
+    # where no sample is left below a g0 within its error, that g0 is left out: no end of an interval is nan, or the other end
+    (whole,) = loadings(0, 0.0, runs=1)
+    few = slice(-12, None)
+    late = replace(whole, quantum=0.0, **{n: getattr(whole, n)[few] for n in ("time", "displacement", "torque")})
+    level = known(1.01 * float(late.torque[-1]) / REACH, 0.1 * G0)
+    assert late.torque[0] > REACH * (level.value - level.standard_error)
+    three = three_ways([late], level, "samples")
+    for low, high in map(ends_of, (three.covariance, three.profile)):
+        assert low < high
+    # where counts hide the motion the profile is the lower bound, open above, with the reason; nothing is drawn
+    own, level = loadings(0), known(G0, 0.01 * G0)
+    estimates = stiffness(own, level, "revolute")
+    finer = Finding("within-noise", CAUTION, "sigma_0 is at least 2 N*m/rad.", {"least": 2.0})
+    hidden = Uncertainty(covariance=None, profile=(2.0, np.inf), bootstrap=None, warnings=(finer,))
+    bound = estimates["edges"].__class__(value=None, unit="", interval=(2.0, np.inf), warnings=hidden.warnings)
+    three = stiffness_uncertainty(own, level, "edges", bound)
+    assert three.profile == (2.0, np.inf)
+    assert three.covariance is None
+    assert three.bootstrap is None
+    assert three.warnings == hidden.warnings
+    assert three.draws.size == 0
 
 
 @pytest.mark.parametrize("way", WAYS)
@@ -66,6 +101,12 @@ def test_a_small_error_of_g0_leaves_them_together(way: str) -> None:
     sure, unsure = (three_ways(own, known(G0, share * G0), way) for share in (0.0, 0.003))
     assert (widths(unsure) > widths(sure)).all()
     assert widths(unsure) == pytest.approx(widths(unsure)[0], rel=0.15)
+    # it ascends in value and is the statistic of which the interval is made
+    own, level = loadings(3), known(G0, 0.003 * G0)
+    three, value = three_ways(own, level, way), value_of(stiffness(own, level, "revolute")[way])
+    assert (np.diff(three.curve[0]) > 0).all()
+    assert np.interp(ends_of(three.profile), *three.curve) == pytest.approx([1.0, 1.0], abs=1e-3)
+    assert np.interp(value, *three.curve) == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.parametrize("share", [0.01, 0.03])
@@ -77,33 +118,11 @@ def test_a_profile_ends_where_the_least_over_g0_is_the_threshold(share: float) -
     for end in ends_of(three.profile):
 
         def least(x: float, end: float = end) -> float:
-            """Q at one g0, without an interpolation."""
             u, e, _ = by_edges([of_loading(one, G0 + x * error) for one in own])
             return ((end - u) / e) ** 2 + x * x
 
         found = minimize_scalar(least, bounds=(-student(freedom), student(freedom)), method="bounded")
         assert found.fun == pytest.approx(student(freedom) ** 2, rel=0.06)
-
-
-def test_an_unsure_g0_skews_the_profile_as_it_skews_the_estimate() -> None:
-    """A g0 that may be much lower makes a much stiffer joint: the profile reaches farther up than the covariance, which is symmetric."""
-    own, level = loadings(2), known(G0, 0.06 * G0)
-    levels = (known(0.9 * G0, 0.0), level, known(1.1 * G0, 0.0))
-    low, value, high = (value_of(stiffness(own, x, "revolute")["edges"]) for x in levels)
-    three = three_ways(own, level, "edges")
-    longer = np.sign((low - value) - (value - high))
-    for low_end, high_end in map(ends_of, (three.profile, three.bootstrap)):
-        assert np.sign((high_end - value) - (value - low_end)) == longer
-
-
-@pytest.mark.parametrize("way", WAYS)
-def test_the_curve_is_zero_at_the_estimate_and_one_at_the_ends(way: str) -> None:
-    """It ascends in value and is the statistic of which the interval is made."""
-    own, level = loadings(3), known(G0, 0.003 * G0)
-    three, value = three_ways(own, level, way), value_of(stiffness(own, level, "revolute")[way])
-    assert (np.diff(three.curve[0]) > 0).all()
-    assert np.interp(ends_of(three.profile), *three.curve) == pytest.approx([1.0, 1.0], abs=1e-3)
-    assert np.interp(value, *three.curve) == pytest.approx(0.0, abs=1e-3)
 
 
 @pytest.mark.slow
@@ -119,30 +138,6 @@ def test_intervals_hold_the_truth() -> None:
     assert all((found >= 0.85 * 40).all() for found in hits.values()), hits
 
 
-def test_a_lower_bound_is_all_there_is() -> None:
-    """Where counts hide the motion the profile is the lower bound, open above, with the reason; nothing is drawn."""
-    own, level = loadings(0), known(G0, 0.01 * G0)
-    estimates = stiffness(own, level, "revolute")
-    finer = Finding("within-noise", CAUTION, "sigma_0 is at least 2 N*m/rad.", {"least": 2.0})
-    hidden = Uncertainty(covariance=None, profile=(2.0, np.inf), bootstrap=None, warnings=(finer,))
-    bound = estimates["edges"].__class__(value=None, unit="", interval=(2.0, np.inf), warnings=hidden.warnings)
-    three = stiffness_uncertainty(own, level, "edges", bound)
-    assert three.profile == (2.0, np.inf)
-    assert three.covariance is None
-    assert three.bootstrap is None
-    assert three.warnings == hidden.warnings
-    assert three.draws.size == 0
-
-
-def test_the_fit_has_it_and_the_seed_says_it_all() -> None:
-    """The presliding fit carries the recommended estimator's; the same seed draws the same bytes, another one others."""
-    own, level = loadings(0), known(G0, 0.003 * G0)
-    fit = fit_presliding(own, level, None, "revolute")
-    same, other = (three_ways(own, level, fit.recommended, seed) for seed in (0, 1))
-    assert fit.uncertainty["sigma_0"].draws.tobytes() == same.draws.tobytes() != other.draws.tobytes()
-    assert fit.uncertainty["sigma_0"].profile == other.profile
-
-
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("error", [np.nan, np.inf])
 def test_a_g0_without_an_error_that_is_a_number_is_taken_as_it_is(way: str, error: float) -> None:
@@ -151,15 +146,3 @@ def test_a_g0_without_an_error_that_is_a_number_is_taken_as_it_is(way: str, erro
     estimate = stiffness(own, known(G0, 0.0), "revolute")[way]
     unknown, exact = (stiffness_uncertainty(own, known(G0, e), way, estimate) for e in (error, 0.0))
     assert unknown.profile == exact.profile
-
-
-def test_a_loading_that_starts_above_a_lower_g0_tells_nothing_there() -> None:
-    """Where no sample is left below a g0 within its error, that g0 is left out: no end of an interval is nan, or the other end."""
-    (whole,) = loadings(0, 0.0, runs=1)
-    few = slice(-12, None)
-    late = replace(whole, quantum=0.0, **{n: getattr(whole, n)[few] for n in ("time", "displacement", "torque")})
-    level = known(1.01 * float(late.torque[-1]) / REACH, 0.1 * G0)
-    assert late.torque[0] > REACH * (level.value - level.standard_error)
-    three = three_ways([late], level, "samples")
-    for low, high in map(ends_of, (three.covariance, three.profile)):
-        assert low < high

@@ -112,13 +112,8 @@ def test_logs_of_two_kinds_are_drafted_together(tmp_path: Path) -> None:
     assert "experiment: 1 ramp, 1 tracking, by what the signals do" in said
     pairs = written(tmp_path / "pairs.csv", "velocity,torque", v[::300][1:9], T[::300][1:9])
     assert "experiment: points}" in api.draft(pairs, folder=tmp_path)[0]
-
-
-def test_tracking_runs_of_another_rate_are_drafted_together(tmp_path: Path) -> None:
-    """Logs sampled at different rates are one experiment, which runs, and notes how much faster each was than the slowest.
-
-    It runs with one friction for both directions, which is the quicker fit.
-    """
+    # logs sampled at different rates are one experiment, which runs, and notes how much faster each was than the slowest. It runs with one
+    # friction for both directions, which is the quicker fit
     logs = [swung(tmp_path, f"{name}.csv", seed=k) for k, name in enumerate(("first", "other", "third"))]
     written(logs[1], HEADER, np.loadtxt(logs[1], delimiter=",", skiprows=1)[::2])
     text, _ = api.draft(*logs, told=MOTOR, folder=tmp_path)
@@ -128,13 +123,8 @@ def test_tracking_runs_of_another_rate_are_drafted_together(tmp_path: Path) -> N
     found = bristle.identify(tmp_path / "draft.yaml")
     told = [d for x in found.joint().inputs for d in x.notes if d.code == "sampled-faster"]
     assert [d.numbers["ratio"] for d in told] == pytest.approx([2.0, 2.0], rel=1e-6)
-
-
-def test_what_the_joint_is_can_be_told(tmp_path: Path) -> None:
-    """Name, gear, inertia, directions and a log that is held out stand in the draft as told; unsaid, logs name the joint by what they have in common.
-
-    Of a robot they are refused.
-    """
+    # name, gear, inertia, directions and a log that is held out stand in the draft as told; unsaid, logs name the joint by what they have
+    # in common. Of a robot they are refused
     logs = [swung(tmp_path, f"wrist_{k}.csv", seed=k) for k in (1, 2)]
     gear, held = "ratio: 2, position: joint", swung(tmp_path, "other.csv", seed=3)
     told = replace(
@@ -145,11 +135,8 @@ def test_what_the_joint_is_can_be_told(tmp_path: Path) -> None:
     e = load_experiment(tmp_path / "draft.yaml")
     assert e.context.gear is not None
     assert (e.joint.name, e.context.gear.ratio, e.inertia, e.fit.directions) == (
-        "elbow",
-        2.0,
-        PlusMinus(value=0.05, standard_error=0.01),
-        "symmetric",
-    )
+        "elbow", 2.0, PlusMinus(value=0.05, standard_error=0.01), "symmetric",
+    )  # fmt: skip  # a list of values
     assert [(run.files, run.hold_out) for run in e.runs] == [
         ("wrist_1.csv", False),
         ("wrist_2.csv", False),
@@ -169,10 +156,16 @@ def test_what_contradicts_coasting_is_refused_before_the_log_is_drafted(tmp_path
             InputError, match=r"got --coasting and .*; expected --coasting of a joint that nothing drives"
         ):
             api.draft(log, told=told)
-
-
-def test_a_signal_of_another_file(tmp_path: Path) -> None:
-    """A torque in a file of its own, with its own clock, told by FILE:COLUMN: the draft names both, and identifies as one file does."""
+    # an inertia in a bearing of air: a bound on its friction, and no word of a sign; with the sign turned it is turned round
+    t = np.arange(int(10 * RATE)) / RATE
+    q = 0.6 * np.sin(2 * np.pi * 0.3 * t) + 0.4 * np.sin(2 * np.pi * 0.8 * t)
+    T = 0.05 * np.gradient(np.gradient(q, t), t) + 0.005 * np.random.default_rng(1).standard_normal(t.size)
+    text, _ = api.draft(written(tmp_path / "air.csv", "t,q,tau", t, q, T), folder=tmp_path)
+    (tmp_path / "air.yaml").write_text(text, encoding="utf-8")
+    found = chosen_of(tmp_path / "air.yaml")
+    assert found["inertia"] == pytest.approx(0.05, rel=0.01)
+    assert found.get("alpha_0", 0.0) < 0.002
+    # a torque in a file of its own, with its own clock, told by FILE:COLUMN: the draft names both, and identifies as one file does
     whole = np.loadtxt(swung(tmp_path), delimiter=",", skiprows=1)
     encoder = written(tmp_path / "encoder.csv", "t,joint_pos_deg", *whole[:, :2].T)
     t = np.arange(0.003, whole[-1, 0], 0.004)
@@ -208,27 +201,12 @@ def chosen_of(path: Path) -> dict[str, float]:
     return {x.parameter.name: x.estimate.value for x in chosen(joint) if x.estimate.value is not None}
 
 
-def test_a_joint_without_friction_has_the_right_sign(tmp_path: Path) -> None:
-    """An inertia in a bearing of air: a bound on its friction, and no word of a sign; with the sign turned it is turned round."""
-    t = np.arange(int(10 * RATE)) / RATE
-    q = 0.6 * np.sin(2 * np.pi * 0.3 * t) + 0.4 * np.sin(2 * np.pi * 0.8 * t)
-    T = 0.05 * np.gradient(np.gradient(q, t), t) + 0.005 * np.random.default_rng(1).standard_normal(t.size)
-    text, _ = api.draft(written(tmp_path / "air.csv", "t,q,tau", t, q, T), folder=tmp_path)
-    (tmp_path / "air.yaml").write_text(text, encoding="utf-8")
-    found = chosen_of(tmp_path / "air.yaml")
-    assert found["inertia"] == pytest.approx(0.05, rel=0.01)
-    assert found.get("alpha_0", 0.0) < 0.002
-
-
-def test_a_drive_with_the_wrong_sign_is_refused(tmp_path: Path) -> None:
+def test_what_no_draft_can_be_made_of(tmp_path: Path) -> None:
     """A torque that opposes the motion cannot be drafted into a file that runs: the sentence has the scale that turns it."""
     told = Told(torque_constant="0.5 N*m/A", scales={"current": "-1"})
     with pytest.raises(InputError, match=r"the torque opposes the velocity .* scale: -1"):
         api.draft(swung(tmp_path), told=told, folder=tmp_path)
-
-
-def test_an_offset_that_outweighs_friction_is_no_friction(tmp_path: Path) -> None:
-    """One speed both ways under a constant load: the draft has an offset, not a friction that drives in one direction."""
+    # one speed both ways under a constant load: the draft has an offset, not a friction that drives in one direction
     t = np.arange(6000) / 100
     stroke, moving = t // 4, t % 4 >= 0.3
     speed = 0.0125 * (1 + 0.02 * np.random.default_rng(1).standard_normal(15))[stroke.astype(int)]
@@ -242,10 +220,7 @@ def test_an_offset_that_outweighs_friction_is_no_friction(tmp_path: Path) -> Non
     (tmp_path / "e.yaml").write_text(text)
     fit = bristle.identify(tmp_path / "e.yaml").joints[0].static["both"]
     assert fit.parameters["offset"].value == pytest.approx(53, abs=0.1)
-
-
-def test_a_joint_that_hardly_moves_shows_no_gravity(tmp_path: Path) -> None:
-    """Hysteresis of bristles within 0.3 mrad looks like a spring, and over so little gravity does too: it is not drafted."""
+    # hysteresis of bristles within 0.3 mrad looks like a spring, and over so little gravity does too: it is not drafted
     t = np.arange(4000) / 400
     T = 6 * np.sin(2 * np.pi * 2 * t)
     dT = np.gradient(T)
@@ -254,6 +229,12 @@ def test_a_joint_that_hardly_moves_shows_no_gravity(tmp_path: Path) -> None:
     text, _ = api.draft(log, folder=tmp_path)
     assert "experiment: tracking" in text
     assert "gravity" not in text
+    # whatever stands under runs and signals, what cannot be used is refused in one sentence
+    half = tmp_path / "half.yaml"
+    for runs in ("  - {}", "  - 3", "  {a: 1}", "  - {files: log.csv}\nsignals: 3", "  - {files: [1]}"):
+        half.write_text(f"joint: {{name: a}}\nruns:\n{runs}\n")
+        with pytest.raises(InputError):
+            api.complete(half)
 
 
 @pytest.mark.parametrize("runs", ["  - {files: log.csv}\n", "  - files: log.csv\n    load: none\n"])
@@ -273,15 +254,6 @@ def test_a_half_filled_file_gets_its_kinds(tmp_path: Path, runs: str) -> None:
     )
     bare = text.replace("experiment: tracking, ", "").replace("experiment: tracking\n    ", "")
     assert bare.startswith(half.read_text())
-
-
-def test_a_file_that_is_no_experiment_is_refused(tmp_path: Path) -> None:
-    """Whatever stands under runs and signals, what cannot be used is refused in one sentence."""
-    half = tmp_path / "half.yaml"
-    for runs in ("  - {}", "  - 3", "  {a: 1}", "  - {files: log.csv}\nsignals: 3", "  - {files: [1]}"):
-        half.write_text(f"joint: {{name: a}}\nruns:\n{runs}\n")
-        with pytest.raises(InputError):
-            api.complete(half)
 
 
 def test_rows_that_are_not_finite_are_passed_over(tmp_path: Path) -> None:

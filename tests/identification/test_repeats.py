@@ -67,6 +67,17 @@ def test_the_scatter_is_the_root_of_the_reduced_chi_squared() -> None:
     assert (sure.widened, sure.stretched, sure.significant) == (1.0, 1.0, True)
     assert scatter_of({"run 0": 1.0}, np.ones(1), np.ones(1), 1.0, 1.0) is None
     assert scatter_of({}, np.zeros(0), np.zeros(0), 1.0, 1.0) is None
+    # 95 % intervals of the mean cover 90 to 98 % of them; unwidened ones cover less than half
+    rng, inside, before = np.random.default_rng(1), [], []
+    for _ in range(600):
+        x = 100 + rng.standard_normal(5) * 10**0.5
+        mean, e = float(x.mean()), 5**-0.5
+        ends = mean + np.array([-1.96, 1.96]) * e
+        low, high = spreader(mean, of_runs(x.tolist(), of_all=e).stretched, "p")(ends)
+        inside.append(low < 100 < high)
+        before.append(abs(mean - 100) < 1.96 * e)
+    assert 0.9 < np.mean(inside) < 0.98
+    assert np.mean(before) < 0.55
 
 
 @pytest.mark.slow
@@ -79,20 +90,6 @@ def test_an_interval_is_widened_in_one_case_of_a_hundred_by_chance() -> None:
     spread = np.sqrt(rng.chisquare(20, 4000) / 20)  # of one variance for all runs, known by 4 degrees each
     few = [of_runs(x.tolist(), e, 4.0).significant for x, e in zip(sets, spread, strict=True)]
     assert 0.005 < np.mean(few) < 0.016
-
-
-def test_the_interval_of_the_mean_covers_it_where_runs_scatter_by_three_errors() -> None:
-    """95 % intervals of the mean cover 90 to 98 % of them; unwidened ones cover less than half."""
-    rng, inside, before = np.random.default_rng(1), [], []
-    for _ in range(600):
-        x = 100 + rng.standard_normal(5) * 10**0.5
-        mean, e = float(x.mean()), 5**-0.5
-        ends = mean + np.array([-1.96, 1.96]) * e
-        low, high = spreader(mean, of_runs(x.tolist(), of_all=e).stretched, "p")(ends)
-        inside.append(low < 100 < high)
-        before.append(abs(mean - 100) < 1.96 * e)
-    assert 0.9 < np.mean(inside) < 0.98
-    assert np.mean(before) < 0.55
 
 
 def test_every_interval_is_widened_alike() -> None:
@@ -142,10 +139,7 @@ def test_the_error_by_runs_is_their_scatter() -> None:
     assert len(found) >= 5
     assert not any(one.significant for one in found.values())
     assert not clustered(*parts_of_runs(moving([GRIPPER])), same.fit.parameters, 1e6)
-
-
-def test_a_scatter_that_is_no_chance_widens_and_is_said() -> None:
-    """The errors of the fit and of the joint covariance grow alike, the value stays, and the sentence says by how much."""
+    # the errors of the fit and of the joint covariance grow alike, the value stays, and the sentence says by how much
     fit = moving([GRIPPER] * 6).fit
     wide = widened(fit, {SIGMA_0: scattered()}, ("sigma_0",))
     e, before = wide.parameters[SIGMA_0], fit.parameters[SIGMA_0]
@@ -154,16 +148,12 @@ def test_a_scatter_that_is_no_chance_widens_and_is_said() -> None:
     row = fit.names.index(SIGMA_0)
     assert wide.covariance[row, row] == pytest.approx(9 * fit.covariance[row, row])
     assert "runs-scatter" in codes(e.warnings)
-
-
-def test_priors_beside_the_runs_take_their_scatter_down() -> None:
-    """A prior that says nothing leaves all of it; one that says as much as the runs leaves the part that C + W (F C F - C) W' has."""
+    # a prior that says nothing leaves all of it; one that says as much as the runs leaves the part that C + W (F C F - C) W' has
     fit = moving([GRIPPER]).fit
     scatter = {name: scattered() for name in fit.names}
     assert [x.widened for x in with_priors_beside(scatter, fit, fit).values()] == pytest.approx([3.0] * len(fit.names))
 
     def joint(share: float) -> TrackingFit:
-        """The fit with priors that say the rest."""
         return replace(fit, covariance=fit.covariance * share)
 
     half = with_priors_beside(scatter, fit, joint(0.5)).values()
@@ -195,6 +185,17 @@ def test_curves_of_points_that_differ_hold_the_mean(speeds: Array) -> None:
         low, high = spreader(value_of(e), x.stretched, "alpha_0")(np.array(ends_of(e.interval)))
         held.append(low < GRIPPER.alpha_0 < high)
     assert 0.88 <= np.mean(held) <= 0.99
+    # runs whose stiffness differs by 10 % widen sigma_0 and say so; runs of one stiffness do not: the error of g0, common to all, is no
+    # scatter
+    level = known(G0, 1e-4)
+    for shares in ((1.0, 1.1, 0.9, 1.05), (1.0, 1.0, 1.0, 1.0)):
+        own = [loading(x * GRIPPER.sigma_0, f"run {k}", 2e-5, k) for k, x in enumerate(shares)]
+        fit = fit_presliding(own, level, None, "revolute")
+        x, differ = fit.repeats["sigma_0"], shares[1] > 1
+        assert list(x.by_run.values()) == pytest.approx([s * GRIPPER.sigma_0 for s in shares], rel=0.02)
+        assert (x.widened > 1) == differ
+        assert ("runs-scatter" in codes(fit.sigma_0.warnings)) == differ
+        assert fit.uncertainty["sigma_0"].covariance == pytest.approx(fit.sigma_0.interval)
 
 
 def loading(stiffness: float, file: str, noise: float, seed: int) -> Loading:
@@ -205,16 +206,3 @@ def loading(stiffness: float, file: str, noise: float, seed: int) -> Loading:
         file=file, start=0, direction="+", time=np.linspace(0, 10, 400), displacement=y, torque=torque, quantum=0.0,
         edge_displacement=np.zeros(0), edge_torque=np.zeros(0), breakaway=None, held=float(torque.max()),
     )  # fmt: skip  # a list of values
-
-
-def test_slow_loading_runs_that_differ_are_widened() -> None:
-    """Runs whose stiffness differs by 10 % widen sigma_0 and say so; runs of one stiffness do not: the error of g0, common to all, is no scatter."""
-    level = known(G0, 1e-4)
-    for shares in ((1.0, 1.1, 0.9, 1.05), (1.0, 1.0, 1.0, 1.0)):
-        own = [loading(x * GRIPPER.sigma_0, f"run {k}", 2e-5, k) for k, x in enumerate(shares)]
-        fit = fit_presliding(own, level, None, "revolute")
-        x, differ = fit.repeats["sigma_0"], shares[1] > 1
-        assert list(x.by_run.values()) == pytest.approx([s * GRIPPER.sigma_0 for s in shares], rel=0.02)
-        assert (x.widened > 1) == differ
-        assert ("runs-scatter" in codes(fit.sigma_0.warnings)) == differ
-        assert fit.uncertainty["sigma_0"].covariance == pytest.approx(fit.sigma_0.interval)

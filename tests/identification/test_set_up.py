@@ -13,12 +13,7 @@ from bristle.estimation.autocorrelation import unexplained
 from bristle.identification.static.fit import PointInfo, terms_left_out
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import from_points, from_records
-from bristle.identification.static.set_up import (
-    BetterSetUp,
-    SetUp,
-    better_for_motion,
-    better_for_points,
-)
+from bristle.identification.static.set_up import BetterSetUp, SetUp, better_for_motion, better_for_points
 from bristle.identification.static.solution import solve_static
 from bristle.model.parameters import Lugre
 
@@ -72,6 +67,19 @@ def test_nothing_is_proposed_where_nothing_is_missing(tmp_path: Path) -> None:
     for seed in range(20):
         for fit in ("", "directions: symmetric"):
             assert found(tmp_path, motion(seed), fit) is None
+    # asked for, the drag is fitted with the friction: within 2 % of the truth, as are the others
+    problem, _, _ = from_records([motion(quadratic=2.0, noise=0.0)], ("both",), ("inertia", "quadratic"), 10)
+    theta = dict(zip(map(str, problem.names), solve(problem, default_range(problem.velocity)).theta, strict=True))
+    assert theta["quadratic"] == pytest.approx(2.0, rel=0.02)
+    assert theta["alpha_2"] == pytest.approx(JOINT.alpha_2, rel=0.02)
+    # a pattern of half the torque is critical, with the noise told from it within a quarter. Pure noise of any size, or a pattern of a
+    # tenth of the torque, is not
+    (said,) = unexplained(left(0.5), np.sqrt(400.0))
+    assert said.code == "unexplained"
+    assert said.numbers["noise"] == pytest.approx(100 * np.sqrt(0.5), rel=0.25)
+    assert not [s for s in range(300) if unexplained(left(0.0, seed=s), 20.0)]
+    assert not unexplained(left(0.5), 10 * np.sqrt(400.0))
+    assert not unexplained(left(0.5)[:7], 1.0)
 
 
 @pytest.mark.parametrize("quadratic", [0.0, 0.02])
@@ -85,32 +93,11 @@ def test_points_ask_for_what_they_lack(tmp_path: Path, quadratic: float) -> None
     assert better is None or better.set_up == SetUp(("+", "-"), ("quadratic",))
 
 
-def test_a_quadratic_drag_comes_back() -> None:
-    """Asked for, the drag is fitted with the friction: within 2 % of the truth, as are the others."""
-    problem, _, _ = from_records([motion(quadratic=2.0, noise=0.0)], ("both",), ("inertia", "quadratic"), 10)
-    theta = dict(zip(map(str, problem.names), solve(problem, default_range(problem.velocity)).theta, strict=True))
-    assert theta["quadratic"] == pytest.approx(2.0, rel=0.02)
-    assert theta["alpha_2"] == pytest.approx(JOINT.alpha_2, rel=0.02)
-
-
 def left(share: float, n: int = 400, seed: int = 0) -> Array:
     """Residuals of unit power of which a slow wave has that share."""
     wave: Array = np.sqrt(2 * share) * np.sin(2 * np.pi * 3 * np.arange(n) / n)
     wave += np.sqrt(1 - share) * np.random.default_rng(seed).standard_normal(n)
     return wave
-
-
-def test_a_large_pattern_is_not_noise() -> None:
-    """A pattern of half the torque is critical, with the noise told from it within a quarter.
-
-    Pure noise of any size, or a pattern of a tenth of the torque, is not.
-    """
-    (said,) = unexplained(left(0.5), np.sqrt(400.0))
-    assert said.code == "unexplained"
-    assert said.numbers["noise"] == pytest.approx(100 * np.sqrt(0.5), rel=0.25)
-    assert not [s for s in range(300) if unexplained(left(0.0, seed=s), 20.0)]
-    assert not unexplained(left(0.5), 10 * np.sqrt(400.0))
-    assert not unexplained(left(0.5)[:7], 1.0)
 
 
 @pytest.mark.parametrize(("drag", "least", "most"), [(0.0, 0, 1), (0.1, 95, 100)])

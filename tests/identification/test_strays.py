@@ -1,4 +1,4 @@
-"""Points that do not belong to the law: found whatever their place, rarely among points that do."""
+"""Points that do not belong to the law: found whatever their place, rarely among points that do; and what holds of very many points."""
 
 import os
 from itertools import combinations
@@ -6,9 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+import bristle
 from bristle.arrays import Array
-from bristle.identification.static.problem import from_points
+from bristle.estimation.covariance import covariance
+from bristle.identification.static import grid, strays
+from bristle.identification.static.grid import Projected, default_range, solve
+from bristle.identification.static.problem import Regression, from_points, log_grid
 from bristle.identification.static.strays import find_strays, most_strays, refit
 
 from .conftest import GRIPPER, curve
@@ -28,14 +33,8 @@ def test_clean_points_have_no_strays() -> None:
     """Of 100 clean sets at most 4 name a point: 1 % is what the test promises."""
     named = [find_strays(from_points(SPEEDS, torque(seed), ("+",))).rows for seed in range(100)]
     assert sum(map(bool, named)) <= 4
-
-
-@pytest.mark.slow
-def test_two_strays_are_found_wherever_they_are() -> None:
-    """Two points off by ten standard deviations, at random places and signs, or neighbours off to one side, which pull the law to them.
-
-    Both are named in at least 95 of 100 sets.
-    """
+    # two points off by ten standard deviations, at random places and signs, or neighbours off to one side, which pull the law to them. Both
+    # are named in at least 95 of 100 sets
     for neighbours in (False, True):
         found = 0
         for seed in range(100):
@@ -46,7 +45,7 @@ def test_two_strays_are_found_wherever_they_are() -> None:
         assert found >= 95, neighbours
 
 
-def test_the_first_stray_is_the_one_that_brute_force_names() -> None:
+def test_strays_are_those_of_brute_force() -> None:
     """Every point left out in turn and refitted: the one that lowers the cost most is the first that is named; so for a pair that hide each other."""
     T = torque(5)
     T[7] += 12 * NOISE
@@ -58,10 +57,7 @@ def test_the_first_stray_is_the_one_that_brute_force_names() -> None:
     costs = [refit(from_points(np.delete(SPEEDS, k), np.delete(T, k), ("+",))).cost for k in pairs]
     assert pairs[int(np.argmin(costs))] == (20, 21)
     assert set(find_strays(from_points(SPEEDS, T, ("+",))).rows) == {20, 21}
-
-
-def test_three_that_hide_each_other_are_not_passed_over() -> None:
-    """Three of one size in 22 points, no two of which stand out, are misfit in at least 19 of 20 sets; in 30 points they are named."""
+    # three of one size in 22 points, no two of which stand out, are misfit in at least 19 of 20 sets; in 30 points they are named
     said, named = 0, 0
     for seed in range(20):
         rng, more = np.random.default_rng([seed, 3]), np.geomspace(0.005, 1.0, 30)
@@ -73,6 +69,13 @@ def test_three_that_hide_each_other_are_not_passed_over() -> None:
         named += set(places.tolist()) <= set(find_strays(from_points(more, U, ("+",))).rows)
     assert said >= 19
     assert named >= 19
+    # one stray of one direction is named where both directions and an offset are one problem
+    v = np.concatenate([SPEEDS[::2], -SPEEDS[::2]])
+    T = np.sign(v) * curve(np.abs(v), GRIPPER) + 0.003 + NOISE * np.random.default_rng(2).standard_normal(v.size)
+    T[15] -= 15 * NOISE
+    assert find_strays(from_points(v, T, ("+", "-"), {"offset": np.ones(v.size)})).rows == (15,)
+    # points on the law without noise differ from it by rounding, of which nothing is made
+    assert find_strays(from_points(SPEEDS, curve(SPEEDS, GRIPPER), ("+",))) == ((), False)
 
 
 @pytest.mark.parametrize(("size", "most"), [(7, 0), (8, 1), (9, 1), (10, 2), (13, 2), (22, 2), (24, 3)])
@@ -82,24 +85,11 @@ def test_an_eighth_of_the_points_can_be_strays_or_two(size: int, most: int) -> N
     assert most_strays(from_points(v, v, ("+",))) == most
 
 
-def test_directions_that_share_a_regressor_are_searched_together() -> None:
-    """One stray of one direction is named where both directions and an offset are one problem."""
-    v = np.concatenate([SPEEDS[::2], -SPEEDS[::2]])
-    T = np.sign(v) * curve(np.abs(v), GRIPPER) + 0.003 + NOISE * np.random.default_rng(2).standard_normal(v.size)
-    T[15] -= 15 * NOISE
-    assert find_strays(from_points(v, T, ("+", "-"), {"offset": np.ones(v.size)})).rows == (15,)
-
-
 @pytest.mark.parametrize("size", [4, 5, 6, 7, 8])
 def test_few_points_have_no_strays(size: int) -> None:
     """An eighth of fewer than eight points is none: at most misfit is said, and no point is named where none can be told."""
     search = find_strays(from_points(SPEEDS[:size], torque(3, size), ("+",)))
     assert len(search.rows) <= size // 8 or search.misfit
-
-
-def test_exact_points_have_no_strays() -> None:
-    """Points on the law without noise differ from it by rounding, of which nothing is made."""
-    assert find_strays(from_points(SPEEDS, curve(SPEEDS, GRIPPER), ("+",))) == ((), False)
 
 
 @pytest.mark.skipif(DATA is None, reason="BRISTLE_DATA is not set: the measured logs are not part of the project")
@@ -113,3 +103,71 @@ def test_the_arm_has_the_strays_that_plain_least_squares_names(joint: int, sign:
     search = find_strays(from_points(v[here], T[here], ("+" if sign > 0 else "-",)))
     assert {int(here[k]) + 2 for k in search.rows} == lines
     assert not search.misfit
+
+
+SCATTER = 3e-4
+
+
+def points(count: int, seed: int = 0) -> tuple[Array, Array]:
+    """Points of the gripper at random speeds, with even noise."""
+    rng = np.random.default_rng(seed)
+    v = rng.uniform(0.01, 1.0, count)
+    return v, curve(v, GRIPPER) + SCATTER * rng.standard_normal(count)
+
+
+def with_strays(count: int, rows: NDArray[np.intp], seed: int = 0, farthest: float = 40.0) -> Regression:
+    """The same with some rows off by 12 deviations of the noise and up to `farthest`, up and down."""
+    v, T = points(count, seed)
+    T[rows] += SCATTER * np.geomspace(12, farthest, rows.size) * (-1.0) ** np.arange(rows.size)
+    return from_points(v, T, ("+",))
+
+
+def test_many_points_are_as_few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sixty points given twenty times: the same parameters, and standard errors smaller by sqrt((n - p) / (k n - p))."""
+    v, T = points(60)
+    once, often = bristle.fit(v, T), bristle.fit(np.tile(v, 20), np.tile(T, 20))
+    assert list(often.params.values()) == pytest.approx(list(once.params.values()), rel=1e-6)
+    errors = np.array(list(once.stderr.values())) * np.sqrt((60 - 4) / (1200 - 4))
+    assert list(often.stderr.values()) == pytest.approx(errors, rel=1e-5)
+    # J_s on a grid, worked on a few values at a time, one value where there are more points than that, is J_s at once to 1e-12
+    problem = from_points(*points(300), ("+",))
+    values = log_grid(default_range(problem.velocity), 40)
+    whole = Projected(problem).costs(values)
+    for at_once in (2000, 100):
+        monkeypatch.setattr(grid, "_AT_ONCE", at_once)
+        assert Projected(problem).costs(values) == pytest.approx(whole, rel=1e-12)
+    monkeypatch.undo()
+    # of 12 000 points the last one is looked at as the first is
+    assert find_strays(with_strays(12_000, np.array([0, 11_999]))).rows == (11_999, 0)
+    # of 1200 points with a dozen strays the same are named either way; without strays none, and with an eighth and more it is misfit
+    rows = np.arange(40, 1200, 100)
+    problem = with_strays(1200, rows)
+    together = find_strays(problem)
+    monkeypatch.setattr(strays, "SINGLY", 10_000)
+    assert find_strays(problem) == together
+    monkeypatch.undo()
+    assert set(together.rows) == set(rows.tolist())
+    assert find_strays(from_points(*points(1200), ("+",))) == ((), False)
+    assert find_strays(with_strays(1200, np.arange(0, 1200, 6), farthest=3000.0)).misfit
+
+
+@pytest.mark.slow
+def test_of_many_strays_fifty_are_named_and_the_others_counted() -> None:
+    """Sixty strays of 1500 points: their count is said, fifty are named, the rest is a number; the fit without all of them is that of the others."""
+    rows = np.arange(10, 1500, 25)
+    problem = with_strays(1500, rows)
+    found = bristle.fit(problem.velocity, problem.torque)
+    (told,) = (w for w in found.warnings if w.code in {"strays", "strays-matter"})
+    assert told.numbers["count"] == rows.size
+    assert len(told.numbers["points"]) == 51
+    assert "; and 10 more" in str(told)
+    fit = found.joint.static["+"]
+    assert len(fit.strays) == rows.size
+    assert fit.other_points is not None
+    rest = from_points(np.delete(problem.velocity, rows), np.delete(problem.torque, rows), ("+",))
+    alone = solve(rest, default_range(rest.velocity))
+    error = np.sqrt(np.diag(covariance(alone.jacobian, alone.cost)[0]))
+    for name, value, one in zip(rest.names, alone.theta.tolist(), error.tolist(), strict=True):
+        estimate = fit.other_points.parameters[name.name]
+        assert estimate.value == pytest.approx(value, rel=1e-6)
+        assert estimate.standard_error == pytest.approx(one, rel=1e-4)

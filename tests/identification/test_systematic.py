@@ -122,10 +122,7 @@ def test_a_common_factor_is_one_of_every_parameter_but_v_s(exact_and_uncertain: 
         factor = 0.0 if name == "v_s" else SHARE
         assert e.systematic == pytest.approx(abs(value_of(e)) * factor, rel=1e-9, abs=0)
         assert e.shifts == pytest.approx({constant: value_of(e) * factor}, rel=1e-9, abs=0)
-
-
-def test_without_an_error_nothing_changes(exact_and_uncertain: tuple[Joint, Joint]) -> None:
-    """Values, standard errors and covariances are the same with and without it; an interval is wider by the part in quadrature, end by end."""
+    # values, standard errors and covariances are the same with and without it; an interval is wider by the part in quadrature, end by end
     exact, uncertain = exact_and_uncertain
     for (_, _, e), (d, name, s) in zip(every(exact.static), every(uncertain.static), strict=True):
         assert (e.value, e.standard_error, e.systematic, e.shifts) == (s.value, s.standard_error, None, {})
@@ -139,6 +136,14 @@ def test_without_an_error_nothing_changes(exact_and_uncertain: tuple[Joint, Join
         assert statistical(s) == pytest.approx(e.interval, rel=1e-9)
     for joint, after in ((exact, "lower"), (uncertain, "systematic")):
         assert list(to_frame([joint]).columns)[5:7] == ["standard_error", after]
+    # its half-width is that of the covariance and, in quadrature, 1.96 times the curve's own share
+    fit = exact_and_uncertain[1].static["+"]
+    exact = replace(fit, parameters={name: replace(e, shifts={}) for name, e in fit.parameters.items()})
+    p, v = fit.values(), np.array([0.02, 0.3])
+    wide, narrow = band(v, fit), band(v, exact)
+    assert p is not None
+    torque = curve(v, Lugre(*p, 1.0, 0.0))
+    assert wide == pytest.approx(np.hypot(np.asarray(narrow), NORMAL * SHARE * torque), rel=1e-9)
 
 
 def test_an_end_that_is_open_or_a_bound_stays() -> None:
@@ -164,7 +169,6 @@ def test_runs_that_scatter_widen_the_statistical_part_alone() -> None:
     torques = [curve(SPEEDS, law) + noise * rng.standard_normal(SPEEDS.size) for law in laws]
 
     def fitted(share: float) -> StaticFit:
-        """All runs, each of them apart too, with such an error of K."""
         whole, *own = (
             from_points(np.resize(SPEEDS, T.size), T, ("both",), shifts={"K": share * T} if share else {})
             for T in (np.concatenate(torques), *torques)
@@ -236,17 +240,6 @@ def test_which_constants_are_taken_as_exact_is_said(
     assert {len(e.shifts) for _, _, e in every(results.joints[0].static)} == {uncertain}
 
 
-def test_the_band_of_the_curve_includes_the_systematic_error(exact_and_uncertain: tuple[Joint, Joint]) -> None:
-    """Its half-width is that of the covariance and, in quadrature, 1.96 times the curve's own share."""
-    fit = exact_and_uncertain[1].static["+"]
-    exact = replace(fit, parameters={name: replace(e, shifts={}) for name, e in fit.parameters.items()})
-    p, v = fit.values(), np.array([0.02, 0.3])
-    wide, narrow = band(v, fit), band(v, exact)
-    assert p is not None
-    torque = curve(v, Lugre(*p, 1.0, 0.0))
-    assert wide == pytest.approx(np.hypot(np.asarray(narrow), NORMAL * SHARE * torque), rel=1e-9)
-
-
 @pytest.mark.slow
 def test_of_a_voltage_every_stage_moves_as_a_refit_does(tmp_path: Path) -> None:
     """Each stage's systematic error is by how much the whole identification moves with K; stages that share K do not average it out.
@@ -269,11 +262,8 @@ def test_of_a_voltage_every_stage_moves_as_a_refit_does(tmp_path: Path) -> None:
         hundredth = 0.01 * error_of(e)  # what counts add, and is subtracted, is not linear in K
         assert shift == pytest.approx(SHARE * e.value - viscous, rel=0.01, abs=hundredth), name
         assert e.systematic == abs(shift)
-
-
-@pytest.mark.slow
-def test_a_given_inertia_breaks_the_common_factor(tmp_path: Path) -> None:
-    """With the inertia fixed the error of K goes elsewhere: the static fit moves exactly as a refit with another K, that of all parameters nearly."""
+    # with the inertia fixed the error of K goes elsewhere: the static fit moves exactly as a refit with another K, that of all parameters
+    # nearly
     fixed: dict[str, Any] = {"inertia": "0.0087 kg*m**2"}
     moved = K * (1 + STEPPED * SHARE)
     joint, other = (wrist(tmp_path, f"{x} N*m/A", ("tracking",), **fixed) for x in (f"{K} +/- {SHARE * K}", moved))

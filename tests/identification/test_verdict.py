@@ -68,7 +68,7 @@ def test_the_weightiest_warning_about_the_values_decides(own: Joint, trust: Trus
     assert len(counted) == len(set(counted))
 
 
-def test_a_cause_goes_before_the_size_of_what_is_left() -> None:
+def test_causes_of_a_verdict() -> None:
     """Of a fit that leaves a pattern, critical, and of what makes it, a caution, the cause is the reason; both stand among the findings."""
     size = Finding("unexplained", Severity.CRITICAL, "The relative error is 40 %.")
     cause = Finding("reversals-left", Severity.CAUTION, "About reversals the fit leaves more.")
@@ -76,10 +76,7 @@ def test_a_cause_goes_before_the_size_of_what_is_left() -> None:
     assert verdict(own) == (Trust.DO_NOT_USE, cause)
     assert {size, cause} <= set(value_warnings(own))
     assert verdict(joint(whole(size, CAUTION))).reason == size
-
-
-def test_what_is_not_identifiable_is_a_result_and_no_warning() -> None:
-    """What no stage shows is no warning, nor what is said of it; what another stage shows is neither."""
+    # what no stage shows is no warning, nor what is said of it; what another stage shows is neither
     fit = unseen(
         whole(*not_shown(map(parse, ("alpha_0+", "sigma_0+", "sigma_1+")))),
         {"alpha_0+": 1.0, "sigma_0+": 1.0, "sigma_1+": 1.0},
@@ -93,6 +90,16 @@ def test_what_is_not_identifiable_is_a_result_and_no_warning() -> None:
         )
     own = joint(fit, static={"+": static()})
     assert value_warnings(own) == ()
+    # a Coulomb friction of zero, as of a set-up that takes all of it up, is no friction vs velocity
+    fit = whole(CAUTION)
+    zero = {n: replace(e, value=0.0) if n.name == "alpha_0" else e for n, e in fit.parameters.items()}
+    found = verdict(joint(replace(fit, parameters=zero)))
+    assert (found.trust, found.reason and found.reason.code) == (Trust.DO_NOT_USE, "no-curve")
+    # with the weightiest reason that there is, how its fit ended too; nothing known at all has none
+    nothing: dict[ParameterName, Estimate] = {n: replace(e, value=None) for n, e in whole().parameters.items()}
+    own = joint(replace(whole(), parameters=nothing, outcome=NOT_CONVERGED))
+    assert verdict(replace(own, warnings=(CAUTION,))) == (Trust.DO_NOT_USE, NOT_CONVERGED)
+    assert verdict(replace(own, tracking=None)) == (Trust.DO_NOT_USE, None)
 
 
 @pytest.mark.parametrize(
@@ -116,19 +123,3 @@ def test_friction_has_to_be_known_as_well_as_it_is_needed(
     found = verdict(own)
     assert (found.trust, found.reason and found.reason.code) == (trust, code)
     assert (verdict(replace(own, need=1000.0)).trust is Trust.USE) == (CRITICAL not in warnings and band < np.inf)
-
-
-def test_a_joint_without_a_curve_is_not_to_be_used() -> None:
-    """A Coulomb friction of zero, as of a set-up that takes all of it up, is no friction vs velocity."""
-    fit = whole(CAUTION)
-    zero = {n: replace(e, value=0.0) if n.name == "alpha_0" else e for n, e in fit.parameters.items()}
-    found = verdict(joint(replace(fit, parameters=zero)))
-    assert (found.trust, found.reason and found.reason.code) == (Trust.DO_NOT_USE, "no-curve")
-
-
-def test_a_joint_without_a_value_is_not_to_be_used() -> None:
-    """With the weightiest reason that there is, how its fit ended too; nothing known at all has none."""
-    nothing: dict[ParameterName, Estimate] = {n: replace(e, value=None) for n, e in whole().parameters.items()}
-    own = joint(replace(whole(), parameters=nothing, outcome=NOT_CONVERGED))
-    assert verdict(replace(own, warnings=(CAUTION,))) == (Trust.DO_NOT_USE, NOT_CONVERGED)
-    assert verdict(replace(own, tracking=None)) == (Trust.DO_NOT_USE, None)

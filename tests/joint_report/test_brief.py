@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import bristle
-from bristle.api.results import Results
 from bristle.findings import CAUTION, NOTE, Finding, Severity
 from bristle.identification.fits import Estimate
 from bristle.identification.known_joint import chosen
@@ -30,19 +29,14 @@ LONG = tuple(
 )  # fmt: skip  # a list of values
 
 
-@pytest.fixture(scope="module")
-def edro(edro_results: Path) -> Results:
-    """The embedded joints, as their report has them."""
-    return bristle.read_results(edro_results)
-
-
 def words(text: str) -> str:
     """In one line."""
     return " ".join(text.split())
 
 
-def test_each_value_to_use_stands_in_the_table_with_its_source(edro: Results) -> None:
+def test_values_bands_and_rows_of_the_brief(edro_results: Path) -> None:
     """Of every joint each parameter that `chosen` names: value, error, unit and interval in one line, and the fit that it comes from."""
+    edro = bristle.read_results(edro_results)
     blocks = str(edro).split("\n\n")
     assert len(blocks) == len(edro.joints) + 2
     for joint, block in zip(edro.joints, blocks[1:], strict=False):
@@ -58,19 +52,12 @@ def test_each_value_to_use_stands_in_the_table_with_its_source(edro: Results) ->
                 re.M,
             )
         assert "; held-out torque within " in first
-
-
-def test_a_band_just_above_what_is_needed_has_the_digits_that_show_it(edro: Results) -> None:
-    """10.03 % where 10 % is needed; what is known well enough has two digits."""
+    # 10.03 % where 10 % is needed; what is known well enough has two digits
     joint = edro.joints[0]
     assert joint.accuracy is not None
     shown = [known_to(replace(joint, accuracy=replace(joint.accuracy, band=x)), "+/-") for x in (10.03, 9.9, 31.2)]
     assert [re.findall(r"known to \+/- (\S+)", x) for x in shown] == [["10.03"], ["9.9"], ["31"]]
-
-
-def test_friction_has_its_band_at_both_ends(edro: Results) -> None:
-    """The line of friction: between the ends of each interval lies the value before it, and a wider band makes them wider."""
-    joint = edro.joints[0]
+    # the line of friction: between the ends of each interval lies the value before it, and a wider band makes them wider
     assert joint.accuracy is not None
     wide = replace(joint, accuracy=replace(joint.accuracy, band=2 * joint.accuracy.band))
     ends = []
@@ -82,10 +69,8 @@ def test_friction_has_its_band_at_both_ends(edro: Results) -> None:
     assert (ends[0][:, 1] <= ends[0][:, 0]).all()
     assert (ends[0][:, 0] <= ends[0][:, 2]).all()
     assert (np.ptp(ends[1], axis=1) > np.ptp(ends[0], axis=1)).all()
-
-
-def test_no_row_of_a_table_is_broken(edro: Results) -> None:
-    """In the full report, and in the intervals three ways, each parameter stands in one line with its interval, none of them above 80 columns."""
+    # in the full report, and in the intervals three ways, each parameter stands in one line with its interval, none of them above 80
+    # columns
     full, three = edro.text(full=True).splitlines(), list(interval_lines(edro.joints))
     assert max(map(len, [*full, *three, *wrapped(edro.outcomes())])) <= WIDTH
     for joint in edro.joints:
@@ -136,12 +121,7 @@ def test_what_has_no_value_is_named_with_the_reason() -> None:
     text = words(brief_report([replace(joint, static={**joint.static, "+": own})]))
     assert "v_s+: not identifiable" in text
     assert "alpha_1+ < 0.05 N*m (95 %) static fit" in text
-
-
-def test_the_error_of_a_constant_is_in_the_error() -> None:
-    """Statistical and systematic error are one number in the table, and a sentence says so."""
-    joint = gripper()
-    fit = joint.static["+"]
+    # statistical and systematic error are one number in the table, and a sentence says so
     wide = replace(fit.parameters["alpha_0"], value=1.0, standard_error=0.03, systematic=0.04)
     told = Finding(
         "torque-uncertain",

@@ -53,10 +53,7 @@ def test_every_axis_has_a_quantity_and_a_unit(record: Record) -> None:
         own = [label for f in figures.values() for ax in f.axes for label in (ax.get_xlabel(), ax.get_ylabel())]
         assert any("N·m" in label or "rad" in label for label in own) == (kind == "revolute")
     assert static_figures.inspect_figure([], [], "prismatic").axes
-
-
-def test_names_are_text_and_simulated_data_say_so() -> None:
-    """In each SVG, which may travel alone, markup is escaped, a dollar sign starts no formula, and simulated data are called so."""
+    # in each SVG, which may travel alone, markup is escaped, a dollar sign starts no formula, and simulated data are called so
     joint = moving(HOSTILE, HOSTILE)
     for kind, figure in drawn(joint).items():
         svg = render_as(figure, "svg")
@@ -65,6 +62,11 @@ def test_names_are_text_and_simulated_data_say_so() -> None:
         assert b"<script" not in svg, kind
         assert kind != "residuals" or (b"&lt;script&gt;" in svg and b'"$x$"' in svg)
     assert b"SIMULATED" not in render_as(static_figures.curve_figure(replace(joint, simulated=False)), "svg")
+    # at most MOST_POINTS of many points are drawn, the first and last among them; few points all are
+    many = thinned(100_000)
+    assert (many.size, many[0], many[-1]) == (MOST_POINTS, 0, 99_999)
+    np.testing.assert_array_equal(thinned(7), np.arange(7))
+    assert thinned(0).size == 0
 
 
 def test_what_does_not_exist_is_not_drawn(joint: Joint, slow: Joint, slide: Joint) -> None:
@@ -74,18 +76,7 @@ def test_what_does_not_exist_is_not_drawn(joint: Joint, slow: Joint, slide: Join
     assert [*drawn(joint)] == [*drawn(replace(joint, tracking=none))] == STATIC
     assert [*drawn(only(slow, fits={}, loops=()))] == STATIC
     assert [*drawn(slide)] == ["curve"]
-
-
-def test_dense_data_are_thinned() -> None:
-    """At most MOST_POINTS of many points are drawn, the first and last among them; few points all are."""
-    many = thinned(100_000)
-    assert (many.size, many[0], many[-1]) == (MOST_POINTS, 0, 99_999)
-    np.testing.assert_array_equal(thinned(7), np.arange(7))
-    assert thinned(0).size == 0
-
-
-def test_band_is_the_delta_method(joint: Joint) -> None:
-    """The band's half-width at one speed is Student's t times the root of j C j', with j CasADi's derivative there."""
+    # the band's half-width at one speed is Student's t times the root of j C j', with j CasADi's derivative there
     fit = joint.static["+"]
     p = fit.values()
     half = band(np.array([0.05]), fit)
@@ -93,11 +84,7 @@ def test_band_is_the_delta_method(joint: Joint) -> None:
     assert half is not None
     j = np.array(evaluate(steady_jacobian_function(), np.array([0.05]), *p[:4]))[:, 0]
     assert half[0] == pytest.approx(2.2281388519649385 * np.sqrt(j @ fit.covariance @ j), rel=1e-9)  # t(0.975; 10)
-
-
-def test_band_ignores_regressors_and_refuses_a_covariance_that_is_not_finite(joint: Joint) -> None:
-    """An extra regressor does not widen the friction curve; an infinite covariance gives no band."""
-    fit = joint.static["+"]
+    # an extra regressor does not widen the friction curve; an infinite covariance gives no band
     wide = np.full((5, 5), 7.0)
     wide[:4, :4] = fit.covariance
     v = np.array([0.03, 0.3])
@@ -108,23 +95,17 @@ def test_band_ignores_regressors_and_refuses_a_covariance_that_is_not_finite(joi
     assert band(v, replace(fit, covariance=fit.covariance * np.inf)) is None
 
 
-def test_a_wild_rejected_segment_does_not_flatten_the_curve(joint: Joint) -> None:
+def test_what_the_curve_shows(joint: Joint, slide: Joint) -> None:
     """The frame follows what was fitted, not the rejected segment at 30 rad/s."""
     low, high = static_figures.curve_figure(joint).axes[0].get_xlim()
     assert -1.0 < low < high < 1.0
-
-
-def test_a_held_out_point_at_a_fitted_speed_is_drawn(joint: Joint) -> None:
-    """A point is known by its file and rows, not by its speed: held out at the nominal speed of a fitted one, it still has its diamond."""
+    # a point is known by its file and rows, not by its speed: held out at the nominal speed of a fitted one, it still has its diamond
     twin = replace(joint.segments[0], file="held.csv")
     ax = static_figures.curve_figure(replace(joint, segments=(*joint.segments, twin))).axes[0]
     (held,) = (line for line in ax.lines if line.get_label() == "held out")
     assert np.asarray(held.get_xydata()).tolist() == [[twin.velocity, twin.torque]]
     assert not [line for line in static_figures.curve_figure(joint).axes[0].lines if line.get_label() == "held out"]
-
-
-def test_a_small_curve_has_its_scales(joint: Joint, slide: Joint) -> None:
-    """The largest speed and torque that were fitted, with units, each at its place on an axis; of one direction too, and of nothing none."""
+    # the largest speed and torque that were fitted, with units, each at its place on an axis; of one direction too, and of nothing none
     for one in (joint, replace(joint, static={"-": joint.static["-"]})):
         v, torque = (
             max(abs(x).max() for x in own)
@@ -136,10 +117,7 @@ def test_a_small_curve_has_its_scales(joint: Joint, slide: Joint) -> None:
         assert ax.get_xlim()[1] > v
         assert ax.get_ylim()[1] > torque
     assert not static_figures.small_figure(slide).axes[0].texts
-
-
-def test_a_stray_has_a_ring_of_its_own(joint: Joint) -> None:
-    """Each point that is named as a stray is ringed in both panels, and the legend says so once; without one there is no ring."""
+    # each point that is named as a stray is ringed in both panels, and the legend says so once; without one there is no ring
     strays = {
         d: Stray(file="x.csv", where="line 3", velocity=sign * 0.2, torque=sign * 0.05, deviations=9.0, without={})
         for d, sign in (("+", 1.0), ("-", -1.0))
@@ -183,57 +161,36 @@ def test_loadings_are_moved_to_where_the_joint_rests(phase: float) -> None:
     np.testing.assert_allclose(piece.edge_displacement - start, on_curve, atol=1e-3 * QUANTUM)
 
 
-def test_rest_without_edges_and_without_sigma_0() -> None:
+def test_what_slow_loading_shows(slow: Joint) -> None:
     """Where no edge was crossed all samples tell the rest position; without a sigma_0 the loading stays where it began."""
     fit, piece = slow_fit("+"), loading("+", 0.0, "x.csv")
     y = presliding_sections.displacement(piece.torque, fit.level, TABLE_1["+"].sigma_0)
     smooth = replace(piece, displacement=y + 0.001, edge_displacement=np.zeros(0), edge_torque=np.zeros(0))
     assert presliding_sections.rest(smooth, fit) == pytest.approx(0.001)
     assert presliding_sections.rest(piece, nothing_seen()) == 0.0
-
-
-def test_curve_levels_off_at_g0() -> None:
-    """The displacement of the model: at small torque T / sigma_0, beyond all bounds towards g0."""
+    # the displacement of the model: at small torque T / sigma_0, beyond all bounds towards g0
     y = presliding_sections.displacement(np.array([1e-6, 0.5, 1 - 1e-9]), 1.0, 4.0)
     assert y[0] == pytest.approx(2.5e-7, rel=1e-6)
     assert y[1] == pytest.approx(np.log(2.0) / 4)
     assert y[2] > 5.0
-
-
-def test_a_bounded_g0_is_drawn_where_the_edges_lie() -> None:
-    """Where g0 is a lower bound alone, the curve has the g0 with which its sigma_0 passes through the edges, and not the bound."""
+    # where g0 is a lower bound alone, the curve has the g0 with which its sigma_0 passes through the edges, and not the bound
     fit = slow_fit("+")
     most = max(float(x.edge_torque.max()) for x in fit.loadings)
     bounded = replace(fit, level=1.001 * most, level_standard_error=float("inf"))
     assert presliding_sections.level_drawn(fit) == fit.level
     assert presliding_sections.level_drawn(bounded) == pytest.approx(fit.level, rel=0.1)
-
-
-def panels(joint: Joint) -> list[Axes]:
-    """Every panel of both figures."""
-    drawn = [presliding_sections.presliding_figure(joint), presliding_sections.hysteresis_figure(joint)]
-    return [ax for figure in drawn if figure is not None for ax in figure.axes]
-
-
-def test_methods_differ_in_line_as_well_as_in_colour(slow: Joint) -> None:
-    """In grey print the three curves can still be told apart; the recommended one is named."""
+    # in grey print the three curves can still be told apart; the recommended one is named
     lines = {str(x.get_label()): x.get_linestyle() for x in panels(slow)[0].get_lines()}
     named = {label: line for label, line in lines.items() if label.startswith(tuple(METHODS.values()))}
     assert len(named) == len(set(named.values())) == 3
     assert [label for label in named if label.endswith("(use this)")] == ["count edge to count edge (use this)"]
-
-
-def test_what_has_no_number_is_not_drawn(slow: Joint) -> None:
-    """A fit without sigma_0 shows its loadings alone; an infinite slope is no line."""
+    # a fit without sigma_0 shows its loadings alone; an infinite slope is no line
     (ax,) = panels(only(slow, fits={"+": nothing_seen()}, loops=()))
     assert not [x for x in ax.get_lines() if str(x.get_label()).startswith(tuple(METHODS.values()))]
     flat = replace(closed_cycle("x.csv"), inverse_slope=None, secant=None)
     (ax,) = panels(only(slow, fits={}, loops=(flat,)))
     assert not {"inverse regression", "secant"} & {x.get_label() for x in ax.get_lines()}
-
-
-def test_nothing_is_drawn_beyond_what_was_measured(slow: Joint) -> None:
-    """No line of a loading's panel reaches beyond its largest displacement from rest, none of a cycle's beyond its ends; but g0's level."""
+    # no line of a loading's panel reaches beyond its largest displacement from rest, none of a cycle's beyond its ends; but g0's level
     assert slow.presliding is not None
     fits, loops = list(slow.presliding.fits.values()), slow.presliding.loops
     shown = panels(slow)
@@ -250,6 +207,12 @@ def test_nothing_is_drawn_beyond_what_was_measured(slow: Joint) -> None:
             assert x.max() <= y.max() + 1e-12
 
 
+def panels(joint: Joint) -> list[Axes]:
+    """Every panel of both figures."""
+    drawn = [presliding_sections.presliding_figure(joint), presliding_sections.hysteresis_figure(joint)]
+    return [ax for figure in drawn if figure is not None for ax in figure.axes]
+
+
 def both(joint: Joint) -> list[Figure]:
     """Both figures of a joint."""
     drawn = (moving_sections.course_figure(joint), moving_sections.velocity_figure(joint))
@@ -263,10 +226,7 @@ def test_window_lies_about_the_hardest_reversal_within_one_stretch() -> None:
     assert own.start >= STRETCH
     assert fit.time[own.start] < REVERSAL < fit.time[own.stop - 1]
     assert fit.time[own.stop - 1] - fit.time[own.start] <= moving_sections.SPAN + 1e-9
-
-
-def test_window_has_its_length_where_it_can() -> None:
-    """A joint that never turns, and a stretch shorter than SPAN, are shown from their start; a reversal at the end with what came before."""
+    # a joint that never turns, and a stretch shorter than SPAN, are shown from their start; a reversal at the end with what came before
     for seconds, turn in ((0.5, np.inf), (2.0, np.inf), (30.0, np.inf), (10.0, 9.9)):
         t = np.linspace(0.0, seconds, 1001)
         fit = tracked(time=t, velocity=np.where(t < turn, 1.0, -1.0), measured=t, residuals=0 * t, starts_of_runs=(0,))
@@ -275,16 +235,13 @@ def test_window_has_its_length_where_it_can() -> None:
         assert turn > seconds or own.stop == t.size
         length = t[own.stop - 1] - t[own.start]
         assert length == pytest.approx(min(seconds, moving_sections.SPAN), abs=1.1 * seconds / 1000)
-
-
-def test_stretches_are_told_apart() -> None:
-    """Every equation belongs to one stretch, and none is in two; an empty one is left out."""
+    # every equation belongs to one stretch, and none is in two; an empty one is left out
     fit = tracked()
     assert moving_sections.stretches(fit) == [slice(0, STRETCH), slice(STRETCH, fit.time.size)]
     assert moving_sections.stretches(tracked(starts_of_runs=(0, 0, STRETCH)))[0] == slice(0, STRETCH)
 
 
-def test_no_line_crosses_a_boundary() -> None:
+def test_what_moving_runs_show() -> None:
     """Time rises along every line; over velocity there are points only (the line of zero aside)."""
     course, velocity = both(moving())
     for ax in course.axes:
@@ -292,38 +249,25 @@ def test_no_line_crosses_a_boundary() -> None:
             assert (np.diff(np.asarray(line.get_xdata(), dtype=float)) >= 0).all()
     lines = [line for ax in velocity.axes for line in ax.get_lines() if len(np.asarray(line.get_xdata())) > 2]
     assert {line.get_linestyle() for line in lines} == {"None"}
-
-
-def test_predicted_is_measured_less_the_residual_of_the_joint_fit() -> None:
-    """Both curves come from the joint fit where there is one, else from the moving runs alone."""
+    # both curves come from the joint fit where there is one, else from the moving runs alone
     joint = moving()
     marked = tracked(residuals=np.full(tracked().time.size, 0.125))
     for own in (replace(joint, joint_fit=marked), replace(joint, joint_fit=None, tracking=marked)):
         for figure in both(own):
             measured, predicted = (np.asarray(line.get_ydata()) for line in figure.axes[0].get_lines())
             np.testing.assert_allclose(measured - predicted, 0.125)
-
-
-def test_panels_share_their_axis() -> None:
-    """Residuals lie beneath on the same axis, which they alone name."""
+    # residuals lie beneath on the same axis, which they alone name
     for figure, label in zip(both(moving()), ("Time (s)", "Velocity (rad/s)"), strict=True):
         above, below = figure.axes
         assert (above.get_xlabel(), below.get_xlabel()) == ("", label)
         assert above.get_xlim() == below.get_xlim()
         assert below.get_ylabel() == "Residual torque (N·m)"
-
-
-def test_measured_and_predicted_differ_in_more_than_colour() -> None:
-    """In grey print a wide line is not a thin one, and a circle is not a dot."""
-    course, velocity = both(moving())
+    # in grey print a wide line is not a thin one, and a circle is not a dot
     wide, thin = course.axes[0].get_lines()
     assert wide.get_linewidth() > 2 * thin.get_linewidth()
     circle, dot = velocity.axes[0].get_lines()
     assert (circle.get_marker(), circle.get_markerfacecolor(), dot.get_marker()) == ("o", "none", ".")
-
-
-def test_few_points_are_drawn_of_many() -> None:
-    """A run of a million samples gives a file no larger than a short one's: at most MOST points of each kind."""
+    # a run of a million samples gives a file no larger than a short one's: at most MOST points of each kind
     n = 1_000_000
     t = np.arange(n) / 1e6
     fit = tracked(

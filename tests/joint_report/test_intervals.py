@@ -1,10 +1,11 @@
-"""Intervals three ways in the report: table, page and figures of real fits; open ends and missing ways written as such, never nan."""
+"""Intervals three ways in the report: real fits, open ends, missing ways written as such, never nan; and which measurements come next."""
 
 import json
 import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +13,7 @@ import pytest
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
-from bristle.findings import NOTE, Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.curve import curve
 from bristle.identification.fits import RunScatter, StaticFit, Uncertainty
 from bristle.identification.results import Joint
@@ -21,11 +22,15 @@ from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Kind
 from bristle.page.wording import MISSING
 from bristle.questions.joint_report import interval_sections, results_file, tables
+from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.report import report
 from bristle.questions.joint_report.text import fit_report
 
 from ..pages import report_text
-from .conftest import TABLE_1, sections_of, write_report
+from ..sameness import of_kind
+from .conftest import TABLE_1, loaded, nothing_seen, only, sections_of, write_report
+from .moving import moving as all_stages
+from .moving import tracked
 
 UNITS = {"revolute": ("N*m", "N*m", "N*m*s/rad", "rad/s"), "prismatic": ("N", "N", "N*s/m", "m/s")}
 
@@ -68,7 +73,7 @@ def open_() -> Joint:
     return joint
 
 
-def test_static_intervals_are_the_profiles(good: Joint, open_: Joint) -> None:
+def test_intervals_in_tables_and_figures(good: Joint, open_: Joint, slide: Joint) -> None:
     """Each estimate's interval is its profile's, so that page, table and results.json give one interval only."""
     for joint in (good, open_):
         fit = joint.static["+"]
@@ -76,6 +81,39 @@ def test_static_intervals_are_the_profiles(good: Joint, open_: Joint) -> None:
         for name, own in fit.uncertainty.items():
             assert fit.parameters[name].interval == own.profile
             assert set(own.warnings) <= set(fit.parameters[name].warnings)
+    # open ends reach the frame's edge; every axis is finite and holds its estimate
+    for draw in interval_sections.figures(open_).values():
+        for ax, (name, own) in zip(
+            (ax for ax in draw().axes if ax.has_data()), open_.static["+"].uncertainty.items(), strict=True
+        ):
+            low, high = ax.get_xlim()
+            assert np.isfinite([low, high]).all()
+            assert low <= (open_.static["+"].parameters[name].value or 0.0) <= high
+            (bar,) = (line for line in ax.lines if line.get_label() == "profile")
+            assert np.asarray(bar.get_xdata(), dtype=float) == pytest.approx(np.clip(own.profile or (), low, high))
+    # a joint without fits, and no joint at all: the columns and no row, and no figure
+    for joints in ([], [slide]):
+        frame = tables.uncertainty(joints)
+        assert frame.empty
+        assert list(frame.columns)[:4] == ["joint", "fit", "direction", "parameter"]
+    assert interval_sections.figures(slide) == {}
+    assert all(x.file != "uncertainty.html" for x in report([slide], title="t", seed=0).pages)
+    # one figure per fit and direction; each panel: unit on its axis, three bars at the very ends, threshold at one, the estimate dashed
+    joint = built({"+": good.static["+"], "-": replace(good.static["+"], direction="-")})
+    drawn = interval_sections.figures(joint)
+    assert set(drawn) == {"static-positive", "static-negative"}
+    axes = [ax for ax in drawn["static-positive"]().axes if ax.has_data()]
+    assert len(axes) == 4
+    for ax, (name, own) in zip(axes, good.static["+"].uncertainty.items(), strict=True):
+        assert re.search(r"\([^()]+\)$", ax.get_xlabel())
+        lines = {str(line.get_label()): np.asarray(line.get_xdata(), dtype=float) for line in ax.lines}
+        for way in tables.WAYS:
+            assert lines[way] == pytest.approx(getattr(own, way))
+        assert lines["cost (1: threshold)"] == pytest.approx(own.curve[0])
+        value = good.static["+"].parameters[name].value
+        assert any(line.get_xdata()[0] == value for line in ax.lines if len(line.get_xdata()) == 2)  # type: ignore[arg-type,index]
+        low, high = ax.get_xlim()
+        assert all(low <= end <= high for way in tables.WAYS for end in getattr(own, way))
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
@@ -95,17 +133,7 @@ def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: Kind) -
     assert all(frame[c].dtype == float for c in frame.columns if c.endswith(("lower", "upper")))
 
 
-def test_no_joint_and_no_intervals_give_an_empty_table(slide: Joint) -> None:
-    """A joint without fits, and no joint at all: the columns and no row, and no figure."""
-    for joints in ([], [slide]):
-        frame = tables.uncertainty(joints)
-        assert frame.empty
-        assert list(frame.columns)[:4] == ["joint", "fit", "direction", "parameter"]
-    assert interval_sections.figures(slide) == {}
-    assert all(x.file != "uncertainty.html" for x in report([slide], title="t", seed=0).pages)
-
-
-def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path: Path) -> None:
+def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path: Path, good: Joint) -> None:
     """An open end is written as infinity, a way that there is not as a dash; nowhere in page, CSV or JSON stands nan or None."""
     none = Finding("no-bootstrap", NOTE, "No bootstrap: <b>few</b> blocks are too few to resample.")
     joint = changed(open_, "alpha_0", bootstrap=None, warnings=(none,))
@@ -129,42 +157,7 @@ def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path
     assert read["bootstrap_lower"].isna().to_dict() == dict.fromkeys(read.index, False) | {"alpha_0": True}
     assert "nan" not in file.read_text(encoding="utf-8").lower()
     assert "NaN" not in results_file.to_json([joint])
-
-
-def test_figures_have_a_panel_per_parameter_with_all_it_says(good: Joint) -> None:
-    """One figure per fit and direction; each panel: unit on its axis, three bars at the very ends, threshold at one, the estimate dashed."""
-    joint = built({"+": good.static["+"], "-": replace(good.static["+"], direction="-")})
-    drawn = interval_sections.figures(joint)
-    assert set(drawn) == {"static-positive", "static-negative"}
-    axes = [ax for ax in drawn["static-positive"]().axes if ax.has_data()]
-    assert len(axes) == 4
-    for ax, (name, own) in zip(axes, good.static["+"].uncertainty.items(), strict=True):
-        assert re.search(r"\([^()]+\)$", ax.get_xlabel())
-        lines = {str(line.get_label()): np.asarray(line.get_xdata(), dtype=float) for line in ax.lines}
-        for way in tables.WAYS:
-            assert lines[way] == pytest.approx(getattr(own, way))
-        assert lines["cost (1: threshold)"] == pytest.approx(own.curve[0])
-        value = good.static["+"].parameters[name].value
-        assert any(line.get_xdata()[0] == value for line in ax.lines if len(line.get_xdata()) == 2)  # type: ignore[arg-type,index]
-        low, high = ax.get_xlim()
-        assert all(low <= end <= high for way in tables.WAYS for end in getattr(own, way))
-
-
-def test_open_intervals_are_drawn_within_a_finite_frame(open_: Joint) -> None:
-    """Open ends reach the frame's edge; every axis is finite and holds its estimate."""
-    for draw in interval_sections.figures(open_).values():
-        for ax, (name, own) in zip(
-            (ax for ax in draw().axes if ax.has_data()), open_.static["+"].uncertainty.items(), strict=True
-        ):
-            low, high = ax.get_xlim()
-            assert np.isfinite([low, high]).all()
-            assert low <= (open_.static["+"].parameters[name].value or 0.0) <= high
-            (bar,) = (line for line in ax.lines if line.get_label() == "profile")
-            assert np.asarray(bar.get_xdata(), dtype=float) == pytest.approx(np.clip(own.profile or (), low, high))
-
-
-def test_the_scatter_of_runs_stands_in_text_table_and_page(good: Joint, tmp_path: Path) -> None:
-    """Before and after widening with each run's estimate; without repeats there is no word of it."""
+    # before and after widening with each run's estimate; without repeats there is no word of it
     assert tables.repeats([good]).empty
     assert "fitted apart" not in fit_report([good])
     by_run = {"one.csv": 0.0190, "two.csv": 0.0200}
@@ -181,3 +174,81 @@ def test_the_scatter_of_runs_stands_in_text_table_and_page(good: Joint, tmp_path
     assert "2.34" in text
     (document,) = json.loads(results_file.to_json([joint]))["joints"].values()
     assert document["static"]["+"]["repeats"]["alpha_0"]["by_run"] == by_run
+
+
+CONVERGED = Finding("static-converged", NOTE, "Converged.")
+NO_PEAK = Finding("static-no-stribeck", CAUTION, "Stribeck term not identifiable from these data.")
+
+
+def with_warnings(joint: Joint, v_s: dict[str, Any], **changes: Any) -> Joint:
+    """Direction + alone, without stick-slip, with changes to its estimate of v_s and to its fit."""
+    fit = joint.static["+"]
+    parameters = {**fit.parameters, "v_s": replace(fit.parameters["v_s"], **v_s)}
+    return replace(joint, static={"+": replace(fit, parameters=parameters, **changes)}, segments=())
+
+
+def ranges(joint: Joint) -> list[tuple[float, float]]:
+    """Every range of speeds that is proposed."""
+    return [(x.numbers["low"], x.numbers["high"]) for x in next_measurements(joint) if "low" in x.numbers]
+
+
+def moving(joint: Joint, **changes: Any) -> Joint:
+    """As if the static fit of + rested on moving data, which pass through zero."""
+    v = np.concatenate([[1.2e-24, 3e-9, 1e-5], joint.static["+"].velocity])
+    return with_warnings(
+        joint, {"value": 0.01, "standard_error": 0.01, "interval": (0.0, np.inf)}, velocity=v, **changes
+    )
+
+
+def test_advice_follows_from_the_warnings(joint: Joint) -> None:
+    """An open interval asks for slower speeds in a concrete range; stick-slip names the run; one direction asks for the other."""
+    one = replace(with_warnings(joint, {"interval": (0.0, 0.1)}, hold_out=()), segments=joint.segments)
+    below, *others = next_measurements(one)
+    assert (below.code, below.subject) == ("unlimited-below", ("static", "+"))
+    assert [(x.code, dict(x.numbers)) for x in others] == [
+        ("repeat-sticking", {"files": ("run_1.csv",)}),
+        ("measure-direction", {"direction": "-"}),
+        ("hold-back", {}),
+    ]
+    none = replace(joint, static={"both": replace(joint.static["+"], outcome=NO_PEAK)}, segments=())
+    (said,) = next_measurements(none)
+    assert (said.code, said.subject) == ("rises-below", ("static", "both"))
+    assert str(said).endswith("five constant speeds from 0.008 to 0.015 rad/s.")
+    # without a warning there is no advice about speeds
+    assert ranges(replace(joint, segments=())) == []
+    # nobody is asked to hold back a run where a moving run was held back, or of slow loading alone
+    whole = all_stages()
+    static = {d: replace(fit, hold_out=()) for d, fit in whole.static.items()}
+    assert not of_kind(next_measurements(replace(whole, static=static)), "hold-back")
+    nothing: dict[str, Any] = {"static": {}, "crosscheck": {}, "segments": ()}
+    for slow in (loaded(), only(loaded(), fits={"+": nothing_seen()})):
+        assert not of_kind(next_measurements(replace(slow, **nothing)), "hold-back")
+    bare = replace(whole, static=static, tracking=tracked(hold_out=()), joint_fit=None)
+    assert of_kind(next_measurements(bare), "hold-back")
+
+
+@pytest.mark.parametrize("outcome", [CONVERGED, NO_PEAK])
+def test_no_speed_below_a_hundredth_of_the_fastest(joint: Joint, outcome: Finding) -> None:
+    """Moving data pass through zero, but no advice asks for speeds near it; a range has room for five speeds."""
+    own = moving(joint, outcome=outcome)
+    fastest = float(own.static["+"].velocity.max())
+    found = ranges(own)
+    assert found
+    for low, high in found:
+        assert low >= fastest / 100
+        assert high >= 1.4 * low
+    said = of_kind(next_measurements(own), "rise-not-shown")
+    assert bool(said) == (outcome is NO_PEAK)
+
+
+@pytest.mark.parametrize("sticking", [0.0152, 0.0499, 0.101])
+def test_no_speed_at_which_the_joint_sticks(joint: Joint, sticking: float) -> None:
+    """Every speed that is proposed is faster than each at which a run of its direction sticks and slips; those of the other do not matter."""
+    kept = joint.segments[0]
+    stuck = replace(kept, velocity=sticking, stick_slip=True)
+    other = replace(kept, velocity=-0.7, stick_slip=True)
+    for own in (with_warnings(joint, {"interval": (0.0, 0.1)}), moving(joint), moving(joint, outcome=NO_PEAK)):
+        found = ranges(replace(own, segments=(stuck, other)))
+        assert found
+        assert min(low for low, _ in found) > sticking
+        assert min(low for low, _ in found) < 0.7

@@ -97,7 +97,9 @@ def test_two_writes_give_the_same_bytes_and_progress_keeps_its_total(tmp_path: P
     assert held == {name: data for name, data in trees[0].items() if name not in beside}
 
 
-def test_nothing_is_fetched(elements: dict[str, list[tuple[str, dict[str, str | None]]]], written: Path) -> None:
+def test_a_page_stands_alone_and_is_whole(
+    elements: dict[str, list[tuple[str, dict[str, str | None]]]], written: Path
+) -> None:
     """A page stands alone: no script but ours, no image, no style sheet; links lead to its pages and to files in its folder that are there."""
     for found in elements.values():
         assert not {tag for tag, _ in found} & {"script", "link", "img", "iframe", "object", "image"}
@@ -106,25 +108,56 @@ def test_nothing_is_fetched(elements: dict[str, list[tuple[str, dict[str, str | 
         assert [
             ref for ref in refs if not ref.startswith("#") and not (written / ref.partition("#")[0]).is_file()
         ] == []
-
-
-def test_ids_are_unique_and_links_land(elements: dict[str, list[tuple[str, dict[str, str | None]]]]) -> None:
-    """Inline figures share no id on a page, and every link and every reused shape has a target, on other pages too."""
+    # inline figures share no id on a page, and every link and every reused shape has a target, on other pages too
     ids = {name: [attrs["id"] for _, attrs in found if "id" in attrs] for name, found in elements.items()}
     for name, found in elements.items():
         assert len(ids[name]) == len(set(ids[name]))
         refs = [v or "" for _, attrs in found for k, v in attrs.items() if k in {"href", "xlink:href"}]
         for page_of, _, target in (ref.partition("#") for ref in refs if "#" in ref):
             assert target in ids[page_of or name]
-
-
-def test_hostile_names_come_out_escaped(written: Path) -> None:
-    """Markup in a joint's name, a title or a file name is text everywhere, in the page and in the SVG files, which stay well-formed."""
+    # markup in a joint's name, a title or a file name is text everywhere, in the page and in the SVG files, which stay well-formed
     text = report_text(written)
     assert "<script" not in text
     assert text.count("&lt;script&gt;") > 10
     for path in (written / "figures").glob("*.svg"):
         assert ET.fromstring(path.read_bytes()).tag.endswith("svg")  # noqa: S314 # our own file
+    # the pages have each section of the report, and say SIMULATED at the top and in each caption of such a joint. Of slow loading they name
+    # the methods, the one to use, the bias, the level and its source, the prior, the outlier, and why slopes differ; of moving runs each
+    # fit with its errors and starts, bias that matters and none that does not, hold-outs, verdicts and stages
+    sections = {
+        "index.html": ("Versions", "Method"),
+        "joints.html": ("Parameters of", "Full nonlinear fit", "caution", "What to measure next", "Files and what was done", "segments kept",
+                        "Held-out runs", "RMS residual", "Fig. 1", "from 4.75 to 7.75 s", "segment 2 of 2", "parametric bootstrap", str(DIFFER),
+                        str(NOT_SHOWN)),
+        "presliding.html": (*METHODS.values(), "from encoder transitions; insensitive to where inside a count the joint rests",
+                            "-2.4 % where the joint rests", "-51 % on average, with a spread of 28 %", "from the static fit",
+                            "of an assumed damping ratio", "median breakaway torque", "is an outlier", "differ because the loop is wide",
+                            "loss per cycle (J)", "1 more are in the table"),
+        "moving.html": ("Moving runs", "Joint fit", "Relative error 1.25 %", "3 of 4 starts", "Initialised at the other stages",
+                        "1701 samples, 2 segments", "-0.02 N·m/rad (-0.3 standard errors)", str(escape(HOSTILE)), str(IPOPT),
+                        "thinned to 400 points"),
+    }  # fmt: skip  # words by page
+    lacking = []
+    for name, words in sections.items():
+        page = text if name in {"index.html", "joints.html"} else page_text(written / name)
+        lacking += [(name, x) for x in words if x not in page]
+    assert lacking == []
+    assert "0.0001 N·m/rad" not in page_text(written / "moving.html")
+    captions = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", text, flags=re.DOTALL)
+    for name, figures_there in (("presliding.html", 2), ("moving.html", 1)):
+        own = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", page_text(written / name), flags=re.DOTALL)
+        assert ["<strong>SIMULATED" in caption for caption in own] == [True] * figures_there
+    assert sum("<strong>SIMULATED" in caption for caption in captions) == 7
+    assert [x for x in captions if "SIMULATED" not in x and "slide" not in x and "Fig. 1" not in x] == []
+    assert text.index("SIMULATED") < text.index('<table class="answer">')
+    assert "∞" in text
+    # each figure is there as SVG and PNG, each table as CSV, and the results as JSON
+    names = {p.relative_to(written).as_posix() for p in written.rglob("*") if p.is_file()}
+    svg = {n[:-4] for n in names if n.endswith(".svg")}
+    assert svg == {n[:-4] for n in names if n.endswith(".png")}
+    assert len(svg) == 1 + 2 + 8
+    assert {"results.json", "tables/parameters.csv", "tables/segments.csv", "tables/points.csv"} <= names
+    assert b"matplotlib" not in b"".join((written / f"{n}.png").read_bytes()[:200] for n in svg)
 
 
 NAMES = (
@@ -167,7 +200,7 @@ def test_no_name_makes_an_element_or_an_attribute(tmp_path: Path, monkeypatch: p
     assert (links | reused) - set(ids) == set()
 
 
-def test_an_image_drawn_twice_has_two_ids() -> None:
+def test_an_image_drawn_twice_has_two_ids(tmp_path: Path, slide: Joint, record: Record) -> None:
     """Matplotlib names an image by its content; on the page the second of two equal ones has an id of its own, and no other id changes."""
     figure = Figure()
     for left in (0.0, 0.5):
@@ -177,14 +210,21 @@ def test_an_image_drawn_twice_has_two_ids() -> None:
     images = [name for name in ids if "image" in name]
     assert len(ids) == len(set(ids))
     assert images == [images[0], f"{images[0]}-2"]
-
-
-def test_a_figure_takes_any_label() -> None:
-    """A label is put into the element as it is, and text that looks like a reference stays as it was; ids and references get the prefix."""
+    # a label is put into the element as it is, and text that looks like a reference stays as it was; ids and references get the prefix
     svg = b'<?xml?><svg height="1" width="2" height="3" id="f"><text>url(#a) id="b</text><use href="#f" clip-path="url(#c)"/></svg>'
     assert inline(svg, "p", r"\074 \g<0> \q") == (
         r'<svg role="img" aria-label="\074 \g<0> \q" height="1"  id="p-f"><text>url(#a) id="b</text><use href="#p-f" clip-path="url(#p-c)"/></svg>'
     )
+    # names tell joints apart; nothing is written where they cannot
+    with pytest.raises(ValueError, match="different names"):
+        write_report([slide, slide], tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    # a figure lands as the kind that its name says; any other kind is refused
+    figure = static_figures.inspect_figure([record], (), "revolute")
+    save_figure(figure, tmp_path / "a.png")
+    assert (tmp_path / "a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    with pytest.raises(ValueError, match=r"\.svg or \.png"):
+        save_figure(Figure(), tmp_path / "a.pdf")
 
 
 @pytest.mark.parametrize("name", ["v_", "α_", "alpha_", "v_<b>", "<b>", "", "+", r"\074b\076"])
@@ -193,53 +233,7 @@ def test_any_parameter_has_a_symbol(name: str) -> None:
     assert "<b>" not in symbol_html(name)
 
 
-def test_sections_and_simulated_notes(written: Path) -> None:
-    """The pages have each section of the report, and say SIMULATED at the top and in each caption of such a joint.
-
-    Of slow loading they name the methods, the one to use, the bias, the level and its source, the prior, the outlier, and why slopes differ;
-    of moving runs each fit with its errors and starts, bias that matters and none that does not, hold-outs, verdicts and stages.
-    """
-    text = report_text(written)
-    sections = {
-        "index.html": ("Versions", "Method"),
-        "joints.html": ("Parameters of", "Full nonlinear fit", "caution", "What to measure next", "Files and what was done", "segments kept",
-                        "Held-out runs", "RMS residual", "Fig. 1", "from 4.75 to 7.75 s", "segment 2 of 2", "parametric bootstrap", str(DIFFER),
-                        str(NOT_SHOWN)),
-        "presliding.html": (*METHODS.values(), "from encoder transitions; insensitive to where inside a count the joint rests",
-                            "-2.4 % where the joint rests", "-51 % on average, with a spread of 28 %", "from the static fit",
-                            "of an assumed damping ratio", "median breakaway torque", "is an outlier", "differ because the loop is wide",
-                            "loss per cycle (J)", "1 more are in the table"),
-        "moving.html": ("Moving runs", "Joint fit", "Relative error 1.25 %", "3 of 4 starts", "Initialised at the other stages",
-                        "1701 samples, 2 segments", "-0.02 N·m/rad (-0.3 standard errors)", str(escape(HOSTILE)), str(IPOPT),
-                        "thinned to 400 points"),
-    }  # fmt: skip  # words by page
-    lacking = []
-    for name, words in sections.items():
-        page = text if name in {"index.html", "joints.html"} else page_text(written / name)
-        lacking += [(name, x) for x in words if x not in page]
-    assert lacking == []
-    assert "0.0001 N·m/rad" not in page_text(written / "moving.html")
-    captions = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", text, flags=re.DOTALL)
-    for name, figures_there in (("presliding.html", 2), ("moving.html", 1)):
-        own = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", page_text(written / name), flags=re.DOTALL)
-        assert ["<strong>SIMULATED" in caption for caption in own] == [True] * figures_there
-    assert sum("<strong>SIMULATED" in caption for caption in captions) == 7
-    assert [x for x in captions if "SIMULATED" not in x and "slide" not in x and "Fig. 1" not in x] == []
-    assert text.index("SIMULATED") < text.index('<table class="answer">')
-    assert "∞" in text
-
-
-def test_files_beside_the_page(written: Path) -> None:
-    """Each figure is there as SVG and PNG, each table as CSV, and the results as JSON."""
-    names = {p.relative_to(written).as_posix() for p in written.rglob("*") if p.is_file()}
-    svg = {n[:-4] for n in names if n.endswith(".svg")}
-    assert svg == {n[:-4] for n in names if n.endswith(".png")}
-    assert len(svg) == 1 + 2 + 8
-    assert {"results.json", "tables/parameters.csv", "tables/segments.csv", "tables/points.csv"} <= names
-    assert b"matplotlib" not in b"".join((written / f"{n}.png").read_bytes()[:200] for n in svg)
-
-
-def test_a_joint_has_the_sections_of_its_runs_alone(joint: Joint, tmp_path: Path) -> None:
+def test_a_joint_has_the_sections_of_its_runs_alone(joint: Joint, tmp_path: Path, slow: Joint) -> None:
     """Without slow loading and moving runs there is no section of them, no link to one, no figure, and no table of fits without them."""
     write_report([joint], tmp_path)
     text = report_text(tmp_path)
@@ -250,10 +244,7 @@ def test_a_joint_has_the_sections_of_its_runs_alone(joint: Joint, tmp_path: Path
         "gripper-rotation-small.svg",
     }  # fmt: skip  # a list of names
     assert "From static and slow runs alone" not in sections_of(joint, "joints.html")
-
-
-def test_runs_of_one_kind_alone_make_a_report(slow: Joint, tmp_path: Path) -> None:
-    """Without any other stage the page has its section, no empty one, no comparison and no column of a joint fit; its links land."""
+    # without any other stage the page has its section, no empty one, no comparison and no column of a joint fit; its links land
     nothing: dict[str, Any] = {"static": {}, "crosscheck": {}, "segments": ()}
     alone = {
         "moving": replace(moving(), presliding=None, joint_fit=None, consistency=(), **nothing),
@@ -261,8 +252,8 @@ def test_runs_of_one_kind_alone_make_a_report(slow: Joint, tmp_path: Path) -> No
         "none": replace(slow, presliding=Presliding(fits={}, breakaway={}, warnings=(OPEN,))),
     }
     texts = {}
-    for name, joint in alone.items():
-        write_report([joint], tmp_path / name)
+    for name, one in alone.items():
+        write_report([one], tmp_path / name)
         texts[name] = report_text(tmp_path / name)
         assert set(re.findall(r'href="#([^"]+)"', texts[name])) <= set(re.findall(r'id="([^"]+)"', texts[name]))
     for words in ("Do the stages agree?", "joint fit, 95 %", "alone</summary>"):
@@ -275,7 +266,7 @@ def test_runs_of_one_kind_alone_make_a_report(slow: Joint, tmp_path: Path) -> No
     assert "Each breakaway" not in texts["none"]
 
 
-def test_all_parameters_stand_first() -> None:
+def test_all_parameters_stand_first(tmp_path: Path) -> None:
     """The parameters of the joint are all six per direction and the inertia, and the verdict counts them once."""
     shown = sections_of(moving(), "joints.html")
     table, alone = shown["Parameters of gripper rotation"].table, shown["From static and slow runs alone"].table
@@ -284,13 +275,8 @@ def test_all_parameters_stand_first() -> None:
     assert (len(table.cells.rows), len(alone.cells.rows)) == (13, 12)
     assert table.cells.columns[:3] == ("direction", "parameter", "source")
     assert dict(shown["How each fit ended"].facts)["truth"] == "12 of 12 true values lie inside their 95 % intervals."
-
-
-def test_what_is_known_of_errors_and_compensation_stands_beside_the_values() -> None:
-    """The hold-out error, and what is left of friction, a quarter of the torque here, in held-out or else in fitted runs; once each.
-
-    Nothing where they are not known, as the latter where a position is predicted, and no column that has nothing.
-    """
+    # the hold-out error, and what is left of friction, a quarter of the torque here, in held-out or else in fitted runs; once each. Nothing
+    # where they are not known, as the latter where a position is predicted, and no column that has nothing
     accuracy = Accuracy(slowest=0.02, fastest=0.8, band=1.0, statistical=1.0, apart=0.0, share=0.25)
     held = replace(gripper("held"), accuracy=accuracy)
     fitted = {d: replace(fit, hold_out=(), relative_error=0.5) for d, fit in held.static.items()}
@@ -314,10 +300,7 @@ def test_what_is_known_of_errors_and_compensation_stands_beside_the_values() -> 
     assert alone is not None
     assert alone.whole == ("curve",)
     assert not any(words in alone.note for words in ("Hold-out", "leaves"))
-
-
-def test_a_fit_that_predicts_the_position_says_so(tmp_path: Path) -> None:
-    """Words, unit and captions are those of a simulated position; nothing calls it a torque."""
+    # words, unit and captions are those of a simulated position; nothing calls it a torque
     fit = tracked(quantity="position", windows=34, starts_of_runs=(0,))
     write_report([replace(moving(), tracking=fit, joint_fit=None, consistency=())], tmp_path)
     words = re.sub(r"<svg.*?</svg>", "", page_text(tmp_path / "moving.html"), flags=re.DOTALL)
@@ -327,36 +310,15 @@ def test_a_fit_that_predicts_the_position_says_so(tmp_path: Path) -> None:
     assert "torque" not in words
 
 
-def test_two_joints_of_one_name_are_refused(tmp_path: Path, slide: Joint) -> None:
-    """Names tell joints apart; nothing is written where they cannot."""
-    with pytest.raises(ValueError, match="different names"):
-        write_report([slide, slide], tmp_path / "out")
-    assert not (tmp_path / "out").exists()
-
-
-def test_save_figure(tmp_path: Path, record: Record) -> None:
-    """A figure lands as the kind that its name says; any other kind is refused."""
-    figure = static_figures.inspect_figure([record], (), "revolute")
-    save_figure(figure, tmp_path / "a.png")
-    assert (tmp_path / "a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
-    with pytest.raises(ValueError, match=r"\.svg or \.png"):
-        save_figure(Figure(), tmp_path / "a.pdf")
-
-
-def test_a_critical_sentence_stands_once_on_the_terminal(joint: Joint) -> None:
+def test_each_warning_stands_once_in_its_place(joint: Joint, slow: Joint, tmp_path: Path, slide: Joint) -> None:
     """What is critical about the one solve of both directions is printed once, below the verdict."""
     warning = Finding("unexplained", CRITICAL, "The relative error is 40 %.")
     static = {d: replace(fit, warnings=(warning,)) for d, fit in joint.static.items()}
     verdict, *lines = list(outcomes([replace(joint, static=static).with_subjects()]))[1:]
     assert verdict.split("  ")[:2] == [joint.name, "do not use"]
     assert lines == [f"{joint.name}: {known_to(joint, '+/-')} {warning.coded}"]
-
-
-def test_every_warning_is_listed_once_and_links_to_its_entry(slow: Joint, tmp_path: Path) -> None:
-    """Behind each warning stands its code, a link to what it means, why it has its severity and what to do; what does not occur has no entry.
-
-    The heading of a joint's cautions has their number, each counted once; notes are behind a line that counts them.
-    """
+    # behind each warning stands its code, a link to what it means, why it has its severity and what to do; what does not occur has no
+    # entry. The heading of a joint's cautions has their number, each counted once; notes are behind a line that counts them
     write_report([slow], tmp_path)
     text = page_text(tmp_path / "joints.html")
     codes = set(re.findall(r'<a class="code" href="#warning-([a-z0-9-]+)">\1</a>', text))
@@ -368,10 +330,7 @@ def test_every_warning_is_listed_once_and_links_to_its_entry(slow: Joint, tmp_pa
     for severity, found in (("caution", r"<h3>(\d+) caution"), ("note", r"<summary>(\d+) note")):
         count = len({str(x) for x in slow.all_warnings() if x.severity == severity})
         assert [int(n) for n in re.findall(found, text)] == [count] * bool(count)
-
-
-def test_every_warning_says_what_it_is_about() -> None:
-    """Warnings of a fit, of a parameter, of runs as a whole, and stages that differ stand in the list with what they are about."""
+    # warnings of a fit, of a parameter, of runs as a whole, and stages that differ stand in the list with what they are about
     found = listed(moving().with_subjects())
     places = {
         "few-counts": "presliding (+)", "outlier": "presliding", "prior": "presliding (+) sigma_1, presliding (−) sigma_1",
@@ -379,10 +338,7 @@ def test_every_warning_says_what_it_is_about() -> None:
     }  # fmt: skip  # a table
     assert places.items() <= found.items()
     assert "presliding (+) sigma_0 printed" in found["whole-count"]
-
-
-def test_what_is_critical_stands_first_and_nothing_is_said_twice(slide: Joint, joint: Joint) -> None:
-    """The first lines of a joint are its critical sentences, each whole once; a long sentence that recurs is shortened."""
+    # the first lines of a joint are its critical sentences, each whole once; a long sentence that recurs is shortened
     lines = fit_report([slide]).splitlines()
     assert lines[1].startswith("    critical: ")
     long = [line.strip("() ") for line in lines if len(line) > 90]

@@ -1,11 +1,13 @@
 import re
 from collections.abc import Callable
 from functools import cache
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.io import loadmat
 
@@ -139,7 +141,7 @@ def moving_is_no_worse(joint: Joint, static: StaticFit) -> None:
     assert all(any(warning.code in NOT_IDENTIFIABLE for warning in moving.parameters[name].warnings) for name in unseen)
 
 
-def test_emps_symmetric_gives_the_published_figures(known: Known) -> None:
+def test_emps_symmetric_gives_the_published_figures(known: Known, measured_data: Path, tmp_path: Path) -> None:
     """Mass, viscous, Coulomb and offset within 1 % of Janot, Gautier and Brunot (2019), who made the data.
 
     There is no Stribeck peak. Relative errors are at most a little above theirs, 4.083 % and 5.982 % on the record with
@@ -154,6 +156,20 @@ def test_emps_symmetric_gives_the_published_figures(known: Known) -> None:
     assert fit.relative_error <= 4.15
     assert fit.hold_out[0].relative_error <= 6.1
     assert fit.parameters["alpha_1"].value is None
+    # UR10e, one joint moving: the draft has gravity, its fit leaves at most 6 % of the torque, and sigma_0 and sigma_1 are not identifiable
+    told = bristle.Told(
+        columns={"time": "0", "position": "2", "velocity": "8", "current": "14"}, torque_constant="10.7 N*m/A"
+    )
+    text, _ = bristle.draft(measured_data / "ur10e" / "joint_2_alone.csv", told=told, folder=tmp_path)
+    (tmp_path / "arm.yaml").write_text(text)
+    (joint,) = bristle.identify(tmp_path / "arm.yaml").joints
+    assert "gravity" in text
+    assert joint.tracking is not None
+    assert joint.tracking.relative_error is not None
+    assert joint.tracking.relative_error <= 6
+    bristles = [e for name, e in joint.tracking.parameters.items() if name.name in ("sigma_0", "sigma_1")]
+    assert bristles
+    assert all(e.value is None and e.warnings for e in bristles)
 
 
 @pytest.mark.slow
@@ -202,6 +218,24 @@ def test_emps_gives_its_three_plateaus_in_both_directions(measured_data: Path) -
     assert np.abs(v) == pytest.approx(levels[nearest], rel=0.02)
     assert len(set(zip(nearest.tolist(), (v > 0).tolist(), strict=True))) == 6
     assert 24 <= v.size <= 40
+    # each measured log is drafted as the experiment that those who recorded it say it is, with units and constants told and nothing else
+    emps = {"columns": {"torque": "vir"}, "units": {"torque": "V", "position": "m"}, "scales": {"torque": "35.15 N/V"}}
+    kinova = {"columns": {"position": "1", "velocity": "2", "current": "5"}, "rate": "999 Hz"}
+    servo = {"columns": {"position": "0", "torque": "4"}, "rate": "1 kHz"}
+    xl330 = {"columns": {"position": "1", "velocity": "2", "voltage": "3"}, "scales": {"voltage": "0.00836"}}
+    cases: dict[str, tuple[dict[str, Any], str]] = {
+        "emps/DATA_EMPS.mat": (emps, "tracking"),
+        "kinova_gen3_joint7/velocity_*.csv": ({**kinova, "torque_constant": "7.6 N*m/A"}, "ramp"),
+        "servo_lugre/*_1.txt": (servo, "presliding tracking presliding"),
+        "arm_static/joint_*.csv": ({}, "points"),
+        "bam_xl330/kp100_*.csv": ({**xl330, "torque_constant": "0.3867 N*m/A", "resistance": "4.017 ohm"}, "tracking"),
+    }
+    taken, meant = {}, {}
+    for files, (told, kinds) in cases.items():
+        text, _ = bristle.draft(*sorted(measured_data.glob(files)), told=bristle.Told(**told))
+        taken[files] = re.findall(r"experiment: (\w+)\}", text)
+        meant[files] = kinds.split() if " " in kinds else [kinds] * len(taken[files])
+    assert taken == meant
 
 
 def replayed(folder: Path, text: str, joint: Joint, most: float) -> None:
@@ -335,46 +369,58 @@ SLOW_LOADING = (
 def test_no_sentence_decides_on_measured_joints(known: Known, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With every template replaced by its kind's name, each measured joint comes out the same in every number, kind and severity.
 
-    Velocities held and slow loading: what is decided of moving runs is seen on the embedded joints, in `test_sentences.py`.
+    Velocities held and slow loading: what is decided of moving runs is seen on the embedded joints, in `test_findings.py`.
     """
     first = [held(known(text)) for text in (KINOVA, SLOW_LOADING)]
     without_sentences(monkeypatch)
     assert [held(identified(tmp_path, text)) for text in (KINOVA, SLOW_LOADING)] == first
 
 
-def test_logs_are_taken_for_what_they_are(measured_data: Path) -> None:
-    """Each measured log is drafted as the experiment that those who recorded it say it is, with units and constants told and nothing else."""
-    emps = {"columns": {"torque": "vir"}, "units": {"torque": "V", "position": "m"}, "scales": {"torque": "35.15 N/V"}}
-    kinova = {"columns": {"position": "1", "velocity": "2", "current": "5"}, "rate": "999 Hz"}
-    servo = {"columns": {"position": "0", "torque": "4"}, "rate": "1 kHz"}
-    xl330 = {"columns": {"position": "1", "velocity": "2", "voltage": "3"}, "scales": {"voltage": "0.00836"}}
-    cases: dict[str, tuple[dict[str, Any], str]] = {
-        "emps/DATA_EMPS.mat": (emps, "tracking"),
-        "kinova_gen3_joint7/velocity_*.csv": ({**kinova, "torque_constant": "7.6 N*m/A"}, "ramp"),
-        "servo_lugre/*_1.txt": (servo, "presliding tracking presliding"),
-        "arm_static/joint_*.csv": ({}, "points"),
-        "bam_xl330/kp100_*.csv": ({**xl330, "torque_constant": "0.3867 N*m/A", "resistance": "4.017 ohm"}, "tracking"),
-    }
-    taken, meant = {}, {}
-    for files, (told, kinds) in cases.items():
-        text, _ = bristle.draft(*sorted(measured_data.glob(files)), told=bristle.Told(**told))
-        taken[files] = re.findall(r"experiment: (\w+)\}", text)
-        meant[files] = kinds.split() if " " in kinds else [kinds] * len(taken[files])
-    assert taken == meant
+SESSION = """
+joint: {{name: servo}}
+encoder_resolution: 6.283e-4 rad
+signals:
+  time:     {{rate: 1 kHz}}
+  position: {{column: 0, unit: rad}}
+  torque:   {{column: 4, unit: N*m}}
+runs:
+  - {{files: "${{BRISTLE_DATA}}/servo_lugre/Fs_{k}.txt", experiment: presliding}}
+  - {{files: "${{BRISTLE_DATA}}/servo_lugre/sigma0_{k}.txt", experiment: presliding}}
+"""
 
 
-def test_a_draft_of_the_arm_has_gravity(measured_data: Path, tmp_path: Path) -> None:
-    """UR10e, one joint moving: the draft has gravity, its fit leaves at most 6 % of the torque, and sigma_0 and sigma_1 are not identifiable."""
-    told = bristle.Told(
-        columns={"time": "0", "position": "2", "velocity": "8", "current": "14"}, torque_constant="10.7 N*m/A"
+def test_five_sessions_of_a_servo(measured_data: Path, tmp_path: Path) -> None:
+    """No change beyond the scatter between sessions; the first session's sigma_0- is unlike the others, to `compare` and to the fleet.
+
+    `compare` finds nothing between any two of the last four sessions, and nothing but sigma_0- between the first and these. The fleet, with one
+    session for a baseline, ranks that very step first, since the second session, and by about as much; it does not call it a change, since
+    the scatter rests on four pairs of sessions, and says that; by the errors of the estimates alone it names this step and no other, as `compare`
+    does.
+    """
+    distributed = pytest.importorskip("distributed", reason="needs the extra fleet")
+    assert measured_data.is_dir()
+    for k in range(1, 6):
+        (tmp_path / f"{k}.yaml").write_text(SESSION.format(k=k), encoding="utf-8")
+    catalog = pd.DataFrame(
+        {
+            "file": [str(tmp_path / f"{k}.yaml") for k in range(1, 6)],
+            "unit": "servo",
+            "session": [f"2026-05-0{k}" for k in range(1, 6)],
+        }
     )
-    text, _ = bristle.draft(measured_data / "ur10e" / "joint_2_alone.csv", told=told, folder=tmp_path)
-    (tmp_path / "arm.yaml").write_text(text)
-    (joint,) = bristle.identify(tmp_path / "arm.yaml").joints
-    assert "gravity" in text
-    assert joint.tracking is not None
-    assert joint.tracking.relative_error is not None
-    assert joint.tracking.relative_error <= 6
-    bristles = [e for name, e in joint.tracking.parameters.items() if name.name in ("sigma_0", "sigma_1")]
-    assert bristles
-    assert all(e.value is None and e.warnings for e in bristles)
+    with distributed.Client(processes=False, dashboard_address="127.0.0.1:0") as client:
+        found = bristle.fleet(catalog, tmp_path / "out", client=client)
+        early = bristle.fleet(catalog, tmp_path / "out", client=client, baseline=1)
+    assert (found.identified, early.unchanged) == (5, 5)
+    assert found.changed == early.changed == 0
+    assert "scatter-of-few" in found.text()
+    (alone,) = [note for note in found.findings.notes if note.code == "beyond-errors"]
+    assert alone.numbers["steps"] == 1
+    first = early.findings.changes.iloc[0]
+    assert (first["parameter"], first["direction"]) == ("sigma_0", "-")
+    assert first["since"] == pd.Timestamp("2026-05-02")
+    results = [bristle.identify(tmp_path / f"{k}.yaml") for k in range(1, 6)]
+    pairs = {(a, b): bristle.compare(results[a], results[b]).changes for a, b in combinations(range(5), 2)}
+    moved = [(a, change) for (a, _), changes in pairs.items() for change in changes if change.changed]
+    assert {(a, str(change.parameter)) for a, change in moved} == {(0, "sigma_0-")}
+    assert all(abs((change.percent or 0.0) - first["percent"]) < 10 for _, change in moved)

@@ -59,7 +59,6 @@ def test_six_joints_that_move_together(measured_data: Path) -> None:
         (errors[name],) = {h.relative_error for fit in fits.values() for h in fit.hold_out}
     assert errors.keys() == MOST.keys()
     assert not {name: error for name, error in errors.items() if error > MOST[name]}
-
     constants = {name: m.torque_constant for name, m in joints.items() if m.torque_constant}
     told_by = {name: constants[name].value for name in NAMES[:4]}
     assert told_by == pytest.approx({name: PUBLISHED[name] for name in NAMES[:4]}, rel=0.2)
@@ -67,7 +66,6 @@ def test_six_joints_that_move_together(measured_data: Path) -> None:
     assert [[w.code for w in constants[name].warnings] for name in NAMES[4:]] == [["constant-unseen"]] * 2
     assert [joints[name].experiment.joint.kind for name in NAMES] == ["revolute"] * 4 + ["revolute in A"] * 2
     assert not [w for measured in joints.values() for w in measured.findings if w.severity is Severity.CRITICAL]
-
     wrist = identify_joint(joints["wrist_2_joint"])
     assert wrist.torque_constant == constants["wrist_2_joint"]
     assert wrist.tracking is not None
@@ -77,17 +75,13 @@ def test_six_joints_that_move_together(measured_data: Path) -> None:
     assert all(told[f"{name}{d}"].value is None for name in ("sigma_0", "sigma_1") for d in "+-")
     assert all(told[f"{name}{d}"].warnings for name in ("sigma_0", "sigma_1") for d in "+-")
     assert all(told[f"alpha_0{d}"].value is not None for d in "+-")
-
     elbow = identify_joint(joints["elbow_joint"])
     assert elbow.torque_constant == constants["elbow_joint"]
     assert elbow.tracking is not None
     bristles = [e for name, e in elbow.tracking.parameters.items() if name.name in ("sigma_0", "sigma_1")]
     assert bristles
     assert all(e.value is None and e.warnings for e in bristles)
-
-
-def test_a_wrong_order_is_critical(measured_data: Path) -> None:
-    """Joints 2 and 3 swapped, and gravity upside down are each found by the log, for every joint."""
+    # joints 2 and 3 swapped, and gravity upside down are each found by the log, for every joint
     for other, code in (
         (robot(measured_data, order=(0, 2, 1, 3, 4, 5)), "joint-order"),
         (robot(measured_data, up=9.81), "gravity-direction"),
@@ -95,10 +89,7 @@ def test_a_wrong_order_is_critical(measured_data: Path) -> None:
         found = {m.experiment.joint.name: m.findings for m in measure_robot(other)}
         assert found.keys() == set(NAMES)
         assert all((code, Severity.CRITICAL) in [(w.code, w.severity) for w in own] for own in found.values())
-
-
-def test_without_a_urdf_the_links_are_not_removed(measured_data: Path) -> None:
-    """Without the arm each joint is told how much of its torque the others' motion makes: most of it for the shoulder's lift and the elbow."""
+    # without the arm each joint is told how much of its torque the others' motion makes: most of it for the shoulder's lift and the elbow
     whole = robot(measured_data)
     found = against_urdf(Robot(path=whole.path, joints=whole.joints, urdf=None))
     shares = {name: w.numbers["share"] for name, own in found.items() for w in own if w.code == "links-not-removed"}

@@ -1,6 +1,7 @@
-"""The grid search validated: the methods agree where they must, and what is counted is what happened."""
+"""The grid search validated: the methods agree where they must, what is counted is what happened, and captions say it first."""
 
 import re
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,15 +21,17 @@ from bristle.identification.results import Joint
 from bristle.identification.static import grid as static
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.profiles import profiled
+from bristle.model.parameters import Kind
 from bristle.questions.method_validation import figures
 from bristle.questions.method_validation import run as running
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.cases import MOST_POINTS, joint_cases, sweep
-from bristle.questions.method_validation.report import resolution_said
+from bristle.questions.method_validation.report import drawings, resolution_said
 from bristle.questions.method_validation.results import (
     FREE,
     MOST_DECLINED,
     SAME_COST,
+    CaseResult,
     RandomStarts,
     Validation,
 )
@@ -42,7 +45,6 @@ from ..conftest import FEW, run, speeds, table, tree, write
 from ..pages import assert_tables_are_named, findings, page_text
 from ..sameness import held, without_sentences
 from .conftest import EVEN, NONE_BELOW, WIDE, case_of, designs, quick
-from .test_captions import captions
 
 P = edro.TABLE_1["gripper rotation"].positive
 NAMES = case_names(P.law)
@@ -56,7 +58,7 @@ def torques_of(case: ValidationCase, sets: int, seed: int = 0) -> Array:
     return np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, sets).T)
 
 
-def test_the_sweep_is_what_it_says() -> None:
+def test_the_sweep_is_what_it_says(joint: Joint) -> None:
     """Eight sets, two noise levels, three designs; the third has no speed below v_s; v_s lies within the grid's range; directions keep their sign."""
     cases = sweep().cases
     assert len(cases) == len({(c.label, c.design, c.noise) for c in cases}) == 8 * 2 * 3
@@ -65,6 +67,21 @@ def test_the_sweep_is_what_it_says() -> None:
         assert c.v_s_range[0] < c.truth.v_s < c.v_s_range[1]
         assert np.all(c.velocity < 0) == ("(-)" in c.label)
         assert (np.abs(c.velocity).min() > c.truth.v_s) == (c.design == designs()[NONE_BELOW])
+    # where alpha_2 is zero, half of the free solutions are negative: both ways of the plain grid give the same bounded ones
+    flat = replace(case_of(WIDE), truth=P.stribeck._replace(alpha_2=0.0))
+    together, apart = both_ways(flat, torques_of(flat, 20), 50)
+    assert 0 < (together[1] == 0).sum() < 20
+    assert together == pytest.approx(apart, rel=1e-9, abs=1e-12)
+    # a joint's own cases have its velocities, its fitted parameters, its range of v_s, and its noise, corrected for four parameters
+    case_set = joint_cases(joint)
+    assert [c.label for c in case_set.cases] == ["wrist (+)", "wrist (-)"]
+    for case, fit in zip(case_set.cases, joint.static.values(), strict=True):
+        assert case.velocity.tolist() == fit.velocity.tolist()
+        assert case.theta.tolist() == [fit.parameters[name].value for name in NAMES]
+        assert case.noise == pytest.approx(np.sqrt(np.sum(fit.residuals**2) / (fit.n - 4)), rel=1e-12)
+        assert case.v_s_range == pytest.approx(static.default_range(fit.velocity), rel=1e-12)
+    louder = joint_cases(joint, 0.03)
+    assert [c.noise for c in louder.cases] == pytest.approx([0.03 * c.truth.alpha_0 for c in louder.cases])
 
 
 def both_ways(case: ValidationCase, torques: Array, count: int) -> tuple[Array, Array]:
@@ -93,14 +110,6 @@ def test_many_plain_grids_are_those_of_each(design: int, noise: float, count: in
     assert on_grid == pytest.approx(np.round(on_grid), abs=1e-6)
 
 
-def test_a_bound_is_kept_by_the_plain_grid_of_many_sets() -> None:
-    """Where alpha_2 is zero, half of the free solutions are negative: both ways of the plain grid give the same bounded ones."""
-    flat = replace(case_of(WIDE), truth=P.stribeck._replace(alpha_2=0.0))
-    together, apart = both_ways(flat, torques_of(flat, 20), 50)
-    assert 0 < (together[1] == 0).sum() < 20
-    assert together == pytest.approx(apart, rel=1e-9, abs=1e-12)
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_every_solver_solves_the_same_problem(sign: float) -> None:
     """Begun near the truth, every solver ends in the minimum of the refined grid, in either direction, and stays within its bounds.
@@ -120,7 +129,7 @@ def test_every_solver_solves_the_same_problem(sign: float) -> None:
         assert fit(exact[:, 0], 0.5 * case.theta) == pytest.approx(case.theta, rel=1e-4), name
 
 
-def test_starts_lie_within_the_bounds_and_everywhere() -> None:
+def test_starts_derivatives_coverage_and_rounding() -> None:
     """Random starts fill the grid's bounds: each quarter of log(v_s)'s range, and of each alpha's, holds about a quarter of them."""
     case = case_of(EVEN)
     starts = methods.random_starts(case, 4000, np.random.default_rng(0))
@@ -128,19 +137,13 @@ def test_starts_lie_within_the_bounds_and_everywhere() -> None:
     v_s = np.log(starts[:, 3] / low) / np.log(high / low)
     for column in (*(starts[:, :3] / case.unknowns.scale[:3]).T, v_s):
         assert np.histogram(column, 4, (0, 1))[0] == pytest.approx(1000, abs=120)
-
-
-def test_derivatives_are_the_regression_s() -> None:
-    """The Jacobians of many sets are those that `Regression` gives of each."""
+    # the Jacobians of many sets are those that `Regression` gives of each
     case = case_of(EVEN, sign=-1.0)
     theta = methods.refined(case, torques_of(case, 5))
     for k, jacobian in enumerate(methods.jacobians(case, theta)):
         own = case.problem(torques_of(case, 5)[:, k]).jacobian(theta[:, k])
         assert jacobian == pytest.approx(own, rel=1e-12, abs=1e-15)
-
-
-def test_coverage_counts_the_intervals_of_the_covariance() -> None:
-    """An interval covers when the truth is within Student's t standard errors by `uncertainty.covariance`; without a peak v_s has none."""
+    # an interval covers when the truth is within Student's t standard errors by `uncertainty.covariance`; without a peak v_s has none
     case = case_of(WIDE)
     torques = torques_of(case, 40)
     theta = methods.refined(case, torques)
@@ -155,6 +158,15 @@ def test_coverage_counts_the_intervals_of_the_covariance() -> None:
     without = theta.copy()
     without[2] = 0.0
     assert not covers_truth(case, without, cost)[3].any()
+    # where the grid is finer than the noise, the RMS error of its v_s is a step over the square root of 12, and the floor is the spread
+    case = case_of(WIDE)
+    torques = torques_of(case, 1500)
+    grid = Batch(case.problem(torques[:, 0]), torques, case.v_s_range).theta
+    found = running._resolution(grid, {n: methods.plain(case, torques, n) for n in (500, 1000)})
+    low, high = case.v_s_range
+    for count, error in zip(found.counts, found.error, strict=True):
+        assert error == pytest.approx((high - low) / (count - 1) / np.sqrt(12), rel=0.06)
+    assert found.floor == float(spread(grid[3]))
 
 
 @settings(deadline=None, max_examples=20)
@@ -184,19 +196,7 @@ def test_ipopt_never_undercuts_the_refined_grid(design: int, noise: float) -> No
     assert (methods.costs(case, torques, ends) > lowest * (1 - SAME_COST)).all()
 
 
-def test_error_of_a_fine_plain_grid_is_even_rounding() -> None:
-    """Where the grid is finer than the noise, the RMS error of its v_s is a step over the square root of 12, and the floor is the spread."""
-    case = case_of(WIDE)
-    torques = torques_of(case, 1500)
-    grid = Batch(case.problem(torques[:, 0]), torques, case.v_s_range).theta
-    found = running._resolution(grid, {n: methods.plain(case, torques, n) for n in (500, 1000)})
-    low, high = case.v_s_range
-    for count, error in zip(found.counts, found.error, strict=True):
-        assert error == pytest.approx((high - low) / (count - 1) / np.sqrt(12), rel=0.06)
-    assert found.floor == float(spread(grid[3]))
-
-
-def test_enough_is_where_a_tenth_is_reached_for_good(validation: Validation) -> None:
+def test_what_is_counted_of_grids_and_minima(validation: Validation) -> None:
     """`enough` is the first resolution from which on the error is at most a tenth of the floor."""
     for one in validation.cases[:2]:
         r = one.resolution
@@ -205,55 +205,15 @@ def test_enough_is_where_a_tenth_is_reached_for_good(validation: Validation) -> 
     uneven = replace(validation.cases[0].resolution, counts=(8, 16, 32), error=np.array([0.05, 0.2, 0.1]), floor=1.0)
     assert uneven.enough == 32
     assert replace(uneven, floor=0.5).enough is None
-
-
-def test_the_refined_grid_is_never_worse(validation: Validation) -> None:
-    """Nothing within the range undercuts the refined grid; IPOPT begun there stays; plain grids approach it as they become finer."""
+    # nothing within the range undercuts the refined grid; IPOPT begun there stays; plain grids approach it as they become finer
     for one in validation.cases:
         assert one.cost_deficit <= SAME_COST
         assert one.methods[REFINED].other_minimum == 0.0
         assert one.methods[REFINED].failed == 0.0
         assert one.resolution.error[-1] < one.resolution.error[0] / 10
     assert max(one.polish_shift for one in validation.cases[:2]) < 1e-3
-
-
-def test_where_nobody_can_know_the_verdict_says_so(validation: Validation) -> None:
-    """Without a speed below v_s bristle declines nearly always, and the verdict says that no method can know; elsewhere it never declines there."""
-    known, noisy, blind = validation.cases
-    assert (known.declined, known.not_identifiable, noisy.not_identifiable) == (0.0, False, False)
-    assert blind.declined > MOST_DECLINED
-    for result, kind, below, speeds_ in ((blind, "v-s-unknowable", 0, 12), (known, "v-s-knowable", 7, 16)):
-        first = verdict(result)[0]
-        assert (first.code, first.numbers["below"], first.numbers["speeds"]) == (kind, below, speeds_)
-    assert "plain-grid-error" not in {diagnostic.code for diagnostic in verdict(blind)}
-
-
-def test_the_verdict_holds_the_numbers(validation: Validation) -> None:
-    """Shares, resolution and times of the verdict are those counted, and the text says them."""
-    result = validation.cases[0]
-    numbers = {diagnostic.code: diagnostic.numbers for diagnostic in verdict(result)}
-    share = 100 * result.resolution.share(500)
-    assert numbers["plain-grid-error"]["share"] == share
-    assert f"{share:.3g} % of its standard error" in bristle.report_of(validation).text()
-    other = [(name, 100 * result.starts.in_other_minimum(name).mean()) for name in result.starts.solvers]
-    assert ("starts-part" in numbers) == any(share for _, share in other)
-    assert list(numbers.get("starts-part", {"other": other})["other"]) == other
-    ratio = result.methods[POLISHED].seconds / result.methods[REFINED].seconds
-    assert dict(numbers["fit-times"]["times"])[POLISHED] == ratio
-    assert f"{POLISHED} {ratio:.2g}" in bristle.report_of(validation).text()
-    assert [x.code for x in overall(validation)] == ["never-undercut", "design-validated", "design-validated"]
-
-
-def test_no_sentence_decides_on_a_validation(validation: Validation, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With every template replaced by its kind's name the verdicts are the same values, and so are the tables."""
-    before = held([*map(verdict, validation.cases), overall(validation)]), validation.to_frame()
-    without_sentences(monkeypatch)
-    assert held([*map(verdict, validation.cases), overall(validation)]) == before[0]
-    pd.testing.assert_frame_equal(validation.to_frame(), before[1])
-
-
-def test_minima_outside_the_range_are_counted_apart(validation: Validation) -> None:
-    """A start counts as outside where v_s, set free, leaves the range and the cost falls below the grid's; it does not count against the grid."""
+    # a start counts as outside where v_s, set free, leaves the range and the cost falls below the grid's; it does not count against the
+    # grid
     case = case_of(WIDE)
     final = np.tile(case.theta[:, None], 5)
     final[3] = [*(np.array([0.5, 0.5, 0.9, 1.0]) * case.v_s_range[0]), 2 * case.v_s_range[1]]
@@ -266,6 +226,47 @@ def test_minima_outside_the_range_are_counted_apart(validation: Validation) -> N
         low, high = one.case.v_s_range
         for k, outside in enumerate(one.outside_range.tolist()):
             assert outside == bool((v_s[k] < low or v_s[k] > high) and cost[k] < one.starts.best_cost * (1 - SAME_COST))
+    # a start is in another minimum where it ends more than 1e-6 above the lowest cost within the range; v_s set free does not count
+    theta = np.array([[1.0, 1.0, 1.0], [0.1, 0.1, 0.1], [1e-6, 0.5, 0.5], [0.1, 0.1, 0.1]])
+    starts = RandomStarts(
+        initial_v_s=np.ones(3), final={"IPOPT": theta, FREE: theta}, best=theta[:, 1], best_cost=1.0,
+        cost={"IPOPT": np.array([2.0, 1.0 + 5e-7, 1.0 + 5e-6]), FREE: np.array([0.5, 0.5, 0.5])},
+    )  # fmt: skip  # a table
+    assert starts.in_other_minimum("IPOPT").tolist() == [True, False, True]
+
+
+def test_verdicts_hold_their_numbers(validation: Validation, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without a speed below v_s bristle declines nearly always, and the verdict says that no method can know; elsewhere it never declines there."""
+    known, noisy, blind = validation.cases
+    assert (known.declined, known.not_identifiable, noisy.not_identifiable) == (0.0, False, False)
+    assert blind.declined > MOST_DECLINED
+    for result, kind, below, speeds_ in ((blind, "v-s-unknowable", 0, 12), (known, "v-s-knowable", 7, 16)):
+        first = verdict(result)[0]
+        assert (first.code, first.numbers["below"], first.numbers["speeds"]) == (kind, below, speeds_)
+    assert "plain-grid-error" not in {diagnostic.code for diagnostic in verdict(blind)}
+    # shares, resolution and times of the verdict are those counted, and the text says them
+    result = validation.cases[0]
+    numbers = {diagnostic.code: diagnostic.numbers for diagnostic in verdict(result)}
+    share = 100 * result.resolution.share(500)
+    assert numbers["plain-grid-error"]["share"] == share
+    assert f"{share:.3g} % of its standard error" in bristle.report_of(validation).text()
+    other = [(name, 100 * result.starts.in_other_minimum(name).mean()) for name in result.starts.solvers]
+    assert ("starts-part" in numbers) == any(share for _, share in other)
+    assert list(numbers.get("starts-part", {"other": other})["other"]) == other
+    ratio = result.methods[POLISHED].seconds / result.methods[REFINED].seconds
+    assert dict(numbers["fit-times"]["times"])[POLISHED] == ratio
+    assert f"{POLISHED} {ratio:.2g}" in bristle.report_of(validation).text()
+    assert [x.code for x in overall(validation)] == ["never-undercut", "design-validated", "design-validated"]
+    # had IPOPT found less than the refined grid, verdict and summary would say so and by how much
+    worse = replace(validation.cases[0], cost_deficit=3e-4)
+    assert ("ipopt-undercuts", {"deficit": 3e-4}) in [(x.code, x.numbers) for x in verdict(worse)]
+    claim = overall(replace(validation, cases=(worse,)))[0]
+    assert (claim.code, claim.numbers["deficit"]) == ("undercut", 3e-4)
+    # with every template replaced by its kind's name the verdicts are the same values, and so are the tables
+    before = held([*map(verdict, validation.cases), overall(validation)]), validation.to_frame()
+    without_sentences(monkeypatch)
+    assert held([*map(verdict, validation.cases), overall(validation)]) == before[0]
+    pd.testing.assert_frame_equal(validation.to_frame(), before[1])
 
 
 def test_without_slow_speeds_a_lower_cost_may_lie_outside_the_range(validation: Validation) -> None:
@@ -287,24 +288,6 @@ def test_without_slow_speeds_a_lower_cost_may_lie_outside_the_range(validation: 
     assert said.numbers == {"count": outside.sum(), "starts": 4, "low": v_s.min(), "high": v_s.max()}
 
 
-def test_another_minimum_is_above_the_lowest_cost() -> None:
-    """A start is in another minimum where it ends more than 1e-6 above the lowest cost within the range; v_s set free does not count."""
-    theta = np.array([[1.0, 1.0, 1.0], [0.1, 0.1, 0.1], [1e-6, 0.5, 0.5], [0.1, 0.1, 0.1]])
-    starts = RandomStarts(
-        initial_v_s=np.ones(3), final={"IPOPT": theta, FREE: theta}, best=theta[:, 1], best_cost=1.0,
-        cost={"IPOPT": np.array([2.0, 1.0 + 5e-7, 1.0 + 5e-6]), FREE: np.array([0.5, 0.5, 0.5])},
-    )  # fmt: skip  # a table
-    assert starts.in_other_minimum("IPOPT").tolist() == [True, False, True]
-
-
-def test_a_grid_that_is_undercut_is_said(validation: Validation) -> None:
-    """Had IPOPT found less than the refined grid, verdict and summary would say so and by how much."""
-    worse = replace(validation.cases[0], cost_deficit=3e-4)
-    assert ("ipopt-undercuts", {"deficit": 3e-4}) in [(x.code, x.numbers) for x in verdict(worse)]
-    claim = overall(replace(validation, cases=(worse,)))[0]
-    assert (claim.code, claim.numbers["deficit"]) == ("undercut", 3e-4)
-
-
 def test_intervals_of_bristle_cover_as_counted(validation: Validation) -> None:
     """Coverage of covariance and profile is that of the intervals of each set; the bootstrap is there only where v_s can be known."""
     one = validation.cases[1]
@@ -319,10 +302,12 @@ def test_intervals_of_bristle_cover_as_counted(validation: Validation) -> None:
     assert all(0.8 < x <= 1 for c in one.coverage for x in c.share)
     assert [c.kind for c in validation.cases[2].coverage] == ["covariance", "profile"]
     assert [c.kind for c in one.coverage] == ["covariance", "profile", "bootstrap-t"]
-
-
-def test_progress_names_each_case() -> None:
-    """Each case is announced before it is begun."""
+    # where the truth has no Coulomb friction the tables name no noise in percent of it, and are written all the same
+    first = validation.cases[0]
+    without = replace(first, case=replace(first.case, truth=first.case.truth._replace(alpha_0=0.0)))
+    frame = replace(validation, cases=(without,)).to_frame()
+    assert frame["noise_percent"].isna().all()
+    # each case is announced before it is begun
     heard: list[tuple[str, int, int]] = []
 
     def stop(what: str, done: int, total: int) -> None:
@@ -338,19 +323,6 @@ def test_progress_names_each_case() -> None:
 def joint(tmp_path_factory: pytest.TempPathFactory) -> Joint:
     """A joint of points in both directions."""
     return identify(write(tmp_path_factory.mktemp("joint"), speeds())).joints[0]
-
-
-def test_own_design_is_the_joint_s(joint: Joint) -> None:
-    """A joint's own cases have its velocities, its fitted parameters, its range of v_s, and its noise, corrected for four parameters."""
-    case_set = joint_cases(joint)
-    assert [c.label for c in case_set.cases] == ["wrist (+)", "wrist (-)"]
-    for case, fit in zip(case_set.cases, joint.static.values(), strict=True):
-        assert case.velocity.tolist() == fit.velocity.tolist()
-        assert case.theta.tolist() == [fit.parameters[name].value for name in NAMES]
-        assert case.noise == pytest.approx(np.sqrt(np.sum(fit.residuals**2) / (fit.n - 4)), rel=1e-12)
-        assert case.v_s_range == pytest.approx(static.default_range(fit.velocity), rel=1e-12)
-    louder = joint_cases(joint, 0.03)
-    assert [c.noise for c in louder.cases] == pytest.approx([0.03 * c.truth.alpha_0 for c in louder.cases])
 
 
 def test_what_cannot_be_tried_is_skipped_and_said(joint: Joint, tmp_path: Path) -> None:
@@ -376,10 +348,7 @@ def test_what_cannot_be_tried_is_skipped_and_said(joint: Joint, tmp_path: Path) 
     one = identify(write(tmp_path / "one", np.concatenate([speeds(both=False), FEW[2:]]))).joints[0]
     assert [c.label for c in joint_cases(one).cases] == ["wrist (+)"]
     assert [(d, x.code) for d, x in joint_cases(one).skipped.items()] == [("-", "no-stribeck-term")]
-
-
-def test_many_points_are_thinned_with_their_information(tmp_path: Path) -> None:
-    """Of more than 400 points 400 are simulated, with as much less noise: v_s keeps its standard error."""
+    # of more than 400 points 400 are simulated, with as much less noise: v_s keeps its standard error
     v = np.tile(np.geomspace(0.15, 11.0, 1600) * P.v_s, 1)
     path = write(tmp_path, v)
     (tmp_path / "wrist.csv").write_text(table(v, noise=1e-3))
@@ -448,10 +417,8 @@ def test_the_command_validates_and_writes(tmp_path: Path, monkeypatch: pytest.Mo
     ):
         assert words in ran.words
     assert (tmp_path / "out" / "index.html").is_file()
-
-
-def test_the_command_without_a_peak_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where a fit has no Stribeck term the command cross-checks it, says why nothing is tried, ends well, and writes no page."""
+    monkeypatch.undo()
+    # where a fit has no Stribeck term the command cross-checks it, says why nothing is tried, ends well, and writes no page
     fast = np.linspace(1.0, 2.0, 12)
     path = write(tmp_path, fast)
     monkeypatch.chdir(tmp_path)
@@ -462,13 +429,8 @@ def test_the_command_without_a_peak_writes_nothing(tmp_path: Path, monkeypatch: 
     assert "wrist +: nothing to validate: Stribeck term not identifiable" in ran.words
     assert "Nothing was validated." in ran.words
     assert tree(tmp_path) == before
-
-
-def test_nothing_fitted_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Too few points for any fit: exit code 2, one sentence with the reason and what to do, and nothing printed or written.
-
-    So does the API.
-    """
+    monkeypatch.undo()
+    # too few points for any fit: exit code 2, one sentence with the reason and what to do, and nothing printed or written. So does the API
     path = write(tmp_path, FEW)
     monkeypatch.chdir(tmp_path)
     before = tree(tmp_path)
@@ -481,7 +443,7 @@ def test_nothing_fitted_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         bristle.validate(path)
 
 
-def test_a_joint_without_points_or_moving_runs_is_refused() -> None:
+def test_a_joint_without_points_or_moving_runs_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Slow loading alone leaves nothing to check; one fitted direction is enough, the other being said to have nothing to try."""
     few = static_fit("-", None)
     with pytest.raises(ValueError, match="got no ramp, points or tracking run that is fitted; add"):
@@ -491,6 +453,9 @@ def test_a_joint_without_points_or_moving_runs_is_refused() -> None:
     case_set = joint_cases(joint_of({"+": static_fit("+", 1.0), "-": few}))
     assert not case_set.cases
     assert set(case_set.skipped) == {"+", "-"}
+    # lmfit is no dependency: where it is absent the others are tried
+    monkeypatch.setattr(methods, "LMFIT", False)
+    assert set(methods.local_methods(case_of(WIDE))) == {"IPOPT", "SciPy TRF"}
 
 
 def joint_of(static_fits: dict[str, StaticFit]) -> Joint:
@@ -504,12 +469,6 @@ def static_fit(direction: str, alpha_0: float | None) -> StaticFit:
     parameters = {name: Estimate(value=x, unit="") for name, x in values.items()}
     outcome = TOO_FEW if alpha_0 is None else NO_PEAK
     return StaticFit(direction=direction, parameters=parameters, rms=None, relative_error=None, n=2, outcome=outcome)
-
-
-def test_without_lmfit_the_validation_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Lmfit is no dependency: where it is absent the others are tried."""
-    monkeypatch.setattr(methods, "LMFIT", False)
-    assert set(methods.local_methods(case_of(WIDE))) == {"IPOPT", "SciPy TRF"}
 
 
 def test_the_api_validates_an_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -532,9 +491,90 @@ def test_the_api_validates_an_experiment(tmp_path: Path, monkeypatch: pytest.Mon
         bristle.validate("no such file", repetitions=1)
 
 
-def test_noise_has_no_share_of_a_coulomb_friction_of_zero(validation: Validation) -> None:
-    """Where the truth has no Coulomb friction the tables name no noise in percent of it, and are written all the same."""
-    first = validation.cases[0]
-    without = replace(first, case=replace(first.case, truth=first.case.truth._replace(alpha_0=0.0)))
-    frame = replace(validation, cases=(without,)).to_frame()
-    assert frame["noise_percent"].isna().all()
+def captions(result: CaseResult, kind: Kind) -> dict[str, str]:
+    """What each figure of a case shows, which its caption begins with: all before it says what is drawn."""
+    drawn = {"cost": " Cost of the first data set", "methods": " Median error of vₛ with"}
+    texts = [x.caption for x in drawings(result, kind, "case")]
+    return {name: text.partition(how)[0] for (name, how), text in zip(drawn.items(), texts, strict=True)}
+
+
+def with_costs(result: CaseResult, costs: Mapping[str, list[float]]) -> CaseResult:
+    """The same, with a refined grid at a cost of 1 and v_s of 0.5, and solvers that end at these costs, with v_s of 0.25."""
+    ends = np.full((4, len(next(iter(costs.values())))), 0.25)
+    starts = replace(
+        result.starts, initial_v_s=ends[3], final=dict.fromkeys(costs, ends), best=np.full(4, 0.5), best_cost=1.0,
+        cost={name: np.array(cost) for name, cost in costs.items()},
+    )  # fmt: skip  # a list of values
+    return replace(result, starts=starts, declined=0.0)
+
+
+ENDS = {
+    "some miss": (
+        {"IPOPT": [1.0, 1.0, 1.0], "SciPy TRF": [2.0, 1.0, 2.0], "lmfit": [1.0, 2.0, 1.0]},
+        "The refined grid finds the minimum at vₛ = 0.5 m/s; the worst solver (SciPy TRF) misses it from 2 of 3 random starts.",
+    ),
+    "two are worst": (
+        {"IPOPT": [1.0, 1.0], "SciPy TRF": [2.0, 2.0], "lmfit": [2.0, 2.0]},
+        "The refined grid finds the minimum at vₛ = 0.5 m/s; the worst solver (SciPy TRF and lmfit) misses it from 2 of 2 random starts.",
+    ),
+    "none misses": (
+        {"IPOPT": [1.0], "SciPy TRF": [1.0]},
+        "The refined grid finds the minimum at vₛ = 0.5 m/s; no solver misses it from any of 1 random start.",
+    ),
+    "all fail": (
+        {"IPOPT": [2.0, 3.0], "SciPy TRF": [3.0, 3.0]},
+        "The refined grid finds the minimum at vₛ = 0.5 m/s; the worst solver (IPOPT and SciPy TRF) misses it from 2 of 2 random starts.",
+    ),
+    "the grid is undercut": (
+        {"IPOPT": [1.0, 0.8], "SciPy TRF": [1.0, 1.0]},
+        "The refined grid ends at vₛ = 0.5 m/s, at a cost 25 % above the lowest, which IPOPT finds at vₛ = 0.25 m/s.",
+    ),
+}  # fmt: skip  # a table
+
+
+def test_captions_begin_with_what_was_found(validation: Validation) -> None:
+    """The worst solver is named with its count, and a refined grid that a solver undercuts says so."""
+    for what, (costs, end) in ENDS.items():
+        found = captions(with_costs(validation.cases[0], costs), "prismatic")
+        assert found["cost"] == end, what
+    # cost and errors of a case that cannot tell v_s begin with that, in percent of its data sets; of others they do not
+    known, _, lost = validation.cases
+    for name in ("cost", "methods"):
+        assert captions(replace(lost, declined=0.9), "revolute")[name].startswith(
+            "vₛ is not identifiable in 90 % of the data sets. The "
+        )
+        assert captions(known, "revolute")[name].startswith("The ")
+    # the grid's error is told beside the largest of the solvers', without signs, and both failures
+    result = validation.cases[0]
+    v_s = result.case.truth.v_s
+    given = {REFINED: (-0.01, 0.0), "IPOPT": (-0.3, 0.25), "SciPy TRF": (0.02, 0.5), "lmfit": (0.0, 0.0)}
+    methods = {
+        name: replace(m, bias=np.full(4, given[key][0] * v_s), failed=given[key][1])
+        if (key := name.removesuffix(", random start")) in given
+        else m
+        for name, m in result.methods.items()
+    }
+    assert captions(replace(result, methods=methods, declined=0.0), "revolute")["methods"] == (
+        "The median error of vₛ is 1 % by the refined grid and up to 30 % by a solver (IPOPT); "
+        "the grid fails in 0 % of the data sets, a solver in up to 50 %."
+    )
+    # they span the cases, those that none of the grids tried is fine enough for are counted, and without a case that is said
+    one = validation.cases[0]
+    counts = np.array(one.resolution.counts)
+    for fine_from, expected in (
+        ([125], "A plain grid needs 125 values for an error of vₛ below a tenth of its standard error."),
+        ([125, 1000], "A plain grid needs 125 to 1000 values for an error of vₛ below a tenth of its standard error."),
+        (
+            [64, None, None],
+            "A plain grid needs 64 values for an error of vₛ below a tenth of its standard error, and more than 2000 in 2 of 3 cases.",
+        ),
+        (
+            [None],
+            "Even 2000 values leave a plain grid's error of vₛ above a tenth of its standard error in 1 of 1 case.",
+        ),
+        ([], "vₛ is not identifiable in any case, so the resolution does not matter."),
+    ):
+        errors = [np.where(counts >= (np.inf if n is None else n), 0.01, 1.0) for n in fine_from]
+        resolutions = [replace(one.resolution, floor=1.0, error=error) for error in errors]
+        cases = tuple(replace(one, declined=0.0, resolution=r) for r in resolutions)
+        assert resolution_said(replace(validation, cases=cases)) == expected, fine_from

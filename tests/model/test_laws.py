@@ -73,7 +73,7 @@ def outside() -> Iterator[Law]:
         registry._COMPETE.discard(name)
 
 
-def test_the_steady_curve_is_the_textbooks(chosen: Law) -> None:
+def test_steady_curves_peaks_and_derivatives(chosen: Law) -> None:
     """T_ss is (alpha_0 + alpha_1 s) sgn v + alpha_2 v + alpha_3 v abs(v), odd in v, to rounding, at measured speeds."""
     p, v = set_of(chosen), np.geomspace(1e-4, 0.8, 60)
     peak = FORMULAS[chosen.peak.name](v / p.v_s)
@@ -83,10 +83,7 @@ def test_the_steady_curve_is_the_textbooks(chosen: Law) -> None:
     for sign in (1.0, -1.0):
         (torque,) = evaluate(functions.steady_torque_function(chosen), sign * v, *p.stribeck)
         np.testing.assert_allclose(torque, sign * expected, rtol=1e-13)
-
-
-def test_a_peak_falls_from_one_and_is_told_its_reach(chosen: Law) -> None:
-    """Every peak is one at rest, even, falling, and nine tenths of it are gone at `reach` v_s (of delta = 1 for the free exponent)."""
+    # every peak is one at rest, even, falling, and nine tenths of it are gone at `reach` v_s (of delta = 1 for the free exponent)
     v, own = ca.SX.sym("v"), [OWN[x.name] for x in chosen.peak.own]
     shape = ca.Function("shape", [v], [chosen.peak.shape(v, 0.072, *own)])
     at = shape(np.linspace(-1, 1, 401)[None]).full()[0]
@@ -95,10 +92,7 @@ def test_a_peak_falls_from_one_and_is_told_its_reach(chosen: Law) -> None:
     assert (np.diff(at[200:]) <= 0).all()
     gone = ca.Function("gone", [v], [chosen.peak.shape(v, 0.072, *([1.0] * len(own)))])
     assert float(gone(chosen.peak.reach * 0.072)) == pytest.approx(0.1, abs=0.006)
-
-
-def test_derivatives_are_those_of_finite_differences(chosen: Law) -> None:
-    """dT_ss/dp and dT_f/dp by CasADi agree with central differences to 1e-7 of the torque, beyond v_end too."""
+    # dT_ss/dp and dT_f/dp by CasADi agree with central differences to 1e-7 of the torque, beyond v_end too
     p = set_of(chosen)
     v = np.array([-2.0, -0.7, -0.05, -1e-3, 2e-3, 0.04, 0.3, 0.79, 1.5])
     by = evaluate(functions.steady_jacobian_function(chosen), v, *p.stribeck)
@@ -135,7 +129,6 @@ def test_the_rollout_solves_the_bristle(chosen: Law) -> None:
     level = ca.Function("level", [x := ca.SX.sym("x")], [law.relaxation(x, p)])
 
     def rate(at: float, z: Array) -> Array:
-        """dz/dt along the velocity that is linear between samples."""
         u = float(np.interp(at, t, v))
         slope: Array = u - float(level(u)) * z
         return slope
@@ -146,7 +139,7 @@ def test_the_rollout_solves_the_bristle(chosen: Law) -> None:
     assert np.abs(torque - expected).max() <= 1e-4 * np.abs(expected).max()
 
 
-def test_the_jacobian_of_a_rollout_is_exact(chosen: Law) -> None:
+def test_jacobians_passivity_and_tuples_of_laws(chosen: Law) -> None:
     """The derivative of T_f along a motion agrees with differences of rollouts, for one set and for a pair, in every parameter."""
     p, h = set_of(chosen), 1e-3
     v = 0.3 * np.sin(2 * np.pi * 2.5 * np.arange(300) * h)
@@ -162,10 +155,7 @@ def test_the_jacobian_of_a_rollout_is_exact(chosen: Law) -> None:
             lambda u, name=name: rollout(v, h, pair._replace(positive=p._replace(**{name: u})), 0.0).torque, x
         )
         np.testing.assert_allclose(by_pair[:, k], of_pair, atol=2e-5 * max(np.abs(of_pair).max(), 1e-9))
-
-
-def test_a_passive_set_only_takes_energy(chosen: Law) -> None:
-    """Where `is_passive` says so, the running work from rest is never negative within the measured speeds; where not, a full bristle drives."""
+    # where `is_passive` says so, the running work from rest is never negative within the measured speeds; where not, a full bristle drives
     p, rng, h = set_of(chosen), np.random.default_rng(0), 1e-3
     assert law.is_passive(p)
     t = np.arange(3000) * h
@@ -178,33 +168,7 @@ def test_a_passive_set_only_takes_energy(chosen: Law) -> None:
     assert not law.is_passive(driving)
     full = (p.alpha_0 + p.alpha_1) / p.sigma_0
     assert (_torque(full, np.geomspace(0.1, 0.8, 50), driving) < 0).any()
-
-
-def test_a_negative_term_is_held_beyond_the_measured_speeds() -> None:
-    """With alpha_3 < 0 viscous friction beyond v_end is what it is there; with alpha_3 > 0 it goes on; both continuous."""
-    v = np.array([0.8, 0.8 * (1 + 1e-9), 2.0, 50.0])
-    for alpha_3 in (-0.01, 0.01):
-        p = set_of(law_named("gaussian+quadratic"), alpha_3=alpha_3)
-        viscous = _steady(p, v) - p.alpha_0
-        at_end = 0.8 * p.alpha_2 + alpha_3 * 0.8**2
-        expected = [at_end] * 4 if alpha_3 < 0 else p.alpha_2 * v + alpha_3 * v**2
-        np.testing.assert_allclose(viscous, expected, rtol=1e-8)
-
-
-def test_dahl_is_the_limit() -> None:
-    """Without a peak and without damping LuGre is Dahl: dT/dx = sigma_0 (1 - T sgn(v) / alpha_0), so T = alpha_0 (1 - exp(-sigma_0 x / alpha_0))."""
-    p, h = Lugre(0.02, 0.0, 0.0, 1.0, 6.0, 0.0), 1e-3
-    x = 0.01 * (1 - np.cos(2 * np.pi * np.arange(501) * h))
-    v = np.gradient(x, h)
-    torque = rollout(v, h, p, z0=0.0).torque
-    travelled = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2) * h])
-    rising = travelled[:500] <= travelled.max()
-    expected = p.alpha_0 * -np.expm1(-p.sigma_0 * travelled[:500] / p.alpha_0)
-    np.testing.assert_allclose(torque[:500][rising], expected[rising], atol=2e-4 * p.alpha_0)
-
-
-def test_tuples_of_a_law_are_named_tuples(chosen: Law) -> None:
-    """A law's tuple keeps its type through replacing, pickling and pairs; the paper's is `Lugre` itself; a wrong field is refused."""
+    # a law's tuple keeps its type through replacing, pickling and pairs; the paper's is `Lugre` itself; a wrong field is refused
     p = set_of(chosen)
     assert isinstance(p, Lugre)
     assert type(p._replace(alpha_0=1.0)) is type(p)
@@ -217,8 +181,26 @@ def test_tuples_of_a_law_are_named_tuples(chosen: Law) -> None:
         lugre_of(chosen)(*p, 1.0)  # type: ignore[call-arg]  # one too many
 
 
-def test_names_of_laws() -> None:
-    """A law's name finds it again; `paper` is the Gaussian one; what is no law is a KeyError that names all."""
+def test_terms_limits_and_names_of_laws(outside: Law) -> None:
+    """With alpha_3 < 0 viscous friction beyond v_end is what it is there; with alpha_3 > 0 it goes on; both continuous."""
+    v = np.array([0.8, 0.8 * (1 + 1e-9), 2.0, 50.0])
+    for alpha_3 in (-0.01, 0.01):
+        p = set_of(law_named("gaussian+quadratic"), alpha_3=alpha_3)
+        viscous = _steady(p, v) - p.alpha_0
+        at_end = 0.8 * p.alpha_2 + alpha_3 * 0.8**2
+        expected = [at_end] * 4 if alpha_3 < 0 else p.alpha_2 * v + alpha_3 * v**2
+        np.testing.assert_allclose(viscous, expected, rtol=1e-8)
+    # without a peak and without damping LuGre is Dahl: dT/dx = sigma_0 (1 - T sgn(v) / alpha_0), so T = alpha_0 (1 - exp(-sigma_0 x /
+    # alpha_0))
+    p, h = Lugre(0.02, 0.0, 0.0, 1.0, 6.0, 0.0), 1e-3
+    x = 0.01 * (1 - np.cos(2 * np.pi * np.arange(501) * h))
+    v = np.gradient(x, h)
+    torque = rollout(v, h, p, z0=0.0).torque
+    travelled = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2) * h])
+    rising = travelled[:500] <= travelled.max()
+    expected = p.alpha_0 * -np.expm1(-p.sigma_0 * travelled[:500] / p.alpha_0)
+    np.testing.assert_allclose(torque[:500][rising], expected[rising], atol=2e-4 * p.alpha_0)
+    # a law's name finds it again; `paper` is the Gaussian one; what is no law is a KeyError that names all
     for one in LAWS:
         assert law_named(one.name) == one
     assert law_named("paper") == law_named("auto") == GAUSSIAN
@@ -227,10 +209,7 @@ def test_names_of_laws() -> None:
             law_named(wrong)
     assert next(iter(competing())) == GAUSSIAN
     assert "free-exponent" not in {one.peak.name for one in competing()}
-
-
-def test_a_laws_parameters_are_known_everywhere(outside: Law) -> None:
-    """Parameters of a registered law have a unit, a least value and a direction; the law competes with each term."""
+    # parameters of a registered law have a unit, a least value and a direction; the law competes with each term
     assert fields_of(outside)[6:] == ("steepness", "cubic", FASTEST)
     assert unit("cubic", "prismatic") == "N*s**3/m**3"
     assert unit("cubic", "revolute in A") == "A*s**3/rad**3"

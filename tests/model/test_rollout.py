@@ -1,9 +1,10 @@
-"""The rollout against a tight solution of the same piecewise-linear velocity, and what must hold of it exactly."""
+"""The rollout and its Jacobian against a tight solution of the same piecewise-linear velocity, and what must hold of them exactly."""
 
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from bristle.arrays import Array
-from bristle.model import functions, time_refinement
+from bristle.model import functions, law, time_refinement
 from bristle.model import rollout as module
 from bristle.model.parameters import Lugre, Pair
-from bristle.model.rollout import rollout
+from bristle.model.rollout import rollout, rollout_jacobian
 from bristle.model.vectorize import evaluate
 from bristle.simulation.edro import TABLE_1
 
@@ -103,10 +104,7 @@ def test_error_on_irregular_steps() -> None:
     sigma_0 = np.array([6.1843, 1e4])
     z = radau(velocity, step, GRIPPER, sigma_0)
     assert max(torque_error(velocity, step, GRIPPER, s, z[:, k]) for k, s in enumerate(sigma_0)) <= 1e-5
-
-
-def test_second_order_where_the_bristle_is_resolved() -> None:
-    """Where lambda h <~ 1, halving the nodes of one and the same piecewise-linear velocity divides the error by about four."""
+    # where lambda h <~ 1, halving the nodes of one and the same piecewise-linear velocity divides the error by about four
     coarse = 0.03 * np.sin(2 * np.pi * (0.44 + np.arange(16) * 8e-3))
     sigma_0 = 20.0
     z = radau(coarse, np.full(15, 8e-3), GRIPPER, np.array([sigma_0]))[:, 0]
@@ -121,14 +119,9 @@ def test_second_order_where_the_bristle_is_resolved() -> None:
 
 anything = st.floats(-10, 10)
 scaled = st.builds(
-    Lugre,
-    st.floats(0.01, 10),
-    st.floats(0, 10),
-    st.floats(0, 10),
-    st.floats(0.01, 1),
-    st.floats(-2, 8).map(lambda e: 10.0**e),
-    st.floats(0, 1),
-)
+    Lugre, st.floats(0.01, 10), st.floats(0, 10), st.floats(0, 10), st.floats(0.01, 1),
+    st.floats(-2, 8).map(lambda e: 10.0**e), st.floats(0, 1),
+)  # fmt: skip  # a list of values
 speeds = hnp.arrays(float, st.integers(0, 60), elements=anything)
 
 
@@ -156,31 +149,32 @@ def test_constant_velocity_stays_in_steady_state(v: float, sign: int, p: Lugre[f
     np.testing.assert_allclose(torque, float(expected), rtol=1e-9 * (1 + p.sigma_1 * v / p.alpha_0))
 
 
-def test_at_rest_the_bristle_holds(gripper: Lugre[float]) -> None:
+def test_rest_presliding_and_single_samples(gripper: Lugre[float]) -> None:
     """With v = 0 throughout, z stays at z0 and T_f = sigma_0 z0; by default z0 = 0."""
     held = rollout(np.zeros(10), 1e-3, gripper, z0=1e-3)
     np.testing.assert_array_equal(held.z, np.full(10, 1e-3))
     np.testing.assert_allclose(held.torque, gripper.sigma_0 * 1e-3, rtol=1e-15)
     np.testing.assert_array_equal(rollout(np.zeros(10), 1e-3, gripper).torque, np.zeros(10))
-
-
-def test_presliding_is_a_spring(gripper: Lugre[float]) -> None:
-    """For motion much smaller than g / sigma_0, z follows position: T_f is sigma_0 y + (sigma_1 + alpha_2) v."""
+    # for motion much smaller than g / sigma_0, z follows position: T_f is sigma_0 y + (sigma_1 + alpha_2) v
     t = np.arange(1001) * 1e-3
     v = 1e-7 * np.sin(2 * np.pi * t)
     y = 1e-7 * (1 - np.cos(2 * np.pi * t)) / (2 * np.pi)
     expected = gripper.sigma_0 * y + (gripper.sigma_1 + gripper.alpha_2) * v
     np.testing.assert_allclose(rollout(v, 1e-3, gripper, z0=0.0).torque, expected, atol=1e-4 * np.abs(expected).max())
-
-
-def test_empty_and_single_sample(gripper: Lugre[float]) -> None:
-    """No sample gives empty arrays; one sample is the start, steady or given."""
+    # no sample gives empty arrays; one sample is the start, steady or given
     assert rollout(np.zeros(0), 1e-3, gripper).torque.shape == (0,)
     one = rollout(np.array([0.05]), np.zeros(0), gripper)
     assert one.torque == pytest.approx(
         float(evaluate(functions.steady_torque_function(), 0.05, *gripper[:4])[0]), rel=1e-12
     )
     assert rollout(np.array([0.05]), 1e-3, gripper, z0=2e-3).z[0] == 2e-3
+    # a result cannot be changed
+    with pytest.raises(ValueError, match="read-only"):
+        rollout(np.zeros(3), 1e-3, gripper).torque[0] = 1.0
+    # out of a standstill against a deflection of next to nothing, z is the angle travelled: no 0/0 where it turns
+    one = Lugre(1.0, 0.0, 0.0, 1.0, 1.0, 0.0)
+    for v, z0 in ((-1e-135, 6e-247), (-1e-3, 1e-300), (-1e-3, 5e-324)):
+        assert rollout(np.array([0.0, v]), 1e-3, Pair(one, one), z0).z[-1] == pytest.approx(v / 2 * 1e-3, rel=1e-6)
 
 
 def test_chunks_leave_no_seam(gripper: Lugre[float], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -192,6 +186,16 @@ def test_chunks_leave_no_seam(gripper: Lugre[float], monkeypatch: pytest.MonkeyP
         np.testing.assert_allclose(rollout(v, 2e-3, gripper).torque, whole.torque, rtol=1e-12, atol=1e-15)
     second = rollout(v[300:], np.full(499, 2e-3), gripper, z0=float(whole.z[300]))
     np.testing.assert_allclose(second.torque, whole.torque[300:], rtol=1e-12, atol=1e-15)
+    monkeypatch.undo()
+    # where velocity steps across the whole Stribeck region between samples, the nodes in between bring the error down tenfold
+    rng = np.random.default_rng(0)
+    v = rng.normal(0, 0.2, 200)
+    finer = np.interp(np.arange(199 * 200 + 1) / 200, np.arange(200), v)
+    exact = rollout(finer, 1e-3 / 200, gripper, z0=0.0).torque[::200]
+    error = np.abs(rollout(v, 1e-3, gripper, z0=0.0).torque - exact).max()
+    monkeypatch.setattr(time_refinement, "_FINE", np.inf)
+    without = np.abs(rollout(v, 1e-3, gripper, z0=0.0).torque - exact).max()
+    assert error < 0.1 * without
 
 
 @given(
@@ -230,13 +234,6 @@ def test_motions_together_are_each_by_itself(sets: int, motions: list[Array], da
         np.testing.assert_allclose(row, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max() + least)
 
 
-def test_a_bristle_hardly_bent_turns_at_once() -> None:
-    """Out of a standstill against a deflection of next to nothing, z is the angle travelled: no 0/0 where it turns."""
-    one = Lugre(1.0, 0.0, 0.0, 1.0, 1.0, 0.0)
-    for v, z0 in ((-1e-135, 6e-247), (-1e-3, 1e-300), (-1e-3, 5e-324)):
-        assert rollout(np.array([0.0, v]), 1e-3, Pair(one, one), z0).z[-1] == pytest.approx(v / 2 * 1e-3, rel=1e-6)
-
-
 @pytest.mark.parametrize("stiffer", ["positive", "negative"])
 @pytest.mark.parametrize("times", [1.0, 1e2, 1e8])
 def test_signs_of_deflection_settle_whatever_the_stiffness(
@@ -251,18 +248,6 @@ def test_signs_of_deflection_settle_whatever_the_stiffness(
     parts = rollout(v, 1e-3, pair)
     np.testing.assert_allclose(whole.z, parts.z, atol=1e-9 * np.abs(parts.z).max())
     np.testing.assert_allclose(whole.torque, parts.torque, atol=1e-6 * np.abs(parts.torque).max())
-
-
-def test_fast_reversals_need_the_extra_nodes(gripper: Lugre[float], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where velocity steps across the whole Stribeck region between samples, the nodes in between bring the error down tenfold."""
-    rng = np.random.default_rng(0)
-    v = rng.normal(0, 0.2, 200)
-    finer = np.interp(np.arange(199 * 200 + 1) / 200, np.arange(200), v)
-    exact = rollout(finer, 1e-3 / 200, gripper, z0=0.0).torque[::200]
-    error = np.abs(rollout(v, 1e-3, gripper, z0=0.0).torque - exact).max()
-    monkeypatch.setattr(time_refinement, "_FINE", np.inf)
-    without = np.abs(rollout(v, 1e-3, gripper, z0=0.0).torque - exact).max()
-    assert error < 0.1 * without
 
 
 @pytest.mark.parametrize(
@@ -283,7 +268,80 @@ def test_bad_input_is_refused_in_one_sentence(
         rollout(velocity, step, gripper)
 
 
-def test_result_is_read_only(gripper: Lugre[float]) -> None:
-    """A result cannot be changed."""
-    with pytest.raises(ValueError, match="read-only"):
-        rollout(np.zeros(3), 1e-3, gripper).torque[0] = 1.0
+STEP = 2e-3
+
+
+def motion() -> Array:
+    """Two reversals, one of them between samples, at low and at high speed."""
+    t = np.arange(300) * STEP
+    v: Array = 0.06 * np.sin(2 * np.pi * 1.7 * t) + 0.01
+    return v
+
+
+def difference(velocity: Array, p: Lugre[float], k: int, z0: float | None) -> Array:
+    """Central difference of the torque with respect to parameter k."""
+    d = 1e-6 * p[k]
+    up, down = (
+        rollout(velocity, STEP, Lugre(*(x + s * d * (j == k) for j, x in enumerate(p))), z0).torque for s in (1, -1)
+    )
+    return (up - down) / (2 * d)
+
+
+@pytest.mark.parametrize("z0", [None, 1e-3])
+def test_jacobian_equals_finite_differences(table_set: Lugre[float], z0: float | None) -> None:
+    """Each column is the derivative of the torque, the steady start included where z0 is not given."""
+    p = table_set._replace(v_s=0.12345)  # a value at which no node comes or goes
+    result = rollout_jacobian(motion(), STEP, p, z0)
+    for k in range(6):
+        numeric = difference(motion(), p, k, z0)
+        np.testing.assert_allclose(result.by_parameters[:, k], numeric, atol=1e-6 * np.abs(numeric).max())
+
+
+def test_derivative_by_the_start(gripper: Lugre[float]) -> None:
+    """dT_f/dz0 is exact: T_f is affine in z0, so one difference of any size gives it; it fades as the bristle slides."""
+    v = np.concatenate([motion(), np.full(3000, 0.5)])
+    first, second = (rollout(v, STEP, gripper, z0).torque for z0 in (0.0, 1e-3))
+    by_z0 = rollout_jacobian(v, STEP, gripper, 0.0).by_z0
+    np.testing.assert_allclose(by_z0, (second - first) / 1e-3, atol=1e-9 * gripper.sigma_0)
+    assert by_z0[0] == pytest.approx(
+        gripper.sigma_0 * (1 - gripper.sigma_1 * v[0] / float(law.stribeck(v[0], gripper))), rel=1e-12
+    )
+    assert np.abs(by_z0[-1]) < 1e-100
+    # CasADi's own derivative of its own `mapaccum` of the same step, whose reversals fall on samples, is the same
+    n = 101
+    v = 0.02 * np.sin(2 * np.pi * np.arange(n) / 50)
+    v[::25] = 0.0
+    z, v0, v1, p = ca.SX.sym("z"), ca.SX.sym("v0"), ca.SX.sym("v1"), ca.SX.sym("p", 6)
+    a, b = law.bristle_step(v0, v1, STEP, Lugre(*ca.vertsplit(p)))
+    following = a * z + b
+    step = ca.Function("step", [z, v0, v1, p], [following, law.torque(following, v1, Lugre(*ca.vertsplit(p)))])
+    q = ca.MX.sym("q", 6)
+    torque = step.mapaccum(n - 1)(1e-3, v[None, :-1], v[None, 1:], ca.repmat(q, 1, n - 1))[1].T
+    theirs = np.array(ca.Function("J", [q], [ca.jacobian(torque, q)])(ca.DM(list(gripper))))
+    ours = rollout_jacobian(v, STEP, gripper, z0=1e-3).by_parameters
+    np.testing.assert_allclose(ours[1:], theirs, rtol=1e-9, atol=1e-12 * np.abs(theirs).max())
+    # with equal directions the pair's torque is the set's, and its two sets of columns add up to the set's columns
+    one, two = rollout_jacobian(motion(), STEP, gripper), rollout_jacobian(motion(), STEP, Pair(gripper, gripper))
+    np.testing.assert_allclose(two.torque, one.torque, atol=1e-5 * np.abs(one.torque).max())
+    total = two.by_parameters[:, :6] + two.by_parameters[:, 6:]
+    np.testing.assert_allclose(total, one.by_parameters, atol=1e-4 * np.abs(one.by_parameters).max())
+
+
+def test_jacobian_of_a_pair_equals_finite_differences(pair: Pair[float]) -> None:
+    """For direction-dependent sets too, within what moving the switch of sigma_0 by less than a step can do."""
+    flat = np.array([*pair.positive, *pair.negative])
+    flat[[3, 9]] = 0.12345
+    result = rollout_jacobian(motion(), STEP, Pair(Lugre(*flat[:6]), Lugre(*flat[6:])))
+    for k in range(12):
+        d = 1e-6 * flat[k] * (np.arange(12) == k)
+        up, down = (rollout(motion(), STEP, Pair(Lugre(*q[:6]), Lugre(*q[6:]))).torque for q in (flat + d, flat - d))
+        numeric = (up - down) / (2 * d[k])
+        np.testing.assert_allclose(result.by_parameters[:, k], numeric, atol=2e-3 * np.abs(numeric).max())
+    # no sample gives (0, 6) or (0, 12); one sample gives the derivative of the steady torque (9), zero for sigma_0 and sigma_1
+    assert rollout_jacobian(np.zeros(0), STEP, pair.positive).by_parameters.shape == (0, 6)
+    assert rollout_jacobian(np.zeros(0), STEP, pair).by_parameters.shape == (0, 12)
+    row = rollout_jacobian(np.array([-0.05]), STEP, pair).by_parameters[0]
+    shape = np.exp(-((0.05 / pair.negative.v_s) ** 2))
+    slope = -pair.negative.alpha_1 * shape * 2 * 0.05**2 / pair.negative.v_s**3
+    np.testing.assert_allclose(row[6:], [-1, -shape, -0.05, slope, 0, 0], atol=1e-12)
+    np.testing.assert_array_equal(row[:6], np.zeros(6))

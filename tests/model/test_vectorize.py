@@ -95,7 +95,7 @@ def test_any_expression_equals_casadi(first: Any, second: Any) -> None:
             np.testing.assert_allclose(mine, theirs, rtol=1e-12, atol=1e-13)
 
 
-def test_inputs_broadcast_and_outputs_have_the_common_shape() -> None:
+def test_shapes_blocks_and_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
     """A column and a row give a table; constants, structural zeros and inputs come out as wide; scalars give zero-dimensional arrays."""
     function = ca.Function("f", [X, Y], [X + Y, ca.SX(3.0), ca.SX(1, 1), X, X + Y])
     x, y = np.arange(3.0)[:, None], np.arange(4.0)[None, :]
@@ -110,30 +110,12 @@ def test_inputs_broadcast_and_outputs_have_the_common_shape() -> None:
     assert [o.shape for o in evaluate(function, 1.0, 2.0)] == [()] * 5
     assert [o.shape for o in evaluate(function, np.zeros(0), 2.0)] == [(0,)] * 5
     assert float(evaluate(function, 1.0, 2.0)[0]) == 3.0
-
-
-def test_blocks_leave_no_seam(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The result does not depend on the block size, and `out` receives it."""
-    function = ca.Function("f", [X, Y], [ca.exp(X) * Y, ca.sin(X + Y)])
-    x, y = rng.normal(size=(2, 1000))
-    expected = np.array(evaluate(function, x, y))
-    for block in (1, 7, 999, 1000, 1001):
-        monkeypatch.setattr(vectorize, "_BLOCK", block)
-        out = np.empty((2, 1000))
-        vectorised(function)(x, y, out=list(out))
-        np.testing.assert_array_equal(out, expected)
-
-
-def test_matrix_function_is_expanded() -> None:
-    """An MX function of scalars is as good as an SX one."""
+    # an MX function of scalars is as good as an SX one
     x = ca.MX.sym("x")
     np.testing.assert_allclose(
         evaluate(ca.Function("f", [x], [ca.sin(x) ** 2]), VALUES)[0], np.sin(VALUES) ** 2, rtol=1e-14
     )
-
-
-def test_what_cannot_be_evaluated_is_refused_in_one_sentence() -> None:
-    """Vectors, unknown operations, wrong numbers of inputs and shapes that do not broadcast are ValueErrors that say what was expected."""
+    # vectors, unknown operations, wrong numbers of inputs and shapes that do not broadcast are ValueErrors that say what was expected
     vector = ca.SX.sym("vector", 2)
     with pytest.raises(ValueError, match="expected 1x1 each"):
         vectorised(ca.Function("f", [vector], [vector[0]]))
@@ -144,6 +126,15 @@ def test_what_cannot_be_evaluated_is_refused_in_one_sentence() -> None:
         evaluate(function, VALUES)
     with pytest.raises(ValueError, match="broadcast"):
         evaluate(function, np.zeros(3), np.zeros(4))
+    # the result does not depend on the block size, and `out` receives it
+    function = ca.Function("f", [X, Y], [ca.exp(X) * Y, ca.sin(X + Y)])
+    x, y = rng.normal(size=(2, 1000))
+    expected = np.array(evaluate(function, x, y))
+    for block in (1, 7, 999, 1000, 1001):
+        monkeypatch.setattr(vectorize, "_BLOCK", block)
+        out = np.empty((2, 1000))
+        vectorised(function)(x, y, out=list(out))
+        np.testing.assert_array_equal(out, expected)
 
 
 finite = st.floats(-1, 1, allow_subnormal=False)

@@ -141,8 +141,30 @@ def test_what_is_claimed_is_neither_removed_nor_another_s(tmp_path: Path) -> Non
         output_folder.claim(tmp_path / "report", output_folder.FLEET)
 
 
-def test_an_interrupted_move_is_mended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Wherever the renames stop, no old front page shows new figures, and the next call puts all in order."""
+@pytest.mark.parametrize("name", [output_folder.MARKER, "index.html", "figures", "figures/a.svg", "figures/b.svg"])
+@pytest.mark.parametrize("target", ["same", "none"])
+def test_no_link_in_the_folder_is_followed_or_replaced(tmp_path: Path, name: str, target: str) -> None:
+    """A link in place of what bristle made, of its manifest or of its subfolder is refused, even to the very same bytes; nothing changes."""
+    out = tmp_path / "out"
+    output_folder.replace_files(out, OLD)
+    (out / name).rename(tmp_path / "same")
+    (out / name).symlink_to(tmp_path / target)
+    before = _tree(tmp_path)
+    refused(out, "in the way" if name == "figures" else "is a symbolic link")
+    assert _tree(tmp_path) == before
+    assert (out / name).is_symlink()
+
+
+def test_the_folder_itself_may_be_a_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The user named it; the report lands where it points. A link to nothing is refused, and nothing is made there."""
+    (tmp_path / "there").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "there")
+    output_folder.replace_files(tmp_path / "link", NEW)
+    assert _tree(tmp_path / "there") == marked(NEW)
+    (tmp_path / "loose").symlink_to(tmp_path / "nothing")
+    refused(tmp_path / "loose", "symbolic link to no folder")
+    assert not (tmp_path / "nothing").exists()
+    # wherever the renames stop, no old front page shows new figures, and the next call puts all in order
     for after in range(8):
         folder = tmp_path / str(after)
         output_folder.replace_files(folder, OLD)
@@ -165,31 +187,6 @@ def test_an_interrupted_move_is_mended(tmp_path: Path, monkeypatch: pytest.Monke
         assert _tree(folder) == marked(OLD)
 
 
-@pytest.mark.parametrize("name", [output_folder.MARKER, "index.html", "figures", "figures/a.svg", "figures/b.svg"])
-@pytest.mark.parametrize("target", ["same", "none"])
-def test_no_link_in_the_folder_is_followed_or_replaced(tmp_path: Path, name: str, target: str) -> None:
-    """A link in place of what bristle made, of its manifest or of its subfolder is refused, even to the very same bytes; nothing changes."""
-    out = tmp_path / "out"
-    output_folder.replace_files(out, OLD)
-    (out / name).rename(tmp_path / "same")
-    (out / name).symlink_to(tmp_path / target)
-    before = _tree(tmp_path)
-    refused(out, "in the way" if name == "figures" else "is a symbolic link")
-    assert _tree(tmp_path) == before
-    assert (out / name).is_symlink()
-
-
-def test_the_folder_itself_may_be_a_link(tmp_path: Path) -> None:
-    """The user named it; the report lands where it points. A link to nothing is refused, and nothing is made there."""
-    (tmp_path / "there").mkdir()
-    (tmp_path / "link").symlink_to(tmp_path / "there")
-    output_folder.replace_files(tmp_path / "link", NEW)
-    assert _tree(tmp_path / "there") == marked(NEW)
-    (tmp_path / "loose").symlink_to(tmp_path / "nothing")
-    refused(tmp_path / "loose", "symbolic link to no folder")
-    assert not (tmp_path / "nothing").exists()
-
-
 def test_what_is_no_file_is_never_replaced(tmp_path: Path) -> None:
     """A pipe, and a link to a file, to nothing or to a pipe, are refused as a file, and stay; a pipe is refused as a folder too."""
     os.mkfifo(tmp_path / "pipe")
@@ -210,6 +207,25 @@ def test_what_is_no_file_is_never_replaced(tmp_path: Path) -> None:
     assert (tmp_path / "pipe").is_fifo()
     assert (tmp_path / "own.json").read_text() == OWN
     assert not (tmp_path / "nothing").exists()
+    # whatever holds other bytes is refused and stays, though it looks like bristle's own; the very same bytes are no change. A folder, and
+    # a file in a folder that does not exist, are refused with what to do
+    with pytest.raises(InputError, match="is a folder; name a file"):
+        output_folder.write_text(tmp_path, "")
+    with pytest.raises(InputError, match="does not exist; create it"):
+        output_folder.write_text(tmp_path / "no" / "file", "")
+    figure = new_figure(2.0)
+    figure.subplots().plot([0, 1])
+    svg, png = render(figure)
+    header = b"time (s),experiment,run,position reference (rad),measured\n"
+    for name, data in {"r.json": OWN.encode(), "f.png": png, "f.svg": svg, "log.csv": header, "empty": b""}.items():
+        (tmp_path / name).write_bytes(data)
+        before = (tmp_path / name).stat()
+        output_folder.write_bytes(tmp_path / name, data)
+        for new in (b"new", data[:-1] + b"\0"):
+            with pytest.raises(InputError, match=f"{name}: is there already; move it, or name another file"):
+                output_folder.write_bytes(tmp_path / name, new)
+        assert (tmp_path / name).read_bytes() == data
+        assert (tmp_path / name).stat().st_mtime_ns == before.st_mtime_ns
 
 
 @pytest.mark.parametrize(
@@ -276,30 +292,6 @@ def test_text_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest
     assert _tree(tmp_path) == {"results.json": b'"\\udc80"'}
 
 
-def test_no_file_is_replaced(tmp_path: Path) -> None:
-    """Whatever holds other bytes is refused and stays, though it looks like bristle's own; the very same bytes are no change.
-
-    A folder, and a file in a folder that does not exist, are refused with what to do.
-    """
-    with pytest.raises(InputError, match="is a folder; name a file"):
-        output_folder.write_text(tmp_path, "")
-    with pytest.raises(InputError, match="does not exist; create it"):
-        output_folder.write_text(tmp_path / "no" / "file", "")
-    figure = new_figure(2.0)
-    figure.subplots().plot([0, 1])
-    svg, png = render(figure)
-    header = b"time (s),experiment,run,position reference (rad),measured\n"
-    for name, data in {"r.json": OWN.encode(), "f.png": png, "f.svg": svg, "log.csv": header, "empty": b""}.items():
-        (tmp_path / name).write_bytes(data)
-        before = (tmp_path / name).stat()
-        output_folder.write_bytes(tmp_path / name, data)
-        for new in (b"new", data[:-1] + b"\0"):
-            with pytest.raises(InputError, match=f"{name}: is there already; move it, or name another file"):
-                output_folder.write_bytes(tmp_path / name, new)
-        assert (tmp_path / name).read_bytes() == data
-        assert (tmp_path / name).stat().st_mtime_ns == before.st_mtime_ns
-
-
 def test_a_file_that_came_meanwhile_stays(tmp_path: Path) -> None:
     """What another made while a page was written is not replaced either."""
     path = tmp_path / "next.csv"
@@ -330,19 +322,6 @@ def test_a_folder_that_cannot_be_written_is_told_before(
     assert _tree(tmp_path) == before
 
 
-def test_a_new_folder_appears_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """One rename makes it; where that fails nothing is left, not even the folders above it. It has the permissions of any new folder."""
-    with monkeypatch.context() as patch:
-        patch.setattr(Path, "replace", lambda *_: (_ for _ in ()).throw(OSError(errno.EIO, "broken")))
-        with pytest.raises(OSError, match="broken"):
-            output_folder.replace_files(tmp_path / "a" / "b", NEW)
-    assert list(tmp_path.iterdir()) == []
-    output_folder.replace_files(tmp_path / "a" / "b", NEW)
-    (tmp_path / "usual").mkdir()
-    assert _tree(tmp_path / "a" / "b") == marked(NEW)
-    assert (tmp_path / "a" / "b").stat().st_mode == (tmp_path / "usual").stat().st_mode
-
-
 @pytest.mark.parametrize("path", ["loop", "loop/out", "loop/a/out"])
 def test_links_in_a_circle_are_one_sentence(tmp_path: Path, path: str) -> None:
     """As a folder, above one, and above a file."""
@@ -356,9 +335,19 @@ def test_links_in_a_circle_are_one_sentence(tmp_path: Path, path: str) -> None:
         output_folder.check_file(tmp_path / path)
 
 
-def test_a_name_that_no_report_has_is_our_own_defect(tmp_path: Path) -> None:
+def test_a_name_that_no_report_has_is_our_own_defect(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What could not be known again as bristle's own is never written."""
     with pytest.raises(ValueError, match="is not the name of a report's file") as caught:
         output_folder.replace_files(tmp_path, {"notes.txt": b""})
     assert not isinstance(caught.value, InputError)
     assert not list(tmp_path.iterdir())
+    # one rename makes it; where that fails nothing is left, not even the folders above it. It has the permissions of any new folder
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", lambda *_: (_ for _ in ()).throw(OSError(errno.EIO, "broken")))
+        with pytest.raises(OSError, match="broken"):
+            output_folder.replace_files(tmp_path / "a" / "b", NEW)
+    assert list(tmp_path.iterdir()) == []
+    output_folder.replace_files(tmp_path / "a" / "b", NEW)
+    (tmp_path / "usual").mkdir()
+    assert _tree(tmp_path / "a" / "b") == marked(NEW)
+    assert (tmp_path / "a" / "b").stat().st_mode == (tmp_path / "usual").stat().st_mode

@@ -1,11 +1,17 @@
-"""Plain text for a terminal of 80 columns: no line is longer, and no number, interval or word is broken."""
+"""Text as a reader meets it: lines, numbers, names and units, on a terminal of 80 columns and on a page; what a code means."""
 
+import math
 import re
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bristle.findings import CAUTION, NOTE, Finding
+from bristle.page.entries import by_code, entries, entries_linked, explanation, flagged, warned
 from bristle.page.plain import WIDTH, columns, interval, pair, wrapped
+from bristle.page.wording import in_percent, in_print, in_symbols, number
+
+from ..conftest import run
 
 values = st.floats(-1e7, 1e7, allow_nan=False)
 errors = st.floats(1e-9, 1e5)
@@ -26,8 +32,8 @@ def test_no_number_is_broken(parts: list[str], indent: int) -> None:
     lines = list(wrapped([line]))
     assert max(map(len, lines)) <= WIDTH
     assert " ".join(lines).split() == line.split()
-    for number in (part for part in parts if re.search(r"\d", part)):
-        assert any(number in one for one in lines)
+    for part in filter(re.compile(r"\d").search, parts):
+        assert any(part in one for one in lines)
     assert list(wrapped(lines)) == lines
 
 
@@ -49,20 +55,69 @@ def test_columns_stand_under_one_another_and_a_long_word_stays_whole() -> None:
     assert list(columns([("a", "bb"), ("ccc", "d")])) == ["  a    bb", "  ccc  d"]
     path = "/".join(["folder"] * 20)
     assert path in list(wrapped([f"Report: {path}"]))[-1]
-
-
-def test_a_number_has_two_digits_of_its_error() -> None:
-    """Value and standard error end at the second digit of the error."""
+    # value and standard error end at the second digit of the error
     written: dict[tuple[float | None, float | None], str] = {
-        (0.0194612, 0.0000984): "0.019461 +/- 0.000098",
-        (6.2263, 0.0411): "6.226 +/- 0.041",
-        (7.5587, 0.0998): "7.56 +/- 0.10",
-        (12345.6, 678.0): "12350 +/- 680",
-        (1234567.0, 890.0): "(1.23457 +/- 0.00089)e+06",
-        (1.9462e-6, 2.1e-8): "(1.946 +/- 0.021)e-06",
-        (0.0, 0.0998): "0.00 +/- 0.10",
-        (0.3, float("inf")): "0.3",
-        (None, None): "none",
-        (0.0178, None): "0.0178",
-    }
+        (0.0194612, 0.0000984): "0.019461 +/- 0.000098", (6.2263, 0.0411): "6.226 +/- 0.041",
+        (7.5587, 0.0998): "7.56 +/- 0.10", (12345.6, 678.0): "12350 +/- 680",
+        (1234567.0, 890.0): "(1.23457 +/- 0.00089)e+06", (1.9462e-6, 2.1e-8): "(1.946 +/- 0.021)e-06",
+        (0.0, 0.0998): "0.00 +/- 0.10", (0.3, float("inf")): "0.3", (None, None): "none", (0.0178, None): "0.0178",
+    }  # fmt: skip  # a list of values
     assert {key: pair(*key) for key in written} == written
+
+
+def test_a_code_is_found_in_any_form() -> None:
+    """Small letters, digits and single hyphens; as it was printed, or as an older results file has it."""
+    for code, x in entries().items():
+        assert set(code) <= set("abcdefghijklmnopqrstuvwxyz0123456789-"), code
+        assert "--" not in code
+        assert by_code(code) is by_code(code.upper().replace("-", "_")) is by_code(f"[{code}]") is x
+    # `bristle explain` prints the paragraph of a code, why it has its severity and what to do
+    x = by_code("strays-matter")
+    ran = run("explain", "STRAYS_MATTER")
+    assert (ran.code, ran.words) == (0, " ".join(" ".join(explanation(x)).split()))
+    assert all(text in ran.words for text in (x.meaning, x.reason, x.advice))
+    # it ends with 2 and one sentence, which names those that are near
+    for code, near in {"stray-matters": "strays-matter", "lacks": "lacks-a-term", "?": ""}.items():
+        ran = run("explain", code)
+        assert (ran.code, ran.out, len(ran.said)) == (2, "", 1)
+        assert near in ran.err
+    # a finding ends with a link to its code, a note only where notes are listed; each code linked has one entry, the critical ones first
+    caution, note = Finding("single-run", CAUTION, "1 of 4 <b>."), Finding("correlated", NOTE, "They are.")
+    assert flagged(note) == str(note)
+    assert "href" not in flagged("a text of somebody's") + warned("<b>")
+    text = f'{warned(caution)} {flagged(caution)} {warned(note)} <a href="#warning-static-too-few"> <a href="#warning-none">'
+    assert [x["code"] for x in entries_linked(text)] == ["static-too-few", "single-run", "correlated"]
+    assert "<b>" not in warned(caution) + warned("<b>")
+    # a message is followed by its code in brackets; of a note only where that is asked for
+    caution, note = Finding("single-run", CAUTION, "1 of 4."), Finding("correlated", NOTE, "They are.")
+    assert (caution.flagged, note.flagged, note.coded) == (
+        "1 of 4. [single-run]",
+        "They are.",
+        "They are. [correlated]",
+    )
+
+
+def test_symbols_units_and_numbers_in_print() -> None:
+    """A page shows alpha_0 as its symbol and N*m/rad as N·m/rad; the terminal's sentence has neither."""
+    made = Finding("sigma-0-at-least", CAUTION, "No sigma_0 can be given; it is at least 12.5 N*m/rad.")
+    assert str(made) == "No sigma_0 can be given; it is at least 12.5 N*m/rad."
+    assert in_print(made) == "No σ₀ can be given; it is at least 12.5 N·m/rad."
+    # each LuGre parameter, with the sign of its direction where one ends it, and nothing else, is written as the paper does
+    written = {
+        "alpha_0+, sigma_1- and v_s.": "α₀ (+), σ₁ (−) and vₛ.",
+        "alpha_0 + alpha_1 - sigma_0": "α₀ + α₁ - σ₀",
+        "1.4 times v_s in direction -: plan.minimum_velocity": "1.4 times vₛ in direction -: plan.minimum_velocity",
+        "alpha_01, av_s, alpha_0+1": "alpha_01, av_s, α₀+1",
+    }
+    assert {text: in_symbols(text) for text in written} == written
+    # of numbers with more digits than are shown the last are zeros; very large and very small ones have one
+    shown = {
+        (456.7, 2): "460", (2000.0, 2): "2000", (123456.0, 4): "123500", (-1234.5, 3): "-1230", (2e6, 2): "2e+06",
+        (1e-5, 2): "1e-05",
+    }  # fmt: skip  # a list of values
+    assert {x: number(*x) for x in shown} == shown
+    # two digits, never an exponent where it is large, and a dash where there is no number
+    written = {
+        0.8312: "83 %", 0.997: "100 %", 12.34: "1200 %", 0.00071: "0.071 %", 0.0: "0 %", -0.031: "-3.1 %", math.nan: "– %",
+    }  # fmt: skip  # a table
+    assert {share: in_percent(share) for share in written} == written

@@ -1,14 +1,24 @@
-"""The kit of reports: sections as page, text and files, whatever they hold or lack."""
+"""The kit of reports: sections as page, text and files, whatever they hold or lack; the data of figures; no text is a formula."""
 
+import csv
+import io
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bristle.errors import InputError
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
+from bristle.page.columns import to_csv
+from bristle.page.figure_data import csv_of
 from bristle.page.page import Drawing
 from bristle.page.report import Answer, Answered, Cell, Page, Report, Section, Table
 from bristle.page.said import Link, Mark, with_places
@@ -23,7 +33,6 @@ def drawing(caption: str = "One line rises by 1.") -> Drawing:
     """A figure with one line."""
 
     def draw() -> Figure:
-        """It."""
         figure = Figure()
         figure.subplots().plot([0, 1], [0, 1], label="a line")
         return figure
@@ -60,11 +69,7 @@ def test_text_of_any_kind_stays_text(tmp_path: Path) -> None:
     assert page.count("{{ 7 * 7 }}") == page.count("&lt;script&gt;")
     assert not {"\x1b", "\ud800"} & set(WHOLE.text())
     assert "'=cmd()" in (tmp_path / "out" / "tables" / "numbers.csv").read_text(encoding="utf-8")
-
-
-def test_what_a_section_holds_is_shown_in_its_place(tmp_path: Path) -> None:
-    """Headings, paragraphs, the answer in bold, SIMULATED, seed, codes with their entries; each id once, each figure with its data."""
-    page = page_text(WHOLE.write(tmp_path / "out"))
+    # headings, paragraphs, the answer in bold, SIMULATED, seed, codes with their entries; each id once, each figure with its data
     assert_tables_are_named(tmp_path / "out")
     assert (
         page.index("<strong>The answer.") < page.index("<h2>") < page.index("<p>One.</p>") < page.index("<h3>Part</h3>")
@@ -79,10 +84,7 @@ def test_what_a_section_holds_is_shown_in_its_place(tmp_path: Path) -> None:
     files = {path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*.*")}
     assert {"tables/numbers.csv", "tables/more.csv", *(f"figures/line.{x}" for x in ("svg", "png", "csv"))} <= files
     assert "a line,1,1," in (tmp_path / "out" / "figures" / "line.csv").read_text(encoding="utf-8")
-
-
-def test_a_section_needs_nothing_and_no_other(tmp_path: Path) -> None:
-    """A title alone is a section, a table without rows only a file, a figure that draws nothing none; without sections a page is one too."""
+    # a title alone is a section, a table without rows only a file, a figure that draws nothing none; without sections a page is one too
     nothing = Section(
         "Bare", figure=Drawing(lambda: None, "none", "none", "Nothing."), table=Table("empty", "Empty", FRAME[:0])
     )
@@ -97,7 +99,7 @@ def test_a_section_needs_nothing_and_no_other(tmp_path: Path) -> None:
         assert replace(WHOLE, sections=WHOLE.sections[:k] + WHOLE.sections[k + 1 :]).html()
 
 
-def test_the_terminal_has_lines_or_else_findings_by_their_turn() -> None:
+def test_what_stands_on_terminal_and_page(tmp_path: Path) -> None:
     """Sections of one turn come as on the page, a later turn after them; a note has no code."""
     sections = (
         finding("last"),
@@ -107,6 +109,49 @@ def test_the_terminal_has_lines_or_else_findings_by_their_turn() -> None:
     )
     report = replace(WHOLE, sections=(replace(sections[0], turn=1), *sections[1:]))
     assert report.text().splitlines() == ["  a line", str(Finding("y", NOTE, "No change.")), "last [strays]"]
+    # each thing begins with its name as a link and its verdict; a row has a cell a column, with what stands below; text stays text. Beside
+    # its rows stands once what holds of them all, a picture too, under a heading; of what is not known there is nothing, not its name
+    # either
+    cells = Cell("1.50 ± 0.02", ("[1.46, 1.54]",)), Cell(HOSTILE)
+    beside = Cell("3 %", ("held out",)), Cell(), drawing()
+    found = Finding("strays", CAUTION, HOSTILE)
+    thing = Answered(
+        Link(HOSTILE, "more.html#x"), (Mark("do not use", good=False), found), (("+", cells), ("-", cells)), beside
+    )
+    answer = Answer("dir.", (("alpha_0", "N·m"), ("v_s", "")), (thing,), ("error", "rest", "curve"), "How.")
+    page = page_text(replace(WHOLE, sections=(Section("", answer=answer),)).write(tmp_path / "out"))
+    assert "<script" not in page
+    assert '<span class="mark bad">do not use</span>.' in page
+    assert '<a href="more.html#x">&lt;/p&gt;' in page
+    assert '<td data-label="α₀ (N·m)">1.50 ± 0.02<span class="below">[1.46, 1.54]</span></td>' in page
+    assert 'href="#warning-strays"' in page
+    assert '<th scope="rowgroup" colspan="6">' in page
+    assert (
+        page.count('<td class="whole" rowspan="2" data-label="error">3 %<span class="below">held out</span></td>') == 1
+    )
+    assert page.count('<td class="whole" rowspan="2"></td>') == 1
+    assert page.count("<svg") == page.count('<td class="small" rowspan="2">') == 1
+    assert "<figure" not in page
+    # a fact follows its name; a finding stands once after all its subjects, and begins with Critical where it is
+    found = [
+        Finding("strays", CRITICAL, "Two.", subject=("static", "+")),
+        Finding("strays", CRITICAL, "Two.", subject=("static", "-")),
+        Finding("prior", NOTE, "Three."),
+    ]
+    assert [where for where, _ in with_places(found)] == ["static (+), static (−)", ""]
+    section = Section("Some", facts=(("files", ("two", Link("here", "#x"))),), findings=tuple(found))
+    page = page_text(replace(WHOLE, sections=(section,)).write(tmp_path / "out"))
+    assert '<dt>files</dt><dd>two <a href="#x">here</a></dd>' in page
+    assert page.count("<strong>Critical, static (+), static (−)</strong>: Two.") == 1
+    assert 'href="#warning-prior"' not in page
+    page = page_text(replace(WHOLE, sections=(replace(section, coded=True),)).write(tmp_path / "out"))
+    assert 'href="#warning-prior"' in page
+    # what is empty in every row is left out of the page's table, and false is not empty; without rows all columns stay
+    frame = pd.DataFrame(
+        {"a": [1, 2], "none": [None, float("nan")], "": ["", ""], "no": [False, False], "said": [(), ()]}
+    )
+    assert Table("t", "T", frame).cells.columns == ("a", "no")
+    assert Table("t", "T", frame[:0]).cells.columns == ("a", "none", "", "no", "said")
 
 
 def test_bytes_repeat_and_nothing_else_is_replaced(tmp_path: Path) -> None:
@@ -126,10 +171,7 @@ def test_bytes_repeat_and_nothing_else_is_replaced(tmp_path: Path) -> None:
     (tmp_path / "other" / "index.html").write_text("mine", encoding="utf-8")
     with pytest.raises(InputError, match="bristle did not make it"):
         WHOLE.write(tmp_path / "other")
-
-
-def test_pages_share_a_menu_and_a_figure_is_drawn_once(tmp_path: Path) -> None:
-    """Every page links to all in their order and to its own sections; a figure on two pages has one file and two numbers."""
+    # every page links to all in their order and to its own sections; a figure on two pages has one file and two numbers
     curve = drawing()._replace(how="A line.")
     other = drawing()._replace(name="other", how="A line.")
     twice = (Section("one", id="one--joint", figures=(curve,)), Section("two", id="two--joint", figures=(other,)))
@@ -159,54 +201,105 @@ def test_pages_share_a_menu_and_a_figure_is_drawn_once(tmp_path: Path) -> None:
     assert told == [(0, 2), (1, 2), (0, 1)]
 
 
-def test_an_answer_has_verdict_values_and_what_stands_beside_them(tmp_path: Path) -> None:
-    """Each thing begins with its name as a link and its verdict; a row has a cell a column, with what stands below; text stays text.
+Rows = list[tuple[str, str, str, str]]
 
-    Beside its rows stands once what holds of them all, a picture too, under a heading; of what is not known there is nothing, not its name either.
+
+def series(draw: Callable[[Axes], object]) -> Rows:
+    """Series, x, y and value of each row of what a function draws on one panel."""
+    figure = Figure()
+    ax = figure.subplots()
+    draw(ax)
+    ax.set_xlabel("time (s)")
+    ax.set_ylabel("torque (N·m)")
+    head, *rows = csv.reader(io.StringIO(csv_of(figure).decode("utf-8")))
+    assert head == ["panel", "series", "x", "y", "value"]
+    assert {row[0] for row in rows} <= {"1: torque (N·m) vs time (s)"}
+    return [(name, x, y, value) for _, name, x, y, value in rows]
+
+
+@given(arrays(float, (7, 2), elements=st.floats(-1e9, 1e9, width=32)))
+def test_a_line_is_read_back(points: "np.ndarray[tuple[int, int], np.dtype[np.float64]]") -> None:
+    """The points of a line, to seven digits, in their order."""
+    rows = series(lambda ax: ax.plot(*points.T, label="measured"))
+    assert {name for name, *_ in rows} == {"measured"}
+    np.testing.assert_allclose([[float(x), float(y)] for _, x, y, _ in rows], points, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("draw", "expected"),
+    [
+        (lambda ax: ax.plot([1], [2], label="_hidden"), [("hidden", "1", "2", "")]),
+        (lambda ax: ax.plot([1], [2]), [("line 1", "1", "2", "")]),
+        (lambda ax: ax.axvline(3.0, label="limit"), [("limit", "3", "", "")]),
+        (lambda ax: ax.axhline(3.0, label="level"), [("level", "", "3", "")]),
+        (lambda ax: ax.scatter([1], [2], label="points"), [("points", "1", "2", "")]),
+        (lambda ax: ax.plot([1, 2], [np.nan, 2], label="gap"), [("gap", "1", "", ""), ("gap", "2", "2", "")]),
+        (lambda ax: ax.bar([0, 1], [5, 6], tick_label=["wrist", "elbow"], label="rms"), [("rms", "wrist", "5", ""), ("rms", "elbow", "6", "")]),
+        (lambda ax: ax.barh([0, 1], [5, 6], tick_label=["wrist", "elbow"], label="rms"), [("rms", "5", "wrist", ""), ("rms", "6", "elbow", "")]),
+        (lambda ax: ax.imshow([[1.5, 2.5]], label="map"), [("map", "0", "0", "1.5"), ("map", "1", "0", "2.5")]),
+        (lambda ax: ax.pcolormesh([0, 1, 2], [0, 2], [[1.5, 2.5]], label="map"), [("map", "0.5", "1", "1.5"), ("map", "1.5", "1", "2.5")]),
+        (lambda ax: ax.vlines([1], 2, 3, label="edges"), [("edges", "1", "2", ""), ("edges", "1", "3", "")]),
+        (lambda ax: ax.plot([1], [2], label='=cmd|" /C calc"!A0'), [('\'=cmd|" /C calc"!A0', "1", "2", "")]),
+        (lambda ax: ax.text(0, 0, "a word") and ax.legend(handles=[]), []),
+    ],
+)  # fmt: skip  # a table
+def test_a_mark_is_a_row_for_each_of_its_places(draw: Callable[[Axes], object], expected: Rows) -> None:
+    """Lines, points, bars, maps and limits, under their names; words, legends and frames are no data; no name is a formula."""
+    assert series(draw) == expected
+
+
+def test_error_bars_have_the_name_of_their_points() -> None:
+    """The ends of a bar stand under the label that the whole was given."""
+    rows = series(lambda ax: ax.errorbar([1.0], [2.0], [0.5], capsize=2, label="points"))
+    assert {name for name, *_ in rows} == {"points"}
+    assert {y for _, _, y, _ in rows} >= {"1.5", "2", "2.5"}
+    # two lines of one name would otherwise be joined by whoever draws them anew
+    rows = series(lambda ax: [ax.plot([k, k + 1], [k, k], label="run") for k in (0, 5)])
+    assert rows[2] == ("run", "", "", "")
+
+
+def test_a_scale_of_colours_is_no_panel() -> None:
+    """The numbers of a map stand once, not as its scale too."""
+    figure = Figure()
+    ax = figure.subplots()
+    figure.colorbar(ax.imshow([[1.0, 2.0]]), ax=ax)
+    rows = list(csv.reader(io.StringIO(csv_of(figure).decode())))[1:]
+    assert [row[0] for row in rows] == ["1: ", "1: "]
+
+
+SOURCE = Path(__file__).parents[2] / "src" / "bristle"
+FORMULAS = [
+    '=HYPERLINK("http://x")', "+1+cmd|' /C calc'!A0", "-2+3", "@SUM(1)", "\t=1", "\r=1", "\n=1", "--", "+-", "=", "-x",
+]  # fmt: skip  # a list of values
+PLAIN = ["+", "-", "-1.5", "+2", "-1e-5", "-.5", "wrist", "a=b", "'=1", "a\n=1", "", "α₀ (−)"]
+
+
+def cells(frame: pd.DataFrame) -> list[list[str]]:
+    """The rows that another program reads, its header first."""
+    return list(csv.reader(io.StringIO(to_csv(frame), newline="")))
+
+
+@pytest.mark.parametrize("dtype", [object, "str", "category"])
+def test_no_text_is_a_formula(dtype: str) -> None:
+    """A text, header included, that a spreadsheet would run gets an apostrophe; directions, numbers and other texts stay as they are."""
+    frame = pd.DataFrame({"=1": pd.Series(FORMULAS + PLAIN, dtype=dtype)})
+    assert cells(frame)[1:] == [["'" + x.replace("\r", "\n")] for x in FORMULAS] + [[x] for x in PLAIN]
+    assert cells(frame)[0] == ["'=1"]
+
+
+def test_numbers_stay() -> None:
+    """Numbers, among texts too, what is missing, and truth values are written as pandas writes them.
+
+    A text with line ends of any kind stays one cell; of two columns of one name both are written.
     """
-    cells = Cell("1.50 ± 0.02", ("[1.46, 1.54]",)), Cell(HOSTILE)
-    beside = Cell("3 %", ("held out",)), Cell(), drawing()
-    found = Finding("strays", CAUTION, HOSTILE)
-    thing = Answered(
-        Link(HOSTILE, "more.html#x"), (Mark("do not use", good=False), found), (("+", cells), ("-", cells)), beside
-    )
-    answer = Answer("dir.", (("alpha_0", "N·m"), ("v_s", "")), (thing,), ("error", "rest", "curve"), "How.")
-    page = page_text(replace(WHOLE, sections=(Section("", answer=answer),)).write(tmp_path / "out"))
-    assert "<script" not in page
-    assert '<span class="mark bad">do not use</span>.' in page
-    assert '<a href="more.html#x">&lt;/p&gt;' in page
-    assert '<td data-label="α₀ (N·m)">1.50 ± 0.02<span class="below">[1.46, 1.54]</span></td>' in page
-    assert 'href="#warning-strays"' in page
-    assert '<th scope="rowgroup" colspan="6">' in page
-    assert (
-        page.count('<td class="whole" rowspan="2" data-label="error">3 %<span class="below">held out</span></td>') == 1
-    )
-    assert page.count('<td class="whole" rowspan="2"></td>') == 1
-    assert page.count("<svg") == page.count('<td class="small" rowspan="2">') == 1
-    assert "<figure" not in page
-
-
-def test_facts_and_findings_say_what_they_are_about(tmp_path: Path) -> None:
-    """A fact follows its name; a finding stands once after all its subjects, and begins with Critical where it is."""
-    found = [
-        Finding("strays", CRITICAL, "Two.", subject=("static", "+")),
-        Finding("strays", CRITICAL, "Two.", subject=("static", "-")),
-        Finding("prior", NOTE, "Three."),
-    ]
-    assert [where for where, _ in with_places(found)] == ["static (+), static (−)", ""]
-    section = Section("Some", facts=(("files", ("two", Link("here", "#x"))),), findings=tuple(found))
-    page = page_text(replace(WHOLE, sections=(section,)).write(tmp_path / "out"))
-    assert '<dt>files</dt><dd>two <a href="#x">here</a></dd>' in page
-    assert page.count("<strong>Critical, static (+), static (−)</strong>: Two.") == 1
-    assert 'href="#warning-prior"' not in page
-    page = page_text(replace(WHOLE, sections=(replace(section, coded=True),)).write(tmp_path / "out"))
-    assert 'href="#warning-prior"' in page
-
-
-def test_a_column_that_says_nothing_is_not_shown() -> None:
-    """What is empty in every row is left out of the page's table, and false is not empty; without rows all columns stay."""
-    frame = pd.DataFrame(
-        {"a": [1, 2], "none": [None, float("nan")], "": ["", ""], "no": [False, False], "said": [(), ()]}
-    )
-    assert Table("t", "T", frame).cells.columns == ("a", "no")
-    assert Table("t", "T", frame[:0]).cells.columns == ("a", "none", "", "no", "said")
+    frame = pd.DataFrame({"x": [-1.5, float("nan"), float("-inf")], "y": [-2, "=1", None], "z": [True, False, True]})
+    assert cells(frame)[1:] == [["-1.5", "-2", "True"], ["", "'=1", "False"], ["-inf", "", "True"]]
+    assert cells(pd.DataFrame({"x": ["a\r=1", "a\r\n=1"]})) == [["x"], ["a\n=1"], ["a\n=1"]]
+    frame = pd.DataFrame([["=a", -1.0], ["b", 2.0]], columns=["x", "x"])
+    assert cells(frame) == [["x", "x"], ["'=a", "-1.0"], ["b", "2.0"]]
+    # no other file of the package calls a writer of CSV, so that none forgets the formulas
+    writers = (".to_csv(", "csv.writer", "savetxt")
+    lines = [(p.name, line) for p in SOURCE.rglob("*.py") for line in p.read_text(encoding="utf-8").splitlines()]
+    code = [(name, line) for name, line in lines if not line.strip().startswith(">>>")]  # examples are a user's
+    found = {name for name, line in code if any(x in line for x in writers)}
+    assert sorted(found) == ["columns.py"]

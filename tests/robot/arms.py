@@ -42,13 +42,10 @@ def document(**changed: Any) -> dict[str, Any]:
     """The keys of a file of the whole arm."""
     own = [{"name": joint.name, "torque_constant": f"{joint.torque_constant} N*m/A"} for joint in arm.JOINTS]
     whole = {
-        "robot": {"urdf": "arm.urdf"},
-        "joints": own,
-        "signals": SIGNALS,
+        "robot": {"urdf": "arm.urdf"}, "joints": own, "signals": SIGNALS,
         "runs": [{"files": "log.npz", "experiment": "tracking"}],
-        "fit": {"position_cutoff": "20 Hz", "decimation": 6},
-        "simulated": True,
-    }
+        "fit": {"position_cutoff": "20 Hz", "decimation": 6}, "simulated": True,
+    }  # fmt: skip  # a list of values
     return {key: x for key, x in {**whole, **changed}.items() if x is not None}
 
 

@@ -57,16 +57,13 @@ def test_a_pendulum_has_the_torque_of_a_pendulum(
     assert body.inertias(np.array([[q]]))[0, 0] == pytest.approx(J + M * L**2)
 
 
-def test_torques_are_linear_in_the_acceleration(arm_body: RigidBody) -> None:
+def test_torques_of_an_arm(arm_body: RigidBody) -> None:
     """T(q, v, x a + y b) = x T(q, v, a) + y T(q, v, b) where x + y = 1."""
     _, q, v, a = motion(50)
     b = a[::-1]
     mixed = arm_body.torques(q, v, 0.3 * a + 0.7 * b)
     assert mixed == pytest.approx(0.3 * arm_body.torques(q, v, a) + 0.7 * arm_body.torques(q, v, b), abs=1e-9)
-
-
-def test_work_becomes_energy(arm_body: RigidBody) -> None:
-    """What the joints do, the integral of T v, is the change of kinetic and potential energy, which Pinocchio computes apart."""
+    # what the joints do, the integral of T v, is the change of kinetic and potential energy, which Pinocchio computes apart
     import pinocchio
 
     t, q, v, a = motion()
@@ -81,23 +78,7 @@ def test_work_becomes_energy(arm_body: RigidBody) -> None:
         for k in (0, -1)
     ]
     assert work == pytest.approx(ends[1] - ends[0], rel=1e-5)
-
-
-def test_a_payload_is_as_the_same_mass_in_its_link(tmp_path: Path) -> None:
-    """A point of mass at the tool asks for the torque of a URDF that has it as a link."""
-    text = ARM.read_text(encoding="utf-8")
-    load = Payload(mass=2.5, center=(0.03, -0.02, 0.1), link="tool")
-    fixed = (
-        f'<link name="load">{inertial(2.5)}</link><joint name="held" type="fixed"><parent link="tool"/><child link="load"/>'
-        '<origin xyz="0.03 -0.02 0.1"/></joint></robot>'
-    )
-    _, q, v, a = motion(20)
-    merged = body_of(tmp_path, text.replace("</robot>", fixed), NAMES).torques(q, v, a)
-    assert body_of(tmp_path, text, NAMES, load).torques(q, v, a) == pytest.approx(merged, abs=1e-9)
-
-
-def test_joints_that_are_not_listed_rest_at_zero(arm_body: RigidBody) -> None:
-    """The torque of some joints is that of all where the others stand still at zero; with the names reversed, it is reversed with the motion."""
+    # the torque of some joints is that of all where the others stand still at zero; with the names reversed, it is reversed with the motion
     few = ("elbow", "shoulder")
     own = rigid_body(read_urdf(ARM), few, DOWN, None)
     at = [NAMES.index(name) for name in few]
@@ -110,18 +91,25 @@ def test_joints_that_are_not_listed_rest_at_zero(arm_body: RigidBody) -> None:
     turned = rigid_body(read_urdf(ARM), NAMES[::-1], DOWN, None)
     assert torques(turned, *(x[:, ::-1] for x in parts)) == pytest.approx(torques(arm_body, *parts)[:, ::-1], abs=1e-9)
     assert turned.inertias(parts[0][:, ::-1]) == pytest.approx(arm_body.inertias(parts[0])[:, ::-1], abs=1e-9)
-
-
-def test_gravity_has_the_direction_that_is_asked(arm_body: RigidBody) -> None:
-    """Upside down, what stands still asks for the opposite torque; without gravity for none."""
+    # upside down, what stands still asks for the opposite torque; without gravity for none
     q, rest = HOME[None, :], np.zeros((1, 6))
     held = arm_body.torques(q, rest, rest)
     assert arm_body.torques(q, rest, rest, gravity=(0.0, 0.0, G)) == pytest.approx(-held)
     assert arm_body.torques(q, rest, rest, gravity=(0.0, 0.0, 0.0)) == pytest.approx(0.0 * held, abs=1e-12)
 
 
-def test_no_name_is_taken_for_the_parsers_own(tmp_path: Path, arm_body: RigidBody) -> None:
-    """What joints and links are called changes no torque: Pinocchio's own names, a payload's, or the same for both."""
+def test_payloads_names_slides_and_refusals(tmp_path: Path, arm_body: RigidBody) -> None:
+    """A point of mass at the tool asks for the torque of a URDF that has it as a link."""
+    text = ARM.read_text(encoding="utf-8")
+    load = Payload(mass=2.5, center=(0.03, -0.02, 0.1), link="tool")
+    fixed = (
+        f'<link name="load">{inertial(2.5)}</link><joint name="held" type="fixed"><parent link="tool"/><child link="load"/>'
+        '<origin xyz="0.03 -0.02 0.1"/></joint></robot>'
+    )
+    _, q, v, a = motion(20)
+    merged = body_of(tmp_path, text.replace("</robot>", fixed), NAMES).torques(q, v, a)
+    assert body_of(tmp_path, text, NAMES, load).torques(q, v, a) == pytest.approx(merged, abs=1e-9)
+    # what joints and links are called changes no torque: Pinocchio's own names, a payload's, or the same for both
     _, *parts = motion(10)
     for old, new in (
         ("elbow", "universe"), ("forearm", "universe"), ("base", "world"), ("forearm", "elbow"),
@@ -131,17 +119,11 @@ def test_no_name_is_taken_for_the_parsers_own(tmp_path: Path, arm_body: RigidBod
         text = ARM.read_text(encoding="utf-8").replace(f'"{old}"', f'"{quoted}"')
         body = body_of(tmp_path, text, tuple(new if x == old else x for x in NAMES))
         assert torques(body, *parts) == pytest.approx(torques(arm_body, *parts), abs=1e-12), new
-
-
-def test_a_slide_is_lifted_with_its_weight(tmp_path: Path) -> None:
-    """A prismatic joint upwards asks for m (g + a)."""
+    # a prismatic joint upwards asks for m (g + a)
     text = pendulum(kind="prismatic").replace("0 1 0", "0 0 1")
     found = body_of(tmp_path, text, ("swing",)).torques(np.array([[0.2]]), np.array([[1.0]]), np.array([[3.0]]))
     assert found[0, 0] == pytest.approx(M * (G + 3.0))
-
-
-def test_what_the_robot_lacks_is_refused() -> None:
-    """A joint that is none, a payload on no link, and more joints than Pinocchio can hold, in one sentence each."""
+    # a joint that is none, a payload on no link, and more joints than Pinocchio can hold, in one sentence each
     for names, payload, told in (
         (("knee",), None, r"joint 'knee' is none of arm\.urdf; expected one of turret"),
         (NAMES, Payload(mass=1.0, center=(0.0, 0.0, 0.0), link="claw"), r"robot\.payload\.link: got 'claw'"),

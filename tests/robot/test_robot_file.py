@@ -1,18 +1,27 @@
-"""The file of a robot: what each key means to each joint, and one sentence for each bad one."""
+"""The file of a robot and its URDF: what each key means to each joint, and one sentence for each bad or hostile one."""
 
+import math
+import os
+import re
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from bristle.data.robot.motion import read_motions, reader_of
+from bristle.data.robot.rigid_body import rigid_body
 from bristle.data.robot.robot_file import Robot, pick
+from bristle.data.robot.urdf import MAX_BYTES, MAX_JOINTS, read_urdf
+from bristle.errors import InputError
 from simulated_arm import ArmLog
 
 from ..data.experiments import assert_refused
-from .arms import NAMES, SIGNALS, document, load_robot, write
+from .arms import ARM, NAMES, SIGNALS, document, inertial, load_robot, pendulum, write
 
 TRACKING = {"files": "log.npz", "experiment": "tracking"}
 
@@ -22,7 +31,7 @@ def with_joint(place: int = 2, **changed: Any) -> list[dict[str, Any]]:
     return [{**own, **(changed if k == place else {})} for k, own in enumerate(document()["joints"])]
 
 
-def test_each_joint_has_its_own_columns(tmp_path: Path) -> None:
+def test_columns_limits_and_keys_of_each_joint(tmp_path: Path) -> None:
     """By name, by a range, by a list, by an index, and of one matrix for all; time is everyone's."""
     signals = {
         "time": {"column": "t", "unit": "s"},
@@ -42,20 +51,14 @@ def test_each_joint_has_its_own_columns(tmp_path: Path) -> None:
     robot = load_robot(write(tmp_path, document(signals=matrix, joints=joints)))
     places = [joint.experiment.signals.position for joint in robot.joints]
     assert [position and position.index for position in places] == [0, 1, 5, 3, 4, 5]
-
-
-def test_limits_come_from_the_urdf(tmp_path: Path) -> None:
-    """What is planned stays within the URDF's limits, unless the joint has its own."""
+    # what is planned stays within the URDF's limits, unless the joint has its own
     joints = with_joint(plan={"velocity": "1 rad/s"})
     robot = load_robot(write(tmp_path, document(joints=joints)))
     plans = {joint.experiment.joint.name: joint.experiment.plan for joint in robot.joints}
     assert plans["turret"].position == (-2.9, 2.9)
     assert (plans["turret"].velocity, plans["turret"].torque) == (2.5, 60.0)
     assert (plans["elbow"].velocity, plans["elbow"].torque) == (1.0, 35.0)
-
-
-def test_what_a_joint_says_holds_for_it_alone(tmp_path: Path) -> None:
-    """A joint's own keys replace those beside joints, part by part where they have parts."""
+    # a joint's own keys replace those beside joints, part by part where they have parts
     joints = with_joint(fit={"decimation": 3}, motor={"resistance": "2 ohm"}, inertia="0.2 kg*m**2")
     robot = load_robot(write(tmp_path, document(joints=joints)))
     elbow, turret = (pick(robot, name).experiment for name in ("elbow", "turret"))
@@ -63,10 +66,7 @@ def test_what_a_joint_says_holds_for_it_alone(tmp_path: Path) -> None:
     assert elbow.motor is not None
     assert (elbow.motor.k_t, elbow.motor.R) == (8.4, 2.0)
     assert (turret.fit.decimation, turret.inertia) == (6, None)
-
-
-def test_a_run_may_be_of_one_joint(tmp_path: Path) -> None:
-    """A run that names a joint is fitted for it alone; the others move in it too, each by its own columns."""
+    # a run that names a joint is fitted for it alone; the others move in it too, each by its own columns
     only = {
         **TRACKING,
         "files": "other.npz",
@@ -96,8 +96,14 @@ def test_a_run_of_one_joint_moves_all(tmp_path: Path) -> None:
     assert at[:, [0, 1, 3, 4, 5]] == pytest.approx(q[50:60][:, [0, 1, 3, 4, 5]])
     assert v[:, 2] == pytest.approx(0.9 * np.cos(3 * t[50:60]), rel=0.01)
 
+    # with the file, the key, what was got, and what to do, on one line
+    def load(changed: dict[str, Any]) -> Robot:
+        return load_robot(write(tmp_path, document(**changed)))
 
-ARM = {"urdf": "arm.urdf"}
+    assert_refused(((partial(load, changed), told) for changed, told in BAD.values()), str(tmp_path))
+
+
+OF_ARM = {"urdf": "arm.urdf"}
 LOAD = {"mass": "1 kg", "link": "tool"}
 TORQUE = {
     **{key: x for key, x in SIGNALS.items() if key != "current"},
@@ -117,20 +123,20 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "negative index": ({"joints": with_joint(index=-1)}, r"joints\.2: index: got -1"),
     "index no number": ({"joints": with_joint(index="2")}, r"joints\.2: index: got '2'"),
     "unknown key of a joint": ({"joints": with_joint(colour="red")}, r"joints\.2: unknown key 'colour'"),
-    "unknown key of the robot": ({"robot": {**ARM, "mass": 1}}, "robot: unknown key 'mass'"),
+    "unknown key of the robot": ({"robot": {**OF_ARM, "mass": 1}}, "robot: unknown key 'mass'"),
     "unknown key": ({"colour": 1}, "unknown key 'colour'"),
     "joint beside joints": ({"joint": {"name": "elbow"}}, "got joint beside joints"),
     "kind against the URDF": ({"joints": with_joint(kind="prismatic")}, r"kind: got 'prismatic'; arm\.urdf has elbow revolute"),
     "robot no keys": ({"robot": "arm.urdf"}, "robot: got 'arm.urdf'"),
     "robot without URDF": ({"robot": {"gravity": [0, 0, 1]}}, "robot: urdf: missing"),
     "no such URDF": ({"robot": {"urdf": "none.urdf"}}, r"none\.urdf: no such file"),
-    "gravity of two": ({"robot": {**ARM, "gravity": [0, 0]}}, r"robot: gravity\.2: missing"),
-    "gravity nan": ({"robot": {**ARM, "gravity": [0, 0, float("nan")]}}, r"robot: gravity\.2: got nan"),
-    "gravity in words": ({"robot": {**ARM, "gravity": "down"}}, "robot: gravity: got 'down'"),
-    "gravity of a star": ({"robot": {**ARM, "gravity": [0, 0, 1e9]}}, r"robot: gravity\.2: got 1000000000"),
-    "negative payload": ({"robot": {**ARM, "payload": {**LOAD, "mass": "-1 kg"}}}, r"robot: payload\.mass: got '-1 kg'"),
-    "payload without unit": ({"robot": {**ARM, "payload": {**LOAD, "mass": 1}}}, r"robot: payload\.mass: got 1;"),
-    "payload nowhere": ({"robot": {**ARM, "payload": {"mass": "1 kg"}}}, r"robot: payload\.link: missing"),
+    "gravity of two": ({"robot": {**OF_ARM, "gravity": [0, 0]}}, r"robot: gravity\.2: missing"),
+    "gravity nan": ({"robot": {**OF_ARM, "gravity": [0, 0, float("nan")]}}, r"robot: gravity\.2: got nan"),
+    "gravity in words": ({"robot": {**OF_ARM, "gravity": "down"}}, "robot: gravity: got 'down'"),
+    "gravity of a star": ({"robot": {**OF_ARM, "gravity": [0, 0, 1e9]}}, r"robot: gravity\.2: got 1000000000"),
+    "negative payload": ({"robot": {**OF_ARM, "payload": {**LOAD, "mass": "-1 kg"}}}, r"robot: payload\.mass: got '-1 kg'"),
+    "payload without unit": ({"robot": {**OF_ARM, "payload": {**LOAD, "mass": 1}}}, r"robot: payload\.mass: got 1;"),
+    "payload nowhere": ({"robot": {**OF_ARM, "payload": {"mass": "1 kg"}}}, r"robot: payload\.link: missing"),
     "columns too few": (
         {"signals": {**SIGNALS, "position": {"columns": ["a", "b"], "unit": "rad"}}},
         r"joints\.2: signals\.position\.columns: got 2; expected one for each joint, at least 3",
@@ -153,11 +159,119 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
 }  # fmt: skip  # a table
 
 
-def test_every_bad_key_is_named_in_one_sentence(tmp_path: Path) -> None:
-    """With the file, the key, what was got, and what to do, on one line."""
+GOOD = ARM.read_text(encoding="utf-8")
+LIMIT = '<limit lower="-1.5" upper="2" velocity="3" effort="40"/>'
 
-    def load(changed: dict[str, Any]) -> Robot:
-        """The robot of a file with these keys changed."""
-        return load_robot(write(tmp_path, document(**changed)))
 
-    assert_refused(((partial(load, changed), told) for changed, told in BAD.values()), str(tmp_path))
+def written(folder: Path, content: str | bytes) -> Path:
+    """A URDF file."""
+    path = folder / "robot.urdf"
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return path
+
+
+def test_limits_meshes_and_hostile_files(tmp_path: Path) -> None:
+    """A pipe that is named as a mesh would block a reader for ever; its name does not reach the text that goes on."""
+    pipe = tmp_path / "shape.stl"
+    os.mkfifo(pipe)
+    shape = f'<visual><geometry><mesh filename="{pipe}"/></geometry></visual><collision><geometry><mesh filename="file:///etc/passwd"/></geometry></collision>'
+    urdf = read_urdf(written(tmp_path, GOOD.replace('<link name="base"/>', f'<link name="base">{shape}</link>')))
+    assert "mesh" not in urdf.text
+    assert [j.name for j in urdf.joints] == [j.name for j in read_urdf(ARM).joints]
+    # each with the file's name, what is wrong, and on one short line; so are a folder, a pipe and nothing at all
+    asks = []
+    for name, (content, told) in HOSTILE.items():
+        (tmp_path / f"{name}.urdf").write_bytes(content if isinstance(content, bytes) else content.encode())
+        says = rf"^{re.escape(str(tmp_path))}(?=.{{1,399}}$)/{re.escape(name)}\.urdf.*{told}"
+        asks.append((partial(read_urdf, tmp_path / f"{name}.urdf"), says))
+    os.mkfifo(tmp_path / "pipe")
+    asks += [
+        (partial(read_urdf, path), f"^{re.escape(str(path))}")
+        for path in (tmp_path, tmp_path / "pipe", tmp_path / "none.urdf")
+    ]
+    assert_refused(asks)
+    # 100 000 elements nested in each other, inside a link, leave the text that goes on as it is
+    deep = "<a>" * 100_000 + "</a>" * 100_000
+    junk = read_urdf(written(tmp_path, GOOD.replace('<link name="base"/>', f'<link name="base">{deep}</link>')))
+    assert junk.text == read_urdf(ARM).text
+    # a joint has the limits that its URDF gives; without any, or without end, it has none
+    (joint,) = read_urdf(written(tmp_path, pendulum(LIMIT))).joints
+    assert (joint.name, joint.kind) == ("swing", "revolute")
+    assert (joint.lower, joint.upper, joint.velocity, joint.effort) == (-1.5, 2.0, 3.0, 40.0)
+    for text in (pendulum(), pendulum(LIMIT, kind="continuous").replace('velocity="3" effort="40"', "")):
+        (free,) = read_urdf(written(tmp_path, text)).joints
+        assert (free.kind, free.lower, free.upper, free.velocity) == ("revolute", -math.inf, math.inf, math.inf)
+
+
+def many(count: int) -> str:
+    """That many joints, of seven million bytes where they are 100 000."""
+    joints = "".join(f'<joint name="{k}"><parent link="a"/><child link="b"/></joint>' for k in range(count))
+    return f'<robot><link name="a"/><link name="b"/>{joints}</robot>'
+
+
+HOSTILE: dict[str, tuple[str | bytes, str]] = {
+    "entities": ('<!DOCTYPE x [<!ENTITY a "aaaa">]><robot name="&a;"/>', "declares a document type or entities"),
+    "hidden entities": (f'<robot><!ENTITY lol "x">{GOOD}</robot>', "declares a document type or entities"),
+    "100000 joints": (many(100_000), rf"holds 100000 joints; expected at most {MAX_JOINTS}"),
+    "nan": (GOOD.replace('value="0.4"', 'value="nan"'), "tool: value: got 'nan'; expected a number"),
+    "infinite": (GOOD.replace('xyz="0 0 0.26"', 'xyz="0 0 inf"'), "expected a number of at most"),
+    "negative mass": (GOOD.replace('value="0.4"', 'value="-1"'), "the mass is -1"),
+    "no number": (GOOD.replace('value="0.4"', 'value="heavy"'), "got 'heavy'"),
+    "two numbers": (GOOD.replace('xyz="0 0 0.26"', 'xyz="0 0"'), "expected three numbers"),
+    "no axis": (GOOD.replace('axis xyz="0 1 0"', 'axis xyz="0 0 0"'), "its axis has no direction"),
+    "cycle": (GOOD.replace('<parent link="base"/>', '<parent link="tool"/>'), "make no single tree"),
+    "two parents": (GOOD.replace('<child link="tool"/>', '<child link="hand"/>'), "is the child of two joints"),
+    "missing link": (GOOD.replace('<child link="tool"/>', '<child link="claw"/>'), "names the link 'claw'"),
+    "no child": (GOOD.replace('<child link="tool"/>', ""), "names the link ''"),
+    "same name": (GOOD.replace('"wrist_roll"', '"elbow"'), "2 <joint> elements are named 'elbow'"),
+    "no name": (GOOD.replace('joint name="elbow"', "joint"), "a <joint> has no name"),
+    "control character": (GOOD.replace('"elbow"', '"el&#27;[31mbow"'), "is not XML"),
+    "line break": (GOOD.replace('"elbow"', '"el&#10;bow"'), r"holds U\+000A, a control character"),
+    "right to left": (GOOD.replace('"elbow"', '"el\u202ebow"'), r"holds U\+202E, a control character"),
+    "floating": (GOOD.replace('name="elbow" type="revolute"', 'name="elbow" type="floating"'), "of type 'floating'"),
+    "xacro": (
+        '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:include filename="a.xacro"/></robot>',
+        "holds 0 links and 0 joints; run xacro on it first",
+    ),
+    "xacro's number": (GOOD.replace('value="0.4"', 'value="${mass}"'), "run xacro on it first"),
+    "deep": ("<robot>" + "<a>" * 100_000 + "</a>" * 100_000 + "</robot>", "holds 0 links and 0 joints"),
+    "unfinished": ("<robot>" + "<a>" * 100_000, "is not XML"),
+    "UTF-16": (GOOD.encode("utf-16"), "is not text in UTF-8"),
+    "empty": ("", "is not XML"),
+    "another root": ("<html><body/></html>", "begins with <html>"),
+    "binary": (bytes(range(256)) * 40, "is not text in UTF-8"),
+    "zeros": (b"\0" * 1000, "is not XML"),
+    "large": (b" " * (MAX_BYTES + 1), "is larger than"),
+}
+
+
+SMALL = f'<robot name="two"><link name="a"/><link name="b">{inertial(1.0, "0 0 0.2", 0.1)}</link><link name="c">{inertial(0.5)}</link><joint name="one" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0 0 0.1" rpy="0 0 0"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" velocity="2" effort="3"/></joint><joint name="two" type="prismatic"><parent link="b"/><child link="c"/><axis xyz="0 0 1"/></joint></robot>'  # noqa: E501  # one line, of which bytes change
+"""A URDF in which most bytes mean something."""
+changes = st.lists(
+    st.tuples(
+        st.integers(0, len(SMALL)),
+        st.integers(0, 3),
+        st.binary(max_size=3) | st.sampled_from([b"-", b"9", b"e9", b'"']),
+    ),
+    min_size=1,
+    max_size=3,
+)
+
+
+@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(edits=changes)
+def test_changed_bytes_give_a_robot_or_a_sentence(tmp_path: Path, edits: list[tuple[int, int, bytes]]) -> None:
+    """Whatever becomes of a good URDF: finite torques, or an InputError, and the interpreter lives."""
+    content = SMALL.encode()
+    for at, dropped, inserted in edits:
+        content = content[:at] + inserted + content[at + dropped :]
+    try:
+        urdf = read_urdf(written(tmp_path, content))
+        if find_spec("pinocchio") is None:
+            return
+        names = [joint.name for joint in urdf.joints]
+        body = rigid_body(urdf, names, (0.0, 0.0, -9.81), None)
+    except InputError as error:
+        assert len(str(error).splitlines()) == 1  # noqa: PT017  # either is right
+        return
+    assert np.isfinite(body.torques(*np.full((3, 2, len(names)), 0.1))).all()

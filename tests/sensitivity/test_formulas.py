@@ -38,7 +38,6 @@ def value(text: str, names: Mapping[str, float]) -> float:
     """A printed formula at some values: names, numbers, + - * / **, and three functions; nothing else is allowed."""
 
     def at(node: ast.AST) -> float:
-        """The value of one node."""
         if isinstance(node, ast.Expression):
             return at(node.body)
         if isinstance(node, ast.BinOp):
@@ -90,6 +89,14 @@ def test_partial_derivatives_are_casadis(z: float, v: float, p: Lugre[float]) ->
         formula = paper().partial[name]
         for written in (as_text(formula), python_of(as_latex(formula))):
             assert value(written, point(z, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
+    # with g for g(v) each formula keeps its value, and g is the Stribeck curve (5)
+    names = point(z, v, p)
+    g = value(as_text(paper().stribeck), names)
+    assert g == pytest.approx(p.alpha_0 + p.alpha_1 * math.exp(-((v / p.v_s) ** 2)), rel=1e-12)
+    for formula in (paper().torque, *paper().partial.values()):
+        whole, short = value(as_text(formula), names), abbreviated(formula, paper().stribeck)
+        for written in (as_text(short), python_of(as_latex(short))):
+            assert value(written, names | {"g": g}) == pytest.approx(whole, rel=1e-9, abs=1e-12)
 
 
 @FEW
@@ -101,29 +108,7 @@ def test_steady_derivatives_are_casadis(v: float, p: Lugre[float]) -> None:
         assert value(as_text(paper().steady[name]), point(0.0, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
 
 
-@FEW
-@given(deflections, velocities, sets)
-def test_abbreviations_keep_the_value(z: float, v: float, p: Lugre[float]) -> None:
-    """With g for g(v) each formula keeps its value, and g is the Stribeck curve (5)."""
-    names = point(z, v, p)
-    g = value(as_text(paper().stribeck), names)
-    assert g == pytest.approx(p.alpha_0 + p.alpha_1 * math.exp(-((v / p.v_s) ** 2)), rel=1e-12)
-    for formula in (paper().torque, *paper().partial.values()):
-        whole, short = value(as_text(formula), names), abbreviated(formula, paper().stribeck)
-        for written in (as_text(short), python_of(as_latex(short))):
-            assert value(written, names | {"g": g}) == pytest.approx(whole, rel=1e-9, abs=1e-12)
-
-
-def test_the_printed_law_is_another_derivative() -> None:
-    """(19) as printed is dT_f / dalpha_1 term by term, not dT_f / dalpha_0; the values are those of docs/paper.md."""
-    assert paper().printed_is == ("alpha_1",)
-    assert paper().printed == paper().partial["alpha_1"] != paper().partial["alpha_0"]
-    at = point(0.003, 0.03, GRIPPER)
-    assert value(as_text(paper().printed), at) == pytest.approx(0.0149170, abs=5e-8)
-    assert value(as_text(paper().partial["alpha_0"]), at) == pytest.approx(0.0177452, abs=5e-8)
-
-
-def test_formulas_are_readable() -> None:
+def test_printed_formulas() -> None:
     """The formulas read as one would write them by hand, in the terminal and in LaTeX."""
     short = {row.what: row.with_g for row in paper().rows()}
     assert short["dT_f/dalpha_0 at fixed z"] == "sigma_0*sigma_1*z*abs(v)/g**2"
@@ -134,15 +119,24 @@ def test_formulas_are_readable() -> None:
     assert as_latex(paper().partial["z"]).startswith(
         r"- \frac{\sigma_{0} \sigma_{1} \left|{v}\right|}{\alpha_{0} + \alpha_{1}"
     )
-
-
-def test_the_documentation_prints_these_formulas() -> None:
-    """Each formula in docs/sensitivity.md is the one that the command prints with g, character for character."""
+    # each formula in docs/sensitivity.md is the one that the command prints with g, character for character
     docs = (Path(__file__).parents[2] / "docs" / "sensitivity.md").read_text(encoding="utf-8")
-    short = {row.what: row.with_g for row in paper().rows()}
     shown = dict(re.findall(r"^(.+)\n    = (.+)$", docs, flags=re.MULTILINE))
     assert len(shown) == 3
     assert shown.items() <= short.items()
+    # a number within a power is raised as well: (2 a b)**2 is 4 a**2 b**2, and 1 / (2 a) has the 2 below
+    assert as_text(formula_of((2 * X * Y) ** 2)) == "4*a**2*b**2"
+    assert as_text(formula_of(1 / (2 * X))) == "1/(2*a)"
+    assert as_text(formula_of(1 / (4 * X * X))) == "1/(4*a**2)"
+    # an operation that has no place in a formula raises ValueError with its number
+    with pytest.raises(ValueError, match="cannot be written"):
+        formula_of(ca.atan2(X, Y))
+    # (19) as printed is dT_f / dalpha_1 term by term, not dT_f / dalpha_0; the values are those of docs/paper.md
+    assert paper().printed_is == ("alpha_1",)
+    assert paper().printed == paper().partial["alpha_1"] != paper().partial["alpha_0"]
+    at = point(0.003, 0.03, GRIPPER)
+    assert value(as_text(paper().printed), at) == pytest.approx(0.0149170, abs=5e-8)
+    assert value(as_text(paper().partial["alpha_0"]), at) == pytest.approx(0.0177452, abs=5e-8)
 
 
 def test_without_sympy_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -180,13 +174,6 @@ def test_any_expression_keeps_its_value(expression: Any, a: float, b: float) -> 
         assert value(written, {"a": a, "b": b}) == pytest.approx(exact, rel=1e-9, abs=1e-9)
 
 
-def test_numbers_are_raised_with_their_factors() -> None:
-    """A number within a power is raised as well: (2 a b)**2 is 4 a**2 b**2, and 1 / (2 a) has the 2 below."""
-    assert as_text(formula_of((2 * X * Y) ** 2)) == "4*a**2*b**2"
-    assert as_text(formula_of(1 / (2 * X))) == "1/(2*a)"
-    assert as_text(formula_of(1 / (4 * X * X))) == "1/(4*a**2)"
-
-
 @FEW
 @given(st.recursive(leaves, grown, max_leaves=4), st.recursive(leaves, grown, max_leaves=4))
 def test_order_does_not_matter(first: Any, second: Any) -> None:
@@ -194,9 +181,3 @@ def test_order_does_not_matter(first: Any, second: Any) -> None:
     assert formula_of(first + second) == formula_of(second + first)
     assert formula_of(first * second) == formula_of(second * first)
     assert as_text(formula_of(first - first)) == "0"
-
-
-def test_what_cannot_be_written_is_refused() -> None:
-    """An operation that has no place in a formula raises ValueError with its number."""
-    with pytest.raises(ValueError, match="cannot be written"):
-        formula_of(ca.atan2(X, Y))

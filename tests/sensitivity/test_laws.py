@@ -80,10 +80,7 @@ def test_a_term_is_written_as_it_is_where_it_was_measured() -> None:
     assert as_text(found.partial["alpha_3"]) == "v*abs(v)"
     assert all("v_end" not in row.formula and "Piecewise" not in row.formula for row in found.rows())
     assert [x.code for x in found.sentences()] == ["total-derivatives", "formulas-as-measured"]
-
-
-def test_a_parameter_with_a_sign_is_drawn_below_zero() -> None:
-    """Alpha_3 may be drawn from below zero, alpha_0 may not; v_end is never drawn, and is as it was in each joint."""
+    # alpha_3 may be drawn from below zero, alpha_0 may not; v_end is never drawn, and is as it was in each joint
     p = truth_of(DRAG)
     box = {ParameterName.parse("alpha_3"): (-0.01, 0.002), ParameterName.parse("alpha_0"): (0.01, 0.02)}
     spans = ordered(box, p.law)
@@ -92,10 +89,7 @@ def test_a_parameter_with_a_sign_is_drawn_below_zero() -> None:
     assert (joints.positive.alpha_0[0], joints.law) == (0.011, p.law)
     assert joints.negative._asdict()["alpha_3"][0] == -0.004
     assert joints.negative._asdict()["v_end"][0] == 0.8
-
-
-def test_the_box_cuts_no_sign_off() -> None:
-    """An interval of alpha_3 on both sides of zero stays whole; that of a shape begins above zero; v_end is left out unsaid."""
+    # an interval of alpha_3 on both sides of zero stays whole; that of a shape begins above zero; v_end is left out unsaid
     estimates = {
         ParameterName.parse(name): Estimate(value=value, unit="1", standard_error=0.1, interval=interval)
         for name, value, interval in (("alpha_3", 0.1, (-0.1, 0.3)), ("delta", 1.0, (0.0, 2.0)), ("v_end", 0.8, None))
@@ -116,14 +110,8 @@ def test_two_equal_sets_are_one() -> None:
             )
             assert (off <= 1e-6 * size).all()
         np.testing.assert_allclose(both.torque, one.torque, atol=1e-9)
-
-
-def test_each_parameter_has_a_colour_of_its_own() -> None:
-    """Up to nine parameters no two share one."""
+    # up to nine parameters no two share one
     assert len(set(colours(9))) == 9
-
-
-def test_points_alone_are_enough() -> None:
-    """Of points the bristle is assumed, and the law's own parameter counts."""
+    # of points the bristle is assumed, and the law's own parameter counts
     found = bristle.sensitivity(points(DRAG), samples=0)
     assert "alpha_3" in found.local.ranking

@@ -1,4 +1,4 @@
-"""Local sensitivity and its map, by differences, identities and documented figures; and the command."""
+"""Local sensitivity and its map, by differences, identities and documented figures; what captions say first; and the command."""
 
 import re
 import sys
@@ -14,10 +14,13 @@ from hypothesis import strategies as st
 import bristle
 from bristle.api import experiments
 from bristle.arrays import Array
+from bristle.findings import NOTE, Finding
+from bristle.identification.fisher import Information
 from bristle.identification.identify import identify_joint
 from bristle.identification.limits import limits_of
 from bristle.identification.measured import measure
 from bristle.model import functions
+from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Lugre, Pair, fields_of
 from bristle.model.rollout import rollout
@@ -28,6 +31,7 @@ from bristle.questions.sensitivity.figures import map_figure
 from bristle.questions.sensitivity.joint import RANGE, of_joint, within
 from bristle.questions.sensitivity.local import (
     FREQUENCIES,
+    Map,
     SineMotion,
     claimed,
     grid,
@@ -36,16 +40,18 @@ from bristle.questions.sensitivity.local import (
     ranked,
     sensitivity_map,
 )
-from bristle.questions.sensitivity.study import findings
+from bristle.questions.sensitivity.report import report
+from bristle.questions.sensitivity.sobol import Effect, Global, Output, ordered
+from bristle.questions.sensitivity.study import Expected, SensitivityStudy, findings
 from bristle.simulation.edro import TABLE_1
 
 from ..conftest import FEW as TOO_FEW
 from ..conftest import TRUTH, run, speeds, tree, write
 from ..laws import DRAG, EXPONENT, OUTSIDE, registered, truth_of
+from ..names import parse
 from ..pages import assert_tables_are_named, page_text
 from ..pages import findings as captions_of
 from ..sameness import held, of_kind, without_sentences
-from .test_captions import SOBOL, captions
 
 FEW = settings(max_examples=25, deadline=None)
 PAIR = TABLE_1["gripper rotation"]
@@ -75,7 +81,6 @@ def test_total_derivatives_are_differences_of_the_simulation(p: Lugre[float] | P
     for k, name in enumerate(found.names):
 
         def slope(h: float, name: str = name) -> Array:
-            """The central difference with relative steps of h."""
             up, down = (rollout(velocity, at.period, moved(p, name, s * h), 0.0).torque for s in (1, -1))
             return np.asarray((up - down) / (2 * h))
 
@@ -91,7 +96,6 @@ def test_partial_derivatives_are_differences_at_fixed_z(p: Lugre[float] | Pair[f
     for k, name in enumerate(found.names):
 
         def torque(share: float, name: str = name) -> Array:
-            """T_f at this z with one parameter larger by a share."""
             q = moved(p, name, share)
             acting = (
                 q
@@ -133,7 +137,7 @@ def test_shares_are_without_units(p: Lugre[float], at: SineMotion, mass: float, 
     np.testing.assert_allclose(local(other, scaled).shares(), local(p, at).shares(), rtol=1e-6, atol=1e-12)
 
 
-def test_fast_sliding_leaves_the_steady_derivatives() -> None:
+def test_maps_limits_and_documented_figures() -> None:
     """In fast sliding the total derivatives are those of the steady torque; at fixed z they are not.
 
     By alpha_0 it is the sign of v times alpha_0, by sigma_0 nothing.
@@ -144,14 +148,9 @@ def test_fast_sliding_leaves_the_steady_derivatives() -> None:
     assert np.abs(found.total[fast, 4]).max() < 1e-2 * P.alpha_0
     partial = P.sigma_1 * np.abs(found.velocity[fast]) * np.sign(found.velocity[fast])
     np.testing.assert_allclose(found.partial[fast, 0], partial, rtol=2e-3)
-
-
-def test_the_map_has_the_motion_and_three_regimes() -> None:
-    """The motion's own amplitude and frequency are on the map, with the shares of its last period.
-
-    On the gripper's map fast wide motions are alpha_2's, slow wide ones alpha_0's, tiny ones sigma_0's. The paper's claim, that alpha_0 and
-    alpha_2 lead, holds for its motion of 1 rad at 0.5 Hz and not for tiny ones; for 0.02 rad at 0.2 Hz sigma_0 comes before alpha_2.
-    """
+    # the motion's own amplitude and frequency are on the map, with the shares of its last period. On the gripper's map fast wide motions
+    # are alpha_2's, slow wide ones alpha_0's, tiny ones sigma_0's. The paper's claim, that alpha_0 and alpha_2 lead, holds for its motion
+    # of 1 rad at 0.5 Hz and not for tiny ones; for 0.02 rad at 0.2 Hz sigma_0 comes before alpha_2
     found = sensitivity_map(P, *grid(PAPER))
     i, j = np.argmin(np.abs(found.amplitudes - 1.0)), np.argmin(np.abs(found.frequencies - 0.5))
     assert (found.amplitudes[i], found.frequencies[j]) == (1.0, 0.5)
@@ -167,16 +166,21 @@ def test_the_map_has_the_motion_and_three_regimes() -> None:
         own = local(P, at)
         assert own.ranking[:2] == leading
         assert claimed(own.shares(), Lugre._fields) == (at == PAPER)
-
-
-def test_a_bristle_that_only_bends_is_a_spring() -> None:
-    """Where the amplitude is far below the bristle's reach and the motion slow, T = sigma_0 q.
-
-    The share of sigma_0 is one, the others' nothing.
-    """
+    # where the amplitude is far below the bristle's reach and the motion slow, T = sigma_0 q. The share of sigma_0 is one, the others'
+    # nothing
     shares = sensitivity_map(P, np.array([1e-6]), np.array([1e-3])).shares[0, 0]
     assert shares[4] == pytest.approx(1.0, abs=1e-3)
     assert np.delete(shares, 4).max() < 1e-3
+    # the table in docs/sensitivity.md is what the command prints, digit for digit: over 10 s at 1 kHz from an undeflected bristle
+    lines = (Path(__file__).parents[2] / "docs" / "sensitivity.md").read_text(encoding="utf-8").splitlines()
+    rows = {cells[1].strip(): cells[2:8] for line in lines if len(cells := line.split("|")) == 9}
+    shares = {
+        "1 rad, 0.5 Hz": local(P, PAPER).shares(),
+        "the same, its last period": local(P, PAPER).shares(last=2000),
+        "0.02 rad, 0.2 Hz": local(P, SLOW_SMALL).shares(),
+    }
+    for name, own in shares.items():
+        assert [cell.strip() for cell in rows[name]] == [f"{share:.2g}" for share in own]
 
 
 @FEW
@@ -190,7 +194,7 @@ def test_a_motion_has_whole_windows(amplitude: float, frequency: float) -> None:
     assert found.top_speed == pytest.approx(2 * np.pi * amplitude * frequency)
 
 
-def test_a_joint_of_points_has_an_assumed_bristle(known: Study) -> None:
+def test_what_a_study_of_points_assumes_and_says(known: Study, folder: Path) -> None:
     """Points tell nothing of the bristle: sigma_0 and sigma_1 are assumed and said to be, and have no interval.
 
     What was fitted is what is used.
@@ -205,21 +209,13 @@ def test_a_joint_of_points_has_an_assumed_bristle(known: Study) -> None:
     first = p if isinstance(p, Lugre) else p.positive
     np.testing.assert_allclose(first[:4], TRUTH[:4], rtol=0.05)
     assert known.motion.top_speed == pytest.approx(0.4, rel=0.05)
-
-
-def test_expected_errors_of_constant_velocities_are_the_fits_own(known: Study) -> None:
-    """The information of the joint's own constant velocities gives the standard errors that its static fit has."""
+    # the information of the joint's own constant velocities gives the standard errors that its static fit has
     static = known.expected[1]
     assert static.what == "the constant velocities"
     for name, error in zip(static.information.names, static.information.standard_errors, strict=True):
         assert static.errors[name] == pytest.approx(error, rel=1e-6)
-
-
-def test_the_text_says_what_was_found(known: Study) -> None:
-    """What matters most first, with its share; six parameters with three shares each, everything else found, and every assumption.
-
-    Its frame, which is its page's table, has a row for each parameter, the largest total share first.
-    """
+    # what matters most first, with its share; six parameters with three shares each, everything else found, and every assumption. Its
+    # frame, which is its page's table, has a row for each parameter, the largest total share first
     first, *lines = bristle.report_of(known).text().splitlines()
     answer, *found = findings(known)
     leading, share = max(zip(known.local.names, known.local.shares(), strict=True), key=lambda x: x[1])
@@ -237,6 +233,19 @@ def test_the_text_says_what_was_found(known: Study) -> None:
         by_name = dict(zip(Lugre._fields, shares, strict=True))
         assert dict(zip(frame["parameter"], frame[column], strict=True)) == by_name
     pd.testing.assert_frame_equal(bristle.report_of(known).frames["shares"], frame)
+    # one joint, one guess: sigma_0 and sigma_1 are those that a plan starts from, whatever the amplitude. By sigma_0 the bristle bends by
+    # 1/1000 of the travel
+    measured = measure(folder / "e.yaml")
+    joint, (limits, _) = identify_joint(measured), limits_of(measured)
+    start = start_of(measured, joint, limits)
+    for amplitude in (None, 0.01):
+        p = of_joint(measured, joint, amplitude)[0].p
+        for d, own in zip("+-", (p, p) if isinstance(p, Lugre) else p, strict=True):
+            assert own[4:] == start.p(d)[4:]
+            assert own.sigma_0 == pytest.approx(own.alpha_0 / (1e-3 * limits.travel))
+    damped = [d for d in of_kind(known.assumptions, "bristle-assumed") if d.numbers["name"].name == "sigma_1"]
+    assert damped
+    assert all("and a guessed inertia of" in str(d) for d in damped)
 
 
 def test_no_sentence_decides_on_a_study(folder: Path, known: Study, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -246,13 +255,8 @@ def test_no_sentence_decides_on_a_study(folder: Path, known: Study, monkeypatch:
     again = bristle.sensitivity(folder / "e.yaml", samples=0)
     assert held(replace(again, formulas=None)) == before[0]
     assert bristle.report_of(again).text() != before[1]
-
-
-def test_without_sympy_only_formulas_are_left_out(folder: Path, known: Study, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without SymPy everything else is found and reported.
-
-    The text says what is not there, with the command that installs it.
-    """
+    monkeypatch.undo()
+    # without SymPy everything else is found and reported. The text says what is not there, with the command that installs it
     whole = bristle.report_of(known).frames.keys()
     monkeypatch.setitem(sys.modules, "sympy", None)
     found = bristle.sensitivity(folder / "e.yaml", samples=0)
@@ -271,24 +275,13 @@ def test_nothing_known_is_refused(tmp_path: Path) -> None:
     measured = measure(write(tmp_path, TOO_FEW))
     with pytest.raises(ValueError, match="nothing is known of its friction vs velocity"):
         of_joint(measured, identify_joint(measured))
-
-
-def test_the_bristle_that_is_assumed_is_the_plans(folder: Path, known: Study) -> None:
-    """One joint, one guess: sigma_0 and sigma_1 are those that a plan starts from, whatever the amplitude.
-
-    By sigma_0 the bristle bends by 1/1000 of the travel.
-    """
-    measured = measure(folder / "e.yaml")
-    joint, (limits, _) = identify_joint(measured), limits_of(measured)
-    start = start_of(measured, joint, limits)
-    for amplitude in (None, 0.01):
-        p = of_joint(measured, joint, amplitude)[0].p
-        for d, own in zip("+-", (p, p) if isinstance(p, Lugre) else p, strict=True):
-            assert own[4:] == start.p(d)[4:]
-            assert own.sigma_0 == pytest.approx(own.alpha_0 / (1e-3 * limits.travel))
-    damped = [d for d in of_kind(known.assumptions, "bristle-assumed") if d.numbers["name"].name == "sigma_1"]
-    assert damped
-    assert all("and a guessed inertia of" in str(d) for d in damped)
+    # a position that is one number throughout has no travel to guess a bristle from; it names plan.position
+    measured = measure(write(tmp_path, speeds()))
+    joint = identify_joint(measured)
+    still = replace(measured.runs[0].record, position=np.ones(speeds().size))
+    stopped = replace(measured, runs=(replace(measured.runs[0], record=still),))
+    with pytest.raises(ValueError, match=r"the position is 1 throughout; expected runs that move, or plan\.position"):
+        of_joint(stopped, joint)
 
 
 def test_the_whole_range_of_motions_can_be_explored(known: Study, folder: Path) -> None:
@@ -320,17 +313,7 @@ def test_the_whole_range_of_motions_can_be_explored(known: Study, folder: Path) 
             within(motion(amplitude, frequency), "revolute", limits)
 
 
-def test_a_position_that_stands_still_is_refused(tmp_path: Path) -> None:
-    """A position that is one number throughout has no travel to guess a bristle from; it names plan.position."""
-    measured = measure(write(tmp_path, speeds()))
-    joint = identify_joint(measured)
-    still = replace(measured.runs[0].record, position=np.ones(speeds().size))
-    stopped = replace(measured, runs=(replace(measured.runs[0], record=still),))
-    with pytest.raises(ValueError, match=r"the position is 1 throughout; expected runs that move, or plan\.position"):
-        of_joint(stopped, joint)
-
-
-def test_the_command_writes_a_page(folder: Path, known: Study, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_command_writes_a_page(folder: Path, known: Study, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The command prints what was found and writes index.html with a table and a figure of each kind.
 
     Each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is there.
@@ -352,6 +335,14 @@ def test_the_command_writes_a_page(folder: Path, known: Study, monkeypatch: pyte
     assert len(said) == len(figures)
     assert [text for text in said if not re.search(r"\d", text)] == []
     assert_tables_are_named(folder / "out")
+    monkeypatch.undo()
+    # with --symbolic the derivatives are printed, the comparison with (19) last, and no file is made
+    monkeypatch.chdir(tmp_path)
+    ran = run("sensitivity", "--symbolic")
+    assert ran.code == 0
+    assert "sigma_0*sigma_1*z*abs(v)/g**2" in ran.out
+    assert "It is not dT_f/dalpha_0" in ran.out
+    assert not tree(tmp_path)
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
@@ -364,24 +355,74 @@ def test_no_label_of_the_map_leaves_the_figure(known: Study, kind: JointKind) ->
             assert not label.get_text() or label.get_window_extent().x0 >= 0
 
 
-def test_symbolic_prints_formulas_and_writes_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With --symbolic the derivatives are printed, the comparison with (19) last, and no file is made."""
-    monkeypatch.chdir(tmp_path)
-    ran = run("sensitivity", "--symbolic")
-    assert ran.code == 0
-    assert "sigma_0*sigma_1*z*abs(v)/g**2" in ran.out
-    assert "It is not dT_f/dalpha_0" in ran.out
-    assert not tree(tmp_path)
+WHOLE = Output(
+    name="RMS friction torque",
+    quantity="torque",
+    effects=(Effect(parse("alpha_0"), 0.1, 0.01, 0.2, 0.01), Effect(parse("v_s"), 0.9, 0.01, 0.9512, 0.034)),
+    mean=1.0, deviation=1.0, samples=32, evaluations=128,
+)  # fmt: skip  # a list of values
+SPANS = ordered({parse("alpha_0"): (0.1, 0.2), parse("v_s"): (0.01, 0.02)}, GAUSSIAN)
+SOBOL = Global(spans=SPANS, outputs=(WHOLE,), amplitude=1.0, frequency=1.0, seed=0)
 
 
-def test_the_page_of_the_documentation_has_these_numbers() -> None:
-    """The table in docs/sensitivity.md is what the command prints, digit for digit: over 10 s at 1 kHz from an undeflected bristle."""
-    lines = (Path(__file__).parents[2] / "docs" / "sensitivity.md").read_text(encoding="utf-8").splitlines()
-    rows = {cells[1].strip(): cells[2:8] for line in lines if len(cells := line.split("|")) == 9}
-    shares = {
-        "1 rad, 0.5 Hz": local(P, PAPER).shares(),
-        "the same, its last period": local(P, PAPER).shares(last=2000),
-        "0.02 rad, 0.2 Hz": local(P, SLOW_SMALL).shares(),
+def captions(study: SensitivityStudy) -> dict[str, str]:
+    """The first sentence of each figure's caption, by the name of its file."""
+    figures = (section.figure for section in report(study).sections)
+    return {x.name: re.sub(r"(?<=[a-z0-9%)₀-₉ₛ±·])\. .*$", ".", x.caption) for x in figures if x is not None}
+
+
+def test_captions_begin_with_what_was_found(known: SensitivityStudy) -> None:
+    """Largest share, and extent of the paper's claim are those of the study's own tables."""
+    found, frame = captions(known), known.to_frame()
+    assert f"RMS torque, {100 * frame['total'].max():.2g} %" in found["shares"]
+    assert f"the smallest, {100 * frame['total'].min():.2g} %" in found["shares"]
+    assert f"{known.map.claim.sum()} of {known.map.claim.size} motions" in found["first"]
+    # a parameter that peaks at the beginning alone does not hide the one that does in the second period; a force is none in N·m
+    total = np.zeros_like(known.local.total)
+    total[0, 5], total[:, 0] = -7.0, 2.5
+    found = captions(replace(known, local=replace(known.local, total=total), kind="prismatic"))["time"]
+    half = known.local.time[(known.local.time <= 2 / known.motion.frequency).sum() // 2]
+    assert found == (
+        f"To first order, doubling σ₁ changes the force most, by up to 7 N at 0 s; in the second period α₀ does, by up to 2.5 N at {half:.3g} s."
+    )
+    total[0, 5] = 0.0
+    alone = captions(replace(known, local=replace(known.local, total=total)))["time"]
+    assert alone == "To first order, doubling α₀ changes the torque most, by up to 2.5 N·m at 0 s."
+    # where sigma_0 and sigma_1 lead on the whole map, the paper's two parameters have the two largest shares in 0 % of it
+    shares = np.full((2, 3, 6), 0.01)
+    shares[..., 4:] = 0.5
+    shares[0, 0, 4], shares[1, 2, 4] = 1e-7, 1.25
+    of = Map(names=known.map.names, amplitudes=np.ones(2), frequencies=np.ones(3), shares=shares)
+    found = captions(replace(known, map=of))
+    assert found["first"] == "α₀ and α₂ have the two largest shares in 0 % of the map, 0 of 6 motions."
+    assert found["map"] == "The share of σ₀ varies most over the map, from less than 0.1 % to 120 %."
+    # it is off the diagonal and of two parameters that are seen; how many are not is said beside it or in its place
+    strongest, none = "The strongest correlation, −0.50, is that of α₀ and vₛ", "There is no correlation to show: "
+    matrices = {
+        f"{strongest}.": [[1.0, 0.5], [0.5, 1.0]],
+        f"{none}1 of 2 parameters cannot be estimated (×).": [[1.0, 0.0], [0.0, 0.0]],
+        f"{none}2 of 2 parameters cannot be estimated (×).": [[0.0, 0.0], [0.0, 0.0]],
+        f"{none}there is 1 parameter.": [[1.0]],
+        f"{strongest}; 1 of 3 parameters cannot be estimated (×).": [[1.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 0.0]],
     }
-    for name, own in shares.items():
-        assert [cell.strip() for cell in rows[name]] == [f"{share:.2g}" for share in own]
+    seen = []
+    for matrix in matrices.values():
+        names = tuple(map(parse, ("alpha_0", "v_s", "sigma_1")[: len(matrix)]))
+        information = Information(names=names, point=np.ones(len(names)), matrix=np.array(matrix))
+        said = captions(replace(known, sobol=None, expected=(Expected("the motion", information, {}, ()),)))
+        assert "sobol" not in said
+        assert {"time", "shares", "first", "map"} <= said.keys()
+        seen.append(said["correlation-1"])
+    assert seen == [*matrices]
+    # it is that of all outputs; how many of these have none is said beside it, or in its place
+    nothing = Finding("nothing-changes-it", NOTE, "Nothing changes it.")
+    bare = Output(name="breakaway torque", quantity="torque", reason=nothing)
+    for outputs, expected in (
+        ((WHOLE,), "vₛ has the largest total index, 0.951 ± 0.034 for the RMS friction torque."),
+        (
+            (bare, WHOLE),
+            "vₛ has the largest total index, 0.951 ± 0.034 for the RMS friction torque; 1 of 2 outputs cannot be analysed.",
+        ),
+        ((bare,), "1 of 1 outputs cannot be analysed."),
+    ):
+        assert captions(replace(known, sobol=replace(SOBOL, outputs=outputs)))["sobol"] == expected

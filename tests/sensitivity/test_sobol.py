@@ -112,7 +112,7 @@ def test_ishigami(seed: int, order: tuple[int, ...]) -> None:
     assert own.mean == pytest.approx(3.5, abs=0.01)
 
 
-def test_steady_friction_is_additive() -> None:
+def test_indices_boxes_and_seeds(found: sobol.Global) -> None:
     """The steady torque is linear in all alphas.
 
     Each makes its own variance, slope**2 width**2 / 12, alone and in total, at every speed at once.
@@ -120,7 +120,6 @@ def test_steady_friction_is_additive() -> None:
     speeds = np.array([0.01, 0.1, 1.0])
 
     def torque(x: Array) -> Array:
-        """(n, 3) -> (n, speeds)."""
         return evaluate(functions.steady_torque_function(), speeds, *x.T[:, :, None], GRIPPER.v_s)[0]
 
     width = np.array([high - low for low, high in BOX.values()])
@@ -130,50 +129,30 @@ def test_steady_friction_is_additive() -> None:
         for index in shares(own):
             assert index == pytest.approx(exact, abs=0.01)
         assert own.deviation == pytest.approx(np.sqrt(np.sum((slope * width) ** 2) / 12), rel=1e-3)
-
-
-def test_breakaway_torque_is_additive(found: sobol.Global) -> None:
-    """For alpha_0 + alpha_1 of independent uniform parameters S_i = Var_i / sum Var, within 0.01.
-
-    Alpha_2 has nothing of it, and the mean is that of the sum.
-    """
-    own = found.outputs[1]
-    variance = np.array([0.01**2, 0.009**2, 0.0])
-    for index in shares(own):
-        assert index == pytest.approx(variance / variance.sum(), abs=0.01)
-    assert own.mean == pytest.approx(0.02 + 0.0055, rel=1e-4)
-
-
-def test_a_wide_interval_is_drawn_by_its_logarithm() -> None:
-    """Over four decades log(x) has the variance of a uniform one; over less than one decade x itself is uniform."""
+    # over four decades log(x) has the variance of a uniform one; over less than one decade x itself is uniform
     box = named({"x": (1e-2, 1e2), "y": (1.0, 9.0)})
     (own,) = indices(lambda p: np.log(p[:, 0]) + p[:, 1], box, 8192)
     variance = np.array([np.log(1e4) ** 2, 64.0])
     assert shares(own)[0] == pytest.approx(variance / variance.sum(), abs=0.01)
     assert own.mean == pytest.approx(5.0, abs=0.01)
     assert own.deviation**2 == pytest.approx(variance.sum() / 12, rel=1e-2)
-
-
-def test_shares_are_shares(found: sobol.Global) -> None:
-    """First-order indices sum to no more than one, and no total is below its first order, both within confidence.
-
-    Torque and breakaway get all samples, the loops as many as they can afford: a power of two each, times p + 2.
-    """
-    assert [own.samples for own in found.outputs] == [1024, 1024, 32]
-    assert [own.evaluations for own in found.outputs] == [5120, 5120, 160]
-    for own in found.outputs:
-        first, total = shares(own)
-        half = np.array([e.first_half for e in own.effects])
-        assert first.sum() <= 1 + np.sqrt(np.sum(half**2))
-        assert (total >= first - half).all()
-        assert (first + half >= 0).all()
-
-
-def test_same_seed_same_result_whatever_the_order(found: sobol.Global) -> None:
-    """A seed fixes samples and bootstrap, zero too, and the order of the box changes nothing; another seed gives other numbers.
-
-    Progress is told before each batch, with one total, from none done to all but one; all is done where it ends.
-    """
+    # the box has the 95 % intervals as they are, cut where they reach what cannot be. Where there is none a diagnostic says so; other
+    # parameters are left out
+    intervals: dict[str, tuple[float, tuple[float, float] | None]] = {
+        "alpha_0+": (0.02, (0.01, 0.03)), "alpha_1+": (0.005, (-0.01, 0.02)), "v_s": (0.07, (-0.1, 0.2)),
+        "sigma_0": (6.0, (3.0, np.inf)), "sigma_1": (0.02, None), "inertia": (0.1, (0.0, 0.2)),
+    }  # fmt: skip  # a table
+    estimates = named({name: Estimate(value=x, unit="-", interval=own) for name, (x, own) in intervals.items()})
+    estimates[parse("alpha_2")] = Estimate(value=None, unit="-")
+    box, said = sobol.box_of(estimates)
+    assert box == named({"alpha_0+": (0.01, 0.03), "alpha_1+": (0.0, 0.02), "v_s": (pytest.approx(0.0007), 0.2)})
+    assert [(d.code, str(d.numbers["name"])) for d in said] == [
+        ("box-cut", "alpha_1+"), ("box-cut", "v_s"), ("box-held", "sigma_0"), ("box-held", "sigma_1"),
+    ]  # fmt: skip  # a table
+    assert said[1].numbers["low"] == box[parse("v_s")][0]
+    assert [str(span.parameter) for span in sobol.ordered(box, GAUSSIAN)] == ["alpha_0+", "alpha_1+", "v_s"]
+    # a seed fixes samples and bootstrap, zero too, and the order of the box changes nothing; another seed gives other numbers. Progress is
+    # told before each batch, with one total, from none done to all but one; all is done where it ends
     told: list[tuple[str, int, int]] = []
     box = dict(reversed(BOX.items()))
     both = Pair(GRIPPER, GRIPPER)
@@ -185,11 +164,61 @@ def test_same_seed_same_result_whatever_the_order(found: sobol.Global) -> None:
     assert functions_of[0] == functions_of[1] != functions_of[2]
 
 
+def test_indices_of_a_joint_and_how_they_are_shown(found: sobol.Global) -> None:
+    """For alpha_0 + alpha_1 of independent uniform parameters S_i = Var_i / sum Var, within 0.01.
+
+    Alpha_2 has nothing of it, and the mean is that of the sum.
+    """
+    own = found.outputs[1]
+    variance = np.array([0.01**2, 0.009**2, 0.0])
+    for index in shares(own):
+        assert index == pytest.approx(variance / variance.sum(), abs=0.01)
+    assert own.mean == pytest.approx(0.02 + 0.0055, rel=1e-4)
+    # first-order indices sum to no more than one, and no total is below its first order, both within confidence. Torque and breakaway get
+    # all samples, the loops as many as they can afford: a power of two each, times p + 2
+    assert [own.samples for own in found.outputs] == [1024, 1024, 32]
+    assert [own.evaluations for own in found.outputs] == [5120, 5120, 160]
+    for own in found.outputs:
+        first, total = shares(own)
+        half = np.array([e.first_half for e in own.effects])
+        assert first.sum() <= 1 + np.sqrt(np.sum(half**2))
+        assert (total >= first - half).all()
+        assert (first + half >= 0).all()
+    # a panel without indices says why, and the legend stands in one that has them
+    bare = replace(found.outputs[0], effects=(), reason=Finding("x", Severity.NOTE, "Nothing is known."))
+    outputs = (bare, *found.outputs[1:])
+    figure = sobol_figure(replace(found, outputs=outputs), "revolute", name="x", simulated=False)
+    assert "Nothing is known." in [text.get_text() for text in figure.axes[0].texts]
+    assert [ax.get_legend() is not None for ax in figure.axes] == [False, True, False]
+    nothing = tuple(replace(output, effects=(), reason=Finding("x", Severity.NOTE, "None.")) for output in outputs)
+    assert render_as(sobol_figure(replace(found, outputs=nothing), "revolute", name="x", simulated=False), "svg")
+    assert replace(found, outputs=nothing).to_frame("revolute").empty
+    # one row for each output and parameter. The sentences name the largest first, what was drawn, the seed, and that it is simulated
+    frame = found.to_frame("revolute")
+    effects = [e for output in found.outputs for e in output.effects]
+    assert frame["total"].tolist() == [e.total for e in effects]
+    assert frame["upper"].tolist() == [0.025, 0.01, 0.05] * 3
+    assert frame["unit"].tolist()[:3] == ["N*m", "N*m", "N*m*s/rad"]
+    said = sobol_sentences(found, "revolute")
+    assert [x.code for x in said] == [*["sobol-indices"] * 3, "drawn-from", "indices-simulated"]
+    assert str(said[1]).startswith("Breakaway torque: total index alpha_0 0.55 ± ")
+    assert "alpha_2" not in str(said[1])
+    assert said[1].numbers["samples"] == 1024
+    assert said[3].numbers["seed"] == 0
+
+
 def test_loops_are_afforded(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the default budget six parameters get 256 samples at the paper's reference; a long run gets the fewest, not none."""
     monkeypatch.undo()
     asked = [(6, 4000), (12, 4000), (6, 10**7), (1, 100)]
     assert [sobol._affordable(parameters, ticks) for parameters, ticks in asked] == [256, 128, 32, 16384]
+    monkeypatch.undo()
+    # a missing SALib is said at once, before anything is simulated, with the command that installs it
+    monkeypatch.setitem(sys.modules, "SALib", None)
+    told: list[object] = []
+    with pytest.raises(ValueError, match=r"pip install 'bristle\[sensitivity\]'"):
+        sobol.global_sensitivity(GRIPPER, BOX, SUBJECT, progress=lambda *x: told.append(x))
+    assert not told
 
 
 def test_rms_torque_explained_by_its_closed_form() -> None:
@@ -204,13 +233,8 @@ def test_rms_torque_explained_by_its_closed_form() -> None:
     exact = np.sqrt(alpha_0**2 + 4 / np.pi * alpha_0 * alpha_2 * V + (alpha_2 * V) ** 2 / 2)
     assert rms_torque(Pair(p, p), 1.0, 0.5) == pytest.approx(exact, rel=3e-4)
     assert rms_torque(Pair(p, p), 1.0, 0.5, samples=2000) == pytest.approx(exact, rel=3e-6)
-
-
-def test_a_narrow_stribeck_peak_is_not_missed() -> None:
-    """A peak that lasts less than a sample is there: nodes lie as close as the smallest v_s asks for.
-
-    The RMS is that of a rollout with a hundred times the samples.
-    """
+    # a peak that lasts less than a sample is there: nodes lie as close as the smallest v_s asks for. The RMS is that of a rollout with a
+    # hundred times the samples
     p, n = Lugre(0.02, 0.2, 0.001, 0.01, 500.0, 0.0), 20_000
     v = 2 * np.pi * 0.5 * np.cos(2 * np.pi * np.arange(2 * n + 1) / n)
     whole = rollout(v, 2 / n, p).torque[-n:]
@@ -253,21 +277,12 @@ def test_the_compensator_keeps_the_nominal_model() -> None:
     case = SUBJECT.case(plant=Pair(p, p), model=Pair(p, p))
     run = simulate(LoopOptions(compensator=SUBJECT.compensator), [case], SUBJECT.sine(2.0, 1.0), SUBJECT.period)
     assert own.mean == pytest.approx(run.rms_error(0.5).item(), rel=1e-4)
-
-
-def test_the_plant_is_drawn() -> None:
-    """A plant with more viscous friction than its model has a larger error.
-
-    Over a box above the model, that explains all of the variance.
-    """
+    # a plant with more viscous friction than its model has a larger error. Over a box above the model, that explains all of the variance
     own = sobol.global_sensitivity(GRIPPER, named({"alpha_2": (0.05, 0.08)}), SUBJECT, samples=32).outputs[2]
     exact = sobol.global_sensitivity(GRIPPER, named({"alpha_2": (0.0394, 0.03941)}), SUBJECT, samples=32).outputs[2]
     assert own.mean > 1.2 * exact.mean
     assert own.effects[0].total == pytest.approx(1.0, abs=0.2)
-
-
-def test_loops_have_settled() -> None:
-    """The error of the period that counts is within 1 % of that four periods later, at corners of a box of 20 %."""
+    # the error of the period that counts is within 1 % of that four periods later, at corners of a box of 20 %
     cases = [
         SUBJECT.case(plant=Pair(*(p._replace(alpha_0=a * p.alpha_0, alpha_2=b * p.alpha_2) for p in PAIR)))
         for a, b in ((0.8, 0.8), (1.2, 0.8), (0.8, 1.2), (1.2, 1.2))
@@ -288,10 +303,7 @@ def test_one_direction_alone_is_drawn() -> None:
     assert sets.negative.alpha_0 == PAIR.negative.alpha_0
     drawn = [float(x[0]) for x in (sets.positive.alpha_0, sets.positive.alpha_1, sets.negative.alpha_1)]
     assert drawn == [0.011, 0.002, 0.002]
-
-
-def test_an_output_that_nothing_changes_has_no_indices() -> None:
-    """sigma_1 has no part in the breakaway torque: None, with the reason, where shares of no variance do not exist."""
+    # sigma_1 has no part in the breakaway torque: None, with the reason, where shares of no variance do not exist
     torque, breakaway, _ = sobol.global_sensitivity(
         GRIPPER, named({"sigma_1": (0.01, 0.02)}), SUBJECT, samples=32
     ).outputs
@@ -299,13 +311,8 @@ def test_an_output_that_nothing_changes_has_no_indices() -> None:
     assert not breakaway.effects
     assert breakaway.reason is not None
     assert breakaway.reason.code == "nothing-changes-it"
-
-
-def test_loops_that_cannot_be_run_say_so() -> None:
-    """A control period that the loop does not bear, a reference beyond it, or a plant with which it diverges, leaves the loop out.
-
-    It has no indices but the reason; the other outputs stand.
-    """
+    # a control period that the loop does not bear, a reference beyond it, or a plant with which it diverges, leaves the loop out. It has no
+    # indices but the reason; the other outputs stand
     braked = replace(SUBJECT, compensator=Compensator(name="lugre-feedback"))
     cases = {
         "shorten the period": (GRIPPER, replace(SUBJECT, period=0.05, frequency=0.2, amplitude=1.0)),
@@ -320,35 +327,6 @@ def test_loops_that_cannot_be_run_say_so() -> None:
         assert all(output.effects for output in others)
     assert loop.reason is not None
     assert (loop.reason.code, loop.reason.numbers) == ("loop-diverges", {"diverged": 160, "drawn": 160})
-
-
-def test_without_salib_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A missing SALib is said at once, before anything is simulated, with the command that installs it."""
-    monkeypatch.setitem(sys.modules, "SALib", None)
-    told: list[object] = []
-    with pytest.raises(ValueError, match=r"pip install 'bristle\[sensitivity\]'"):
-        sobol.global_sensitivity(GRIPPER, BOX, SUBJECT, progress=lambda *x: told.append(x))
-    assert not told
-
-
-def test_the_box_of_a_fit() -> None:
-    """The box has the 95 % intervals as they are, cut where they reach what cannot be.
-
-    Where there is none a diagnostic says so; other parameters are left out.
-    """
-    intervals: dict[str, tuple[float, tuple[float, float] | None]] = {
-        "alpha_0+": (0.02, (0.01, 0.03)), "alpha_1+": (0.005, (-0.01, 0.02)), "v_s": (0.07, (-0.1, 0.2)),
-        "sigma_0": (6.0, (3.0, np.inf)), "sigma_1": (0.02, None), "inertia": (0.1, (0.0, 0.2)),
-    }  # fmt: skip  # a table
-    estimates = named({name: Estimate(value=x, unit="-", interval=own) for name, (x, own) in intervals.items()})
-    estimates[parse("alpha_2")] = Estimate(value=None, unit="-")
-    box, said = sobol.box_of(estimates)
-    assert box == named({"alpha_0+": (0.01, 0.03), "alpha_1+": (0.0, 0.02), "v_s": (pytest.approx(0.0007), 0.2)})
-    assert [(d.code, str(d.numbers["name"])) for d in said] == [
-        ("box-cut", "alpha_1+"), ("box-cut", "v_s"), ("box-held", "sigma_0"), ("box-held", "sigma_1"),
-    ]  # fmt: skip  # a table
-    assert said[1].numbers["low"] == box[parse("v_s")][0]
-    assert [str(span.parameter) for span in sobol.ordered(box, GAUSSIAN)] == ["alpha_0+", "alpha_1+", "v_s"]
 
 
 def bars(ax: Axes) -> list[float]:
@@ -374,33 +352,3 @@ def test_the_figure_shows_the_indices(found: sobol.Global, kind: JointKind) -> N
     assert ("force" in figure.axes[1].texts[0].get_text()) == (kind == "prismatic")
     assert "SIMULATED" in figure.axes[0].get_title(loc="left")
     assert render_as(figure, "png")
-
-
-def test_the_figure_says_what_there_is_not(found: sobol.Global) -> None:
-    """A panel without indices says why, and the legend stands in one that has them."""
-    bare = replace(found.outputs[0], effects=(), reason=Finding("x", Severity.NOTE, "Nothing is known."))
-    outputs = (bare, *found.outputs[1:])
-    figure = sobol_figure(replace(found, outputs=outputs), "revolute", name="x", simulated=False)
-    assert "Nothing is known." in [text.get_text() for text in figure.axes[0].texts]
-    assert [ax.get_legend() is not None for ax in figure.axes] == [False, True, False]
-    nothing = tuple(replace(output, effects=(), reason=Finding("x", Severity.NOTE, "None.")) for output in outputs)
-    assert render_as(sobol_figure(replace(found, outputs=nothing), "revolute", name="x", simulated=False), "svg")
-    assert replace(found, outputs=nothing).to_frame("revolute").empty
-
-
-def test_table_and_sentences_hold_the_same_numbers(found: sobol.Global) -> None:
-    """One row for each output and parameter.
-
-    The sentences name the largest first, what was drawn, the seed, and that it is simulated.
-    """
-    frame = found.to_frame("revolute")
-    effects = [e for output in found.outputs for e in output.effects]
-    assert frame["total"].tolist() == [e.total for e in effects]
-    assert frame["upper"].tolist() == [0.025, 0.01, 0.05] * 3
-    assert frame["unit"].tolist()[:3] == ["N*m", "N*m", "N*m*s/rad"]
-    said = sobol_sentences(found, "revolute")
-    assert [x.code for x in said] == [*["sobol-indices"] * 3, "drawn-from", "indices-simulated"]
-    assert str(said[1]).startswith("Breakaway torque: total index alpha_0 0.55 ± ")
-    assert "alpha_2" not in str(said[1])
-    assert said[1].numbers["samples"] == 1024
-    assert said[3].numbers["seed"] == 0

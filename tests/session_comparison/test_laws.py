@@ -48,16 +48,13 @@ def test_sessions_of_one_law_are_compared_in_all_its_parameters(law: str) -> Non
     assert not any(x.code == "laws-differ" for x in found.warnings)
 
 
-def test_a_change_of_the_laws_own_parameter_is_found() -> None:
+def test_what_is_compared_under_two_laws() -> None:
     """Where alpha_3 alone is another, it changed, by as much."""
     found = compare(session(DRAG), session(DRAG, seed=1, alpha_3=-0.004))
     (change,) = (c for c in found.changes if c.parameter.name == "alpha_3")
     assert change.changed
     assert change.difference == pytest.approx(0.004, rel=0.2)
-
-
-def test_under_two_laws_what_means_the_same_is_compared() -> None:
-    """Breakaway is compared, what each law alone defines is not, and no cause is named; one sentence says so and what to do."""
+    # breakaway is compared, what each law alone defines is not, and no cause is named; one sentence says so and what to do
     found = compare(session("paper", of=DRAG), session(DRAG))
     assert names(found, compared=True) == {"breakaway"}
     assert names(found, compared=False) == {"alpha_0", "alpha_1", "alpha_2", "v_s", "alpha_3"}
@@ -67,17 +64,11 @@ def test_under_two_laws_what_means_the_same_is_compared() -> None:
     (told,) = (x for x in found.warnings if x.code in ("laws-differ", "models-differ"))
     assert told.code == "laws-differ"
     assert f"law: {DRAG}" in str(told)
-
-
-def test_a_joint_that_is_the_same_has_not_changed_under_two_laws() -> None:
-    """One curve under two peaks: nothing changed, though alpha_0 of the one is not alpha_0 of the other."""
+    # one curve under two peaks: nothing changed, though alpha_0 of the one is not alpha_0 of the other
     found = compare(session("paper"), session(EXPONENT, of="paper", seed=1))
     assert names(found, compared=True) == {"breakaway"}
     assert not any(c.changed for c in found.changes)
-
-
-def test_breakaway_is_the_sum_with_the_error_of_a_sum() -> None:
-    """Its variance is that of alpha_0 and alpha_1 with their covariance; a joint that breaks away elsewhere has changed."""
+    # its variance is that of alpha_0 and alpha_1 with their covariance; a joint that breaks away elsewhere has changed
     fit = points("paper").joint.static["both"]
     at = [fit.names.index(name) for name in ("alpha_0", "alpha_1")]
     found = compare(session("paper"), session(EXPONENT, of="paper", seed=1, alpha_1=0.008))
@@ -87,10 +78,7 @@ def test_breakaway_is_the_sum_with_the_error_of_a_sum() -> None:
     assert change.first.standard_error == pytest.approx(np.sqrt(fit.covariance[np.ix_(at, at)].sum()))
     assert change.changed
     assert change.difference == pytest.approx(0.0025, rel=0.2)
-
-
-def test_the_sliding_parameters_are_of_one_law() -> None:
-    """No parameter of the curve means the same in two laws, even of one peak; sigma_0, sigma_1 and the inertia always do."""
+    # no parameter of the curve means the same in two laws, even of one peak; sigma_0, sigma_1 and the inertia always do
     a, b = law_named("lorentzian"), law_named(DRAG)
     assert all(alike(name, a, b) for name in ("sigma_0", "sigma_1", "inertia", "offset"))
     assert not any(alike(name, a, b) for name in ("alpha_0", "alpha_1", "alpha_2", "alpha_3", "v_s"))

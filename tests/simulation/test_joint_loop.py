@@ -1,4 +1,4 @@
-"""From joint and experiment file to what is compensated: what is asked for is taken, what is not is derived and said, what cannot be is refused."""
+"""From joint and file to what is compensated: asked for and taken, or derived and said, or refused; and joints that the covariance allows."""
 
 import re
 from collections.abc import Mapping
@@ -14,9 +14,11 @@ from bristle.control.control_period import LoopOptions
 from bristle.control.pid import Gains
 from bristle.data.experiment.load import load_experiment
 from bristle.identification import known_joint
-from bristle.model.parameters import Motor, Pair
+from bristle.identification.fits import TrackingFit
+from bristle.identification.systematic import shifted
+from bristle.model.parameters import Lugre, Motor, Pair
 from bristle.simulation import edro
-from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper, one_way
+from bristle.simulation.joint_loop import JointLoop, asked_parts, of_experiment, of_paper, one_way
 
 from ..sameness import of_kind
 from .joints import FASTEST, GRIPPER, J, experiment, joint, joint_loop, tracked, unseen, values_of
@@ -35,8 +37,21 @@ def options(given: Mapping[str, str]) -> str:
     return ", ".join(f"{name}: {value}" for name, value in given.items())
 
 
-def test_the_paper_s_joints_are_those_of_table_1() -> None:
-    """Four loops in the order of Table 1: its sets as plant, what was identified as model, the PID of (21), J by (15), and Table 2's start."""
+def test_one_way_has_the_positive_friction_in_both_directions() -> None:
+    """Table 2's joint: plant and model have the (+) set both ways, J that of this set alone, and no uncertainty."""
+    one = one_way(joint_loop(model=Pair(GRIPPER.negative, GRIPPER.negative)))
+    assert one.plant == one.model == Pair(GRIPPER.positive, GRIPPER.positive)
+    assert pytest.approx((0.0184 / 0.2) ** 2 / 6.1843) == one.J
+    assert one.draws == ()
+    # `wrong_start` multiplies the named parameters of both sets by their shares and leaves all others; a case takes what it is given
+    one = joint_loop(start={"alpha_0": 0.3, "v_s": 2.0})
+    for before, after in zip(GRIPPER, one.wrong_start(GRIPPER), strict=True):
+        assert after == before._replace(alpha_0=0.3 * before.alpha_0, v_s=2.0 * before.v_s)
+    other = Pair(GRIPPER.negative, GRIPPER.positive)
+    assert one.case().motor == Motor(1.0, 1.0, 0.0, one.J)
+    assert (one.case(plant=other).plant, one.case(model=other).model) == (other, other)
+    assert one.case(J=2.0).motor.J == 2.0
+    # four loops in the order of Table 1: its sets as plant, what was identified as model, the PID of (21), J by (15), and Table 2's start
     wrong = {name: Pair(*(p._replace(alpha_0=1.1 * p.alpha_0) for p in pair)) for name, pair in edro.TABLE_1.items()}
     found = of_paper([joint(tracked(values_of(pair)), name) for name, pair in wrong.items()])
     assert [one.name for one in found] == list(edro.TABLE_1)
@@ -52,26 +67,7 @@ def test_the_paper_s_joints_are_those_of_table_1() -> None:
         assert one.assumptions
 
 
-def test_one_way_has_the_positive_friction_in_both_directions() -> None:
-    """Table 2's joint: plant and model have the (+) set both ways, J that of this set alone, and no uncertainty."""
-    one = one_way(joint_loop(model=Pair(GRIPPER.negative, GRIPPER.negative)))
-    assert one.plant == one.model == Pair(GRIPPER.positive, GRIPPER.positive)
-    assert pytest.approx((0.0184 / 0.2) ** 2 / 6.1843) == one.J
-    assert one.draws == ()
-
-
-def test_a_wrong_start_differs_in_what_it_names_alone() -> None:
-    """`wrong_start` multiplies the named parameters of both sets by their shares and leaves all others; a case takes what it is given."""
-    one = joint_loop(start={"alpha_0": 0.3, "v_s": 2.0})
-    for before, after in zip(GRIPPER, one.wrong_start(GRIPPER), strict=True):
-        assert after == before._replace(alpha_0=0.3 * before.alpha_0, v_s=2.0 * before.v_s)
-    other = Pair(GRIPPER.negative, GRIPPER.positive)
-    assert one.case().motor == Motor(1.0, 1.0, 0.0, one.J)
-    assert (one.case(plant=other).plant, one.case(model=other).model) == (other, other)
-    assert one.case(J=2.0).motor.J == 2.0
-
-
-def test_what_is_asked_for_is_taken(tmp_path: Path) -> None:
+def test_where_the_parts_of_a_loop_come_from(tmp_path: Path) -> None:
     """Every option of `adapt` reaches the loop in SI, and nothing that was given is called an assumption."""
     one = of_experiment(experiment(tmp_path, options(ASKED)), joint())
     assert one.amplitude == pytest.approx(np.deg2rad(20))
@@ -87,6 +83,48 @@ def test_what_is_asked_for_is_taken(tmp_path: Path) -> None:
     assert pytest.approx(J) == one.J
     np.testing.assert_allclose(one.model, GRIPPER)
     assert not of_kind(one.assumptions, "default-pid", "reference-taken", "rates-taken")
+    # with a truth that is whole the plant is the truth; without one, or with part of one, it is the identified model, and that is said
+    true = Pair(GRIPPER.negative, GRIPPER.negative)
+    part = {"both": GRIPPER.negative._replace(sigma_1=float("nan"))}
+    for truth, plant in (
+        ({"both": GRIPPER.negative}, true),
+        (dict(zip("+-", true, strict=True)), true),
+        (part, GRIPPER),
+        ({}, GRIPPER),
+    ):
+        one = of_experiment(experiment(tmp_path), joint(truth=truth))
+        np.testing.assert_allclose(one.plant, plant)
+        assert bool(of_kind(one.assumptions, "plant-is-model")) == (plant is GRIPPER)
+    # what moving runs showed of the inertia comes first, then `inertia`, then `motor.inertia`
+    motor = "motor: {torque_constant: 0.35 N*m/A, inertia: 0.003 kg*m**2}\n"
+    known, nothing = joint(), joint(tracked(values_of(GRIPPER, None)))
+    assert pytest.approx(J) == of_experiment(experiment(tmp_path, "", f"inertia: 0.002 kg*m**2\n{motor}"), known).J
+    assert of_experiment(experiment(tmp_path, "", f"inertia: 0.002 kg*m**2\n{motor}"), nothing).J == 0.002
+    assert of_experiment(experiment(tmp_path, "", motor), nothing).J == 0.003
+    # the refusal names the joint, what is missing, and how to give it or which runs show it
+    for unknown, said in (
+        (
+            joint(tracked(values_of(GRIPPER, None))),
+            "no inertia is known, .*give it as inertia, or a tracking run that shows it$",
+        ),
+        (
+            replace(joint(), tracking=None),
+            r"nothing is known of the friction vs velocity in direction \+; .* tracking run",
+        ),
+    ):
+        with pytest.raises(ValueError, match=f"^wrist: {said}"):
+            of_experiment(experiment(tmp_path), unknown)
+    # one bad option among good ones: a single sentence with the file's name, the key, what was got and what was expected
+    for what, (spoilt, said) in REFUSED.items():
+        with pytest.raises(ValueError, match=said) as refused:
+            of_experiment(experiment(tmp_path, options({**ASKED, **spoilt})), joint())
+        assert str(refused.value).startswith(f"{tmp_path / 'e.yaml'}: "), what
+        assert "\n" not in str(refused.value), what
+    # up to thirty times what was measured is allowed, and said
+    one = of_experiment(experiment(tmp_path, "amplitude: 2 rad, frequency: 1 Hz"), joint())
+    factor = 2 * np.pi * 2 / FASTEST
+    (said,) = of_kind(one.assumptions, "extrapolated")
+    assert said.numbers["ratio"] == pytest.approx(factor)
 
 
 @pytest.mark.parametrize(
@@ -156,46 +194,6 @@ def test_what_the_motion_does_not_show_is_filled_and_said(tmp_path: Path, travel
         assert n.sigma_1 == pytest.approx(0.2 * np.sqrt(inertia * n.sigma_0))
 
 
-def test_a_simulated_joint_is_driven_as_it_truly_is(tmp_path: Path) -> None:
-    """With a truth that is whole the plant is the truth; without one, or with part of one, it is the identified model, and that is said."""
-    true = Pair(GRIPPER.negative, GRIPPER.negative)
-    part = {"both": GRIPPER.negative._replace(sigma_1=float("nan"))}
-    for truth, plant in (
-        ({"both": GRIPPER.negative}, true),
-        (dict(zip("+-", true, strict=True)), true),
-        (part, GRIPPER),
-        ({}, GRIPPER),
-    ):
-        one = of_experiment(experiment(tmp_path), joint(truth=truth))
-        np.testing.assert_allclose(one.plant, plant)
-        assert bool(of_kind(one.assumptions, "plant-is-model")) == (plant is GRIPPER)
-
-
-def test_the_inertia_is_that_of_the_fit_then_the_file_s_then_the_motor_s(tmp_path: Path) -> None:
-    """What moving runs showed of the inertia comes first, then `inertia`, then `motor.inertia`."""
-    motor = "motor: {torque_constant: 0.35 N*m/A, inertia: 0.003 kg*m**2}\n"
-    known, nothing = joint(), joint(tracked(values_of(GRIPPER, None)))
-    assert pytest.approx(J) == of_experiment(experiment(tmp_path, "", f"inertia: 0.002 kg*m**2\n{motor}"), known).J
-    assert of_experiment(experiment(tmp_path, "", f"inertia: 0.002 kg*m**2\n{motor}"), nothing).J == 0.002
-    assert of_experiment(experiment(tmp_path, "", motor), nothing).J == 0.003
-
-
-def test_without_inertia_or_a_whole_model_there_is_no_loop(tmp_path: Path) -> None:
-    """The refusal names the joint, what is missing, and how to give it or which runs show it."""
-    for unknown, said in (
-        (
-            joint(tracked(values_of(GRIPPER, None))),
-            "no inertia is known, .*give it as inertia, or a tracking run that shows it$",
-        ),
-        (
-            replace(joint(), tracking=None),
-            r"nothing is known of the friction vs velocity in direction \+; .* tracking run",
-        ),
-    ):
-        with pytest.raises(ValueError, match=f"^wrist: {said}"):
-            of_experiment(experiment(tmp_path), unknown)
-
-
 REFUSED = {
     "negative rate": ({"gamma": "[-1, 4]"}, r"adapt: gamma: got -1; expected zero or more"),
     "rate that is no number": ({"gamma": "[3, .nan]"}, r"adapt: gamma: got nan"),
@@ -221,24 +219,7 @@ REFUSED = {
 }  # fmt: skip  # a table
 
 
-def test_what_cannot_be_is_refused_in_a_sentence_that_names_the_file(tmp_path: Path) -> None:
-    """One bad option among good ones: a single sentence with the file's name, the key, what was got and what was expected."""
-    for what, (spoilt, said) in REFUSED.items():
-        with pytest.raises(ValueError, match=said) as refused:
-            of_experiment(experiment(tmp_path, options({**ASKED, **spoilt})), joint())
-        assert str(refused.value).startswith(f"{tmp_path / 'e.yaml'}: "), what
-        assert "\n" not in str(refused.value), what
-
-
-def test_a_reference_faster_than_the_data_is_an_extrapolation(tmp_path: Path) -> None:
-    """Up to thirty times what was measured is allowed, and said."""
-    one = of_experiment(experiment(tmp_path, "amplitude: 2 rad, frequency: 1 Hz"), joint())
-    factor = 2 * np.pi * 2 / FASTEST
-    (said,) = of_kind(one.assumptions, "extrapolated")
-    assert said.numbers["ratio"] == pytest.approx(factor)
-
-
-def test_what_is_asked_is_checked_before_anything_is_identified(tmp_path: Path) -> None:
+def test_checks_refusals_and_fixed_inertia(tmp_path: Path) -> None:
     """`asked_parts` needs the file alone, and gives its compensator and its adaptation; rates that are not given are zero."""
     compensator, adaptation = asked_parts(experiment(tmp_path, "law: total, parameters: [sigma_0, v_s, alpha_1]"))
     assert compensator.name == "lugre"
@@ -246,15 +227,17 @@ def test_what_is_asked_is_checked_before_anything_is_identified(tmp_path: Path) 
     with pytest.raises(ValueError, match=r"e\.yaml: adapt: law: got 'exact'"):
         asked_parts(experiment(tmp_path, "law: exact"))
     assert load_experiment(tmp_path / "e.yaml").adapt.law == "exact"
-
-
-def test_the_refusal_of_a_slow_controller_says_the_longest_period(tmp_path: Path) -> None:
-    """The period that the refusal names is itself accepted."""
+    # the period that the refusal names is itself accepted
     with pytest.raises(ValueError, match="expected at most") as refused:
         asked_parts(experiment(tmp_path, "frequency: 3 Hz, period: 50 ms"))
     said = re.search(r"at most (\S+) s", str(refused.value))
     assert said is not None
     asked_parts(experiment(tmp_path, f"frequency: 3 Hz, period: {0.999 * float(said[1])} s"))
+    # where the inertia was given and not fitted, friction alone is drawn
+    fixed = tracked(values_of(GRIPPER, None))
+    one = of_experiment(experiment(tmp_path, "", f"inertia: {J!r} kg*m**2\n"), joint(fixed))
+    assert len(one.draws) == known_joint.DRAWS
+    assert {inertia for _, inertia in one.draws} == {J}
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -274,16 +257,63 @@ def test_derived_rates_are_finite_whatever_adapts(tmp_path: Path, law: str, para
     assert parameters != "alpha_0, alpha_2" or law == "printed" or 0.0 not in one.adaptation.gamma
 
 
-def test_a_fixed_inertia_is_that_of_every_draw(tmp_path: Path) -> None:
-    """Where the inertia was given and not fitted, friction alone is drawn."""
-    fixed = tracked(values_of(GRIPPER, None))
-    one = of_experiment(experiment(tmp_path, "", f"inertia: {J!r} kg*m**2\n"), joint(fixed))
-    assert len(one.draws) == known_joint.DRAWS
-    assert {inertia for _, inertia in one.draws} == {J}
-
-
 @pytest.mark.parametrize("bad", ["gains: {K_p: 0 N*m/rad}", "start: {}"])
 def test_a_loop_without_stiffness_or_start_is_refused(tmp_path: Path, bad: str) -> None:
     """K_p of zero, over which replays and rates are taken, and an empty start, are refused where the file is read."""
     with pytest.raises(ValueError, match=r"adapt\.(gains\.K_p|start): got"):
         experiment(tmp_path, bad)
+
+
+def drawn(folder: Path, fit: TrackingFit) -> JointLoop:
+    """The loop of a joint with that fit."""
+    return of_experiment(experiment(folder), joint(fit))
+
+
+@pytest.mark.parametrize("share", [0.02, 0.5, 3.0])
+def test_draws_are_physical_and_repeat(tmp_path: Path, share: float) -> None:
+    """However large the errors, alpha_0, v_s, sigma_0 and J of every draw are positive, the others not negative; and every run draws the same."""
+    fit = tracked(values_of(GRIPPER), share)
+    first, second = (drawn(tmp_path, fit).draws for _ in range(2))
+    assert first == second
+    assert len(first) == known_joint.DRAWS
+    assert len(set(first)) == len(first)
+    for pair, inertia in first:
+        assert 0 < inertia < np.inf
+        for p in pair:
+            assert min(p.alpha_0, p.v_s, p.sigma_0) > 0
+            assert min(p) >= 0
+            assert np.isfinite(p).all()
+
+
+def test_draws_are_those_of_the_covariance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By constants alone every parameter of a draw has the same factor, the inertia too; without errors of constants there are no such draws."""
+    fit = tracked(values_of(GRIPPER), 1e-9)
+    assert drawn(tmp_path, fit).draws_by_constants == ()
+    moved = {name: shifted(e, {"K": 1e-3 * (e.value or 0.0)}) for name, e in fit.parameters.items()}
+    loop = drawn(tmp_path, replace(fit, parameters=moved))
+    for found in (loop.draws, loop.draws_by_constants):
+        rows = np.array([[*pair.positive, *pair.negative, inertia] for pair, inertia in found])
+        factors = rows / list(values_of(GRIPPER).values())
+        assert np.abs(factors - factors[:, :1]).max() < 1e-5
+        assert np.std(factors[:, 0]) == pytest.approx(1e-3, rel=0.3)
+    # a fit with no covariance, or with one that is not finite, has no draws
+    fit = tracked(values_of(GRIPPER))
+    for other in (replace(fit, names=()), replace(fit, covariance=np.full_like(fit.covariance, np.nan))):
+        assert drawn(tmp_path, other).draws == ()
+    # of a fit with one set for both directions every draw has the same set twice
+    both = {**GRIPPER.positive._asdict(), "inertia": J}
+    for pair, _ in drawn(tmp_path, tracked(both, 0.1)).draws:
+        assert pair.positive == pair.negative != Lugre(*GRIPPER.positive)
+    # over many draws, errors being small, the mean is the fit's value to its own error and the covariance the fit's, correlations included
+    n = 4000
+    monkeypatch.setattr(known_joint, "DRAWS", n)
+    values = values_of(GRIPPER)
+    fit = tracked(values, 0.02)
+    found = drawn(tmp_path, fit).draws
+    rows = np.array([[*pair.positive, *pair.negative, inertia] for pair, inertia in found])
+    errors = np.sqrt(np.diag(fit.covariance))
+    assert rows.shape == (n, 13)
+    assert (np.abs(rows.mean(axis=0) - [*values.values()]) < 5 * errors / np.sqrt(n)).all()
+    np.testing.assert_allclose(
+        np.cov(rows.T) / np.outer(errors, errors), fit.covariance / np.outer(errors, errors), atol=0.1
+    )
