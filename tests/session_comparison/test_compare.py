@@ -425,6 +425,7 @@ def test_what_was_written_is_read_back(sessions: Files, tmp_path: Path) -> None:
         del fit["uncertainty"]
     (tmp_path / "old.json").write_text(json.dumps(whole), encoding="utf-8")
     assert bristle.compare(tmp_path / "old.json", sessions[1]).changes
+    (tmp_path / "old.json").unlink()
     # the same file by any path: exit 2, one sentence and no page. A copy is another file, of the same data: compared, with the warning
     for path in (sessions[0], sessions[0].parent / "." / ".." / sessions[0].parent.name / sessions[0].name):
         ran = run("compare", sessions[0], path, "-o", tmp_path / "out")
