@@ -135,7 +135,7 @@ _REFUSED = [
     (["position[elbow]", "/wrench.wrench.torque.z"], "with no stamp; expected one time for all"),
     (["position[elbow]", "/wrench.time", "header.stamp"], "with the times of /wrench, /joint_states; expected one"),
     (["/load.header.stamp"], "no field 'header' in /load; there are: data, or /load.time, when messages were received"),
-    (["/quiet.data", "position[elbow]", "header.stamp"], "are at other times than those of the time's topic"),
+    (["/quiet.data", "position[elbow]", "header.stamp"], "/quiet: its own time, .*has 0 samples in that of the run"),
     (["x" * 2000], "is not a name"),
 ]  # fmt: skip  # a table
 
@@ -145,7 +145,9 @@ def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
     states = [state(START + k, _NAMES, (1.0, 2.0, 3.0 + k)) for k in range(4)]
     quiet = [number(START - 10**9, 1.0, "/quiet"), number(START - 1, 1.0, "/quiet")]
     bag = write_bag(tmp_path, "mcap", [*states, wrench(START, 1.0), number(START, 1.0), *quiet])
-    assert_refused((partial(_read, bag, *columns), re.escape(says)) for columns, says in _REFUSED)
+    assert_refused(
+        (partial(_read, bag, *columns), re.escape(says).replace(r"\.\*", ".*")) for columns, says in _REFUSED
+    )
     pair = [state(START, "ab", (1, 2)), state(START, "ab", (1, 2), topic="/arm/states")]
     both = write_bag(_made(tmp_path / "both"), "sqlite3", pair)
     assert "only a bag with exactly one of joint states allows" in _refusal(both, "position[a]")

@@ -92,16 +92,34 @@ def picked(source: Any, shape: tuple[int, ...], key: Key, *, rows_last: bool = F
         return np.asarray(source[column], dtype=float).ravel()
 
 
-def between_samples(at: Array, own: Array, values: Array, gap: float) -> Array:
-    """Values, (m,), sampled at rising times `own`, (m,), at other times, (n,), of which some may be nan.
+def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
+    """Values, (m,), sampled at their own times, s, (m,), at other times, s, (n,): linear between samples, nan beyond them and in gaps.
 
-    Linear between samples; nan beyond them, and within an interval that is longer than `gap` median ones.
+    Where the own time is not finite there is no sample; an interval longer than `gap` median ones is a gap. Raises InputError
+    where the own time runs backward, there are fewer than two samples, or none of the times lies between them.
     """
+    good = np.isfinite(own) & np.isfinite(values)
+    own, values = own[good], values[good]
     steps = np.diff(own)
-    after = np.clip(np.searchsorted(own, np.nan_to_num(at, nan=own[0])), 1, own.size - 1)
-    found = np.interp(at, own, values, left=np.nan, right=np.nan)
-    found[(steps[after - 1] > gap * np.median(steps)) & (at != own[after]) & (at != own[after - 1])] = np.nan
-    return found
+    if (steps < 0).any():
+        raise InputError(f"its own time runs backward in {int((steps < 0).sum())} rows; split the log there")
+    once = np.append(True, steps > 0)[: own.size]
+    own, values = own[once], values[once]
+    if own.size < 2:
+        raise InputError(f"{own.size} samples with a time of their own; expected a log with many")
+    steps = np.diff(own)
+    after = np.clip(np.searchsorted(own, np.nan_to_num(time, nan=own[0])), 1, own.size - 1)
+    onto = np.interp(time, own, values, left=np.nan, right=np.nan)
+    onto[(steps[after - 1] > gap * np.median(steps)) & (time != own[after]) & (time != own[after - 1])] = np.nan
+    seen = time[np.isfinite(time)]
+    inside = np.count_nonzero((own >= seen.min()) & (own <= seen.max())) if seen.size else 0
+    if inside < 2 or not np.isfinite(onto).any():  # 2 samples of a signal with a time of its own that lie in a run
+        rest = f"{seen.min():.6g} s to {seen.max():.6g} s" if seen.size else "nowhere"
+        raise InputError(
+            f"its own time, {own[0]:.6g} s to {own[-1]:.6g} s, has {inside} samples in that of the run, {rest}; check the unit of each, and that "
+            "both count since the same instant"
+        )
+    return onto
 
 
 def place_of(key: Key, names: Sequence[str], what: str = "column") -> int:

@@ -9,7 +9,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data import units
-from bristle.data.columns import Key, between_samples
+from bristle.data.columns import Key, brought_to
 from bristle.data.experiment.run_files import RunFiles
 from bristle.data.experiment.signals import Context, Position, Signal, Signals, TimeColumn
 from bristle.data.text_table import RawTable, Reader, naming, read_table
@@ -107,33 +107,6 @@ def _with_signal(
     return replace(
         table, columns={**table.columns, kept: onto}, notes=notes, sha256=digest, units={**table.units, **stated}
     )
-
-
-def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
-    """Values, (m,), sampled at their own times, s, (m,), at other times, s, (n,): linear between samples, nan beyond them and in gaps.
-
-    Where the own time is not finite there is no sample; an interval longer than `gap` median ones is a gap. Raises InputError
-    where the own time runs backward, there are fewer than two samples, or none of the times lies between them.
-    """
-    good = np.isfinite(own) & np.isfinite(values)
-    own, values = own[good], values[good]
-    steps = np.diff(own)
-    if (steps < 0).any():
-        raise InputError(f"its own time runs backward in {int((steps < 0).sum())} rows; split the log there")
-    once = np.append(True, steps > 0)[: own.size]
-    own, values = own[once], values[once]
-    if own.size < 2:
-        raise InputError(f"{own.size} samples with a time of their own; expected a log with many")
-    onto = between_samples(time, own, values, gap)
-    seen = time[np.isfinite(time)]
-    inside = np.count_nonzero((own >= seen.min()) & (own <= seen.max())) if seen.size else 0
-    if inside < 2 or not np.isfinite(onto).any():  # 2 samples of a signal with a time of its own that lie in a run
-        rest = f"{seen.min():.6g} s to {seen.max():.6g} s" if seen.size else "nowhere"
-        raise InputError(
-            f"its own time, {own[0]:.6g} s to {own[-1]:.6g} s, has {inside} samples in that of the run, {rest}; check the unit of each, and that "
-            "both count since the same instant"
-        )
-    return onto
 
 
 def joined(tables: Sequence[RawTable], names: Sequence[str], gap: float) -> RawTable:

@@ -1,44 +1,21 @@
 """Columns of a ROS bag, each at the time stamps of one topic."""
 
-from array import array
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.data.columns import Key, between_samples, bounded
-from bristle.data.ros.messages import NO_STAMP, Decoder, NamedJoint
+from bristle.data.columns import Key, bounded, brought_to
+from bristle.data.ros.messages import NO_STAMP, Messages, NamedJoint, numbers_of, types_of
 from bristle.data.ros.messages import Path as FieldPath
-from bristle.data.ros.storage import digest_of, messages_of, open_bag
+from bristle.data.ros.storage import digest_of, open_bag
 from bristle.data.ros.topics import JOINT_STATE, RECEIVED, STAMP, Target, Topic, columns_of, target_of, topics_of
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.findings import NOTE, Finding
 
-Integers = NDArray[np.int64]
 _GAP = 5  # median intervals: across a longer one nothing is interpolated, as the default of `cleaning.gap` is
-
-
-@dataclass(frozen=True, slots=True)
-class _Messages:
-    """All messages of a topic, in the order in which they were received, ns."""
-
-    topic: str
-    received: Integers
-    values: Mapping[FieldPath, NDArray[Any]]
-    joints: tuple[str, ...]
-
-    def stamps(self, path: FieldPath | None) -> Integers:
-        """Times in ns, `NO_STAMP` where there is none. Raises InputError where all are zero, and so were never set."""
-        stamps: Integers = self.received if path is None else self.values[path]
-        if path is not None and stamps.size and not stamps.any():
-            raise InputError(
-                f"the stamps of {self.topic} are all zero; name the time as {self.topic}.{RECEIVED}, when its messages were received"
-            )
-        return stamps
 
 
 def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tuple[Finding, ...]]:
@@ -68,86 +45,41 @@ def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tu
     # where there are several topics, the stamps at which the messages of each stand: those in its header, if the time is one
     clocks: dict[str, FieldPath | None] = {}
     for name in names if len(names) > 1 else ():
-        header = topics[name].message().fields.get("header")
-        stamped = base.path is not None and "stamp" in getattr(header, "fields", {})
+        types = types_of(topics[name])
+        header = types[topics[name].kind].get("header", ())
+        stamped = base.path is not None and "stamp" in types.get(header[-1] if header else "", ())
         clocks[name] = base.path if name == base.topic else STAMP if stamped else None
 
-    read = dict[str, _Messages]()
+    read = dict[str, Messages]()
     for name in names:
         paths = [*(t.path for t in targets.values() if t.topic == name), clocks.get(name)]
-        read[name] = _read(topics[name], [path for path in paths if path])
+        read[name] = numbers_of(topics[name], [path for path in paths if path])
     bounded(sum(messages.received.size for messages in read.values()) * len(keys))
-    columns = {key: _column(key, target, read, base.topic, clocks) for key, target in targets.items()}
-    return columns, digest_of(bag), tuple(_notes(targets, columns, base, clocks))
+    columns = dict[Key, Array]()
+    for key, target in targets.items():
+        messages = read[target.topic]
+        _refuse_empty(key, target, messages)
+        if target.is_time:
+            stamps = _stamps(target, messages)
+            columns[key] = _seconds(stamps, int(stamps[stamps != NO_STAMP][0]))
+            continue
+        found: Array = messages.values[target.path or STAMP]
+        if target.topic != base.topic:
+            at = _stamps(Target(base.topic, clocks[base.topic]), read[base.topic])
+            own = _stamps(Target(target.topic, clocks[target.topic]), messages)
+            origin, order = int(at.max()), np.argsort(own, kind="stable")
+            try:
+                found = brought_to(_seconds(at, origin), _seconds(own[order], origin), found[order], _GAP)
+            except InputError as error:
+                raise InputError(f"{target.topic}: {error}") from error
+        columns[key] = found
 
-
-def _read(topic: Topic, paths: Sequence[FieldPath]) -> _Messages:
-    """The numbers of a topic at some paths, in the order in which messages were received."""
-    paths, received = list(dict.fromkeys(paths)), array("q")
-    decoder = Decoder(topic.message(), paths, is_cdr=topic.channels[0].encoding == "cdr")
-    for _, time, raw in messages_of(topic.bag, frozenset(channel.number for channel in topic.channels)):
-        received.append(time)
-        bounded(len(received) * (len(paths) + 1))
-        decoder.decode(raw)
-    if not received:
-        raise InputError(f"holds no message of topic {topic.name}; name another")
-    order = np.argsort(received, kind="stable")
-    values = {path: np.array(column)[order] for path, column in zip(paths, decoder.columns, strict=True)}
-    return _Messages(topic.name, np.array(received)[order], values, tuple(decoder.joints))
-
-
-def _column(
-    key: Key, target: Target, read: Mapping[str, _Messages], base: str, clocks: Mapping[str, FieldPath | None]
-) -> Array:
-    """One column: a time in s from the first, or values, interpolated where they are of another topic than the time."""
-    messages, path = read[target.topic], target.path
-    found: NDArray[Any] = messages.received if path is None else messages.values[path]
-    if ((found == NO_STAMP) if target.is_time else np.isnan(found)).all():
-        joint = next((step.name for step in (path.steps if path else ()) if isinstance(step, NamedJoint)), None)
-        if joint is not None and joint not in messages.joints and not joint.isdecimal():
-            raise InputError(
-                f"column {key}: no joint {short(joint)} in {target.topic}; there are: {short_list(messages.joints)}"
-            )
-        raise InputError(
-            f"column {key} is empty in all {found.size} messages of {target.topic}; leave it out, or name what was logged"
-        )
-    if target.is_time:
-        stamps = messages.stamps(target.path)
-        known = stamps != NO_STAMP
-        first = stamps[known][0]
-        return np.where(known, (stamps - first) / 1e9, np.nan)
-    if target.topic == base:
-        return found
-    stamps, at, topic = messages.stamps(clocks[target.topic]), read[base].stamps(clocks[base]), target.topic
-    known = stamps != NO_STAMP
-    order = np.argsort(stamps[known], kind="stable")
-    stamps, values = stamps[known][order], found[known][order]
-    lasts = np.append(np.diff(stamps) > 0, True)  # of those with one stamp the last
-    stamps, values = stamps[lasts], values[lasts]
-    if stamps.size < 2 or at.max() < stamps[0] or at[at != NO_STAMP].min() > stamps[-1]:
-        raise InputError(
-            f"the messages of {topic} are at other times than those of the time's topic; name topics that were logged together"
-        )
-    since = np.where(at == NO_STAMP, np.nan, (at - stamps[0]).astype(float))
-    return between_samples(
-        since, (stamps - stamps[0]).astype(float), values, _GAP
-    )  # nan where there is nothing on both sides
-
-
-def _notes(
-    targets: Mapping[Key, Target],
-    columns: Mapping[Key, Array],
-    base: Target,
-    clocks: Mapping[str, FieldPath | None],
-) -> list[Finding]:
-    """What is said of how times were told, and of topics that were interpolated."""
-    received = [*((t.topic, t.path) for t in targets.values()), *clocks.items()]
-    times, notes = sorted({name for name, path in received if path is None}), list[Finding]()
-    if times:
-        message = f"Times of {', '.join(times)} are those at which messages were received, not those of a header."
+    # what is said of how times were told, and of topics that were interpolated
+    notes, clocked = list[Finding](), [*((t.topic, t.path) for t in targets.values()), *clocks.items()]
+    if received := sorted({name for name, path in clocked if path is None}):
+        message = f"Times of {', '.join(received)} are those at which messages were received, not those of a header."
         notes.append(Finding("time-received", NOTE, message))
-    others = sorted(clocks.keys() - {base.topic})
-    if others:
+    if others := sorted(clocks.keys() - {base.topic}):
         without = np.any([np.isnan(columns[key]) for key, t in targets.items() if t.topic in others], axis=0)
         rows = int(without.sum())
         message = (
@@ -155,7 +87,39 @@ def _notes(
             f"gaps longer than {_GAP} intervals, left empty."
         )
         notes.append(Finding("topics-interpolated", NOTE, message, {"rows": rows}))
-    return notes
+    return columns, digest_of(bag), tuple(notes)
+
+
+def _seconds(stamps: NDArray[np.int64], origin: int) -> Array:
+    """Stamps in ns as s since one of them, nan where there is none."""
+    return np.where(stamps == NO_STAMP, np.nan, (stamps - origin) / 1e9)
+
+
+def _stamps(time: Target, messages: Messages) -> NDArray[np.int64]:
+    """Times in ns, `NO_STAMP` where there is none. Raises InputError where all are zero, and so were never set."""
+    if time.path is None:
+        return messages.received
+    stamps: NDArray[np.int64] = messages.values[time.path]
+    if not stamps.any():
+        raise InputError(
+            f"the stamps of {time.topic} are all zero; name the time as {time.topic}.{RECEIVED}, when its messages were received"
+        )
+    return stamps
+
+
+def _refuse_empty(key: Key, target: Target, messages: Messages) -> None:
+    """Raise InputError where no message has what a column names."""
+    found = messages.received if target.path is None else messages.values[target.path]
+    if not ((found == NO_STAMP) if target.is_time else np.isnan(found)).all():
+        return
+    joint = next((x.name for x in (target.path.steps if target.path else ()) if isinstance(x, NamedJoint)), "")
+    if joint and joint not in messages.joints and not joint.isdecimal():
+        raise InputError(
+            f"column {key}: no joint {short(joint)} in {target.topic}; there are: {short_list(messages.joints)}"
+        )
+    raise InputError(
+        f"column {key} is empty in all {found.size} messages of {target.topic}; leave it out, or name what was logged"
+    )
 
 
 def bag_joints(path: Path, topic: str) -> tuple[str, ...]:
@@ -163,7 +127,7 @@ def bag_joints(path: Path, topic: str) -> tuple[str, ...]:
     return _joints(topics_of(open_bag(path))[topic])
 
 
-def state_topic(topics: Mapping[str, Topic]) -> str:
+def state_topic(topics: dict[str, Topic]) -> str:
     """The topic of the joint states. Raises InputError where there is none, or several."""
     states = [name for name, t in topics.items() if t.kind == JOINT_STATE]
     if len(states) != 1:
@@ -176,8 +140,7 @@ def state_topic(topics: Mapping[str, Topic]) -> str:
 
 
 def _joints(topic: Topic) -> tuple[str, ...]:
-    messages = _read(topic, [FieldPath(("position", NamedJoint("")))])
-    return tuple(check_name(name, "the joint") for name in messages.joints)
+    return tuple(check_name(name, "the joint") for name in numbers_of(topic, []).joints)
 
 
 def bag_columns(path: Path) -> tuple[str, ...]:

@@ -2,41 +2,38 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from keyword import iskeyword
+from typing import Any, NamedTuple
 
-from bristle.data.columns import Key
-from bristle.data.ros.definitions import ArrayField, Field, MessageField, NumberField, TextField, message_of
-from bristle.data.ros.messages import NAMES, NamedJoint, Step
-from bristle.data.ros.messages import Path as FieldPath
-from bristle.data.ros.storage import Bag, Channel, channels_of
+from bristle.data.columns import Key, reading
+from bristle.data.ros.messages import (
+    BASE,
+    MESSAGE,
+    NAMES,
+    NamedJoint,
+    Path,
+    Topic,
+    Types,
+    is_number,
+    is_stamp,
+    types_of,
+)
+from bristle.data.ros.storage import DAMAGED, WHAT, Bag, opened
 from bristle.errors import InputError, check_name, short, short_list
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 RECEIVED = "time"  # in place of a field: when a message was received
-STAMP = FieldPath(("header", "stamp"), is_stamp=True)
+STAMP = Path(("header", "stamp"), is_stamp=True)
 _LONGEST = 1000  # characters of a column's name
 _STEP = re.compile(r"([A-Za-z]\w*)(?:\[([^\[\]]*)\])?(\.|$)")
 _LISTED = 60  # columns of a topic that are listed
-
-
-class Topic(NamedTuple):
-    """A topic: the channels that its messages are in, of one type."""
-
-    name: str
-    kind: str
-    channels: tuple[Channel, ...]
-    bag: Bag
-
-    def message(self) -> MessageField:
-        """The fields of its messages. Raises InputError where they are not known."""
-        return message_of(self.channels[0], self.bag.distribution)
 
 
 class Target(NamedTuple):
     """What a column is: a path in the messages of a topic, or when they were received (None)."""
 
     topic: str
-    path: FieldPath | None
+    path: Path | None
 
     @property
     def is_time(self) -> bool:
@@ -45,16 +42,20 @@ class Target(NamedTuple):
 
 
 def topics_of(bag: Bag) -> dict[str, Topic]:
-    """The topics of a bag by name. Raises InputError where it cannot be read, or a topic has messages of two types."""
+    """The topics of a bag by name; one with messages of several types has none. Raises InputError where it cannot be read."""
     topics: dict[str, Topic] = {}
-    for channel in channels_of(bag):
-        check_name(channel.topic, "the topic")
-        old = topics.get(channel.topic)
-        if old is not None and (old.kind != channel.kind or old.channels[0][3:] != channel[3:]):
-            topics[channel.topic] = old._replace(kind="")
-            continue
-        before = () if old is None else old.channels
-        topics[channel.topic] = Topic(channel.topic, channel.kind, (*before, channel), bag)
+    with opened(bag) as reader, reading(WHAT, DAMAGED):
+        connections = [
+            (c.id, c.topic, c.msgtype, getattr(c.ext, "serialization_format", "ros1"), c.msgdef.data, c.msgdef.format.name == "IDL")
+            for c in reader.connections
+        ]  # fmt: skip  # a record
+    for number, name, kind, *about in connections:
+        check_name(name, "the topic")
+        check_name(kind, f"the type of {short(name)}")
+        own = Topic(name, kind, *about, frozenset([number]), bag)
+        old = topics.get(name, own)
+        alike = old._replace(numbers=own.numbers) == own
+        topics[name] = own._replace(kind=kind if alike else "", numbers=old.numbers | own.numbers)
     return topics
 
 
@@ -76,18 +77,19 @@ def target_of(key: Key, topics: Mapping[str, Topic]) -> Target:
         )
     name = max(fits, key=len) if fits else states[0]
     rest = text.removeprefix("/")[len(name.removeprefix("/")) + 1 :] if fits else text
-    if not topics[name].kind:
+    topic = topics[name]
+    if not topic.kind:
         raise InputError(f"topic {name} has messages of several types; record one, or name another topic")
-    message = topics[name].message()
-    if rest == RECEIVED and RECEIVED not in message.fields:
+    if rest == RECEIVED and RECEIVED not in types_of(topic)[topic.kind]:
         return Target(name, None)
-    return Target(name, _path(rest, key, name, message))
+    return Target(name, _path(rest, key, topic, types_of(topic)))
 
 
-def _path(text: str, key: Key, topic: str, message: MessageField) -> FieldPath:
+def _path(text: str, key: Key, topic: Topic, types: Types) -> Path:
     """The way through a message that a name is, checked against what the message is made of; it ends at a number or at a stamp."""
-    part: Field = message
-    steps, at = list[Step](), 0
+    part: Any = (MESSAGE, topic.kind)
+    steps, at = list[str | int | NamedJoint](), 0
+    named = any(name in types[topic.kind] for name in NAMES)
     while at < len(text):
         match = _STEP.match(text, at)
         if match is None:
@@ -95,57 +97,48 @@ def _path(text: str, key: Key, topic: str, message: MessageField) -> FieldPath:
                 f"column {key}: {short(text[at:])} is not a field; expected names with dots between, as position[elbow]"
             )
         name, element, _ = match.groups()
-        there = part.fields if isinstance(part, MessageField) else {}
+        there = types[part[1]] if part[0] == MESSAGE else {}
         if name not in there:
-            received = f", or {topic}.{RECEIVED}, when messages were received"
+            received = f", or {topic.name}.{RECEIVED}, when messages were received"
             also = received if "header" not in there and name == "header" else ""
-            raise InputError(f"column {key}: no field {short(name)} in {topic}; there are: {short_list(there)}{also}")
-        part = there[name]
-        steps.append(name)
-        if element is not None:
-            part = _element(part, element, key, message, steps)
-        at = match.end()
-    if key.index is not None:
-        part = _element(part, str(key.index), Key(key.column), message, steps)
-        steps[-1] = key.index
-    match part:
-        case MessageField(is_stamp=True):
-            return FieldPath(tuple(steps), is_stamp=True)
-        case NumberField(code=code) if code:
-            return FieldPath(tuple(steps))
-        case MessageField():
-            why = f"is not a number but a message with {short_list(part.fields)}; name one of these"
-        case ArrayField():
-            why = f"is an array; say which element, as {topic}.position[elbow] for a joint, or [0] for the first"
-        case _:
-            why = f"holds {'text' if isinstance(part, TextField) else 'what is not read'}; name a number"
+            raise InputError(
+                f"column {key}: no field {short(name)} in {topic.name}; there are: {short_list(there)}{also}"
+            )
+        part, at = there[name], match.end()
+        steps.append(name + "_" * iskeyword(name))  # as rosbags calls it
+        ends = [] if element is None else [(element, named)]
+        ends += [(str(key.index), False)] if at == len(text) and key.index is not None else []
+        for inner, by_name in ends:
+            if part[0] in (BASE, MESSAGE):
+                raise InputError(f"column {key}: {name} is not an array; leave [{inner[:60]}] out")
+            if not by_name and not (inner.isdecimal() and len(inner) < 10):
+                raise InputError(
+                    f"column {key}: got [{inner[:60]}]; expected a number from 0, for these messages name no joints"
+                )
+            steps.append(NamedJoint(inner) if by_name else int(inner))
+            part = part[1][0]
+    if is_stamp(part) or is_number(part):
+        return Path(tuple(steps), is_stamp=is_stamp(part))
+    if part[0] == MESSAGE:
+        why = f"is not a number but a message with {short_list(types[part[1]])}; name one of these"
+    elif part[0] == BASE:
+        why = "holds text; name a number"
+    else:
+        why = f"is an array; say which element, as {topic.name}.position[elbow] for a joint, or [0] for the first"
     raise InputError(f"column {key} {why}")
-
-
-def _element(part: Field, element: str, key: Key, message: MessageField, steps: list[Step]) -> Field:
-    """What an array holds; its element is added to the steps, by number or by the name of a joint."""
-    if not isinstance(part, ArrayField):
-        raise InputError(f"column {key}: {steps[-1]} is not an array; leave [{element[:60]}] out")
-    named = any(name in message.fields for name in NAMES)
-    if not named and not (element.isdecimal() and len(element) < 10):
-        raise InputError(
-            f"column {key}: got [{element[:60]}]; expected a number from 0, for these messages name no joints"
-        )
-    steps.append(NamedJoint(element) if named else int(element))
-    return part.element
 
 
 def columns_of(topic: Topic, joints: tuple[str, ...]) -> list[str]:
     """Names of the columns that a topic offers: stamps and plain numbers, and of joint states those of each joint."""
-    message = topic.message()
-    fields = list(_leaves(message, topic.name))[:_LISTED]
+    types = types_of(topic)
+
+    def leaves(kind: str, name: str, depth: int = 0) -> Iterator[str]:
+        for field, part in types[kind].items():
+            if is_number(part) or is_stamp(part):
+                yield f"{name}.{field}"
+            elif part[0] == MESSAGE and depth < 3:
+                yield from leaves(part[1], f"{name}.{field}", depth + 1)
+
     states = ("position", "velocity", "effort") if topic.kind == JOINT_STATE else ()
+    fields = list(leaves(topic.kind, topic.name))[:_LISTED]
     return [*fields, *(f"{topic.name}.{name}[{joint}]" for joint in joints for name in states)]
-
-
-def _leaves(part: MessageField, name: str, depth: int = 0) -> Iterator[str]:
-    for field, inside in part.fields.items():
-        if (isinstance(inside, NumberField) and inside.code) or (isinstance(inside, MessageField) and inside.is_stamp):
-            yield f"{name}.{field}"
-        elif isinstance(inside, MessageField) and depth < 3:
-            yield from _leaves(inside, f"{name}.{field}", depth + 1)
