@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from bristle.data.columns import Key
 from bristle.data.experiment.draft import DraftedRun, Told, draft_experiment
 from bristle.data.experiment.load import load_experiment, read_runs
-from bristle.data.ros.read import bag_columns, bag_joints
+from bristle.data.ros.read import bag_columns, joint_states, topics_of
 from bristle.data.ros.storage import open_bag
-from bristle.data.ros.topics import topics_of
 from bristle.data.text_table import RawTable, read_table
 from bristle.errors import InputError
 
@@ -257,7 +256,7 @@ def test_joints_topics_and_columns_are_listed(tmp_path: Path) -> None:
         "/joint_states": "sensor_msgs/msg/JointState",
         "/wrench": "geometry_msgs/msg/WrenchStamped",
     }
-    assert bag_joints(bag, "/joint_states") == ("shoulder", "elbow", "wrist")
+    assert joint_states(bag) == ("/joint_states", ("shoulder", "elbow", "wrist"))
     assert {"/joint_states.header.stamp", "/joint_states.effort[wrist]", "/wrench.wrench.torque.z"} <= set(
         bag_columns(bag)
     )

@@ -18,9 +18,8 @@ from bristle.data.columns import Key
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import COMMANDS, DRIVE, GAINS
-from bristle.data.ros.read import bag_columns, bag_joints, read_bag, state_topic
-from bristle.data.ros.storage import is_bag, open_bag
-from bristle.data.ros.topics import RECEIVED, Topic, target_of, topics_of
+from bristle.data.ros.read import bag_columns, joint_states, read_bag, time_column
+from bristle.data.ros.storage import is_bag
 from bristle.data.text_layout import is_stamp, text_layout
 from bristle.data.text_table import is_text, naming, read_table
 from bristle.data.timestamps import ISO
@@ -347,27 +346,18 @@ _FIRST = ColumnGuess("0", None)
 
 def _bag_guesses(path: Path, told: Mapping[str, str]) -> dict[str, ColumnGuess]:
     """The columns of a bag by signal: the stamps of the topic that was told or, where too little was, the only joint's states."""
-    topics = topics_of(open_bag(path))
-    enough = any(name in told for name in DRIVES) and ("position" in told or "velocity" in told)
-    if enough:
-        first = next(told[name] for name in ("position", "velocity") if name in told)
-        return _bag_time(path, topics[target_of(Key(first), topics).topic])
-    topic = topics[state_topic(topics)]
-    joints = bag_joints(path, topic.name)
+    first = next((told[name] for name in ("position", "velocity") if name in told), None)
+    if first is not None and any(name in told for name in DRIVES):
+        return {"time": ColumnGuess(time_column(path, first), "s")}
+    topic, joints = joint_states(path)
     if len(joints) != 1:
         raise InputError(
             f"has joint states of {len(joints)} joints: {short_list(joints)}; name the columns of one, as in "
-            f"--column position={topic.name}.position[{next(iter(joints), 'JOINT')}] --column torque={topic.name}.effort[...]"
+            f"--column position={topic}.position[{next(iter(joints), 'JOINT')}] --column torque={topic}.effort[...]"
         )
-    fields = {signal: f"{topic.name}.{field}[{joints[0]}]" for signal, field in STATE_FIELDS.items()}
+    fields = {signal: f"{topic}.{field}[{joints[0]}]" for signal, field in STATE_FIELDS.items()}
     there = {signal: ColumnGuess(name, None) for signal, name in fields.items() if is_there(path, name)}
-    return _bag_time(path, topic) | there
-
-
-def _bag_time(path: Path, topic: Topic) -> dict[str, ColumnGuess]:
-    """The stamps of a topic, or when its messages were received, where they have none."""
-    names = (f"{topic.name}.header.stamp", f"{topic.name}.{RECEIVED}")
-    return {"time": ColumnGuess(next((name for name in names if is_there(path, name)), names[1]), "s")}
+    return {"time": ColumnGuess(time_column(path, fields["position"]), "s")} | there
 
 
 def is_there(path: Path, name: str) -> bool:
