@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bristle.data import motion_checks, units
+from bristle.data.columns import ISO
 from bristle.data.encoder import apart, count_mismatch, other_units
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import Context, Signal, Signals
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
 from bristle.data.sampling import DEVIATIONS
-from bristle.data.timestamps import ISO
 from bristle.data.torque_checks import check_torque
 from bristle.errors import InputError
 from bristle.findings import CAUTION, CRITICAL, Finding

@@ -8,14 +8,14 @@ from itertools import pairwise
 import numpy as np
 
 from bristle.arrays import UNWRITTEN, Array, Number
-from bristle.data.constant_velocity.acceptance import Thresholds, reasons, sticks, warnings
+from bristle.data.constant_velocity.acceptance import Thresholds, evidence, reasons, sticks, usual_scale, warnings
 from bristle.data.constant_velocity.changepoints import CandidateSpan, candidates
-from bristle.data.constant_velocity.statistics import evidence, usual_scale
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.findings import NOTE, Finding
 
 __all__ = ["Segment", "Thresholds", "find_segments", "nothing_left"]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Segment:

@@ -14,7 +14,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.binary_tables import names_of
-from bristle.data.columns import Key
+from bristle.data.columns import ISO, Key
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import COMMANDS, DRIVE, GAINS
@@ -22,7 +22,6 @@ from bristle.data.ros.read import bag_columns, joint_states, read_bag, time_colu
 from bristle.data.ros.storage import is_bag
 from bristle.data.text_layout import is_stamp, text_layout
 from bristle.data.text_table import is_text, naming, read_table
-from bristle.data.timestamps import ISO
 from bristle.data.units import factor
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.model.parameters import Kind

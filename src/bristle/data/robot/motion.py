@@ -13,9 +13,8 @@ from bristle.data.cleaning import make_record
 from bristle.data.columns import Key
 from bristle.data.differentiation import estimate_motion
 from bristle.data.experiment.load import Experiment, Run, files_of, read_run, table_of_run
-from bristle.data.experiment.run_files import RunFiles
 from bristle.data.experiment.signals import DRIVE
-from bristle.data.experiment.tables import Source, keys_of
+from bristle.data.experiment.tables import RunFiles, Source, keys_of
 from bristle.data.record import Record
 from bristle.data.robot.rigid_body import RigidBody
 from bristle.data.robot.robot_file import Robot
