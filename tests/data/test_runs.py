@@ -148,7 +148,7 @@ def test_time_is_counted_and_handled_as_declared(tmp_path: Path) -> None:
     assert first_record(tmp_path, cleaning={"gap": 2000}).starts == (0,)
     time[300] = 0.0
     _log(tmp_path, t=time)
-    with pytest.raises(ValueError, match=r"runs backward in 1 row, first at line 302"):
+    with pytest.raises(ValueError, match=r"1 row \(first: line 302\) at which time runs backward"):
         first_record(tmp_path)
     shorter = first_record(tmp_path, cleaning={"backward": "drop"})
     assert shorter.dropped == 2

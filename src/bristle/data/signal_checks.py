@@ -1,7 +1,4 @@
-"""Whether the signals of a record agree with one another, before anything is fitted to them.
-
-Each check is a function of a record that gives a diagnostic, or None. None of them knows a friction law.
-"""
+"""Whether the signals of a record agree with one another, before anything is fitted; no check knows a friction law."""
 
 from collections.abc import Iterable, Mapping
 from contextlib import suppress

@@ -1,7 +1,4 @@
-"""How a text file is laid out, read off its first lines: delimiter, header, names, units, decimal sign, comments.
-
-Above its table a file may say anything, in lines of any width: where the numbers begin is told by the columns that hold numbers further down.
-"""
+"""How a text file is laid out, read off its first lines; above its table it may say anything, in lines of any width."""
 
 import csv
 import re

@@ -1,8 +1,4 @@
-"""Files to columns of numbers: text here, MAT, NPZ and Parquet in `binary_tables`.
-
-How a text file is laid out (delimiter, header, decimal sign, comments) is read off its first lines. Nothing is guessed
-about what a column means; whatever cannot be read as numbers is an error that says where.
-"""
+"""Files to columns of numbers, text here: nothing is guessed about what a column means, and what is no number is an error that says where."""
 
 import hashlib
 import re

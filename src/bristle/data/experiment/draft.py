@@ -1,7 +1,4 @@
-"""A commented experiment file, drafted from logs: signals by the names of the columns, or as they were told.
-
-What was guessed is said; what cannot be guessed, and was not told, is refused with the option that tells it.
-"""
+"""A commented experiment file, drafted from logs: what was guessed is said, what cannot be is refused with the option that tells it."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,8 +1,4 @@
-"""The experiment file: joint, motor, signals, runs; and the runs it names, read.
-
-All quantities are in SI once the file is loaded; m, N and kg stand in for rad, N*m and kg*m**2 where the joint is
-prismatic.
-"""
+"""The experiment file in SI, and the runs it names, read; m, N and kg stand in for rad, N*m and kg*m**2 where the joint is prismatic."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
