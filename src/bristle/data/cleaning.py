@@ -1,7 +1,7 @@
 """From columns as logged to a `Record`: units, bad rows, time stamps, gaps, wrapped positions; each is counted and said."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -38,15 +38,18 @@ class _Rows:
     off_before: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     """How many rows before each one the drive was off in; empty where it never was."""
 
-    def drop(self, bad: NDArray[np.bool_], code: str, why: str, more: str = "", refused: str = "") -> None:
-        """Leave rows out, and say so; raises InputError, with what is wrong and what to do, where they are `refused`."""
+    def drop(self, bad: NDArray[np.bool_], why: Finding, refused: str = "") -> None:
+        """Leave rows out, and say why, in a message that goes on after their number, with the first of them in its braces.
+
+        Raises InputError, with what is wrong and what to do, where they are `refused`.
+        """
         if not bad.any():
             return
         count, first = int(bad.sum()), f"(first: {self.word} {self.number[np.argmax(bad)]})"
         if refused:
             raise InputError(f"{_count(count)} {first} {refused}")
-        severity = NOTE if code == "rows-motor-off" else CAUTION
-        self.notes.append(Finding(code, severity, f"{_count(count)} {why} {first}{more}.", {"rows": count}))
+        message = f"{_count(count)} {why.message.format(first)}."
+        self.notes.append(replace(why, message=message, numbers={"rows": count}))
         self.data = {name: values[~bad] for name, values in self.data.items()}
         self.number = self.number[~bad]
         self.off_before = self.off_before[~bad] if self.off_before.size else self.off_before
@@ -151,18 +154,19 @@ def _drop_bad(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
                 f"{name} holds no finite number in any of {table.rows} rows; name the column that was logged"
             )
         bad |= missing
-    refused = "not finite (inf, nan or empty); correct the log, or declare cleaning: {non_finite: drop}"
     if bad.all() and cleaning.non_finite == "drop":
         raise InputError(f"no row of {table.rows} is finite in every signal; leave out a signal that was not logged")
-    rows.drop(bad, "rows-not-finite", "dropped: inf, nan or empty", refused=refused * (cleaning.non_finite == "refuse"))
+    refused = "not finite (inf, nan or empty); correct the log, or declare cleaning: {non_finite: drop}"
+    why = Finding("rows-not-finite", CAUTION, "dropped: inf, nan or empty {}")
+    rows.drop(bad, why, refused * (cleaning.non_finite == "refuse"))
     off = rows.data.pop("enabled", np.ones(0)) == 0
     if off.any() and off.all():
         raise InputError(
             f"enabled is 0 in all {off.size} rows: the drive was never on; name another column, or leave enabled out"
         )
     rows.off_before = np.cumsum(off) if off.any() else rows.off_before
-    more = ": the drive is off there and the motor open, so its command is not a torque"
-    rows.drop(off, "rows-motor-off", "left out", more)
+    said = "left out {}: the drive is off there and the motor open, so its command is not a torque"
+    rows.drop(off, Finding("rows-motor-off", NOTE, said))
 
 
 def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
@@ -170,14 +174,15 @@ def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
     seen = np.maximum.accumulate(time)
     behind = np.append(False, time[1:] < seen[:-1])[: time.size]
     twice = np.append(False, time[1:] <= seen[:-1])[: time.size] & ~behind
-    for bad, what, key, code, action in (
-        (behind, "time runs backward", "backward", "rows-backward", cleaning.backward),
-        (twice, "a time stamp repeats", "duplicates", "rows-repeated", cleaning.duplicates),
+    runs_back = Finding("rows-backward", CAUTION, "dropped: time runs backward {}")
+    repeats = Finding("rows-repeated", CAUTION, "dropped: a time stamp repeats {}")
+    for bad, left, why, key, action in (
+        (behind, behind, runs_back, "backward", cleaning.backward),
+        (twice, twice[~behind], repeats, "duplicates", cleaning.duplicates),
     ):
-        k = int(np.argmax(bad)) if bad.any() else 0
+        k, what = int(np.argmax(bad)), why.message.removeprefix("dropped: ").removesuffix(" {}")
         refused = f"at which {what} ({seen[k - 1]:.9g} s to {time[k]:.9g} s); split the log, or declare cleaning: {{{key}: drop}}"
-        left = bad if bad is behind else bad[~behind]
-        rows.drop(left, code, f"dropped: {what}", refused=refused * (action == "refuse"))
+        rows.drop(left, why, refused * (action == "refuse"))
 
 
 def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:

@@ -14,7 +14,7 @@ from bristle.data.binary_tables import names_of
 from bristle.data.columns import ISO, Key
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
 from bristle.data.experiment.schema import RunKind
-from bristle.data.experiment.signals import COMMANDS, DRIVE, GAINS
+from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.ros.read import bag_columns, joint_states, read_bag, time_column
 from bristle.data.ros.storage import is_bag
 from bristle.data.text_layout import is_stamp, text_layout
@@ -368,7 +368,7 @@ def is_there(path: Path, name: str) -> bool:
 def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
     """What drives the joint, empty where nothing does: which of torque, current and voltage is taken, or a command.
 
-    Raises InputError where none is known, a voltage has but one of its two constants, or what is told contradicts it.
+    Raises InputError where none is known, or what is told contradicts it; constants that lack are asked for once the draft is loaded.
     """
     driven = [name for name in (*DRIVES, *COMMANDS) if name in told.columns] + [f"--{name}" for name in told.motor]
     if told.coasting and driven:
@@ -385,18 +385,6 @@ def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
         raise InputError(
             f"{log.path}: no column is named as a torque, a current, a voltage or a command; name it, as in --column torque=NAME (of another "
             f"file FILE:NAME) or command=NAME, or say --coasting (there are: {log.there})"
-        )
-    gains = [gain for name, gain in GAINS.items() if name in commands and gain not in told.motor]
-    alone = gains[:1] == ["kp"] and not told.motor and not told.gear and "velocity_command" not in told.columns
-    if drive == "command" and gains and not alone:
-        raise InputError(
-            f"{log.path}: column {short(guesses[commands[0]].column)} is a command, and no torque is logged; the one that the drive makes of it "
-            f"needs its gains at the joint, as in --kp '20 N*m/rad' --kd '1 N*m*s/rad' --torque-limit '23 N*m' (missing: --{gains[0]})"
-        )
-    if drive and drive not in computable:
-        raise InputError(
-            f"{log.path}: column {short(guesses[drive].column)} is a voltage, and the torque from it needs both of the motor's constants as seen "
-            "at the joint, gear included, as in --torque-constant '0.35 N*m/A' --resistance '2.1 ohm'; without either friction is in V"
         )
     of_commands = [name for name in ("held", "fresh", "kp", "kd") if getattr(told, name) is not None]
     if of_commands and drive != "command":

@@ -128,7 +128,7 @@ class Experiment(StrictModel):
         lacks = [x for name, x in GAINS.items() if getattr(signals, name) and not (constants and getattr(constants, x))]
         if lacks and not (alone and lacks == ["kp"]):
             yield (
-                f"the torque that a drive makes of a command needs motor.{lacks[0]}; add it, as in motor: {{kp: 20 N*m/rad, "
+                f"the torque that a drive makes of a command needs motor.{lacks[0]} (--{lacks[0]}); add it, as in motor: {{kp: 20 N*m/rad, "
                 "kd: 1 N*m*s/rad}; of a position command alone, without motor, friction is in rad, as a share of kp"
             )
         if signals.command is not None and signals.position is None:
@@ -144,8 +144,8 @@ class Experiment(StrictModel):
             and not alone
             and (constants is None or k_t is None or (drive == "voltage" and constants.resistance is None))
         ):
-            wanted = "motor.torque_constant" if k_t is None else "motor.resistance"
-            yield f"torque from {drive} needs {wanted}; add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
+            wanted, option = ("torque_constant", "--torque-constant") if k_t is None else ("resistance", "--resistance")
+            yield f"torque from {drive} needs motor.{wanted} ({option}); add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
 
         gear = self.context.gear
         unsaid = [name for name in SIDED if gear and getattr(signals, name) is not None and getattr(gear, name) is None]
