@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 
 MAX_BYTES = 2**29  # largest data file, bytes
-MAX_LINE = 2**20  # longest line of a text file, bytes
 _GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f])\d{3}(\1\d{3})*([.,]\d*)?")
 """A number with its thousands set apart."""
 
@@ -72,7 +71,7 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
                 )
             check_regular(path, name)
             text = is_text(path)
-            digest = _digest(path, text=text)
+            digest = _digest(path)
             if not text and (stamps := next((key for key in keys if key.stamps), None)):
                 raise InputError(
                     f"column {stamps}: unit iso is for text; expected a time in a unit such as s, ms or ns"
@@ -112,22 +111,15 @@ def naming(name: str) -> Iterator[None]:
         raise InputError(f"{name}: {str(error).removeprefix(f'{name}: ')}") from error
 
 
-def _digest(path: Path, *, text: bool) -> str:
-    """SHA-256 of a file, read in pieces; one that is too large, empty, or (as text) binary or one long line is refused."""
+def _digest(path: Path) -> str:
+    """SHA-256 of a file; one that is too large, or empty, is refused."""
     size = path.stat().st_size
     if size > MAX_BYTES:
         raise InputError(f"is {size} bytes long, over the limit of {MAX_BYTES}; cut it into several runs")
-    digest, open_line = hashlib.sha256(), 0
-    with path.open("rb") as file:
-        for piece in iter(lambda: file.read(2**20), b""):
-            digest.update(piece)
-            lines = piece.replace(b"\r", b"\n").split(b"\n") if text else []
-            if text and max(open_line + len(lines[0]), *map(len, lines)) > MAX_LINE:
-                raise InputError(f"has a line longer than {MAX_LINE} bytes; expected one row of numbers per line")
-            open_line = len(lines[-1]) + (open_line if len(lines) == 1 else 0) if text else 0
     if size == 0:
         raise InputError("the file is empty; expected a log with a row per sample")
-    return digest.hexdigest()
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _read_text(path: Path, keys: Sequence[Key], digest: str) -> RawTable:
