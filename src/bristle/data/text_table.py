@@ -132,24 +132,21 @@ def _read_text(path: Path, keys: Sequence[Key], digest: str) -> RawTable:
     with path.open(encoding=layout.encoding, errors="replace") as file:
         for _ in range(layout.skip):  # as lines: a quote in the header opens nothing
             file.readline()
-        with reading("table of numbers", "expected one row of numbers per line"):
-            try:
-                frame = pd.read_csv(
-                    file,
-                    sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
-                    header=None,
-                    names=list(range(layout.width)),
-                    index_col=False,
-                    comment=layout.comment,
-                    decimal=layout.decimal,
-                    dtype=dict.fromkeys((place for key, place in places.items() if key.stamps), str),
-                    skipinitialspace=True,
-                    low_memory=False,
-                )
-            except pd.errors.ParserError as error:
-                raise InputError(
-                    f"its rows differ in width: {error}; expected {layout.width} columns in every row"
-                ) from error
+        with reading(
+            f"table of numbers with {layout.width} columns in every row", "expected one row of numbers per line"
+        ):
+            frame = pd.read_csv(
+                file,
+                sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+                header=None,
+                names=list(range(layout.width)),
+                index_col=False,
+                comment=layout.comment,
+                decimal=layout.decimal,
+                dtype=dict.fromkeys((place for key, place in places.items() if key.stamps), str),
+                skipinitialspace=True,
+                low_memory=False,
+            )
     times = [place for place in places.values() if place % 2 == 0] if layout.blocks else []
     for key, place in places.items():  # channels of a time and a value each have one time
         if len(times) == 1 and place % 2 and place - 1 != times[0] and not frame[place - 1].equals(frame[times[0]]):

@@ -152,7 +152,7 @@ def numbers_of(topic: Topic, paths: Sequence[Path]) -> Messages:
         store.register({kind: ([], list(fields.items())) for kind, fields in types.items()})
         store.get_msgdef(topic.kind)
     decode = store.deserialize_cdr if topic.encoding == "cdr" else store.deserialize_ros1
-    columns = {path: array("q" if path.is_stamp else "d") for path in paths}
+    columns: dict[Path, array[Any]] = {path: array("q" if path.is_stamp else "d") for path in paths}
     names, seen, joints = names_in(types[topic.kind]), list[str](), dict[str, None]()
     asked = {step for path in columns for step in path.steps if isinstance(step, NamedJoint)}
     places = {joint: _place(joint.name, seen) for joint in asked}

@@ -56,14 +56,12 @@ def topics_of(bag: Bag) -> dict[str, Topic]:
     """The topics of a bag by name; one with messages of several types has none. Raises InputError where it cannot be read."""
     topics: dict[str, Topic] = {}
     with opened(bag) as reader, reading(WHAT, DAMAGED):
-        connections = [
-            (c.id, c.topic, c.msgtype, getattr(c.ext, "serialization_format", "ros1"), c.msgdef.data, c.msgdef.format.name == "IDL")
-            for c in reader.connections
-        ]  # fmt: skip  # a record
-    for number, name, kind, *about in connections:
-        check_name(name, "the topic")
-        check_name(kind, f"the type of {short(name)}")
-        own = Topic(name, kind, *about, frozenset([number]), bag)
+        connections = list(reader.connections)
+    for c in connections:
+        name = check_name(c.topic, "the topic")
+        kind = check_name(c.msgtype, f"the type of {short(name)}")
+        encoding, is_idl = getattr(c.ext, "serialization_format", "ros1"), c.msgdef.format.name == "IDL"
+        own = Topic(name, kind, encoding, c.msgdef.data, is_idl, frozenset([c.id]), bag)
         old = topics.get(name, own)
         alike = old._replace(numbers=own.numbers) == own
         topics[name] = own._replace(kind=kind if alike else "", numbers=old.numbers | own.numbers)
