@@ -127,8 +127,12 @@ def test_what_cannot_be_guessed_is_refused(tmp_path: Path) -> None:
     for header, told in says.items():
         assert_refused([(partial(_draft, _csv(tmp_path / "log.csv", header, _T, _Q, _TAU)), told)])
     volts = partial(_draft, _csv(tmp_path / "volts.csv", "t,q,v_in", _T, _Q, _TAU))
-    half = r"is a voltage, .* needs both .* --torque-constant .* --resistance"
-    assert_refused([(partial(volts, torque_constant="1 N*m/A"), half), (partial(volts, resistance="2 ohm"), half)])
+    for given, lacks in (
+        ({"torque_constant": "1 N*m/A"}, r"torque from voltage needs motor\.resistance \(--resistance\)"),
+        ({"resistance": "2 ohm"}, r"motor\.torque_constant: missing; add this key"),
+    ):
+        volts(**given)
+        assert_refused([(partial(_load, tmp_path), lacks)])
     assert "torque: as a voltage, in V, because no torque constant was given" in volts()[1][1]
     _csv(tmp_path / "log.csv", "x1,q,tau", _T, _Q, _TAU)
     _draft(tmp_path / "log.csv", columns={"torque": "tau_2", "time": "x1"})

@@ -92,7 +92,7 @@ _BAD: dict[str, str] = {
     "{signals.torque: null, signals.voltage: {column: 1, unit: V}, motor: {torque_constant: 1 N*m/A}}": r"needs motor\.resistance",
     "signals.current: {column: 1, unit: A}": "signals: got torque and current; expected exactly one",
     "signals.command: {column: 1, unit: rad}": "signals: got torque and command; expected exactly one of .*, or command",
-    "{signals.torque: null, signals.command: {column: 1, unit: rad}, motor: {kd: 1 N*m*s/rad}}": r"needs motor\.kp; add it, .* a share of kp",
+    "{signals.torque: null, signals.command: {column: 1, unit: rad}, motor: {kd: 1 N*m*s/rad}}": r"needs motor\.kp .* a share of kp",
     "{signals.torque: null, signals.command: {column: 1, unit: rad}, signals.velocity_command: {column: 1, unit: rad/s}}": r"needs motor\.kp",
     "gravity: 1 N*m": r"runs\.0: gravity: a known gravity scales a voltage, a current or a command without constants under motor",
     "gravity: {mass: 1 kg, centre: -1 m}": r"gravity\.centre: got '-1 m'; expected greater than 0",

@@ -11,7 +11,7 @@ import numpy as np
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bristle.data.robot.rigid_body import rigid_body
+from bristle.data.robot.motion import rigid_body
 from bristle.data.robot.urdf import MAX_BYTES, MAX_JOINTS, read_urdf
 from bristle.errors import InputError
 

@@ -14,7 +14,7 @@ from bristle.data.experiment.load import experiment_of, read_runs
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.robot.draft import OF_ROBOTS, draft_robot
-from bristle.data.robot.rigid_body import largest_gravity
+from bristle.data.robot.motion import largest_gravity
 from bristle.data.robot.robot_file import robot_of
 from bristle.data.robot.urdf import read_urdf
 from bristle.data.run_kinds import kinds_of, stretches

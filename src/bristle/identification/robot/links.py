@@ -10,7 +10,7 @@ from bristle.arrays import Array
 from bristle.data.bandwidth import decimation
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.data.robot.rigid_body import RigidBody
+from bristle.data.robot.motion import RigidBody
 from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, CRITICAL, Finding
 from bristle.identification.dynamic.fit import fit_tracking
