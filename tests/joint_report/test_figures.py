@@ -141,7 +141,7 @@ def test_a_small_curve_has_its_scales(joint: Joint, slide: Joint) -> None:
 def test_a_stray_has_a_ring_of_its_own(joint: Joint) -> None:
     """Each point that is named as a stray is ringed in both panels, and the legend says so once; without one there is no ring."""
     strays = {
-        d: Stray(file="x.csv", where="line 3", velocity=sign * 0.2, torque=sign * 0.05, deviations=9.0, without={})
+        d: Stray(file="x.csv", where="line 3", velocity=sign * 0.2, torque=sign * 0.05, deviations=9.0)
         for d, sign in (("+", 1.0), ("-", -1.0))
     }
     static = {d: replace(fit, strays=(strays[d],)) for d, fit in joint.static.items()}

@@ -38,7 +38,7 @@ class Results:
 
     joints: tuple[Joint, ...]
     timings: dict[str, float] = field(default_factory=dict, compare=False, repr=False)
-    """Seconds spent, by name; no part of the result."""
+    """Seconds spent, by joint; no part of the result."""
     logs: JointLogs = field(default_factory=JointLogs, compare=False, repr=False)
     """What the joints were identified from, for questions that follow; no part of the result."""
     whole: bool = field(default=True, repr=False)

@@ -131,25 +131,11 @@ class Stray:
     """N*m."""
     deviations: Number
     """Torque less that of the law of the others, in standard deviations of this difference."""
-    without: Mapping[str, Number]
-    """Each parameter fitted without this point alone; empty of more than a thousand points, of which none moves them much."""
 
     @property
     def subject(self) -> tuple[str, ...]:
         """What a warning about it names."""
         return self.file, self.where
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OtherPoints:
-    """The same fit with another choice of points: without the strays, or with them where they are left out."""
-
-    n: int
-    rms: Number
-    """Root mean square residual, N*m."""
-    relative_error: Number
-    """100 * norm(residual) / norm(torque), percent."""
-    parameters: Mapping[str, Estimate]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,12 +187,8 @@ class StaticFit:
     """Each parameter's interval three ways."""
     plain_grid: Mapping[str, Number] = field(default_factory=dict)
     """The parameters at the best value of the paper's plain grid."""
-    without_stick_slip: Mapping[str, Estimate] = field(default_factory=dict)
-    """The parameters fitted without the segments that stick and slip; empty where there are none."""
     strays: tuple[Stray, ...] = ()
     """Points that do not belong to the law of the others, the one that lowers the cost most first."""
-    other_points: OtherPoints | None = None
-    """The fit without them, or with them where they are left out (`fit.stray: drop`); None where there are none."""
     repeats: Mapping[str, RunScatter] = field(default_factory=dict)
     """How the parameters scatter over the runs; empty where there is but one."""
     velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))

@@ -304,8 +304,6 @@ _SUBJECTS = {
     "breakaway": ("breakaway",),
     **{name: ("sigma_0", name) for name in ("printed", "corrected", "edges", "samples")},
     "sigma_1": ("sigma_1",),
-    "without_stick_slip": ("without stick-slip",),
-    "other_points": ("other points",),
     "tracking": ("moving runs",),
     "joint_fit": ("joint fit",),
     "models": ("models",),

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,17 +13,17 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.estimation.autocorrelation import unexplained
 from bristle.estimation.covariance import condition
 from bristle.estimation.score_test import Candidate, Fitted, Score, explained
-from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, unit_of
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, in_units, unit_of
 from bristle.identification.candidates import candidates
-from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
+from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Stray, Uncertainty
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.repeats import clustered, widened
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.solution import StaticSolution, apart, solve_static
-from bristle.identification.static.stray_report import report_strays
+from bristle.identification.static.solution import StaticSolution, beside, solve_static
+from bristle.identification.static.strays import most_strays
 from bristle.identification.static.uncertainty import parts_of_runs, three_ways
 from bristle.identification.systematic import with_systematic
 from bristle.model.parameters import Direction, Kind, ParameterName, of_curve, peak_parameters, static_fields_of, unit
@@ -31,6 +31,7 @@ from bristle.model.parameters import Direction, Kind, ParameterName, of_curve, p
 _ONE_SPEED = 1.25  # times the slowest speed: where the fastest is less, they are one
 _MANY, _MIXED = 10, 0.5
 """Points of a direction whose torque may go with their rows, and the rank correlation of speed and row up to which that is no matter of speed."""
+_LISTED = 50  # points that a warning names; of more it says how many there are
 _LOGARITHMIC = ("v_s",)  # what is compared, and widened, as its logarithm
 
 
@@ -54,14 +55,12 @@ def fit_static(
     kind: Kind,
     where: PointInfo,
     held: Sequence[tuple[str, Regression]] = (),
-    timings: dict[str, float] | None = None,
     runs: Sequence[tuple[str, Regression]] = (),
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
     """Fit one static problem, with a peak in every direction, and everything that the report shows beside the fit.
 
-    Hold-out runs, and runs that can be fitted apart, by name, are posed as the problem is, without its priors; the seconds of the
-    grid and of the full fit are written into `timings`, by name. Returns fits and cross-checks, keyed by direction; a problem of two
-    directions that share regressors also has the fit `shared`.
+    Hold-out runs, and runs that can be fitted apart, by name, are posed as the problem is, without its priors. Returns fits and
+    cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit `shared`.
     """
     v_s_range = default_range(problem.velocity)
     # of a direction that was measured at one speed alone viscous friction is told from Coulomb's by others
@@ -76,17 +75,20 @@ def fit_static(
     too_few = _too_few(problem)
     if too_few:
         return {d: _nothing(d, problem, kind, where, too_few) for d in problem.directions}, {}
-    started = perf_counter()
     core = solve_static(problem, options, kind, v_s_range)
-    solved = perf_counter()
     # the same parameters by other ways, and what is said of the whole
     plain: dict[ParameterName, float] = {}
     if len(core.problem.peaks) == 1 and problem.smooth is None:
         plain = core.problem.named(plain_grid(core.problem, v_s_range)[2])
-    strays, other_points, of_strays = report_strays(core, where.search, options, kind)
+    search, of_strays, strays = where.search, tuple[Finding, ...](), list[Stray]()
+    if search is not None:
+        of_strays = report_strays(core, search, options, kind)
+        for k in () if search.misfit else search.strays:
+            s, off = search.points[k], float(search.deviations[k])
+            strays.append(Stray(file=s.file, where=s.where, velocity=s.velocity, torque=s.torque, deviations=off))
     three = three_ways(core, v_s_range)
     sticks = np.array([s.stick_slip for s in where.segments], dtype=bool)
-    without, of_sticking = _without_sticking(problem, core, options, kind, sticks)
+    of_sticking, of_sticking_alone = _without_sticking(problem, core, options, kind, sticks)
     measured = slice(problem.torque.size - problem.priors)
     residuals = core.solution.residuals[measured]
     in_order = residuals[np.argsort(problem.equation_velocity[measured])] if where.segments else residuals
@@ -94,29 +96,30 @@ def fit_static(
     warnings = (*left, *of_strays, *core.warnings, *of_sticking, *terms_left_out(core, kind, where))
     posed = ((file, replace(p, peaks=core.problem.peaks)) for file, p in held)
     errors = tuple(HoldOut(file=file, relative_error=p.relative_error(core.solution.theta)) for file, p in posed)
-    label, checked_at = _parts(problem)[-1], perf_counter()
     errors_of_grid = {name: e.standard_error for name, e in core.parameters.items()}
     checked = crosscheck(core.problem, core.solution, errors_of_grid, v_s_range)
-    if timings is not None:
-        timings |= {f"grid {label}": solved - started, f"full fit {label}": perf_counter() - checked_at}
     warnings = warnings if checked.agrees else (*warnings, checked.verdict)
     logarithmic, alone = {name for name in core.names if name.name in _LOGARITHMIC}, problem.smooth is None
     scatter = clustered(*parts_of_runs(core, runs), core.parameters, core.freedom, logarithmic, independent=alone)
     one, finished = len(core.problem.directions) == 1, dict[str, StaticFit]()
-    for d in _parts(problem):
+    for d in (parts := _parts(problem)):
+        outcome = core.outcome
+        if d in of_sticking_alone:
+            message = "The Stribeck term depends on points that stick and slip; without them it is not identifiable."
+            outcome = Finding("static-stick-slip", CAUTION, message)
         fit = replace(
-            _static_fit(core, kind, d, where, without, three),
+            _static_fit(core, kind, d, where, three),
+            outcome=outcome,
             warnings=warnings,
             hold_out=errors,
             plain_grid={name.name: x for name, x in plain.items() if one or name.direction is d},
             strays=tuple(x for x in strays if DIRECTIONS.get(d, 0.0) * x.velocity >= 0),
-            other_points=other_points.get(d),
         )
         # as wide as the runs scatter, and then with the systematic errors
         own = {name.name: x for name, x in scatter.items() if one or name.direction is d}
         shifts = {c: {n.name: x for n, x in by.items() if one or n.direction is d} for c, by in core.shifts.items()}
         finished[d] = with_systematic(widened(fit, own, _LOGARITHMIC), shifts)
-    return finished, {label: checked}
+    return finished, {parts[-1]: checked}
 
 
 def estimate_static(
@@ -160,23 +163,107 @@ def _nothing(direction: str, problem: Regression, kind: Kind, where: PointInfo, 
 
 def _without_sticking(
     problem: Regression, core: StaticSolution, options: FitOptions, kind: Kind, sticks: NDArray[np.bool_]
-) -> tuple[Mapping[ParameterName, Estimate], list[Finding]]:
-    """The parameters fitted without the points that stick and slip, a mask, (n,), and what is said of that; nothing where none do."""
+) -> tuple[list[Finding], set[Direction]]:
+    """What is said of the fit without the points that stick and slip, a mask, (n,); and the directions whose Stribeck term rests on them."""
     if not sticks.any():
-        return {}, []
+        return [], set()
     rest = problem.rows(np.logical_not(sticks))
-    sticking, points = int(sticks.sum()), sticks.size
-    message = f"{sticking} of {points} points stick and slip; the fit without them is shown for comparison."
-    said = Finding("stick-slip-points", CAUTION, message, {"sticking": sticking, "points": points})
+    numbers: dict[str, Any] = {"sticking": int(sticks.sum()), "points": sticks.size}
+    message = f"{numbers['sticking']} of {sticks.size} points stick and slip."
     if nothing := _too_few(rest):
-        message = f"Without the points that stick and slip no fit is possible. {nothing.message}"
-        return {}, [said, Finding("nothing-without", CAUTION, message, {"inner": nothing})]
+        message = f"{message} Without them no fit is possible. {nothing.message}"
+        return [Finding("nothing-without", CAUTION, message, {**numbers, "inner": nothing})], set()
     alone = solve_static(rest, options, kind)
-    warnings = [replace(said, effect={"torque": apart(core, alone)})]
+    other = beside(core, alone)
+    message = f"{message} Without: {other.told}"
+    warnings = [Finding("stick-slip-points", CAUTION, message, {**numbers, **other.numbers}, {"torque": other.apart})]
     for inner in alone.warnings:
         message = f"Without the points that stick and slip: {inner.message}"
         warnings.append(Finding("without-stick-slip", NOTE, message, {"inner": inner}))
-    return alone.estimates, warnings
+    return warnings, {*core.problem.peaks} - {*alone.problem.peaks}
+
+
+def report_strays(core: StaticSolution, search: PointSearch, options: FitOptions, kind: Kind) -> tuple[Finding, ...]:
+    """What is said of the points of a solve that do not belong to its law, and the fit without them, or with them where they are left out."""
+    side = search.sides[0] if len(search.sides) == 1 else ""
+    named, resting = _listed(search, search.strays), _listed(search, search.resting)
+    warnings = []
+    if resting:
+        count, points = len(search.resting), "; ".join(resting)
+        message = (
+            f"{_points(count)} below breakaway left out{in_direction(side)}: {points}; the joint does not slide there."
+        )
+        numbers = {"count": count, "direction": side, "points": tuple(in_units(x, {}) for x in resting)}
+        warnings.append(Finding("resting-left-out", NOTE, message, numbers))
+    numbers = {"points": tuple(in_units(x, {}) for x in named)}
+    if search.misfit:
+        most, count = most_strays(search.problem), len(search.points)
+        message = (
+            f"The law does not fit{in_direction(side)}: more than {most} of {count} points would have to be left out, "
+            f"{'; '.join(named)} first. Look at the residuals for what is missing; `exclude` under fit leaves out points that you know "
+            "to be faulty."
+        )
+        numbers |= {"direction": side, "most": most, "count": count}
+        left = core.problem.residuals(core.solution.theta)
+        warnings.append(Finding("misfit", CAUTION, message, numbers, {"torque": float(np.sqrt(np.mean(left**2)))}))
+    if search.misfit or not named:
+        return tuple(warnings)
+    dropped, text = options.drops_strays and bool(search.left_out), core.problem.text
+    second = solve_static(search.problem.rows(search.sliding if dropped else search.kept), options, kind)
+    other = beside(core, second)
+    numbers |= {"count": len(search.strays), **other.numbers}
+    message = f"{_points(len(search.strays))} off the law of the others"
+    if dropped:
+        message = f"{message}, left out: {'; '.join(named)}. With: {other.told} To keep, write `set_up: as-written` under fit."
+        return (*warnings, Finding("strays-left-out", CAUTION, message, numbers))
+    # by more than a standard error, or one of the two is not identified
+    ours, theirs = ({n: e.value for n, e in x.parameters.items() if e.value is not None} for x in (core, second))
+    errors = {n: core.parameters[n].standard_error or 0.0 for n in ours}
+    alike = {n for n in ours.keys() & theirs.keys() if abs(ours[n] - theirs[n]) <= errors[n]}
+    moved = tuple(text(n) for n in dict.fromkeys((*core.parameters, *second.parameters)) if n not in alike)
+    advice = _advice(search, options)
+    message = f"{message}: {'; '.join(named)}. Without: {other.told}"
+    numbers |= {"advice": in_units(advice, {})}
+    if not moved or not search.matter:
+        return (*warnings, Finding("strays", CAUTION, f"{message} {advice}", numbers))
+    message = f"{message} That is more than one standard error of {', '.join(moved)}. {advice}"
+    warning = Finding("strays-matter", CAUTION, message, {**numbers, "moved": moved}, {"torque": other.apart})
+    return (*warnings, warning)
+
+
+def _advice(search: PointSearch, options: FitOptions) -> str:
+    """What to do about strays that are not left out."""
+    if not options.drops_strays:
+        return "To leave out, leave `set_up: as-written` out."
+    speed = np.abs([s.velocity for s in search.points])
+    side = np.sign([s.velocity for s in search.points])
+    own = list(search.strays)
+    others = np.delete(speed, [*own, *search.resting])
+    weaker = all(side[k] * search.deviations[k] < 0 for k in own)
+    if others.size and weaker and speed[own].max() < others.min():
+        slowest = f"{others.min():.3g}{unit_of('velocity')}"
+        return (
+            f"They are the slowest, and have less friction than the law: below {slowest} it falls towards 0, as a regularised "
+            f"law does, or they do not slide. Write `segments: {{minimum_velocity: {slowest}}}` to leave them out."
+        )
+    return "They stay: neighbours, the ends of the range, or more than a tenth of the points are not strays, but show what the law lacks."
+
+
+def _points(count: int) -> str:
+    return f"{count} point{'' if count == 1 else 's'}"
+
+
+def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[str, ...]:
+    """The first points by name, and how many there are beside them."""
+    named, rest = list[str](), len(rows) - _LISTED
+    for k in rows[:_LISTED]:
+        s = search.points[k]
+        file, where = s.subject
+        off = f", {search.deviations[k]:+.0f} standard deviations off" if search.deviations[k] else ""
+        named.append(
+            f"{file} {where} ({s.torque:.4g}{unit_of('torque')} at {s.velocity:.3g}{unit_of('velocity')}{off})"
+        )
+    return (*named, *([f"and {rest} more"] if rest > 0 else []))
 
 
 def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[Finding]:
@@ -235,13 +322,9 @@ def _static_fit(
     kind: Kind,
     part: Direction,
     where: PointInfo,
-    without: Mapping[ParameterName, Estimate],
     three: Mapping[ParameterName, Uncertainty],
 ) -> StaticFit:
-    """The part of a fit that belongs to one direction, to both, or to what two directions share.
-
-    `without` are the parameters without points that stick and slip, `three` their intervals three ways.
-    """
+    """The part of a fit that belongs to one direction, to both, or to what two directions share; `three` are its intervals three ways."""
     problem, theta = core.problem, core.solution.theta
     two, velocity, residuals = len(problem.directions) == 2, problem.equation_velocity, problem.residuals(theta)
     rows = np.ones(residuals.size, dtype=bool)
@@ -275,18 +358,13 @@ def _static_fit(
     keep = [k for k, name in enumerate(core.names) if name in names or name in core.beside]
     torque = problem.friction(theta) if part != "shared" else problem.torque
     norm = float(np.linalg.norm(problem.measured[rows]))
-    outcome, peak = core.outcome, ParameterName("alpha_1", part)
-    if peak in core.parameters and without and peak not in without:
-        message = "The Stribeck term depends on points that stick and slip; without them it is not identifiable."
-        outcome = Finding("static-stick-slip", CAUTION, message)
     return StaticFit(
         direction=part, law=problem.law, parameters={name: parameters[name] for name in order},
         rms=float(np.sqrt(np.mean(residuals[rows] ** 2))) if rows.any() else None,
         relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None, n=int(rows.sum()),
-        outcome=outcome, names=tuple(core.names[k].name for k in keep),
+        outcome=core.outcome, names=tuple(core.names[k].name for k in keep),
         covariance=core.covariance[np.ix_(keep, keep)], degrees_of_freedom=int(core.freedom),
         profile=core.profiles.get(part), uncertainty={name.name: three[name] for name in names},
-        without_stick_slip={n.name: e for n, e in without.items() if not two or n.direction is part},
         velocity=velocity[rows], torque=torque[rows], residuals=residuals[rows],
         segments=tuple(s for s, row in zip(where.segments, rows.tolist(), strict=False) if row),
         time=where.time[rows[: where.time.size]], position=where.position[rows[: where.position.size]],

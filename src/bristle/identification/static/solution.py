@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import compress
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -67,11 +68,31 @@ class StaticSolution:
         return {**all_shifted(self.parameters, self.shifts), **self.beside}
 
 
-def apart(one: StaticSolution, other: StaticSolution) -> float:
-    """By how much another fit of some of the points differs from one over all of its own, N*m, rms."""
+class OtherPoints(NamedTuple):
+    """A fit of another choice of points, beside one."""
+
+    told: str
+    """Its values with their errors, and what it leaves."""
+    numbers: Mapping[str, float]
+    """Its values, by name."""
+    apart: float
+    """By how much it differs over the points of the other, N*m, rms."""
+
+
+def beside(one: StaticSolution, other: StaticSolution) -> OtherPoints:
+    """Another fit of some of the points, as findings tell of it beside one."""
     posed = replace(one.problem, peaks=other.problem.peaks)
-    off = posed.residuals(other.solution.theta) - one.problem.residuals(one.solution.theta)
-    return float(np.sqrt(np.mean(off**2)))
+    moved = posed.residuals(other.solution.theta) - one.problem.residuals(one.solution.theta)
+    values, numbers = list[str](), dict[str, float]()
+    for name, e in other.parameters.items():
+        if e.value is not None:
+            text = one.problem.text(name)
+            off = f" +/- {e.standard_error:.2g}" if e.standard_error else ""
+            values.append(f"{text} {e.value:.4g}{off}{unit_of(text)}")
+            numbers[text] = e.value
+    error, now = (x.problem.relative_error(x.solution.theta) for x in (other, one))
+    told = f"{', '.join(values)}; relative error {error:.2g} % instead of {now:.2g} %."
+    return OtherPoints(told, numbers, float(np.sqrt(np.mean(moved**2))))
 
 
 def solve_static(
