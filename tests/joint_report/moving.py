@@ -27,7 +27,7 @@ CORRELATED = Finding(
     "correlated", NOTE, "Residuals are correlated (lag one 0.62); standard errors are multiplied by 2.1 for it."
 )
 IPOPT = Finding(
-    "ipopt-agrees",
+    "routes-agree",
     NOTE,
     "Gauss-Newton on the rollout and IPOPT on the full simulation agree: the largest difference is 1e-06 standard errors. "
     "2 of 2 IPOPT starts reached the lowest cost.",

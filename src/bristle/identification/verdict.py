@@ -30,7 +30,7 @@ class Verdict(NamedTuple):
 _BY_WEIGHT = (
     "torque-unsigned unexplained misfit inertia-below-zero velocity-factor velocity-unrelated whole-positions count-unit "
     "count-contradicts effort-far-beyond links-not-removed joint-order gravity-direction links-oppose not-converged "
-    "out-of-steps still-lower full-fit-lower ipopt-lower undercut ipopt-undercuts static-at-edge at-edge flat-profile "
+    "out-of-steps still-lower full-fit-lower undercut ipopt-undercuts static-at-edge at-edge flat-profile "
     "v-s-unknowable static-too-few too-few-points indistinct strays-matter stages-do-not-fit yields not-positive "
     "no-torque-constant acts-early feedback-unknown commands-at-once per-inertia one-speed-only "
     "stick-slip holds-swing position-differs torque-drifts positions-disagree torques-doubted stick-slip-points "
