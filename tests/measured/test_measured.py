@@ -318,7 +318,7 @@ def test_servo_repeats(measured_data: Path, tmp_path: Path) -> None:
         x = fit.repeats[name]
         assert f"{x.before:.2f} -> {x.after:.2f}, {len(x.by_run)} runs" in text
         assert (x.after == 1) == (x.before > x.after)
-        assert ("runs-move" in [w.code for w in e.warnings]) == (x.stretched > 1)
+        assert ("runs-scatter" in [w.code for w in e.warnings]) == (x.stretched > 1)
     sigma_0 = ParameterName.parse("sigma_0-")  # which scatters most, and differs within the runs as well
     assert fit.parameters[sigma_0].value is None or fit.repeats[sigma_0].widened > 1
 

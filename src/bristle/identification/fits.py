@@ -140,7 +140,7 @@ class Stray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunScatter:
-    """One parameter fitted to each of several runs of one kind apart, and how far they scatter beside their errors."""
+    """One parameter of each of several runs of one kind, and how far they scatter beside their errors."""
 
     before: Number
     """Square root of the reduced chi-squared of the runs' estimates, by their own standard errors."""
@@ -151,10 +151,8 @@ class RunScatter:
     stretched: Number
     """The same of its 95 % interval: with Student's t of one degree of freedom less than there are runs."""
     by_run: Mapping[str, Number]
-    """The estimate of each run that shows the parameter, by its file."""
-    clustered: bool = False
-    """Whether no run was fitted apart: `by_run` are then pseudo-values, the estimate moved by as many times what the run does
-    to it as there are runs, and `before` is the error by their scatter over that of the fit."""
+    """By its file, the estimate of each run that shows the parameter. Where none was fitted apart these are pseudo-values, the
+    estimate moved by as many times what the run does to it as there are runs, and `before` is their error over that of the fit."""
 
     @property
     def significant(self) -> bool:

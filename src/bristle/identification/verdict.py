@@ -39,7 +39,7 @@ _BY_WEIGHT = (
     "drift-of-rows drift-over-runs torque-drifts-in-runs friction-by-load clipped lost-samples position-jumps "
     "position-held sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start "
     "rows-not-finite rows-backward rows-repeated points-repeated rows-of-short-segments gaps count-bias counts-bias "
-    "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter runs-move outlier "
+    "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter outlier "
     "stages-differ stage-differs distrust-moving distrust-stage inertia-doubted unseen "
 )
 WEIGHTIEST_FIRST = {code: place for place, code in enumerate(_BY_WEIGHT.split())}
@@ -90,7 +90,7 @@ _CAUSES = {
     "reversals-left", "backlash", "position-jumps", "lost-samples", "clipped", "torque-missing", "torque-saturates",
 }  # fmt: skip  # a list of values
 """Codes that say why a fit leaves what it leaves ..."""
-_WIDENS = {"clipped-left-out", "runs-move", "runs-scatter", "torque-coarse", "torques-doubted"}
+_WIDENS = {"clipped-left-out", "runs-scatter", "torque-coarse", "torques-doubted"}
 """... or why its errors are as large ..."""
 _SIZES = {"unexplained", "misfit"}  # ... and those that say how much
 
