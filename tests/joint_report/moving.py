@@ -17,7 +17,7 @@ VALUES = {f"{name}{d}": value for d, p in TABLE_1.items() for name, value in p._
 """The true parameters by their names in a fit of moving runs."""
 AGREE = Finding("stage-agrees", NOTE, "They agree.")
 DIFFER = Finding(
-    "distrust-stage", CAUTION, "They differ by more than chance; check the static stage first, which is less precise."
+    "stage-differs", CAUTION, "They differ by more than chance; check the static stage first, which is less precise."
 )
 NOT_SHOWN = Finding("stage-unseen", NOTE, "Not identifiable from the tracking runs.")
 UNSEEN = Finding(

@@ -183,10 +183,6 @@ def hardly_seen_findings(
             members = [(solution.names[keep[k]], direction[k]) for k in large]
             if any(name in unseen or not of_friction(name.name) for name, _ in members):
                 warnings.append(hardly_seen(members))
-    for k, name in enumerate(solution.names):
-        if solution.scaled_errors[k] == np.inf and isinstance(name, ParameterName):
-            message = f"{name} is not identifiable: the torque does not depend on it in this motion."
-            warnings.append(Finding("nothing-seen", NOTE, message, {"name": name}))
     return warnings
 
 

@@ -100,12 +100,6 @@ def fit_tracking(
         *physics(problem, solution.values, unseen),
         *not_shown(unseen),
     )
-    if any(w.code == "unseen-bend" for e in unseen.values() for w in e.warnings):
-        message = (
-            "No Stribeck peak is seen at these speeds. Were v_s above them, alpha_0 would contain alpha_1; the friction at these speeds "
-            "stays what it is."
-        )
-        warnings = (*warnings, Finding("only-sum-seen-of-fit", NOTE, message))
     result = TrackingFit(
         law=problem.law,
         parameters={n: estimates[n] for n in order if n in estimates},

@@ -170,17 +170,14 @@ def _without_sticking(
     rest = problem.rows(np.logical_not(sticks))
     numbers: dict[str, Any] = {"sticking": int(sticks.sum()), "points": sticks.size}
     message = f"{numbers['sticking']} of {sticks.size} points stick and slip."
-    if nothing := _too_few(rest):
-        message = f"{message} Without them no fit is possible. {nothing.message}"
-        return [Finding("nothing-without", CAUTION, message, {**numbers, "inner": nothing})], set()
+    if _too_few(rest):
+        message = f"{message} Without them no fit is possible."
+        return [Finding("stick-slip-points", CAUTION, message, numbers)], set()
     alone = solve_static(rest, options, kind)
     other = beside(core, alone)
     message = f"{message} Without: {other.told}"
-    warnings = [Finding("stick-slip-points", CAUTION, message, {**numbers, **other.numbers}, {"torque": other.apart})]
-    for inner in alone.warnings:
-        message = f"Without the points that stick and slip: {inner.message}"
-        warnings.append(Finding("without-stick-slip", NOTE, message, {"inner": inner}))
-    return warnings, {*core.problem.peaks} - {*alone.problem.peaks}
+    said = Finding("stick-slip-points", CAUTION, message, {**numbers, **other.numbers}, {"torque": other.apart})
+    return [said], {*core.problem.peaks} - {*alone.problem.peaks}
 
 
 def report_strays(core: StaticSolution, search: PointSearch, options: FitOptions, kind: Kind) -> tuple[Finding, ...]:
