@@ -136,12 +136,9 @@ def widened(fit: Fitted, scatter: Mapping[Any, RunScatter], logarithmic: Contain
                 three[name] = wider_three(three[name], spread)
     factor = np.array([scatter[name].widened if name in scatter else 1.0 for name in fit.names])
     return replace(
-        fit,
-        parameters=parameters,
-        uncertainty=three,
-        covariance=fit.covariance * np.outer(factor, factor),
+        fit, parameters=parameters, uncertainty=three, covariance=fit.covariance * np.outer(factor, factor),
         repeats=dict(scatter),
-    )
+    )  # fmt: skip  # a list of values
 
 
 Spread = Callable[[Array], Array]
@@ -182,14 +179,10 @@ def wider_estimate(e: Estimate, x: RunScatter, spread: Spread) -> Estimate:
 def wider_three(three: Uncertainty, spread: Spread) -> Uncertainty:
     """The intervals by all ways, each spread alike."""
     return replace(
-        three,
-        covariance=_spread_pair(three.covariance, spread),
-        profile=_spread_pair(three.profile, spread),
-        bootstrap=_spread_pair(three.bootstrap, spread),
-        curve=np.stack([spread(three.curve[0]), three.curve[1]]),
-        draws=spread(three.draws),
-        warnings=_spread_warnings(three.warnings, spread),
-    )
+        three, covariance=_spread_pair(three.covariance, spread), profile=_spread_pair(three.profile, spread),
+        bootstrap=_spread_pair(three.bootstrap, spread), curve=np.stack([spread(three.curve[0]), three.curve[1]]),
+        draws=spread(three.draws), warnings=_spread_warnings(three.warnings, spread),
+    )  # fmt: skip  # a list of values
 
 
 def _spread_pair(ends: tuple[float, float] | None, spread: Spread) -> tuple[float, float] | None:

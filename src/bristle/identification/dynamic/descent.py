@@ -136,14 +136,10 @@ def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
         names=problem.names, logarithmic=logarithmic, scale=scale, lower=lower, upper=upper, least=least
     )
     return LeastSquares(
-        unknowns=unknowns,
-        evaluate=_evaluation(problem, unknowns),
-        blocks=problem.blocks,
-        independent=problem.quantity == "position",
-        starts=problem.starts,
-        priors=sum(len(prior.names) for prior in problem.priors),
-        sigma=problem.sigma,
-    )
+        unknowns=unknowns, evaluate=_evaluation(problem, unknowns), blocks=problem.blocks,
+        independent=problem.quantity == "position", starts=problem.starts,
+        priors=sum(len(prior.names) for prior in problem.priors), sigma=problem.sigma,
+    )  # fmt: skip  # a list of values
 
 
 def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluate:

@@ -119,12 +119,9 @@ def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[Parame
             message = "Not identifiable from this motion: its standard error is more than ten times its value."
             warnings.append(wide(relative) if relative < 10 else Finding("unseen-far", NOTE, message))
         out[name] = Estimate(
-            value=value,
-            unit=unit(bare, kind),
-            standard_error=se if np.isfinite(se) else None,
-            interval=(low, high),
+            value=value, unit=unit(bare, kind), standard_error=se if np.isfinite(se) else None, interval=(low, high),
             warnings=tuple(warnings),
-        )
+        )  # fmt: skip  # a list of values
     return out
 
 

@@ -101,31 +101,18 @@ def fit_tracking(
         *not_shown(unseen),
     )
     result = TrackingFit(
-        law=problem.law,
-        parameters={n: estimates[n] for n in order if n in estimates},
-        rms=float(np.sqrt(np.mean(rows**2))),
-        relative_error=problem.percent(rows),
-        n=rows.size,
-        outcome=outcome,
-        starts=solution.starts,
-        reached=solution.reached,
-        condition=condition(solution.minimum.jacobian[:, seen_parameters(solution)]),
-        warnings=warnings,
+        law=problem.law, parameters={n: estimates[n] for n in order if n in estimates},
+        rms=float(np.sqrt(np.mean(rows**2))), relative_error=problem.percent(rows), n=rows.size, outcome=outcome,
+        starts=solution.starts, reached=solution.reached,
+        condition=condition(solution.minimum.jacobian[:, seen_parameters(solution)]), warnings=warnings,
         hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, solution.values)) for file, p in held),
-        names=free,
-        covariance=solution.covariance[: len(free), : len(free)],
+        names=free, covariance=solution.covariance[: len(free), : len(free)],
         fixed={**problem.fixed, **{name: solution.values[name] for name in unseen if name in solution.values}},
-        time=problem.time,
-        velocity=problem.velocity,
-        measured=problem.measured,
-        quantity=problem.quantity,
-        residuals=rows,
-        friction=friction + rows if friction.size else friction,
-        load=load,
-        starts_of_runs=problem.starts,
-        late=left.late,
+        time=problem.time, velocity=problem.velocity, measured=problem.measured, quantity=problem.quantity,
+        residuals=rows, friction=friction + rows if friction.size else friction, load=load,
+        starts_of_runs=problem.starts, late=left.late,
         windows=len(problem.motions) if problem.quantity == "position" else 0,
-    )
+    )  # fmt: skip  # a list of values
     return DynamicSolution(result, problem, solution.values, solution)
 
 

@@ -142,18 +142,13 @@ def simulation(
             means = sparse.csr_array(((1 / np.bincount(block))[block], (block, np.arange(n))))
             windows.append(
                 Window(
-                    file=record.file,
-                    continues_previous=first > 0,
-                    time=whole.time[samples],
-                    velocity=whole.velocity[samples],
-                    torque=whole.torque[samples],
-                    extra=whole.extra[samples],
+                    file=record.file, continues_previous=first > 0, time=whole.time[samples],
+                    velocity=whole.velocity[samples], torque=whole.torque[samples], extra=whole.extra[samples],
                     shifts={name: shift[samples] for name, shift in whole.shifts.items()},
-                    smooth=None if every == 1 else means,
-                    measured=record.position[part][samples],
+                    smooth=None if every == 1 else means, measured=record.position[part][samples],
                     drive=drive[part][samples],
                 )
-            )
+            )  # fmt: skip  # a list of values
     return replace(
         posed, motions=tuple(windows), quantity="position", initial_states=("y0", "v0", "z0"), equations=plant
     )

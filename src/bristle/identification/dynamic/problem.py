@@ -273,30 +273,24 @@ def dynamic_problem(
             smooth, _ = decimator([np.array([part.stop - part.start])], spacing, record.file, clipped[part])
             motions.append(
                 Motion(
-                    file=record.file,
-                    time=record.time[part] - record.time[0],
-                    velocity=record.velocity[part],
-                    torque=(record.torque if known is None else record.torque - known)[part],
-                    extra=columns[part],
+                    file=record.file, time=record.time[part] - record.time[0], velocity=record.velocity[part],
+                    torque=(record.torque if known is None else record.torque - known)[part], extra=columns[part],
                     smooth=None if smooth.shape == (part.stop - part.start,) * 2 else smooth,
                     measured=record.torque[part],
                     position=np.zeros(0) if record.position is None else record.position[part],
                     shifts={name: shift[part] for name, shift in record.torque_shifts.items()},
                     load=None if load is None else load.at(part),
                 )
-            )
+            )  # fmt: skip  # a list of values
     fastest = dict[ParameterName, float]()
     for d in map(Direction, directions) if law.terms else ():  # up to which speed a law with terms has been measured
         along = (m.velocity * DIRECTIONS[d] if d in DIRECTIONS else np.abs(m.velocity) for m in motions)
         fastest[ParameterName(FASTEST, d)] = max(float(v.max()) for v in along)
     return DynamicProblem(
-        motions=tuple(motions),
-        directions=tuple(map(Direction, directions)),
-        extra_names=tuple(ParameterName(name, Direction.SHARED) for name in names),
-        fixed={**fastest, **(fixed or {})},
-        law=law,
-        given=given_by(records),
-    )
+        motions=tuple(motions), directions=tuple(map(Direction, directions)),
+        extra_names=tuple(ParameterName(name, Direction.SHARED) for name in names), fixed={**fastest, **(fixed or {})},
+        law=law, given=given_by(records),
+    )  # fmt: skip  # a list of values
 
 
 def sets_of(problem: DynamicProblem, values: Values) -> dict[Direction, Lugre[float]]:

@@ -101,13 +101,10 @@ def _three(
         ways = (e.interval, (low, high), bootstrap)
         warnings = (*warnings, *interval_comparison.warnings(e.value, *ways, at_bound=value == 0, few=few))
     return Uncertainty(
-        covariance=e.interval if profile.curve.size else None,
-        profile=(low, high),
-        bootstrap=bootstrap,
+        covariance=e.interval if profile.curve.size else None, profile=(low, high), bootstrap=bootstrap,
         curve=np.stack([moved(profile.curve[0]), profile.curve[1]]),
-        draws=np.zeros(0) if drawn is None else moved(drawn[1][:SHOWN]),
-        warnings=warnings,
-    )
+        draws=np.zeros(0) if drawn is None else moved(drawn[1][:SHOWN]), warnings=warnings,
+    )  # fmt: skip  # a list of values
 
 
 def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tuple[Array, Array]]]:

@@ -108,13 +108,10 @@ def fit_static(
             message = "The Stribeck term depends on points that stick and slip; without them it is not identifiable."
             outcome = Finding("static-stick-slip", CAUTION, message)
         fit = replace(
-            _static_fit(core, kind, d, where, three),
-            outcome=outcome,
-            warnings=warnings,
-            hold_out=errors,
+            _static_fit(core, kind, d, where, three), outcome=outcome, warnings=warnings, hold_out=errors,
             plain_grid={name.name: x for name, x in plain.items() if one or name.direction is d},
             strays=tuple(x for x in strays if DIRECTIONS.get(d, 0.0) * x.velocity >= 0),
-        )
+        )  # fmt: skip  # a list of values
         # as wide as the runs scatter, and then with the systematic errors
         own = {name.name: x for name, x in scatter.items() if one or name.direction is d}
         shifts = {c: {n.name: x for n, x in by.items() if one or n.direction is d} for c, by in core.shifts.items()}
@@ -273,13 +270,10 @@ def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[F
     errors = [((e := core.parameters.get(name)) and e.standard_error) or np.inf for name in names]
     friction = np.array([of_curve(name.name) for name in names], dtype=bool)
     fit = Fitted(
-        problem.jacobian(theta)[measured][order],
-        core.solution.residuals[measured][order],
-        np.array(errors, dtype=np.float64),
-        friction,
-        float(np.sqrt(np.mean(problem.friction(theta)[measured] ** 2))),
+        problem.jacobian(theta)[measured][order], core.solution.residuals[measured][order],
+        np.array(errors, dtype=np.float64), friction, float(np.sqrt(np.mean(problem.friction(theta)[measured] ** 2))),
         widened=False,
-    )
+    )  # fmt: skip  # a list of values
     time, position = (x[order] if x.size == order.size else x for x in (where.time, where.position))
     rows = candidates(velocity[order], time, position, [*(name.name for name in names), *problem.given], kind)
     points = [where.segments[k] for k in order] if where.segments else []
