@@ -31,7 +31,7 @@ from bristle.identification.model_selection import (
 )
 from bristle.identification.model_selection import rank_models as choose
 from bristle.identification.results import Joint, ModelComparison, ModelRow
-from bristle.identification.static.runs import fit_moving
+from bristle.identification.static.fit import fit_moving
 from bristle.model.parameters import Lugre, Pair
 
 from ..names import parse

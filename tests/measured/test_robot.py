@@ -9,7 +9,7 @@ from bristle.data.robot.robot_file import Robot, robot_of
 from bristle.findings import Severity
 from bristle.identification.identify import identify_joint
 from bristle.identification.robot.measured import against_urdf, measure_robot
-from bristle.identification.static.runs import fit_moving
+from bristle.identification.static.fit import fit_moving
 
 NAMES = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint")
 MOST = dict(zip(NAMES, (14, 10, 6, 15, 24, 16), strict=True))

@@ -61,7 +61,7 @@ def asked_joint(known: Known, name: str | None = None) -> AskedJoint:
     """The joint of a name, or the only one. Raises InputError where a file cannot be read, or it is not said which joint is meant."""
     source = read_if_results(known)
     if isinstance(source, Results):
-        joint = source.whole_joint(None if isinstance(known, Fit) else name)
+        joint = source.joint(None if isinstance(known, Fit) else name)
         measured = source.logs.of(joint)
         return AskedJoint(measured.experiment, (measured, joint))
     loaded, _ = opened(source)

@@ -58,9 +58,9 @@ from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, LawComparison, ModelComparison
 from bristle.identification.settings import settings_of
 from bristle.identification.settling import without_settling
+from bristle.identification.static.fit import beside_moving, fit_moving, fit_points, is_superseded
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.runs import beside_moving, fit_moving, fit_points, is_superseded
 from bristle.identification.static.set_up import better_for_motion, better_for_points, directions_of_points
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
