@@ -119,26 +119,6 @@ class HoldOut:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stray:
-    """A velocity-torque point that does not belong to the law of the others."""
-
-    file: str
-    where: str
-    """Its rows, or the line of the file."""
-    velocity: Number
-    """rad/s."""
-    torque: Number
-    """N*m."""
-    deviations: Number
-    """Torque less that of the law of the others, in standard deviations of this difference."""
-
-    @property
-    def subject(self) -> tuple[str, ...]:
-        """What a warning about it names."""
-        return self.file, self.where
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RunScatter:
     """One parameter of each of several runs of one kind, and how far they scatter beside their errors."""
 
@@ -185,7 +165,7 @@ class StaticFit:
     """Each parameter's interval three ways."""
     plain_grid: Mapping[str, Number] = field(default_factory=dict)
     """The parameters at the best value of the paper's plain grid."""
-    strays: tuple[Stray, ...] = ()
+    strays: tuple[Segment, ...] = field(default=(), metadata=UNWRITTEN)
     """Points that do not belong to the law of the others, the one that lowers the cost most first."""
     repeats: Mapping[str, RunScatter] = field(default_factory=dict)
     """How the parameters scatter over the runs; empty where there is but one."""

@@ -19,7 +19,7 @@ from bristle.estimation.covariance import condition
 from bristle.estimation.score_test import Candidate, Fitted, Score, explained
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, in_units, unit_of
 from bristle.identification.candidates import candidates
-from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Stray, TrackingFit, Uncertainty
+from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, TrackingFit, Uncertainty
 from bristle.identification.load_levels import levels_of, settled_weights
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import (
@@ -102,12 +102,9 @@ def fit_static(
     plain: dict[ParameterName, float] = {}
     if len(core.problem.peaks) == 1 and problem.smooth is None:
         plain = core.problem.named(plain_grid(core.problem, v_s_range)[2])
-    search, of_strays, strays = where.search, tuple[Finding, ...](), list[Stray]()
-    if search is not None:
-        of_strays = report_strays(core, search, options, kind)
-        for k in () if search.misfit else search.strays:
-            s, off = search.points[k], float(search.deviations[k])
-            strays.append(Stray(file=s.file, where=s.where, velocity=s.velocity, torque=s.torque, deviations=off))
+    search = where.search
+    of_strays = report_strays(core, search, options, kind) if search else ()
+    strays = [search.points[k] for k in search.strays] if search and not search.misfit else []
     three = three_ways(core, v_s_range)
     sticks = np.array([s.stick_slip for s in where.segments], dtype=bool)
     of_sticking, of_sticking_alone = _without_sticking(problem, core, options, kind, sticks)
