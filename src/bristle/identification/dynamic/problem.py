@@ -43,7 +43,7 @@ Values = Mapping[Any, float]  # of parameters, or of every unknown
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """A segment of a moving run between gaps, of N samples and n equations."""
+    """A segment of a moving run between gaps, or a window of it that is simulated, of N samples and n equations."""
 
     file: str
     time: Array
@@ -61,7 +61,9 @@ class Motion:
     weight: float = 1.0
     """What its residuals are multiplied by in the fit."""
     measured: Array
-    """What is to be explained: the measured torque itself, N*m, (N,)."""
+    """What is to be explained: the measured torque itself, N*m, or position, rad, (N,)."""
+    drive: Array = field(default_factory=lambda: np.zeros(0))
+    """Of a window: voltage, V, or torque, N*m, linear between samples, (N,)."""
     position: Array = field(default_factory=lambda: np.zeros(0))
     """rad, (N,); empty where unknown."""
     coarsening: float = 1.0
