@@ -55,6 +55,8 @@ _EDGE = 0.01  # in log(v_s): this near to the end of its range is at it
 _TRIES = 30  # steps that the start of a held-out window is given
 _BENT = 4.0  # times as large, beyond which the squares that are left without a term show one that bends the whole curve
 _UNEVEN = 1.5  # runs whose residuals differ by less than this factor count alike
+_NOTHING = 100.0  # percent: what no model at all would leave
+_UNSEEN = 1e-2  # a direction whose singular value is this share of the largest is not seen
 
 
 class DynamicSolution(NamedTuple):
@@ -219,10 +221,6 @@ def relative_error(problem: DynamicProblem, values: Values) -> float:
     return problem.percent(rows)
 
 
-_NOTHING = 100.0  # percent: what no model at all would leave
-_UNSEEN = 1e-2  # a direction whose singular value is this share of the largest is not seen
-
-
 def estimates_of(
     problem: DynamicProblem,
     solution: MultistartSolution[Unknown],
@@ -265,9 +263,8 @@ def estimates_of(
     only_sum = Finding("only-sum-seen", NOTE, "Were v_s above these speeds, this would contain alpha_1.")
     estimates = warned(estimates, dict.fromkeys(bent & estimates.keys(), only_sum))
     errors = dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True))
-    for (
-        direction
-    ) in problem.directions:  # without a term that the residuals ask for, and that moves them by more than an error
+    # without a term that the residuals ask for, and that moves them by more than an error
+    for direction in problem.directions:
         without = problem.fixed.get(ParameterName("alpha_1", direction)) == 0
         moved = asked.moved if without and (asked := asked_peak(problem, solution, direction)) else {}
         mine = (ParameterName(name, direction) for name in ("alpha_0", "alpha_2"))
