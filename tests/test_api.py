@@ -132,7 +132,7 @@ def test_results_cannot_be_changed(clean: Results) -> None:
 
 def test_inspect_reads_and_fits_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`inspect` gives runs and segments, frozen too, and never comes near a fit."""
-    monkeypatch.delattr("bristle.identification.static.runs.fit_static")
+    monkeypatch.delattr("bristle.identification.static.fit.fit_static")
     measured = bristle.inspect(write(tmp_path, FEW))
     assert isinstance(measured, Measured)
     assert [segment.velocity for found in measured.segments for segment in found] == FEW.tolist()

@@ -149,7 +149,7 @@ def test_a_joint_of_points_has_no_loop_and_a_bristle_that_is_assumed(hostile: Ex
 
 def test_a_loop_of_ones_own_is_on_the_page(edro: Explored) -> None:
     """Whatever compensator, step and parameters a joint runs with, the script has each of its laws."""
-    joint = edro.results.whole_joint("base rotation")
+    joint = edro.results.joint("base rotation")
     (own,) = of_paper([joint])
     own = replace(
         own,

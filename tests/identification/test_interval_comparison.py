@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation.interval_comparison import FACTOR, warnings
-from bristle.findings import Finding
 from bristle.identification.fits import Uncertainty
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
@@ -69,7 +68,7 @@ FIVE = "5 points for 4 parameters"
     ],
 )
 def test_the_reason_is_the_one_that_applies(
-    profile: tuple[float, float] | None, bootstrap: tuple[float, float], few: Finding | None, reason: str
+    profile: tuple[float, float] | None, bootstrap: tuple[float, float], few: str | None, reason: str
 ) -> None:
     """An open profile, a skewed one, few points, or uneven residuals: each has its own kind, in that order."""
     (warning,) = warnings(10.0, PLAIN, profile, bootstrap, few=few)
@@ -80,9 +79,11 @@ def test_the_reason_is_the_one_that_applies(
     assert ("None" in said) is False
 
 
-def test_at_a_bound_and_alone_nothing_is_said() -> None:
+def test_at_a_bound_and_alone_nothing_parts() -> None:
     """An estimate at its bound has its own sentence, and one interval alone parts from none."""
-    assert warnings(0.0, (0.0, 1.0), (0.0, 9.0), (0.0, 3.0), at_bound=True) == ()
+    (said,) = warnings(0.0, (0.0, 1.0), (0.0, 9.0), (0.0, 3.0), at_bound=True)
+    assert said.code == "intervals-at-bound"
+    assert [w.code for w in warnings(1.0, (0.0, 2.0), None, None, few=FIVE)] == ["no-bootstrap"]
     assert warnings(1.0, (0.0, 2.0), None, None) == ()
     assert warnings(1.0, (1.0, 1.0), (1.0, 1.0 + 1e-12), (1.0, 1.0)) == ()
 

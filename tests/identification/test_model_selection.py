@@ -31,7 +31,7 @@ from bristle.identification.model_selection import (
 )
 from bristle.identification.model_selection import rank_models as choose
 from bristle.identification.results import Joint, ModelComparison, ModelRow
-from bristle.identification.static.runs import fit_moving
+from bristle.identification.static.fit import fit_moving
 from bristle.model.parameters import Lugre, Pair
 
 from ..names import parse
@@ -198,7 +198,7 @@ def on_motion(
     fit = f"directions: {request.param}, decimation: 2"
     experiment = load_experiment(experiment_file(tmp_path_factory.mktemp("moving"), {"t": v, "v": v, "T": v}, fit=fit))
     alone = whole(experiment, records, held, ("+", "-") if request.param == "separate" else ("both",))
-    static = fit_moving(experiment, records, [], None)[0]
+    static = fit_moving(experiment, records, [])[0]
     compared = model_selection.compare_on_motion(experiment, records, held, static, alone)
     assert compared is not None
     return compared, alone

@@ -6,7 +6,6 @@ Static, presliding and moving fits, models.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -59,9 +58,9 @@ from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, LawComparison, ModelComparison
 from bristle.identification.settings import settings_of
 from bristle.identification.settling import without_settling
+from bristle.identification.static.fit import beside_moving, fit_moving, fit_points, is_superseded
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.runs import beside_moving, fit_moving, fit_points, is_superseded
 from bristle.identification.static.set_up import better_for_motion, better_for_points, directions_of_points
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
@@ -83,7 +82,6 @@ _OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
 
 def identify_joint(
     measured: Measured,
-    timings: dict[str, float] | None = None,
     *,
     crosscheck: bool = False,
     uncertainty: bool = False,
@@ -93,14 +91,14 @@ def identify_joint(
 
     Points at constant velocity give the static parameters where there are any, else the moving runs do, with their
     regressors; slow runs give the presliding ones; moving runs give all, alone and with the other stages as priors.
-    Seconds spent are written into `timings` by name; they are no part of the result. With `crosscheck` the fit of the
-    moving runs is solved by CasADi and IPOPT as well, which takes long; with `uncertainty` its parameters get their
-    intervals by profile and bootstrap too, as static and presliding ones always do. `progress` is told of every step.
+    With `crosscheck` the fit of the moving runs is solved by CasADi and IPOPT as well, which takes long; with `uncertainty`
+    its parameters get their intervals by profile and bootstrap too, as static and presliding ones always do. `progress` is
+    told of every step.
 
     Raises InputError where no run can be fitted, saying which threshold ate what.
     """
     asked = measured.experiment.fit.law
-    identified = partial(_identified, timings=timings, asked_law=asked, progress=progress)
+    identified = partial(_identified, asked_law=asked, progress=progress)
     auto = measured.experiment.fit.directions == "auto"
     bic, ended = dict[str, float](), None
     if auto and (points := measured.points(hold_out=False)):
@@ -137,7 +135,7 @@ def identify_joint(
     if joint.tracking is not None and (crosscheck or uncertainty):  # of what was decided, once
         joint = identified(measured, under, near=joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty)
     step(progress, "comparing friction models")
-    models = _models(measured, joint, timings, ended)
+    models = _models(measured, joint, ended)
     other = 0.0
     if {APART, SYMMETRIC} <= bic.keys():
         told["chosen directions"] = _chosen(bic, apart=measured.experiment.fit.directions == "separate")
@@ -362,7 +360,6 @@ def _identified(
     laws: LawComparison | None,
     near: TrackingFit | Values | None = None,
     *,
-    timings: dict[str, float] | None,
     asked_law: str,
     crosscheck: bool = False,
     uncertainty: bool = False,
@@ -375,14 +372,13 @@ def _identified(
     checks: dict[str, Crosscheck] = {}
     step(progress, "fitting friction vs velocity")
     if points:
-        static, checks = fit_points(measured, points, timings)
+        static, checks = fit_points(measured, points)
     elif not training and (not measured.slow or {run.kind for run in measured.runs} & {"ramp", "points"}):
         raise InputError(nothing_to_fit(measured))
     elif training and experiment.fit.predict == "torque":
-        static, checks = fit_moving(experiment, training, measured.moving(hold_out=True), timings)
+        static, checks = fit_moving(experiment, training, measured.moving(hold_out=True))
     if training:
         step(progress, "fitting the moving runs")
-        started = perf_counter()
         stages = fit_with_priors(
             experiment,
             training,
@@ -395,8 +391,6 @@ def _identified(
             uncertainty=uncertainty,
             progress=progress,
         )
-        if timings is not None:
-            timings["moving runs"] = perf_counter() - started
         static = static if points else beside_moving(static, stages.tracking)
         fit = stages.joint_fit or stages.tracking
         J = fit.parameters.get(INERTIA) if fit else None
@@ -472,13 +466,10 @@ def _training(measured: Measured) -> tuple[Record, ...]:
     return training
 
 
-def _models(
-    measured: Measured, joint: Joint, timings: dict[str, float] | None, apart: Values | None
-) -> tuple[ModelComparison, ...]:
+def _models(measured: Measured, joint: Joint, apart: Values | None) -> tuple[ModelComparison, ...]:
     """Friction models side by side, on the points and on the moving runs, where LuGre of each direction ended at `apart`."""
     points, static, alone = measured.points(hold_out=False), joint.static, joint.tracking
-    experiment, started = measured.experiment, perf_counter()
-    comparisons: list[ModelComparison | None] = []
+    experiment, comparisons = measured.experiment, list[ModelComparison | None]()
     if points:
         held, law = measured.points(hold_out=True), experiment.fit.friction
 
@@ -493,8 +484,6 @@ def _models(
         records, tests = measured.moving(hold_out=False), measured.moving(hold_out=True)
         own = {} if points else {d: fit for d, fit in static.items() if not is_superseded(fit)}
         comparisons.append(compare_on_motion(experiment, records, tests, own, alone, apart))
-    if timings is not None:
-        timings["models"] = perf_counter() - started
     return tuple(x for x in comparisons if x is not None)
 
 

@@ -13,8 +13,8 @@ from bristle.estimation.levels import RARE
 from bristle.findings import CAUTION, NOTE, Finding, unit_of
 from bristle.identification.fits import StaticFit
 from bristle.identification.moving_runs import DIRECTIONS
+from bristle.identification.static.fit import is_superseded
 from bristle.identification.static.points import point_regressors
-from bristle.identification.static.runs import is_superseded
 from bristle.model.parameters import SIGNED, Direction, ParameterName
 
 _LEAST = 0.01  # of alpha_0: a smaller offset is not worth a sentence

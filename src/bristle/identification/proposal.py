@@ -24,7 +24,7 @@ from bristle.identification.measured import measure
 from bristle.identification.moving_runs import DIRECTIONS, moved_in, refuse_opposing_runs, regressor_line
 from bristle.identification.robot.measured import against_urdf
 from bristle.identification.static import set_up
-from bristle.identification.static.runs import refuse_opposing_points
+from bristle.identification.static.fit import refuse_opposing_points
 from bristle.progress import Progress, teller
 
 _MIXED = 0.25  # of a run's motion: more of another experiment is said

@@ -304,8 +304,6 @@ _SUBJECTS = {
     "breakaway": ("breakaway",),
     **{name: ("sigma_0", name) for name in ("printed", "corrected", "edges", "samples")},
     "sigma_1": ("sigma_1",),
-    "without_stick_slip": ("without stick-slip",),
-    "other_points": ("other points",),
     "tracking": ("moving runs",),
     "joint_fit": ("joint fit",),
     "models": ("models",),
@@ -333,15 +331,14 @@ class WrittenExperiment:
 class Document:
     """What bristle identified. A bound that is open is "inf" or "-inf"; what these data do not give is null."""
 
-    schema: Literal["bristle-results/3", "bristle-results/2"] = "bristle-results/3"
-    """Of 2, which earlier versions wrote, findings are read as they stood."""
+    schema: Literal["bristle-results/3"] = "bristle-results/3"
     bristle: str
     """Version that wrote it."""
     joints: Mapping[str, Joint]
     experiments: tuple[WrittenExperiment, ...] = ()
     """From which the joints were identified, as far as these are files."""
-    samples: Mapping[str, Mapping[str, Any]] | None = None
-    """By joint, and by the way to it, what has an entry per sample; text is the way to what is the same. Of older files null."""
+    samples: Mapping[str, Mapping[str, Any]]
+    """By joint, and by the way to it, what has an entry per sample; text is the way to what is the same."""
 
 
 @cache

@@ -1,9 +1,13 @@
 """Findings that fits of points and of motion have in common, and the codes by which a motion refuses a parameter."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
-from bristle.findings import CAUTION, NOTE, Finding, in_direction, unit_of
-from bristle.model.parameters import Lugre
+import numpy as np
+
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
+from bristle.identification.fits import Crosscheck
+from bristle.model.parameters import Lugre, ParameterName
 
 UNRESOLVED = frozenset({
     "unseen-unconverged", "unseen-below-count", "unseen-no-reversal", "unseen-fast", "unseen-halves",
@@ -49,3 +53,41 @@ def not_shown(names: Iterable[object]) -> tuple[Finding, ...]:
     unseen = tuple(map(str, names))
     message = f"Not identifiable from this motion: {', '.join(unseen)}."
     return (Finding("unseen", NOTE, message, {"names": unseen}),) if unseen else ()
+
+
+def crosschecked(
+    first: str,
+    values: Mapping[ParameterName, float],
+    cost: float,
+    errors: Mapping[ParameterName, float | None],
+    minima: Sequence[Mapping[Any, float]],
+    costs: Sequence[float],
+    same: float,
+) -> Crosscheck:
+    """The ends of the full nonlinear fit beside the answer of the `first` route, its cost and its standard errors, by name.
+
+    `costs` at the `minima` are by the first's own reckoning; those that differ by less than `same` are the same.
+    """
+    full, starts = min(costs), len(costs)
+    found, reached = minima[costs.index(full)], sum(one <= full + same for one in costs)
+    known = {name: error for name, error in errors.items() if name in found and error and np.isfinite(error)}
+    apart = {name: (found[name] - values[name]) / error for name, error in known.items()}
+    many = f"{reached} of {starts} random starts of the full fit reached its lowest cost."
+    numbers: dict[str, float] = {"full": full, "cost": cost, "reached": reached, "starts": starts}
+    if agrees := abs(full - cost) <= same:
+        worst = max(map(abs, apart.values()), default=0.0)
+        message = f"{first} and full nonlinear fit agree: the largest difference is {worst:.2g} standard errors. {many}"
+        verdict = Finding("routes-agree", NOTE, message, {**numbers, "worst": worst})
+    elif full < cost:
+        message = (
+            f"The full nonlinear fit found a lower cost than this one ({full:.6g} against {cost:.6g}); use neither before the cause "
+            f"is known. {many}"
+        )
+        verdict = Finding("full-fit-lower", CRITICAL, message, numbers)
+    else:
+        message = f"The full nonlinear fit did not reach as low a cost ({full:.6g} against {cost:.6g}), so it confirms nothing. {many}"
+        verdict = Finding("full-fit-higher", NOTE, message, numbers)
+    return Crosscheck(
+        cost_grid=cost, cost_full=full, starts=starts, reached=reached, difference_in_se=apart, verdict=verdict, agrees=agrees,
+        parameters={name: x for name, x in found.items() if name in errors},
+    )  # fmt: skip  # a list of values

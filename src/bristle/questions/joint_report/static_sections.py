@@ -116,11 +116,9 @@ def _grid(joint: Joint, figures: Mapping[str, Drawing]) -> Iterator[Section]:
         yield Section("", figure=profile, form="part")
     frame = tables.comparison([joint])
     if len(frame):
-        with_slip = bool(frame["without_stick_slip"].notna().any())
         far = f"the plain grid is {number(max(shifts), 2)} standard errors off at most" if shifts else "side by side"
         table = Table("comparison", "Ways to fit the same points", part=frame)
-        title = f"Plain grid, refined minimum{', without stick-slip' * with_slip}: {far}"
-        yield Section(title, table=table, form="folded")
+        yield Section(f"Plain grid, refined minimum: {far}", table=table, form="folded")
 
 
 def _crosscheck(joint: Joint) -> Iterator[Section]:

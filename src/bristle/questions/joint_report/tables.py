@@ -70,14 +70,12 @@ def _labels(labels: Any) -> str:
     return ", ".join(f"{name} {value}" for name, value in labels.items())
 
 
-@_table("direction parameter unit plain_grid# refined# standard_error# without_stick_slip# without_standard_error#")
+@_table("direction parameter unit plain_grid# refined# standard_error#")
 def comparison(joint: Joint) -> _Rows:
-    """The paper's plain grid, the refined minimum and the fit without stick-slip points, side by side."""
+    """The paper's plain grid and the refined minimum, side by side."""
     for d, fit in joint.static.items():
         for name, e in fit.parameters.items():
-            other = fit.without_stick_slip.get(name)
-            without = (None, None) if other is None else (other.value, other.standard_error)
-            yield d, name, e.unit, fit.plain_grid.get(name), e.value, e.standard_error, *without
+            yield d, name, e.unit, fit.plain_grid.get(name), e.value, e.standard_error
 
 
 @_table("direction parameter grid# full# difference_in_se#")
