@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from bristle.errors import InputError, check_regular, one_line, read_at_most, short
+from bristle.identification.comparison import ONE
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Document, Joint, adapter, first_reason
@@ -92,7 +93,11 @@ def with_samples(found: Any) -> Any:
 
 
 def _finding(x: dict[str, Any]) -> Any:
-    """What schema 2 calls a diagnostic, as a finding; a part of one, as its text; all else as it is."""
+    """What schema 2 calls a diagnostic, as a finding; a part of one, as its text; a row of models or laws as this version has it; else as it is."""
+    if {"parameters", "bic", "aicc"} <= x.keys():
+        name, directions = x.get("law") or x.get("model"), x.get("directions", ONE)
+        renamed = {"left_out": x.get("hold_out"), "chosen": x.get("recommended")} if "hold_out" in x else {}
+        return {**x, "name": name if directions == ONE else f"{name}, {directions}", **renamed}
     if not {"kind", "text", "numbers"} <= x.keys():
         return x
     if "severity" not in x:

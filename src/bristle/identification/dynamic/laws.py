@@ -6,25 +6,27 @@ equations: the bristle still passes through all samples.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import compress, product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.covariance import covariance, seen
 from bristle.estimation.information import power_of
-from bristle.estimation.nonlinear import Unknowns
+from bristle.estimation.nonlinear import Minimum, Unknowns
+from bristle.identification.comparison import Fitted, LeftOut, Solve, blocks_of_speed
 from bristle.identification.dynamic.descent import solved, with_deflections
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, dynamic_problem, modelled
 from bristle.identification.fits import TrackingFit
 from bristle.identification.load_levels import LINEAR
 from bristle.identification.moving_runs import LEVELS, directions, inertia, regressors
 from bristle.model.laws.parts import Law
+from bristle.model.laws.registry import competing
 from bristle.model.parameters import INERTIA, ParameterName, in_direction
 
 _STEPS = 40  # of each fit, at the most
@@ -40,32 +42,78 @@ _LEAST = 0.05  # of a change of the torque: that much of it is never made by the
 class MovingLaw(NamedTuple):
     """A law fitted to moving runs."""
 
+    name: str
+    """As `fit.law` takes it."""
     law: Law
     problem: DynamicProblem
     values: Mapping[Unknown, float]
-    residuals: Array
-    """Of every equation, N*m, (n,)."""
-    jacobian: Array
-    """Of the residuals with respect to the scaled unknowns, (n, p)."""
+    minimum: Minimum
+    """Over the scaled unknowns."""
     unknowns: Unknowns[Unknown]
-    x: Array
-    """The scaled unknowns, (p,)."""
 
     @property
-    def not_itself(self) -> Array:
+    def effective(self) -> float:
+        """How many equations are independent."""
+        return self.minimum.residuals.size / inflation(self.minimum.residuals)
+
+    def fitted(self, effective: float) -> Fitted:
+        """The same where so many equations are independent; what it predicts of blocks of speed is worked out when it is asked for."""
+        residuals, names = self.minimum.residuals, self.problem.names
+        free = seen(self.minimum.jacobian)
+        freedom = residuals.size / max(effective, 1.0)
+        matrix, own_freedom = covariance(self.minimum.jacobian[:, free], power_of(residuals), freedom)
+        errors = np.sqrt(np.diag(matrix)) * np.abs(self.unknowns.slopes(self.minimum.x)[free])
+        pairs = zip(compress(names, free), errors.tolist(), strict=True)
+        power, itself = power_of(self.problem.measured), float(np.log(self._not_itself()).sum())
+        return Fitted(
+            name=self.name,
+            solves=(Solve(residuals, len(names), effective, power, itself),),
+            candidate=self.law.name in {law.name for law in competing()},
+            predicts=self._left_out,
+            known={n: (self.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)},
+        )
+
+    def _not_itself(self) -> Array:
         """The share of a change of each equation's torque that its own law does not make of it, (n,): one without a load."""
-        free = {n.name: x for n, x in self.values.items() if isinstance(n, ParameterName)}
-        known = {n.name: x for n, x in self.problem.fixed.items()} | free
+        known = {n.name: x for n, x in {**self.problem.fixed, **self.values}.items() if isinstance(n, ParameterName)}
         rows = [
             m.smoothed(np.ones(m.velocity.size) if m.load is None else 1 - np.sign(m.velocity) * m.load.by_motor(known))
             for m in self.problem.motions
         ]
         return np.maximum(np.concatenate(rows), _LEAST)
 
-    @property
-    def effective(self) -> float:
-        """How many equations are independent."""
-        return self.residuals.size / inflation(self.residuals)
+    def _left_out(self) -> LeftOut:
+        """Over blocks of speed, each predicted from all others.
+
+        The others' own minimum is one step of Gauss and Newton away from that of all, damped where it would leave them more;
+        the first equation of each motion is always among them, without which its deflection would be anything.
+        """
+        x_all, _, residuals, jacobian, *_ = self.minimum
+        problem, unknowns, share, total = self.problem, self.unknowns, self._not_itself(), 0.0
+        first = [block.rows.start for block in problem.blocks]
+        size = np.sqrt((jacobian**2).sum(axis=0))
+        free, measured = (size > 0) & (x_all > unknowns.lower) & (x_all < unknowns.upper), problem.measured
+        J = jacobian[:, free] / size[free]
+        gram, slope = J.T @ J, J.T @ residuals
+        for part in blocks_of_speed(problem.velocity):
+            out = part.copy()
+            out[first] = False
+            if part.size - out.sum() < free.sum():
+                return None
+            rest, pull = gram - J[out].T @ J[out], slope - J[out].T @ residuals[out]
+            left = residuals
+            for damping in _DAMPING:
+                x = x_all.copy()
+                x[free] -= np.linalg.solve(rest + damping * np.eye(pull.size), pull) / size[free]
+                x = np.clip(x, unknowns.lower, unknowns.upper)
+                model = modelled(problem, {**self.values, **unknowns.values(x)})
+                trial = measured - np.concatenate([m.smoothed(T) for m, T in zip(problem.motions, model, strict=True)])
+                if power_of(trial[~out]) <= power_of(residuals[~out]):
+                    left = trial
+                    break
+            total += power_of(left[part] / share[part])
+        power = power_of(measured)
+        return 100 * float(np.sqrt(total / power)) if power else None
 
 
 def fitted_to_motion(
@@ -107,38 +155,4 @@ def fitted_to_motion(
     except InputError:  # a start that shows nothing is no reason to fail
         return None
     values = posed.unknowns.values(minimum.x)
-    return MovingLaw(law, problem, values, minimum.residuals, minimum.jacobian, posed.unknowns, minimum.x)
-
-
-def left_out_costs(one: MovingLaw, parts: Sequence[NDArray[np.bool_]]) -> list[float | None]:
-    """The squared error of each part of the equations, a mask (n,), predicted from all others; None where these tell too little.
-
-    The others' own minimum is one step of Gauss and Newton away from that of all, damped where it would leave them more;
-    the first equation of each motion is always among them, without which its deflection would be anything.
-    """
-    share, problem, unknowns = one.not_itself, one.problem, one.unknowns
-    first = [block.rows.start for block in problem.blocks]
-    size = np.sqrt((one.jacobian**2).sum(axis=0))
-    free, measured = (size > 0) & (one.x > unknowns.lower) & (one.x < unknowns.upper), problem.measured
-    J = one.jacobian[:, free] / size[free]
-    gram, slope = J.T @ J, J.T @ one.residuals
-    costs = list[float | None]()
-    for part in parts:
-        out = part.copy()
-        out[first] = False
-        if part.size - out.sum() < free.sum():
-            costs.append(None)
-            continue
-        rest, pull = gram - J[out].T @ J[out], slope - J[out].T @ one.residuals[out]
-        left = one.residuals
-        for damping in _DAMPING:
-            x = one.x.copy()
-            x[free] -= np.linalg.solve(rest + damping * np.eye(pull.size), pull) / size[free]
-            x = np.clip(x, unknowns.lower, unknowns.upper)
-            model = modelled(problem, {**one.values, **unknowns.values(x)})
-            trial = measured - np.concatenate([m.smoothed(T) for m, T in zip(problem.motions, model, strict=True)])
-            if power_of(trial[~out]) <= power_of(one.residuals[~out]):
-                left = trial
-                break
-        costs.append(power_of(left[part] / share[part]))
-    return costs
+    return MovingLaw("+".join((law.name, *load)), law, problem, values, minimum, posed.unknowns)

@@ -79,7 +79,7 @@ def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], fou
     """
     if not found.scale:
         return found
-    static, _ = fit_moving(experiment, records, (), None)
+    static, _ = fit_moving(experiment, records, ())
     problem, start = posed_and_start(experiment, directions(experiment, records), records, static, None)
     fit = fit_tracking(problem, start, experiment.joint.kind).fit
     links = fit.parameters[ParameterName("links", Direction.SHARED)]

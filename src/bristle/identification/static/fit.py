@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,14 +53,12 @@ def fit_static(
     kind: Kind,
     where: PointInfo,
     held: Sequence[tuple[str, Regression]] = (),
-    timings: dict[str, float] | None = None,
     runs: Sequence[tuple[str, Regression]] = (),
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
     """Fit one static problem, with a peak in every direction, and everything that the report shows beside the fit.
 
-    Hold-out runs, and runs that can be fitted apart, by name, are posed as the problem is, without its priors; the seconds of the
-    grid and of the full fit are written into `timings`, by name. Returns fits and cross-checks, keyed by direction; a problem of two
-    directions that share regressors also has the fit `shared`.
+    Hold-out runs, and runs that can be fitted apart, by name, are posed as the problem is, without its priors. Returns fits
+    and cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit `shared`.
     """
     v_s_range = default_range(problem.velocity)
     # of a direction that was measured at one speed alone viscous friction is told from Coulomb's by others
@@ -76,9 +73,7 @@ def fit_static(
     too_few = _too_few(problem)
     if too_few:
         return {d: _nothing(d, problem, kind, where, too_few) for d in problem.directions}, {}
-    started = perf_counter()
     core = solve_static(problem, options, kind, v_s_range)
-    solved = perf_counter()
     # the same parameters by other ways, and what is said of the whole
     plain: dict[ParameterName, float] = {}
     if len(core.problem.peaks) == 1 and problem.smooth is None:
@@ -94,11 +89,8 @@ def fit_static(
     warnings = (*left, *of_strays, *core.warnings, *of_sticking, *terms_left_out(core, kind, where))
     posed = ((file, replace(p, peaks=core.problem.peaks)) for file, p in held)
     errors = tuple(HoldOut(file=file, relative_error=p.relative_error(core.solution.theta)) for file, p in posed)
-    label, checked_at = _parts(problem)[-1], perf_counter()
     errors_of_grid = {name: e.standard_error for name, e in core.parameters.items()}
     checked = crosscheck(core.problem, core.solution, errors_of_grid, v_s_range)
-    if timings is not None:
-        timings |= {f"grid {label}": solved - started, f"full fit {label}": perf_counter() - checked_at}
     warnings = warnings if checked.agrees else (*warnings, checked.verdict)
     logarithmic, alone = {name for name in core.names if name.name in _LOGARITHMIC}, problem.smooth is None
     scatter = clustered(*parts_of_runs(core, runs), core.parameters, core.freedom, logarithmic, independent=alone)
@@ -116,7 +108,7 @@ def fit_static(
         own = {name.name: x for name, x in scatter.items() if one or name.direction is d}
         shifts = {c: {n.name: x for n, x in by.items() if one or n.direction is d} for c, by in core.shifts.items()}
         finished[d] = with_systematic(widened(fit, own, _LOGARITHMIC), shifts)
-    return finished, {label: checked}
+    return finished, {_parts(problem)[-1]: checked}
 
 
 def estimate_static(

@@ -45,9 +45,7 @@ def refuse_opposing_points(experiment: Experiment, points: Sequence[Segment], as
         refuse_opposing(experiment, v, T - middle, f"at the {v.size} points, an offset apart")
 
 
-def fit_points(
-    measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
-) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
+def fit_points(measured: Measured, points: Sequence[Segment]) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
     """Static parameters and the declared regressors from points at constant velocity: fits and cross-checks.
 
     Raises InputError where a regressor needs what points do not have, or torque opposes velocity.
@@ -73,7 +71,7 @@ def fit_points(
         time, position = (np.zeros(0) if None in x else np.array(x, dtype=float) for x in known)
         where = PointInfo(segments=group, time=time, position=position, search=searches.get(sides))
         problem = points_problem(group, sides, asked, law)
-        fits, checked = fit_static(problem, experiment.fit, experiment.joint.kind, where, tests, timings, runs)
+        fits, checked = fit_static(problem, experiment.fit, experiment.joint.kind, where, tests, runs)
         static |= fits
         checks |= checked
     return static, checks
@@ -88,7 +86,7 @@ def by_file(points: Iterable[Segment]) -> dict[str, list[Segment]]:
 
 
 def fit_moving(
-    experiment: Experiment, records: Sequence[Record], held: Sequence[Record], timings: dict[str, float] | None
+    experiment: Experiment, records: Sequence[Record], held: Sequence[Record]
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
     """Static parameters and the declared regressors from moving runs, by linear least squares with the grid.
 
@@ -119,7 +117,7 @@ def fit_moving(
     tests = [(r.file, problem([r], weights)[0]) for r in held]
     apart = [(r.file, problem([r], weights)[0]) for r in records if len(records) > 1]
     runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
-    return fit_static(training, experiment.fit, experiment.joint.kind, where, tests, timings, runs)
+    return fit_static(training, experiment.fit, experiment.joint.kind, where, tests, runs)
 
 
 def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:

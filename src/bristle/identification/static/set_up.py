@@ -14,7 +14,7 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.estimation.information import criteria, power_of
+from bristle.estimation.information import bic, power_of
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     REGRESSORS,
@@ -87,7 +87,7 @@ def better_for_motion(experiment: Experiment, records: Sequence[Record]) -> Bett
 
 def better_for_points(experiment: Experiment, points: Sequence[Segment]) -> BetterSetUp | None:
     """The same of points at constant velocity; a part is every fifth of them in the order of speed."""
-    sides = _sides(points) if experiment.fit.directions == "separate" else ("both",)
+    sides = sides_of(points) if experiment.fit.directions == "separate" else ("both",)
     asked = SetUp(sides, point_regressors(experiment))
     return _better(asked, _of_points(points, asked.regressors))
 
@@ -109,7 +109,7 @@ def directions_of_points(experiment: Experiment, points: Sequence[Segment]) -> d
 
     Infinite where there are too few, or a friction would drive; empty where both are, or they go one way.
     """
-    sides = _sides(points)
+    sides = sides_of(points)
     asked = tuple(name for name in point_regressors(experiment) if name != "offset")
     ways = {"symmetric": (("both",), (*asked, "offset")), "separate": (sides, asked)}
     found = dict[str, float]()
@@ -119,13 +119,13 @@ def directions_of_points(experiment: Experiment, points: Sequence[Segment]) -> d
         if n < p + _FREE or (_drives(problem) and "gravity" not in asked):
             found[way] = np.inf
             continue
-        _, found[way] = criteria(refit(problem).residuals, p, n, power_of(problem.torque))
+        found[way] = bic(refit(problem).residuals, p, n, power_of(problem.torque))
     return found if np.isfinite(list(found.values())).any() else {}
 
 
 def proposed_for_points(points: Sequence[Segment]) -> BetterSetUp | None:
     """The same of points at constant velocity."""
-    return _proposed(_sides(points), [], _of_points(points))
+    return _proposed(sides_of(points), [], _of_points(points))
 
 
 def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
@@ -154,7 +154,8 @@ def _of_points(points: Sequence[Segment], asked: Sequence[str] = ()) -> _Trial:
     return _Trial(possible, lambda sides: points_problem(ordered, sides, possible), len(ordered))
 
 
-def _sides(points: Sequence[Segment]) -> tuple[str, ...]:
+def sides_of(points: Sequence[Segment]) -> tuple[str, ...]:
+    """The directions in which points go."""
     return tuple(d for d, sign in DIRECTIONS.items() if any(s.velocity * sign > 0 for s in points))
 
 
