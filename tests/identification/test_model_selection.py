@@ -14,23 +14,13 @@ from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.data.record import Record
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification import model_selection
-from bristle.identification.comparison import Comparison, Row
+from bristle.identification.comparison import APART, ONE, SYMMETRIC, Comparison, Row
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.fits import TrackingFit
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import measure
-from bristle.identification.model_selection import (
-    APART,
-    COULOMB,
-    LUGRE,
-    ONE,
-    STRIBECK,
-    SYMMETRIC,
-    VISCOUS,
-    Candidate,
-    rank_models,
-)
+from bristle.identification.model_selection import COULOMB, LUGRE, STRIBECK, VISCOUS, Candidate, rank_models
 from bristle.identification.results import Joint
 from bristle.identification.static.runs import fit_moving
 from bristle.model.parameters import Lugre, Pair

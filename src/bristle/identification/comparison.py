@@ -16,6 +16,7 @@ from bristle.estimation.information import bic, power_of
 from bristle.findings import Finding
 from bristle.model.parameters import ParameterName
 
+SYMMETRIC, APART = "symmetric", "per direction"
 ONE = "one direction"  # in which a model is called by its bare name
 _BLOCKS = 5
 Data = Literal["points", "moving runs"]

@@ -19,7 +19,7 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
-from bristle.identification.comparison import Comparison
+from bristle.identification.comparison import APART, SYMMETRIC, Comparison
 from bristle.identification.curve import accuracy_of
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
@@ -34,14 +34,7 @@ from bristle.identification.law_comparison import (
     with_averages,
 )
 from bristle.identification.measured import Measured, in_time, nothing_to_fit, through_wider, with_law, with_options
-from bristle.identification.model_selection import (
-    APART,
-    SYMMETRIC,
-    bic_of_directions,
-    compare_on_motion,
-    compare_on_points,
-    refitted,
-)
+from bristle.identification.model_selection import bic_of_directions, compare_on_motion, compare_on_points, refitted
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     directions,
@@ -50,7 +43,6 @@ from bristle.identification.moving_runs import (
     refuse_noise,
     refuse_opposing_runs,
 )
-from bristle.identification.offset import offset_of_points
 from bristle.identification.periods import with_periods
 from bristle.identification.point_checks import point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
@@ -59,7 +51,7 @@ from bristle.identification.results import Input, Joint
 from bristle.identification.settings import settings_of
 from bristle.identification.settling import without_settling
 from bristle.identification.static.runs import beside_moving, fit_moving, fit_points, is_superseded
-from bristle.identification.static.set_up import better_for_motion, better_for_points, directions_of_points
+from bristle.identification.static.set_up import directions_of_points, trial_of_motion, trial_of_points
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
 from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, of_load, unit
@@ -169,12 +161,12 @@ class _Decisions:
         """Of points by BIC; of moving runs that go both ways one friction, to begin with."""
         measured, bic = self.measured, dict[str, float]()
         points, training = measured.points(hold_out=False), measured.moving(hold_out=False)
-        if points and (of_each := directions_of_points(measured.experiment, points)):
-            bic = {APART: of_each["separate"], SYMMETRIC: of_each["symmetric"]}
-        both = measured.experiment.fit.predict == "torque" and len(moved_in(training) if training else ()) == len(
-            DIRECTIONS
-        )
-        one = bic[SYMMETRIC] <= bic[APART] if bic else both and not points
+        if points:
+            bic = directions_of_points(measured.experiment, points)
+            one = bool(bic) and bic[SYMMETRIC] <= bic[APART]
+        else:
+            ways = len(moved_in(training)) if training else 0
+            one = ways == len(DIRECTIONS) and measured.experiment.fit.predict == "torque"
         self.bic, self.measured = bic, _with_directions(measured, "symmetric" if one else "separate")
 
     def _regressors(self) -> None:
@@ -184,9 +176,9 @@ class _Decisions:
         if fit.set_up == AS_WRITTEN or "regressors" in fit.model_fields_set or fit.predict != "torque":
             return
         if points:
-            better = better_for_points(experiment, points)
+            better = trial_of_points(experiment, points).better()
         elif moving:
-            better = better_for_motion(experiment, moving)
+            better = trial_of_motion(experiment, moving).better()
         most = better is not None and better.error**2 < better.asked_error**2 / 2
         if better is None or not most or better.set_up.directions != better.asked.directions:
             return
@@ -604,5 +596,4 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> tuple[F
         message = "True parameters are given (truth), but the data are not declared simulated."
         warnings.append(Finding("truth-undeclared", CAUTION, message))
     warnings += point_warnings(measured, kept, static)
-    warnings += offset_of_points(experiment, static)
     return tuple(warnings)

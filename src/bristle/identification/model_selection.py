@@ -16,7 +16,19 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
 from bristle.estimation.information import bic, power_of
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.comparison import ONE, Comparison, Data, Fitted, LeftOut, Row, Solve, bic_above, rows_of
+from bristle.identification.comparison import (
+    APART,
+    ONE,
+    SYMMETRIC,
+    Comparison,
+    Data,
+    Fitted,
+    LeftOut,
+    Row,
+    Solve,
+    bic_above,
+    rows_of,
+)
 from bristle.identification.dynamic.descent import carried, fit, with_deflections
 from bristle.identification.dynamic.fit import relative_error
 from bristle.identification.dynamic.problem import DynamicProblem, Values, dynamic_problem
@@ -31,7 +43,6 @@ from bristle.model.parameters import SIGNED
 COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck curve", "LuGre"
 """Each with the terms of the one before: Coulomb and viscous friction; the steady curve (9), with alpha_1 and v_s;
 sigma_0 and sigma_1."""
-SYMMETRIC, APART = "symmetric", "per direction"
 _SAME = 2.0  # a difference in BIC below this is worth a bare mention
 _STEPS = 100
 """Of the LuGre fit that no stage has done yet, at the most: one set of friction for directions that differ has a long way along a flat valley."""

@@ -36,8 +36,7 @@ from bristle.identification.dynamic.estimates import (
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, friction_and_load, residuals
 from bristle.identification.dynamic.what_is_left import what_is_left
 from bristle.identification.fits import HoldOut, TrackingFit
-from bristle.identification.offset import offset_or_friction
-from bristle.identification.shared_findings import not_shown
+from bristle.identification.shared_findings import not_shown, offset_or_friction
 from bristle.model.parameters import Kind, ParameterName
 from bristle.progress import Progress
 
