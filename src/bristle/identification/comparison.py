@@ -18,6 +18,7 @@ from bristle.model.parameters import ParameterName
 
 SYMMETRIC, APART = "symmetric", "per direction"
 ONE = "one direction"  # in which a model is called by its bare name
+GAIN = 10.0  # of BIC: very strong evidence (Kass and Raftery 1995), which another law, or a friction for each direction, needs
 _BLOCKS = 5
 Data = Literal["points", "moving runs"]
 Known = Mapping[ParameterName, tuple[float, float, float]]
@@ -75,7 +76,7 @@ class Comparison:
     sentence: Finding
     """Which to use, and why."""
     left_out: tuple[Finding, ...] = ()
-    """What `left_out` of the rows is about, and what is not compared, and why."""
+    """What is not compared, and why."""
     averaged: Mapping[ParameterName, Averaged] = field(default_factory=dict)
     """What means the same in every law; empty where one law has nearly all the weight, and of models."""
 

@@ -19,7 +19,7 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
-from bristle.identification.comparison import APART, SYMMETRIC, Comparison
+from bristle.identification.comparison import APART, GAIN, SYMMETRIC, Comparison
 from bristle.identification.curve import accuracy_of
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
@@ -59,7 +59,6 @@ from bristle.progress import Progress, step
 
 _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9
 """Times the low pass that the spectra choose, and what a fit leaves through the first of these where it took motion."""
-_CLEARLY = 10.0  # a difference in BIC that is very strong evidence (Kass and Raftery 1995)
 _LATEST = 0.05  # s: no log is later, and what asks for more is another term, as friction that rises with load
 _SHIFTS = 3  # times that a delay of the torque is looked for: each is told to first order
 _SURE, _FAR = 5.0, 3.0
@@ -154,8 +153,13 @@ class _Decisions:
         """Identified anew, moving runs from where they ended, or from `near`."""
         return self._identified(measured, self.under, self.joint.tracking if near is None else near)
 
-    def _take(self, measured: Measured) -> None:
-        self.measured, self.joint = measured, self._again(measured)
+    def _take(self, measured: Measured, most: float = np.inf) -> bool:
+        """Identified anew, and kept if the moving runs then leave so many times as much at most; whether it was."""
+        again, before = self._again(measured), self.joint.moving
+        if most < np.inf and (before is None or again.moving is None or again.moving.rms > most * before.rms):
+            return False
+        self.measured, self.joint = measured, again
+        return True
 
     def _directions(self) -> None:
         """Of points by BIC; of moving runs that go both ways one friction, to begin with."""
@@ -209,17 +213,13 @@ class _Decisions:
         fit, moving = self.measured.experiment.fit, self.joint.moving
         lacks = (w.numbers for w in (moving.warnings if moving else ()) if w.code == "lacks-a-term")
         share = next((x["share"] for x in lacks if x["term"] == "gravity"), 0.0)
-        if moving is None or fit.set_up == AS_WRITTEN or share < 1 / 2:
+        if fit.set_up == AS_WRITTEN or share < 1 / 2:
             return
         more = with_options(self.measured, regressors=(*(fit.regressors or ()), "gravity"))
-        again = self._again(more)
-        if again.moving is None or again.moving.rms > moving.rms:
-            return
-        asked = ", ".join(more.experiment.fit.regressors or ())
-        told = (
-            f"{asked}; gravity explains {100 * share:.0f} % of what the others leave (fit.set_up: as-written overrules)"
-        )
-        self.measured, self.joint, self.told["chosen regressors"] = more, again, told
+        if self._take(more, 1.0):
+            asked, why = ", ".join(more.experiment.fit.regressors or ()), f"gravity explains {100 * share:.0f} %"
+            told = f"{asked}; {why} of what the others leave (fit.set_up: as-written overrules)"
+            self.told["chosen regressors"] = told
 
     def _sides(self) -> None:
         """Moving runs with a friction for each direction, where that has a clearly better BIC."""
@@ -230,7 +230,7 @@ class _Decisions:
         compared = partial(bic_of_directions, measured.experiment, measured.moving(hold_out=False), joint.tracking)
         bic, self.ended = compared()
         self.bic = bic
-        if not bic or bic[APART] >= bic[SYMMETRIC] - _CLEARLY:
+        if not bic or bic[APART] >= bic[SYMMETRIC] - GAIN:
             return
         sided = _with_directions(measured, "separate")
         each = self._again(sided, self.ended)
@@ -243,7 +243,7 @@ class _Decisions:
             least = _NOTHING * float(np.sqrt(np.mean(fit.measured**2)))
             levels = (e.value for name, e in fit.parameters.items() if name.name == "alpha_0")
             bic[APART] = bic[APART] if all(x is not None and x > least for x in levels) else np.inf
-        if bic[APART] < bic[SYMMETRIC] - _CLEARLY:
+        if bic[APART] < bic[SYMMETRIC] - GAIN:
             self.measured, self.joint = sided, each
 
     def _low_pass(self) -> None:
@@ -281,9 +281,8 @@ class _Decisions:
             law = self.laws.chosen.name
             self.measured, self.laws = with_law(self.measured, law), self.laws.under(law)
             self.under, self.joint = self.laws, self._identified(self.measured, self.laws, ends[law])
-            if (
-                self.measured.experiment.fit.load and self.joint.tracking is not None
-            ):  # which peak and terms beside the load
+            # which peak and terms beside the load
+            if self.measured.experiment.fit.load and self.joint.tracking is not None:
                 laws, ends = laws_of_motion(self.measured, self.joint.tracking, every=True)
                 self.laws = laws or self.laws
 
@@ -307,11 +306,10 @@ class _Decisions:
                 break
             if not more or abs(late + more) >= _LATEST:
                 break
-            shifted = in_time(as_logged, late + more)  # once, for to interpolate smooths
-            again = self._again(shifted)
-            if again.moving is None or again.moving.rms > (1.0 if told_by in COMMANDS else _LESS) * moving.rms:
+            # once, for to interpolate smooths
+            if not self._take(in_time(as_logged, late + more), 1.0 if told_by in COMMANDS else _LESS):
                 break
-            self.measured, self.joint, late, moving = shifted, again, late + more, again.moving
+            late, moving = late + more, self.joint.moving or moving
         error = moving.late[1]
         if late or (told_by in COMMANDS and np.isfinite(error)):  # an error of the delay is one of the torque
             self._take(in_time(as_logged, late, error, final=True))
@@ -470,7 +468,7 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     if not np.isfinite(more):
         return f"{took}, for {left} would leave a direction without friction, or drive it (fit.directions overrules)"
     left, higher = ("one fits", -more) if apart else ("two fit", more)
-    how = "worse" if higher >= 0 else f"better, by less than {_CLEARLY:g}"
+    how = "worse" if higher >= 0 else f"better, by less than {GAIN:g}"
     return f"{took}; {left} {how} (BIC {'higher' if higher >= 0 else 'lower'} by {abs(higher):.3g}; fit.directions overrules)"
 
 

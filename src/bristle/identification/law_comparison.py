@@ -1,7 +1,8 @@
 """Friction laws on what was measured: fitted to the same equations, ranked, and what is said of them.
 
 Each law has a Stribeck term in every direction. Points are solved on the grid; moving runs, in which a slow speed is
-seldom seen but in presliding, by LuGre itself (`dynamic.laws`). Both leave out five blocks of speed in turn.
+seldom seen but in presliding, which a static law would take for its peak, by LuGre itself, from where the fit of the law
+in force ended. Both leave out five blocks of speed in turn: of motion equations, the bristle still passes all samples.
 
 The paper's law is left only for one whose BIC is lower by more than 10, and whose squared error over five blocks of
 speed, each left out in turn, is lower too: BIC alone takes up what the scatter looks like, an error at speeds that were
@@ -18,16 +19,23 @@ from the average.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain, compress
-from typing import TypeVar
+from itertools import chain, compress, product
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from bristle.arrays import Array
+from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import AS_WRITTEN, FitOptions
-from bristle.estimation.covariance import covariance, student
+from bristle.data.record import Record
+from bristle.errors import InputError
+from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.covariance import covariance, seen, student
 from bristle.estimation.information import power_of
+from bristle.estimation.nonlinear import Minimum, Unknowns
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.comparison import (
+    GAIN,
     Averaged,
     Comparison,
     Data,
@@ -39,12 +47,12 @@ from bristle.identification.comparison import (
     blocks_of_speed,
     rows_of,
 )
-from bristle.identification.dynamic.laws import fitted_to_motion
-from bristle.identification.dynamic.problem import Values
+from bristle.identification.dynamic.descent import solved, with_deflections
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, dynamic_problem, modelled
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
-from bristle.identification.load_levels import load_is_known
+from bristle.identification.load_levels import LINEAR, load_is_known
 from bristle.identification.measured import Measured
-from bristle.identification.moving_runs import regressors
+from bristle.identification.moving_runs import LEVELS, directions, inertia, regressors
 from bristle.identification.static import points
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression
@@ -52,7 +60,7 @@ from bristle.identification.static.profiles import with_best_shape
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import LOADS, competing
-from bristle.model.parameters import ParameterName
+from bristle.model.parameters import INERTIA, ParameterName, in_direction
 
 Name = TypeVar("Name")
 
@@ -60,10 +68,17 @@ WITH_DRAG = "gaussian+quadratic"  # the paper's law with v abs(v)
 _WORTH = 1.05  # times by which a term has to lower the error at speeds that were left out, to be taken unasked
 _MOSTLY = float(np.sqrt(2))  # the same of a load, which a torque that is logged late imitates
 _STICKS_OUT = 0.1  # of an interval's width
-GAIN = 10.0  # of BIC, by which another law has to be better than the paper's
 _SPREAD = 0.95  # a law with less than this of the weights is not the only one that the data allow
 _AVERAGED = ("alpha_0", "alpha_1", "alpha_2")  # what means the same in every law: v_s does not
 _LIKELY = 1e-3  # a law with a smaller weight does not move an average
+_STEPS = 40  # of each fit, at the most
+_ENOUGH = 0.05  # of n' log(RSS), n' independent equations: a step that would lower it by less ends a fit
+_ROUGH = 4.0  # nodes between samples stand so many times farther apart than usual
+_BRISTLE = ("sigma_0", "sigma_1")
+_START = {"alpha_1": 0.1, "v_s": 0.1, "load": 0.03}
+"""Where a term begins that the law in force does not show: shares of alpha_0, of the fastest speed, and of the load."""
+_DAMPING = (1e-8, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # added in turn to the squared length of each column, one
+_LEAST = 0.05  # of a change of the torque: that much of it is never made by the torque itself
 
 
 def laws_beside(in_force: Law) -> tuple[Law, ...]:
@@ -106,12 +121,131 @@ def laws_of_motion(
     chosen = dict.fromkeys([(GAUSSIAN, ()), *((law, own) for law in beside)])
     if load_is_known(records, regressors(measured.experiment)):
         chosen |= dict.fromkeys((alone.law, load) for load in [(), *((name,) for name in LOADS)])
-    found = (fitted_to_motion(measured.experiment, records, alone, law, load) for law, load in chosen)
+    found = (_fitted_to_motion(measured.experiment, records, alone, law, load) for law, load in chosen)
     ended = [x for x in found if x is not None]
     effective = min((x.effective for x in ended), default=0.0)
     ends: dict[str, Values] = {x.name: {**x.problem.fixed, **x.values} for x in ended}
     in_force = "+".join((alone.law.name, *own))
     return ranked("moving runs", [x.fitted(effective) for x in ended], in_force, sparing=True), ends
+
+
+class _MovingLaw(NamedTuple):
+    """A law fitted to moving runs."""
+
+    name: str
+    """As `fit.law` takes it."""
+    law: Law
+    problem: DynamicProblem
+    values: Mapping[Unknown, float]
+    minimum: Minimum
+    """Over the scaled unknowns."""
+    unknowns: Unknowns[Unknown]
+
+    @property
+    def effective(self) -> float:
+        """How many equations are independent."""
+        return self.minimum.residuals.size / inflation(self.minimum.residuals)
+
+    def fitted(self, effective: float) -> Fitted:
+        """The same where so many equations are independent; what it predicts of blocks of speed is worked out when it is asked for."""
+        residuals, names = self.minimum.residuals, self.problem.names
+        free = seen(self.minimum.jacobian)
+        freedom = residuals.size / max(effective, 1.0)
+        matrix, own_freedom = covariance(self.minimum.jacobian[:, free], power_of(residuals), freedom)
+        errors = np.sqrt(np.diag(matrix)) * np.abs(self.unknowns.slopes(self.minimum.x)[free])
+        pairs = zip(compress(names, free), errors.tolist(), strict=True)
+        power, itself = power_of(self.problem.measured), float(np.log(self._not_itself()).sum())
+        return Fitted(
+            name=self.name,
+            solves=(Solve(residuals, len(names), effective, power, itself),),
+            candidate=self.law.name in {law.name for law in competing()},
+            predicts=self._blocks_left_out,
+            known={n: (self.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)},
+        )
+
+    def _not_itself(self) -> Array:
+        """The share of a change of each equation's torque that its own law does not make of it, (n,): one without a load."""
+        known = {n.name: x for n, x in {**self.problem.fixed, **self.values}.items() if isinstance(n, ParameterName)}
+        rows = [
+            m.smoothed(np.ones(m.velocity.size) if m.load is None else 1 - np.sign(m.velocity) * m.load.by_motor(known))
+            for m in self.problem.motions
+        ]
+        return np.maximum(np.concatenate(rows), _LEAST)
+
+    def _blocks_left_out(self) -> LeftOut:
+        """Over blocks of speed, each predicted from all others.
+
+        The others' own minimum is one step of Gauss and Newton away from that of all, damped where it would leave them more;
+        the first equation of each motion is always among them, without which its deflection would be anything.
+        """
+        x_all, _, residuals, jacobian, *_ = self.minimum
+        problem, unknowns, share, total = self.problem, self.unknowns, self._not_itself(), 0.0
+        first = [block.rows.start for block in problem.blocks]
+        size = np.sqrt((jacobian**2).sum(axis=0))
+        free, measured = (size > 0) & (x_all > unknowns.lower) & (x_all < unknowns.upper), problem.measured
+        J = jacobian[:, free] / size[free]
+        gram, slope = J.T @ J, J.T @ residuals
+        for part in blocks_of_speed(problem.velocity):
+            out = part.copy()
+            out[first] = False
+            if part.size - out.sum() < free.sum():
+                return None
+            rest, pull = gram - J[out].T @ J[out], slope - J[out].T @ residuals[out]
+            left = residuals
+            for damping in _DAMPING:
+                x = x_all.copy()
+                x[free] -= np.linalg.solve(rest + damping * np.eye(pull.size), pull) / size[free]
+                x = np.clip(x, unknowns.lower, unknowns.upper)
+                model = modelled(problem, {**self.values, **unknowns.values(x)})
+                trial = measured - np.concatenate([m.smoothed(T) for m, T in zip(problem.motions, model, strict=True)])
+                if power_of(trial[~out]) <= power_of(residuals[~out]):
+                    left = trial
+                    break
+            total += power_of(left[part] / share[part])
+        power = power_of(measured)
+        return 100 * float(np.sqrt(total / power)) if power else None
+
+
+def _fitted_to_motion(
+    experiment: Experiment, records: Sequence[Record], alone: TrackingFit, law: Law, load: tuple[str, ...] = ()
+) -> _MovingLaw | None:
+    """LuGre of a law on moving runs, from where the fit of another ended; None where that shows nothing, or is too few equations.
+
+    What that fit held, its bristle and what the experiment fixes, is held here too; a Stribeck term is free in every direction.
+    """
+    sides, (fixed, _) = directions(experiment, records), inertia(experiment)
+    asked = (*(name for name in regressors(experiment) if name not in LEVELS), *load)
+    options = experiment.fit
+    whole = dynamic_problem(records, sides, asked, options.every, fixed, law=law)
+    held = {
+        name: x
+        for name, x in alone.fixed.items()
+        if name.name in _BRISTLE or not {name.name, str(name)}.isdisjoint(options.fixed)
+    }
+    middle = {ParameterName(own.name, d): own.middle for d, own in product(whole.directions, law.peak.own)}
+    known = {**whole.fixed, **middle, **{name: x for name, x in held.items() if name in whole.friction_names}}
+    motions = tuple(replace(m, coarsening=_ROUGH) for m in whole.motions)
+    problem = replace(whole, fixed=known, motions=motions)
+    if problem.size <= len(problem.names) + 1:
+        return None
+    # the values of the other law; a small peak where it has none, no other term, an inertia above zero
+    began = alone.known
+    start = {name: in_direction(began, *name) or 0.0 for name in (*problem.friction_names, *problem.extra_names)}
+    for name in problem.friction_names:
+        if name.name == "alpha_1" and not start[name]:
+            start[name] = _START["alpha_1"] * began[name._replace(name="alpha_0")]
+            start[name._replace(name="v_s")] = _START["v_s"] * problem.fastest
+    start |= {n: _START["load"] for n in problem.extra_names if n.name in LINEAR and not start[n]}
+    if INERTIA in start:
+        start[INERTIA] = max(start[INERTIA], 0.0)
+    start = {name: x for name, x in start.items() if name not in problem.fixed}
+    try:
+        enough = _ENOUGH * alone.rms**2 * inflation(alone.residuals)
+        posed, minimum = solved(problem, with_deflections(problem, start), _STEPS, enough=enough)
+    except InputError:  # a start that shows nothing is no reason to fail
+        return None
+    values = posed.unknowns.values(minimum.x)
+    return _MovingLaw("+".join((law.name, *load)), law, problem, values, minimum, posed.unknowns)
 
 
 def law_warnings(laws: Comparison | None) -> tuple[Finding, ...]:
@@ -283,18 +417,17 @@ def _sentence(rows: Sequence[Row], chosen: int, paper: int, *, asked: bool) -> F
         return Finding("law-wanted", NOTE, message, {"law": best.name, "gain": gain, "error": error, "before": before})
     other = min((row for row in rows if row is not own), key=lambda row: row.bic)
     gain = own.bic - other.bic
+    why = f"the BIC of {other.name} is {gain:.1f} lower"
     if asked and own.left_out is None:
-        message = "The data cannot favour another law than the paper's: there are too few points to leave speeds out."
-        return Finding("laws-too-few", NOTE, message)
-    kept = "The data favour no other law than the paper's:"
-    lower, numbers = f"{kept} the BIC of {other.name} is {gain:.1f} lower", {"law": other.name, "gain": gain}
-    if gain > GAIN:
-        message = f"{lower}, but it predicts speeds that were left out no better."
-        return Finding("law-not-predicting", NOTE, message, numbers)
-    if gain > 0:
-        return Finding("law-kept", NOTE, f"{lower}, less than the 10 required.", numbers)
-    message = f"{kept} it has the lowest BIC ({other.name} has {-gain:.1f} more)."
-    return Finding("law-best", NOTE, message, {"law": other.name, "gap": -gain})
+        why = "there are too few points to leave speeds out"
+    elif gain > GAIN:
+        why += ", but it predicts speeds that were left out no better"
+    elif gain > 0:
+        why += ", less than the 10 required"
+    else:
+        why = f"it has the lowest BIC ({other.name} has {-gain:.1f} more)"
+    message = f"The data favour no other law than the paper's: {why}."
+    return Finding("law-kept", NOTE, message, {"law": other.name, "gain": gain})
 
 
 def _averaged(fitted: Sequence[Fitted], rows: Sequence[Row]) -> Mapping[ParameterName, Averaged]:

@@ -48,7 +48,6 @@ _STEPS = 100
 """Of the LuGre fit that no stage has done yet, at the most: one set of friction for directions that differ has a long way along a flat valley."""
 _WORTH = 0.05  # of BIC: less decides nothing about directions
 _DEPENDENT = 1e8  # condition number beyond which columns are told apart by rounding alone
-HELD_OUT = Finding("held-out-runs", NOTE, "Hold-out: held-out runs.")
 Model = tuple[str, str]
 """A model, and in which directions."""
 Pose = Callable[[tuple[str, ...], Sequence[str]], tuple[Regression, Sequence[Regression]]]
@@ -82,10 +81,7 @@ def compare_on_points(
         return points_problem(points, directions, asked, law), tests
 
     found, left, power = _static_models(experiment, _variants(sides_of(points)), pose, moving=False)
-    each = Finding("each-left-out", NOTE, "Hold-out: each point predicted from all others.")
-    message = "At constant velocity LuGre is its Stribeck curve, so it is not listed apart."
-    notes = (HELD_OUT if held else each, *left, Finding("lugre-is-its-curve", NOTE, message))
-    return rank_models("points", found, 1.0, power, static, None, notes)
+    return rank_models("points", found, 1.0, power, static, None, left)
 
 
 def compare_on_motion(
@@ -129,7 +125,7 @@ def compare_on_motion(
                 numbers = {"model": LUGRE, "directions": called}
                 left = (*left, Finding("lugre-unsettled", CAUTION, message, numbers))
     widened = inflation(min((c.residuals for c in found.values()), key=power_of, default=np.zeros(0)))
-    return rank_models("moving runs", found, widened, power, static, alone, (*(HELD_OUT,) * bool(held), *left))
+    return rank_models("moving runs", found, widened, power, static, alone, left)
 
 
 def asked_regressors(experiment: Experiment, directions: tuple[str, ...], *, moving: bool) -> tuple[str, ...]:
@@ -256,12 +252,12 @@ def rank_models(
     power: float,
     static: Mapping[str, StaticFit],
     alone: TrackingFit | None,
-    notes: tuple[Finding, ...],
+    left_out: tuple[Finding, ...],
 ) -> Comparison | None:
     """The candidates, on the same equations, as rows, with the one to use; None where there is none.
 
     `variance_inflation` is how many equations count as an independent one, `power` the sum of squares of what they explain, (N*m)**2;
-    `static` and `alone` are fits of these data, and `notes` say what is left out.
+    `static` and `alone` are fits of these data, and `left_out` is not compared.
     """
     if not candidates:
         return None
@@ -283,7 +279,7 @@ def rank_models(
     allowed = [k for k, x in enumerate(fitted) if x.candidate]
     rows = rows_of(fitted, min(allowed, key=lambda k: above[k], default=None))
     sentence = _sentence(dict(zip(candidates, rows, strict=True)), static, kept=kept)
-    return Comparison(data=data, n=n, effective=n / variance_inflation, rows=rows, sentence=sentence, left_out=notes)
+    return Comparison(data=data, n=n, effective=n / variance_inflation, rows=rows, sentence=sentence, left_out=left_out)
 
 
 def _sentence(rows: Mapping[Model, Row], static: Mapping[str, StaticFit], *, kept: bool) -> Finding:

@@ -171,8 +171,9 @@ def _compared(name: str, frame: pd.DataFrame, joint: Joint, how: str) -> Table:
 def _models(joint: Joint) -> Iterator[Section]:
     how = (
         "All on the same data. ΔBIC: difference to the lowest; it weighs the residuals of the independent samples "
-        "against the number of parameters, and lower is better. Stribeck curve: Coulomb, viscous and Stribeck friction, "
-        "(9). Recommended: the lowest BIC among the models whose terms the fits above support."
+        "against the number of parameters, and lower is better. Left out: held-out runs, or each point predicted from "
+        "all others. Stribeck curve: Coulomb, viscous and Stribeck friction, (9), which LuGre is at constant velocity. "
+        "Recommended: the lowest BIC among the models whose terms the fits above support."
     )
     if joint.models:
         yield Section("Which friction model?", form="part")
