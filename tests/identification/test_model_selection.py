@@ -15,6 +15,7 @@ from bristle.data.record import Record
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification import model_selection
 from bristle.identification.comparison import APART, ONE, SYMMETRIC, Comparison, Row
+from bristle.identification.document import parsed
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.fits import TrackingFit
@@ -279,3 +280,12 @@ def test_a_term_that_the_fit_refused_is_not_advised_however_low_its_bic(tmp_path
     (refused,) = reasons(judged, REFUSED)
     assert refused == f"{REFUSED}, though it would lower the BIC by {used(judged).bic:.1f} (the fit's warnings say why)"
     assert used(judged).bic == pytest.approx(50 * np.log(4) - 2 * np.log(50))
+
+
+def test_rows_of_earlier_files_are_read() -> None:
+    """A row that earlier versions wrote, of a model or of a law, has the names of today's."""
+    common = '"parameters": 4, "rms": 1.0, "aicc": 2.0, "bic": 0.0'
+    model = parsed(f'{{"model": "LuGre", "directions": "symmetric", {common}, "hold_out": 3.0, "recommended": true}}')
+    assert (model["name"], model["left_out"], model["chosen"]) == ("LuGre, symmetric", 3.0, True)
+    law = parsed(f'{{"law": "gaussian", {common}, "left_out": 3.0, "chosen": false}}')
+    assert (law["name"], law["left_out"], law["chosen"]) == ("gaussian", 3.0, False)
