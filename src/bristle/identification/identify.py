@@ -33,7 +33,7 @@ from bristle.identification.law_comparison import (
     term_that_pays,
     with_averages,
 )
-from bristle.identification.measured import Measured, in_time, nothing_to_fit, through_wider, with_law, with_options
+from bristle.identification.measured import Measured, in_time, nothing_to_fit, through_wider, with_options
 from bristle.identification.model_selection import bic_of_directions, compare_on_motion, compare_on_points, refitted
 from bristle.identification.moving_runs import (
     DIRECTIONS,
@@ -197,13 +197,13 @@ class _Decisions:
         laws = laws_of_points(measured, fit.friction) if measured.points(hold_out=False) else None
         self.laws = laws
         if laws is not None and term_that_pays(fit, laws) == WITH_DRAG:
-            dragged = with_law(measured, WITH_DRAG)
+            dragged = with_options(measured, law=WITH_DRAG)
             if all(_brakes(x.problem.named(refit(x.problem.rows(x.kept)).theta)) for x in dragged.searches):
                 self.measured, self.laws = dragged, laws.under(WITH_DRAG)
                 return
         if fit.law == AUTO:
             law = PAPER if laws is None else laws.chosen.name
-            self.measured, self.laws = with_law(measured, law), laws and laws.under(law)
+            self.measured, self.laws = with_options(measured, law=law), laws and laws.under(law)
 
     def _gravity(self) -> None:
         """Moving runs with gravity, where it explains most of what a fit without it leaves.
@@ -271,7 +271,7 @@ class _Decisions:
         self.laws, ends = laws_of_motion(self.measured, alone, every=every)
         term = None if self.laws is None else term_that_pays(self.measured.experiment.fit, self.laws)
         if self.laws is not None and term is not None:
-            more, found = with_law(self.measured, term), self.laws.under(term)
+            more, found = with_options(self.measured, law=term), self.laws.under(term)
             again = self._identified(more, found, ends[term])
             if again.tracking is not None and _brakes(again.tracking.known):
                 self.measured, self.joint, self.laws, self.under = more, again, found, found
@@ -279,7 +279,7 @@ class _Decisions:
             if self.laws is None or self.laws.chosen.in_force or self.joint.tracking is None:
                 break
             law = self.laws.chosen.name
-            self.measured, self.laws = with_law(self.measured, law), self.laws.under(law)
+            self.measured, self.laws = with_options(self.measured, law=law), self.laws.under(law)
             self.under, self.joint = self.laws, self._identified(self.measured, self.laws, ends[law])
             # which peak and terms beside the load
             if self.measured.experiment.fit.load and self.joint.tracking is not None:

@@ -126,7 +126,7 @@ def laws_of_motion(
     effective = min((x.effective for x in ended), default=0.0)
     ends: dict[str, Values] = {x.name: {**x.problem.fixed, **x.values} for x in ended}
     in_force = "+".join((alone.law.name, *own))
-    return ranked("moving runs", [x.fitted(effective) for x in ended], in_force, sparing=True), ends
+    return ranked("moving runs", [x.fitted(effective) for x in ended], in_force), ends
 
 
 class _MovingLaw(NamedTuple):
@@ -373,10 +373,10 @@ def _left_out(problems: Sequence[Regression]) -> LeftOut:
     return 100 * float(np.sqrt(total / power)) if power else None
 
 
-def ranked(data: Data, fitted: Sequence[Fitted], in_force: str, *, sparing: bool = False) -> Comparison | None:
+def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | None:
     """Fitted laws as rows, with the one that the data want; None where there is none beside the paper's.
 
-    `in_force` names the law of the fits; where `sparing`, errors at what is left out are worked out only where BIC prefers a law to the
+    `in_force` names the law of the fits. Of moving runs errors at what is left out are worked out only where BIC prefers a law to the
     paper's: for those laws, and the ones that they are compared with.
     """
     paper = next((k for k, x in enumerate(fitted) if x.name == GAUSSIAN.name), None)
@@ -385,7 +385,8 @@ def ranked(data: Data, fitted: Sequence[Fitted], in_force: str, *, sparing: bool
     bic = bic_above(fitted)
     better = bic[paper] - bic > GAIN
     wanted = [
-        not sparing or better[k] or (better.any() and (k == paper or x.name == in_force)) for k, x in enumerate(fitted)
+        data == "points" or better[k] or (better.any() and (k == paper or x.name == in_force))
+        for k, x in enumerate(fitted)
     ]
     fitted = [replace(x, left_out=x.predicts()) if asked else x for x, asked in zip(fitted, wanted, strict=True)]
     # the law of lowest BIC among those that are clearly better than the paper's, which else stays
