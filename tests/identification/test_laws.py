@@ -11,7 +11,7 @@ import bristle
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.errors import InputError
-from bristle.identification.comparison import Comparison, Fitted, Known, Solve
+from bristle.identification.comparison import Comparison, Fitted, Known
 from bristle.identification.law_comparison import compare_laws, ranked
 from bristle.identification.static.crosscheck import full_fit
 from bristle.identification.static.fit import estimate_static
@@ -163,7 +163,7 @@ def test_an_unlikely_law_without_a_parameter_takes_no_average_away() -> None:
 
     def fitted(name: str, scale: float, own: Known) -> Fitted:
         """A law that leaves so many times the noise."""
-        solves = (Solve(scale * noise, 4, 50.0, 50.0),)
+        solves = [(scale * noise, 4, 50.0, 50.0)]
         return Fitted(name=name, solves=solves, known=own)
 
     for worse, kept in ((1.1, True), (1.0, False)):

@@ -6,7 +6,7 @@ A model's BIC is the sum of those of its solves (`estimation.information`), and 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,7 +49,7 @@ class Row:
     """Of a law: whether the fits have it."""
     candidate: bool = True
     """Whether it has the terms that the fit supports, and no others; of a law: whether `fit.law: auto` may take it."""
-    chosen: bool
+    chosen: bool = False
     """Whether it is the one to use, which `fit.law: auto` takes."""
 
 
@@ -94,26 +94,15 @@ class Comparison:
         return next((row for row in self.rows if row.name == name), None)
 
 
-class Solve(NamedTuple):
-    """One of a model's solves: what its BIC is made of."""
-
-    residuals: Array
-    """(n,)."""
-    parameters: int
-    effective: float
-    """How many of the equations are independent."""
-    power: float
-    """Sum of squares of what is explained."""
-    itself: float = 0.0
-    """Sum of log(1 - s) over the equations, s the share of a change of the torque that its own law makes of it."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fitted:
     """A model fitted to every solve."""
 
     name: str
-    solves: tuple[Solve, ...]
+    solves: Sequence[tuple[Array, int, float, float]]
+    """Of each what its `bic` is of: residuals, (n,), parameters, independent equations, and the sum of squares of what is explained."""
+    itself: float = 0.0
+    """What BIC loses because the law makes torque of the torque."""
     left_out: LeftOut = None
     candidate: bool = True
     """As of its `Row`."""
@@ -124,7 +113,7 @@ class Fitted:
     @property
     def size(self) -> int:
         """Equations of all solves."""
-        return sum(x.residuals.size for x in self.solves)
+        return sum(residuals.size for residuals, *_ in self.solves)
 
 
 def blocks_of_speed(velocity: Array) -> list[NDArray[np.bool_]]:
@@ -134,25 +123,17 @@ def blocks_of_speed(velocity: Array) -> list[NDArray[np.bool_]]:
     return [part == k for k in range(_BLOCKS)]
 
 
-def bic_above(fitted: Sequence[Fitted]) -> Array:
-    """BIC of each above the lowest, (k,)."""
-    marks = [sum(bic(*x[:4]) - 2 * x.effective / x.residuals.size * x.itself for x in one.solves) for one in fitted]
-    return np.array(marks) - min(marks)
-
-
-def rows_of(fitted: Sequence[Fitted], chosen: int | None, in_force: str = "") -> tuple[Row, ...]:
-    """The models as rows, of which one is `chosen`; `in_force` names the law of the fits."""
-    above, rows = bic_above(fitted), list[Row]()
+def rows_of(fitted: Sequence[Fitted], in_force: str = "") -> tuple[Row, ...]:
+    """The models as rows, of which none is chosen yet; `in_force` names the law of the fits."""
+    marks, rows = np.array([sum(bic(*x) for x in one.solves) - one.itself for one in fitted]), list[Row]()
+    above = marks - marks.min()
     weights = np.exp(-above / 2) / np.exp(-above / 2).sum()
-    for k, x in enumerate(fitted):
-        squares, power = (
-            sum(values) for values in zip(*((power_of(s.residuals), s.power) for s in x.solves), strict=True)
-        )
+    for x, lies, weight in zip(fitted, above.tolist(), weights.tolist(), strict=True):
+        squares, power = sum(power_of(r) for r, *_ in x.solves), sum(explained for *_, explained in x.solves)
         row = Row(
-            name=x.name, parameters=sum(s.parameters for s in x.solves), rms=float(np.sqrt(squares / x.size)),
-            relative_error=100 * float(np.sqrt(squares / power)) if power else None, bic=float(above[k]),
-            left_out=x.left_out, weight=float(weights[k]), in_force=x.name == in_force, candidate=x.candidate,
-            chosen=k == chosen,
+            name=x.name, parameters=sum(count for _, count, *_ in x.solves), rms=float(np.sqrt(squares / x.size)),
+            relative_error=100 * float(np.sqrt(squares / power)) if power else None, bic=lies, left_out=x.left_out,
+            weight=weight, in_force=x.name == in_force, candidate=x.candidate,
         )  # fmt: skip  # a list of values
         rows.append(row)
     return tuple(rows)

@@ -1,9 +1,6 @@
-"""From what an experiment measured to everything found out about its joint.
+"""From what an experiment measured to everything found out about its joint: static, presliding and moving fits, models."""
 
-Static, presliding and moving fits, models.
-"""
-
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -331,7 +328,7 @@ class _Decisions:
         )
         early = Finding("acts-early", CRITICAL, message, {"early": late}, {"torque": np.inf})
         half = max(r.step for r in measured.moving(hold_out=False)) / 2  # of a sample: rows are told apart no finer
-        self.doubts = (early,) if late > max(_SURE * error, half) else _feedback(measured, self.joint, late)
+        self.doubts = (early,) if late > max(_SURE * error, half) else self._feedback(late)
         told, reach = "as the drive makes it of its commands", student(np.inf) * error
         if reach < _LATEST:
             digits = max(1 - int(np.floor(np.log10(error))), 0)
@@ -345,6 +342,24 @@ class _Decisions:
             lower, of = at_once.numbers["lower"], unit("alpha_2", measured.experiment.joint.kind)
             told += f"; ASSUMED not held between samples: held (--held), alpha_2 is {lower:.2g} {of} lower"
         self.told["chosen delay"] = told
+
+    def _feedback(self, late: float) -> tuple[Finding, ...]:
+        """Of a drive that may compare its commands with measurements of the moment: as old as these they are a friction of K_p times the delay."""
+        experiment, velocity = self.measured.experiment, [r.velocity for r in self.measured.moving(hold_out=False)]
+        command, gain = experiment.signals.command, (experiment.motor_constants or ONE).at_joint().kp
+        if command is None or command.fresh is not None or gain is None or late >= 0:
+            return ()
+        lower, of = -late * gain.value, unit("alpha_2", experiment.joint.kind)
+        viscous = [x.estimate for x in chosen(self.joint) if x.parameter.name == "alpha_2"]
+        if any(e.value is not None and e.value - lower < -_FAR * (e.standard_error or 0.0) for e in viscous):
+            return ()  # friction would drive
+        speed = float(np.sqrt(np.mean(np.concatenate([np.asarray(v) for v in velocity]) ** 2)))
+        message = (
+            "ASSUMED: the drive compares its commands with measurements as old as they are. If it compares them with new "
+            f"ones, alpha_2 is {lower:.2g} {of} lower, and these data do not tell which holds: write `fresh: true` (or "
+            "`false`) under signals.command, or --fresh (--not-fresh)."
+        )
+        return (Finding("feedback-unknown", CAUTION, message, {"lower": lower}, {"torque": lower * speed}),)
 
     def _models(self, joint: Joint) -> tuple[Comparison, ...]:
         """Friction models side by side, on the points and on the moving runs."""
@@ -416,7 +431,7 @@ class _Decisions:
             static=static,
             crosscheck=checks,
             **stages._asdict(),
-            warnings=_joint_warnings(measured, static),
+            warnings=tuple(_joint_warnings(measured, static)),
             torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
             travel=measured.travel,
             torque_constant=measured.torque_constant,
@@ -426,29 +441,6 @@ class _Decisions:
             assumptions=experiment.assumptions,
             settings=settings_of(experiment, self.asked_law, training),
         )
-
-
-def _feedback(measured: Measured, joint: Joint, late: float) -> tuple[Finding, ...]:
-    """What friction is where a drive compares its commands with measurements of the moment, and nothing says whether.
-
-    Measurements as old as the commands are as a friction of K_p times the delay, which nothing else tells from viscous friction.
-    """
-    command, experiment = measured.experiment.signals.command, measured.experiment
-    gain = (experiment.motor_constants or ONE).at_joint().kp
-    if command is None or command.fresh is not None or gain is None or late >= 0:
-        return ()
-    lower, of = -late * gain.value, unit("alpha_2", experiment.joint.kind)
-    viscous = [x.estimate for x in chosen(joint) if x.parameter.name == "alpha_2" and x.estimate.value is not None]
-    if any((e.value or 0.0) - lower < -_FAR * (e.standard_error or 0.0) for e in viscous):
-        return ()
-    velocity = np.concatenate([np.asarray(r.velocity) for r in measured.moving(hold_out=False)])
-    speed = float(np.sqrt(np.mean(velocity**2)))
-    message = (
-        f"ASSUMED: the drive compares its commands with measurements as old as they are. If it compares them with new "
-        f"ones, alpha_2 is {lower:.2g} {of} lower, and these data do not tell which holds: write `fresh: true` (or `false`) under signals.command, "
-        "or --fresh (--not-fresh)."
-    )
-    return (Finding("feedback-unknown", CAUTION, message, {"lower": lower}, {"torque": lower * speed}),)
 
 
 def _with_directions(measured: Measured, directions: str) -> Measured:
@@ -546,15 +538,16 @@ def _breakaway_torque(
     return KnownValue(value, error, source, shifts)
 
 
-def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> tuple[Finding, ...]:
-    experiment, warnings, kept = measured.experiment, list(measured.warnings), measured.points(hold_out=False)
+def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> Iterator[Finding]:
+    experiment, kept = measured.experiment, measured.points(hold_out=False)
+    yield from measured.warnings
     for key in experiment.fit.gone:
         message = f"fit.{key} is a key of earlier versions, and is not read as it was: {GONE[key]}."
-        warnings.append(Finding("key-gone", CAUTION, message, {"key": key}))
-    told, of = {w.code for w in warnings}, effort_unit(experiment.joint.kind)
+        yield Finding("key-gone", CAUTION, message, {"key": key})
+    told, of = {w.code for w in measured.warnings}, effort_unit(experiment.joint.kind)
     if experiment.coasting is not None and experiment.coasting.known is None:
         message = f"Nothing of the joint is known, so friction is per inertia, in {of}: write `coasting: {{inertia: 0.02 kg*m^2}}`, or its gravity."
-        warnings.append(Finding("per-inertia", CAUTION, message, {"unit": of}))
+        yield Finding("per-inertia", CAUTION, message, {"unit": of})
     elif has_own_unit(experiment.joint.kind) and "constant-unseen" not in told and measured.link_inertia is None:
         constant = "torque_constant: 0.35 N*m/A"
         lacks, lines = {
@@ -566,7 +559,7 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> tuple[F
             f"No {lacks} given, so friction is in {of}{share}: write `motor: {{{lines}}}`, as seen at the joint, or "
             "the torque of a known gravity."
         )
-        warnings.append(Finding("no-torque-constant", CAUTION, message, {"unit": of}))
+        yield Finding("no-torque-constant", CAUTION, message, {"unit": of})
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
         tried = sum(s.velocity * DIRECTIONS[other] > 0 for candidates in measured.segments for s in candidates)
@@ -575,23 +568,22 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> tuple[F
             message = f"none of its {tried} candidate segments was kept"
             why = Finding("none-kept", CAUTION, message, {"tried": tried})
         message = f"Direction {other} is not identified: {why}."
-        warnings.append(Finding("direction-unknown", CAUTION, message, {"direction": other, "why": why}))
+        yield Finding("direction-unknown", CAUTION, message, {"direction": other, "why": why})
     # of kept segments, counted: each warning is listed with its segment
     told = {file for d in measured.warnings if d.code == "velocity-factor" for file in d.numbers["files"]}
     differ = sum(any(d.code == "position-differs" for d in s.warnings) for s in kept)
     if differ and not told:
         message = f"Position and velocity disagree in {differ} of {len(kept)} kept segments; the slope of the position is used."
-        warnings.append(Finding("positions-disagree", CAUTION, message, {"differ": differ, "kept": len(kept)}))
+        yield Finding("positions-disagree", CAUTION, message, {"differ": differ, "kept": len(kept)})
     others = sum(any(d.code not in {"position-differs", "stick-slip"} for d in s.warnings) for s in kept)
     if others:
         message = f"The torque of {others} of {len(kept)} kept segments is questionable; the list of segments says why."
-        warnings.append(Finding("torques-doubted", CAUTION, message, {"doubted": others, "kept": len(kept)}))
+        yield Finding("torques-doubted", CAUTION, message, {"doubted": others, "kept": len(kept)})
     unused = tuple(run.record.file for run in measured.runs if run.kind == "presliding" and run.hold_out)
     if unused:
         message = f"Held-out presliding runs are not used: {', '.join(unused)}."
-        warnings.append(Finding("held-out-unused", NOTE, message, {"files": unused}))
+        yield Finding("held-out-unused", NOTE, message, {"files": unused})
     if experiment.truth and not experiment.simulated:
         message = "True parameters are given (truth), but the data are not declared simulated."
-        warnings.append(Finding("truth-undeclared", CAUTION, message))
-    warnings += point_warnings(measured, kept, static)
-    return tuple(warnings)
+        yield Finding("truth-undeclared", CAUTION, message)
+    yield from point_warnings(measured, kept, static)

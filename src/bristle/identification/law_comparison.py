@@ -42,8 +42,6 @@ from bristle.identification.comparison import (
     Fitted,
     LeftOut,
     Row,
-    Solve,
-    bic_above,
     blocks_of_speed,
     rows_of,
 )
@@ -154,10 +152,11 @@ class _MovingLaw(NamedTuple):
         matrix, own_freedom = covariance(self.minimum.jacobian[:, free], power_of(residuals), freedom)
         errors = np.sqrt(np.diag(matrix)) * np.abs(self.unknowns.slopes(self.minimum.x)[free])
         pairs = zip(compress(names, free), errors.tolist(), strict=True)
-        power, itself = power_of(self.problem.measured), float(np.log(self._not_itself()).sum())
+        itself = 2 * effective / residuals.size * float(np.log(self._not_itself()).sum())
         return Fitted(
             name=self.name,
-            solves=(Solve(residuals, len(names), effective, power, itself),),
+            solves=[(residuals, len(names), effective, power_of(self.problem.measured))],
+            itself=itself,
             candidate=self.law.name in {law.name for law in competing()},
             predicts=self._blocks_left_out,
             known={n: (self.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)},
@@ -250,15 +249,13 @@ def _fitted_to_motion(
 
 def law_warnings(laws: Comparison | None) -> tuple[Finding, ...]:
     """That another law is clearly better than the one in force, with the line to write."""
-    if laws is None:
+    own = None if laws is None else next((row for row in laws.rows if row.in_force), None)
+    if laws is None or own is None or laws.chosen is own:  # of a law with too few points its fit says so
         return ()
-    best, own = laws.chosen, next((row for row in laws.rows if row.in_force), None)
-    if own is None:  # too few points for it, which its fit says
+    best, before = laws.chosen, own.left_out
+    gain, error = own.bic - best.bic, best.left_out
+    if not gain > GAIN or not (error or np.inf) < (before or 0.0):
         return ()
-    clearly = own.bic - best.bic > GAIN and (best.left_out or np.inf) < (own.left_out or 0.0)
-    if best.in_force or not clearly:
-        return ()
-    gain, error, before = own.bic - best.bic, best.left_out, own.left_out
     message = (
         f"Law {best.name} fits better: its BIC is {gain:.1f} lower than that of {own.name}, and its error at left-out speeds is "
         f"{error:.3g} % of the torque instead of {before:.3g} %. Under fit, write `law: {best.name}` (or `law: auto`)."
@@ -337,17 +334,14 @@ def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> 
         if not problems or any(p.torque.size <= len(p.names) + len(p.shape) + 1 for p in problems):
             continue
         shaped = [with_best_shape(p, default_range(p.velocity)) for p in problems]
-        solutions = [solve(p, default_range(p.velocity)) for p in shaped]
-        solves = tuple(
-            Solve(s.residuals, len(p.names) + len(p.shape), p.torque.size, power_of(p.measured))
-            for p, s in zip(shaped, solutions, strict=True)
-        )
-        known = dict[ParameterName, tuple[float, float, float]]()
-        for problem, solution in zip(shaped, solutions, strict=True):
-            free = np.array([name not in solution.at_bound for name in problem.names])
+        solves, known = [], dict[ParameterName, tuple[float, float, float]]()
+        for p in shaped:
+            solution = solve(p, default_range(p.velocity))
+            solves.append((solution.residuals, len(p.names) + len(p.shape), p.torque.size, power_of(p.measured)))
+            free = np.array([name not in solution.at_bound for name in p.names])
             matrix, freedom = covariance(solution.jacobian[:, free], solution.cost)
             errors = np.sqrt(np.diag(matrix)).tolist()
-            rows = zip(compress(problem.names, free), solution.theta[free].tolist(), errors, strict=True)
+            rows = zip(compress(p.names, free), solution.theta[free].tolist(), errors, strict=True)
             known |= {n: (v, e, freedom) for n, v, e in rows if np.isfinite(e)}
         predicts = partial(_left_out, shaped)
         fitted.append(Fitted(name=law.name, solves=solves, candidate=law in compete, predicts=predicts, known=known))
@@ -379,37 +373,36 @@ def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | 
     `in_force` names the law of the fits. Of moving runs errors at what is left out are worked out only where BIC prefers a law to the
     paper's: for those laws, and the ones that they are compared with.
     """
-    paper = next((k for k, x in enumerate(fitted) if x.name == GAUSSIAN.name), None)
-    if paper is None or len(fitted) < 2:
+    rows = rows_of(fitted, in_force) if fitted else ()
+    paper = next((row for row in rows if row.name == GAUSSIAN.name), None)
+    if paper is None or len(rows) < 2:
         return None
-    bic = bic_above(fitted)
-    better = bic[paper] - bic > GAIN
-    wanted = [
-        data == "points" or better[k] or (better.any() and (k == paper or x.name == in_force))
-        for k, x in enumerate(fitted)
-    ]
-    fitted = [replace(x, left_out=x.predicts()) if asked else x for x, asked in zip(fitted, wanted, strict=True)]
+    better = {row.name for row in rows if paper.bic - row.bic > GAIN}
+    wanted = (
+        {row.name for row in rows} if data == "points" else {*better, paper.name, in_force} if better else set[str]()
+    )
+    left_out = {x.name: x.predicts() if x.name in wanted else None for x in fitted}
     # the law of lowest BIC among those that are clearly better than the paper's, which else stays
-    least = fitted[paper].left_out
+    least = left_out[paper.name]
     clearly = [
-        k
-        for k, x in enumerate(fitted)
-        if x.candidate and better[k] and least is not None and (x.left_out or np.inf) < least
+        row
+        for row in rows
+        if row.candidate and row.name in better and least is not None and (left_out[row.name] or np.inf) < least
     ]
-    chosen = min(clearly, key=lambda k: bic[k], default=paper)
-    rows = rows_of(fitted, chosen, in_force)
-    averaged = _averaged(fitted, rows) if max(row.weight or 0.0 for row in rows) < _SPREAD else {}
-    sentence, solves = _sentence(rows, chosen, paper, asked=any(wanted)), fitted[0].solves
+    chosen = min(clearly, key=lambda row: row.bic, default=paper).name
+    rows = tuple(replace(row, left_out=left_out[row.name], chosen=row.name == chosen) for row in rows)
     return Comparison(
-        data=data, n=fitted[0].size, effective=sum(x.effective for x in solves), rows=rows, sentence=sentence,
-        averaged=averaged,
+        data=data, n=fitted[0].size, effective=sum(of for *_, of, _ in fitted[0].solves), rows=rows,
+        sentence=_sentence(rows, asked=bool(wanted)),
+        averaged=_averaged(fitted, rows) if max(row.weight or 0.0 for row in rows) < _SPREAD else {},
     )  # fmt: skip  # a list of values
 
 
-def _sentence(rows: Sequence[Row], chosen: int, paper: int, *, asked: bool) -> Finding:
+def _sentence(rows: Sequence[Row], *, asked: bool) -> Finding:
     """Which law the data want, and why; `asked`: whether it was worked out what the laws predict of what is left out."""
-    own, best = rows[paper], rows[chosen]
-    if chosen != paper:
+    own = next(row for row in rows if row.name == GAUSSIAN.name)
+    best = next(row for row in rows if row.chosen)
+    if best is not own:
         gain, error, before = own.bic - best.bic, best.left_out, own.left_out
         message = (
             f"The data favour {best.name}: its BIC is {gain:.1f} lower than the paper's law's, and at five blocks of speed, each left "

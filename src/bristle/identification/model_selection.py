@@ -25,8 +25,6 @@ from bristle.identification.comparison import (
     Fitted,
     LeftOut,
     Row,
-    Solve,
-    bic_above,
     rows_of,
 )
 from bristle.identification.dynamic.descent import carried, fit, with_deflections
@@ -269,15 +267,15 @@ def rank_models(
     fitted = [
         Fitted(
             name=model if directions == ONE else f"{model}, {directions}",
-            solves=(Solve(c.residuals, c.parameters, n / variance_inflation, power),),
+            solves=[(c.residuals, c.parameters, n / variance_inflation, power)],
             left_out=c.left_out,
             candidate=seen if model == LUGRE else (model == STRIBECK) == kept,
         )
         for (model, directions), c in candidates.items()
     ]
-    above = bic_above(fitted)
-    allowed = [k for k, x in enumerate(fitted) if x.candidate]
-    rows = rows_of(fitted, min(allowed, key=lambda k: above[k], default=None))
+    rows = rows_of(fitted)
+    best = min((row for row in rows if row.candidate), key=lambda row: row.bic, default=None)
+    rows = tuple(replace(row, chosen=row is best) for row in rows)
     sentence = _sentence(dict(zip(candidates, rows, strict=True)), static, kept=kept)
     return Comparison(data=data, n=n, effective=n / variance_inflation, rows=rows, sentence=sentence, left_out=left_out)
 

@@ -73,24 +73,21 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
     if chance > level_of_test or across < 2 * scatter:
         return
     numbers, T = {"slope": mean, "across": across, "share": across / level}, unit_of("torque")
+    effect, share = {"torque": across}, f"{100 * across / level:.0f} % of the torque"
     if not in_order:
         message = (
-            f"The torque drifts within the holds, by {mean:+.2g}{T} per second and {across:.3g}{T} from first to last ("
-            f"{100 * across / level:.0f} % of the torque): it depends on time or temperature, and the points scatter by it. Warm up, and repeat "
-            "the first speeds at the end."
+            f"The torque drifts within the holds, by {mean:+.2g}{T} per second and {across:.3g}{T} from first to last ({share}): it depends on "
+            "time or temperature, and the points scatter by it. Warm up, and repeat the first speeds at the end."
         )
-        yield Finding("drift-over-runs", CAUTION, message, numbers, {"torque": across})
+        yield Finding("drift-over-runs", CAUTION, message, numbers, effect)
         return
     first = next(iter(in_order))
     direction, way = first if len(in_order) == 1 else "both", "rises" if in_order[first] > 0 else "falls"
     message = (
         f"Speed {way} with the order of the runs{in_direction(direction)} while the torque drifts within them ({mean:+.2g}{T} per second, "
-        f"{across:.3g}{T} from first to last, {100 * across / level:.0f} % of the torque): drift and speed cannot be told apart. Warm up, and take "
-        "the speeds in random order."
+        f"{across:.3g}{T} from first to last, {share}): drift and speed cannot be told apart. Warm up, and take the speeds in random order."
     )
-    yield Finding(
-        "drift-in-order", CAUTION, message, {"direction": direction, "way": way, **numbers}, {"torque": across}
-    )
+    yield Finding("drift-in-order", CAUTION, message, {"direction": direction, "way": way, **numbers}, effect)
 
 
 def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Finding]:

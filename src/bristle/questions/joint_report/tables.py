@@ -173,21 +173,21 @@ def profiles(joint: Joint) -> _Rows:
             yield from ((d, grid, *row) for row in np.column_stack(pair).tolist())
 
 
-_COMPARED = "data name parameters rms# relative_error# bic# left_out# weight# in_force? candidate? chosen?"
+_SIDE_BY_SIDE = "data name parameters rms# relative_error# bic# left_out# weight# in_force? candidate? chosen?"
 
 
 def _compared(comparisons: Sequence[Comparison]) -> _Rows:
-    own = attrgetter(*_COMPARED.replace("#", "").replace("?", "").split()[1:])
+    own = attrgetter(*_SIDE_BY_SIDE.replace("#", "").replace("?", "").split()[1:])
     yield from ((x.data, *own(row)) for x in comparisons for row in x.rows)
 
 
-@_table(_COMPARED)
+@_table(_SIDE_BY_SIDE)
 def models(joint: Joint) -> _Rows:
     """One row per joint, data and model: parameters, rms, relative error, BIC above the lowest, error at what was left out, weight, which to use."""
     yield from _compared(joint.models)
 
 
-@_table(_COMPARED)
+@_table(_SIDE_BY_SIDE)
 def laws(joint: Joint) -> _Rows:
     """The same of friction laws, and which one the fits have."""
     yield from _compared([joint.laws] if joint.laws else [])
