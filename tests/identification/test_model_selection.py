@@ -10,7 +10,7 @@ from hypothesis import settings as options
 from hypothesis import strategies as st
 
 from bristle.arrays import Array
-from bristle.data.experiment.load import Experiment, load_experiment
+from bristle.data.experiment.load import Experiment, Run, load_experiment
 from bristle.data.record import Record
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification import model_selection
@@ -20,7 +20,7 @@ from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.fits import TrackingFit
 from bristle.identification.identify import identify_joint
-from bristle.identification.measured import measure
+from bristle.identification.measured import Measured, measure
 from bristle.identification.model_selection import COULOMB, LUGRE, STRIBECK, VISCOUS, Candidate, rank_models
 from bristle.identification.results import Joint
 from bristle.identification.static.runs import fit_moving
@@ -197,7 +197,9 @@ def on_motion(
     experiment = load_experiment(experiment_file(tmp_path_factory.mktemp("moving"), {"t": v, "v": v, "T": v}, fit=fit))
     alone = whole(experiment, records, held, ("+", "-") if request.param == "separate" else ("both",))
     static = fit_moving(experiment, records, [])[0]
-    compared = model_selection.compare_on_motion(experiment, records, held, static, alone)
+    runs = tuple(Run(kind="tracking", record=r, hold_out=r is held[0]) for r in (*records, *held))
+    measured = Measured(experiment=experiment, runs=runs, segments=((), ()))
+    compared = model_selection.compare_on_motion(measured, static, alone)
     assert compared is not None
     return compared, alone
 

@@ -224,7 +224,7 @@ class _Decisions:
         if joint.tracking is None:
             self.bic, self.ended = {}, None
             return
-        compared = partial(bic_of_directions, measured.experiment, measured.moving(hold_out=False), joint.tracking)
+        compared = partial(bic_of_directions, measured, joint.tracking)
         bic, self.ended = compared()
         self.bic = bic
         if not bic or bic[APART] >= bic[SYMMETRIC] - GAIN:
@@ -255,7 +255,7 @@ class _Decisions:
         sides = directions(experiment, measured.moving(hold_out=False))
         for factor in _WIDER:
             wide = through_wider(measured, factor)
-            left = refitted(experiment, wide.moving(hold_out=False), (), alone, sides).residuals
+            left = refitted(wide, alone, sides).residuals
             if np.linalg.norm(left) > (1.0 if found else _LESS) * np.sqrt(left.size) * alone.rms:
                 break
             found = wide
@@ -363,14 +363,12 @@ class _Decisions:
 
     def _models(self, joint: Joint) -> tuple[Comparison, ...]:
         """Friction models side by side, on the points and on the moving runs."""
-        measured, static, alone, found = self.measured, joint.static, joint.tracking, list[Comparison | None]()
-        experiment, points = measured.experiment, measured.points(hold_out=False)
-        if points:
-            found.append(compare_on_points(experiment, points, measured.points(hold_out=True), static))
+        static, alone, found = joint.static, joint.tracking, list[Comparison | None]()
+        if points := self.measured.points(hold_out=False):
+            found.append(compare_on_points(self.measured, static))
         if alone is not None:
-            records, tests = measured.moving(hold_out=False), measured.moving(hold_out=True)
             own = {} if points else {d: fit for d, fit in static.items() if not is_superseded(fit)}
-            found.append(compare_on_motion(experiment, records, tests, own, alone, self.ended))
+            found.append(compare_on_motion(self.measured, own, alone, self.ended))
         return tuple(x for x in found if x is not None)
 
     def _identified(

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.errors import InputError
@@ -31,6 +30,7 @@ from bristle.identification.dynamic.descent import carried, fit, with_deflection
 from bristle.identification.dynamic.fit import relative_error
 from bristle.identification.dynamic.problem import DynamicProblem, Values, dynamic_problem
 from bristle.identification.fits import StaticFit, TrackingFit
+from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS, inertia, moved_in, regressors
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import point_regressors, points_problem
@@ -65,30 +65,24 @@ class Candidate(NamedTuple):
     """Of a LuGre model: where it ended."""
 
 
-def compare_on_points(
-    experiment: Experiment, points: Sequence[Segment], held: Sequence[Segment], static: Mapping[str, StaticFit]
-) -> Comparison | None:
+def compare_on_points(measured: Measured, static: Mapping[str, StaticFit]) -> Comparison | None:
     """The models on points at constant velocity, where LuGre is its Stribeck curve (9); None where none can be fitted.
 
     Without held-out points each point is predicted from all others, to first order: its residual over 1 - its leverage.
     """
+    points, held = (measured.points(hold_out=x) for x in (False, True))
 
     def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
-        law = experiment.fit.friction
+        law = measured.experiment.fit.friction
         tests = [points_problem(held, directions, asked, law)] if held else []
         return points_problem(points, directions, asked, law), tests
 
-    found, left, power = _static_models(experiment, _variants(sides_of(points)), pose, moving=False)
+    found, left, power = _static_models(measured.experiment, _variants(sides_of(points)), pose, moving=False)
     return rank_models("points", found, 1.0, power, static, None, left)
 
 
 def compare_on_motion(
-    experiment: Experiment,
-    records: Sequence[Record],
-    held: Sequence[Record],
-    static: Mapping[str, StaticFit],
-    alone: TrackingFit,
-    apart: Values | None = None,
+    measured: Measured, static: Mapping[str, StaticFit], alone: TrackingFit, apart: Values | None = None
 ) -> Comparison | None:
     """The models on moving runs: every equation of all of them, with the same decimation and regressors; None where the position is predicted.
 
@@ -100,8 +94,8 @@ def compare_on_motion(
     """
     if alone.quantity != "torque":
         return None
-    (fixed, _), law = inertia(experiment), experiment.fit.friction
-    variants = _variants(moved_in(records))
+    experiment, (records, held) = measured.experiment, (measured.moving(hold_out=x) for x in (False, True))
+    (fixed, _), law, variants = inertia(experiment), experiment.fit.friction, _variants(moved_in(records))
 
     def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
         options = (directions, asked, experiment.fit.every, fixed, law)
@@ -117,7 +111,7 @@ def compare_on_motion(
             continue
         with suppress(InputError):  # a start that shows nothing is no reason to fail: then this one is left out
             near = apart if called == APART else None
-            found[LUGRE, called] = one = refitted(experiment, records, held, alone, directions, near)
+            found[LUGRE, called] = one = refitted(measured, alone, directions, near, held=held)
             if not one.settled:
                 message = f"{LUGRE}, {called}: the fit had not settled; its numbers can still improve."
                 numbers = {"model": LUGRE, "directions": called}
@@ -185,18 +179,18 @@ def _left_out_error(problem: Regression, residuals: Array, jacobian: Array) -> f
 
 
 def refitted(
-    experiment: Experiment,
-    records: Sequence[Record],
-    held: Sequence[Record],
+    measured: Measured,
     alone: TrackingFit,
     directions: tuple[str, ...],
     near: Values | None = None,
     worth: float = 0.0,
+    held: Sequence[Record] = (),
 ) -> Candidate:
     """LuGre in other directions than those of the fit, from where that fit ended, or from values that are `near`.
 
-    It ends where the next step would lower BIC by less than `worth`.
+    It ends where the next step would lower BIC by less than `worth`; `held` are runs to predict.
     """
+    experiment, records = measured.experiment, measured.moving(hold_out=False)
     asked, (fixed, _) = asked_regressors(experiment, directions, moving=True), inertia(experiment)
     given = {name.name for name in alone.known} - {name.name for name in alone.names if name in alone.known}
 
@@ -224,17 +218,17 @@ def _as_fitted(fit: TrackingFit) -> Candidate:
 
 
 def bic_of_directions(
-    experiment: Experiment, records: Sequence[Record], alone: TrackingFit, each: TrackingFit | None = None
+    measured: Measured, alone: TrackingFit, each: TrackingFit | None = None
 ) -> tuple[dict[str, float], Values | None]:
     """BIC of LuGre with one friction for both directions, as it was fitted, and with one for each; and where this one ended.
 
     With one for `each` as it was fitted, or else near the first. Neither where the runs go one way, or not the torque is predicted.
     """
-    if alone.quantity != "torque" or len(moved_in(records)) < len(DIRECTIONS):
+    if alone.quantity != "torque" or len(moved_in(measured.moving(hold_out=False))) < len(DIRECTIONS):
         return {}, None
     try:
         apart = each and _as_fitted(each)
-        apart = apart or refitted(experiment, records, (), alone, tuple(DIRECTIONS), worth=_WORTH)
+        apart = apart or refitted(measured, alone, tuple(DIRECTIONS), worth=_WORTH)
     except InputError:  # a start that shows nothing is no reason to fail
         return {}, None
     both = {SYMMETRIC: _as_fitted(alone), APART: apart}
