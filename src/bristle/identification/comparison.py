@@ -43,7 +43,7 @@ class Row:
     """Above the lowest of all."""
     left_out: Number | None
     """Relative error on what was left out, percent: held-out runs, points or, of laws, five blocks of speed, each predicted from the others."""
-    weight: Number | None = None
+    weight: Number = float("nan")
     """Share of exp(-BIC / 2) among all."""
     in_force: bool = False
     """Of a law: whether the fits have it."""

@@ -164,7 +164,8 @@ class _MovingLaw(NamedTuple):
 
     def _not_itself(self) -> Array:
         """The share of a change of each equation's torque that its own law does not make of it, (n,): one without a load."""
-        known = {n.name: x for n, x in {**self.problem.fixed, **self.values}.items() if isinstance(n, ParameterName)}
+        of_all = (*self.problem.fixed.items(), *self.values.items())
+        known = {n.name: x for n, x in of_all if isinstance(n, ParameterName)}
         rows = [
             m.smoothed(np.ones(m.velocity.size) if m.load is None else 1 - np.sign(m.velocity) * m.load.by_motor(known))
             for m in self.problem.motions
@@ -394,7 +395,7 @@ def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | 
     return Comparison(
         data=data, n=fitted[0].size, effective=sum(of for *_, of, _ in fitted[0].solves), rows=rows,
         sentence=_sentence(rows, asked=bool(wanted)),
-        averaged=_averaged(fitted, rows) if max(row.weight or 0.0 for row in rows) < _SPREAD else {},
+        averaged=_averaged(fitted, rows) if max(row.weight for row in rows) < _SPREAD else {},
     )  # fmt: skip  # a list of values
 
 
@@ -426,7 +427,7 @@ def _sentence(rows: Sequence[Row], *, asked: bool) -> Finding:
 
 def _averaged(fitted: Sequence[Fitted], rows: Sequence[Row]) -> Mapping[ParameterName, Averaged]:
     """What nearly all laws have by weight, over those that the data allow."""
-    pairs = ((x.known, row.weight or 0.0) for x, row in zip(fitted, rows, strict=True))
+    pairs = ((x.known, row.weight) for x, row in zip(fitted, rows, strict=True))
     tables = [(known, weight) for known, weight in pairs if weight > _LIKELY]
     averaged = {}
     for name in dict.fromkeys(chain.from_iterable(table for table, _ in tables)):

@@ -242,7 +242,7 @@ def law_lines(joints: Sequence[Joint]) -> Iterator[str]:
         for row in sorted(found.rows, key=lambda row: row.bic):
             left = "-" if row.left_out is None else f"{row.left_out:.3g} %"
             told = "in use" if row.in_force else "wanted" if row.chosen else ""
-            weight = f"{100 * (row.weight or 0.0):.0f} %"
+            weight = f"{100 * row.weight:.0f} %"
             rows.append((row.name, str(row.parameters), f"+{row.bic:.1f}", left, weight, told))
         yield from columns(rows)
         yield from wrapped([f"  {printable(str(found.sentence))}"])
