@@ -393,8 +393,8 @@ def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | 
     chosen = min(clearly, key=lambda row: row.bic, default=paper).name
     rows = tuple(replace(row, left_out=left_out[row.name], chosen=row.name == chosen) for row in rows)
     return Comparison(
-        data=data, n=fitted[0].size, effective=sum(of for *_, of, _ in fitted[0].solves), rows=rows,
-        sentence=_sentence(rows, asked=bool(wanted)),
+        data=data, n=fitted[0].size, effective=float(sum(of for *_, of, _ in fitted[0].solves)),
+        rows=rows, sentence=_sentence(rows, asked=bool(wanted)),
         averaged=_averaged(fitted, rows) if max(row.weight for row in rows) < _SPREAD else {},
     )  # fmt: skip  # a list of values
 
