@@ -179,7 +179,8 @@ def _identified(
 def _timed(
     measured: Measured, crosscheck: bool, uncertainty: bool, need: float, progress: Progress | None = None
 ) -> tuple[Joint, float]:
-    started = perf_counter()
+    """A joint, and the seconds that its identification took."""
+    begun = perf_counter()
     try:
         joint = identify_joint(measured, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress)
     except InputError as error:
@@ -187,7 +188,7 @@ def _timed(
             raise
         cause = next((w for w in measured.findings if w.severity is Severity.CRITICAL), error)
         raise InputError(f"{measured.experiment.joint.name}: {cause}") from error
-    return replace(joint, need=need), perf_counter() - started
+    return replace(joint, need=need), perf_counter() - begun
 
 
 def percent(need: float | str) -> float:

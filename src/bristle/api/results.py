@@ -101,7 +101,7 @@ class Results:
         return tuple(outcomes(self.joints))
 
     def checks(self) -> tuple[str, ...]:
-        """Each fit beside a full nonlinear one on the same data, a line each, and what each step took.
+        """Each fit beside a full nonlinear one on the same data, a line each, and what each joint took.
 
         Raises InputError where nothing was fitted that could be checked.
         """

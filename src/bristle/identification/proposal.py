@@ -102,9 +102,9 @@ def completed(path: Path) -> tuple[str, str]:
     asked = experiment_of(text, path)
     measured = measure(asked)
     points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
-    better = set_up.better_for_points(measured.experiment, points) if points else None
+    better = set_up.trial_of_points(measured.experiment, points).better() if points else None
     if better is None and moving and measured.experiment.fit.predict == "torque":
-        better = set_up.better_for_motion(measured.experiment, moving)
+        better = set_up.trial_of_motion(measured.experiment, moving).better()
     if better is None:
         why = "no regressor, nor other directions, would explain these runs clearly better"
         return text, f"{kinds or 'nothing added: '}{why}"
@@ -125,8 +125,8 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path, directions: str |
     points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
     if moving:
         refuse_opposing_runs(measured.experiment, moving)
-    proposals = [set_up.proposed_for_points(points) if points else None]
-    proposals += [set_up.proposed_for_motion(measured.experiment, moving) if moving else None]
+    proposals = [set_up.trial_of_points(measured.experiment, points).proposed() if points else None]
+    proposals += [set_up.trial_of_motion(measured.experiment, moving).proposed() if moving else None]
     known = [proposal for proposal in proposals if proposal is not None]
     if points and not any("gravity" in x.set_up.regressors for x in known):
         refuse_opposing_points(measured.experiment, points, ("offset",))

@@ -4,10 +4,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.special import fdtrc
 
+from bristle.arrays import Array
+from bristle.estimation.levels import RARE
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import Crosscheck
-from bristle.model.parameters import Lugre, ParameterName
+from bristle.model.parameters import SIGNED, Lugre, ParameterName
+
+_LEAST = 0.01  # of alpha_0: a smaller offset is not worth a sentence
 
 UNRESOLVED = frozenset({
     "unseen-unconverged", "unseen-below-count", "unseen-no-reversal", "unseen-fast", "unseen-halves",
@@ -91,3 +96,41 @@ def crosschecked(
         cost_grid=cost, cost_full=full, starts=starts, reached=reached, difference_in_se=apart, verdict=verdict, agrees=agrees,
         parameters={name: x for name, x in found.items() if name in errors},
     )  # fmt: skip  # a list of values
+
+
+def offset_or_friction(
+    names: Sequence[Any], values: Mapping[Any, float], covariance: Array, freedom: float
+) -> list[Finding]:
+    """A difference of the two directions that is one of alpha_0 alone, as an offset of the torque makes it.
+
+    Wald tests: the directions agree on all else that a curve has, and with these made equal they differ in alpha_0. `names` of p
+    unknowns are in the order of the covariance, (p, p), with its degrees of freedom; those that are no `ParameterName` do not matter.
+    """
+    order = {name: k for k, name in enumerate(names)}
+    pairs = [[ParameterName(name, d) for d in SIGNED] for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")]
+    told = {name for name, k in order.items() if np.isfinite(covariance[k]).all()}
+    free = [pair for pair in pairs if told.issuperset(pair)]
+    if pairs[0] not in free:
+        return []
+    plus, minus = (np.array([order[pair[k]] for pair in free]) for k in (0, 1))
+    apart = np.array([values[a] - values[b] for a, b in free])
+    (S_pp, S_pm), (S_mp, S_mm) = ([covariance[np.ix_(a, b)] for b in (plus, minus)] for a in (plus, minus))
+    S = S_pp + S_mm - S_pm - S_mp
+    weight = np.linalg.pinv(S[1:, 1:], hermitian=True)
+    others, rest = float(apart[1:] @ weight @ apart[1:]), len(free) - 1
+    twice = float(apart[0] - S[0, 1:] @ weight @ apart[1:])
+    variance = float(S[0, 0] - S[0, 1:] @ weight @ S[1:, 0])
+    a, b = (float(values[name]) for name in pairs[0])
+    common = (a + b) / 2
+    if abs(twice) < 2 * _LEAST * common or not variance > 0:
+        return []
+    if (rest and fdtrc(rest, freedom, others / rest) < RARE) or fdtrc(1, freedom, twice**2 / variance) > RARE:
+        return []
+    T = unit_of("torque")
+    message = (
+        f"The torque of the two directions differs by a constant. Either it has an offset of {twice / 2:.3g}{T}, and alpha_0 is "
+        f"{common:.4g}{T} in both (`directions: symmetric`, and offset among the regressors, under fit); or friction differs, with alpha_0 "
+        f"{a:.4g}{T} (+) and {b:.4g}{T} (-). The data cannot tell which."
+    )
+    numbers = {"offset": twice / 2, "common": common, "plus": a, "minus": b}
+    return [Finding("offset-or-friction", CAUTION, message, numbers)]

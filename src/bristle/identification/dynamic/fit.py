@@ -44,8 +44,14 @@ from bristle.identification.dynamic.problem import (
 )
 from bristle.identification.dynamic.what_is_left import Left, known_and_left, what_is_left
 from bristle.identification.fits import Estimate, HoldOut, TrackingFit
-from bristle.identification.offset import offset_or_friction
-from bristle.identification.shared_findings import AT_BOUND, TAKES_UP_PEAK, curve_held, not_passive, not_shown
+from bristle.identification.shared_findings import (
+    AT_BOUND,
+    TAKES_UP_PEAK,
+    curve_held,
+    not_passive,
+    not_shown,
+    offset_or_friction,
+)
 from bristle.model.law import is_passive
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import INERTIA, Kind, ParameterName, bends_down, least_of, of_friction, unit
