@@ -18,8 +18,8 @@ from scipy.optimize import curve_fit
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation.covariance import covariance
+from bristle.identification.comparison import Comparison
 from bristle.identification.law_comparison import compare_laws
-from bristle.identification.results import LawComparison
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points
@@ -75,13 +75,13 @@ def chosen(p: Stribeck[float], noise: float, rng: np.random.Generator) -> tuple[
     found = compare_laws(pose, law_named("paper"))
     if found is None:
         raise SystemExit("22 points are enough to compare laws")
-    law = law_named(found.chosen.law)
+    law = law_named(found.chosen.name)
     own = estimate_static(pose(law)[0], FitOptions(law=law.name), "revolute")["alpha_0"].interval
     over = interval_over(found, own or (-np.inf, np.inf))
     return law.name, over[0] <= p.alpha_0 <= over[1]
 
 
-def interval_over(found: LawComparison, own: tuple[float, float]) -> tuple[float, float]:
+def interval_over(found: Comparison, own: tuple[float, float]) -> tuple[float, float]:
     """alpha_0's interval as a user reads it: the wider end of its own and of that over laws."""
     other = found.averaged.get(ALPHA_0)
     return own if other is None else (min(own[0], other.interval[0]), max(own[1], other.interval[1]))

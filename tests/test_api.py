@@ -37,7 +37,7 @@ def test_the_package_offers_the_api(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     with pytest.raises(AttributeError, match="nothing_such"):
         _ = bristle.nothing_such
     # `inspect` gives runs and segments, frozen too, and never comes near a fit
-    monkeypatch.delattr("bristle.identification.static.runs.fit_static")
+    monkeypatch.delattr("bristle.identification.static.fit.fit_static")
     measured = bristle.inspect(write(tmp_path, FEW))
     assert isinstance(measured, Measured)
     assert [segment.velocity for found in measured.segments for segment in found] == FEW.tolist()

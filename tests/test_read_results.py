@@ -69,7 +69,7 @@ def fresh(folder: Path) -> Results:
 @pytest.fixture
 def read(folder: Path, fresh: Results, monkeypatch: pytest.MonkeyPatch) -> Results:
     """The same, read; from here on nothing can be identified."""
-    assert fresh.whole
+    assert fresh.joints
 
     def no_more(*_: object, **__: object) -> Joint:
         raise AssertionError("identified again")
@@ -193,7 +193,7 @@ def test_what_needs_no_logs_asks_for_none(fresh: Results, folder: Path, tmp_path
 @pytest.mark.slow
 def test_the_command_line_writes_a_report_of_a_results_file(read: Results, folder: Path, tmp_path: Path) -> None:
     """`bristle report results.json` writes it anew, with the file of its experiment; other questions of it are asked in `test_bad_numbers.py`."""
-    assert read.whole
+    assert read.joints
     ran = run("report", folder / "out" / "results.json", "-o", tmp_path / "report")
     assert ran.code == 0, ran.err
     (again,) = json.loads((tmp_path / "report" / "results.json").read_text("utf-8"))["experiments"]

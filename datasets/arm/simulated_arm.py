@@ -12,7 +12,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.control.compensator import Reference
 from bristle.control.plant import white_noise
-from bristle.data.robot.rigid_body import RigidBody, rigid_body
+from bristle.data.robot.motion import RigidBody, rigid_body
 from bristle.data.robot.urdf import read_urdf
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout

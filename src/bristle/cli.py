@@ -304,7 +304,7 @@ def validate(
         check_request(repetitions, starts, noise)
         if experiment is not None:  # each fit beside a full nonlinear one on the same data
             results = identified(experiment, joint=joint, crosscheck=True, progress=progress)
-            results.whole_joint()
+            results.joint()
             beside = [*results.checks(), *law_lines(results.joints)]
         validated = bristle.validate(results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
         checked = bristle.report_of(validated)

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from bristle.data.columns import Key
 from bristle.data.ros import storage
-from bristle.data.ros.definitions import message_of
+from bristle.data.ros.messages import Topic, types_of
 from bristle.data.text_table import read_table
 from bristle.errors import InputError
 
@@ -117,8 +117,8 @@ _DATABASES = [
     (_WITH, "holds no message of topic /joint_states"),
     ([_TOPICS, _MESSAGES], "names no topic"),
     ([*_WITH, "INSERT INTO messages VALUES(1, 1, 'noon', x'0001')"], "is damaged, or no ROS bag"),
-    ([*_WITH, "INSERT INTO messages VALUES(1, 1, 5, x'')"], "not in CDR of version 1"),
-    ([*_WITH, "INSERT INTO messages VALUES(1, 1, 5, x'0001000000000000')"], "ends inside one of its fields"),
+    ([*_WITH, "INSERT INTO messages VALUES(1, 1, 5, x'')"], "Invalid or unsupported CDR"),
+    ([*_WITH, "INSERT INTO messages VALUES(1, 1, 5, x'0001000000000000')"], "Could not deserialize"),
     ([_TOPICS, _TOPIC.replace("cdr", "cbor"), _MESSAGES], "has messages in 'cbor'; expected cdr or ros1"),
     ([_TOPICS, _TOPIC.replace("JointState", "Unheard"), _MESSAGES], "names no topic"),
 ]  # fmt: skip  # a table
@@ -164,6 +164,18 @@ def test_databases_that_are_no_bag(tmp_path: Path) -> None:
         bag = _mcap(tmp_path / "x.mcap", schema, channel, _message(head + content))
         table = read_table(bag, [Key("/a.position[b]"), Key("/a.x")])
         assert [column.tolist() for column in table.columns.values()] == [[2.5], [7.0]]
+
+
+def test_no_code_comes_of_a_definition(tmp_path: Path) -> None:
+    """The name of a type that is no plain one is refused; constants and defaults, whatever they hold, are left out."""
+    for kind in ('a_msgs/msg/A"""\nimport os', "a_msgs/msg/A\n", "a_msgs/msg/" + "A" * 200):
+        path = _mcap(tmp_path / "x.mcap", *_defined("float64 x", kind=kind))
+        assert re.search("which is not read|holds U\\+", str(_refusal(path, [Key("/a.x")])))
+    text = f"string EVIL='+__import__(0).abort()+'\nfloat64 x {'9' * 300}\nfloat64 from\nint8 len"
+    schema, channel, _ = _defined(text)
+    bag = _mcap(tmp_path / "x.mcap", schema, channel, _message(b"\0\1\0\0" + struct.pack("<ddb", 1.5, 2.5, 3)))
+    columns = read_table(bag, [Key("/a.x"), Key("/a.from"), Key("/a.len")]).columns
+    assert [column.tolist() for column in columns.values()] == [[1.5], [2.5], [3.0]]
 
 
 def _text(text: str) -> bytes:
@@ -222,7 +234,7 @@ def test_records_that_are_broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     # many messages, each within bounds, are read no further than the file's size explains; a bag over the limit is refused before it is
     # read
     monkeypatch.setattr(storage, "_BYTES", 2**16)
-    message = _message(b"\0\1\0\0" + bytes(2**16))
+    message = _message(b"\0\1\0\0" + bytes(8) + _text("x" * (2**16 - 1) + "\0") + bytes(16))
     chunk = _chunk(_packed(message, "zstd"), "zstd", len(message))
     path = _mcap(tmp_path / "x.mcap", _CHANNEL, *[chunk] * 500)
     assert "far more bytes than the file explains" in str(_refusal(path))
@@ -234,13 +246,14 @@ def _message(content: bytes) -> bytes:
     return _record(5, struct.pack("<HIQQ", 1, 0, 7, 7) + content)
 
 
+_HEAD = b"\0\1\0\0" + bytes(8) + _text("\0") + bytes(3)
 _CLAIMS = [
-    (b"\0\1\0\0" + bytes(8) + struct.pack("<I", 2**31), "ends inside one of its fields"),
-    (b"\0\1\0\0" + bytes(12) + struct.pack("<I", 2**31), "ends inside one of its fields"),
-    (b"\0\1\0\0" + bytes(16) + struct.pack("<I", 2**31), "ends inside one of its fields"),
-    (b"\0\1\0\0" + bytes(12) + struct.pack("<I", 10**5) + bytes(4 * 10**5), "with 100000 texts or messages in one array, over the limit"),
-    (b"\0\7\0\0" + bytes(40), "not in CDR of version 1"),
-    (b"", "not in CDR of version 1"),
+    (b"\0\1\0\0" + bytes(8) + struct.pack("<I", 2**31), "Invalid string length"),
+    (_HEAD + struct.pack("<I", 2**31), "Invalid sequence length"),
+    (_HEAD + bytes(4) + struct.pack("<I", 2**31), "Invalid sequence length"),
+    (_HEAD + struct.pack("<I", 10**5) + bytes(5 * 10**5), "Invalid string length 0"),
+    (b"\0\7\0\0" + bytes(40), "Invalid or unsupported CDR"),
+    (b"", "Invalid or unsupported CDR"),
 ]  # fmt: skip  # a table
 
 
@@ -258,9 +271,13 @@ _GARBAGE = [
     ("%$!", "ros2msg", "is damaged, or no message definition of topic /a"),
     ("A a\nfloat64 x", "ros2msg", "nests messages over 30 deep"),
     (f"B b\nfloat64 x{_PART}B\nA a", "ros2msg", "nests messages over 30 deep"),
-    ("".join(f"B{k} b\nB{k} c\nfloat64 x{_PART}B{k}\n" for k in range(25)) + "float64 x", "ros2msg", "ends inside one of its fields"),
-    ("float64[1000000000] y\nfloat64 x", "ros2msg", "ends inside one of its fields"),
-    (f"B[2147483647] y\nfloat64 x{_PART}B\n", "ros2msg", "ends inside one of its fields"),
+    ("".join(f"B{k} b\nB{k} c\nfloat64 x{_PART}B{k}\n" for k in range(25)) + "float64 x", "ros2msg", "has over 2000 fields"),
+    ("float64[1000000000] y\nfloat64 x", "ros2msg", "Could not deserialize"),
+    (f"B[2147483647] y\nfloat64 x{_PART}B\n", "ros2msg", "has over 2000 fields"),
+    ("string[2147483647] y\nfloat64 x", "ros2msg", "has over 2000 fields"),
+    ("float64[0] y\nfloat64 x", "ros2msg", "or an array of none"),
+    ("float64 x\nint32 x", "ros2msg", "has one name twice, which is not read"),
+    (f"float64 {'x' * 101}\nfloat64 x", "ros2msg", "has the name 'xxx"),
     ("float64 y", "ros2msg", "no field 'x' in /a; there are: y"),
     ("x" * 600_000, "ros2msg", "has over 500000 characters"),
     ("const long x = " + "(" * 60 + "1" + ")" * 60, "ros2idl", "is defined in IDL, which is not read"),
@@ -281,7 +298,7 @@ _GARBAGE = [
 def test_any_text_as_a_definition(text: str) -> None:
     """Whatever text stands as a definition, fields or one sentence come of it."""
     try:
-        message_of(storage.Channel(1, "/a", "a_msgs/msg/A", "cdr", text))
+        types_of(Topic("/a", "a_msgs/msg/A", "cdr", text, False, frozenset([1]), storage.Bag(Path(), ())))
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017  # or no error at all
 

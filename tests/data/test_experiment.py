@@ -92,7 +92,7 @@ _BAD: dict[str, str] = {
     "{signals.torque: null, signals.voltage: {column: 1, unit: V}, motor: {torque_constant: 1 N*m/A}}": r"needs motor\.resistance",
     "signals.current: {column: 1, unit: A}": "signals: got torque and current; expected exactly one",
     "signals.command: {column: 1, unit: rad}": "signals: got torque and command; expected exactly one of .*, or command",
-    "{signals.torque: null, signals.command: {column: 1, unit: rad}, motor: {kd: 1 N*m*s/rad}}": r"needs motor\.kp; add it, .* a share of kp",
+    "{signals.torque: null, signals.command: {column: 1, unit: rad}, motor: {kd: 1 N*m*s/rad}}": r"needs motor\.kp .* a share of kp",
     "{signals.torque: null, signals.command: {column: 1, unit: rad}, signals.velocity_command: {column: 1, unit: rad/s}}": r"needs motor\.kp",
     "gravity: 1 N*m": r"runs\.0: gravity: a known gravity scales a voltage, a current or a command without constants under motor",
     "gravity: {mass: 1 kg, centre: -1 m}": r"gravity\.centre: got '-1 m'; expected greater than 0",
@@ -278,8 +278,12 @@ def test_drafts_of_usual_logs(tmp_path: Path) -> None:
     for header, told in says.items():
         assert_refused([(partial(_draft, _csv(tmp_path / "log.csv", header, _T, _Q, _TAU)), told)])
     volts = partial(_draft, _csv(tmp_path / "volts.csv", "t,q,v_in", _T, _Q, _TAU))
-    half = r"is a voltage, .* needs both .* --torque-constant .* --resistance"
-    assert_refused([(partial(volts, torque_constant="1 N*m/A"), half), (partial(volts, resistance="2 ohm"), half)])
+    for constant, lacks in (
+        ({"torque_constant": "1 N*m/A"}, r"torque from voltage needs motor\.resistance \(--resistance\)"),
+        ({"resistance": "2 ohm"}, r"motor\.torque_constant: missing; add this key"),
+    ):
+        volts(**constant)
+        assert_refused([(partial(_load, tmp_path), lacks)])
     assert "torque: as a voltage, in V, because no torque constant was given" in volts()[1][1]
     _csv(tmp_path / "log.csv", "x1,q,tau", _T, _Q, _TAU)
     _draft(tmp_path / "log.csv", columns={"torque": "tau_2", "time": "x1"})

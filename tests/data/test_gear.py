@@ -191,8 +191,8 @@ def test_commands_are_the_torque_that_the_drive_makes(tmp_path: Path, side: str)
 
 
 _BAD: dict[str, str] = {
-    "gear: 100": r"motor\.gear: got 100; expected the ratio, and for each logged signal the side",
-    "gear: '100:1'": r"motor\.gear: got '100:1'; expected the ratio",
+    "gear: 100": r"motor\.gear: got 100; expected keys with values, of ratio, position, velocity",
+    "gear: '100:1'": r"motor\.gear: got '100:1'; expected keys with values, of ratio",
     "gear: {ratio: 0, SIDES}": r"motor\.gear\.ratio: got 0; expected turns of the motor for one turn",
     "gear: {ratio: .inf, SIDES}": r"motor\.gear\.ratio: got inf; expected turns",
     "gear: {ratio: .nan, SIDES}": r"motor\.gear\.ratio: got nan; expected turns",

@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bristle.arrays import Array
+from bristle.data.columns import brought_to
 from bristle.data.experiment.load import Experiment, read_runs
-from bristle.data.experiment.tables import brought_to
 from bristle.data.record import Record
 from bristle.identification.measured import measure
 

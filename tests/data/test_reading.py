@@ -18,7 +18,7 @@ import scipy.sparse
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bristle.data import isolated, text_table
+from bristle.data import isolated, text_layout, text_table
 from bristle.data.binary_tables import is_json_log, names_of
 from bristle.data.columns import Key
 from bristle.data.mat import columns_of
@@ -230,23 +230,26 @@ def _npy(shape: str = "(10,)", dtype: str = "'<f8'", data: bytes = bytes(80), ve
 
 
 _ARCHIVES: list[tuple[list[tuple[str, bytes]], str]] = [
-    ([("q.npy", _npy("(1000000000000,)"))], "over the limit"),
-    ([("q.npy", _npy("(100000000,)"))], "shorter than its header says"),
-    ([("q.npy", _npy("(-1,)"))], "shorter than its header says"),
+    ([("q.npy", _npy("(1000000000000,)"))], "does not fit into memory|is damaged, or no NPZ file"),
+    ([("q.npy", _npy("(100000000,)"))], "is damaged, or no NPZ file"),
+    ([("q.npy", _npy("(-1,)"))], "is damaged, or no NPZ file"),
     ([("q.npy", _npy("(1.5,)"))], "is damaged, or no NPZ file"),
     ([("q.npy", _npy("[" * 3000 + "]" * 3000))], "is damaged, or no NPZ file"),
     ([("q.npy", _npy(dtype="'x8'"))], "is damaged, or no NPZ file"),
-    ([("q.npy", _npy(dtype="'|O'"))], "Python objects"),
-    ([("q.npy", _npy(dtype="[('a', '<f8'), ('b', 'O')]", shape="(5,)"))], "Python objects"),
+    ([("q.npy", _npy(dtype="'|O'"))], "is damaged, or no NPZ file with plain numbers"),
+    (
+        [("q.npy", _npy(dtype="[('a', '<f8'), ('b', 'O')]", shape="(5,)"))],
+        "is damaged, or no NPZ file with plain numbers",
+    ),
     ([("q.npy", _npy(dtype="[('a', '<f8')]"))], "but structs"),
     ([("q.npy", _npy(dtype="'<c16'", shape="(5,)"))], "but complex numbers"),
     ([("q.npy", _npy(dtype="'<M8[s]'"))], "but values of type datetime64"),
     ([("q.npy", _npy("()"))], "a single number"), ([("q.npy", _npy(version=9))], "is damaged, or no NPZ file"),
-    ([("q.npy", _npy()[:40])], "is damaged, or no NPZ file"), ([("q.npy", b"")], "is damaged, or no NPZ file"),
+    ([("q.npy", _npy()[:40])], "is damaged, or no NPZ file"), ([("q.npy", b"")], "holds no plain array"),
     ([("q.npy", _npy()), ("q.npy", _npy())], "several arrays named 'q'"),
     ([("q.npy", _npy()), ("q", _npy())], "several arrays named 'q'"),
     ([("../q.npy", _npy())], r"no array named 'q'; there are: ../q"),
-    ([("q", b"PK\x03\x04 a file in a file")], "is damaged, or no NPZ file"),
+    ([("q", b"PK\x03\x04 a file in a file")], "holds no plain array"),
     ([("n" * 60_000 + ".npy", _npy())] * 5, "there are: nnn"), ([], "there are: none"),
 ]  # fmt: skip  # a list of values
 
@@ -275,12 +278,12 @@ def test_archives_and_encodings_are_read_or_refused(tmp_path: Path, monkeypatch:
     asks = [(partial(_column, tmp_path / f"{k}.npz", "q"), says) for k, (_, says) in enumerate(_ARCHIVES)]
     assert_refused(asks)
     # a line or a file longer than the stated limits is refused before it is parsed; so are a missing file, and a folder
-    path = _write(tmp_path, b"0,1\n" + b"2" * (text_table.MAX_LINE + 1))
+    path = _write(tmp_path, b"0,1\n" + b"2" * (text_layout.MAX_LINE + 1))
     asks = [
         (partial(_column, tmp_path / "none.csv", 0), r"none\.csv: no such file"),
         (partial(_column, tmp_path, 0), "is a folder"),
     ]
-    assert_refused([*asks, (partial(_column, path, 0), f"longer than {text_table.MAX_LINE} bytes")])
+    assert_refused([*asks, (partial(_column, path, 0), f"longer than {text_layout.MAX_LINE} bytes")])
     monkeypatch.setattr(text_table, "MAX_BYTES", 1000)
     assert_refused([(partial(_column, path, 0), "over the limit of 1000")])
     monkeypatch.undo()
@@ -296,7 +299,7 @@ def test_archives_and_encodings_are_read_or_refused(tmp_path: Path, monkeypatch:
     with pytest.raises(InputError, match="no MAT-file"):
         _column(_write(tmp_path, "t,q\n0,1\n", "text.mat"), "q")
     np.savez(tmp_path / "objects.npz", q=np.array([{}, None], dtype=object))
-    with pytest.raises(InputError, match=r"allow_pickle|no plain array"):
+    with pytest.raises(InputError, match="no NPZ file with plain numbers"):
         _column(tmp_path / "objects.npz", "q")
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(InputError, match=r"pip install 'bristle\[parquet\]'"):

@@ -13,6 +13,7 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment, Thresholds, find_segments, nothing_left
 from bristle.data.experiment.signals import Context
 from bristle.data.record import Record
+from bristle.findings import CRITICAL, Finding
 from bristle.model.functions import steady_torque_function
 from bristle.model.vectorize import evaluate
 
@@ -203,9 +204,8 @@ _NOT_CONSTANT: dict[str, tuple[Record, str]] = {
 @pytest.mark.parametrize(
     ("change", "thresholds", "words"),
     [
-        ({"velocity": 180 / np.pi}, Thresholds(torque_limit=0.1), "deg/s read as rad/s"),
-        ({"velocity": 30 / np.pi}, Thresholds(torque_limit=0.1), "rpm read as rad/s"),
-        ({"time": 1000.0}, Thresholds(torque_limit=0.1), "ms read as s"),
+        ({"velocity": 100.0}, Thresholds(velocity_tolerance=1e-9), "deg/s or rpm read as rad/s"),
+        ({"time": 1000.0}, Thresholds(velocity_tolerance=1e-9), "ms read as s"),
         ({}, Thresholds(minimum_duration=2000.0), "minimum_duration in ms"),
         ({}, Thresholds(torque_limit=1e-3), "mN*m"),
         ({}, Thresholds(minimum_velocity=100.0), "minimum_velocity in deg/s"),
@@ -221,6 +221,8 @@ def test_the_message_names_the_unit_mistake(change: dict[str, float], thresholds
     assert words in message
     assert f"{len(found)} candidates" in message
     assert "\n" not in message
+    wrong = Finding("velocity-factor", CRITICAL, "The position moves 57.3 times as far.")
+    assert str(wrong) in nothing_left(found, (replace(record, warnings=(wrong,)),), thresholds)
 
 
 def test_short_runs_are_candidates_too() -> None:

@@ -209,24 +209,24 @@ def test_limits_that_nobody_declared_are_said(measured: Measured, tmp_path: Path
     def said_of(found: Measured, asked: dict[str, object]) -> tuple[Limits, dict[str, Finding]]:
         options = found.experiment.plan.model_validate(asked)
         limits, said = limits_of(replace(found, experiment=found.experiment.model_copy(update={"plan": options})))
-        return limits, {d.code: d for d in said}
+        return limits, {d.numbers["limit"]: d for d in said}
 
     limits, said = said_of(measured, {})
     shown = {
-        "limit-speed": limits.velocity, "limit-slowest": limits.slowest, "limit-hold": limits.hold,
-        "limit-acceleration": limits.acceleration, "limit-torque": limits.torque,
+        "velocity": limits.velocity, "minimum_velocity": limits.slowest, "hold": limits.hold,
+        "acceleration": limits.acceleration, "torque": limits.torque, "position": limits.position,
+        "rate": limits.rate,
     }  # fmt: skip  # a table
     assert {kind: said[kind].numbers["value"] for kind in shown} == shown
-    assert said["limit-positions"].numbers == {"low": limits.position[0], "high": limits.position[1], "unit": "rad"}
-    assert said.keys() - shown.keys() == {"limit-positions", "limit-rate"}
-    assert [d.code for d in said.values() if d.severity is not Severity.NOTE] == ["limit-rate"]
+    assert said.keys() == shown.keys()
+    assert [key for key, d in said.items() if d.severity is not Severity.NOTE] == ["rate"]
     declared = {"velocity": 1.0, "minimum_velocity": 0.01, "hold": 2.0, "position": (0.0, 1.0), "acceleration": 9.0}
     assert said_of(measured, declared | {"torque": 1.0, "rate": 200.0})[1] == {}
     limits, said = said_of(measure(write(tmp_path, speeds())), {})
-    assert said["limit-acceleration-guessed"].numbers["value"] == limits.acceleration
-    assert said["limit-positions-guessed"].numbers["high"] == pytest.approx(limits.travel, rel=1e-2)
-    guesses = {"limit-acceleration-guessed", "limit-positions-guessed", "limit-rate"}
-    assert {d.code for d in said.values() if d.severity is Severity.CAUTION} == guesses
+    assert said["acceleration"].numbers["value"] == limits.acceleration
+    assert said["position"].numbers["value"][1] == pytest.approx(limits.travel, rel=1e-2)
+    guesses = {"acceleration", "position", "rate"}
+    assert {key for key, d in said.items() if d.severity is Severity.CAUTION} == guesses
 
 
 def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:

@@ -75,7 +75,7 @@ def test_the_page_is_small_and_loads_nothing(edro: Explored) -> None:
     digests = re.findall(r"'sha256-([^']+)'", policy)
     assert digests == [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in read.scripts[1:]]
     # whatever compensator, step and parameters a joint runs with, the script has each of its laws
-    joint = edro.results.whole_joint("base rotation")
+    joint = edro.results.joint("base rotation")
     (own,) = of_paper([joint])
     own = replace(
         own,

@@ -11,8 +11,8 @@ import bristle
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.errors import InputError
-from bristle.identification.law_comparison import FittedLaw, Known, Solve, compare_laws, ranked
-from bristle.identification.results import LawComparison
+from bristle.identification.comparison import Comparison, Fitted, Known
+from bristle.identification.law_comparison import compare_laws, ranked
 from bristle.identification.static.crosscheck import full_fit
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.grid import default_range, solve
@@ -47,7 +47,7 @@ def torques(p: Stribeck[float], v: Array, noise: float, seed: int | np.random.Ge
     return clean + noise * p.alpha_0 * np.random.default_rng(seed).standard_normal(v.size)
 
 
-def chosen(p: Stribeck[float], noise: float, seed: int) -> LawComparison:
+def chosen(p: Stribeck[float], noise: float, seed: int) -> Comparison:
     """The laws side by side on 22 points."""
     T = torques(p, SPEEDS, noise, seed)
 
@@ -111,7 +111,7 @@ def test_the_exponent_is_searched_to_its_minimum() -> None:
     # a strong bend makes strays of the paper's law, which are its evidence: it is found in nearly every set
     p = truth_of(law_named("lorentzian+quadratic"), alpha_3=-0.02)
     found = [bristle.fit(SPEEDS, torques(p, SPEEDS, 0.005, seed)).joint for seed in range(8)]
-    wanted = [joint.laws.chosen.law for joint in found if joint.laws is not None]
+    wanted = [joint.laws.chosen.name for joint in found if joint.laws is not None]
     assert sum("quadratic" in law for law in wanted) >= 7
     assert any(joint.static["+"].strays for joint in found)
     # one torque half as large again is a stray of every law: with it left out, the paper's law is kept
@@ -120,34 +120,34 @@ def test_the_exponent_is_searched_to_its_minimum() -> None:
     laws = bristle.fit(SPEEDS, T).joint.laws
     assert laws is not None
     assert laws.n == SPEEDS.size - 1
-    assert laws.chosen.law == GAUSSIAN.name
+    assert laws.chosen.name == GAUSSIAN.name
 
 
 def test_laws_that_compete() -> None:
     """Where the paper's law is the truth it is kept in 60 sets of 60, at small noise and at large."""
     for noise in (0.005, 0.05):
-        kept = [chosen(truth_of(GAUSSIAN), noise, seed).chosen.law for seed in range(30)]
+        kept = [chosen(truth_of(GAUSSIAN), noise, seed).chosen.name for seed in range(30)]
         assert kept.count("gaussian") >= 29
     # a strong v abs(v) is chosen in every one of 30 sets at large noise, and a weak one in nine of ten at small noise
     law = law_named("gaussian+quadratic")
-    strong = [chosen(truth_of(law, alpha_3=1.5), 0.05, seed).chosen.law for seed in range(30)]
-    weak = [chosen(truth_of(law, alpha_3=0.02), 0.005, seed).chosen.law for seed in range(30)]
+    strong = [chosen(truth_of(law, alpha_3=1.5), 0.05, seed).chosen.name for seed in range(30)]
+    weak = [chosen(truth_of(law, alpha_3=0.02), 0.005, seed).chosen.name for seed in range(30)]
     assert sum(name.endswith("+quadratic") for name in strong) == 30
     assert sum(name.endswith("+quadratic") for name in weak) >= 27
     # weights add up to one, the lowest BIC is zero, one law is in force, and averages lie between the laws' own values
     found = chosen(truth_of(law_named("gaussian+quadratic"), alpha_3=1.5), 0.05, 1)
     assert sum(row.weight for row in found.rows) == pytest.approx(1.0)
     assert min(row.bic for row in found.rows) == 0.0
-    assert [row.law for row in found.rows if row.in_force] == ["gaussian"]
-    assert [row.law for row in found.rows] == [law.name for law in competing()]
+    assert [row.name for row in found.rows if row.in_force] == ["gaussian"]
+    assert [row.name for row in found.rows] == [law.name for law in competing()]
     spread = found.averaged[ParameterName("alpha_0", Direction.BOTH)]
     assert spread.interval[0] < spread.value < spread.interval[1]
     # of three laws, the third of which has its alpha_0 at a bound: with 1 % of the weights the others' average stays, with half it is none
     alpha_0, noise = ParameterName("alpha_0", Direction.BOTH), np.random.default_rng(0).standard_normal(50)
 
-    def fitted(name: str, scale: float, own: Known) -> FittedLaw:
-        solves = (Solve(scale * noise, 4, 50.0, 50.0),)
-        return FittedLaw(law=law_named(name), solves=solves, left_out=lambda: (None, None), known=own)
+    def fitted(name: str, scale: float, own: Known) -> Fitted:
+        solves = [(scale * noise, 4, 50.0, 50.0)]
+        return Fitted(name=name, solves=solves, known=own)
 
     for worse, kept in ((1.1, True), (1.0, False)):
         laws = [
@@ -225,7 +225,7 @@ def test_a_law_from_outside_is_fitted_compared_reported_and_explored(
     found = results.joint()
     assert found.law.name == "flat"
     assert found.laws is not None
-    assert found.laws.chosen.law == "flat"
+    assert found.laws.chosen.name == "flat"
     assert holds(found.static["+"].parameters["alpha_0"].interval, GRIPPER.alpha_0)
     pages = "".join(p.read_text(encoding="utf-8") for p in (tmp_path / "report").rglob("*.html"))
     assert "flat-top" in pages

@@ -130,8 +130,8 @@ def test_the_data_choose_the_load_that_is_there_and_none_that_is_not() -> None:
     loaded, bare = (geared("auto", rises, EXACT)[1].laws for rises in (0.1, 0.0))
     assert loaded is not None
     assert bare is not None
-    assert (loaded.chosen.law, bare.chosen.law) == ("gaussian+link-load", "gaussian")
-    assert {f"gaussian+{name}" for name in LOADS} <= {row.law for row in bare.rows}
+    assert (loaded.chosen.name, bare.chosen.name) == ("gaussian+link-load", "gaussian")
+    assert {f"gaussian+{name}" for name in LOADS} <= {row.name for row in bare.rows}
     assert LINK_LOAD in tracked("auto").parameters
     for name, rises, found in (
         ("", 0.1, {"link_load": pytest.approx(0.1, abs=0.005)}),

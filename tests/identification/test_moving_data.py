@@ -16,10 +16,9 @@ from bristle.identification.identify import identify_joint
 from bristle.identification.measured import measure
 from bristle.identification.moving_runs import decimator, longest_decimation
 from bristle.identification.static.crosscheck import full_fit
-from bristle.identification.static.fit import PointInfo, fit_static
+from bristle.identification.static.fit import PointInfo, beside_moving, fit_static
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import from_records, with_prior
-from bristle.identification.static.runs import beside_moving
 from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout
 from bristle.questions.joint_report.static_figures import curves_to_use

@@ -19,11 +19,10 @@ from bristle.findings import NOTE, Finding
 from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import loads_slowly, refuse_opposing, unrelated
-from bristle.identification.offset import offset_or_friction
 from bristle.identification.point_checks import point_warnings
-from bristle.identification.static.fit import PointInfo, terms_left_out
+from bristle.identification.shared_findings import offset_or_friction
+from bristle.identification.static.fit import PointInfo, refuse_opposing_points, terms_left_out
 from bristle.identification.static.points import points_problem
-from bristle.identification.static.runs import refuse_opposing_points
 from bristle.identification.static.solution import solve_static
 from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.simulation.bench import steady_points

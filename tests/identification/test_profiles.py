@@ -17,7 +17,6 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.estimation.covariance import covariance as uncertainty
 from bristle.estimation.interval_comparison import FACTOR, warnings
 from bristle.estimation.profile_likelihood import profile_threshold
-from bristle.findings import Finding
 from bristle.identification.fits import Uncertainty
 from bristle.identification.static.grid import Solution, default_range, solve
 from bristle.identification.static.problem import Regression, from_points, with_prior
@@ -243,7 +242,9 @@ def test_moving_data_with_every_parameter_at_its_bound_draw_none() -> None:
     assert np.isnan(np.concatenate([found.low, found.high, found.draws.ravel()])).all()
     assert found.draws.shape == (len(pulled.names), 40)
     # an estimate at its bound has its own sentence, and one interval alone parts from none
-    assert warnings(0.0, (0.0, 1.0), (0.0, 9.0), (0.0, 3.0), at_bound=True) == ()
+    (said,) = warnings(0.0, (0.0, 1.0), (0.0, 9.0), (0.0, 3.0), at_bound=True)
+    assert said.code == "intervals-at-bound"
+    assert [w.code for w in warnings(1.0, (0.0, 2.0), None, None, few=FIVE)] == ["no-bootstrap"]
     assert warnings(1.0, (0.0, 2.0), None, None) == ()
     assert warnings(1.0, (1.0, 1.0), (1.0, 1.0 + 1e-12), (1.0, 1.0)) == ()
 
@@ -365,7 +366,7 @@ FIVE = "5 points for 4 parameters"
     ],
 )
 def test_the_reason_is_the_one_that_applies(
-    profile: tuple[float, float] | None, bootstrap: tuple[float, float], few: Finding | None, reason: str
+    profile: tuple[float, float] | None, bootstrap: tuple[float, float], few: str | None, reason: str
 ) -> None:
     """An open profile, a skewed one, few points, or uneven residuals: each has its own kind, in that order."""
     (warning,) = warnings(10.0, PLAIN, profile, bootstrap, few=few)

@@ -13,7 +13,7 @@ from bristle.estimation.autocorrelation import unexplained
 from bristle.identification.static.fit import PointInfo, terms_left_out
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import from_points, from_records
-from bristle.identification.static.set_up import BetterSetUp, SetUp, better_for_motion, better_for_points
+from bristle.identification.static.set_up import BetterSetUp, SetUp, trial_of_motion, trial_of_points
 from bristle.identification.static.solution import solve_static
 from bristle.model.parameters import Lugre
 
@@ -40,7 +40,7 @@ def found(folder: Path, record: Record, fit: str = "") -> BetterSetUp | None:
     some = np.zeros(2)
     options = f"decimation: 10{fit and ', '}{fit}"
     path = experiment_file(folder, {"t": some, "q": some, "T": some}, fit=options)
-    return better_for_motion(load_experiment(path), [record])
+    return trial_of_motion(load_experiment(path), [record]).better()
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_points_ask_for_what_they_lack(tmp_path: Path, quadratic: float) -> None
     speeds = np.geomspace(0.15 * GRIPPER.v_s, 2.0, 24)
     v = np.concatenate([speeds, -speeds])
     torque = curve(v, GRIPPER) + quadratic * v * np.abs(v) + white(v.size, 1e-4, 1)
-    better = better_for_points(load_experiment(points_file(tmp_path, v, torque)), segments_of(v, torque))
+    better = trial_of_points(load_experiment(points_file(tmp_path, v, torque)), segments_of(v, torque)).better()
     assert (better is not None) == (quadratic > 0)
     assert better is None or better.set_up == SetUp(("+", "-"), ("quadratic",))
 

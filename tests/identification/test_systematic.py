@@ -14,7 +14,7 @@ import bristle
 from bristle.arrays import Interval
 from bristle.data.experiment.schema import FitOptions
 from bristle.identification.curve import band
-from bristle.identification.dynamic.output_error import Window, with_more_torque
+from bristle.identification.dynamic.output_error import with_more_torque
 from bristle.identification.dynamic.problem import InitialState, residuals
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.presliding.fit import fit_presliding
@@ -285,7 +285,7 @@ def test_a_simulated_motor_moves_with_its_drive(*, torque: bool) -> None:
     t = np.arange(0, 1.2, STEP)
     problem = posed(t, drive(t) * (0.06 if torque else 1.0), 0.3 * np.sin(2 * t), 0.4, torque=torque)
     per = 1.0 if torque else MOTOR.R / MOTOR.k_t
-    whole = (m for m in problem.motions if isinstance(m, Window))
+    whole = problem.motions
     motions = tuple(replace(w, shifts={"K": SHARE * w.drive / per}) for w in whole)
     problem = replace(problem, motions=motions)
     rest = {"y0": 0.0, "v0": 0.1, "z0": 1e-4}

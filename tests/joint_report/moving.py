@@ -17,7 +17,7 @@ VALUES = {f"{name}{d}": value for d, p in TABLE_1.items() for name, value in p._
 """The true parameters by their names in a fit of moving runs."""
 AGREE = Finding("stage-agrees", NOTE, "They agree.")
 DIFFER = Finding(
-    "distrust-stage", CAUTION, "They differ by more than chance; check the static stage first, which is less precise."
+    "stage-differs", CAUTION, "They differ by more than chance; check the static stage first, which is less precise."
 )
 NOT_SHOWN = Finding("stage-unseen", NOTE, "Not identifiable from the tracking runs.")
 UNSEEN = Finding(
@@ -27,7 +27,7 @@ CORRELATED = Finding(
     "correlated", NOTE, "Residuals are correlated (lag one 0.62); standard errors are multiplied by 2.1 for it."
 )
 IPOPT = Finding(
-    "ipopt-agrees",
+    "routes-agree",
     NOTE,
     "Gauss-Newton on the rollout and IPOPT on the full simulation agree: the largest difference is 1e-06 standard errors. "
     "2 of 2 IPOPT starts reached the lowest cost.",

@@ -113,7 +113,7 @@ def test_what_has_no_value_is_named_with_the_reason() -> None:
     text = words(brief_report([gripper()]))
     assert "sigma_0+, sigma_1+: not measured; slow loading or tracking runs would show them" in text
     joint = gripper()
-    opened = Finding("v-s-open-above", CAUTION, "No finite interval: the data set no upper limit on v_s.")
+    opened = Finding("interval-open", CAUTION, "No finite interval: the data set no upper limit on v_s.")
     none = Estimate(value=None, unit="rad/s", warnings=(opened,))
     bound = Estimate(value=None, unit="N*m", interval=(0.0, 0.05), warnings=(opened,))
     fit = joint.static["+"]

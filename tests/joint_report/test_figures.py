@@ -13,7 +13,6 @@ from matplotlib.text import Annotation
 
 from bristle.data.record import Record
 from bristle.identification.curve import band
-from bristle.identification.fits import Stray
 from bristle.identification.results import Joint
 from bristle.model.functions import steady_jacobian_function
 from bristle.model.vectorize import evaluate
@@ -119,8 +118,7 @@ def test_what_the_curve_shows(joint: Joint, slide: Joint) -> None:
     assert not static_figures.small_figure(slide).axes[0].texts
     # each point that is named as a stray is ringed in both panels, and the legend says so once; without one there is no ring
     strays = {
-        d: Stray(file="x.csv", where="line 3", velocity=sign * 0.2, torque=sign * 0.05, deviations=9.0, without={})
-        for d, sign in (("+", 1.0), ("-", -1.0))
+        d: replace(joint.segments[0], velocity=sign * 0.2, torque=sign * 0.05) for d, sign in (("+", 1.0), ("-", -1.0))
     }
     static = {d: replace(fit, strays=(strays[d],)) for d, fit in joint.static.items()}
     axes = static_figures.curve_figure(replace(joint, static=static)).axes

@@ -9,7 +9,7 @@ from bristle.data.robot.robot_file import Robot, robot_of
 from bristle.findings import Severity
 from bristle.identification.identify import identify_joint
 from bristle.identification.robot.measured import against_urdf, measure_robot
-from bristle.identification.static.runs import fit_moving
+from bristle.identification.static.fit import fit_moving
 
 NAMES = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint", "wrist_2_joint", "wrist_3_joint")
 MOST = dict(zip(NAMES, (14, 10, 6, 15, 24, 16), strict=True))
@@ -55,7 +55,7 @@ def test_six_joints_that_move_together(measured_data: Path) -> None:
     joints = {m.experiment.joint.name: m for m in measure_robot(robot(measured_data))}
     errors = {}
     for name, measured in joints.items():
-        fits, _ = fit_moving(measured.experiment, measured.moving(hold_out=False), measured.moving(hold_out=True), None)
+        fits, _ = fit_moving(measured.experiment, measured.moving(hold_out=False), measured.moving(hold_out=True))
         (errors[name],) = {h.relative_error for fit in fits.values() for h in fit.hold_out}
     assert errors.keys() == MOST.keys()
     assert not {name: error for name, error in errors.items() if error > MOST[name]}

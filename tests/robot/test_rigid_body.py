@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bristle.arrays import Array
-from bristle.data.robot.rigid_body import MAX_JOINTS, RigidBody, rigid_body
+from bristle.data.robot.motion import MAX_JOINTS, RigidBody, rigid_body
 from bristle.data.robot.urdf import Payload, read_urdf
 from bristle.errors import InputError
 

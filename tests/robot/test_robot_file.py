@@ -13,8 +13,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bristle.data.robot.motion import read_motions, reader_of
-from bristle.data.robot.rigid_body import rigid_body
+from bristle.data.robot.motion import read_motions, reader_of, rigid_body
 from bristle.data.robot.robot_file import Robot, pick
 from bristle.data.robot.urdf import MAX_BYTES, MAX_JOINTS, read_urdf
 from bristle.errors import InputError

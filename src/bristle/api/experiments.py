@@ -212,7 +212,7 @@ def validate(
     if source is None:
         case_set = sweep(noise)
     elif isinstance(source, Results):  # which needs no logs
-        case_set = joint_cases(source.whole_joint(None if isinstance(experiment, Fit) else joint), noise)
+        case_set = joint_cases(source.joint(None if isinstance(experiment, Fit) else joint), noise)
     else:
         case_set = joint_cases(asked_joint(source, joint).identified(progress)[1], noise)
     return validate_cases(case_set, repetitions=repetitions, starts=starts, progress=progress)

@@ -115,7 +115,7 @@ def _handed(
         digest = sha256(read_at_most(Path(known), LARGEST, "a results file")).hexdigest()
     results = source if isinstance(source, Results) else identify(source, joint=joint, progress=progress)
     found = list[tuple[Joint, Experiment | None]]()
-    for one in results.whole_joints(None if isinstance(known, Fit) else joint):
+    for one in results.joints if joint is None or isinstance(known, Fit) else (results.joint(joint),):
         own: Experiment | None = None
         with suppress(InputError):
             own, _ = results.logs.experiment_of(one)
@@ -196,7 +196,7 @@ _Known = tuple[Sequence[Joint], dict[str, JointLoop | str]]  # joints, and the l
 
 
 def _known(results: Results, joint: str | None = None) -> _Known:
-    joints = results.whole_joints(joint)
+    joints = results.joints if joint is None else (results.joint(joint),)
     return joints, {found.name: known_loop(results, found) for found in joints}
 
 

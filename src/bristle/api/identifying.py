@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
+from time import perf_counter
 from typing import NamedTuple
 
 from bristle.api.results import Results, choose, read_results
@@ -60,7 +61,7 @@ def asked_joint(known: Known, name: str | None = None) -> AskedJoint:
     """The joint of a name, or the only one. Raises InputError where a file cannot be read, or it is not said which joint is meant."""
     source = read_if_results(known)
     if isinstance(source, Results):
-        joint = source.whole_joint(None if isinstance(known, Fit) else name)
+        joint = source.joint(None if isinstance(known, Fit) else name)
         measured = source.logs.of(joint)
         return AskedJoint(measured.experiment, (measured, joint))
     loaded, _ = opened(source)
@@ -163,13 +164,13 @@ def _identified(
     every = [one for one in every if one.experiment.joint.name in chosen]
     work = partial(_timed, crosscheck=crosscheck, uncertainty=uncertainty, need=NEED if need is None else percent(need))
     waiting = iter(share(partial(work, progress=progress) if share is map else work, every))
-    found: list[tuple[Joint, dict[str, float]]] = []
+    found: list[tuple[Joint, float]] = []
     for done, measured in enumerate(every):
         if progress:
             progress(f"identifying {measured.experiment.joint.name}", done, len(every))
         found.append(next(waiting))
         each(found[-1][0])
-    timings = {f"{joint.name}: {what}": seconds for joint, spent in found for what, seconds in spent.items()}
+    timings = {joint.name: seconds for joint, seconds in found}
     texts = tuple(text for _, text in files if text is not None)
     logs = JointLogs(texts=texts, read={one.experiment.joint.name: one for one in every})
     return Results(joints=tuple(joint for joint, _ in found), timings=timings, logs=logs)
@@ -177,16 +178,17 @@ def _identified(
 
 def _timed(
     measured: Measured, crosscheck: bool, uncertainty: bool, need: float, progress: Progress | None = None
-) -> tuple[Joint, dict[str, float]]:
-    spent: dict[str, float] = {}
+) -> tuple[Joint, float]:
+    """A joint, and the seconds that its identification took."""
+    begun = perf_counter()
     try:
-        joint = identify_joint(measured, spent, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress)
+        joint = identify_joint(measured, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress)
     except InputError as error:
         if measured.link_inertia is None and not measured.findings:
             raise
         cause = next((w for w in measured.findings if w.severity is Severity.CRITICAL), error)
         raise InputError(f"{measured.experiment.joint.name}: {cause}") from error
-    return replace(joint, need=need), spent
+    return replace(joint, need=need), perf_counter() - begun
 
 
 def percent(need: float | str) -> float:

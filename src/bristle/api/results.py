@@ -38,11 +38,9 @@ class Results:
 
     joints: tuple[Joint, ...]
     timings: dict[str, float] = field(default_factory=dict, compare=False, repr=False)
-    """Seconds spent, by name; no part of the result."""
+    """Seconds spent, by joint; no part of the result."""
     logs: JointLogs = field(default_factory=JointLogs, compare=False, repr=False)
     """What the joints were identified from, for questions that follow; no part of the result."""
-    whole: bool = field(default=True, repr=False)
-    """Whether there is what has an entry per sample; of a results file that an older version wrote there is not."""
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
@@ -78,19 +76,6 @@ class Results:
         measured = self.logs.read.get(joint.name)
         return JointModel(joint, None if measured is None else measured.experiment)
 
-    def whole_joint(self, name: str | None = None) -> Joint:
-        """`joint`, with what has an entry per sample. Raises InputError as that does, and where that is not known."""
-        if not self.whole:
-            raise InputError(
-                "got results that an older version of bristle wrote, without samples; compare takes them, else identify anew"
-            )
-        return self.joint(name)
-
-    def whole_joints(self, name: str | None = None) -> tuple[Joint, ...]:
-        """`whole_joint` of a name; without one of each joint. Raises InputError as that does."""
-        names = [joint.name for joint in self.joints] if name is None else [name]
-        return tuple(map(self.whole_joint, names))
-
     @property
     def measured(self) -> tuple[Measured, ...]:
         """The data that each joint was identified from; logs that were not read yet are read now. Raises InputError as `JointLogs.of` does."""
@@ -104,7 +89,7 @@ class Results:
         from bristle.questions.joint_report.brief import brief_report
         from bristle.questions.joint_report.text import fit_report
 
-        return fit_report(self.whole_joints()) if full else brief_report(self.joints)
+        return fit_report(self.joints) if full else brief_report(self.joints)
 
     def __str__(self) -> str:
         return self.text()
@@ -116,7 +101,7 @@ class Results:
         return tuple(outcomes(self.joints))
 
     def checks(self) -> tuple[str, ...]:
-        """Each fit beside a full nonlinear one on the same data, a line each, and what each step took.
+        """Each fit beside a full nonlinear one on the same data, a line each, and what each joint took.
 
         Raises InputError where nothing was fitted that could be checked.
         """
@@ -136,7 +121,7 @@ class Results:
 
         From there it names the experiment files, whose logs are read again when a question needs them.
         """
-        return to_json(self.whole_joints(), tuple(self.logs.written(Path(folder))))
+        return to_json(self.joints, tuple(self.logs.written(Path(folder))))
 
     def uncertainty(self) -> "pd.DataFrame":
         """One row per joint, fit and parameter: the 95 % interval by covariance, profile and bootstrap, and their warnings."""
@@ -176,13 +161,13 @@ class Results:
         """
         from bristle.questions.array_fit.figure import draw_joint
 
-        return draw_joint(self.whole_joint(joint), ax)
+        return draw_joint(self.joint(joint), ax)
 
     def _repr_html_(self) -> str:
         """Each joint's parameters and its curve, for a notebook."""
         from bristle.questions.array_fit.figure import joints_html
 
-        return joints_html(self.whole_joints(), self.to_frame())
+        return joints_html(self.joints, self.to_frame())
 
 
 def write_results(
@@ -213,7 +198,7 @@ def write_results(
     if played is not None:
         files["explore.html"] = encoded(played.html)
     report = import_module("bristle.questions.joint_report.report").report(
-        results.whole_joints(),
+        results.joints,
         title=names[0] if len(names) == 1 else f"{len(names)} joints", seed=0,
         explored=None if played is None else played.joints, begun=begun, files=files, **told,
     )  # fmt: skip  # a list of values
@@ -241,8 +226,7 @@ def read_results(path: Path | str) -> Results:
         joints = joints_of(document)
         session_of(joints)  # which refuses numbers that are none
         texts = tuple(placed(x, path.parent) for x in document.experiments)
-    whole = document.joints.keys() <= (document.samples or {}).keys()
-    return Results(joints=joints, logs=JointLogs(texts=texts), whole=whole)
+    return Results(joints=joints, logs=JointLogs(texts=texts))
 
 
 def choose(names: Sequence[str], name: str | None) -> str:

@@ -3,6 +3,7 @@
 import json
 import zipfile
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,6 @@ from bristle.data.isolated import Columns
 from bristle.data.mat import read_mat
 from bristle.errors import InputError, short
 
-_HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 _WHAT, _HOW = 'JSON of records, as [{"t": 0, "q": 1}, ...], or of columns', "expected as many numbers in each"
 SCHEMA = "schema"  # a key of every JSON file that bristle writes
 _NPZ = ("NPZ file", "write it again with numpy.savez")
@@ -85,35 +85,22 @@ def _array(column: Any) -> np.ndarray[Any, np.dtype[Any]]:
 
 def _npz(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
     """Columns of a NumPy archive, by the name of the array; pickled objects are refused."""
+    with reading(*_NPZ), zipfile.ZipFile(path) as members:
+        bounded(sum(member.file_size for member in members.infolist()) / 4)
     with reading(*_NPZ):
-        archive = zipfile.ZipFile(path)
+        archive = np.load(path, allow_pickle=False)
     with archive:
-        members = archive.infolist()
-        there = [member.filename.removesuffix(".npy") for member in members]
         if keys is None:
-            named = [(name, m) for name, m in zip(there, members, strict=True) if m.filename != name]
-            yield from (name for name, member in named if is_vector(*_header(archive, member)))
+            for name in archive.files:
+                with suppress(ValueError):  # of Python objects
+                    array = archive[name]
+                    yield from [name] * is_vector(array.shape, array.dtype)
             return
-        bounded(sum(member.file_size for member in members) / 4)
         for key in keys:
-            member = members[place_of(replace(key, column=str(key.column)), there, "array")]
-            shape, dtype = _header(archive, member)
-            if dtype.hasobject:
-                raise InputError(
-                    f"column {key} holds no plain array of numbers, but Python objects; expected one per sample"
-                )
-            bounded(np.prod(shape, dtype=float))
-            if min(shape, default=0) < 0 or np.prod(shape, dtype=float) * dtype.itemsize > member.file_size:
-                raise InputError(f"is damaged: array {key} is shorter than its header says, {shape}; {_NPZ[1]}")
-            with reading(*_NPZ), archive.open(member) as file:
-                array = np.lib.format.read_array(file, allow_pickle=False)
+            name = archive.files[place_of(replace(key, column=str(key.column)), archive.files, "array")]
+            with reading(f"NPZ file with plain numbers in {key}", _NPZ[1]):
+                array = archive[name]
             yield numeric(array, key)
-
-
-def _header(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[tuple[int, ...], "np.dtype[Any]"]:
-    with reading(*_NPZ), archive.open(member) as file:
-        shape, _, dtype = _HEADERS[np.lib.format.read_magic(file)](file)
-    return shape, dtype
 
 
 def _parquet(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:

@@ -1,10 +1,7 @@
-"""From columns as logged to a `Record`: units, bad rows, time stamps, gaps, wrapped positions.
-
-Each is counted and said.
-"""
+"""From columns as logged to a `Record`: units, bad rows, time stamps, gaps, wrapped positions; each is counted and said."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -41,11 +38,21 @@ class _Rows:
     off_before: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     """How many rows before each one the drive was off in; empty where it never was."""
 
-    def keep(self, mask: NDArray[np.bool_]) -> None:
-        """Leave only the rows of a mask."""
-        self.data = {name: values[mask] for name, values in self.data.items()}
-        self.number = self.number[mask]
-        self.off_before = self.off_before[mask] if self.off_before.size else self.off_before
+    def drop(self, bad: NDArray[np.bool_], why: Finding, refused: str = "") -> None:
+        """Leave rows out, and say why, in a message that goes on after their number, with the first of them in its braces.
+
+        Raises InputError, with what is wrong and what to do, where they are `refused`.
+        """
+        if not bad.any():
+            return
+        count, first = int(bad.sum()), f"(first: {self.word} {self.number[np.argmax(bad)]})"
+        if refused:
+            raise InputError(f"{_count(count)} {first} {refused}")
+        message = f"{_count(count)} {why.message.format(first)}."
+        self.notes.append(replace(why, message=message, numbers={"rows": count}))
+        self.data = {name: values[~bad] for name, values in self.data.items()}
+        self.number = self.number[~bad]
+        self.off_before = self.off_before[~bad] if self.off_before.size else self.off_before
 
 
 def make_record(
@@ -69,8 +76,7 @@ def make_record(
         rows.data["time"] = np.arange(table.rows) / signals.time.rate if table.time is None else table.time
         message = f"Time from the declared rate of {signals.time.rate:g} Hz."
         rows.notes.append(Finding("rate-declared", NOTE, message, {"rate": signals.time.rate}))
-    _drop_non_finite(rows, table, cleaning)
-    _drop_motor_off(rows)
+    _drop_bad(rows, table, cleaning)
     if points:
         _enough(rows)
         _refuse_constant(rows)
@@ -126,9 +132,8 @@ def _scaled(table: RawTable, signals: Signals, context: Context) -> _Rows:
         if isinstance(signal, Signal):
             data[name] = table.columns[key] * signal.factor(name, context)
         else:
-            data[name] = (
-                table.columns[key] * units.factor(signal.unit or "s", "s") if table.time is None else table.time
-            )
+            time = table.time
+            data[name] = table.columns[key] * units.factor(signal.unit or "s", "s") if time is None else time
         size = np.abs(data[name], where=np.isfinite(data[name]), out=np.zeros(data[name].shape))
         largest = float(size.max(initial=0.0))
         if largest and not 1 / _LARGEST < largest < _LARGEST:
@@ -139,75 +144,45 @@ def _scaled(table: RawTable, signals: Signals, context: Context) -> _Rows:
     return _Rows(data, number, "row" if table.header is None else "line", list(table.notes))
 
 
-def _drop_non_finite(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
-    finite = np.ones(table.rows, dtype=bool)
+def _drop_bad(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
+    """Leave out the rows that hold something that is not finite, and those in which the drive is off."""
+    bad = np.zeros(table.rows, dtype=bool)
     for name, values in rows.data.items():
-        good = np.isfinite(values)
-        if not good.any():
+        missing = ~np.isfinite(values)
+        if missing.all():
             raise InputError(
                 f"{name} holds no finite number in any of {table.rows} rows; name the column that was logged"
             )
-        finite &= good
-    bad = np.flatnonzero(~finite)
-    if not bad.size:
-        return
-    if cleaning.non_finite == "refuse":
-        raise InputError(
-            f"{_count(bad.size)} (first: {rows.word} {rows.number[bad[0]]}) not finite (inf, nan or empty); correct the log, "
-            "or declare cleaning: {non_finite: drop}"
-        )
-    if bad.size == table.rows:
+        bad |= missing
+    if bad.all() and cleaning.non_finite == "drop":
         raise InputError(f"no row of {table.rows} is finite in every signal; leave out a signal that was not logged")
-    message = _dropped(bad, "inf, nan or empty", rows)
-    rows.notes.append(Finding("rows-not-finite", CAUTION, message, {"rows": bad.size}))
-    rows.keep(finite)
-
-
-def _dropped(bad: NDArray[np.intp], why: str, rows: _Rows) -> str:
-    """What is said of rows that are dropped: `bad` are their places among those that are left."""
-    return f"{_count(bad.size)} dropped: {why} (first: {rows.word} {rows.number[bad[0]]})."
-
-
-def _drop_motor_off(rows: _Rows) -> None:
+    refused = "not finite (inf, nan or empty); correct the log, or declare cleaning: {non_finite: drop}"
+    why = Finding("rows-not-finite", CAUTION, "dropped: inf, nan or empty {}")
+    rows.drop(bad, why, refused * (cleaning.non_finite == "refuse"))
     off = rows.data.pop("enabled", np.ones(0)) == 0
-    if not off.any():
-        return
-    if off.all():
+    if off.any() and off.all():
         raise InputError(
             f"enabled is 0 in all {off.size} rows: the drive was never on; name another column, or leave enabled out"
         )
-    count = int(off.sum())
-    message = (
-        f"{_count(count)} left out (first: {rows.word} {rows.number[np.flatnonzero(off)[0]]}): the drive is off there and the motor open, so "
-        "its command is not a torque."
-    )
-    rows.notes.append(Finding("rows-motor-off", NOTE, message, {"rows": count}))
-    rows.off_before = np.cumsum(off)
-    rows.keep(~off)
+    rows.off_before = np.cumsum(off) if off.any() else rows.off_before
+    said = "left out {}: the drive is off there and the motor open, so its command is not a torque"
+    rows.drop(off, Finding("rows-motor-off", NOTE, said))
 
 
 def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
     time = rows.data["time"]
     seen = np.maximum.accumulate(time)
-    behind = np.zeros(time.size, dtype=bool)
-    behind[1:] = time[1:] < seen[:-1]
-    twice = np.zeros(time.size, dtype=bool)
-    twice[1:] = (time[1:] <= seen[:-1]) & ~behind[1:]
-    for bad, what, key, action in (
-        (behind, "time runs backward", "backward", cleaning.backward),
-        (twice, "a time stamp repeats", "duplicates", cleaning.duplicates),
+    behind = np.append(False, time[1:] < seen[:-1])[: time.size]
+    twice = np.append(False, time[1:] <= seen[:-1])[: time.size] & ~behind
+    runs_back = Finding("rows-backward", CAUTION, "dropped: time runs backward {}")
+    repeats = Finding("rows-repeated", CAUTION, "dropped: a time stamp repeats {}")
+    for bad, left, why, key, action in (
+        (behind, behind, runs_back, "backward", cleaning.backward),
+        (twice, twice[~behind], repeats, "duplicates", cleaning.duplicates),
     ):
-        if bad.any() and action == "refuse":
-            k = int(np.flatnonzero(bad)[0])
-            raise InputError(
-                f"{what} in {_count(int(bad.sum()))}, first at {rows.word} {rows.number[k]} ({seen[k - 1]:.9g} s to {time[k]:.9g} s); "
-                f"split the log, or declare cleaning: {{{key}: drop}}"
-            )
-        if bad.any():
-            message, numbers = _dropped(np.flatnonzero(bad), what, rows), {"rows": int(bad.sum())}
-            note = Finding("rows-backward" if bad is behind else "rows-repeated", CAUTION, message, numbers)
-            rows.notes.append(note)
-    rows.keep(~(behind | twice))
+        k, what = int(np.argmax(bad)), why.message.removeprefix("dropped: ").removesuffix(" {}")
+        refused = f"at which {what} ({seen[k - 1]:.9g} s to {time[k]:.9g} s); split the log, or declare cleaning: {{{key}: drop}}"
+        rows.drop(left, why, refused * (action == "refuse"))
 
 
 def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:

@@ -1,7 +1,7 @@
-"""What the readers of MAT, NPZ and Parquet files share.
+"""What the readers of files share: which column is meant, what a column is, what a damaged file is, and dates as seconds.
 
-Which column is meant, what a column is, and what a damaged file is. Their libraries raise nearly anything at a damaged
-file: each call of one stands alone in `reading`, so that no defect of our own passes for damage.
+Libraries raise nearly anything at a damaged file: each call of one stands alone in `reading`, so that no defect of our
+own passes for damage.
 """
 
 import re
@@ -9,12 +9,16 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.errors import InputError, short, short_list
+
+if TYPE_CHECKING:
+    import pandas as pd
+
 
 MAX_VALUES = 200_000_000  # most numbers that are read from one file: a small compressed file can hold very many
 
@@ -92,16 +96,34 @@ def picked(source: Any, shape: tuple[int, ...], key: Key, *, rows_last: bool = F
         return np.asarray(source[column], dtype=float).ravel()
 
 
-def between_samples(at: Array, own: Array, values: Array, gap: float) -> Array:
-    """Values, (m,), sampled at rising times `own`, (m,), at other times, (n,), of which some may be nan.
+def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
+    """Values, (m,), sampled at their own times, s, (m,), at other times, s, (n,): linear between samples, nan beyond them and in gaps.
 
-    Linear between samples; nan beyond them, and within an interval that is longer than `gap` median ones.
+    Where the own time is not finite there is no sample; an interval longer than `gap` median ones is a gap. Raises InputError
+    where the own time runs backward, there are fewer than two samples, or none of the times lies between them.
     """
+    good = np.isfinite(own) & np.isfinite(values)
+    own, values = own[good], values[good]
     steps = np.diff(own)
-    after = np.clip(np.searchsorted(own, np.nan_to_num(at, nan=own[0])), 1, own.size - 1)
-    found = np.interp(at, own, values, left=np.nan, right=np.nan)
-    found[(steps[after - 1] > gap * np.median(steps)) & (at != own[after]) & (at != own[after - 1])] = np.nan
-    return found
+    if (steps < 0).any():
+        raise InputError(f"its own time runs backward in {int((steps < 0).sum())} rows; split the log there")
+    once = np.append(True, steps > 0)[: own.size]
+    own, values = own[once], values[once]
+    if own.size < 2:
+        raise InputError(f"{own.size} samples with a time of their own; expected a log with many")
+    steps = np.diff(own)
+    after = np.clip(np.searchsorted(own, np.nan_to_num(time, nan=own[0])), 1, own.size - 1)
+    onto = np.interp(time, own, values, left=np.nan, right=np.nan)
+    onto[(steps[after - 1] > gap * np.median(steps)) & (time != own[after]) & (time != own[after - 1])] = np.nan
+    seen = time[np.isfinite(time)]
+    inside = np.count_nonzero((own >= seen.min()) & (own <= seen.max())) if seen.size else 0
+    if inside < 2 or not np.isfinite(onto).any():  # 2 samples of a signal with a time of its own that lie in a run
+        rest = f"{seen.min():.6g} s to {seen.max():.6g} s" if seen.size else "nowhere"
+        raise InputError(
+            f"its own time, {own[0]:.6g} s to {own[-1]:.6g} s, has {inside} samples in that of the run, {rest}; check the unit of each, and that "
+            "both count since the same instant"
+        )
+    return onto
 
 
 def place_of(key: Key, names: Sequence[str], what: str = "column") -> int:
@@ -125,3 +147,52 @@ def bounded(values: float, what: str = "") -> None:
     """Raises InputError where a file, or what is named, holds more numbers than are read."""
     if values > MAX_VALUES:
         raise InputError(f"{what}holds {values:.3g} numbers, over the limit of {MAX_VALUES}; cut it into several runs")
+
+
+ISO = "iso"  # the unit of a time column that holds dates or times of day
+_DAY = 86_400 * 10**9
+_CLOCK = re.compile(r"\d\d?:\d\d:\d\d(\.\d+)?")
+_POINTS = re.compile(r"\d\d?\.\d\d?\.\d{4} .*")
+_MISSING = np.iinfo(np.int64).min  # pandas' integer for no date
+
+
+def seconds_of_stamps(column: "pd.Series[str]", name: str) -> tuple[Array, int]:
+    """Seconds since the first stamp of a column of text, (n,), nan where a cell is empty; and that stamp, ns.
+
+    Stamps are ISO 8601 (`2024-05-01T12:00:00.123Z`, a blank in place of the T, with or without a zone), `01.05.2024 12:00:00` or times of day alone,
+    which go on after midnight. One without a zone is taken as it is. Raises InputError, which names the row and calls the column `name`, where a
+    cell is none.
+    """
+    import pandas as pd
+
+    text = column.str.strip().str.replace(",", ".", regex=False)
+    filled = text.notna().to_numpy()
+    first = str(text[filled].iloc[0]) if filled.any() else ""
+    text = text.where(text.str.len() <= 60)  # characters of a date with its time and its zone
+    points = "%d.%m.%Y %H:%M:%S"
+    if _CLOCK.fullmatch(first):
+        clock = text.where(text.str.fullmatch(_CLOCK.pattern).fillna(False).astype(bool))
+        counted = pd.to_timedelta(clock, errors="coerce").to_numpy("timedelta64[ns]").astype(np.int64)
+    else:  # as pandas reads them in the format of the first one
+        if _POINTS.fullmatch(first):
+            whole = pd.to_datetime(text, format=points, errors="coerce", utc=True)
+            parts = pd.to_datetime(text, format=f"{points}.%f", errors="coerce", utc=True)
+            dates = parts.fillna(whole) if parts.notna().any() else whole
+        else:
+            dates = pd.to_datetime(text, format="ISO8601", errors="coerce", utc=True)
+        dates = dates.where((dates.dt.year > 1677) & (dates.dt.year < 2262))
+        counted = dates.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)
+    bad = np.flatnonzero(filled & (counted == _MISSING))
+    if bad.size:
+        raise InputError(
+            f"row {bad[0] + 1} of column {name} holds {short(column.iloc[bad[0]])}, and unit iso was declared; expected a time "
+            "such as 2024-05-01T12:00:00.123Z, 01.05.2024 12:00:00 or 12:00:00.123, like the first, in 1678 to 2261"
+        )
+    if not filled.any():
+        return np.full(text.size, np.nan), 0
+    if _CLOCK.fullmatch(first):
+        counted[filled] += _DAY * np.cumsum(np.diff(counted[filled], prepend=counted[filled][0]) < -_DAY // 2)
+    origin = int(counted[filled][0])
+    seconds = np.full(text.size, np.nan)
+    seconds[filled] = (counted[filled] - origin) / 1e9
+    return seconds, origin

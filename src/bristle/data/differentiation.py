@@ -1,7 +1,4 @@
-"""Velocity and acceleration from what was logged.
-
-A zero-phase low pass, then the derivatives of a spline through it.
-"""
+"""Velocity and acceleration from what was logged: a zero-phase low pass, then the derivatives of a spline through it."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,4 @@
-"""Whether the signals of a record agree with one another, before anything is fitted to them.
-
-Each check is a function of a record that gives a diagnostic, or None. None of them knows a friction law.
-"""
+"""Whether the signals of a record agree with one another, before anything is fitted; no check knows a friction law."""
 
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -11,12 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bristle.data import motion_checks, units
+from bristle.data.columns import ISO
 from bristle.data.encoder import apart, count_mismatch, other_units
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import Context, Signal, Signals
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
 from bristle.data.sampling import DEVIATIONS
-from bristle.data.timestamps import ISO
 from bristle.data.torque_checks import check_torque
 from bristle.errors import InputError
 from bristle.findings import CAUTION, CRITICAL, Finding

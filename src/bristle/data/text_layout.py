@@ -1,7 +1,4 @@
-"""How a text file is laid out, read off its first lines: delimiter, header, names, units, decimal sign, comments.
-
-Above its table a file may say anything, in lines of any width: where the numbers begin is told by the columns that hold numbers further down.
-"""
+"""How a text file is laid out, read off its first lines; above its table it may say anything, in lines of any width."""
 
 import csv
 import re
@@ -19,6 +16,7 @@ _SAMPLE, _MOST = 2**18, 3 * 2**20
 """Bytes that are looked at, and where the lines are so long that these hold fewer than `_HEADED` of them."""
 _DELIMITERS = (",", ";", "\t", "|", " ")
 MAX_COLUMNS = 10_000  # most columns of a text file
+MAX_LINE = 2**20  # longest line of a text file, characters
 LONGEST = 300  # characters of a number; a longer cell is none
 _NUMBER = re.compile(
     r"[+-]?(?:(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|inf(?:inity)?|nan|n/?a|null)", re.IGNORECASE
@@ -77,6 +75,8 @@ def text_layout(path: Path) -> Layout:
         encoding = encoding if cut or encoding == "utf-16" else "latin-1"
         text = sample.decode(encoding, errors="replace")
     lines = re.split(r"\r\n|\r|\n", text)
+    if max(map(len, lines)) > MAX_LINE:
+        raise InputError(f"has a line longer than {MAX_LINE} bytes; expected one row of numbers per line")
     return _layout(encoding, tuple(lines if whole else lines[:-1])[:2000])  # 2000 lines that are looked at
 
 

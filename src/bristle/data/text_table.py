@@ -1,8 +1,4 @@
-"""Files to columns of numbers: text here, MAT, NPZ and Parquet in `binary_tables`.
-
-How a text file is laid out (delimiter, header, decimal sign, comments) is read off its first lines. Nothing is guessed
-about what a column means; whatever cannot be read as numbers is an error that says where.
-"""
+"""Files to columns of numbers, text here: nothing is guessed about what a column means, and what is no number is an error that says where."""
 
 import hashlib
 import re
@@ -17,11 +13,10 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.binary_tables import READERS, read_binary
-from bristle.data.columns import Key, reading
+from bristle.data.columns import Key, reading, seconds_of_stamps
 from bristle.data.ros.read import read_bag
 from bristle.data.ros.storage import is_bag
 from bristle.data.text_layout import LONGEST, Layout, is_stamp, text_layout
-from bristle.data.timestamps import seconds_of_stamps
 from bristle.errors import InputError, check_regular, short, short_list, unreadable
 from bristle.findings import CAUTION, Finding
 
@@ -30,7 +25,6 @@ if TYPE_CHECKING:
 
 
 MAX_BYTES = 2**29  # largest data file, bytes
-MAX_LINE = 2**20  # longest line of a text file, bytes
 _GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f])\d{3}(\1\d{3})*([.,]\d*)?")
 """A number with its thousands set apart."""
 
@@ -77,7 +71,7 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
                 )
             check_regular(path, name)
             text = is_text(path)
-            digest = _digest(path, text=text)
+            digest = _digest(path)
             if not text and (stamps := next((key for key in keys if key.stamps), None)):
                 raise InputError(
                     f"column {stamps}: unit iso is for text; expected a time in a unit such as s, ms or ns"
@@ -117,22 +111,15 @@ def naming(name: str) -> Iterator[None]:
         raise InputError(f"{name}: {str(error).removeprefix(f'{name}: ')}") from error
 
 
-def _digest(path: Path, *, text: bool) -> str:
-    """SHA-256 of a file, read in pieces; one that is too large, empty, or (as text) binary or one long line is refused."""
+def _digest(path: Path) -> str:
+    """SHA-256 of a file; one that is too large, or empty, is refused."""
     size = path.stat().st_size
     if size > MAX_BYTES:
         raise InputError(f"is {size} bytes long, over the limit of {MAX_BYTES}; cut it into several runs")
-    digest, open_line = hashlib.sha256(), 0
-    with path.open("rb") as file:
-        for piece in iter(lambda: file.read(2**20), b""):
-            digest.update(piece)
-            lines = piece.replace(b"\r", b"\n").split(b"\n") if text else []
-            if text and max(open_line + len(lines[0]), *map(len, lines)) > MAX_LINE:
-                raise InputError(f"has a line longer than {MAX_LINE} bytes; expected one row of numbers per line")
-            open_line = len(lines[-1]) + (open_line if len(lines) == 1 else 0) if text else 0
     if size == 0:
         raise InputError("the file is empty; expected a log with a row per sample")
-    return digest.hexdigest()
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _read_text(path: Path, keys: Sequence[Key], digest: str) -> RawTable:
@@ -145,24 +132,21 @@ def _read_text(path: Path, keys: Sequence[Key], digest: str) -> RawTable:
     with path.open(encoding=layout.encoding, errors="replace") as file:
         for _ in range(layout.skip):  # as lines: a quote in the header opens nothing
             file.readline()
-        with reading("table of numbers", "expected one row of numbers per line"):
-            try:
-                frame = pd.read_csv(
-                    file,
-                    sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
-                    header=None,
-                    names=list(range(layout.width)),
-                    index_col=False,
-                    comment=layout.comment,
-                    decimal=layout.decimal,
-                    dtype=dict.fromkeys((place for key, place in places.items() if key.stamps), str),
-                    skipinitialspace=True,
-                    low_memory=False,
-                )
-            except pd.errors.ParserError as error:
-                raise InputError(
-                    f"its rows differ in width: {error}; expected {layout.width} columns in every row"
-                ) from error
+        with reading(
+            f"table of numbers with {layout.width} columns in every row", "expected one row of numbers per line"
+        ):
+            frame = pd.read_csv(
+                file,
+                sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+                header=None,
+                names=list(range(layout.width)),
+                index_col=False,
+                comment=layout.comment,
+                decimal=layout.decimal,
+                dtype=dict.fromkeys((place for key, place in places.items() if key.stamps), str),
+                skipinitialspace=True,
+                low_memory=False,
+            )
     times = [place for place in places.values() if place % 2 == 0] if layout.blocks else []
     for key, place in places.items():  # channels of a time and a value each have one time
         if len(times) == 1 and place % 2 and place - 1 != times[0] and not frame[place - 1].equals(frame[times[0]]):

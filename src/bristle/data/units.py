@@ -1,7 +1,4 @@
-"""Quantities with units, read by pint, in SI: `0.35 N*m/A`, `4096 counts/rev`, `95.1 ± 0.5 kg`.
-
-What pint does not mind, and a log must: Hz is not rad/s, and a bare number has no unit.
-"""
+"""Quantities with units, read by pint, in SI; what pint does not mind, and a log must: Hz is not rad/s, and a bare number has no unit."""
 
 import re
 from contextlib import suppress

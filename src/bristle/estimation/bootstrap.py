@@ -30,12 +30,9 @@ from bristle.estimation.levels import CONFIDENCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import Name, projected
-from bristle.findings import NOTE, Finding
 
 DRAWS, REFITS = 2000, 1999  # draws of blocks, and of residuals that are fitted again: the interval's ends are draws
 _AT_ONCE = 4_000_000  # numbers drawn, or scores of blocks computed, at once, whatever the number of equations
-FEW = 8  # blocks below which a bootstrap has little to draw from, and gives no interval
-ENOUGH = 20  # blocks below which a bootstrap that parts from the other intervals is explained by them
 SHOWN = 500  # draws kept of each unknown, to be drawn
 _OVERLAP = 4  # cells in a block: blocks begin at each cell
 _CELLS = 2000  # at most; longer records have longer cells
@@ -74,12 +71,6 @@ class Resampled(NamedTuple):
             most = np.quantile(np.where(blind, np.inf, t), 1 - tail, method="higher")
             least = np.quantile(np.where(blind, -np.inf, t), tail, method="lower")
         return -float(most) * error, -float(least) * error
-
-
-def too_few(few: str) -> Finding:
-    """That there is no bootstrap, for what there are few of."""
-    message = f"No bootstrap: {few} are too few to resample; at least {FEW} are needed."
-    return Finding("no-bootstrap", NOTE, message, {"few": few, "least": FEW})
 
 
 def residual_bootstrap(

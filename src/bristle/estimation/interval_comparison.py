@@ -6,6 +6,8 @@ import numpy as np
 
 from bristle.findings import CAUTION, NOTE, Finding
 
+FEW = 8  # blocks below which a bootstrap has little to draw from, and gives no interval
+ENOUGH = 20  # blocks below which a bootstrap that parts from the other intervals is explained by them
 FACTOR = 1.5  # reaches to one side of an estimate that differ by more than this factor part
 _ROUNDING = 1e-9
 Interval = tuple[float, float] | None
@@ -18,20 +20,27 @@ def warnings(
     bootstrap: Interval,
     *,
     at_bound: bool = False,
-    few: Finding | str | None = None,
+    few: str | None = None,
 ) -> tuple[Finding, ...]:
-    """A diagnostic, with the reason, where the three intervals differ by more than `FACTOR`; else none.
+    """That there is no bootstrap; and where the three intervals differ by more than `FACTOR`, with the reason.
 
     What is compared is how far each reaches to one side of the estimate. `at_bound`: whether that lies at its physical bound, where
-    a covariance means little; `few`: what there are few of, None where there are enough.
+    a covariance means little; `few`: what there are few of to resample, None where there are enough.
     """
+    if at_bound:
+        message = "At its physical bound of zero: the intervals are one-sided."
+        return (Finding("intervals-at-bound", CAUTION, message),)
+    none = tuple[Finding, ...]()
+    if bootstrap is None and few:
+        message = f"No bootstrap: {few} are too few to resample; at least {FEW} are needed."
+        none = (Finding("no-bootstrap", NOTE, message, {"few": few, "least": FEW}),)
     known = {"covariance": covariance, "profile": profile, "bootstrap": bootstrap}
     ends = tuple((name, *interval) for name, interval in known.items() if interval is not None)
     reaches = {name: (value - low, high - value) for name, low, high in ends}
     both = zip(("below", "above"), zip(*reaches.values(), strict=True), strict=False)
     sides = [side for side, reach in both if _part(reach, value)]
-    if at_bound or not sides:
-        return ()
+    if not sides:
+        return none
     nearest = reaches.get("profile", (1.0, 1.0))
     if not np.isfinite(nearest).all():
         message = "the cost stays below the threshold to the end of the range, so the data do not bound the parameter on that side"
@@ -44,7 +53,7 @@ def warnings(
     else:
         message = "the residuals are less even or less independent than the covariance and the profile assume; use the widest interval"
         why = Finding("uneven-residuals", CAUTION, message)
-    return (they_differ(sides, ends, why),)
+    return (*none, they_differ(sides, ends, why))
 
 
 def they_differ(sides: Sequence[str], ends: Sequence[tuple[str, float, float]], reason: Finding) -> Finding:

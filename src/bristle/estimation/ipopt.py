@@ -1,38 +1,16 @@
-"""The second route: the same least-squares problem through CasADi and IPOPT, and how its answer compares.
+"""The second route: the same least-squares problem through CasADi and IPOPT.
 
 IPOPT is silent, and raises no exception where it ends early: who calls judges where it ended.
 """
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Generic, NamedTuple
+from collections.abc import Sequence
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.estimation.nonlinear import Name, Unknowns
-
-
-class SecondRoute(NamedTuple, Generic[Name]):
-    """Where the second route ended, beside the first."""
-
-    cost_grid: float
-    """The cost of the first."""
-    cost_full: float
-    """The lowest cost of any end of the second."""
-    starts: int
-    reached: int
-    """How many starts ended at the lowest cost."""
-    parameters: Mapping[Name, float]
-    difference_in_se: Mapping[Name, float]
-    """Second less first, in standard errors of the first, where there is one."""
-    agrees: bool
-    """Whether both found the same cost."""
-
-    @property
-    def worst(self) -> float:
-        """The largest difference in standard errors."""
-        return max(map(abs, self.difference_in_se.values()), default=0.0)
+from bristle.estimation.nonlinear import Unknowns
 
 
 def solver(name: str, x: ca.MX | ca.SX, cost: ca.MX | ca.SX, *given: Any, **options: object) -> ca.Function:
@@ -52,26 +30,3 @@ def ends(whole: ca.Function, unknowns: Unknowns[Any], starts: Sequence[Array], *
     """The scaled unknowns where a `solver` ends from each start between the bounds, (p,) each."""
     solved = (whole(x0=x0, lbx=unknowns.lower, ubx=unknowns.upper, **given)["x"] for x0 in starts)
     return [np.asarray(x).ravel() for x in solved]
-
-
-def compared(
-    values: Mapping[Name, float],
-    cost: float,
-    errors: Mapping[Name, float | None],
-    minima: Sequence[Mapping[Name, float]],
-    costs: Sequence[float],
-    same: float,
-) -> SecondRoute[Name]:
-    """The ends of the second route beside the answer of the first, by name, its cost there and its standard errors.
-
-    `costs` at the `minima` are by the first's own reckoning; those that differ by less than `same` are the same.
-    """
-    lowest = min(costs)
-    parameters = minima[costs.index(lowest)]
-    known = {name: error for name, error in errors.items() if name in parameters and error and np.isfinite(error)}
-    return SecondRoute(
-        cost_grid=cost, cost_full=lowest, starts=len(costs), reached=sum(one <= lowest + same for one in costs),
-        parameters=parameters,
-        difference_in_se={name: (parameters[name] - values[name]) / error for name, error in known.items()},
-        agrees=abs(lowest - cost) <= same,
-    )  # fmt: skip  # a list of values

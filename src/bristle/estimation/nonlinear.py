@@ -4,14 +4,12 @@ Steps are Gauss and Newton's in a trust region (Levenberg and Marquardt), from J
 of J makes a step less exact, not the minimum, where J'r vanishes.
 
 Equations come in blocks, each of which may have unknowns of its own, as a window has its start; behind them stand the
-rows of priors. Where blocks settle their own unknowns by themselves (variable projection), what is left is a small
-problem in the shared ones, whose Jacobian is the whole one's with each block's own columns projected out. One stubborn
-block then holds up no other.
+rows of priors. What is known of the shared unknowns is in the Jacobian with each block's own columns projected out.
 """
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,10 +32,6 @@ narrow bend they would go on for hundreds."""
 _HOPELESS = 4  # steps in a row that gain too little, after which a descent is given up:
 _STILL_ABOVE = 1.2  # it stays above this many times the lowest end known, ...
 _PROMISED = 3.0  # ... were all that is left to gain this many times what the step gained
-_BLOCK_DAMPING, _MOST_BLOCK_DAMPING = 1e-2, 1e6
-_INNER = 8  # evaluations in which blocks settle, where the shared unknowns moved a little ...
-_FIRST = 40  # ... and the first time
-_BLOCK_SETTLED = 1e-7  # a block has settled when a step lowers its cost by less than this share
 
 
 class Block(NamedTuple):
@@ -192,62 +186,3 @@ def minimise(
             converged = abs(cost - new_cost) <= 1e-9 * cost
             break
     return Minimum(x, cost, residuals, jacobian, taken, converged)
-
-
-def descend(problem: LeastSquares[Any], start: Array, most: int) -> Minimum:
-    """As `minimise`, for residuals in blocks; rows after the last block depend on shared unknowns alone."""
-    shared, lower, upper = problem.shared, problem.unknowns.lower, problem.unknowns.upper
-    best, residuals, jacobian = _settle(problem, np.clip(start, lower, upper), _FIRST)
-    if not shared.size:
-        return Minimum(best, float(residuals @ residuals), residuals, jacobian, 1, converged=True)
-    lowest = np.inf
-
-    def outer(p: Array) -> tuple[Array, Array]:
-        """Residuals, (n,), and projected Jacobian, with each block settled; remembers the best."""
-        nonlocal best, lowest
-        x = best.copy()
-        x[shared] = p
-        x, rows, slopes = _settle(problem, x, _INNER)
-        cost = float(rows @ rows)
-        if not np.isfinite(cost):
-            return rows, slopes[:, : shared.size]
-        if cost < lowest:
-            best, lowest = x, cost
-        return rows, projected(slopes, shared, problem.blocks)
-
-    minimum = minimise(outer, best[shared], lower[shared], upper[shared], most)
-    residuals, jacobian = problem.evaluate(best)
-    return Minimum(best, float(residuals @ residuals), residuals, jacobian, minimum.steps, minimum.converged)
-
-
-def _settle(problem: LeastSquares[Any], x: Array, most: int) -> tuple[Array, Array, Array]:
-    """Each block's own unknowns at given shared ones: all unknowns, residuals, Jacobian."""
-    blocks, lower, upper = problem.blocks, problem.unknowns.lower, problem.unknowns.upper
-    residuals, jacobian = problem.evaluate(x)
-    if not np.isfinite(residuals @ residuals):
-        return x, residuals, jacobian
-    damping, busy = np.full(len(blocks), _BLOCK_DAMPING), np.ones(len(blocks), dtype=bool)
-    for _ in range(most):
-        trial = x.copy()
-        for k in np.flatnonzero(busy).tolist():
-            rows, columns = blocks[k]
-            slopes = jacobian[rows][:, columns]
-            size = np.maximum(np.sqrt(np.einsum("np,np->p", slopes, slopes)), 1e-300)
-            unit = slopes / size
-            inner = unit.T @ unit + damping[k] * np.eye(len(columns))
-            step = np.linalg.lstsq(inner, unit.T @ residuals[rows], rcond=1e-15)[0] / size
-            trial[columns] = np.clip(x[columns] - step, lower[columns], upper[columns])
-        new_residuals, new_jacobian = problem.evaluate(trial)
-        if not np.isfinite(new_residuals @ new_residuals):
-            damping *= 10
-            continue
-        for k in np.flatnonzero(busy).tolist():
-            rows, columns = blocks[k]
-            old, new = (float(r[rows] @ r[rows]) for r in (residuals, new_residuals))
-            if new <= old:
-                x[columns], residuals[rows], jacobian[rows] = trial[columns], new_residuals[rows], new_jacobian[rows]
-            busy[k] = not (old - new <= _BLOCK_SETTLED * old if new <= old else damping[k] > _MOST_BLOCK_DAMPING)
-            damping[k] *= 0.1 if new <= old else 10.0
-        if not busy.any():
-            break
-    return x, residuals, jacobian

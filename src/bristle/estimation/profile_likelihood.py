@@ -26,12 +26,14 @@ from bristle.estimation.levels import CONFIDENCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import LeastSquares, Minimum, Name, minimise
-from bristle.findings import CAUTION, NOTE, Finding
+from bristle.findings import CAUTION, Finding
 from bristle.progress import Progress
 
-_OPEN = (
+_OPEN = Finding(
+    "profile-open",
+    CAUTION,
     "No finite interval by the profile: with the other parameters re-optimised, every value on that side that a motion can show "
-    "fits about as well."
+    "fits about as well.",
 )
 _TRIES, _BUDGET = 12, 40  # steps of a descent at one value, and evaluations on one side (five of a smooth profile)
 _SETTLED = 1e-3  # of d: a descent ends when a step would lower the cost by less
@@ -105,8 +107,7 @@ def profiles(
             out[name] = Profiled((value, value), np.array([[value], [0.0]]))
         elif not np.isfinite(reach):
             whole = float(unknowns.least[j]), np.inf
-            unseen = Finding("profile-unseen", NOTE, f"Not identifiable: {_OPEN}")
-            out[name] = Profiled(whole, np.zeros((2, 0)), (unseen,))
+            out[name] = Profiled(whole, np.zeros((2, 0)), (_OPEN,))
         else:
             high = reach**2 / float(naive[j])
             path = _Path(problem, minimum, j, high, stop_at_better, [first], {float(x[j]): 0.0})
@@ -135,7 +136,6 @@ class _Path:
     spent: int = 0
     better: Array | None = None  # Scaled unknowns at which a lower cost than the fit's was found
     rough: bool = False  # Whether a descent did not settle, or a search was given up
-    lost: bool = False  # ... without an end
 
     def profiled(self, reach: float) -> Profiled:
         """The profile, in the unknown's unit; its ends are first looked for `reach` away from the estimate."""
@@ -150,16 +150,13 @@ class _Path:
         known |= {end: 1.0 for end in ends if end is not None}
         at, heights = np.array(sorted(known.items())).T
         is_open = None in ends and (high == np.inf or low < 0 or bool(unknowns.logarithmic[j]))
-        warnings = [Finding("profile-open", CAUTION, _OPEN)] if is_open and not self.lost else []
-        if self.lost:
-            message = "The profile is hard to compute here: the search for a bound was stopped, so a side without a bound may have one."
-            warnings.append(Finding("profile-lost", CAUTION, message))
-        elif self.rough:
+        told = (_OPEN,) if is_open else ()
+        if self.rough:
             message = (
-                "The profile is hard to compute here (fits along it ran out of iterations): its bounds are approximate."
+                "The profile is hard to compute here: its bounds are approximate, and a side without one may have one."
             )
-            warnings.append(Finding("profile-rough", NOTE, message))
-        return Profiled((low, high), np.stack([unknowns.natural_of(j, at), heights]), tuple(warnings))
+            told = (Finding("profile-rough", CAUTION, message),)
+        return Profiled((low, high), np.stack([unknowns.natural_of(j, at), heights]), told)
 
     def _end(self, reach: float, limit: float) -> float | None:
         """Where the root crosses one towards `limit`, first looked for `reach` from the estimate; None: nowhere."""
@@ -180,7 +177,6 @@ class _Path:
         except _Stop:
             self.rough = True
             beyond = [x for x, root in self.roots.items() if (x - best) * side > 0 and root > 1]
-            self.lost |= not beyond
             return max(beyond, key=lambda x: abs(x - best), default=None)  # the nearer ones may only look so high
         return None
 

@@ -30,7 +30,7 @@ _SHOWN = 300  # characters of a reason that are quoted
 def reading(path: Path) -> Iterator[Any]:
     """A results file as JSON has it; what its body raises of it becomes one sentence.
 
-    Raises InputError where it cannot be read, or is not a results file of schema bristle-results/3 or 2.
+    Raises InputError where it cannot be read, or is not a results file of schema bristle-results/3.
     """
     data = read_at_most(path, LARGEST, "a results file")
     try:
@@ -38,7 +38,7 @@ def reading(path: Path) -> Iterator[Any]:
     except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep, not as pydantic or we want it
         why = one_line(str(error) if isinstance(error, InputError) else first_reason(error), _SHOWN)
         raise InputError(
-            f"{path}: is not a results file of schema bristle-results/3 or 2 ({why}); expected a results.json that bristle wrote"
+            f"{path}: is not a results file of schema bristle-results/3 ({why}); expected a results.json that bristle wrote"
         ) from error
 
 
@@ -56,10 +56,10 @@ _BEGINNING = 4096  # bytes by which a file of another kind is told
 
 
 def parsed(text: str) -> Any:
-    """What a text holds as JSON has it, findings as this version calls them. Raises InputError, or ValueError, where it is too large, or none."""
+    """What a text holds as JSON has it. Raises InputError, or ValueError, where it is too large, or none."""
     for what, mark in (("commas", ","), ("objects", "{")):
         check_most(what, text.count(mark))
-    return json.loads(text, object_hook=_finding, parse_int=lambda x: int(x) if len(x) <= _DIGITS else float(x))
+    return json.loads(text, parse_int=lambda x: int(x) if len(x) <= _DIGITS else float(x))
 
 
 def validated(found: Any, by: "TypeAdapter[T]") -> T:
@@ -91,20 +91,10 @@ def with_samples(found: Any) -> Any:
     return found
 
 
-def _finding(x: dict[str, Any]) -> Any:
-    """What schema 2 calls a diagnostic, as a finding; a part of one, as its text; all else as it is."""
-    if not {"kind", "text", "numbers"} <= x.keys():
-        return x
-    if "severity" not in x:
-        return x["text"]
-    code, message = str(x.pop("kind")).lower().replace("_", "-"), x.pop("text")
-    return {**x, "code": code, "message": message, "effect": {}}
-
-
 def document_of(found: Any) -> Document:
     """The document that JSON holds, its joints named as they stand there.
 
-    Raises InputError, ValueError, or pydantic's ValidationError, where it is not of schema bristle-results/3 or 2.
+    Raises InputError, ValueError, or pydantic's ValidationError, where it is not of schema bristle-results/3.
     """
     document = validated(found, adapter())
     check_most("joints", len(document.joints))
@@ -114,6 +104,8 @@ def document_of(found: Any) -> Document:
 
 def joints_of(document: Document) -> tuple[Joint, ...]:
     """Its joints. Raises InputError where samples contradict one another, or a fit has not the parameters of its law, in the joint's units."""
+    if lacking := document.joints.keys() - document.samples.keys():
+        raise InputError(f"samples: has none of {short(min(lacking))}")
     for joint in document.joints.values():
         check_samples(joint)
         fits: list[StaticFit | TrackingFit] = [*joint.static.values(), *moving_fits(joint).values()]

@@ -13,7 +13,7 @@ import numpy as np
 
 from bristle.arrays import Array, freeze
 from bristle.findings import CAUTION, Finding
-from bristle.identification.dynamic.estimates import hardly_seen
+from bristle.identification.dynamic.fit import hardly_seen
 from bristle.model import functions
 from bristle.model.parameters import (
     SIGNED,

@@ -119,42 +119,8 @@ class HoldOut:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stray:
-    """A velocity-torque point that does not belong to the law of the others."""
-
-    file: str
-    where: str
-    """Its rows, or the line of the file."""
-    velocity: Number
-    """rad/s."""
-    torque: Number
-    """N*m."""
-    deviations: Number
-    """Torque less that of the law of the others, in standard deviations of this difference."""
-    without: Mapping[str, Number]
-    """Each parameter fitted without this point alone; empty of more than a thousand points, of which none moves them much."""
-
-    @property
-    def subject(self) -> tuple[str, ...]:
-        """What a warning about it names."""
-        return self.file, self.where
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OtherPoints:
-    """The same fit with another choice of points: without the strays, or with them where they are left out."""
-
-    n: int
-    rms: Number
-    """Root mean square residual, N*m."""
-    relative_error: Number
-    """100 * norm(residual) / norm(torque), percent."""
-    parameters: Mapping[str, Estimate]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class RunScatter:
-    """One parameter fitted to each of several runs of one kind apart, and how far they scatter beside their errors."""
+    """One parameter of each of several runs of one kind, and how far they scatter beside their errors."""
 
     before: Number
     """Square root of the reduced chi-squared of the runs' estimates, by their own standard errors."""
@@ -165,10 +131,8 @@ class RunScatter:
     stretched: Number
     """The same of its 95 % interval: with Student's t of one degree of freedom less than there are runs."""
     by_run: Mapping[str, Number]
-    """The estimate of each run that shows the parameter, by its file."""
-    clustered: bool = False
-    """Whether no run was fitted apart: `by_run` are then pseudo-values, the estimate moved by as many times what the run does
-    to it as there are runs, and `before` is the error by their scatter over that of the fit."""
+    """By its file, the estimate of each run that shows the parameter. Where none was fitted apart these are pseudo-values, the
+    estimate moved by as many times what the run does to it as there are runs, and `before` is their error over that of the fit."""
 
     @property
     def significant(self) -> bool:
@@ -201,12 +165,8 @@ class StaticFit:
     """Each parameter's interval three ways."""
     plain_grid: Mapping[str, Number] = field(default_factory=dict)
     """The parameters at the best value of the paper's plain grid."""
-    without_stick_slip: Mapping[str, Estimate] = field(default_factory=dict)
-    """The parameters fitted without the segments that stick and slip; empty where there are none."""
-    strays: tuple[Stray, ...] = ()
+    strays: tuple[Segment, ...] = field(default=(), metadata=UNWRITTEN)
     """Points that do not belong to the law of the others, the one that lowers the cost most first."""
-    other_points: OtherPoints | None = None
-    """The fit without them, or with them where they are left out (`fit.stray: drop`); None where there are none."""
     repeats: Mapping[str, RunScatter] = field(default_factory=dict)
     """How the parameters scatter over the runs; empty where there is but one."""
     velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))

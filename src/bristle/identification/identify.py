@@ -1,12 +1,8 @@
-"""From what an experiment measured to everything found out about its joint.
+"""From what an experiment measured to everything found out about its joint: static, presliding and moving fits, models."""
 
-Static, presliding and moving fits, models.
-"""
-
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -20,6 +16,7 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
+from bristle.identification.comparison import APART, GAIN, SYMMETRIC, Comparison
 from bristle.identification.curve import accuracy_of
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
@@ -32,17 +29,9 @@ from bristle.identification.law_comparison import (
     laws_of_points,
     term_that_pays,
     with_averages,
-    with_averages_of_motion,
 )
-from bristle.identification.measured import Measured, in_time, nothing_to_fit, through_wider, with_law, with_options
-from bristle.identification.model_selection import (
-    APART,
-    SYMMETRIC,
-    bic_of_directions,
-    compare_on_motion,
-    compare_on_points,
-    refitted,
-)
+from bristle.identification.measured import Measured, in_time, nothing_to_fit, through_wider, with_options
+from bristle.identification.model_selection import bic_of_directions, compare_on_motion, compare_on_points, refitted
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     directions,
@@ -51,18 +40,15 @@ from bristle.identification.moving_runs import (
     refuse_noise,
     refuse_opposing_runs,
 )
-from bristle.identification.offset import offset_of_points
 from bristle.identification.periods import with_periods
 from bristle.identification.point_checks import point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
-from bristle.identification.results import Input, Joint, LawComparison, ModelComparison
+from bristle.identification.results import Input, Joint
 from bristle.identification.settings import settings_of
 from bristle.identification.settling import without_settling
-from bristle.identification.static.points import points_problem
-from bristle.identification.static.problem import Regression
-from bristle.identification.static.runs import beside_moving, fit_moving, fit_points, is_superseded
-from bristle.identification.static.set_up import better_for_motion, better_for_points, directions_of_points
+from bristle.identification.static.fit import beside_moving, fit_moving, fit_points, is_superseded
+from bristle.identification.static.set_up import directions_of_points, trial_of_motion, trial_of_points
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
 from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, of_load, unit
@@ -70,7 +56,6 @@ from bristle.progress import Progress, step
 
 _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9
 """Times the low pass that the spectra choose, and what a fit leaves through the first of these where it took motion."""
-_CLEARLY = 10.0  # a difference in BIC that is very strong evidence (Kass and Raftery 1995)
 _LATEST = 0.05  # s: no log is later, and what asks for more is another term, as friction that rises with load
 _SHIFTS = 3  # times that a delay of the torque is looked for: each is told to first order
 _SURE, _FAR = 5.0, 3.0
@@ -82,83 +67,171 @@ _OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
 
 
 def identify_joint(
-    measured: Measured,
-    timings: dict[str, float] | None = None,
-    *,
-    crosscheck: bool = False,
-    uncertainty: bool = False,
-    progress: Progress | None = None,
+    measured: Measured, *, crosscheck: bool = False, uncertainty: bool = False, progress: Progress | None = None
 ) -> Joint:
     """Everything that an experiment tells of its joint, with intervals and warnings, cross-checked.
 
     Points at constant velocity give the static parameters where there are any, else the moving runs do, with their
     regressors; slow runs give the presliding ones; moving runs give all, alone and with the other stages as priors.
-    Seconds spent are written into `timings` by name; they are no part of the result. With `crosscheck` the fit of the
-    moving runs is solved by CasADi and IPOPT as well, which takes long; with `uncertainty` its parameters get their
-    intervals by profile and bootstrap too, as static and presliding ones always do. `progress` is told of every step.
+    With `crosscheck` the fit of the moving runs is solved by CasADi and IPOPT as well, which takes long; with
+    `uncertainty` its parameters get their intervals by profile and bootstrap too, as static and presliding ones always
+    do. `progress` is told of every step.
 
     Raises InputError where no run can be fitted, saying which threshold ate what.
     """
-    asked = measured.experiment.fit.law
-    identified = partial(_identified, timings=timings, asked_law=asked, progress=progress)
-    auto = measured.experiment.fit.directions == "auto"
-    bic, ended = dict[str, float](), None
-    if auto and (points := measured.points(hold_out=False)):
-        of_each = directions_of_points(measured.experiment, points)
-        bic = {APART: of_each["separate"], SYMMETRIC: of_each["symmetric"]} if of_each else {}
-        measured = _with_directions(measured, "symmetric" if bic and bic[SYMMETRIC] <= bic[APART] else "separate")
-    elif auto:
-        measured = _with_directions(measured)
-    measured, told = _with_regressors(measured)
-    measured, laws = _with_law(with_periods(measured))
-    under, joint = laws, identified(measured, laws)
-    measured, joint, lifted = _with_gravity(measured, joint, partial(identified, laws=under))
-    told |= lifted
-    measured, joint, delay, doubts = _on_time(measured, joint, partial(identified, laws=under))
-    told |= delay
-    if (scale := next((w for w in measured.findings if w.code == "scale-by-gravity"), None)) is not None:
-        told["chosen scale"] = scale.message
-    of_motion = auto and not bic
-    if of_motion:
-        measured, joint, bic, ended = _sided(measured, joint, partial(identified, laws=under))
-    if wider := _wider(measured, joint.tracking):
-        measured, joint = wider, identified(wider, under, near=joint.tracking)
-    if laws is None and joint.tracking is not None:
-        step(progress, "comparing friction laws")
-        before = measured.experiment.fit.law
-        measured, joint, laws, under = _law_of_motion(measured, joint, asked, identified)
-        if of_motion and measured.experiment.fit.law != before and measured.experiment.fit.directions == "symmetric":
-            measured, joint, bic, ended = _sided(measured, joint, partial(identified, laws=under))
-    held = measured
-    for _ in range(_ROUNDS):
-        if (settled := without_settling(held, joint, measured)) is None:
-            break
-        measured, joint = settled, identified(settled, under, near=joint.tracking)
-    if joint.tracking is not None and (crosscheck or uncertainty):  # of what was decided, once
-        joint = identified(measured, under, near=joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty)
-    step(progress, "comparing friction models")
-    models = _models(measured, joint, timings, ended)
-    other = 0.0
-    if {APART, SYMMETRIC} <= bic.keys():
-        told["chosen directions"] = _chosen(bic, apart=measured.experiment.fit.directions == "separate")
-        other = float(expit(-np.nan_to_num(abs(bic[APART] - bic[SYMMETRIC]), nan=np.inf) / 2))
-    warnings = (*law_warnings(laws), *doubts, *joint.warnings)
-    joint = replace(joint, models=models, laws=laws, settings={**joint.settings, **told}, warnings=warnings)
-    return replace(joint, accuracy=accuracy_of(joint, measured, other)).with_subjects()
+    return _Decisions(measured, progress).joint_of(crosscheck=crosscheck, uncertainty=uncertainty)
 
 
-def _sided(
-    measured: Measured, joint: Joint, identified: Callable[..., Joint]
-) -> tuple[Measured, Joint, dict[str, float], Values | None]:
-    """Moving runs with a friction for each direction, where that has a clearly better BIC, else as they were; and `bic_of_directions`."""
-    if joint.tracking is None:
-        return measured, joint, {}, None
-    compared = partial(bic_of_directions, measured.experiment, measured.moving(hold_out=False), joint.tracking)
-    bic, ended = compared()
-    if bic and bic[APART] < bic[SYMMETRIC] - _CLEARLY:
+class _Decisions:
+    """What is decided about a joint, one thing after the other: each is tried, identified anew, and kept if it is better."""
+
+    joint: Joint
+
+    def __init__(self, measured: Measured, progress: Progress | None) -> None:
+        self.measured, self.progress, self.asked_law = measured, progress, measured.experiment.fit.law
+        self.told: dict[str, str] = {}
+        """What was chosen, and what overrules it, by its name among the settings."""
+        self.doubts: tuple[Finding, ...] = ()
+        self.laws: Comparison | None = None
+        """The laws side by side."""
+        self.under: Comparison | None = None
+        """The same, where they chose the law of the fits."""
+        self.bic: dict[str, float] = {}
+        """Of one friction for both directions, and of one for each ..."""
+        self.ended: Values | None = None
+        """... which ended there, of moving runs."""
+
+    def joint_of(self, *, crosscheck: bool, uncertainty: bool) -> Joint:
+        """All decisions in their order."""
+        auto = self.measured.experiment.fit.directions == "auto"
+        if auto:
+            self._directions()
+        self._regressors()
+        self.measured = with_periods(self.measured)
+        self._law()
+        self.under, self.joint = self.laws, self._identified(self.measured, self.laws)
+        self._gravity()
+        self._on_time()
+        if (scale := next((w for w in self.measured.findings if w.code == "scale-by-gravity"), None)) is not None:
+            self.told["chosen scale"] = scale.message
+        of_motion = auto and not self.bic
+        if of_motion:
+            self._sides()
+        self._low_pass()
+        if self.laws is None and self.joint.tracking is not None:
+            step(self.progress, "comparing friction laws")
+            before = self.measured.experiment.fit.law
+            self._law_of_motion(self.joint.tracking)
+            fit = self.measured.experiment.fit
+            if of_motion and fit.law != before and fit.directions == "symmetric":
+                self._sides()
+        held = self.measured
+        for _ in range(_ROUNDS):
+            if (settled := without_settling(held, self.joint, self.measured)) is None:
+                break
+            self._take(settled)
+        measured, joint = self.measured, self.joint
+        if joint.tracking is not None and (crosscheck or uncertainty):  # of what was decided, once
+            joint = self._identified(
+                measured, self.under, joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty
+            )
+        step(self.progress, "comparing friction models")
+        models, other = self._models(joint), 0.0
+        if {APART, SYMMETRIC} <= self.bic.keys():
+            apart = measured.experiment.fit.directions == "separate"
+            self.told["chosen directions"] = _chosen(self.bic, apart=apart)
+            other = float(expit(-np.nan_to_num(abs(self.bic[APART] - self.bic[SYMMETRIC]), nan=np.inf) / 2))
+        warnings = (*law_warnings(self.laws), *self.doubts, *joint.warnings)
+        settings = {**joint.settings, **self.told}
+        joint = replace(joint, models=models, laws=self.laws, settings=settings, warnings=warnings)
+        return replace(joint, accuracy=accuracy_of(joint, measured, other)).with_subjects()
+
+    def _again(self, measured: Measured, near: TrackingFit | Values | None = None) -> Joint:
+        """Identified anew, moving runs from where they ended, or from `near`."""
+        return self._identified(measured, self.under, self.joint.tracking if near is None else near)
+
+    def _take(self, measured: Measured, most: float = np.inf) -> bool:
+        """Identified anew, and kept if the moving runs then leave so many times as much at most; whether it was."""
+        again, before = self._again(measured), self.joint.moving
+        if most < np.inf and (before is None or again.moving is None or again.moving.rms > most * before.rms):
+            return False
+        self.measured, self.joint = measured, again
+        return True
+
+    def _directions(self) -> None:
+        """Of points by BIC; of moving runs that go both ways one friction, to begin with."""
+        measured, bic = self.measured, dict[str, float]()
+        points, training = measured.points(hold_out=False), measured.moving(hold_out=False)
+        if points:
+            bic = directions_of_points(measured.experiment, points)
+            one = bool(bic) and bic[SYMMETRIC] <= bic[APART]
+        else:
+            ways = len(moved_in(training)) if training else 0
+            one = ways == len(DIRECTIONS) and measured.experiment.fit.predict == "torque"
+        self.bic, self.measured = bic, _with_directions(measured, "symmetric" if one else "separate")
+
+    def _regressors(self) -> None:
+        """The regressors that explain most of what is left of parts held out; the file overrules."""
+        experiment, fit, better = self.measured.experiment, self.measured.experiment.fit, None
+        moving, points = self.measured.moving(hold_out=False), self.measured.points(hold_out=False)
+        if fit.set_up == AS_WRITTEN or "regressors" in fit.model_fields_set or fit.predict != "torque":
+            return
+        if points:
+            better = trial_of_points(experiment, points).better()
+        elif moving:
+            better = trial_of_motion(experiment, moving).better()
+        most = better is not None and better.error**2 < better.asked_error**2 / 2
+        if better is None or not most or better.set_up.directions != better.asked.directions:
+            return
+        error = f"error of parts held out {better.asked_error:.2g} -> {better.error:.2g} %"
+        self.told["chosen regressors"] = f"{', '.join(better.set_up.regressors)}; {error} (fit.regressors overrules)"
+        also = ("inertia",) if points and moving else ()
+        self.measured = with_options(self.measured, regressors=(*also, *better.set_up.regressors))
+
+    def _law(self) -> None:
+        """The law asked for, or the one that the points choose; and the laws side by side on them."""
+        measured, fit = self.measured, self.measured.experiment.fit
+        laws = laws_of_points(measured, fit.friction) if measured.points(hold_out=False) else None
+        self.laws = laws
+        if laws is not None and term_that_pays(fit, laws) == WITH_DRAG:
+            dragged = with_options(measured, law=WITH_DRAG)
+            if all(_brakes(x.problem.named(refit(x.problem.rows(x.kept)).theta)) for x in dragged.searches):
+                self.measured, self.laws = dragged, laws.under(WITH_DRAG)
+                return
+        if fit.law == AUTO:
+            law = PAPER if laws is None else laws.chosen.name
+            self.measured, self.laws = with_options(measured, law=law), laws and laws.under(law)
+
+    def _gravity(self) -> None:
+        """Moving runs with gravity, where it explains most of what a fit without it leaves.
+
+        A regression without a bristle, which chose the regressors, may leave so much at reversals that it does not see gravity.
+        """
+        fit, moving = self.measured.experiment.fit, self.joint.moving
+        lacks = (w.numbers for w in (moving.warnings if moving else ()) if w.code == "lacks-a-term")
+        share = next((x["share"] for x in lacks if x["term"] == "gravity"), 0.0)
+        if fit.set_up == AS_WRITTEN or share < 1 / 2:
+            return
+        more = with_options(self.measured, regressors=(*(fit.regressors or ()), "gravity"))
+        if self._take(more, 1.0):
+            asked, why = ", ".join(more.experiment.fit.regressors or ()), f"gravity explains {100 * share:.0f} %"
+            told = f"{asked}; {why} of what the others leave (fit.set_up: as-written overrules)"
+            self.told["chosen regressors"] = told
+
+    def _sides(self) -> None:
+        """Moving runs with a friction for each direction, where that has a clearly better BIC."""
+        measured, joint = self.measured, self.joint
+        if joint.tracking is None:
+            self.bic, self.ended = {}, None
+            return
+        compared = partial(bic_of_directions, measured, joint.tracking)
+        bic, self.ended = compared()
+        self.bic = bic
+        if not bic or bic[APART] >= bic[SYMMETRIC] - GAIN:
+            return
         sided = _with_directions(measured, "separate")
-        each = identified(sided, near=ended)
-        bic, _ = compared(each.tracking)
+        each = self._again(sided, self.ended)
+        self.bic = bic = compared(each.tracking)[0]
         if (fit := each.moving) is not None:
             # nan where the two differ by a constant alone: a better BIC is then of two bristles, about reversals that no model describes;
             # infinite where one of them is no friction, which leaves an offset
@@ -167,75 +240,95 @@ def _sided(
             least = _NOTHING * float(np.sqrt(np.mean(fit.measured**2)))
             levels = (e.value for name, e in fit.parameters.items() if name.name == "alpha_0")
             bic[APART] = bic[APART] if all(x is not None and x > least for x in levels) else np.inf
-        measured, joint = (sided, each) if bic[APART] < bic[SYMMETRIC] - _CLEARLY else (measured, joint)
-    return measured, joint, bic, ended
+        if bic[APART] < bic[SYMMETRIC] - GAIN:
+            self.measured, self.joint = sided, each
 
+    def _low_pass(self) -> None:
+        """Moving runs through the widest low pass that leaves no more than the spectra's own, where one leaves a tenth less.
 
-def _law_of_motion(
-    measured: Measured, joint: Joint, asked: str, identified: Callable[..., Joint]
-) -> tuple[Measured, Joint, LawComparison | None, LawComparison | None]:
-    """Moving runs under the law that they choose: what was measured under it, what that tells, and the laws side by side now and then."""
-    under: LawComparison | None = None
-    every = asked == AUTO
-    laws, ends = (None, {}) if joint.tracking is None else laws_of_motion(measured, joint.tracking, every=every)
-    if laws is not None and (term := term_that_pays(measured.experiment.fit, laws)) is not None:
-        more, found = with_law(measured, term), laws.under(term)
-        again = identified(more, found, near=ends[term])
-        if again.tracking is not None and _brakes(again.tracking.known):
-            measured, joint, laws, under = more, again, found, found
-    for _ in range(_CHOICES if every else 0):
-        if laws is None or laws.chosen.in_force or joint.tracking is None:
-            break
-        law = laws.chosen.law
-        measured, under = with_law(measured, law), laws.under(law)
-        joint, laws = identified(measured, under, near=ends[law]), under
-        if measured.experiment.fit.load and joint.tracking is not None:  # which peak and terms beside the load
-            laws, ends = laws_of_motion(measured, joint.tracking, every=True)
-            laws = laws or under
-    return measured, joint, laws, under
+        The narrow one then took what the motion does: noise that a wider one lets in makes a fit leave more.
+        """
+        measured, alone, found = self.measured, self.joint.tracking, None
+        experiment = measured.experiment
+        if experiment.fit.position_cutoff is not None or alone is None or alone.quantity != "torque":
+            return
+        sides = directions(experiment, measured.moving(hold_out=False))
+        for factor in _WIDER:
+            wide = through_wider(measured, factor)
+            left = refitted(wide, alone, sides).residuals
+            if np.linalg.norm(left) > (1.0 if found else _LESS) * np.sqrt(left.size) * alone.rms:
+                break
+            found = wide
+        if found is not None:
+            self._take(found)
 
+    def _law_of_motion(self, alone: TrackingFit) -> None:
+        """Moving runs under the law that they choose."""
+        every = self.asked_law == AUTO
+        self.laws, ends = laws_of_motion(self.measured, alone, every=every)
+        term = None if self.laws is None else term_that_pays(self.measured.experiment.fit, self.laws)
+        if self.laws is not None and term is not None:
+            more, found = with_options(self.measured, law=term), self.laws.under(term)
+            again = self._identified(more, found, ends[term])
+            if again.tracking is not None and _brakes(again.tracking.known):
+                self.measured, self.joint, self.laws, self.under = more, again, found, found
+        for _ in range(_CHOICES if every else 0):
+            if self.laws is None or self.laws.chosen.in_force or self.joint.tracking is None:
+                break
+            law = self.laws.chosen.name
+            self.measured, self.laws = with_options(self.measured, law=law), self.laws.under(law)
+            self.under, self.joint = self.laws, self._identified(self.measured, self.laws, ends[law])
+            # which peak and terms beside the load
+            if self.measured.experiment.fit.load and self.joint.tracking is not None:
+                laws, ends = laws_of_motion(self.measured, self.joint.tracking, every=True)
+                self.laws = laws or self.laws
 
-def _on_time(
-    measured: Measured, joint: Joint, identified: Callable[..., Joint]
-) -> tuple[Measured, Joint, dict[str, str], tuple[Finding, ...]]:
-    """Moving runs without the delay of their torque, identified anew, and what is said of it, and doubted; else as they were.
+    def _on_time(self) -> None:
+        """Moving runs without the delay of their torque, and what is said of it, and doubted.
 
-    A delay is told to first order, and taken where it is one of a log and the fit then leaves a tenth less. A drive that was told
-    what to follow has one: it is taken where the fit then leaves no more, with its interval.
-    """
-    signals, as_logged, late = measured.experiment.signals, measured, 0.0
-    told_by = next((name for name in (*DRIVE, *COMMANDS) if getattr(signals, name) is not None), None)
-    declared = told_by is not None and "delay" in getattr(signals, told_by).model_fields_set
-    if declared or joint.moving is None or measured.experiment.fit.set_up == AS_WRITTEN:
-        return measured, joint, {}, ()
-    for _ in range(_SHIFTS):
-        more, error = joint.moving.late
-        if told_by not in COMMANDS:
-            found = (w for w in joint.moving.warnings if w.code == "torque-delayed")
-            more = next((float(w.numbers["delay"]) for w in found), 0.0)
-        elif abs(more) < error:
-            break
-        if not more or abs(late + more) >= _LATEST:
-            break
-        shifted = in_time(as_logged, late + more)  # once, for to interpolate smooths
-        again = identified(shifted, near=joint.tracking)
-        less = 1.0 if told_by in COMMANDS else _LESS
-        if again.moving is None or again.moving.rms > less * joint.moving.rms:
-            break
-        measured, joint, late = shifted, again, late + more
-    error = np.inf if joint.moving is None else joint.moving.late[1]
-    if late or (told_by in COMMANDS and np.isfinite(error)):  # an error of the delay is one of the torque
-        measured = in_time(as_logged, late, error, final=True)
-        joint = identified(measured, near=joint.tracking)
-    if told_by in COMMANDS and joint.moving is not None:
-        late, error = late + joint.moving.late[0], joint.moving.late[1]
+        A delay is told to first order, and taken where it is one of a log and the fit then leaves a tenth less. A drive that was told
+        what to follow has one: it is taken where the fit then leaves no more, with its interval.
+        """
+        signals, as_logged, late, moving = self.measured.experiment.signals, self.measured, 0.0, self.joint.moving
+        told_by = next((name for name in (*DRIVE, *COMMANDS) if getattr(signals, name) is not None), None)
+        declared = told_by is not None and "delay" in getattr(signals, told_by).model_fields_set
+        if declared or moving is None or as_logged.experiment.fit.set_up == AS_WRITTEN:
+            return
+        for _ in range(_SHIFTS):
+            more, error = moving.late
+            if told_by not in COMMANDS:
+                found = (w for w in moving.warnings if w.code == "torque-delayed")
+                more = next((float(w.numbers["delay"]) for w in found), 0.0)
+            elif abs(more) < error:
+                break
+            if not more or abs(late + more) >= _LATEST:
+                break
+            # once, for to interpolate smooths
+            if not self._take(in_time(as_logged, late + more), 1.0 if told_by in COMMANDS else _LESS):
+                break
+            late, moving = late + more, self.joint.moving or moving
+        error = moving.late[1]
+        if late or (told_by in COMMANDS and np.isfinite(error)):  # an error of the delay is one of the torque
+            self._take(in_time(as_logged, late, error, final=True))
+        moving = self.joint.moving
+        if told_by in COMMANDS and moving is not None:
+            self._of_commands(late + moving.late[0], moving.late[1])
+        elif late:
+            how = "late" if late > 0 else "early"
+            self.told["chosen delay"] = (
+                f"logged {abs(late):.3g} s {how}, which is taken off (signals.torque.delay overrules)"
+            )
+
+    def _of_commands(self, late: float, error: float) -> None:
+        """What is said of a drive that acts so long before it was told, s, and doubted."""
+        measured = self.measured
         message = (
             f"The drive would act {late:.2g} s before it was told: its gains, their units, or the time stamps of its commands are wrong, "
             "and so is friction."
         )
         early = Finding("acts-early", CRITICAL, message, {"early": late}, {"torque": np.inf})
         half = max(r.step for r in measured.moving(hold_out=False)) / 2  # of a sample: rows are told apart no finer
-        doubts = (early,) if late > max(_SURE * error, half) else _feedback(measured, joint, late)
+        self.doubts = (early,) if late > max(_SURE * error, half) else self._feedback(late)
         told, reach = "as the drive makes it of its commands", student(np.inf) * error
         if reach < _LATEST:
             digits = max(1 - int(np.floor(np.log10(error))), 0)
@@ -248,100 +341,112 @@ def _on_time(
         if (at_once := next(said, None)) is not None:  # nothing says whether commands are held between samples
             lower, of = at_once.numbers["lower"], unit("alpha_2", measured.experiment.joint.kind)
             told += f"; ASSUMED not held between samples: held (--held), alpha_2 is {lower:.2g} {of} lower"
-        return measured, joint, {"chosen delay": told}, doubts
-    told = f"logged {abs(late):.3g} s {'late' if late > 0 else 'early'}, which is taken off (signals.torque.delay overrules)"
-    return measured, joint, {"chosen delay": told} if late else {}, ()
+        self.told["chosen delay"] = told
+
+    def _feedback(self, late: float) -> tuple[Finding, ...]:
+        """Of a drive that may compare its commands with measurements of the moment: as old as these they are a friction of K_p times the delay."""
+        experiment, velocity = self.measured.experiment, [r.velocity for r in self.measured.moving(hold_out=False)]
+        command, gain = experiment.signals.command, (experiment.motor_constants or ONE).at_joint().kp
+        if command is None or command.fresh is not None or gain is None or late >= 0:
+            return ()
+        lower, of = -late * gain.value, unit("alpha_2", experiment.joint.kind)
+        viscous = [x.estimate for x in chosen(self.joint) if x.parameter.name == "alpha_2"]
+        if any(e.value is not None and e.value - lower < -_FAR * (e.standard_error or 0.0) for e in viscous):
+            return ()  # friction would drive
+        speed = float(np.sqrt(np.mean(np.concatenate([np.asarray(v) for v in velocity]) ** 2)))
+        message = (
+            "ASSUMED: the drive compares its commands with measurements as old as they are. If it compares them with new "
+            f"ones, alpha_2 is {lower:.2g} {of} lower, and these data do not tell which holds: write `fresh: true` (or "
+            "`false`) under signals.command, or --fresh (--not-fresh)."
+        )
+        return (Finding("feedback-unknown", CAUTION, message, {"lower": lower}, {"torque": lower * speed}),)
+
+    def _models(self, joint: Joint) -> tuple[Comparison, ...]:
+        """Friction models side by side, on the points and on the moving runs."""
+        static, alone, found = joint.static, joint.tracking, list[Comparison | None]()
+        if points := self.measured.points(hold_out=False):
+            found.append(compare_on_points(self.measured, static))
+        if alone is not None:
+            own = {} if points else {d: fit for d, fit in static.items() if not is_superseded(fit)}
+            found.append(compare_on_motion(self.measured, own, alone, self.ended))
+        return tuple(x for x in found if x is not None)
+
+    def _identified(
+        self,
+        measured: Measured,
+        laws: Comparison | None,
+        near: TrackingFit | Values | None = None,
+        *,
+        crosscheck: bool = False,
+        uncertainty: bool = False,
+    ) -> Joint:
+        """Under one law, which `laws` may have chosen, without models side by side; moving runs begin at `near`."""
+        experiment, training = measured.experiment, _training(measured)
+        points, stages = measured.points(hold_out=False), DynamicStages()
+        static: dict[str, StaticFit] = {}
+        checks: dict[str, Crosscheck] = {}
+        step(self.progress, "fitting friction vs velocity")
+        if points:
+            static, checks = fit_points(measured, points)
+        elif not training and (not measured.slow or {run.kind for run in measured.runs} & {"ramp", "points"}):
+            raise InputError(nothing_to_fit(measured))
+        elif training and experiment.fit.predict == "torque":
+            static, checks = fit_moving(experiment, training, measured.moving(hold_out=True))
+        if training:
+            step(self.progress, "fitting the moving runs")
+            stages = fit_with_priors(
+                experiment,
+                training,
+                measured.moving(hold_out=True),
+                static,
+                partial(_presliding, experiment, measured.slow) if measured.slow else None,
+                near,
+                static_is_apart=bool(points),
+                crosscheck=crosscheck,
+                uncertainty=uncertainty,
+                progress=self.progress,
+            )
+            static = static if points else beside_moving(static, stages.tracking)
+            fit = stages.joint_fit or stages.tracking
+            J = fit.parameters.get(INERTIA) if fit else None
+            if stages.presliding is not None and experiment.inertia is None and J is not None and J.value:
+                known = KnownValue(J.value, J.standard_error or 0.0, _OF_MOVING_RUNS, J.shifts)  # sigma_1 by (15)
+                stages = stages._replace(presliding=with_damping(stages.presliding, known, experiment.joint.kind))
+        elif measured.slow:
+            step(self.progress, "fitting slow loading")
+            stages = DynamicStages(presliding=_presliding(experiment, measured.slow, static))
+        if self.asked_law == AUTO:
+            static, tracking = with_averages(static, stages.tracking, laws)
+            stages = stages._replace(tracking=tracking)
+        return Joint(
+            name=experiment.joint.name,
+            kind=experiment.joint.kind,
+            inputs=tuple(
+                Input(file=r.file, sha256=r.sha256, rows=r.rows, dropped=r.dropped, notes=r.notes, labels=r.labels)
+                for r in (run.record for run in measured.runs)
+            ),
+            segments=tuple(s for candidates in measured.segments for s in candidates),
+            static=static,
+            crosscheck=checks,
+            **stages._asdict(),
+            warnings=tuple(_joint_warnings(measured, static)),
+            torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
+            travel=measured.travel,
+            torque_constant=measured.torque_constant,
+            link_inertia=None if has_own_unit(experiment.joint.kind) else measured.link_inertia,
+            truth=experiment.truth,
+            simulated=experiment.simulated,
+            assumptions=experiment.assumptions,
+            settings=settings_of(experiment, self.asked_law, training),
+        )
 
 
-def _feedback(measured: Measured, joint: Joint, late: float) -> tuple[Finding, ...]:
-    """What friction is where a drive compares its commands with measurements of the moment, and nothing says whether.
-
-    Measurements as old as the commands are as a friction of K_p times the delay, which nothing else tells from viscous friction.
-    """
-    command, experiment = measured.experiment.signals.command, measured.experiment
-    gain = (experiment.motor_constants or ONE).at_joint().kp
-    if command is None or command.fresh is not None or gain is None or late >= 0:
-        return ()
-    lower, of = -late * gain.value, unit("alpha_2", experiment.joint.kind)
-    viscous = [x.estimate for x in chosen(joint) if x.parameter.name == "alpha_2" and x.estimate.value is not None]
-    if any((e.value or 0.0) - lower < -_FAR * (e.standard_error or 0.0) for e in viscous):
-        return ()
-    velocity = np.concatenate([np.asarray(r.velocity) for r in measured.moving(hold_out=False)])
-    speed = float(np.sqrt(np.mean(velocity**2)))
-    message = (
-        f"ASSUMED: the drive compares its commands with measurements as old as they are. If it compares them with new "
-        f"ones, alpha_2 is {lower:.2g} {of} lower, and these data do not tell which holds: write `fresh: true` (or `false`) under signals.command, "
-        "or --fresh (--not-fresh)."
-    )
-    return (Finding("feedback-unknown", CAUTION, message, {"lower": lower}, {"torque": lower * speed}),)
-
-
-def _with_regressors(measured: Measured) -> tuple[Measured, dict[str, str]]:
-    """The same with the regressors that explain most of what is left of parts held out, and what is said of them; the file overrules."""
-    experiment, moving, points = measured.experiment, measured.moving(hold_out=False), measured.points(hold_out=False)
-    fit, better = experiment.fit, None
-    if fit.set_up == AS_WRITTEN or "regressors" in fit.model_fields_set or fit.predict != "torque":
-        return measured, {}
-    if points:
-        better = better_for_points(experiment, points)
-    elif moving:
-        better = better_for_motion(experiment, moving)
-    most = better is not None and better.error**2 < better.asked_error**2 / 2
-    if better is None or not most or better.set_up.directions != better.asked.directions:
-        return measured, {}
-    error = f"error of parts held out {better.asked_error:.2g} -> {better.error:.2g} %"
-    told = f"{', '.join(better.set_up.regressors)}; {error} (fit.regressors overrules)"
-    also = ("inertia",) if points and moving else ()
-    return with_options(measured, regressors=(*also, *better.set_up.regressors)), {"chosen regressors": told}
-
-
-def _with_gravity(
-    measured: Measured, joint: Joint, identified: Callable[..., Joint]
-) -> tuple[Measured, Joint, dict[str, str]]:
-    """Moving runs with gravity, identified anew, where it explains most of what a fit without it leaves; and what is said of it; else as they were.
-
-    A regression without a bristle, which chose the regressors, may leave so much at reversals that it does not see gravity.
-    """
-    fit, said = measured.experiment.fit, () if joint.moving is None else joint.moving.warnings
-    share = next((w.numbers["share"] for w in said if w.code == "lacks-a-term" and w.numbers["term"] == "gravity"), 0.0)
-    if fit.set_up == AS_WRITTEN or share < 1 / 2:
-        return measured, joint, {}
-    more = with_options(measured, regressors=(*(fit.regressors or ()), "gravity"))
-    again = identified(more, near=joint.tracking)
-    if joint.moving is None or again.moving is None or again.moving.rms > joint.moving.rms:
-        return measured, joint, {}
-    asked = ", ".join(more.experiment.fit.regressors or ())
-    told = f"{asked}; gravity explains {100 * share:.0f} % of what the others leave (fit.set_up: as-written overrules)"
-    return more, again, {"chosen regressors": told}
-
-
-def _with_directions(measured: Measured, directions: str | None = None) -> Measured:
-    """With directions, or one for both of moving runs that go both ways; an offset is a regressor where one friction serves both."""
-    fit, training = measured.experiment.fit, measured.moving(hold_out=False)
-    ways = len(moved_in(training)) if training else 0
-    chosen = directions or ("symmetric" if ways == len(DIRECTIONS) and fit.predict == "torque" else "separate")
-    asked = (("inertia",) if training else ()) if fit.regressors is None else fit.regressors
-    about = ("offset",) if chosen == "symmetric" else ()
-    return with_options(measured, directions=chosen, regressors=(*(x for x in asked if x != "offset"), *about))
-
-
-def _wider(measured: Measured, alone: TrackingFit | None) -> Measured | None:
-    """Moving runs through the widest low pass that leaves no more than the spectra's own; None where none leaves a tenth less.
-
-    The narrow one then took what the motion does: noise that a wider one lets in makes a fit leave more.
-    """
-    experiment = measured.experiment
-    if experiment.fit.position_cutoff is not None or alone is None or alone.quantity != "torque":
-        return None
-    found, sides = None, directions(experiment, measured.moving(hold_out=False))
-    for factor in _WIDER:
-        wide = through_wider(measured, factor)
-        records = wide.moving(hold_out=False)
-        left = refitted(experiment, records, (), alone, "", sides).residuals
-        if np.linalg.norm(left) > (1.0 if found else _LESS) * np.sqrt(left.size) * alone.rms:
-            break
-        found = wide
-    return found
+def _with_directions(measured: Measured, directions: str) -> Measured:
+    """In these directions; an offset is a regressor where one friction serves both."""
+    fit = measured.experiment.fit
+    asked = (("inertia",) if measured.moving(hold_out=False) else ()) if fit.regressors is None else fit.regressors
+    about = ("offset",) if directions == "symmetric" else ()
+    return with_options(measured, directions=directions, regressors=(*(x for x in asked if x != "offset"), *about))
 
 
 def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
@@ -353,98 +458,8 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     if not np.isfinite(more):
         return f"{took}, for {left} would leave a direction without friction, or drive it (fit.directions overrules)"
     left, higher = ("one fits", -more) if apart else ("two fit", more)
-    how = "worse" if higher >= 0 else f"better, by less than {_CLEARLY:g}"
+    how = "worse" if higher >= 0 else f"better, by less than {GAIN:g}"
     return f"{took}; {left} {how} (BIC {'higher' if higher >= 0 else 'lower'} by {abs(higher):.3g}; fit.directions overrules)"
-
-
-def _identified(
-    measured: Measured,
-    laws: LawComparison | None,
-    near: TrackingFit | Values | None = None,
-    *,
-    timings: dict[str, float] | None,
-    asked_law: str,
-    crosscheck: bool = False,
-    uncertainty: bool = False,
-    progress: Progress | None,
-) -> Joint:
-    """The same under one law, which `laws` may have chosen on the points, without models side by side; moving runs begin at `near`."""
-    experiment, training = measured.experiment, _training(measured)
-    points, stages = measured.points(hold_out=False), DynamicStages()
-    static: dict[str, StaticFit] = {}
-    checks: dict[str, Crosscheck] = {}
-    step(progress, "fitting friction vs velocity")
-    if points:
-        static, checks = fit_points(measured, points, timings)
-    elif not training and (not measured.slow or {run.kind for run in measured.runs} & {"ramp", "points"}):
-        raise InputError(nothing_to_fit(measured))
-    elif training and experiment.fit.predict == "torque":
-        static, checks = fit_moving(experiment, training, measured.moving(hold_out=True), timings)
-    if training:
-        step(progress, "fitting the moving runs")
-        started = perf_counter()
-        stages = fit_with_priors(
-            experiment,
-            training,
-            measured.moving(hold_out=True),
-            static,
-            partial(_presliding, experiment, measured.slow) if measured.slow else None,
-            near,
-            static_is_apart=bool(points),
-            crosscheck=crosscheck,
-            uncertainty=uncertainty,
-            progress=progress,
-        )
-        if timings is not None:
-            timings["moving runs"] = perf_counter() - started
-        static = static if points else beside_moving(static, stages.tracking)
-        fit = stages.joint_fit or stages.tracking
-        J = fit.parameters.get(INERTIA) if fit else None
-        if stages.presliding is not None and experiment.inertia is None and J is not None and J.value:
-            known = KnownValue(J.value, J.standard_error or 0.0, _OF_MOVING_RUNS, J.shifts)  # sigma_1 by (15)
-            stages = stages._replace(presliding=with_damping(stages.presliding, known, experiment.joint.kind))
-    elif measured.slow:
-        step(progress, "fitting slow loading")
-        stages = DynamicStages(presliding=_presliding(experiment, measured.slow, static))
-    if asked_law == AUTO:
-        static = with_averages(static, laws)
-        stages = stages._replace(tracking=with_averages_of_motion(stages.tracking, laws))
-    return Joint(
-        name=experiment.joint.name,
-        kind=experiment.joint.kind,
-        inputs=tuple(
-            Input(file=r.file, sha256=r.sha256, rows=r.rows, dropped=r.dropped, notes=r.notes, labels=r.labels)
-            for r in (run.record for run in measured.runs)
-        ),
-        segments=tuple(s for candidates in measured.segments for s in candidates),
-        static=static,
-        crosscheck=checks,
-        **stages._asdict(),
-        warnings=_joint_warnings(measured, static),
-        torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
-        travel=measured.travel,
-        torque_constant=measured.torque_constant,
-        link_inertia=None if has_own_unit(experiment.joint.kind) else measured.link_inertia,
-        truth=experiment.truth,
-        simulated=experiment.simulated,
-        assumptions=experiment.assumptions,
-        settings=settings_of(experiment, asked_law, training),
-    )
-
-
-def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
-    """What was measured, under the law asked for, or the one that its points choose; and the laws side by side on them."""
-    asked = measured.experiment.fit.law
-    laws = laws_of_points(measured, measured.experiment.fit.friction) if measured.points(hold_out=False) else None
-    if laws is not None and term_that_pays(measured.experiment.fit, laws) == WITH_DRAG:
-        dragged = with_law(measured, WITH_DRAG)
-        if all(_brakes(x.problem.named(refit(x.problem.rows(x.kept)).theta)) for x in dragged.searches):
-            return dragged, laws.under(WITH_DRAG)
-    if asked != AUTO:
-        return measured, laws
-    if laws is None:
-        return with_law(measured, PAPER), None
-    return with_law(measured, laws.chosen.law), laws.under(laws.chosen.law)
 
 
 def _brakes(values: Mapping[ParameterName, float]) -> bool:
@@ -470,32 +485,6 @@ def _training(measured: Measured) -> tuple[Record, ...]:
             f"{experiment.path.name}: {asked} needs a tracking run to fit; add one under runs, or leave {what} out"
         )
     return training
-
-
-def _models(
-    measured: Measured, joint: Joint, timings: dict[str, float] | None, apart: Values | None
-) -> tuple[ModelComparison, ...]:
-    """Friction models side by side, on the points and on the moving runs, where LuGre of each direction ended at `apart`."""
-    points, static, alone = measured.points(hold_out=False), joint.static, joint.tracking
-    experiment, started = measured.experiment, perf_counter()
-    comparisons: list[ModelComparison | None] = []
-    if points:
-        held, law = measured.points(hold_out=True), experiment.fit.friction
-
-        def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
-            """The regression of the points, and of those held out."""
-            asked = tuple(r for r in asked if r != "inertia")
-            tests = [points_problem(held, directions, asked, law)] if held else []
-            return points_problem(points, directions, asked, law), tests
-
-        comparisons.append(compare_on_points(experiment, np.array([s.velocity for s in points]), pose, static))
-    if alone is not None:
-        records, tests = measured.moving(hold_out=False), measured.moving(hold_out=True)
-        own = {} if points else {d: fit for d, fit in static.items() if not is_superseded(fit)}
-        comparisons.append(compare_on_motion(experiment, records, tests, own, alone, apart))
-    if timings is not None:
-        timings["models"] = perf_counter() - started
-    return tuple(x for x in comparisons if x is not None)
 
 
 def _presliding(
@@ -547,15 +536,16 @@ def _breakaway_torque(
     return KnownValue(value, error, source, shifts)
 
 
-def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> tuple[Finding, ...]:
-    experiment, warnings, kept = measured.experiment, list(measured.warnings), measured.points(hold_out=False)
+def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> Iterator[Finding]:
+    experiment, kept = measured.experiment, measured.points(hold_out=False)
+    yield from measured.warnings
     for key in experiment.fit.gone:
         message = f"fit.{key} is a key of earlier versions, and is not read as it was: {GONE[key]}."
-        warnings.append(Finding("key-gone", CAUTION, message, {"key": key}))
-    told, of = {w.code for w in warnings}, effort_unit(experiment.joint.kind)
+        yield Finding("key-gone", CAUTION, message, {"key": key})
+    told, of = {w.code for w in measured.warnings}, effort_unit(experiment.joint.kind)
     if experiment.coasting is not None and experiment.coasting.known is None:
         message = f"Nothing of the joint is known, so friction is per inertia, in {of}: write `coasting: {{inertia: 0.02 kg*m^2}}`, or its gravity."
-        warnings.append(Finding("per-inertia", CAUTION, message, {"unit": of}))
+        yield Finding("per-inertia", CAUTION, message, {"unit": of})
     elif has_own_unit(experiment.joint.kind) and "constant-unseen" not in told and measured.link_inertia is None:
         constant = "torque_constant: 0.35 N*m/A"
         lacks, lines = {
@@ -567,7 +557,7 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> tuple[F
             f"No {lacks} given, so friction is in {of}{share}: write `motor: {{{lines}}}`, as seen at the joint, or "
             "the torque of a known gravity."
         )
-        warnings.append(Finding("no-torque-constant", CAUTION, message, {"unit": of}))
+        yield Finding("no-torque-constant", CAUTION, message, {"unit": of})
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
         tried = sum(s.velocity * DIRECTIONS[other] > 0 for candidates in measured.segments for s in candidates)
@@ -576,24 +566,22 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> tuple[F
             message = f"none of its {tried} candidate segments was kept"
             why = Finding("none-kept", CAUTION, message, {"tried": tried})
         message = f"Direction {other} is not identified: {why}."
-        warnings.append(Finding("direction-unknown", CAUTION, message, {"direction": other, "why": why}))
+        yield Finding("direction-unknown", CAUTION, message, {"direction": other, "why": why})
     # of kept segments, counted: each warning is listed with its segment
     told = {file for d in measured.warnings if d.code == "velocity-factor" for file in d.numbers["files"]}
     differ = sum(any(d.code == "position-differs" for d in s.warnings) for s in kept)
     if differ and not told:
         message = f"Position and velocity disagree in {differ} of {len(kept)} kept segments; the slope of the position is used."
-        warnings.append(Finding("positions-disagree", CAUTION, message, {"differ": differ, "kept": len(kept)}))
+        yield Finding("positions-disagree", CAUTION, message, {"differ": differ, "kept": len(kept)})
     others = sum(any(d.code not in {"position-differs", "stick-slip"} for d in s.warnings) for s in kept)
     if others:
         message = f"The torque of {others} of {len(kept)} kept segments is questionable; the list of segments says why."
-        warnings.append(Finding("torques-doubted", CAUTION, message, {"doubted": others, "kept": len(kept)}))
+        yield Finding("torques-doubted", CAUTION, message, {"doubted": others, "kept": len(kept)})
     unused = tuple(run.record.file for run in measured.runs if run.kind == "presliding" and run.hold_out)
     if unused:
         message = f"Held-out presliding runs are not used: {', '.join(unused)}."
-        warnings.append(Finding("held-out-unused", NOTE, message, {"files": unused}))
+        yield Finding("held-out-unused", NOTE, message, {"files": unused})
     if experiment.truth and not experiment.simulated:
         message = "True parameters are given (truth), but the data are not declared simulated."
-        warnings.append(Finding("truth-undeclared", CAUTION, message))
-    warnings += point_warnings(measured, kept, static)
-    warnings += offset_of_points(experiment, static)
-    return tuple(warnings)
+        yield Finding("truth-undeclared", CAUTION, message)
+    yield from point_warnings(measured, kept, static)

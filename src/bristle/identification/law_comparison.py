@@ -1,7 +1,8 @@
 """Friction laws on what was measured: fitted to the same equations, ranked, and what is said of them.
 
 Each law has a Stribeck term in every direction. Points are solved on the grid; moving runs, in which a slow speed is
-seldom seen but in presliding, by LuGre itself (`dynamic.laws`). Both leave out five blocks of speed in turn.
+seldom seen but in presliding, which a static law would take for its peak, by LuGre itself, from where the fit of the law
+in force ended. Both leave out five blocks of speed in turn: of motion equations, the bristle still passes all samples.
 
 The paper's law is left only for one whose BIC is lower by more than 10, and whose squared error over five blocks of
 speed, each left out in turn, is lower too: BIC alone takes up what the scatter looks like, an error at speeds that were
@@ -11,33 +12,45 @@ A level that rises with the motor's torque makes a torque explain part of itself
 factor 1 - df/dT in each equation, so BIC loses 2 n' mean(log(1 - df/dT)), and an error at what was left out is that of
 the torque which solves T = f(T): without both, such a law would win on noise.
 
-A law's BIC is the sum of those of its solves (`estimation.information`). Its weight is exp(-BIC / 2) over the sum of all
-(Burnham and Anderson, Model Selection and Multimodel Inference, 2002), and so is the average of a parameter over laws:
-its variance is what each law leaves open, and how far it lies from the average.
+The average of a parameter over laws is by their weights; its variance is what each law leaves open, and how far it lies
+from the average.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial, reduce
-from itertools import compress
-from operator import or_
-from typing import Literal, NamedTuple, TypeVar
+from dataclasses import replace
+from functools import partial
+from itertools import chain, compress, product
+from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.arrays import Array
+from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import AS_WRITTEN, FitOptions
+from bristle.data.record import Record
+from bristle.errors import InputError
+from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import covariance, seen, student
-from bristle.estimation.information import criteria, power_of
+from bristle.estimation.information import power_of
+from bristle.estimation.nonlinear import Minimum, Unknowns
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.dynamic.laws import MovingLaw, fitted_to_motion, left_out_costs
-from bristle.identification.dynamic.problem import Values
+from bristle.identification.comparison import (
+    GAIN,
+    Averaged,
+    Comparison,
+    Data,
+    Fitted,
+    LeftOut,
+    Row,
+    blocks_of_speed,
+    rows_of,
+)
+from bristle.identification.dynamic.descent import solved, with_deflections
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, dynamic_problem, modelled
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
-from bristle.identification.load_levels import load_is_known
+from bristle.identification.load_levels import LINEAR, load_is_known
 from bristle.identification.measured import Measured
-from bristle.identification.moving_runs import regressors
-from bristle.identification.results import Averaged, LawComparison, LawRow
+from bristle.identification.moving_runs import LEVELS, directions, inertia, regressors
 from bristle.identification.static import points
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression
@@ -45,60 +58,25 @@ from bristle.identification.static.profiles import with_best_shape
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import LOADS, competing
-from bristle.model.parameters import ParameterName
+from bristle.model.parameters import INERTIA, ParameterName, in_direction
 
 Name = TypeVar("Name")
 
-BLOCKS = 5  # of speed, each left out in turn
 WITH_DRAG = "gaussian+quadratic"  # the paper's law with v abs(v)
 _WORTH = 1.05  # times by which a term has to lower the error at speeds that were left out, to be taken unasked
 _MOSTLY = float(np.sqrt(2))  # the same of a load, which a torque that is logged late imitates
 _STICKS_OUT = 0.1  # of an interval's width
-GAIN = 10.0  # of BIC, by which another law has to be better than the paper's
 _SPREAD = 0.95  # a law with less than this of the weights is not the only one that the data allow
 _AVERAGED = ("alpha_0", "alpha_1", "alpha_2")  # what means the same in every law: v_s does not
 _LIKELY = 1e-3  # a law with a smaller weight does not move an average
-LeftOut = tuple[float | None, float | None]
-"""100 * norm(error) / norm(measured), percent, over blocks of speed and over runs, each predicted from the others; None where these are too few."""
-Known = dict[ParameterName, tuple[float, float, float]]
-"""Value, standard error and its degrees of freedom of each parameter that is at no bound."""
-
-
-class Solve(NamedTuple):
-    """One of a law's solves: what its BIC is made of."""
-
-    residuals: Array
-    """(n,)."""
-    parameters: int
-    effective: float
-    """How many of the equations are independent."""
-    power: float
-    """Sum of squares of what is explained."""
-    itself: float = 0.0
-    """Sum of log(1 - s) over the equations, s the share of a change of the torque that its own law makes of it."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FittedLaw:
-    """A law fitted to every solve."""
-
-    law: Law
-    load: tuple[str, ...] = ()
-    """By what its level rises, of `registry.LOADS`."""
-    solves: tuple[Solve, ...]
-    left_out: Callable[[], LeftOut]
-    """Works out how it predicts what was left out."""
-    known: Known
-
-    @property
-    def name(self) -> str:
-        """As `fit.law` takes it."""
-        return "+".join((self.law.name, *self.load))
-
-    @property
-    def residuals(self) -> Array:
-        """Of every equation, (n,)."""
-        return np.concatenate([solve.residuals for solve in self.solves])
+_STEPS = 40  # of each fit, at the most
+_ENOUGH = 0.05  # of n' log(RSS), n' independent equations: a step that would lower it by less ends a fit
+_ROUGH = 4.0  # nodes between samples stand so many times farther apart than usual
+_BRISTLE = ("sigma_0", "sigma_1")
+_START = {"alpha_1": 0.1, "v_s": 0.1, "load": 0.03}
+"""Where a term begins that the law in force does not show: shares of alpha_0, of the fastest speed, and of the load."""
+_DAMPING = (1e-8, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # added in turn to the squared length of each column, one
+_LEAST = 0.05  # of a change of the torque: that much of it is never made by the torque itself
 
 
 def laws_beside(in_force: Law) -> tuple[Law, ...]:
@@ -106,7 +84,7 @@ def laws_beside(in_force: Law) -> tuple[Law, ...]:
     return tuple({law.name: law for law in (*competing(), in_force)}.values())
 
 
-def laws_of_points(measured: Measured, in_force: Law) -> LawComparison | None:
+def laws_of_points(measured: Measured, in_force: Law) -> Comparison | None:
     """The laws on the points of an experiment, those that belong to none left out; None where there are too few.
 
     Raises InputError as the fit of points does.
@@ -126,7 +104,7 @@ def laws_of_points(measured: Measured, in_force: Law) -> LawComparison | None:
 
 def laws_of_motion(
     measured: Measured, alone: TrackingFit, *, every: bool
-) -> tuple[LawComparison | None, dict[str, Values]]:
+) -> tuple[Comparison | None, dict[str, Values]]:
     """The laws on the moving runs, beside the fit of these under the law in force, and where the fit of each ended, by name.
 
     None where there are too few equations, or that fit is not about a torque. `every`: whether laws with other peaks are compared
@@ -141,56 +119,153 @@ def laws_of_motion(
     chosen = dict.fromkeys([(GAUSSIAN, ()), *((law, own) for law in beside)])
     if load_is_known(records, regressors(measured.experiment)):
         chosen |= dict.fromkeys((alone.law, load) for load in [(), *((name,) for name in LOADS)])
-    found = [(load, fitted_to_motion(measured.experiment, records, alone, law, load)) for law, load in chosen]
-    effective = min((x.effective for _, x in found if x is not None), default=0.0)
-    fitted = [None if x is None else _of_motion(x, effective, load) for load, x in found]
-    ends: dict[str, Values] = {
-        f.name: {**x.problem.fixed, **x.values} for f, (_, x) in zip(fitted, found, strict=True) if f and x
+    found = (_fitted_to_motion(measured.experiment, records, alone, law, load) for law, load in chosen)
+    ended = [x for x in found if x is not None]
+    effective = min((x.effective for x in ended), default=0.0)
+    ends: dict[str, Values] = {x.name: {**x.problem.fixed, **x.values} for x in ended}
+    in_force = "+".join((alone.law.name, *own))
+    return ranked("moving runs", [x.fitted(effective) for x in ended], in_force), ends
+
+
+class _MovingLaw(NamedTuple):
+    """A law fitted to moving runs."""
+
+    name: str
+    """As `fit.law` takes it."""
+    law: Law
+    problem: DynamicProblem
+    values: Mapping[Unknown, float]
+    minimum: Minimum
+    """Over the scaled unknowns."""
+    unknowns: Unknowns[Unknown]
+
+    @property
+    def effective(self) -> float:
+        """How many equations are independent."""
+        return self.minimum.residuals.size / inflation(self.minimum.residuals)
+
+    def fitted(self, effective: float) -> Fitted:
+        """The same where so many equations are independent; what it predicts of blocks of speed is worked out when it is asked for."""
+        residuals, names = self.minimum.residuals, self.problem.names
+        free = seen(self.minimum.jacobian)
+        freedom = residuals.size / max(effective, 1.0)
+        matrix, own_freedom = covariance(self.minimum.jacobian[:, free], power_of(residuals), freedom)
+        errors = np.sqrt(np.diag(matrix)) * np.abs(self.unknowns.slopes(self.minimum.x)[free])
+        pairs = zip(compress(names, free), errors.tolist(), strict=True)
+        itself = 2 * effective / residuals.size * float(np.log(self._not_itself()).sum())
+        return Fitted(
+            name=self.name,
+            solves=[(residuals, len(names), effective, power_of(self.problem.measured))],
+            itself=itself,
+            candidate=self.law.name in {law.name for law in competing()},
+            predicts=self._blocks_left_out,
+            known={n: (self.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)},
+        )
+
+    def _not_itself(self) -> Array:
+        """The share of a change of each equation's torque that its own law does not make of it, (n,): one without a load."""
+        of_all = (*self.problem.fixed.items(), *self.values.items())
+        known = {n.name: x for n, x in of_all if isinstance(n, ParameterName)}
+        rows = [
+            m.smoothed(np.ones(m.velocity.size) if m.load is None else 1 - np.sign(m.velocity) * m.load.by_motor(known))
+            for m in self.problem.motions
+        ]
+        return np.maximum(np.concatenate(rows), _LEAST)
+
+    def _blocks_left_out(self) -> LeftOut:
+        """Over blocks of speed, each predicted from all others.
+
+        The others' own minimum is one step of Gauss and Newton away from that of all, damped where it would leave them more;
+        the first equation of each motion is always among them, without which its deflection would be anything.
+        """
+        x_all, _, residuals, jacobian, *_ = self.minimum
+        problem, unknowns, share, total = self.problem, self.unknowns, self._not_itself(), 0.0
+        first = [block.rows.start for block in problem.blocks]
+        size = np.sqrt((jacobian**2).sum(axis=0))
+        free, measured = (size > 0) & (x_all > unknowns.lower) & (x_all < unknowns.upper), problem.measured
+        J = jacobian[:, free] / size[free]
+        gram, slope = J.T @ J, J.T @ residuals
+        for part in blocks_of_speed(problem.velocity):
+            out = part.copy()
+            out[first] = False
+            if part.size - out.sum() < free.sum():
+                return None
+            rest, pull = gram - J[out].T @ J[out], slope - J[out].T @ residuals[out]
+            left = residuals
+            for damping in _DAMPING:
+                x = x_all.copy()
+                x[free] -= np.linalg.solve(rest + damping * np.eye(pull.size), pull) / size[free]
+                x = np.clip(x, unknowns.lower, unknowns.upper)
+                model = modelled(problem, {**self.values, **unknowns.values(x)})
+                trial = measured - np.concatenate([m.smoothed(T) for m, T in zip(problem.motions, model, strict=True)])
+                if power_of(trial[~out]) <= power_of(residuals[~out]):
+                    left = trial
+                    break
+            total += power_of(left[part] / share[part])
+        power = power_of(measured)
+        return 100 * float(np.sqrt(total / power)) if power else None
+
+
+def _fitted_to_motion(
+    experiment: Experiment, records: Sequence[Record], alone: TrackingFit, law: Law, load: tuple[str, ...] = ()
+) -> _MovingLaw | None:
+    """LuGre of a law on moving runs, from where the fit of another ended; None where that shows nothing, or is too few equations.
+
+    What that fit held, its bristle and what the experiment fixes, is held here too; a Stribeck term is free in every direction.
+    """
+    sides, (fixed, _) = directions(experiment, records), inertia(experiment)
+    asked = (*(name for name in regressors(experiment) if name not in LEVELS), *load)
+    options = experiment.fit
+    whole = dynamic_problem(records, sides, asked, options.every, fixed, law=law)
+    held = {
+        name: x
+        for name, x in alone.fixed.items()
+        if name.name in _BRISTLE or not {name.name, str(name)}.isdisjoint(options.fixed)
     }
-    return ranked("moving runs", fitted, "+".join((alone.law.name, *own)), sparing=True), ends
+    middle = {ParameterName(own.name, d): own.middle for d, own in product(whole.directions, law.peak.own)}
+    known = {**whole.fixed, **middle, **{name: x for name, x in held.items() if name in whole.friction_names}}
+    motions = tuple(replace(m, coarsening=_ROUGH) for m in whole.motions)
+    problem = replace(whole, fixed=known, motions=motions)
+    if problem.size <= len(problem.names) + 1:
+        return None
+    # the values of the other law; a small peak where it has none, no other term, an inertia above zero
+    began = alone.known
+    start = {name: in_direction(began, *name) or 0.0 for name in (*problem.friction_names, *problem.extra_names)}
+    for name in problem.friction_names:
+        if name.name == "alpha_1" and not start[name]:
+            start[name] = _START["alpha_1"] * began[name._replace(name="alpha_0")]
+            start[name._replace(name="v_s")] = _START["v_s"] * problem.fastest
+    start |= {n: _START["load"] for n in problem.extra_names if n.name in LINEAR and not start[n]}
+    if INERTIA in start:
+        start[INERTIA] = max(start[INERTIA], 0.0)
+    start = {name: x for name, x in start.items() if name not in problem.fixed}
+    try:
+        enough = _ENOUGH * alone.rms**2 * inflation(alone.residuals)
+        posed, minimum = solved(problem, with_deflections(problem, start), _STEPS, enough=enough)
+    except InputError:  # a start that shows nothing is no reason to fail
+        return None
+    values = posed.unknowns.values(minimum.x)
+    return _MovingLaw("+".join((law.name, *load)), law, problem, values, minimum, posed.unknowns)
 
 
-def _of_motion(one: MovingLaw, effective: float, load: tuple[str, ...]) -> FittedLaw:
-    """A law fitted to moving runs, of whose equations so many are independent."""
-    power, freedom = power_of(one.problem.measured), one.residuals.size / max(effective, 1.0)
-
-    def left_out() -> LeftOut:
-        """Over blocks of speed, and over runs."""
-        part, names = parts_by_speed(one.problem.velocity), dict.fromkeys(one.problem.file.tolist())
-        runs = [one.problem.file == name for name in names] if len(names) > 1 else []
-        by_speed = percent_of(left_out_costs(one, [part == k for k in range(BLOCKS)]), power)
-        return by_speed, percent_of(left_out_costs(one, runs), power) if runs else None
-
-    # of what has an influence
-    free = seen(one.jacobian)
-    matrix, own_freedom = covariance(one.jacobian[:, free], power_of(one.residuals), freedom)
-    errors = (np.sqrt(np.diag(matrix)) * np.abs(one.unknowns.slopes(one.x)[free])).tolist()
-    pairs = zip(compress(one.problem.names, free), errors, strict=True)
-    known = {n: (one.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)}
-    solve = Solve(one.residuals, len(one.problem.names), effective, power, float(np.log(one.not_itself).sum()))
-    return FittedLaw(law=one.law, load=load, solves=(solve,), left_out=left_out, known=known)
-
-
-def law_warnings(laws: LawComparison | None) -> tuple[Finding, ...]:
+def law_warnings(laws: Comparison | None) -> tuple[Finding, ...]:
     """That another law is clearly better than the one in force, with the line to write."""
-    if laws is None:
+    own = None if laws is None else next((row for row in laws.rows if row.in_force), None)
+    if laws is None or own is None or laws.chosen is own:  # of a law with too few points its fit says so
         return ()
-    best, own = laws.chosen, next((row for row in laws.rows if row.in_force), None)
-    if own is None:  # too few points for it, which its fit says
+    best, before = laws.chosen, own.left_out
+    gain, error = own.bic - best.bic, best.left_out
+    if not gain > GAIN or not (error or np.inf) < (before or 0.0):
         return ()
-    clearly = own.bic - best.bic > GAIN and (best.left_out or np.inf) < (own.left_out or 0.0)
-    if best.in_force or not clearly:
-        return ()
-    gain, error, before = own.bic - best.bic, best.left_out, own.left_out
     message = (
-        f"Law {best.law} fits better: its BIC is {gain:.1f} lower than that of {own.law}, and its error at left-out speeds is "
-        f"{error:.3g} % of the torque instead of {before:.3g} %. Under fit, write `law: {best.law}` (or `law: auto`)."
+        f"Law {best.name} fits better: its BIC is {gain:.1f} lower than that of {own.name}, and its error at left-out speeds is "
+        f"{error:.3g} % of the torque instead of {before:.3g} %. Under fit, write `law: {best.name}` (or `law: auto`)."
     )
-    numbers = {"law": best.law, "own": own.law, "gain": gain, "error": error, "before": before}
+    numbers = {"law": best.name, "own": own.name, "gain": gain, "error": error, "before": before}
     return (Finding("other-law", CAUTION, message, numbers),)
 
 
-def term_that_pays(fit: FitOptions, laws: LawComparison) -> str | None:
+def term_that_pays(fit: FitOptions, laws: Comparison) -> str | None:
     """The law with the term that is taken beside the paper's peak, v abs(v) or a rise with load; None: no term is.
 
     The file names no law, speeds that were left out are predicted better with it, by a twentieth with v abs(v) and by more than half
@@ -203,31 +278,31 @@ def term_that_pays(fit: FitOptions, laws: LawComparison) -> str | None:
     rows = [
         row
         for row in laws.rows
-        if row.law in worth and row.left_out is not None and worth[row.law] * row.left_out < paper.left_out
+        if row.name in worth and row.left_out is not None and worth[row.name] * row.left_out < paper.left_out
     ]
     best = min(rows, key=lambda row: row.bic, default=None)
-    return best.law if best is not None and paper.bic - best.bic > GAIN else None
+    return best.name if best is not None and paper.bic - best.bic > GAIN else None
 
 
-def with_averages(fits: Mapping[str, StaticFit], laws: LawComparison | None) -> dict[str, StaticFit]:
-    """The fits of points under a law that the data chose; each estimate beside which other laws allow more says so.
+def with_averages(
+    static: dict[str, StaticFit], moving: TrackingFit | None, laws: Comparison | None
+) -> tuple[dict[str, StaticFit], TrackingFit | None]:
+    """The fits under a law that the data chose; each estimate beside which other laws allow more says so.
 
-    An average is of what was compared: a fit of other points, or without the Stribeck term that every compared law has, is
+    An average is of what was compared: a fit of other data, or without the Stribeck term that every compared law has, is
     as it was.
     """
-    n, told = sum(fit.n for d, fit in fits.items() if d != "shared"), dict(fits)
-    if laws is not None and laws.data == "points" and n == laws.n:
-        for d, fit in fits.items():
-            own = {n.name: x for n, x in laws.averaged.items() if n.direction == d and "v_s" in fit.parameters}
-            told[d] = replace(fit, parameters=_told(fit.parameters, own))
-    return told
-
-
-def with_averages_of_motion(fit: TrackingFit | None, laws: LawComparison | None) -> TrackingFit | None:
-    """The same of moving runs fitted by LuGre itself, as the laws were."""
-    if fit is None or laws is None or laws.data == "points" or not any(n.name == "v_s" for n in fit.parameters):
-        return fit
-    return replace(fit, parameters=_told(fit.parameters, laws.averaged))
+    if laws is None:
+        return static, moving
+    if laws.data == "points":
+        n = sum(fit.n for d, fit in static.items() if d != "shared")
+        of_these = {d: fit for d, fit in static.items() if n == laws.n and "v_s" in fit.parameters}
+        for d, fit in of_these.items():
+            own = {name.name: x for name, x in laws.averaged.items() if name.direction == d}
+            static = {**static, d: replace(fit, parameters=_told(fit.parameters, own))}
+    elif moving is not None and any(n.name == "v_s" for n in moving.parameters):
+        moving = replace(moving, parameters=_told(moving.parameters, laws.averaged))
+    return static, moving
 
 
 def _told(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged]) -> dict[Name, Estimate]:
@@ -249,143 +324,113 @@ def _told(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged])
     return out
 
 
-def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> LawComparison | None:
+def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> Comparison | None:
     """The laws that compete, and the one in force, on the same points, which `pose` makes the solves of a law of.
 
     None where there are too few for any other than the paper's.
     """
-    fitted = list[FittedLaw]()
+    fitted, compete = list[Fitted](), competing()
     for law in laws_beside(in_force):
         problems = pose(law)
         if not problems or any(p.torque.size <= len(p.names) + len(p.shape) + 1 for p in problems):
             continue
         shaped = [with_best_shape(p, default_range(p.velocity)) for p in problems]
-        solutions = [solve(p, default_range(p.velocity)) for p in shaped]
-        solves = tuple(
-            Solve(s.residuals, len(p.names) + len(p.shape), p.torque.size, power_of(p.measured))
-            for p, s in zip(shaped, solutions, strict=True)
-        )
-        known: Known = {}
-        for problem, solution in zip(shaped, solutions, strict=True):
-            free = np.array([name not in solution.at_bound for name in problem.names])
+        solves, known = [], dict[ParameterName, tuple[float, float, float]]()
+        for p in shaped:
+            solution = solve(p, default_range(p.velocity))
+            solves.append((solution.residuals, len(p.names) + len(p.shape), p.torque.size, power_of(p.measured)))
+            free = np.array([name not in solution.at_bound for name in p.names])
             matrix, freedom = covariance(solution.jacobian[:, free], solution.cost)
             errors = np.sqrt(np.diag(matrix)).tolist()
-            rows = zip(compress(problem.names, free), solution.theta[free].tolist(), errors, strict=True)
+            rows = zip(compress(p.names, free), solution.theta[free].tolist(), errors, strict=True)
             known |= {n: (v, e, freedom) for n, v, e in rows if np.isfinite(e)}
-        fitted.append(FittedLaw(law=law, solves=solves, left_out=partial(_left_out, shaped), known=known))
+        predicts = partial(_left_out, shaped)
+        fitted.append(Fitted(name=law.name, solves=solves, candidate=law in compete, predicts=predicts, known=known))
     return ranked("points", fitted, in_force.name)
-
-
-def percent_of(costs: Sequence[float | None], power: float) -> float | None:
-    """100 times the root of some costs over a power; None where one of them is not known."""
-    known = [cost for cost in costs if cost is not None]
-    return 100 * float(np.sqrt(sum(known) / power)) if power and len(known) == len(costs) else None
 
 
 def _left_out(problems: Sequence[Regression]) -> LeftOut:
     """Over blocks of speed, each predicted from the others."""
     total = 0.0
     for problem in problems:
-        part, cost = parts_by_speed(problem.equation_velocity), 0.0
-        for k in range(BLOCKS):
-            rest = problem.rows(part != k)
+        cost = 0.0
+        for part in blocks_of_speed(problem.equation_velocity):
+            rest = problem.rows(~part)
             if rest.torque.size <= len(rest.names) or np.linalg.matrix_rank(rest.linear) < rest.linear.shape[1]:
-                return None, None
+                return None
             low, high = default_range(rest.velocity)
             slowest = float(np.abs(rest.velocity[rest.velocity != 0]).min())
             if slowest < high:  # as the fit has it: without a speed below v_s a peak is invented
                 low = max(low, slowest)
-            cost += power_of(problem.rows(part == k).residuals(solve(rest, (low, high)).theta))
+            cost += power_of(problem.rows(part).residuals(solve(rest, (low, high)).theta))
         total += cost
-    return percent_of([total], sum(power_of(p.measured) for p in problems)), None
+    power = sum(power_of(p.measured) for p in problems)
+    return 100 * float(np.sqrt(total / power)) if power else None
 
 
-def parts_by_speed(velocity: Array) -> NDArray[np.int_]:
-    """Which of the blocks of speed each equation is in, the slowest first, (n,); velocity, rad/s, (n,)."""
-    part = np.empty(velocity.size, dtype=int)
-    part[np.argsort(np.abs(velocity), kind="stable")] = np.arange(velocity.size) * BLOCKS // velocity.size
-    return part
+def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | None:
+    """Fitted laws as rows, with the one that the data want; None where there is none beside the paper's.
 
-
-def ranked(
-    data: Literal["points", "moving runs"], fitted: Sequence[FittedLaw | None], in_force: str, *, sparing: bool = False
-) -> LawComparison | None:
-    """Fitted laws, None where there were too few equations, as rows, with the one that the data want; None where there is none beside the paper's.
-
-    `in_force` names the law of the fits; where `sparing`, errors at what is left out are worked out only where BIC prefers a law to the
+    `in_force` names the law of the fits. Of moving runs errors at what is left out are worked out only where BIC prefers a law to the
     paper's: for those laws, and the ones that they are compared with.
     """
-    found = [x for x in fitted if x is not None]
-    paper = next((k for k, x in enumerate(found) if x.name == GAUSSIAN.name), None)
-    if paper is None or len(found) < 2:
+    rows = rows_of(fitted, in_force) if fitted else ()
+    paper = next((row for row in rows if row.name == GAUSSIAN.name), None)
+    if paper is None or len(rows) < 2:
         return None
-    marks = np.zeros((len(found), 2))  # AICc, nan where there are too few independent equations, and BIC
-    for k, x in enumerate(found):
-        for one in x.solves:
-            aicc, own = criteria(*one[:4])
-            itself = -2 * one.effective / one.residuals.size * one.itself
-            marks[k] += np.nan if aicc is None else aicc + itself, own + itself
-    bic = marks[:, 1] - marks[:, 1].min()
-    weights = np.exp(-bic / 2) / np.exp(-bic / 2).sum()
-    better = bic[paper] - bic > GAIN
-    wanted = [
-        not sparing or better[k] or (better.any() and (k == paper or x.name == in_force)) for k, x in enumerate(found)
-    ]
-    left_out = [x.left_out() if asked else (None, None) for x, asked in zip(found, wanted, strict=True)]
+    better = {row.name for row in rows if paper.bic - row.bic > GAIN}
+    wanted = (
+        {row.name for row in rows} if data == "points" else {*better, paper.name, in_force} if better else set[str]()
+    )
+    left_out = {x.name: x.predicts() if x.name in wanted else None for x in fitted}
     # the law of lowest BIC among those that are clearly better than the paper's, which else stays
-    compete, (own_left, _) = {law.name for law in competing()}, left_out[paper]
+    least = left_out[paper.name]
     clearly = [
-        k
-        for k, x in enumerate(found)
-        if x.law.name in compete and better[k] and own_left is not None and (left_out[k][0] or np.inf) < own_left
+        row
+        for row in rows
+        if row.candidate and row.name in better and least is not None and (left_out[row.name] or np.inf) < least
     ]
-    chosen = min(clearly, key=lambda k: bic[k], default=paper)
-    rows = tuple(
-        LawRow(
-            law=x.name, parameters=sum(solve.parameters for solve in x.solves),
-            rms=float(np.sqrt(power_of(x.residuals) / x.residuals.size)),
-            aicc=None if np.isnan(aicc) else float(aicc - np.nanmin(marks[:, 0])), bic=float(above), left_out=left[0],
-            run_left_out=left[1], weight=float(weight), in_force=x.name == in_force, chosen=k == chosen,
-        )
-        for k, (x, aicc, above, left, weight) in enumerate(zip(found, marks[:, 0], bic, left_out, weights, strict=True))
+    chosen = min(clearly, key=lambda row: row.bic, default=paper).name
+    rows = tuple(replace(row, left_out=left_out[row.name], chosen=row.name == chosen) for row in rows)
+    return Comparison(
+        data=data, n=fitted[0].size, effective=float(sum(of for *_, of, _ in fitted[0].solves)),
+        rows=rows, sentence=_sentence(rows, asked=bool(wanted)),
+        averaged=_averaged(fitted, rows) if max(row.weight for row in rows) < _SPREAD else {},
     )  # fmt: skip  # a list of values
-    averaged = _averaged(found, weights) if float(weights.max()) < _SPREAD else {}
-    sentence = _sentence(rows, chosen, paper, asked=any(wanted))
-    return LawComparison(data=data, n=found[0].residuals.size, rows=rows, sentence=sentence, averaged=averaged)
 
 
-def _sentence(rows: Sequence[LawRow], chosen: int, paper: int, *, asked: bool) -> Finding:
+def _sentence(rows: Sequence[Row], *, asked: bool) -> Finding:
     """Which law the data want, and why; `asked`: whether it was worked out what the laws predict of what is left out."""
-    own, best = rows[paper], rows[chosen]
-    if chosen != paper:
+    own = next(row for row in rows if row.name == GAUSSIAN.name)
+    best = next(row for row in rows if row.chosen)
+    if best is not own:
         gain, error, before = own.bic - best.bic, best.left_out, own.left_out
         message = (
-            f"The data favour {best.law}: its BIC is {gain:.1f} lower than the paper's law's, and at five blocks of speed, each left "
+            f"The data favour {best.name}: its BIC is {gain:.1f} lower than the paper's law's, and at five blocks of speed, each left "
             f"out in turn, its error is {error:.3g} % of the torque instead of {before:.3g} %."
         )
-        return Finding("law-wanted", NOTE, message, {"law": best.law, "gain": gain, "error": error, "before": before})
+        return Finding("law-wanted", NOTE, message, {"law": best.name, "gain": gain, "error": error, "before": before})
     other = min((row for row in rows if row is not own), key=lambda row: row.bic)
     gain = own.bic - other.bic
+    why = f"the BIC of {other.name} is {gain:.1f} lower"
     if asked and own.left_out is None:
-        message = "The data cannot favour another law than the paper's: there are too few points to leave speeds out."
-        return Finding("laws-too-few", NOTE, message)
-    kept = "The data favour no other law than the paper's:"
-    lower, numbers = f"{kept} the BIC of {other.law} is {gain:.1f} lower", {"law": other.law, "gain": gain}
-    if gain > GAIN:
-        message = f"{lower}, but it predicts speeds that were left out no better."
-        return Finding("law-not-predicting", NOTE, message, numbers)
-    if gain > 0:
-        return Finding("law-kept", NOTE, f"{lower}, less than the 10 required.", numbers)
-    message = f"{kept} it has the lowest BIC ({other.law} has {-gain:.1f} more)."
-    return Finding("law-best", NOTE, message, {"law": other.law, "gap": -gain})
+        why = "there are too few points to leave speeds out"
+    elif gain > GAIN:
+        why += ", but it predicts speeds that were left out no better"
+    elif gain > 0:
+        why += ", less than the 10 required"
+    else:
+        why = f"it has the lowest BIC ({other.name} has {-gain:.1f} more)"
+    message = f"The data favour no other law than the paper's: {why}."
+    return Finding("law-kept", NOTE, message, {"law": other.name, "gain": gain})
 
 
-def _averaged(fitted: Sequence[FittedLaw], weights: Array) -> Mapping[ParameterName, Averaged]:
+def _averaged(fitted: Sequence[Fitted], rows: Sequence[Row]) -> Mapping[ParameterName, Averaged]:
     """What nearly all laws have by weight, over those that the data allow."""
-    likely = [(x, weight) for x, weight in zip(fitted, weights.tolist(), strict=True) if weight > _LIKELY]
-    tables = [(x.known, weight) for x, weight in likely]
+    pairs = ((x.known, row.weight) for x, row in zip(fitted, rows, strict=True))
+    tables = [(known, weight) for known, weight in pairs if weight > _LIKELY]
     averaged = {}
-    for name in reduce(or_, (dict.fromkeys(table) for table, _ in tables)):
+    for name in dict.fromkeys(chain.from_iterable(table for table, _ in tables)):
         having = [(*table[name], weight) for table, weight in tables if name in table]
         value, error, freedom, shares = np.array(having).T
         if name.name in _AVERAGED and shares.sum() > _SPREAD:  # a law in which it is at a bound may lack it

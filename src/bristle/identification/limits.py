@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bristle.arrays import Array
 from bristle.data.experiment.load import Run
 from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding
@@ -53,54 +52,53 @@ class Limits:
 
 
 def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
-    """The limits of an experiment, and what is assumed: a diagnostic for each that nobody declared.
+    """The limits of an experiment, and what is assumed: a finding for each that nobody declared.
 
     Raises InputError where declared limits leave no speed to choose, or no time.
     """
-    asked, kind = measured.experiment.plan, measured.experiment.joint.kind
+    experiment, asked, kind = measured.experiment, measured.experiment.plan, measured.experiment.joint.kind
     points = [s for s in measured.points(hold_out=False) if not s.stick_slip]
-    assumed = list[Finding]()
-    slowest, velocity = _constant_speeds(measured, np.abs([s.velocity for s in points]), assumed)
+    speeds, assumed = np.abs([s.velocity for s in points]), list[Finding]()
+    velocity, slowest, of = asked.velocity, asked.minimum_velocity, unit("velocity", kind)
+    if velocity is None:
+        velocity = _rounded(float(speeds.max()) if points else _largest(measured.runs, "velocity"))
+        assumed.append(_assumed("velocity", "Fastest speed", velocity, of, "the fastest measured"))
+    if slowest is None:
+        slowest = _rounded(min(float(speeds.min()), 0.5 * velocity) if points else _SLOW_SHARE * velocity)
+        how = "the slowest measured that did not stick and slip"
+        if not points:
+            how = f"{_SLOW_SHARE:g} of the fastest: no run at constant velocity shows where the drive begins to stick and slip"
+        what = "Slowest constant speed"
+        assumed.append(_assumed("minimum_velocity", what, slowest, of, how, guessed=not points))
+    if not slowest < velocity:
+        raise InputError(
+            f"{experiment.path.name}: plan: the slowest constant speed, {slowest:g}, is not below the fastest, {velocity:g}; "
+            "give plan.minimum_velocity and plan.velocity"
+        )
     hold = asked.hold
     if hold is None:  # the median duration of the accepted segments
         steps = {run.record.file: run.record.step for run in measured.runs if run.kind == "ramp"}
         spans = [(s.stop - s.start) * steps[s.file] for s in measured.points(hold_out=False) if s.file in steps]
         hold = _rounded(float(np.clip(np.median(spans), *_HOLDS)) if spans else HOLD)
-        message = (
-            f"Averaged over: {hold:g} s, {'the usual hold so far' if points else 'a guess'}; set plan.hold to override."
-        )
-        numbers: dict[str, float | str] = {"value": hold, "unit": "s"}
-        guess = Finding("limit-hold-guessed", CAUTION, message, numbers)
-        assumed.append(Finding("limit-hold", NOTE, message, numbers) if points else guess)
-
-    position, of = asked.position or measured.positions, unit("position", kind)
+        how = "the usual hold so far" if points else "a guess"
+        assumed.append(_assumed("hold", "Averaged over", hold, "s", how, guessed=not points))
+    position, of = asked.position, unit("position", kind)
     if position is None:
-        high = velocity * 1.5 * hold
-        message = f"Positions: 0 to {high:.3g} {of}, which the fastest hold needs: no run has positions; set plan.position to override."
-        assumed.append(Finding("limit-positions-guessed", CAUTION, message, {"high": high, "unit": of}))
-        position = 0.0, _rounded(high)
-    elif asked.position is None:
-        message = (
-            f"Positions: {position[0]:.3g} to {position[1]:.3g} {of}, as far as the measured runs went, in their coordinates; "
-            "set plan.position to override."
-        )
-        assumed.append(Finding("limit-positions", NOTE, message, {"low": position[0], "high": position[1], "unit": of}))
-
-    acceleration, of = asked.acceleration, unit("acceleration", kind)
+        position = measured.positions or (0.0, _rounded(velocity * 1.5 * hold))
+        how = "as far as the measured runs went, in their coordinates"
+        how = how if measured.positions else "which the fastest hold needs: no run has positions"
+        assumed.append(_assumed("position", "Positions", position, of, how, guessed=not measured.positions))
+    acceleration = asked.acceleration
     if acceleration is None:
         seen = _largest(measured.runs, "acceleration")
-        acceleration = _rounded(seen or velocity / _REACH)
-        numbers = {"value": acceleration, "unit": of, "seconds": _REACH}
+        acceleration, what = _rounded(seen or velocity / _REACH), "Largest acceleration"
         how = "the largest measured" if seen else f"{_REACH:g} s from rest to the fastest speed"
-        message = f"Largest acceleration: {acceleration:g} {of}, {how}; set plan.acceleration to override."
-        guess = Finding("limit-acceleration-guessed", CAUTION, message, numbers)
-        assumed.append(Finding("limit-acceleration", NOTE, message, numbers) if seen else guess)
-
+        of = unit("acceleration", kind)
+        assumed.append(_assumed("acceleration", what, acceleration, of, how, guessed=not seen))
     torque, of = asked.torque, unit("torque", kind)
     if torque is None:
         torque = _rounded(_largest(measured.runs, "torque"))
-        message = f"Largest torque: {torque:g} {of}, the largest measured; set plan.torque to override."
-        assumed.append(Finding("limit-torque", NOTE, message, {"value": torque, "unit": of}))
+        assumed.append(_assumed("torque", "Largest torque", torque, of, "the largest measured"))
     links = 0.0 if has_own_unit(kind) else _largest(measured.runs, "link_torque")
     if torque and links:  # what they ask for is not there for friction and inertia
         message = (
@@ -109,60 +107,42 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
         )
         assumed.append(Finding("limit-links", NOTE, message, {"links": links, "unit": of}))
         torque = max(torque - links, _LEAST_LEFT * torque)
+    if "rate" not in asked.model_fields_set:
+        assumed.append(_assumed("rate", "Rate of the references", asked.rate, "Hz", "a default", guessed=True))
     limits = Limits(
         position=position, slowest=slowest, velocity=velocity, acceleration=acceleration, torque=torque or np.inf,
         time=asked.time, hold=hold, frequency=asked.frequency or FREQUENCY, rate=asked.rate,
     )  # fmt: skip  # a list of values
-    if "rate" not in asked.model_fields_set:
-        message = f"Rate of the references: {asked.rate:g} Hz, a default; set plan.rate to override."
-        assumed.append(Finding("limit-rate", CAUTION, message, {"rate": asked.rate}))
     return limits, tuple(assumed)
 
 
-def _constant_speeds(measured: Measured, speeds: Array, assumed: list[Finding]) -> tuple[float, float]:
-    """The slowest and the fastest constant speed, rad/s; `speeds`, (n,), are those measured that did not stick and slip.
-
-    Raises InputError where they leave nothing between them.
-    """
-    experiment, asked = measured.experiment, measured.experiment.plan
-    velocity, slowest, of = asked.velocity, asked.minimum_velocity, unit("velocity", experiment.joint.kind)
-    if velocity is None:
-        velocity = _rounded(float(speeds.max()) if speeds.size else _largest(measured.runs, "velocity"))
-        message = f"Fastest speed: {velocity:g} {of}, the fastest measured; set plan.velocity to override."
-        assumed.append(Finding("limit-speed", NOTE, message, {"value": velocity, "unit": of}))
-    if slowest is None:
-        slowest = _rounded(min(float(speeds.min()), 0.5 * velocity) if speeds.size else _SLOW_SHARE * velocity)
-        how = "the slowest measured that did not stick and slip"
-        if not speeds.size:
-            how = f"{_SLOW_SHARE:g} of the fastest: no run at constant velocity shows where the drive begins to stick and slip"
-        message = f"Slowest constant speed: {slowest:g} {of}, {how}; set plan.minimum_velocity to override."
-        numbers = {"value": slowest, "unit": of, "share": _SLOW_SHARE}
-        guess = Finding("limit-slowest-guessed", CAUTION, message, numbers)
-        assumed.append(Finding("limit-slowest", NOTE, message, numbers) if speeds.size else guess)
-    if not slowest < velocity:
-        raise InputError(
-            f"{experiment.path.name}: plan: the slowest constant speed, {slowest:g}, is not below the fastest, {velocity:g}; "
-            "give plan.minimum_velocity and plan.velocity"
-        )
-    return slowest, velocity
-
-
 def followed(limits: Limits, declared: float | None) -> tuple[Limits, tuple[Finding, ...]]:
-    """The limits with the highest frequency that the rate of the references lets a motion have, and a diagnostic where that was not declared, Hz."""
+    """The limits with the highest frequency that the rate of the references lets a motion have, and a finding where that was not declared, Hz."""
     cap, why = limits.rate / SAMPLES, f"plan.rate, {limits.rate:g} Hz, gives {SAMPLES:g} samples to a period"
     reachable = replace(limits, frequency=min(limits.frequency, cap))
     if declared is None:
-        frequency, capped = reachable.frequency, f", at which {why}" if cap < FREQUENCY else ""
-        message = (
-            f"Highest frequency of the motion: {frequency:.3g} Hz{capped}, which the controller must be able to follow; "
-            "set plan.frequency to override."
-        )
-        return reachable, (Finding("limit-frequency", CAUTION, message, {"frequency": frequency, "capped": capped}),)
+        capped = f"at which {why}, " if cap < FREQUENCY else ""
+        how, what = f"{capped}which the controller must be able to follow", "Highest frequency of the motion"
+        return reachable, (_assumed("frequency", what, reachable.frequency, "Hz", how, guessed=True),)
     if declared <= cap:
         return reachable, ()
     message = f"Highest frequency of the motion: {cap:.3g} Hz, not the declared {declared:g} Hz: at {cap:.3g} Hz {why}."
     numbers = {"frequency": cap, "declared": declared, "why": why}
     return reachable, (Finding("frequency-lowered", CAUTION, message, numbers),)
+
+
+def _assumed(
+    key: str, what: str, value: float | tuple[float, float], of: str, how: str, *, guessed: bool = False
+) -> Finding:
+    """That a limit was taken from the runs, or guessed, and by which key of `plan` it is set."""
+    told = f"{value[0]:.3g} to {value[1]:.3g}" if isinstance(value, tuple) else f"{value:.3g}"
+    message = f"{what}: {told} {of}, {how}; set plan.{key} to override."
+    numbers = {"limit": key, "value": value, "unit": of}
+    return (
+        Finding("limit-guessed", CAUTION, message, numbers)
+        if guessed
+        else Finding("limit-measured", NOTE, message, numbers)
+    )
 
 
 def _rounded(seen: float) -> float:

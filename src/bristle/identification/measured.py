@@ -217,14 +217,6 @@ def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool 
     return replace(measured, runs=_changed(measured.runs, earlier))
 
 
-def with_law(measured: Measured, law: str) -> Measured:
-    """The same under another friction law, by which the points are judged anew."""
-    asking = _asking(measured.experiment, law=law)
-    if asking.fit.friction == measured.experiment.fit.friction:
-        return replace(measured, experiment=asking)
-    return with_options(measured, law=law)
-
-
 def with_options(measured: Measured, **options: object) -> Measured:
     """The same with other options under `fit`, by which the points are judged anew."""
     experiment = _asking(measured.experiment, **options)

@@ -20,6 +20,7 @@ from bristle.data.record import Record
 from bristle.data.signal_checks import merged
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation, lag_one
+from bristle.estimation.levels import SIGNIFICANCE
 from bristle.model.functions import load_terms_function, periodic_terms_function
 from bristle.model.laws import registry
 from bristle.model.parameters import Kind, periodic, slides
@@ -27,7 +28,6 @@ from bristle.model.vectorize import evaluate
 
 _PASSES, _MOSTLY = 0.3, 0.5
 """A slow torque passes its mean less often, in periods of the cut-off (noise: 1.15), and has more of the variance."""
-_RELATED = 0.01  # probability, by chance, of so close a relation between torque and motion
 _ROUGHER = 3.0  # times one less the correlation with the next sample: noise against a motion
 _EXPLAINED = 0.1  # of the variance of a torque that belongs to a motion, at the least
 _AT_REST = 0.01  # of the way: a direction in which less is gone is none
@@ -238,7 +238,7 @@ def unrelated(velocity: Array, torque: Array, others: Array | None = None) -> bo
     smooth = 1 - lag_one(rest) < _ROUGHER * (1 - lag_one(velocity))
     if freedom < 1 or left <= 0 or (course and (smooth or explained > _EXPLAINED)):
         return False
-    return float(fdtrc(k, freedom, (total - left) / k / left * freedom)) > _RELATED
+    return float(fdtrc(k, freedom, (total - left) / k / left * freedom)) > SIGNIFICANCE
 
 
 def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> None:

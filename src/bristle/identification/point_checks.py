@@ -1,19 +1,25 @@
-"""What the points of constant velocity show together: a torque that drifts, in the order of speed or not, holds that swing, copies."""
+"""What the points of constant velocity show together: a torque that drifts, in the order of speed or not, holds that swing, copies, an offset."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.special import stdtr
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
+from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.estimation.levels import RARE, SIGNIFICANCE
-from bristle.findings import CAUTION, Finding, in_direction, unit_of
+from bristle.findings import CAUTION, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS
+from bristle.identification.shared_findings import offset_or_friction
+from bristle.identification.static.fit import is_superseded
+from bristle.identification.static.points import point_regressors
 from bristle.model import functions
+from bristle.model.parameters import Direction, ParameterName
 from bristle.model.vectorize import evaluate
 
 _ENOUGH = 5  # points of a direction that show an order, or a drift
@@ -32,6 +38,7 @@ def point_warnings(measured: Measured, points: Sequence[Segment], static: Mappin
         yield from _drift([s for s in points if s.file in records], records, max(scatter))
     yield from _swinging(points, static)
     yield from _repeated(measured, points)
+    yield from _offset(measured.experiment, static)
 
 
 def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: float) -> Iterator[Finding]:
@@ -66,24 +73,21 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
     if chance > level_of_test or across < 2 * scatter:
         return
     numbers, T = {"slope": mean, "across": across, "share": across / level}, unit_of("torque")
+    effect, share = {"torque": across}, f"{100 * across / level:.0f} % of the torque"
     if not in_order:
         message = (
-            f"The torque drifts within the holds, by {mean:+.2g}{T} per second and {across:.3g}{T} from first to last ("
-            f"{100 * across / level:.0f} % of the torque): it depends on time or temperature, and the points scatter by it. Warm up, and repeat "
-            "the first speeds at the end."
+            f"The torque drifts within the holds, by {mean:+.2g}{T} per second and {across:.3g}{T} from first to last ({share}): it depends on "
+            "time or temperature, and the points scatter by it. Warm up, and repeat the first speeds at the end."
         )
-        yield Finding("drift-over-runs", CAUTION, message, numbers, {"torque": across})
+        yield Finding("drift-over-runs", CAUTION, message, numbers, effect)
         return
     first = next(iter(in_order))
     direction, way = first if len(in_order) == 1 else "both", "rises" if in_order[first] > 0 else "falls"
     message = (
         f"Speed {way} with the order of the runs{in_direction(direction)} while the torque drifts within them ({mean:+.2g}{T} per second, "
-        f"{across:.3g}{T} from first to last, {100 * across / level:.0f} % of the torque): drift and speed cannot be told apart. Warm up, and take "
-        "the speeds in random order."
+        f"{across:.3g}{T} from first to last, {share}): drift and speed cannot be told apart. Warm up, and take the speeds in random order."
     )
-    yield Finding(
-        "drift-in-order", CAUTION, message, {"direction": direction, "way": way, **numbers}, {"torque": across}
-    )
+    yield Finding("drift-in-order", CAUTION, message, {"direction": direction, "way": way, **numbers}, effect)
 
 
 def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Finding]:
@@ -130,3 +134,26 @@ def _repeated(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding
             )
             numbers = {"count": copies.size, "points": len(own), "file": file, "where": where, "factor": factor}
             yield Finding("points-repeated", CAUTION, message, numbers)
+
+
+def _offset(experiment: Experiment, static: Mapping[str, StaticFit]) -> list[Finding]:
+    """A difference of the two fits that is one of alpha_0 alone; where they differ in more, a note what offset it would be."""
+    fits = [static[d] for d in DIRECTIONS if d in static]
+    if experiment.fit.directions != "separate" or len(fits) < 2 or any(map(is_superseded, fits)):
+        return []
+    if not point_regressors(experiment):
+        names = [ParameterName(name, Direction(fit.direction)) for fit in fits for name in fit.names]
+        values = {name: static[name.direction].parameters[name.name].value or 0.0 for name in names}
+        both = block_diag(*(fit.covariance for fit in fits))
+        if found := offset_or_friction(names, values, both, min(fit.degrees_of_freedom or 0 for fit in fits)):
+            return found
+    levels = (fit.parameters["alpha_0"] for fit in fits)
+    (plus, one), (minus, other) = ((e.value, e.standard_error or 0.0) for e in levels)
+    if plus is None or minus is None or abs(plus - minus) < 2 * np.hypot(one, other):
+        return []
+    offset, common, T = (plus - minus) / 2, (plus + minus) / 2, unit_of("torque")
+    message = (
+        f"An offset of the torque cannot be told from a difference of alpha_0, and is not fitted. If alpha_0 were {common:.4g}{T} in both "
+        f"directions, the offset would be {offset:.3g}{T}: see whether the torque is zero where nothing loads the joint."
+    )
+    return [Finding("offset-left-out", NOTE, message, {"offset": offset, "common": common})]

@@ -14,7 +14,7 @@ from bristle.data.experiment.load import experiment_of, read_runs
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.robot.draft import OF_ROBOTS, draft_robot
-from bristle.data.robot.rigid_body import largest_gravity
+from bristle.data.robot.motion import largest_gravity
 from bristle.data.robot.robot_file import robot_of
 from bristle.data.robot.urdf import read_urdf
 from bristle.data.run_kinds import kinds_of, stretches
@@ -24,7 +24,7 @@ from bristle.identification.measured import measure
 from bristle.identification.moving_runs import DIRECTIONS, moved_in, refuse_opposing_runs, regressor_line
 from bristle.identification.robot.measured import against_urdf
 from bristle.identification.static import set_up
-from bristle.identification.static.runs import refuse_opposing_points
+from bristle.identification.static.fit import refuse_opposing_points
 from bristle.progress import Progress, teller
 
 _MIXED = 0.25  # of a run's motion: more of another experiment is said
@@ -102,9 +102,9 @@ def completed(path: Path) -> tuple[str, str]:
     asked = experiment_of(text, path)
     measured = measure(asked)
     points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
-    better = set_up.better_for_points(measured.experiment, points) if points else None
+    better = set_up.trial_of_points(measured.experiment, points).better() if points else None
     if better is None and moving and measured.experiment.fit.predict == "torque":
-        better = set_up.better_for_motion(measured.experiment, moving)
+        better = set_up.trial_of_motion(measured.experiment, moving).better()
     if better is None:
         why = "no regressor, nor other directions, would explain these runs clearly better"
         return text, f"{kinds or 'nothing added: '}{why}"
@@ -125,8 +125,8 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path, directions: str |
     points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
     if moving:
         refuse_opposing_runs(measured.experiment, moving)
-    proposals = [set_up.proposed_for_points(points) if points else None]
-    proposals += [set_up.proposed_for_motion(measured.experiment, moving) if moving else None]
+    proposals = [set_up.trial_of_points(measured.experiment, points).proposed() if points else None]
+    proposals += [set_up.trial_of_motion(measured.experiment, moving).proposed() if moving else None]
     known = [proposal for proposal in proposals if proposal is not None]
     if points and not any("gravity" in x.set_up.regressors for x in known):
         refuse_opposing_points(measured.experiment, points, ("offset",))

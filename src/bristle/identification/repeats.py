@@ -96,7 +96,7 @@ def clustered(
         found[name] = RunScatter(
             before=ratio, after=1.0 if more else ratio, widened=ratio if more else 1.0,
             stretched=max(ratio * _fewer(count - 1, own), 1.0) if more else 1.0,
-            by_run=dict(zip(parts, values.tolist(), strict=True)), clustered=True,
+            by_run=dict(zip(parts, values.tolist(), strict=True)),
         )  # fmt: skip  # a list of values
     return found
 
@@ -136,12 +136,9 @@ def widened(fit: Fitted, scatter: Mapping[Any, RunScatter], logarithmic: Contain
                 three[name] = wider_three(three[name], spread)
     factor = np.array([scatter[name].widened if name in scatter else 1.0 for name in fit.names])
     return replace(
-        fit,
-        parameters=parameters,
-        uncertainty=three,
-        covariance=fit.covariance * np.outer(factor, factor),
+        fit, parameters=parameters, uncertainty=three, covariance=fit.covariance * np.outer(factor, factor),
         repeats=dict(scatter),
-    )
+    )  # fmt: skip  # a list of values
 
 
 Spread = Callable[[Array], Array]
@@ -164,23 +161,13 @@ def wider_estimate(e: Estimate, x: RunScatter, spread: Spread) -> Estimate:
     """The estimate with its error and interval as the runs scatter, and the caution."""
     runs, freedom, middle = len(x.by_run), len(x.by_run) - 1, float(np.median(list(x.by_run.values())))
     farthest = max(x.by_run, key=lambda file: abs(x.by_run[file] - middle))
-    degrees = f"{freedom} degree{'' if freedom == 1 else 's'} of freedom"
-    numbers = {"runs": runs, "widened": x.widened, "freedom": freedom, "farthest": farthest}
-    if x.clustered:
-        message = (
-            f"The {runs} runs differ by more than chance (F test, 1 %), {farthest} most: without each in turn the "
-            f"value moves {x.widened:.2g} times as much as its standard error says. That is multiplied by it, and the interval has "
-            f"Student's t of {degrees}; look for what changed (temperature, load, wear)."
-        )
-        why = Finding("runs-move", CAUTION, message, numbers)
-    else:
-        message = (
-            f"The {runs} runs differ by more than chance (chi-squared, 1 %): fitted apart, they scatter by "
-            f"{x.before:.2g} times their standard errors, {farthest} farthest from the median. The standard error is "
-            f"multiplied by {x.widened:.2g}, and the interval has Student's t of {degrees}; "
-            "look for what changed between the runs (temperature, load, wear)."
-        )
-        why = Finding("runs-scatter", CAUTION, message, {**numbers, "scatter": x.before})
+    message = (
+        f"The {runs} runs differ by more than chance (1 %): they scatter by {x.before:.2g} times what their errors say, {farthest} "
+        f"farthest from the median. The standard error is multiplied by {x.widened:.2g}, and the interval has Student's t of {freedom} "
+        f"degree{'' if freedom == 1 else 's'} of freedom; look for what changed between the runs (temperature, load, wear)."
+    )
+    numbers = {"runs": runs, "scatter": x.before, "widened": x.widened, "freedom": freedom, "farthest": farthest}
+    why = Finding("runs-scatter", CAUTION, message, numbers)
     return replace(
         e,
         standard_error=None if e.standard_error is None else e.standard_error * x.widened,
@@ -192,14 +179,10 @@ def wider_estimate(e: Estimate, x: RunScatter, spread: Spread) -> Estimate:
 def wider_three(three: Uncertainty, spread: Spread) -> Uncertainty:
     """The intervals by all ways, each spread alike."""
     return replace(
-        three,
-        covariance=_spread_pair(three.covariance, spread),
-        profile=_spread_pair(three.profile, spread),
-        bootstrap=_spread_pair(three.bootstrap, spread),
-        curve=np.stack([spread(three.curve[0]), three.curve[1]]),
-        draws=spread(three.draws),
-        warnings=_spread_warnings(three.warnings, spread),
-    )
+        three, covariance=_spread_pair(three.covariance, spread), profile=_spread_pair(three.profile, spread),
+        bootstrap=_spread_pair(three.bootstrap, spread), curve=np.stack([spread(three.curve[0]), three.curve[1]]),
+        draws=spread(three.draws), warnings=_spread_warnings(three.warnings, spread),
+    )  # fmt: skip  # a list of values
 
 
 def _spread_pair(ends: tuple[float, float] | None, spread: Spread) -> tuple[float, float] | None:

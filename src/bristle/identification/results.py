@@ -1,14 +1,15 @@
 """What was found out about a joint, as values, of which `results.json` is made; every warning listed singly."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from bristle.arrays import Interval, JsonForm, Number
+from bristle.arrays import JsonForm, Number
 from bristle.data.constant_velocity.segments import Segment
 from bristle.errors import one_line
 from bristle.findings import Finding, Severity, with_subjects
+from bristle.identification.comparison import Comparison
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
@@ -55,110 +56,6 @@ class Consistency:
     def differs(self) -> bool:
         """Whether they differ by more than chance."""
         return self.verdict.severity is not Severity.NOTE
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModelRow:
-    """One friction model beside others on the same equations."""
-
-    model: str
-    directions: str
-    """`symmetric`, `per direction`, or `one direction` where no other was measured."""
-    parameters: int
-    """Fitted, the noise variance apart."""
-    rms: Number
-    """Root mean square residual, N*m."""
-    relative_error: Number | None
-    """100 * norm(residual) / norm(measured), percent."""
-    aicc: Number | None
-    """Above the lowest of all; None where there are too few independent equations."""
-    bic: Number
-    """Above the lowest of all."""
-    hold_out: Number | None
-    """Relative error on what was not fitted, percent."""
-    candidate: bool
-    """Whether it has the terms that the fit supports, and no others."""
-    recommended: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModelComparison:
-    """Friction models side by side."""
-
-    data: Literal["points", "moving runs"]
-    n: int
-    """Equations."""
-    effective: Number
-    """How many of them are independent."""
-    hold_out_by: Finding | None
-    """What `hold_out` is about; None where nothing was held out."""
-    rows: tuple[ModelRow, ...]
-    sentence: Finding
-    """Which to use, and why."""
-    left_out: tuple[Finding, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LawRow:
-    """One friction law beside others on the same equations."""
-
-    law: str
-    """Its name, as `fit.law` takes it."""
-    parameters: int
-    """Fitted, the noise variance apart."""
-    rms: Number
-    """Root mean square residual, N*m."""
-    aicc: Number | None
-    """Above the lowest of all; None where there are too few independent equations."""
-    bic: Number
-    """Above the lowest of all."""
-    left_out: Number | None
-    """100 * norm(error) / norm(measured), percent, over five blocks of speed, each predicted from the others; None where these are too few."""
-    run_left_out: Number | None
-    """The same over runs; None where there is but one, or points."""
-    weight: Number
-    """Share of exp(-BIC / 2) among all."""
-    in_force: bool
-    """Whether the fits have it."""
-    chosen: bool
-    """Whether `fit.law: auto` takes it."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Averaged:
-    """A parameter over the laws that the data allow, by their weights."""
-
-    value: Number
-    standard_error: Number
-    interval: Interval
-    """95 %."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LawComparison:
-    """Friction laws side by side."""
-
-    data: Literal["points", "moving runs"]
-    n: int
-    """Equations."""
-    rows: tuple[LawRow, ...]
-    sentence: Finding
-    """Which the data want, and why."""
-    averaged: Mapping[ParameterName, Averaged] = field(default_factory=dict)
-    """What means the same in every law; empty where one law has nearly all the weight."""
-
-    @property
-    def chosen(self) -> LawRow:
-        """The law that `fit.law: auto` takes."""
-        return next(row for row in self.rows if row.chosen)
-
-    def under(self, law: str) -> "LawComparison":
-        """The same where the fits have a law."""
-        return replace(self, rows=tuple(replace(row, in_force=row.law == law) for row in self.rows))
-
-    def row(self, law: str) -> LawRow | None:
-        """That of a law; None where it was not compared."""
-        return next((row for row in self.rows if row.law == law), None)
 
 
 NEED = 10.0  # percent of friction, to which it has to be known where nobody asks for more or less
@@ -216,9 +113,9 @@ class Joint:
     """None where no friction vs velocity is known, and of results that earlier versions wrote."""
     need: float = NEED
     """Percent of friction, to which it has to be known, for its values to be used."""
-    models: tuple[ModelComparison, ...] = ()
+    models: tuple[Comparison, ...] = ()
     """Friction models side by side, on points and on moving runs, where there are any."""
-    laws: LawComparison | None = None
+    laws: Comparison | None = None
     """Friction laws side by side, on the points, or else on the moving runs; None where there are too few for any but the paper's."""
     warnings: tuple[Finding, ...] = ()
     torque_scale: Finding | None = None
@@ -304,8 +201,6 @@ _SUBJECTS = {
     "breakaway": ("breakaway",),
     **{name: ("sigma_0", name) for name in ("printed", "corrected", "edges", "samples")},
     "sigma_1": ("sigma_1",),
-    "without_stick_slip": ("without stick-slip",),
-    "other_points": ("other points",),
     "tracking": ("moving runs",),
     "joint_fit": ("joint fit",),
     "models": ("models",),
@@ -333,15 +228,14 @@ class WrittenExperiment:
 class Document:
     """What bristle identified. A bound that is open is "inf" or "-inf"; what these data do not give is null."""
 
-    schema: Literal["bristle-results/3", "bristle-results/2"] = "bristle-results/3"
-    """Of 2, which earlier versions wrote, findings are read as they stood."""
+    schema: Literal["bristle-results/3"] = "bristle-results/3"
     bristle: str
     """Version that wrote it."""
     joints: Mapping[str, Joint]
     experiments: tuple[WrittenExperiment, ...] = ()
     """From which the joints were identified, as far as these are files."""
-    samples: Mapping[str, Mapping[str, Any]] | None = None
-    """By joint, and by the way to it, what has an entry per sample; text is the way to what is the same. Of older files null."""
+    samples: Mapping[str, Mapping[str, Any]]
+    """By joint, and by the way to it, what has an entry per sample; text is the way to what is the same."""
 
 
 @cache

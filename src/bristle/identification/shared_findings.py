@@ -1,9 +1,18 @@
 """Findings that fits of points and of motion have in common, and the codes by which a motion refuses a parameter."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
-from bristle.findings import CAUTION, NOTE, Finding, in_direction, unit_of
-from bristle.model.parameters import Lugre
+import numpy as np
+from scipy.special import fdtrc
+
+from bristle.arrays import Array
+from bristle.estimation.levels import RARE
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
+from bristle.identification.fits import Crosscheck
+from bristle.model.parameters import SIGNED, Lugre, ParameterName
+
+_LEAST = 0.01  # of alpha_0: a smaller offset is not worth a sentence
 
 UNRESOLVED = frozenset({
     "unseen-unconverged", "unseen-below-count", "unseen-no-reversal", "unseen-fast", "unseen-halves",
@@ -49,3 +58,79 @@ def not_shown(names: Iterable[object]) -> tuple[Finding, ...]:
     unseen = tuple(map(str, names))
     message = f"Not identifiable from this motion: {', '.join(unseen)}."
     return (Finding("unseen", NOTE, message, {"names": unseen}),) if unseen else ()
+
+
+def crosschecked(
+    first: str,
+    values: Mapping[ParameterName, float],
+    cost: float,
+    errors: Mapping[ParameterName, float | None],
+    minima: Sequence[Mapping[Any, float]],
+    costs: Sequence[float],
+    same: float,
+) -> Crosscheck:
+    """The ends of the full nonlinear fit beside the answer of the `first` route, its cost and its standard errors, by name.
+
+    `costs` at the `minima` are by the first's own reckoning; those that differ by less than `same` are the same.
+    """
+    full, starts = min(costs), len(costs)
+    found, reached = minima[costs.index(full)], sum(one <= full + same for one in costs)
+    known = {name: error for name, error in errors.items() if name in found and error and np.isfinite(error)}
+    apart = {name: (found[name] - values[name]) / error for name, error in known.items()}
+    many = f"{reached} of {starts} random starts of the full fit reached its lowest cost."
+    numbers: dict[str, float] = {"full": full, "cost": cost, "reached": reached, "starts": starts}
+    if agrees := abs(full - cost) <= same:
+        worst = max(map(abs, apart.values()), default=0.0)
+        message = f"{first} and full nonlinear fit agree: the largest difference is {worst:.2g} standard errors. {many}"
+        verdict = Finding("routes-agree", NOTE, message, {**numbers, "worst": worst})
+    elif full < cost:
+        message = (
+            f"The full nonlinear fit found a lower cost than this one ({full:.6g} against {cost:.6g}); use neither before the cause "
+            f"is known. {many}"
+        )
+        verdict = Finding("full-fit-lower", CRITICAL, message, numbers)
+    else:
+        message = f"The full nonlinear fit did not reach as low a cost ({full:.6g} against {cost:.6g}), so it confirms nothing. {many}"
+        verdict = Finding("full-fit-higher", NOTE, message, numbers)
+    return Crosscheck(
+        cost_grid=cost, cost_full=full, starts=starts, reached=reached, difference_in_se=apart, verdict=verdict, agrees=agrees,
+        parameters={name: x for name, x in found.items() if name in errors},
+    )  # fmt: skip  # a list of values
+
+
+def offset_or_friction(
+    names: Sequence[Any], values: Mapping[Any, float], covariance: Array, freedom: float
+) -> list[Finding]:
+    """A difference of the two directions that is one of alpha_0 alone, as an offset of the torque makes it.
+
+    Wald tests: the directions agree on all else that a curve has, and with these made equal they differ in alpha_0. `names` of p
+    unknowns are in the order of the covariance, (p, p), with its degrees of freedom; those that are no `ParameterName` do not matter.
+    """
+    order = {name: k for k, name in enumerate(names)}
+    pairs = [[ParameterName(name, d) for d in SIGNED] for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")]
+    told = {name for name, k in order.items() if np.isfinite(covariance[k]).all()}
+    free = [pair for pair in pairs if told.issuperset(pair)]
+    if pairs[0] not in free:
+        return []
+    plus, minus = (np.array([order[pair[k]] for pair in free]) for k in (0, 1))
+    apart = np.array([values[a] - values[b] for a, b in free])
+    (S_pp, S_pm), (S_mp, S_mm) = ([covariance[np.ix_(a, b)] for b in (plus, minus)] for a in (plus, minus))
+    S = S_pp + S_mm - S_pm - S_mp
+    weight = np.linalg.pinv(S[1:, 1:], hermitian=True)
+    others, rest = float(apart[1:] @ weight @ apart[1:]), len(free) - 1
+    twice = float(apart[0] - S[0, 1:] @ weight @ apart[1:])
+    variance = float(S[0, 0] - S[0, 1:] @ weight @ S[1:, 0])
+    a, b = (float(values[name]) for name in pairs[0])
+    common = (a + b) / 2
+    if abs(twice) < 2 * _LEAST * common or not variance > 0:
+        return []
+    if (rest and fdtrc(rest, freedom, others / rest) < RARE) or fdtrc(1, freedom, twice**2 / variance) > RARE:
+        return []
+    T = unit_of("torque")
+    message = (
+        f"The torque of the two directions differs by a constant. Either it has an offset of {twice / 2:.3g}{T}, and alpha_0 is "
+        f"{common:.4g}{T} in both (`directions: symmetric`, and offset among the regressors, under fit); or friction differs, with alpha_0 "
+        f"{a:.4g}{T} (+) and {b:.4g}{T} (-). The data cannot tell which."
+    )
+    numbers = {"offset": twice / 2, "common": common, "plus": a, "minus": b}
+    return [Finding("offset-or-friction", CAUTION, message, numbers)]

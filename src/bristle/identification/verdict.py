@@ -30,22 +30,22 @@ class Verdict(NamedTuple):
 _BY_WEIGHT = (
     "torque-unsigned unexplained misfit inertia-below-zero velocity-factor velocity-unrelated whole-positions count-unit "
     "count-contradicts effort-far-beyond links-not-removed joint-order gravity-direction links-oppose not-converged "
-    "out-of-steps still-lower full-fit-lower ipopt-lower undercut ipopt-undercuts static-at-edge at-edge flat-profile "
+    "out-of-steps still-lower full-fit-lower undercut ipopt-undercuts at-edge flat-profile "
     "v-s-unknowable static-too-few too-few-points indistinct strays-matter stages-do-not-fit yields not-positive "
     "no-torque-constant acts-early feedback-unknown commands-at-once per-inertia one-speed-only "
     "stick-slip holds-swing position-differs torque-drifts positions-disagree torques-doubted stick-slip-points "
-    "nothing-without other-law friction-drifts lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "
+    "other-law friction-drifts lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "
     "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed turns-late delay-or-presliding "
     "drift-of-rows drift-over-runs torque-drifts-in-runs friction-by-load clipped lost-samples position-jumps "
     "position-held sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start "
     "rows-not-finite rows-backward rows-repeated points-repeated rows-of-short-segments gaps count-bias counts-bias "
-    "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter runs-move outlier "
-    "stages-differ stage-differs distrust-moving distrust-stage inertia-doubted unseen "
+    "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter outlier "
+    "stage-differs inertia-doubted unseen "
 )
 WEIGHTIEST_FIRST = {code: place for place, code in enumerate(_BY_WEIGHT.split())}
 """The order in which warnings whose effect is not known are named; all others come after these, as they arose."""
 _REPEATED = {
-    "unseen", "only-sum-seen", "converged-at-bound", "static-at-bound", "static-at-edge", "static-no-stribeck",
+    "unseen", "only-sum-seen", "converged-at-bound", "static-no-stribeck",
 }  # fmt: skip  # a list of values
 """Kinds about a whole fit that repeat what is said of a value or a direction, or the other way round."""
 
@@ -90,7 +90,7 @@ _CAUSES = {
     "reversals-left", "backlash", "position-jumps", "lost-samples", "clipped", "torque-missing", "torque-saturates",
 }  # fmt: skip  # a list of values
 """Codes that say why a fit leaves what it leaves ..."""
-_WIDENS = {"clipped-left-out", "runs-move", "runs-scatter", "torque-coarse", "torques-doubted"}
+_WIDENS = {"clipped-left-out", "runs-scatter", "torque-coarse", "torques-doubted"}
 """... or why its errors are as large ..."""
 _SIZES = {"unexplained", "misfit"}  # ... and those that say how much
 

@@ -159,8 +159,8 @@ def symbol_html(name: str) -> Markup:
 
 _HEADINGS = {
     "standard_error": "standard error", "systematic": "systematic error", "error_percent": "error (%)", "inside": "inside?", "lower": "95 % from",
-    "upper": "95 % to", "plain_grid": "plain grid", "without_stick_slip": "without stick-slip",
-    "without_standard_error": "its standard error", "difference_in_se": "difference (standard errors)", "grid": "refined grid",
+    "upper": "95 % to", "plain_grid": "plain grid",
+    "difference_in_se": "difference (standard errors)", "grid": "refined grid",
     "full": "full nonlinear fit", "relative_error": "relative error (%)", "relative_error_of_fit": "on its own data (%)",
     "start": "from row", "stop": "to row", "from_median_percent": "from the median (%)", "recommended": "use it?",
     "of": "joint", "kind": "amplitude", "at_4_s": "at 4 s", "at_20_s": "at 20 s", "begun": "initialised at",

@@ -8,27 +8,13 @@ from itertools import pairwise
 import numpy as np
 
 from bristle.arrays import UNWRITTEN, Array, Number
-from bristle.data.constant_velocity.acceptance import Thresholds, reasons, sticks, warnings
+from bristle.data.constant_velocity.acceptance import Thresholds, evidence, reasons, sticks, usual_scale, warnings
 from bristle.data.constant_velocity.changepoints import CandidateSpan, candidates
-from bristle.data.constant_velocity.statistics import evidence, usual_scale
 from bristle.data.record import Record
-from bristle.data.signal_checks import travel_ratio
 from bristle.errors import InputError
 from bristle.findings import NOTE, Finding
 
 __all__ = ["Segment", "Thresholds", "find_segments", "nothing_left"]
-
-_MISTAKES = {
-    "a velocity in deg/s read as rad/s (or a position in rad read as deg)": np.pi / 180,
-    "a velocity in rpm read as rad/s": np.pi / 30,
-    "a velocity in turns/s read as rad/s": 2 * np.pi,
-    "a position in deg read as rad": 180 / np.pi,
-    "a position in turns read as rad": 1 / (2 * np.pi),
-    "a time in ms read as s, or a position in mm read as m": 1e-3,
-    "a time in us read as s": 1e-6,
-    "a time in s read as ms, or a velocity in mm/s read as m/s": 1e3,
-}
-"""What the slope of the position over the logged velocity looks like."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,9 +140,10 @@ def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresho
     message = f"No segment at constant velocity is left of {len(segments)} candidates in {len(records)} runs (rejected as {eaten})."
     longest = max((s for s in segments if s.reasons), key=lambda s: (-len(s.reasons), s.stop - s.start), default=None)
     nearest = f" Nearest, {longest.where} of {longest.file}: {longest.reasons[0]}" if longest else ""
-    hints = [hint for hint in (*map(unit_mistake, records), *(_magnitudes(r, thresholds) for r in records)) if hint]
+    wrong = next((str(x) for r in records for x in r.warnings if x.code.startswith("velocity-")), None)
+    hints = [hint for hint in (_magnitudes(r, thresholds) for r in records) if hint]
     looks = f" It looks like {Counter(hints).most_common(1)[0][0]}." if hints else ""
-    return message + nearest + looks
+    return f"{message}{nearest} {wrong}" if wrong else message + nearest + looks
 
 
 def _settling(velocity: Array, cut: Sequence[CandidateSpan]) -> list[CandidateSpan | None]:
@@ -176,17 +163,6 @@ def _settling(velocity: Array, cut: Sequence[CandidateSpan]) -> list[CandidateSp
                     break
                 owner[k], k = plateau, k + way
     return owner
-
-
-def unit_mistake(record: Record) -> str | None:
-    """Where position and velocity are both logged, their ratio betrays the unit: what it looks like, or None."""
-    found = travel_ratio(record)
-    ratio = found.value if found else 1.0
-    if ratio <= 0:
-        return "a velocity whose sign is not that of the position (give it a negative scale)" if ratio < -0.5 else None
-    near = {what: abs(float(np.log(ratio / factor))) for what, factor in _MISTAKES.items()}
-    best = min(near, key=lambda what: near[what])
-    return f"{best} (the position moves {ratio:.3g} times as fast as the velocity says)" if near[best] < 0.1 else None
 
 
 def _magnitudes(record: Record, thresholds: Thresholds) -> str | None:

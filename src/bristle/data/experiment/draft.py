@@ -1,7 +1,4 @@
-"""A commented experiment file, drafted from logs: signals by the names of the columns, or as they were told.
-
-What was guessed is said; what cannot be guessed, and was not told, is refused with the option that tells it.
-"""
+"""A commented experiment file, drafted from logs: what was guessed is said, what cannot be is refused with the option that tells it."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,17 +11,15 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.binary_tables import names_of
-from bristle.data.columns import Key
+from bristle.data.columns import ISO, Key
 from bristle.data.encoder import unit_of_counts
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
 from bristle.data.experiment.schema import RunKind
-from bristle.data.experiment.signals import COMMANDS, DRIVE, GAINS
-from bristle.data.ros.read import bag_columns, bag_joints, read_bag, state_topic
-from bristle.data.ros.storage import is_bag, open_bag
-from bristle.data.ros.topics import RECEIVED, Topic, target_of, topics_of
+from bristle.data.experiment.signals import COMMANDS, DRIVE
+from bristle.data.ros.read import bag_columns, joint_states, read_bag, time_column
+from bristle.data.ros.storage import is_bag
 from bristle.data.text_layout import is_stamp, text_layout
 from bristle.data.text_table import is_text, naming, read_table
-from bristle.data.timestamps import ISO
 from bristle.data.units import factor
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.model.parameters import Kind
@@ -350,27 +345,18 @@ _FIRST = ColumnGuess("0", None)
 
 def _bag_guesses(path: Path, told: Mapping[str, str]) -> dict[str, ColumnGuess]:
     """The columns of a bag by signal: the stamps of the topic that was told or, where too little was, the only joint's states."""
-    topics = topics_of(open_bag(path))
-    enough = any(name in told for name in DRIVES) and ("position" in told or "velocity" in told)
-    if enough:
-        first = next(told[name] for name in ("position", "velocity") if name in told)
-        return _bag_time(path, topics[target_of(Key(first), topics).topic])
-    topic = topics[state_topic(topics)]
-    joints = bag_joints(path, topic.name)
+    first = next((told[name] for name in ("position", "velocity") if name in told), None)
+    if first is not None and any(name in told for name in DRIVES):
+        return {"time": ColumnGuess(time_column(path, first), "s")}
+    topic, joints = joint_states(path)
     if len(joints) != 1:
         raise InputError(
             f"has joint states of {len(joints)} joints: {short_list(joints)}; name the columns of one, as in "
-            f"--column position={topic.name}.position[{next(iter(joints), 'JOINT')}] --column torque={topic.name}.effort[...]"
+            f"--column position={topic}.position[{next(iter(joints), 'JOINT')}] --column torque={topic}.effort[...]"
         )
-    fields = {signal: f"{topic.name}.{field}[{joints[0]}]" for signal, field in STATE_FIELDS.items()}
+    fields = {signal: f"{topic}.{field}[{joints[0]}]" for signal, field in STATE_FIELDS.items()}
     there = {signal: ColumnGuess(name, None) for signal, name in fields.items() if is_there(path, name)}
-    return _bag_time(path, topic) | there
-
-
-def _bag_time(path: Path, topic: Topic) -> dict[str, ColumnGuess]:
-    """The stamps of a topic, or when its messages were received, where they have none."""
-    names = (f"{topic.name}.header.stamp", f"{topic.name}.{RECEIVED}")
-    return {"time": ColumnGuess(next((name for name in names if is_there(path, name)), names[1]), "s")}
+    return {"time": ColumnGuess(time_column(path, fields["position"]), "s")} | there
 
 
 def is_there(path: Path, name: str) -> bool:
@@ -385,7 +371,7 @@ def is_there(path: Path, name: str) -> bool:
 def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
     """What drives the joint, empty where nothing does: which of torque, current and voltage is taken, or a command.
 
-    Raises InputError where none is known, a voltage has but one of its two constants, or what is told contradicts it.
+    Raises InputError where none is known, or what is told contradicts it; constants that lack are asked for once the draft is loaded.
     """
     driven = [name for name in (*DRIVES, *COMMANDS) if name in told.columns] + [f"--{name}" for name in told.motor]
     if told.coasting and driven:
@@ -402,18 +388,6 @@ def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
         raise InputError(
             f"{log.path}: no column is named as a torque, a current, a voltage or a command; name it, as in --column torque=NAME (of another "
             f"file FILE:NAME) or command=NAME, or say --coasting (there are: {log.there})"
-        )
-    gains = [gain for name, gain in GAINS.items() if name in commands and gain not in told.motor]
-    alone = gains[:1] == ["kp"] and not told.motor and not told.gear and "velocity_command" not in told.columns
-    if drive == "command" and gains and not alone:
-        raise InputError(
-            f"{log.path}: column {short(guesses[commands[0]].column)} is a command, and no torque is logged; the one that the drive makes of it "
-            f"needs its gains at the joint, as in --kp '20 N*m/rad' --kd '1 N*m*s/rad' --torque-limit '23 N*m' (missing: --{gains[0]})"
-        )
-    if drive and drive not in computable:
-        raise InputError(
-            f"{log.path}: column {short(guesses[drive].column)} is a voltage, and the torque from it needs both of the motor's constants as seen "
-            "at the joint, gear included, as in --torque-constant '0.35 N*m/A' --resistance '2.1 ohm'; without either friction is in V"
         )
     of_commands = [name for name in ("held", "fresh", "kp", "kd") if getattr(told, name) is not None]
     if of_commands and drive != "command":

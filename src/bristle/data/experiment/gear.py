@@ -1,9 +1,9 @@
 """The gear between motor and joint: on which side each signal was logged, and what brings it to the joint."""
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, ValidationInfo, model_validator
+from pydantic import BeforeValidator, ValidationInfo
 
 from bristle.data import units
 from bristle.data.experiment.yaml_file import StrictModel
@@ -45,16 +45,6 @@ class Gear(StrictModel):
     torque: Side | None = None
     current: Literal["motor"] = "motor"
     """Current, and voltage, are always the motor's."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _has_sides(cls, value: Any) -> Any:
-        if not isinstance(value, dict):
-            raise InputError(
-                f"got {short(value)}; expected the ratio, and for each logged signal the side that it was logged on, "
-                "as in {ratio: 100, position: motor, velocity: motor}"
-            )
-        return value
 
     def at_motor(self, signal: str) -> bool:
         """Whether a signal was logged on the motor's side."""

@@ -1,8 +1,4 @@
-"""The experiment file: joint, motor, signals, runs; and the runs it names, read.
-
-All quantities are in SI once the file is loaded; m, N and kg stand in for rad, N*m and kg*m**2 where the joint is
-prismatic.
-"""
+"""The experiment file in SI, and the runs it names, read; m, N and kg stand in for rad, N*m and kg*m**2 where the joint is prismatic."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -17,9 +13,8 @@ from bristle.data.constant_velocity.acceptance import Thresholds
 from bristle.data.experiment import schema
 from bristle.data.experiment.constants import Constant, coasted, torque_constants, torque_shifts
 from bristle.data.experiment.gear import SIDED, Gear
-from bristle.data.experiment.run_files import RunFiles, matches, sources_of
 from bristle.data.experiment.signals import DRIVE, GAINS, Cleaning, Context, Signals, quantity, si
-from bristle.data.experiment.tables import Source, joined, keys_of, part_of, read_columns
+from bristle.data.experiment.tables import RunFiles, Source, joined, keys_of, matches, part_of, read_columns, sources_of
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
 from bristle.data.record import Record
 from bristle.data.signal_checks import check_signals, check_units
@@ -133,7 +128,7 @@ class Experiment(StrictModel):
         lacks = [x for name, x in GAINS.items() if getattr(signals, name) and not (constants and getattr(constants, x))]
         if lacks and not (alone and lacks == ["kp"]):
             yield (
-                f"the torque that a drive makes of a command needs motor.{lacks[0]}; add it, as in motor: {{kp: 20 N*m/rad, "
+                f"the torque that a drive makes of a command needs motor.{lacks[0]} (--{lacks[0]}); add it, as in motor: {{kp: 20 N*m/rad, "
                 "kd: 1 N*m*s/rad}; of a position command alone, without motor, friction is in rad, as a share of kp"
             )
         if signals.command is not None and signals.position is None:
@@ -149,8 +144,8 @@ class Experiment(StrictModel):
             and not alone
             and (constants is None or k_t is None or (drive == "voltage" and constants.resistance is None))
         ):
-            wanted = "motor.torque_constant" if k_t is None else "motor.resistance"
-            yield f"torque from {drive} needs {wanted}; add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
+            wanted, option = ("torque_constant", "--torque-constant") if k_t is None else ("resistance", "--resistance")
+            yield f"torque from {drive} needs motor.{wanted} ({option}); add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
 
         gear = self.context.gear
         unsaid = [name for name in SIDED if gear and getattr(signals, name) is not None and getattr(gear, name) is None]

@@ -15,10 +15,9 @@ from pydantic import (
 )
 
 from bristle.data import units
-from bristle.data.columns import Key
+from bristle.data.columns import ISO, Key
 from bristle.data.experiment.gear import Gear
 from bristle.data.experiment.yaml_file import StrictModel
-from bristle.data.timestamps import ISO
 from bristle.errors import InputError, short
 from bristle.model.parameters import Kind, unit
 

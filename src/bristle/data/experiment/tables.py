@@ -1,21 +1,141 @@
-"""The columns of a run on one time: of one file, of signals with a time of their own, of consecutive files, or of a part of one."""
+"""Which files a run is of, and their columns on one time: of one file, of signals with a time of their own, of consecutive files, or of a part."""
 
+import glob
 import hashlib
-from collections.abc import Callable, Sequence
+import os
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from pydantic import BeforeValidator, Field, PlainValidator, StrictBool
 
 from bristle.arrays import Array
 from bristle.data import units
-from bristle.data.columns import Key, between_samples
-from bristle.data.experiment.run_files import RunFiles
-from bristle.data.experiment.signals import Context, Position, Signal, Signals, TimeColumn
+from bristle.data.columns import ISO, Key, brought_to
+from bristle.data.experiment.schema import Label, RunKind, read_rows
+from bristle.data.experiment.signals import Context, Position, Signal, Signals, TimeColumn, quantity
+from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.text_table import RawTable, Reader, naming, read_table
-from bristle.data.timestamps import ISO
-from bristle.errors import InputError
+from bristle.errors import InputError, check_name, short
 from bristle.findings import NOTE, Finding
+
+_VARIABLE = re.compile(r"\$\{(\w+)\}")
+_MOST, _LONGEST = 1000, 4096  # patterns of an entry, and characters of one
+
+
+class TimeRange(StrictModel):
+    """A part of a run by its time, as logged; an end that is not given is the run's."""
+
+    start: Annotated[float, quantity("s")] | None = Field(default=None, alias="from")
+    to: Annotated[float, quantity("s")] | None = None
+
+    def _problems(self) -> Iterator[str]:
+        if self.start is None and self.to is None:
+            yield "expected one end at least, as in {from: 2 s, to: 30 s}"
+        if self.start is not None and self.to is not None and not self.start < self.to:
+            yield f"got {self.start:g} s to {self.to:g} s; expected the earlier time first"
+
+
+def _read_files(value: object) -> str | tuple[str, ...]:
+    """Read a path or glob, or a list of them."""
+    several = tuple(value) if isinstance(value, list | tuple) else (value,)
+    if not 1 <= len(several) <= _MOST or not all(isinstance(x, str) and 1 <= len(x) <= _LONGEST for x in several):
+        raise InputError(
+            f"got {short(value)}; expected a path or glob of at most {_LONGEST} characters, or a list of at most {_MOST} of them"
+        )
+    return str(value) if isinstance(value, str) else tuple(map(str, several))
+
+
+class RunFiles(StrictModel):
+    """One entry under runs: a file or several, and what they hold."""
+
+    files: Annotated[str | tuple[str, ...], PlainValidator(_read_files)]
+    """Paths or globs, relative to the experiment file; ${NAME} stands for an environment variable."""
+    joined: StrictBool = False
+    """Whether the files are parts of one run, in this order; else each is a run of its own."""
+    rows: Annotated[tuple[int, int], BeforeValidator(read_rows)] | None = None
+    """The part of each run that is used, in the lines or rows that `bristle inspect` prints, from 1."""
+    time: TimeRange | None = None
+    """The same by time."""
+    experiment: RunKind
+    hold_out: StrictBool = False
+    temperature: Label | None = None
+    load: Label | None = None
+    signals: Signals | None = None
+    """Signals that differ from the experiment's."""
+
+    @property
+    def patterns(self) -> tuple[str, ...]:
+        """The paths or globs, of which there may be one."""
+        return (self.files,) if isinstance(self.files, str) else self.files
+
+    def _problems(self) -> Iterator[str]:
+        if self.rows is not None and self.time is not None:
+            yield "got rows and time; expected one of them"
+        if self.time is not None and self.experiment == "points":
+            yield "time: points have no time; give rows, as in rows: 2-40"
+
+
+def sources_of(run: RunFiles, experiment: Path) -> list[list[tuple[Path, str]]]:
+    """The files of each run of an entry, each with the name that results show: one of each, or all of the one that they are joined to.
+
+    Raises InputError where a pattern matches none, or a file is named twice in a joined run.
+    """
+    found = [match for pattern in run.patterns for match in matches(pattern, experiment)]
+    twice = [shown for shown, count in Counter(shown for _, shown in found).items() if count > 1]
+    if twice:
+        raise InputError(f"{experiment}: runs: files name {short(twice[0])} twice; name each file once")
+    return [found] if run.joined else [[source] for source in found]
+
+
+def matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
+    """Paths that a pattern matches, sorted by name, each with the name that results show.
+
+    No variable in it is filled in. Raises InputError where there is none.
+    """
+    folder, variables = experiment.parent, {}
+    for name in _VARIABLE.findall(files):
+        if not os.environ.get(name):
+            raise InputError(
+                f"{experiment}: runs: files {short(files)} needs the environment variable {name}, which is not set; set it to a folder"
+            )
+        variables[name] = os.environ[name]
+    pattern = _VARIABLE.sub(lambda match: variables[match[1]], files)
+    if pattern.count("**") > 1:  # each may stand for any number of folders: together they search for ever
+        raise InputError(
+            f"{experiment}: runs: files {short(files)} has ** more than once; expected a glob such as logs/**/ramp*.csv"
+        )
+    try:
+        if (folder / pattern).exists():
+            found = [pattern]
+        elif "**" not in pattern:
+            found = sorted(glob.glob(pattern, root_dir=folder))  # noqa: PTH207  # Path.glob takes no absolute pattern
+        else:  # glob.glob follows links, in circles where they go so
+            root = Path(pattern).anchor
+            base = Path(root) if root else folder
+            below = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
+            found = sorted(f"{root}{x}" for x in below if not any(p.startswith(".") and p != ".." for p in x.parts))
+    except OSError as error:
+        raise InputError(f"{experiment}: runs: files {short(files)} cannot be looked for ({error.strerror})") from error
+    if not found:
+        what = "matches no file" if glob.has_magic(pattern) else "is not a file"
+        raise InputError(
+            f"{experiment}: runs: files {short(files)} {what}; expected a path or glob relative to the folder of the experiment file"
+        )
+    sources = []
+    for match in found:
+        name = os.path.relpath(match, folder) if Path(match).is_absolute() else match
+        filled = next(((key, value) for key, value in variables.items() if value in match), None)
+        if filled is not None:  # the variable stands for its folder
+            name = match.replace(filled[1], f"${{{filled[0]}}}", 1)
+        shown = check_name(Path(name).as_posix(), f"{experiment}: runs: files: the file name")
+        sources.append((folder / match, shown))
+    return sources
+
 
 Source = tuple[Path, str]  # a file, and how it is called
 _APART = 100
@@ -107,33 +227,6 @@ def _with_signal(
     return replace(
         table, columns={**table.columns, kept: onto}, notes=notes, sha256=digest, units={**table.units, **stated}
     )
-
-
-def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
-    """Values, (m,), sampled at their own times, s, (m,), at other times, s, (n,): linear between samples, nan beyond them and in gaps.
-
-    Where the own time is not finite there is no sample; an interval longer than `gap` median ones is a gap. Raises InputError
-    where the own time runs backward, there are fewer than two samples, or none of the times lies between them.
-    """
-    good = np.isfinite(own) & np.isfinite(values)
-    own, values = own[good], values[good]
-    steps = np.diff(own)
-    if (steps < 0).any():
-        raise InputError(f"its own time runs backward in {int((steps < 0).sum())} rows; split the log there")
-    once = np.append(True, steps > 0)[: own.size]
-    own, values = own[once], values[once]
-    if own.size < 2:
-        raise InputError(f"{own.size} samples with a time of their own; expected a log with many")
-    onto = between_samples(time, own, values, gap)
-    seen = time[np.isfinite(time)]
-    inside = np.count_nonzero((own >= seen.min()) & (own <= seen.max())) if seen.size else 0
-    if inside < 2 or not np.isfinite(onto).any():  # 2 samples of a signal with a time of its own that lie in a run
-        rest = f"{seen.min():.6g} s to {seen.max():.6g} s" if seen.size else "nowhere"
-        raise InputError(
-            f"its own time, {own[0]:.6g} s to {own[-1]:.6g} s, has {inside} samples in that of the run, {rest}; check the unit of each, and that "
-            "both count since the same instant"
-        )
-    return onto
 
 
 def joined(tables: Sequence[RawTable], names: Sequence[str], gap: float) -> RawTable:

@@ -159,7 +159,6 @@ _EFFICIENCY = (
 )
 _EXPECTED = {
     "too_short": "at least one entry", "invalid_key": "a key that is text, in quotes", "tuple_type": "a list, as [1, 2]",
-    **dict.fromkeys(("model_type", "model_attributes_type"), "keys with values, as {key: value}"),
 }  # fmt: skip  # a table
 """What was expected, in a user's words, by the kind of pydantic's error."""
 
@@ -180,6 +179,8 @@ def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
     if error["type"] == "value_error":
         sentence = str(error["ctx"]["error"])
         return f"{key}: {sentence}" if key and not sentence.startswith(f"{key}.") else sentence
+    if error["type"] in ("model_type", "model_attributes_type"):
+        return f"{key}: got {short(error['input'])}; expected keys with values, of {', '.join(_known(model, error['loc']))}"
     message = _EXPECTED.get(error["type"]) or error["msg"].removeprefix("Input should be ").removeprefix("a valid ")
     message = message.removeprefix("String should have ")
     return f"{key}: got {short(error['input'])}; expected {message}"

@@ -8,9 +8,8 @@ from bristle.data.experiment.column_names import guess_columns
 from bristle.data.experiment.draft import DRIVES, SIGNALS, STATE_FIELDS, Told, is_there, quoted, relative
 from bristle.data.robot.robot_file import FREE
 from bristle.data.robot.urdf import Urdf, UrdfJoint, read_urdf
-from bristle.data.ros.read import bag_joints, state_topic
-from bristle.data.ros.storage import is_bag, open_bag
-from bristle.data.ros.topics import topics_of
+from bristle.data.ros.read import joint_states
+from bristle.data.ros.storage import is_bag
 from bristle.data.text_layout import text_layout
 from bristle.data.text_table import is_text, naming
 from bristle.errors import InputError, short_list
@@ -81,8 +80,7 @@ def _columns(urdf: Urdf, log: Path, told: Told) -> tuple[dict[str, str], list[Ur
         templates, there = _of_names(log, [j.name for j in urdf.joints])
     else:
         with naming(str(log)):
-            topic = state_topic(topics_of(open_bag(log)))
-            there = bag_joints(log, topic)
+            topic, there = joint_states(log)
             templates = {"time": f"{topic}.header.stamp"}
             templates |= {signal: f"{topic}.{field}[{{joint}}]" for signal, field in STATE_FIELDS.items()}
             # many drivers leave it empty; the position's derivative takes its place

@@ -1,8 +1,4 @@
-"""The file of a robot: one log of all joints, and an experiment of each joint in it.
-
-What stands beside `robot` and `joints` is an experiment file's, and holds for every joint; what stands under a joint holds
-for that one.
-"""
+"""The file of a robot: one log of all joints, and an experiment of each; keys beside `joints` hold for all, those under a joint for that one."""
 
 import re
 from collections.abc import Mapping

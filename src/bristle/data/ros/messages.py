@@ -1,21 +1,45 @@
-"""Messages to numbers: each is gone through field by field, as far as the last one that is wanted."""
+"""Messages of a topic to numbers; rosbags parses their definition and deserialises them.
 
-import struct
+rosbags makes code of a definition. So what it parsed is checked first: plain names, and few of everything; constants
+and defaults are left out, and definitions in IDL are not parsed.
+"""
+
+import re
 from array import array
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from keyword import iskeyword
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bristle.data.ros.definitions import ArrayField, Field, MessageField, NumberField, TextField
-from bristle.data.ros.storage import DAMAGED
-from bristle.errors import InputError
+from bristle.data.columns import bounded, reading
+from bristle.data.ros.storage import DAMAGED, Bag, messages_of
+from bristle.errors import InputError, short
 
-NAMES = ("name", "joint_names")  # fields that hold the names of joints, in the order of the message's other arrays
 NO_STAMP = np.iinfo(np.int64).min  # in place of a stamp that a message does not have
-_MOST_NAMES, _MOST_ELEMENTS = 1000, 10_000
-"""Joints that are listed, and texts or messages in an array: they are gone through one by one."""
-_NOTHING: Mapping[Any, Any] = {}
+STAMPS = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
+BASE, MESSAGE, ARRAY, SEQUENCE = range(1, 5)  # how rosbags calls what a field is
+NAMES = ("name", "joint_names")  # fields that hold the names of joints, in the order of the message's other arrays
+_LONGEST, _DEEPEST, _MOST_FIELDS = 500_000, 30, 2000
+"""Characters of a definition; messages in messages; fields in all, texts and messages of fixed arrays counted: code is made of each."""
+_NO_FIELD = "structure_needs_at_least_one_member"  # of an empty message, which takes a byte in CDR and none in ROS 1
+_MOST_ELEMENTS, _MOST_JOINTS = 10**7, 1000  # of an array of any length; joints that are listed
+_TYPE = re.compile(r"[A-Za-z]\w{0,99}(/[A-Za-z]\w{0,99}){1,3}", re.ASCII)
+_FIELD = re.compile(r"[A-Za-z]\w{0,99}", re.ASCII)
+
+
+class Topic(NamedTuple):
+    """A topic of one bag, with messages of one type."""
+
+    name: str
+    kind: str  # type of its messages, as `sensor_msgs/msg/JointState`; empty where there are several
+    encoding: str  # `cdr` or `ros1`, else it cannot be read
+    definition: str  # text of the message definition; empty: the file has none
+    is_idl: bool  # whether the definition is in IDL, which is not parsed
+    numbers: frozenset[int]  # of its connections
+    bag: Bag
 
 
 class NamedJoint(NamedTuple):
@@ -24,136 +48,143 @@ class NamedJoint(NamedTuple):
     name: str
 
 
-Step = str | int | NamedJoint
-
-
 class Path(NamedTuple):
     """The way to one number, or to one stamp, in a message."""
 
-    steps: tuple[Step, ...]
+    steps: tuple[str | int | NamedJoint, ...]
     is_stamp: bool = False
 
 
-class Decoder:
-    """Numbers of one topic's messages at some paths: each message is gone through as far as its last field that is wanted."""
+class Messages(NamedTuple):
+    """All messages of a topic, in the order in which they were received, ns."""
 
-    def __init__(self, message: MessageField, paths: Sequence[Path], *, is_cdr: bool) -> None:
-        self.is_cdr = is_cdr
-        self.columns: list[array[Any]] = [array("q" if path.is_stamp else "d") for path in paths]
-        """The numbers at each path, message by message: nan where one has none; stamps in ns, else `NO_STAMP`."""
-        self.joints: dict[str, None] = {}
-        """Names that were seen, in order."""
-        self.places: dict[Any, int] = dict.fromkeys(
-            (x for p in paths for x in p.steps if isinstance(x, NamedJoint)), -1
+    received: NDArray[np.int64]
+    values: Mapping[Path, NDArray[Any]]
+    """The numbers at each path, message by message: nan where one has none; stamps in ns, else `NO_STAMP`."""
+    joints: tuple[str, ...]
+    """Names that were seen, in order."""
+
+
+Types = Mapping[str, Mapping[str, Any]]
+"""Of each type its fields by name: what rosbags describes them by, (form, inner)."""
+
+
+@lru_cache(maxsize=64)
+def types_of(topic: Topic) -> Types:
+    """What a topic's messages are made of: as the bag defines it, else as its distribution of ROS 2, or the latest.
+
+    Raises InputError where the definition cannot be parsed, a type is not known, or it could do harm.
+    """
+    if topic.encoding not in ("cdr", "ros1"):
+        raise InputError(
+            f"topic {topic.name} has messages in {short(topic.encoding)}; expected cdr or ros1, as ROS writes them"
         )
-        """Which element each joint of a path is, in the message at hand; -1 where it is not there."""
-        self.wanted: dict[Any, Any] = {}
-        """The paths by their steps, one in the other, and at None the number of each that ends there."""
-        for k, path in enumerate(paths):
-            within = self.wanted
-            for step in path.steps:
-                within = within.setdefault(step, {})
-            within.setdefault(None, []).append(k)
-        lists = [x for name in NAMES if isinstance(x := message.fields.get(name), ArrayField) and x.size is None]
-        self.names = next((x for x in lists if isinstance(x.element, TextField)), None)
-        order = [name for name, x in message.fields.items() if name in self.wanted or (self.places and x is self.names)]
-        fields = list(message.fields)[: list(message.fields).index(order[-1]) + 1] if order else []
-        parts = {name: message.fields[name] for name in fields}
-        self.part = MessageField(message.kind, parts, sum(part.least for part in parts.values()))
-        named = [p.steps[0] for p in paths if any(isinstance(x, NamedJoint) for x in p.steps)]
-        behind = next((k for k, x in enumerate(parts.values()) if x is self.names), 0)
-        self.rounds = 2 if any(str(name) in fields[:behind] for name in named) else 1
-        """Twice where the names stand behind what they name."""
-        self.raw, self.at, self.order, self.values = b"", 0, "<", list[float]()
-        self.texts, self.seen = list[bytes](), list[bytes]()
-        self._place(())
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    def decode(self, raw: bytes) -> None:
-        """Add the numbers of a message. Raises InputError where it does not fit its definition."""
-        if self.is_cdr and (len(raw) < 4 or raw[0] or raw[1] > 1):
-            raise InputError(f"is damaged: a message is not in CDR of version 1; {DAMAGED}")
-        self.raw, self.order = raw, ">" if self.is_cdr and not raw[1] else "<"
-        self.values = [NO_STAMP if column.typecode == "q" else np.nan for column in self.columns]
-        try:
-            for _ in range(self.rounds):
-                self.at = 4 * self.is_cdr
-                self._expect(self.part.least)
-                self._visit(self.part, self.wanted)
-            self._expect(0)
-        except struct.error as error:
-            raise InputError(f"is damaged: a message ends inside one of its fields; {DAMAGED}") from error
-        for column, value in zip(self.columns, self.values, strict=True):
-            column.append(value)
+    given: Mapping[str, Any] = {}
+    if topic.definition and not topic.is_idl:
+        if len(topic.definition) > _LONGEST:
+            raise InputError(f"topic {topic.name}: its message definition has over {_LONGEST} characters; {DAMAGED}")
+        with reading(f"message definition of topic {topic.name}", DAMAGED):
+            given = get_types_from_msg(topic.definition, topic.kind)
+    known = get_typestore({x.value: x for x in Stores}.get(f"ros2_{topic.bag.distribution}", Stores.LATEST)).fielddefs
+    types, sizes = dict[str, dict[str, Any]](), dict[str, int]()
 
-    def _expect(self, size: int) -> None:
-        if self.at + size > len(self.raw):
-            raise struct.error
-
-    def _number(self, code: str, size: int) -> Any:
-        """The next number, which in CDR stands at a multiple of its size, behind the head."""
-        if self.is_cdr:
-            self.at += (4 - self.at) % size
-        self.at += size
-        return struct.unpack_from(self.order + code, self.raw, self.at - size)[0]
-
-    def _visit(self, part: Field, wanted: Mapping[Any, Any]) -> None:
-        """Go over a field, and take the numbers in it that are wanted."""
-        if isinstance(part, TextField):
-            size = self._number("I", 4)
-            self.texts.append(self.raw[self.at : self.at + size])
-            self.at += size
-        elif isinstance(part, NumberField):
-            if not part.code:
-                raise InputError(
-                    f"holds messages with a field of type {part.kind}, which is not read; name other topics"
-                )
-            value = self._number(part.code, part.least)
-            for path in wanted.get(None, ()):
-                self.values[path] = value
-        elif isinstance(part, MessageField):
-            begun = self.at
-            for path in wanted.get(None, ()):  # a stamp; of ROS 1 without a sign
-                seconds = self._number("i" if self.is_cdr else "I", 4)
-                self.values[path], self.at = seconds * 10**9 + self._number("I", 4), begun
-            for name, inside in part.fields.items():
-                self.texts = []
-                self._visit(inside, wanted.get(name, _NOTHING))
-                if inside is self.names and self.texts != self.seen:
-                    self.seen = self.texts
-                    self._place([text.rstrip(b"\0").decode(errors="replace") for text in self.texts])
-        else:
-            self._array(part.element, self._number("I", 4) if part.size is None else part.size, wanted)
-
-    def _array(self, element: Field, count: int, wanted: Mapping[Any, Any]) -> None:
-        if not element.least or not count:
-            return
-        self._expect(count * element.least)
-        inner = [(self.places.get(step, step), within) for step, within in wanted.items()]
-        if isinstance(element, NumberField) and element.code:
-            begun = self.at + ((4 - self.at) % element.least if self.is_cdr else 0)
-            for place, within in inner:
-                if 0 <= place < count:
-                    self.at = begun + place * element.least
-                    self._visit(element, within)
-            self.at = begun + count * element.least
-            return
-        if count > _MOST_ELEMENTS:
+    def size_of(kind: str, depth: int) -> int:
+        """How many fields are in a type, which is put among the types."""
+        if kind in sizes:
+            return sizes[kind]
+        if depth > _DEEPEST:
             raise InputError(
-                f"holds messages with {count} texts or messages in one array, over the limit of {_MOST_ELEMENTS}; name other topics"
+                f"topic {topic.name}: its type {short(topic.kind)} nests messages over {_DEEPEST} deep; {DAMAGED}"
             )
-        for k in range(count):
-            begun = self.at
-            self._visit(element, _NOTHING)
-            for place, within in inner:
-                if place == k:
-                    self.at = begun
-                    self._visit(element, within)
+        found = known.get(kind) if kind in STAMPS else given.get(kind) or known.get(kind)
+        if found is None:
+            why = "is defined in IDL, which is not read" if topic.is_idl else "is not defined in the bag"
+            raise InputError(
+                f"topic {topic.name}: its type {short(kind)} {why}, nor one of ROS 2's own; record with definitions (MCAP)"
+            )
+        fields, size = dict(found[1]), 1
+        odd = [f"the name {short(x)}" for x in fields if not _FIELD.fullmatch(x)]
+        odd += [] if _TYPE.fullmatch(kind) else [f"the name {short(kind)}"]
+        odd += ["one name twice"] if len(fields) < len(found[1]) else []
+        odd += ["an empty message"] if topic.encoding == "ros1" and depth and fields.keys() <= {_NO_FIELD} else []
+        if odd:
+            raise InputError(f"topic {topic.name}: its message definition has {odd[0]}, which is not read; {DAMAGED}")
+        for form, inner in fields.values():
+            element, count = inner if form in (ARRAY, SEQUENCE) else ((form, inner), 1)
+            several = form == ARRAY and not is_number(element)
+            size += (count if several else 1) * (size_of(element[1], depth + 1) if element[0] == MESSAGE else 1)
+            if size > _MOST_FIELDS or (form == ARRAY and not 0 < count < 2**31):
+                raise InputError(
+                    f"topic {topic.name}: its type {short(topic.kind)} has over {_MOST_FIELDS} fields, or an array of none; {DAMAGED}"
+                )
+        types[kind], sizes[kind] = fields, size
+        return size
 
-    def _place(self, names: Sequence[str]) -> None:
-        """Which element each joint, by its name, or by a number where no joint is named by one, stands for."""
-        numbered = any(map(str.isdecimal, names))
-        for joint in self.places:
-            number = int(joint.name) if joint.name.isdecimal() and len(joint.name) < 10 and not numbered else -1
-            self.places[joint] = names.index(joint.name) if joint.name in names else number
-        if len(self.joints) < _MOST_NAMES:
-            self.joints |= dict.fromkeys(names)
+    size_of(topic.kind, 0)
+    return types
+
+
+def is_number(part: Any) -> bool:
+    """Whether a part of a message is one number."""
+    return bool(part[0] == BASE and part[1][0] != "string")
+
+
+def is_stamp(part: Any) -> bool:
+    """Whether a part of a message is a time: seconds and nanoseconds."""
+    return part[0] == MESSAGE and part[1] in STAMPS
+
+
+def names_in(fields: Mapping[str, Any]) -> str | None:
+    """The field that holds the names of joints; None where there is none."""
+    lists = (name for name in NAMES if name in fields and fields[name][0] == SEQUENCE)
+    return next((name for name in lists if fields[name][1][0][1][0] == "string"), None)
+
+
+def numbers_of(topic: Topic, paths: Sequence[Path]) -> Messages:
+    """The numbers of a topic at some paths. Raises InputError where there is no message, or one does not fit its definition."""
+    from rosbags.typesys.store import Typestore
+
+    types, received = types_of(topic), array("q")
+    store = Typestore(max_sequence_length=_MOST_ELEMENTS)
+    with reading(f"message definition of topic {topic.name}", DAMAGED):
+        store.register({kind: ([], list(fields.items())) for kind, fields in types.items()})
+        store.get_msgdef(topic.kind)
+    decode = store.deserialize_cdr if topic.encoding == "cdr" else store.deserialize_ros1
+    columns: dict[Path, array[Any]] = {path: array("q" if path.is_stamp else "d") for path in paths}
+    names, seen, joints = names_in(types[topic.kind]), list[str](), dict[str, None]()
+    asked = {step for path in columns for step in path.steps if isinstance(step, NamedJoint)}
+    places = {joint: _place(joint.name, seen) for joint in asked}
+    for time, message in messages_of(topic.bag, topic.numbers, lambda raw: decode(raw, topic.kind)):
+        received.append(time)
+        bounded(len(received) * (len(columns) + 1))
+        if names is not None and (now := getattr(message, names)) != seen:
+            seen, places = now, {joint: _place(joint.name, now) for joint in asked}
+            joints |= dict.fromkeys(now if len(joints) < _MOST_JOINTS else ())
+        for path, column in columns.items():
+            found: Any = message
+            for step in path.steps:
+                if isinstance(step, str):
+                    found = getattr(found, step + "_" * iskeyword(step))
+                    continue
+                place = places[step] if isinstance(step, NamedJoint) else step
+                found = found[place] if 0 <= place < len(found) else None
+                if found is None:
+                    break
+            if path.is_stamp:
+                column.append(NO_STAMP if found is None else found.sec * 10**9 + found.nanosec)
+            else:
+                column.append(np.nan if found is None else found)
+    if not received:
+        raise InputError(f"holds no message of topic {topic.name}; name another")
+    order = np.argsort(received, kind="stable")
+    values = {path: np.array(column)[order] for path, column in columns.items()}
+    return Messages(np.array(received)[order], values, tuple(joints))
+
+
+def _place(joint: str, names: Sequence[str]) -> int:
+    """Which element a joint is, by its name, or by its number where no joint is named by one; -1 where it is not there."""
+    if joint in names:
+        return names.index(joint)
+    return int(joint) if joint.isdecimal() and len(joint) < 10 and not any(map(str.isdecimal, names)) else -1

@@ -1,44 +1,140 @@
-"""Columns of a ROS bag, each at the time stamps of one topic."""
+"""Columns of a ROS bag: from a name such as `/joint_states.position[elbow]` to a path in the messages of a topic, and to numbers."""
 
-from array import array
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from keyword import iskeyword
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.data.columns import Key, between_samples, bounded
-from bristle.data.ros.messages import NO_STAMP, Decoder, NamedJoint
+from bristle.data.columns import Key, bounded, brought_to, reading
+from bristle.data.ros.messages import (
+    BASE,
+    MESSAGE,
+    NAMES,
+    NO_STAMP,
+    Messages,
+    NamedJoint,
+    Topic,
+    Types,
+    is_number,
+    is_stamp,
+    numbers_of,
+    types_of,
+)  # fmt: skip  # a list
 from bristle.data.ros.messages import Path as FieldPath
-from bristle.data.ros.storage import digest_of, messages_of, open_bag
-from bristle.data.ros.topics import JOINT_STATE, RECEIVED, STAMP, Target, Topic, columns_of, target_of, topics_of
+from bristle.data.ros.storage import DAMAGED, WHAT, Bag, digest_of, open_bag, opened
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.findings import NOTE, Finding
 
-Integers = NDArray[np.int64]
+JOINT_STATE = "sensor_msgs/msg/JointState"
+RECEIVED = "time"  # in place of a field: when a message was received
+STAMP = FieldPath(("header", "stamp"), is_stamp=True)
+_LONGEST = 1000  # characters of a column's name
+_STEP = re.compile(r"([A-Za-z]\w*)(?:\[([^\[\]]*)\])?(\.|$)")
+_LISTED = 60  # columns of a topic that are listed
 _GAP = 5  # median intervals: across a longer one nothing is interpolated, as the default of `cleaning.gap` is
 
 
-@dataclass(frozen=True, slots=True)
-class _Messages:
-    """All messages of a topic, in the order in which they were received, ns."""
+class Target(NamedTuple):
+    """What a column is: a path in the messages of a topic, or when they were received (None)."""
 
     topic: str
-    received: Integers
-    values: Mapping[FieldPath, NDArray[Any]]
-    joints: tuple[str, ...]
+    path: FieldPath | None
 
-    def stamps(self, path: FieldPath | None) -> Integers:
-        """Times in ns, `NO_STAMP` where there is none. Raises InputError where all are zero, and so were never set."""
-        stamps: Integers = self.received if path is None else self.values[path]
-        if path is not None and stamps.size and not stamps.any():
+    @property
+    def is_time(self) -> bool:
+        """Whether it is a time stamp, in ns."""
+        return self.path is None or self.path.is_stamp
+
+
+def topics_of(bag: Bag) -> dict[str, Topic]:
+    """The topics of a bag by name; one with messages of several types has none. Raises InputError where it cannot be read."""
+    topics: dict[str, Topic] = {}
+    with opened(bag) as reader, reading(WHAT, DAMAGED):
+        connections = list(reader.connections)
+    for c in connections:
+        name = check_name(c.topic, "the topic")
+        kind = check_name(c.msgtype, f"the type of {short(name)}")
+        encoding, is_idl = getattr(c.ext, "serialization_format", "ros1"), c.msgdef.format.name == "IDL"
+        own = Topic(name, kind, encoding, c.msgdef.data, is_idl, frozenset([c.id]), bag)
+        old = topics.get(name, own)
+        alike = old._replace(numbers=own.numbers) == own
+        topics[name] = own._replace(kind=kind if alike else "", numbers=old.numbers | own.numbers)
+    return topics
+
+
+def target_of(key: Key, topics: Mapping[str, Topic]) -> Target:
+    """What a column's name means. Raises InputError where there is no such topic or field, or it holds no number."""
+    text = key.column
+    if not isinstance(text, str) or len(text) > _LONGEST:
+        raise InputError(f"column {key} is not a name; expected a topic and a field, as /joint_states.position[elbow]")
+
+    # the topic that the name begins with, or the only one that it can mean, and what follows
+    fits = [name for name in topics if text.startswith((f"{name}.", f"{name.removeprefix('/')}."))]
+    there = short_list(f"{topic.name} ({topic.kind})" for topic in topics.values())
+    states = [name for name, topic in topics.items() if topic.kind == JOINT_STATE]
+    if not fits and text.startswith("/"):
+        raise InputError(f"column {short(text)} is of no topic of the bag; there are: {there}")
+    if not fits and len(states) != 1:
+        raise InputError(
+            f"column {short(text)} names no topic, which only a bag with exactly one of joint states allows; there are: {there}"
+        )
+    name = max(fits, key=len) if fits else states[0]
+    rest = text.removeprefix("/")[len(name.removeprefix("/")) + 1 :] if fits else text
+    topic = topics[name]
+    if not topic.kind:
+        raise InputError(f"topic {name} has messages of several types; record one, or name another topic")
+    if rest == RECEIVED and RECEIVED not in types_of(topic)[topic.kind]:
+        return Target(name, None)
+    return Target(name, _path(rest, key, topic, types_of(topic)))
+
+
+def _path(text: str, key: Key, topic: Topic, types: Types) -> FieldPath:
+    """The way through a message that a name is, checked against what the message is made of; it ends at a number or at a stamp."""
+    part: Any = (MESSAGE, topic.kind)
+    steps, at = list[str | int | NamedJoint](), 0
+    named = any(name in types[topic.kind] for name in NAMES)
+    while at < len(text):
+        match = _STEP.match(text, at)
+        if match is None:
             raise InputError(
-                f"the stamps of {self.topic} are all zero; name the time as {self.topic}.{RECEIVED}, when its messages were received"
+                f"column {key}: {short(text[at:])} is not a field; expected names with dots between, as position[elbow]"
             )
-        return stamps
+        name, element, _ = match.groups()
+        there = types[part[1]] if part[0] == MESSAGE else {}
+        if name not in there:
+            received = f", or {topic.name}.{RECEIVED}, when messages were received"
+            also = received if "header" not in there and name == "header" else ""
+            raise InputError(
+                f"column {key}: no field {short(name)} in {topic.name}; there are: {short_list(there)}{also}"
+            )
+        part, at = there[name], match.end()
+        steps.append(name + "_" * iskeyword(name))  # as rosbags calls it
+        ends = [] if element is None else [(element, named)]
+        ends += [(str(key.index), False)] if at == len(text) and key.index is not None else []
+        for inner, by_name in ends:
+            if part[0] in (BASE, MESSAGE):
+                raise InputError(f"column {key}: {name} is not an array; leave [{inner[:60]}] out")
+            if not by_name and not (inner.isdecimal() and len(inner) < 10):
+                raise InputError(
+                    f"column {key}: got [{inner[:60]}]; expected a number from 0, for these messages name no joints"
+                )
+            steps.append(NamedJoint(inner) if by_name else int(inner))
+            part = part[1][0]
+    if is_stamp(part) or is_number(part):
+        return FieldPath(tuple(steps), is_stamp=is_stamp(part))
+    if part[0] == MESSAGE:
+        why = f"is not a number but a message with {short_list(types[part[1]])}; name one of these"
+    elif part[0] == BASE:
+        why = "holds text; name a number"
+    else:
+        why = f"is an array; say which element, as {topic.name}.position[elbow] for a joint, or [0] for the first"
+    raise InputError(f"column {key} {why}")
 
 
 def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tuple[Finding, ...]]:
@@ -68,86 +164,41 @@ def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tu
     # where there are several topics, the stamps at which the messages of each stand: those in its header, if the time is one
     clocks: dict[str, FieldPath | None] = {}
     for name in names if len(names) > 1 else ():
-        header = topics[name].message().fields.get("header")
-        stamped = base.path is not None and "stamp" in getattr(header, "fields", {})
+        types = types_of(topics[name])
+        header = types[topics[name].kind].get("header", ())
+        stamped = base.path is not None and "stamp" in types.get(header[-1] if header else "", ())
         clocks[name] = base.path if name == base.topic else STAMP if stamped else None
 
-    read = dict[str, _Messages]()
+    read = dict[str, Messages]()
     for name in names:
         paths = [*(t.path for t in targets.values() if t.topic == name), clocks.get(name)]
-        read[name] = _read(topics[name], [path for path in paths if path])
+        read[name] = numbers_of(topics[name], [path for path in paths if path])
     bounded(sum(messages.received.size for messages in read.values()) * len(keys))
-    columns = {key: _column(key, target, read, base.topic, clocks) for key, target in targets.items()}
-    return columns, digest_of(bag), tuple(_notes(targets, columns, base, clocks))
+    columns = dict[Key, Array]()
+    for key, target in targets.items():
+        messages = read[target.topic]
+        _refuse_empty(key, target, messages)
+        if target.is_time:
+            stamps = _stamps(target, messages)
+            columns[key] = _seconds(stamps, int(stamps[stamps != NO_STAMP][0]))
+            continue
+        found: Array = messages.values[target.path or STAMP]
+        if target.topic != base.topic:
+            at = _stamps(Target(base.topic, clocks[base.topic]), read[base.topic])
+            own = _stamps(Target(target.topic, clocks[target.topic]), messages)
+            origin, order = int(at.max()), np.argsort(own, kind="stable")
+            try:
+                found = brought_to(_seconds(at, origin), _seconds(own[order], origin), found[order], _GAP)
+            except InputError as error:
+                raise InputError(f"{target.topic}: {error}") from error
+        columns[key] = found
 
-
-def _read(topic: Topic, paths: Sequence[FieldPath]) -> _Messages:
-    """The numbers of a topic at some paths, in the order in which messages were received."""
-    paths, received = list(dict.fromkeys(paths)), array("q")
-    decoder = Decoder(topic.message(), paths, is_cdr=topic.channels[0].encoding == "cdr")
-    for _, time, raw in messages_of(topic.bag, frozenset(channel.number for channel in topic.channels)):
-        received.append(time)
-        bounded(len(received) * (len(paths) + 1))
-        decoder.decode(raw)
-    if not received:
-        raise InputError(f"holds no message of topic {topic.name}; name another")
-    order = np.argsort(received, kind="stable")
-    values = {path: np.array(column)[order] for path, column in zip(paths, decoder.columns, strict=True)}
-    return _Messages(topic.name, np.array(received)[order], values, tuple(decoder.joints))
-
-
-def _column(
-    key: Key, target: Target, read: Mapping[str, _Messages], base: str, clocks: Mapping[str, FieldPath | None]
-) -> Array:
-    """One column: a time in s from the first, or values, interpolated where they are of another topic than the time."""
-    messages, path = read[target.topic], target.path
-    found: NDArray[Any] = messages.received if path is None else messages.values[path]
-    if ((found == NO_STAMP) if target.is_time else np.isnan(found)).all():
-        joint = next((step.name for step in (path.steps if path else ()) if isinstance(step, NamedJoint)), None)
-        if joint is not None and joint not in messages.joints and not joint.isdecimal():
-            raise InputError(
-                f"column {key}: no joint {short(joint)} in {target.topic}; there are: {short_list(messages.joints)}"
-            )
-        raise InputError(
-            f"column {key} is empty in all {found.size} messages of {target.topic}; leave it out, or name what was logged"
-        )
-    if target.is_time:
-        stamps = messages.stamps(target.path)
-        known = stamps != NO_STAMP
-        first = stamps[known][0]
-        return np.where(known, (stamps - first) / 1e9, np.nan)
-    if target.topic == base:
-        return found
-    stamps, at, topic = messages.stamps(clocks[target.topic]), read[base].stamps(clocks[base]), target.topic
-    known = stamps != NO_STAMP
-    order = np.argsort(stamps[known], kind="stable")
-    stamps, values = stamps[known][order], found[known][order]
-    lasts = np.append(np.diff(stamps) > 0, True)  # of those with one stamp the last
-    stamps, values = stamps[lasts], values[lasts]
-    if stamps.size < 2 or at.max() < stamps[0] or at[at != NO_STAMP].min() > stamps[-1]:
-        raise InputError(
-            f"the messages of {topic} are at other times than those of the time's topic; name topics that were logged together"
-        )
-    since = np.where(at == NO_STAMP, np.nan, (at - stamps[0]).astype(float))
-    return between_samples(
-        since, (stamps - stamps[0]).astype(float), values, _GAP
-    )  # nan where there is nothing on both sides
-
-
-def _notes(
-    targets: Mapping[Key, Target],
-    columns: Mapping[Key, Array],
-    base: Target,
-    clocks: Mapping[str, FieldPath | None],
-) -> list[Finding]:
-    """What is said of how times were told, and of topics that were interpolated."""
-    received = [*((t.topic, t.path) for t in targets.values()), *clocks.items()]
-    times, notes = sorted({name for name, path in received if path is None}), list[Finding]()
-    if times:
-        message = f"Times of {', '.join(times)} are those at which messages were received, not those of a header."
+    # what is said of how times were told, and of topics that were interpolated
+    notes, clocked = list[Finding](), [*((t.topic, t.path) for t in targets.values()), *clocks.items()]
+    if received := sorted({name for name, path in clocked if path is None}):
+        message = f"Times of {', '.join(received)} are those at which messages were received, not those of a header."
         notes.append(Finding("time-received", NOTE, message))
-    others = sorted(clocks.keys() - {base.topic})
-    if others:
+    if others := sorted(clocks.keys() - {base.topic}):
         without = np.any([np.isnan(columns[key]) for key, t in targets.items() if t.topic in others], axis=0)
         rows = int(without.sum())
         message = (
@@ -155,16 +206,47 @@ def _notes(
             f"gaps longer than {_GAP} intervals, left empty."
         )
         notes.append(Finding("topics-interpolated", NOTE, message, {"rows": rows}))
-    return notes
+    return columns, digest_of(bag), tuple(notes)
 
 
-def bag_joints(path: Path, topic: str) -> tuple[str, ...]:
-    """Names of the joints in a topic of joint states, in the order in which they are first seen; needs the extra `ros`."""
-    return _joints(topics_of(open_bag(path))[topic])
+def _seconds(stamps: NDArray[np.int64], origin: int) -> Array:
+    """Stamps in ns as s since one of them, nan where there is none."""
+    return np.where(stamps == NO_STAMP, np.nan, (stamps - origin) / 1e9)
 
 
-def state_topic(topics: Mapping[str, Topic]) -> str:
-    """The topic of the joint states. Raises InputError where there is none, or several."""
+def _stamps(time: Target, messages: Messages) -> NDArray[np.int64]:
+    """Times in ns, `NO_STAMP` where there is none. Raises InputError where all are zero, and so were never set."""
+    if time.path is None:
+        return messages.received
+    stamps: NDArray[np.int64] = messages.values[time.path]
+    if not stamps.any():
+        raise InputError(
+            f"the stamps of {time.topic} are all zero; name the time as {time.topic}.{RECEIVED}, when its messages were received"
+        )
+    return stamps
+
+
+def _refuse_empty(key: Key, target: Target, messages: Messages) -> None:
+    """Raise InputError where no message has what a column names."""
+    found = messages.received if target.path is None else messages.values[target.path]
+    if not ((found == NO_STAMP) if target.is_time else np.isnan(found)).all():
+        return
+    joint = next((x.name for x in (target.path.steps if target.path else ()) if isinstance(x, NamedJoint)), "")
+    if joint and joint not in messages.joints and not joint.isdecimal():
+        raise InputError(
+            f"column {key}: no joint {short(joint)} in {target.topic}; there are: {short_list(messages.joints)}"
+        )
+    raise InputError(
+        f"column {key} is empty in all {found.size} messages of {target.topic}; leave it out, or name what was logged"
+    )
+
+
+def joint_states(path: Path) -> tuple[str, tuple[str, ...]]:
+    """The topic of a bag's joint states, and their joints in the order in which they are first seen.
+
+    Raises InputError where there is no such topic, or there are several; needs the extra `ros`.
+    """
+    topics = topics_of(open_bag(path))
     states = [name for name, t in topics.items() if t.kind == JOINT_STATE]
     if len(states) != 1:
         there = short_list(f"{t.name} ({t.kind})" for t in topics.values())
@@ -172,20 +254,39 @@ def state_topic(topics: Mapping[str, Topic]) -> str:
             f"has {'several topics' if states else 'no topic'} of joint states; name each column with its topic, as in "
             f"--column position=/joint_states.position[elbow] (there are: {there})"
         )
-    return states[0]
+    return states[0], _joints(topics[states[0]])
 
 
 def _joints(topic: Topic) -> tuple[str, ...]:
-    messages = _read(topic, [FieldPath(("position", NamedJoint("")))])
-    return tuple(check_name(name, "the joint") for name in messages.joints)
+    return tuple(check_name(name, "the joint") for name in numbers_of(topic, []).joints)
 
 
 def bag_columns(path: Path) -> tuple[str, ...]:
-    """Names of the columns that a bag offers. Raises InputError; needs the extra `ros`."""
+    """Names of the columns that a bag offers: stamps and plain numbers, and of joint states those of each joint; needs the extra `ros`."""
+
+    def leaves(types: Types, kind: str, name: str, depth: int = 0) -> Iterator[str]:
+        for field, part in types[kind].items():
+            if is_number(part) or is_stamp(part):
+                yield f"{name}.{field}"
+            elif part[0] == MESSAGE and depth < 3:
+                yield from leaves(types, part[1], f"{name}.{field}", depth + 1)
+
     names = list[str]()
     for topic in topics_of(open_bag(path)).values():
         try:
-            names += columns_of(topic, _joints(topic) if topic.kind == JOINT_STATE else ())
+            names += list(leaves(types_of(topic), topic.kind, topic.name))[:_LISTED]
+            joints = _joints(topic) if topic.kind == JOINT_STATE else ()
         except InputError:  # of a topic that is not read, and may not be wanted
             continue
+        names += [f"{topic.name}.{name}[{joint}]" for joint in joints for name in ("position", "velocity", "effort")]
     return tuple(names)
+
+
+def time_column(path: Path, column: str) -> str:
+    """The time of a column's topic: its stamps or, where it has none, when its messages were received. Raises InputError."""
+    topics = topics_of(open_bag(path))
+    topic = target_of(Key(column), topics).topic
+    with suppress(InputError):
+        read_bag(path, [Key(f"{topic}.header.stamp")])
+        return f"{topic}.header.stamp"
+    return f"{topic}.{RECEIVED}"

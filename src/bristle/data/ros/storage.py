@@ -1,12 +1,10 @@
-"""The files of bags, and their messages, undecoded, by the readers of rosbags; nothing that a file says becomes code.
-
-A bag is one file, or a folder with metadata.yaml and the storage files that it names.
+"""The files of bags, by the readers of rosbags: one file, or a folder with metadata.yaml and the storage files that it names.
 
 rosbags unpacks a chunk whole, whatever size it claims: a bag of strangers can take all memory that the process may have.
 """
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import islice
 from operator import index
@@ -19,7 +17,7 @@ from bristle.errors import InputError, check_regular, short
 
 DAMAGED = "record it again, or repair it with the tools of ROS (ros2 bag reindex, mcap recover, rosbag reindex)"
 """What to do about a damaged bag."""
-_WHAT = "ROS bag that ended in order"
+WHAT = "ROS bag that ended in order"
 _MOST, _RATIO, _BYTES = 2**33, 200, 2**23
 """Bytes of messages that are read of one bag: so many, or so many times its size beyond the last."""
 METADATA = "metadata.yaml"
@@ -35,17 +33,6 @@ class Bag(NamedTuple):
     path: Path
     files: tuple[Path, ...]  # its storage files
     distribution: str | None = None  # of ROS 2, where metadata.yaml names it
-
-
-class Channel(NamedTuple):
-    """Messages of one topic and type in one bag."""
-
-    number: int  # by which its messages are marked
-    topic: str
-    kind: str  # type of its messages, as `sensor_msgs/msg/JointState`
-    encoding: str  # `cdr` or `ros1`, else it cannot be read
-    definition: str = ""  # text of the message definition; empty: the file has none
-    is_idl: bool = False  # whether the definition is in IDL, which is not parsed
 
 
 def is_bag(path: Path) -> bool:
@@ -113,11 +100,12 @@ def _of_folder(folder: Path) -> Bag:
 
 
 @contextmanager
-def _opened(bag: Bag) -> Iterator[Any]:
+def opened(bag: Bag) -> Iterator[Any]:
+    """A reader of rosbags with the connections and the messages of a bag. Raises InputError where it cannot be read."""
     from rosbags import rosbag1, rosbag2
 
     suffix, readers = bag.path.suffix.lower(), rosbag2.Reader.STORAGE_PLUGINS
-    with reading(_WHAT, DAMAGED):
+    with reading(WHAT, DAMAGED):
         reader = (rosbag1.Reader if suffix == ".bag" else readers["dir" if bag.path.is_dir() else suffix])(bag.path)
         reader.open()
     try:
@@ -126,29 +114,20 @@ def _opened(bag: Bag) -> Iterator[Any]:
         reader.close()
 
 
-def channels_of(bag: Bag) -> list[Channel]:
-    """The channels of a bag. Raises InputError where it cannot be read."""
-    with _opened(bag) as reader, reading(_WHAT, DAMAGED):
-        return [
-            Channel(c.id, c.topic, c.msgtype, getattr(c.ext, "serialization_format", "ros1"), c.msgdef.data, c.msgdef.format.name == "IDL")
-            for c in reader.connections
-        ]  # fmt: skip  # a record
-
-
-def messages_of(bag: Bag, wanted: frozenset[int]) -> Iterator[tuple[int, int, bytes]]:
-    """Channel number, receive time, ns, and bytes of each message of some channels of a bag.
+def messages_of(bag: Bag, numbers: frozenset[int], decoded: Callable[[bytes], Any]) -> Iterator[tuple[int, Any]]:
+    """Receive time, ns, and what `decoded` makes of each message of some connections, by their numbers.
 
     Raises InputError where it cannot be read, or the messages are far longer than its files.
     """
     left = min(_MOST, _BYTES + _RATIO * sum(file.stat().st_size for file in bag.files))
-    with _opened(bag) as reader:
-        messages = reader.messages([c for c in reader.connections if c.id in wanted])
+    with opened(bag) as reader:
+        messages = reader.messages([c for c in reader.connections if c.id in numbers])
         while True:
-            with reading(_WHAT, DAMAGED):  # some at a time, and times that are none are damage
-                some = [(c.id, index(time), bytes(raw)) for c, time, raw in islice(messages, 64)]
-            left -= sum(len(raw) for *_, raw in some)
+            with reading(WHAT, DAMAGED):  # some at a time, and times that are none are damage
+                some = [(index(time), decoded(raw), len(raw)) for _, time, raw in islice(messages, 64)]
+            left -= sum(size for *_, size in some)
             if left < 0:
                 raise InputError(f"holds messages of far more bytes than the file explains; {DAMAGED}")
             if not some:
                 return
-            yield from some
+            yield from ((time, message) for time, message, _ in some)

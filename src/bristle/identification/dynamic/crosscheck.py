@@ -11,11 +11,11 @@ import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.estimation.ipopt import compared, ends, natural, solver
-from bristle.findings import CRITICAL, NOTE, Finding
+from bristle.estimation.ipopt import ends, natural, solver
 from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Values
 from bristle.identification.fits import Crosscheck
+from bristle.identification.shared_findings import crosschecked
 from bristle.model import law
 from bristle.model.parameters import Lugre, ParameterName, fields_of, lugre_of, pair_of
 from bristle.model.time_refinement import Nodes, with_extra_nodes
@@ -43,27 +43,9 @@ def check_tracking(solved: DynamicSolution) -> Crosscheck:
     begun = [np.clip(unknowns.scaled(one), unknowns.lower, unknowns.upper) for one in away]
     ended = ends(whole, unknowns, begun)
     costs = [float(np.sum(posed.evaluate(end)[0] ** 2)) for end in ended]
-    errors = {name: e.standard_error for name, e in solved.fit.parameters.items()}
-    other = compared(values, best, errors, [unknowns.values(end) for end in ended], costs, _SAME * best)
-    known, lowest = {name: other.parameters[name] for name in other.difference_in_se}, other.cost_full
-    share, against = f"{other.reached} of {STARTS} IPOPT starts reached", f"({lowest:.6g} against {best:.6g})"
-    numbers: dict[str, float] = {"lowest": lowest, "cost": best, "reached": other.reached, "starts": STARTS}
-    if other.agrees:
-        message = (
-            "Gauss-Newton on the rollout and IPOPT on the full simulation agree: the largest difference is "
-            f"{other.worst:.2g} standard errors. {share} the lowest cost."
-        )
-        numbers = {"worst": other.worst, "reached": other.reached, "starts": STARTS}
-        verdict = Finding("ipopt-agrees", NOTE, message, numbers)
-    elif lowest < best:
-        message = f"IPOPT found a lower cost {against}: do not use this fit. {share} the lowest cost."
-        verdict = Finding("ipopt-lower", CRITICAL, message, numbers)
-    else:
-        message = (
-            f"IPOPT did not reach as low a cost {against}, so it does not confirm the fit. {share} its lowest cost."
-        )
-        verdict = Finding("ipopt-higher", NOTE, message, numbers)
-    return Crosscheck(**other._replace(parameters=known)._asdict(), verdict=verdict)
+    errors = {name: e.standard_error for name, e in solved.fit.parameters.items() if e.standard_error}
+    minima = [unknowns.values(end) for end in ended]
+    return crosschecked("Gauss-Newton", values, best, errors, minima, costs, _SAME * best)
 
 
 def _cost(solved: DynamicSolution, x: ca.MX) -> ca.MX:

@@ -14,7 +14,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.multistart import SAME, MultistartSolution, solve_from_starts
-from bristle.estimation.nonlinear import Evaluate, LeastSquares, Minimum, Unknowns, descend, minimise
+from bristle.estimation.nonlinear import Evaluate, LeastSquares, Minimum, Unknowns, minimise
 from bristle.identification.dynamic.claims import asked_peak
 from bristle.identification.dynamic.problem import (
     DynamicProblem,
@@ -36,8 +36,7 @@ _LARGE = 50_000  # samples from which a descent begins on a few of them
 _EVERY = 8  # those few are every 8th, ...
 _ROUGH = 10.0  # ... with nodes this many times farther apart, ...
 _NEAR = 0.1  # ... and end within about a third of their own standard errors
-_POLISH = 25  # steps, each with some evaluations in which windows settle
-_MORE = 200  # steps more of a predicted torque, where the lowest of its ends ran out of them
+_MORE = 200  # steps more, where the lowest of the ends ran out of them
 _RISES = 0.1  # of a load, that friction rises by: a typical size
 _MOST = 10.0  # of the largest torque: alpha_1 at most
 _RUNGS, _DESCENT = 8, 6  # deflections of the bristle that are tried, and steps of a descent at each
@@ -85,14 +84,13 @@ def thinned(problem: DynamicProblem, first: int = 0) -> DynamicProblem:
 def polished(
     problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
 ) -> tuple[LeastSquares[Unknown], Minimum]:
-    """A minimum that ran out of steps, brought to its end, of simulated positions by windows that settle by themselves, where that is lower."""
+    """A minimum that ran out of steps, brought to its end, where that is lower."""
     if minimum.converged or minimum.residuals.size < FEWEST * minimum.x.size:
         return posed, minimum
     values = posed.unknowns.values(minimum.x)
     near = least_squares(problem, values)
     start, bounds = near.unknowns.scaled(values), (near.unknowns.lower, near.unknowns.upper)
-    by_torque = problem.quantity == "torque"
-    better = minimise(near.evaluate, start, *bounds, _MORE) if by_torque else descend(near, start, _POLISH)
+    better = minimise(near.evaluate, start, *bounds, _MORE)
     if better.cost > minimum.cost:
         return posed, minimum
     return near, better._replace(steps=minimum.steps + better.steps)
@@ -136,14 +134,10 @@ def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
         names=problem.names, logarithmic=logarithmic, scale=scale, lower=lower, upper=upper, least=least
     )
     return LeastSquares(
-        unknowns=unknowns,
-        evaluate=_evaluation(problem, unknowns),
-        blocks=problem.blocks,
-        independent=problem.quantity == "position",
-        starts=problem.starts,
-        priors=sum(len(prior.names) for prior in problem.priors),
-        sigma=problem.sigma,
-    )
+        unknowns=unknowns, evaluate=_evaluation(problem, unknowns), blocks=problem.blocks,
+        independent=problem.quantity == "position", starts=problem.starts,
+        priors=sum(len(prior.names) for prior in problem.priors), sigma=problem.sigma,
+    )  # fmt: skip  # a list of values
 
 
 def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluate:

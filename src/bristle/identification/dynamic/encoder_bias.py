@@ -23,8 +23,7 @@ from bristle.data.record import Record
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.claims import warned, without_weak
 from bristle.identification.dynamic.descent import fit
-from bristle.identification.dynamic.estimates import OF_PHYSICS, physics
-from bristle.identification.dynamic.fit import DynamicSolution
+from bristle.identification.dynamic.fit import OF_PHYSICS, DynamicSolution, physics
 from bristle.identification.dynamic.problem import DynamicProblem, modelled, residuals
 from bristle.identification.fits import TrackingFit
 from bristle.identification.shared_findings import not_shown

@@ -40,14 +40,6 @@ _RING = 1.0  # a step of the plant is at most this share of a radian of the bris
 _MOST = 4  # steps of the plant between two samples, at most
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Window(Motion):
-    """A piece of a moving run that is simulated from a start of its own; what is measured is the position, rad."""
-
-    drive: Array
-    """Voltage, V, or torque, N*m, linear between samples, (N,)."""
-
-
 @dataclass(frozen=True, slots=True)
 class Simulated:
     """The equations of windows: the plant from its start on, parameters apart."""
@@ -62,7 +54,7 @@ class Simulated:
         self, problem: DynamicProblem, known: Values, _: Sequence[dict[Unknown, Array]]
     ) -> list[tuple[Array, dict[Unknown, Array]]]:
         """Of each window measured less simulated position, rad, (N,), and the derivatives of the latter by each unknown, (N,)."""
-        windows = [m for m in problem.motions if isinstance(m, Window)]
+        windows = problem.motions
         directions, fields, states = problem.directions, fields_of(self.law), problem.initial_states
         # steps of the plant between two samples, seldom another number from step to step of the fit
         J, stiffest = known[INERTIA], max(value for name, value in known.items() if name.name == "sigma_0")
@@ -119,7 +111,7 @@ def simulation(
     current = motor.current if by_voltage else motor.current_for
     plant = Simulated(constants if constants and by_voltage else _NO_MOTOR, current, posed.law)
     parts = [(r, part) for r in records for part in between_gaps(r)]
-    windows: list[Window] = []
+    windows: list[Motion] = []
     for (record, part), whole in zip(parts, posed.motions, strict=True):
         drive = record.voltage if by_voltage else record.torque
         if record.position is None or drive is None:
@@ -141,19 +133,14 @@ def simulation(
             block = np.minimum(np.arange(n) // every, max(n // every - 1, 0))
             means = sparse.csr_array(((1 / np.bincount(block))[block], (block, np.arange(n))))
             windows.append(
-                Window(
-                    file=record.file,
-                    continues_previous=first > 0,
-                    time=whole.time[samples],
-                    velocity=whole.velocity[samples],
-                    torque=whole.torque[samples],
-                    extra=whole.extra[samples],
+                Motion(
+                    file=record.file, continues_previous=first > 0, time=whole.time[samples],
+                    velocity=whole.velocity[samples], torque=whole.torque[samples], extra=whole.extra[samples],
                     shifts={name: shift[samples] for name, shift in whole.shifts.items()},
-                    smooth=None if every == 1 else means,
-                    measured=record.position[part][samples],
+                    smooth=None if every == 1 else means, measured=record.position[part][samples],
                     drive=drive[part][samples],
                 )
-            )
+            )  # fmt: skip  # a list of values
     return replace(
         posed, motions=tuple(windows), quantity="position", initial_states=("y0", "v0", "z0"), equations=plant
     )
@@ -166,7 +153,6 @@ def with_more_torque(problem: DynamicProblem, constant: str, share: float) -> Dy
     moved = [
         replace(w, drive=w.drive + share * per * w.shifts[constant]) if constant in w.shifts else w
         for w in problem.motions
-        if isinstance(w, Window)
     ]
     return replace(problem, motions=tuple(moved))
 

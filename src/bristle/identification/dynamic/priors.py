@@ -130,10 +130,6 @@ def fit_with_priors(
     joint = widened(joint, with_priors_beside(scatter, by_runs, joint), LOGARITHMIC)
     joint = with_systematic(joint, shifts_of(solved))
     agree, warnings = _consistency(priors, alone, joint), [*joint.warnings]
-    apart = tuple(c.parameter for c in agree if c.verdict.code not in {"stage-agrees", "stage-unseen"})
-    if apart:
-        message = f"The moving runs and the other stages differ by more than chance in {', '.join(map(str, apart))}."
-        warnings.append(Finding("stages-differ", CAUTION, message, {"names": apart}))
     of_joint, of_alone = joint.relative_error, alone.relative_error
     if of_joint > _WORSE * of_alone:
         message = (
@@ -307,7 +303,7 @@ def _scatter(freedom: float) -> float:
 
 def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit) -> tuple[Consistency, ...]:
     """Each parameter of each stage beside the moving data alone and the joint fit."""
-    rows, differ = [], "They differ by"
+    rows = []
     # combined standard errors by which none of so many parameters differs by chance (normal, Bonferroni)
     count = sum(alone.parameters[name].value is not None for prior in priors for name in prior.names)
     limit = float(ndtri(1 - SIGNIFICANCE / (2 * max(count, 1))))
@@ -323,27 +319,16 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
                 stage, own = error / abs(value or 1.0), moving.standard_error / abs(moving.value or 1.0)
                 if abs(difference) <= limit:
                     verdict = Finding("stage-agrees", NOTE, "They agree.")
-                elif max(own, stage) < _SURER * min(own, stage):
-                    message = f"{differ} more than chance, and neither is much more precise: see the warnings of both."
-                    verdict = Finding("stage-differs", CAUTION, message)
-                elif own > stage:
-                    message = f"{differ} more than chance; check the moving data first, which are less precise."
-                    verdict = Finding("distrust-moving", CAUTION, message)
                 else:
-                    message = f"{differ} more than chance; check the {prior.stage} stage first, which is less precise."
-                    verdict = Finding("distrust-stage", CAUTION, message, {"stage": prior.stage})
+                    check = f"check the {prior.stage if own < stage else 'moving'} data first, which are less precise."
+                    if max(own, stage) < _SURER * min(own, stage):
+                        check = "neither is much more precise: see the warnings of both."
+                    verdict = Finding("stage-differs", CAUTION, f"They differ by more than chance; {check}")
             rows.append(
                 Consistency(
-                    parameter=name,
-                    stage=prior.stage,
-                    stage_value=value,
-                    stage_error=error,
-                    tracking_value=moving.value,
-                    tracking_error=moving.standard_error,
-                    joint_value=both.value,
-                    joint_error=both.standard_error,
-                    difference_in_se=difference,
-                    verdict=verdict,
+                    parameter=name, stage=prior.stage, stage_value=value, stage_error=error,
+                    tracking_value=moving.value, tracking_error=moving.standard_error, joint_value=both.value,
+                    joint_error=both.standard_error, difference_in_se=difference, verdict=verdict,
                 )
-            )
+            )  # fmt: skip  # a list of values
     return tuple(rows)

@@ -43,7 +43,7 @@ Values = Mapping[Any, float]  # of parameters, or of every unknown
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """A segment of a moving run between gaps, of N samples and n equations."""
+    """A segment of a moving run between gaps, or a window of it that is simulated, of N samples and n equations."""
 
     file: str
     time: Array
@@ -61,7 +61,9 @@ class Motion:
     weight: float = 1.0
     """What its residuals are multiplied by in the fit."""
     measured: Array
-    """What is to be explained: the measured torque itself, N*m, (N,)."""
+    """What is to be explained: the measured torque itself, N*m, or position, rad, (N,)."""
+    drive: Array = field(default_factory=lambda: np.zeros(0))
+    """Of a window: voltage, V, or torque, N*m, linear between samples, (N,)."""
     position: Array = field(default_factory=lambda: np.zeros(0))
     """rad, (N,); empty where unknown."""
     coarsening: float = 1.0
@@ -273,30 +275,24 @@ def dynamic_problem(
             smooth, _ = decimator([np.array([part.stop - part.start])], spacing, record.file, clipped[part])
             motions.append(
                 Motion(
-                    file=record.file,
-                    time=record.time[part] - record.time[0],
-                    velocity=record.velocity[part],
-                    torque=(record.torque if known is None else record.torque - known)[part],
-                    extra=columns[part],
+                    file=record.file, time=record.time[part] - record.time[0], velocity=record.velocity[part],
+                    torque=(record.torque if known is None else record.torque - known)[part], extra=columns[part],
                     smooth=None if smooth.shape == (part.stop - part.start,) * 2 else smooth,
                     measured=record.torque[part],
                     position=np.zeros(0) if record.position is None else record.position[part],
                     shifts={name: shift[part] for name, shift in record.torque_shifts.items()},
                     load=None if load is None else load.at(part),
                 )
-            )
+            )  # fmt: skip  # a list of values
     fastest = dict[ParameterName, float]()
     for d in map(Direction, directions) if law.terms else ():  # up to which speed a law with terms has been measured
         along = (m.velocity * DIRECTIONS[d] if d in DIRECTIONS else np.abs(m.velocity) for m in motions)
         fastest[ParameterName(FASTEST, d)] = max(float(v.max()) for v in along)
     return DynamicProblem(
-        motions=tuple(motions),
-        directions=tuple(map(Direction, directions)),
-        extra_names=tuple(ParameterName(name, Direction.SHARED) for name in names),
-        fixed={**fastest, **(fixed or {})},
-        law=law,
-        given=given_by(records),
-    )
+        motions=tuple(motions), directions=tuple(map(Direction, directions)),
+        extra_names=tuple(ParameterName(name, Direction.SHARED) for name in names), fixed={**fastest, **(fixed or {})},
+        law=law, given=given_by(records),
+    )  # fmt: skip  # a list of values
 
 
 def sets_of(problem: DynamicProblem, values: Values) -> dict[Direction, Lugre[float]]:

@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.estimation import interval_comparison
-from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at, too_few
+from bristle.estimation.bootstrap import SHOWN, bootstrap_at
 from bristle.estimation.covariance import seen
+from bristle.estimation.interval_comparison import ENOUGH, FEW
 from bristle.estimation.nonlinear import projected
 from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.estimation.score_test import moved_by
-from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
+from bristle.findings import CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.output_error import with_more_torque
 from bristle.identification.dynamic.problem import Unknown, Values, residuals
@@ -95,24 +96,15 @@ def _three(
     low, high = moved(np.array(profile.interval)).tolist()
     ends = None if drawn is None or blocks < FEW else moved(drawn[0]).tolist()
     bootstrap = None if ends is None else (ends[0], ends[1])
-    at_bound, few, warnings = value == 0, f"{blocks} blocks of independent residuals", [*profile.warnings]
-    if at_bound:
-        message = "At its physical bound of zero: the intervals are one-sided; there is no bootstrap, which does not respect bounds."
-        warnings.append(Finding("no-bootstrap-at-bound", CAUTION, message))
-    elif blocks < FEW:
-        warnings.append(too_few(few))
+    few, warnings = f"{blocks} blocks of independent residuals" if blocks < ENOUGH else None, profile.warnings
     if e.value is not None:
-        told = few if blocks < ENOUGH else None
         ways = (e.interval, (low, high), bootstrap)
-        warnings += interval_comparison.warnings(e.value, *ways, at_bound=at_bound, few=told)
+        warnings = (*warnings, *interval_comparison.warnings(e.value, *ways, at_bound=value == 0, few=few))
     return Uncertainty(
-        covariance=e.interval if profile.curve.size else None,
-        profile=(low, high),
-        bootstrap=bootstrap,
+        covariance=e.interval if profile.curve.size else None, profile=(low, high), bootstrap=bootstrap,
         curve=np.stack([moved(profile.curve[0]), profile.curve[1]]),
-        draws=np.zeros(0) if drawn is None else moved(drawn[1][:SHOWN]),
-        warnings=tuple(warnings),
-    )
+        draws=np.zeros(0) if drawn is None else moved(drawn[1][:SHOWN]), warnings=warnings,
+    )  # fmt: skip  # a list of values
 
 
 def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tuple[Array, Array]]]:

@@ -4,7 +4,7 @@ Rows of a motion beside those of any fit: a torque logged early or late, one tha
 another inertia than the one given, backlash.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -81,27 +81,27 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     # rows of any fit, then those of a motion
     names = [*(name.name for name in problem.extra_names), *problem.given]
     every = candidates(problem.velocity, problem.time, problem.position, names, kind)
-    late = _equations(motions, [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)])
-    made = weight**2 * _made_by_counts(problem, solution)
-    every.append(Candidate(partial(_delay, problem, solution, fit, late, made), (late[:, None],)))
+
+    def ask(tell: Callable[[Score, int], Finding | None], *columns: Sequence[Array], is_friction: bool = False) -> None:
+        """Of alternatives, each a column per motion."""
+        every.append(Candidate(tell, [_equations(motions, x)[:, None] for x in columns], is_friction=is_friction))
+
+    lag = [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)]
+    late, made = _equations(motions, lag), weight**2 * _made_by_counts(problem, solution)
+    ask(partial(_delay, problem, solution, fit, late, made), lag)
     grows = [T * ((m.time - m.time[0]) / np.ptp(m.time) - 0.5) for T, m in zip(torque, motions, strict=True)]
-    every.append(Candidate(partial(_drift, size), (_equations(motions, grows)[:, None],), is_friction=True))
+    ask(partial(_drift, size), grows, is_friction=True)
     weighs = [k for k, name in enumerate(names[: extra.size]) if name.startswith("gravity")]
-    if weighs and all(m.load is None for m in motions):
+    if weighs and all(m.load is None for m in motions):  # what is known is friction under the load of these runs
         load = [np.abs(m.extra[:, weighs] @ extra[weighs]) * np.sign(m.velocity) for m in motions]
-        column = _equations(motions, load)[:, None]  # what is known is friction under the load of these runs
-        every.append(Candidate(partial(_by_load, problem.law.name), (column,), is_friction=True))
+        ask(partial(_by_load, problem.law.name), load, is_friction=True)
     if INERTIA not in problem.names and INERTIA.name not in problem.given:
-        inert = _equations(motions, [np.gradient(m.velocity, m.time) for m in motions])
-        every.append(Candidate(partial(_inertia, kind), (inert[:, None],)))
+        ask(partial(_inertia, kind), [np.gradient(m.velocity, m.time) for m in motions])
     if problem.cutoff and all(m.position.size for m in motions):
-        shifts = tuple(_shifted(problem, solution.values, torque, width)[:, None] for width in _WIDTHS)
-        every.append(Candidate(_backlash, shifts))
+        ask(_backlash, *(_shifted(problem, solution.values, torque, width) for width in _WIDTHS))
     if (largest := max(float(np.abs(T).max()) for T in torque)) > 0:
-        below = [[np.clip(T / (zone * largest), -1, 1) for T in torque] for zone in _ZONES]
-        beyond = [[T - np.clip(T, -top * largest, top * largest) for T in torque] for top in _TOPS]
-        for tell, columns in ((_dead_zone, below), (_saturates, beyond)):
-            every.append(Candidate(partial(tell, largest), [_equations(motions, x)[:, None] for x in columns]))
+        ask(partial(_dead_zone, largest), *([np.clip(T / (x * largest), -1, 1) for T in torque] for x in _ZONES))
+        ask(partial(_saturates, largest), *([T - np.clip(T, -x * largest, x * largest) for T in torque] for x in _TOPS))
     lacks = explained(fit, every)
     patterns = pattern_left(problem, lacks.left / weight)
     errors[seen] = lacks.errors
@@ -196,8 +196,8 @@ def _by_load(law: str, found: Score, _: int) -> Finding:
     return Finding("friction-by-load", CAUTION, message, {"by": by, "error": error, "share": found.share, "law": law})
 
 
-def _shifted(problem: DynamicProblem, values: Values, torque: Sequence[Array], width: float) -> Array:
-    """What a position that runs ahead by one, rad, does to the equations, (n,); it turns within a width of the largest speed."""
+def _shifted(problem: DynamicProblem, values: Values, torque: Sequence[Array], width: float) -> list[Array]:
+    """What a position that runs ahead by one, rad, does to the torque; it turns within a width of the largest speed."""
     top = problem.fastest
     small, motions = _SMALL * max(float(np.ptp(m.position)) for m in problem.motions), []
     for m in problem.motions:
@@ -208,7 +208,7 @@ def _shifted(problem: DynamicProblem, values: Values, torque: Sequence[Array], w
         extra = m.extra + derivative(record, behind, 2)[:, None] * inert
         motions.append(replace(m, velocity=m.velocity + derivative(record, behind, 1), extra=extra))
     moved = modelled(replace(problem, motions=tuple(motions)), values)
-    return _equations(problem.motions, [(x - T) / small for x, T in zip(moved, torque, strict=True)])
+    return [(x - T) / small for x, T in zip(moved, torque, strict=True)]
 
 
 def _backlash(found: Score, _: int) -> Finding:
@@ -224,26 +224,24 @@ def _backlash(found: Score, _: int) -> Finding:
 def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
     """A torque of which the same is missing wherever it is larger than that, and all where it is smaller."""
     missing = -float(found.sizes[0])
-    if not 1 / _OF_ITSELF < missing / (_ZONES[which] * largest) < _OF_ITSELF:
-        return None
     message = (
         f"The torque reads hardly anything below {missing:.2g}{unit_of('torque')}, and as much too little above, which would explain "
         f"{100 * found.share:.0f} % of what the fit leaves: its sensor or drive has a dead zone. What is cut off is missing from alpha_0, and "
         "reversals look softer; switch it off, or add it to the torque."
     )
-    return Finding("torque-missing", CAUTION, message, {"torque": missing, "share": found.share}, {"torque": missing})
+    said = Finding("torque-missing", CAUTION, message, {"torque": missing, "share": found.share}, {"torque": missing})
+    return said if 1 / _OF_ITSELF < missing / (_ZONES[which] * largest) < _OF_ITSELF else None
 
 
 def _saturates(largest: float, found: Score, which: int) -> Finding | None:
     """A torque of which hardly anything is read beyond some size."""
-    if not 1 / _OF_ITSELF < -float(found.sizes[0]) < _OF_ITSELF:
-        return None
     top = _TOPS[which] * largest
     message = (
         f"The torque reads hardly more than {top:.2g}{unit_of('torque')} where it is larger, which would explain {100 * found.share:.0f} % of "
         "what the fit leaves: its sensor or drive saturates. Move slower or more gently, or widen the range."
     )
-    return Finding("torque-saturates", CAUTION, message, {"torque": top, "share": found.share})
+    said = Finding("torque-saturates", CAUTION, message, {"torque": top, "share": found.share})
+    return said if 1 / _OF_ITSELF < -float(found.sizes[0]) < _OF_ITSELF else None
 
 
 def _inertia(kind: Kind, found: Score, _: int) -> Finding:

@@ -21,9 +21,10 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.estimation import interval_comparison
-from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap, too_few
+from bristle.estimation.bootstrap import SHOWN, Resampled, block_bootstrap
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
+from bristle.estimation.interval_comparison import ENOUGH, FEW
 from bristle.identification.fits import Estimate, RunScatter, Uncertainty
 from bristle.identification.presliding.stiffness import (
     ESTIMATORS,
@@ -90,15 +91,12 @@ def stiffness_uncertainty(
     profile = low, high
     error = estimate.standard_error / (estimate.value**2 if inverse else 1.0)
     drawn, draws = _drawn(pieces, line, error, seed)
-    few = f"{drawn.blocks} blocks of {'samples' if inverse else 'count edges'}"
+    few = f"{drawn.blocks} blocks of {'samples' if inverse else 'count edges'}" if drawn.blocks < ENOUGH else None
     bootstrap = None
     if drawn.blocks >= FEW:
         low, high = sorted(line.sigma_0(line.at(0.0)[0] + np.array(drawn.interval(0, error))).tolist())
         bootstrap = low, high
-    told = few if drawn.blocks < ENOUGH else None
-    warnings = interval_comparison.warnings(estimate.value, estimate.interval, profile, bootstrap, few=told)
-    if bootstrap is None:
-        warnings = (*warnings, too_few(few))
+    warnings = interval_comparison.warnings(estimate.value, estimate.interval, profile, bootstrap, few=few)
     values, shown = line.sigma_0(about), line.sigma_0(draws)
     order = np.argsort(values)
     return Uncertainty(

@@ -10,16 +10,15 @@ from bristle.arrays import Array
 from bristle.data.bandwidth import decimation
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.data.robot.rigid_body import RigidBody
+from bristle.data.robot.motion import RigidBody
 from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, CRITICAL, Finding
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.priors import posed_and_start
 from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import decimator, directions, regressors
-from bristle.identification.static.fit import estimate_static
+from bristle.identification.static.fit import estimate_static, fit_moving
 from bristle.identification.static.problem import from_records
-from bristle.identification.static.runs import fit_moving
 from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
 _SURELY = 3.0  # standard errors by which a number is surely not another
@@ -79,7 +78,7 @@ def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], fou
     """
     if not found.scale:
         return found
-    static, _ = fit_moving(experiment, records, (), None)
+    static, _ = fit_moving(experiment, records, ())
     problem, start = posed_and_start(experiment, directions(experiment, records), records, static, None)
     fit = fit_tracking(problem, start, experiment.joint.kind).fit
     links = fit.parameters[ParameterName("links", Direction.SHARED)]

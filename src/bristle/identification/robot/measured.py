@@ -11,8 +11,16 @@ from bristle.data.bandwidth import decimation
 from bristle.data.experiment.load import Experiment, Run, from_current, in_own_unit
 from bristle.data.experiment.schema import PlusMinus
 from bristle.data.record import Record
-from bristle.data.robot.motion import LinkTorques, RobotMotion, read_motions, reader_of, runs_of, without_links
-from bristle.data.robot.rigid_body import RigidBody, rigid_body
+from bristle.data.robot.motion import (
+    LinkTorques,
+    RigidBody,
+    RobotMotion,
+    read_motions,
+    reader_of,
+    rigid_body,
+    runs_of,
+    without_links,
+)
 from bristle.data.robot.robot_file import JointOfRobot, Robot
 from bristle.data.robot.urdf import Urdf
 from bristle.errors import InputError

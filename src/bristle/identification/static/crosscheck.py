@@ -10,9 +10,9 @@ import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.estimation.ipopt import compared, ends, natural, solver
-from bristle.findings import CRITICAL, NOTE, Finding
+from bristle.estimation.ipopt import ends, natural, solver
 from bristle.identification.fits import Crosscheck
+from bristle.identification.shared_findings import crosschecked
 from bristle.identification.static.grid import Solution
 from bristle.identification.static.problem import Regression, unknowns_of
 from bristle.identification.static.profiles import reduced
@@ -68,29 +68,8 @@ def crosscheck(
     problem: Regression, found: Solution, errors: Mapping[ParameterName, float | None], v_s_range: tuple[float, float]
 ) -> Crosscheck:
     """The full fit beside what the grid found in a range of v_s, rad/s: costs, differences in the grid fit's standard errors, a verdict."""
-    ended, cost = full_fit(problem, v_s_range), found.cost
+    ended = full_fit(problem, v_s_range)
     costs = [float(np.sum(problem.residuals(end) ** 2)) for end in ended]
     same = _SAME * min(costs) + 1e-12 * float(problem.torque @ problem.torque)
-    other = compared(problem.named(found.theta), cost, errors, [problem.named(end) for end in ended], costs, same)
-    full, reached = other.cost_full, other.reached
-    if other.agrees:
-        message = (
-            f"Grid and full nonlinear fit agree: the largest difference is {other.worst:.2g} standard errors. {reached} "
-            f"of {STARTS} random starts of the full fit reached its lowest cost."
-        )
-        numbers = {"worst": other.worst, "reached": reached, "starts": STARTS}
-        verdict = Finding("routes-agree", NOTE, message, numbers)
-    elif full < cost:
-        message = (
-            f"The full nonlinear fit found a lower cost than the grid ({full:.6g} against {cost:.6g}); use neither"
-            f" before the cause is known. {reached} of {STARTS} random starts of the full fit reached its lowest "
-            "cost."
-        )
-        numbers = {"full": full, "grid": cost, "reached": reached, "starts": STARTS}
-        verdict = Finding("full-fit-lower", CRITICAL, message, numbers)
-    else:
-        message = (
-            f"The grid found a lower cost than any start of the full nonlinear fit ({cost:.6g} against {full:.6g})."
-        )
-        verdict = Finding("grid-lower", NOTE, message, {"grid": cost, "full": full})
-    return Crosscheck(**other._asdict(), verdict=verdict)
+    minima = [problem.named(end) for end in ended]
+    return crosschecked("Grid", problem.named(found.theta), found.cost, errors, minima, costs, same)

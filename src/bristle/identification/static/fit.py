@@ -1,36 +1,59 @@
-"""From a static problem to a `StaticFit`: the grid's answer with intervals, warnings, and what stands beside it."""
+"""A static fit of points at constant velocity or of moving runs: the grid's answer with intervals, warnings, and what stands beside it."""
 
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
+from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import FitOptions
+from bristle.data.record import Record
+from bristle.errors import InputError
 from bristle.estimation.autocorrelation import unexplained
 from bristle.estimation.covariance import condition
 from bristle.estimation.score_test import Candidate, Fitted, Score, explained
-from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, unit_of
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, in_units, unit_of
 from bristle.identification.candidates import candidates
-from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
-from bristle.identification.moving_runs import DIRECTIONS
+from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, TrackingFit, Uncertainty
+from bristle.identification.load_levels import levels_of, settled_weights
+from bristle.identification.measured import Measured
+from bristle.identification.moving_runs import (
+    DIRECTIONS,
+    directions,
+    inertia,
+    refuse_noise,
+    refuse_opposing,
+    regressors,
+)
 from bristle.identification.repeats import clustered, widened
 from bristle.identification.static.crosscheck import crosscheck
-from bristle.identification.static.grid import default_range, plain_grid
-from bristle.identification.static.points import PointSearch
-from bristle.identification.static.problem import Regression
-from bristle.identification.static.solution import StaticSolution, apart, solve_static
-from bristle.identification.static.stray_report import report_strays
+from bristle.identification.static.grid import default_range, plain_grid, solve
+from bristle.identification.static.points import PointSearch, groups, point_regressors, points_problem
+from bristle.identification.static.problem import Regression, from_records, with_prior
+from bristle.identification.static.solution import StaticSolution, beside, solve_static
+from bristle.identification.static.strays import most_strays
 from bristle.identification.static.uncertainty import parts_of_runs, three_ways
 from bristle.identification.systematic import with_systematic
-from bristle.model.parameters import Direction, Kind, ParameterName, of_curve, peak_parameters, static_fields_of, unit
+from bristle.model.parameters import (
+    INERTIA,
+    Direction,
+    Kind,
+    ParameterName,
+    of_curve,
+    peak_parameters,
+    static_fields_of,
+    unit,
+)
 
 _ONE_SPEED = 1.25  # times the slowest speed: where the fastest is less, they are one
 _MANY, _MIXED = 10, 0.5
 """Points of a direction whose torque may go with their rows, and the rank correlation of speed and row up to which that is no matter of speed."""
+_LISTED = 50  # points that a warning names; of more it says how many there are
 _LOGARITHMIC = ("v_s",)  # what is compared, and widened, as its logarithm
 
 
@@ -54,14 +77,12 @@ def fit_static(
     kind: Kind,
     where: PointInfo,
     held: Sequence[tuple[str, Regression]] = (),
-    timings: dict[str, float] | None = None,
     runs: Sequence[tuple[str, Regression]] = (),
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
     """Fit one static problem, with a peak in every direction, and everything that the report shows beside the fit.
 
-    Hold-out runs, and runs that can be fitted apart, by name, are posed as the problem is, without its priors; the seconds of the
-    grid and of the full fit are written into `timings`, by name. Returns fits and cross-checks, keyed by direction; a problem of two
-    directions that share regressors also has the fit `shared`.
+    Hold-out runs, and runs that can be fitted apart, by name, are posed as the problem is, without its priors. Returns fits and
+    cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit `shared`.
     """
     v_s_range = default_range(problem.velocity)
     # of a direction that was measured at one speed alone viscous friction is told from Coulomb's by others
@@ -76,17 +97,17 @@ def fit_static(
     too_few = _too_few(problem)
     if too_few:
         return {d: _nothing(d, problem, kind, where, too_few) for d in problem.directions}, {}
-    started = perf_counter()
     core = solve_static(problem, options, kind, v_s_range)
-    solved = perf_counter()
     # the same parameters by other ways, and what is said of the whole
     plain: dict[ParameterName, float] = {}
     if len(core.problem.peaks) == 1 and problem.smooth is None:
         plain = core.problem.named(plain_grid(core.problem, v_s_range)[2])
-    strays, other_points, of_strays = report_strays(core, where.search, options, kind)
+    search = where.search
+    of_strays = report_strays(core, search, options, kind) if search else ()
+    strays = [search.points[k] for k in search.strays] if search and not search.misfit else []
     three = three_ways(core, v_s_range)
     sticks = np.array([s.stick_slip for s in where.segments], dtype=bool)
-    without, of_sticking = _without_sticking(problem, core, options, kind, sticks)
+    of_sticking, of_sticking_alone = _without_sticking(problem, core, options, kind, sticks)
     measured = slice(problem.torque.size - problem.priors)
     residuals = core.solution.residuals[measured]
     in_order = residuals[np.argsort(problem.equation_velocity[measured])] if where.segments else residuals
@@ -94,29 +115,27 @@ def fit_static(
     warnings = (*left, *of_strays, *core.warnings, *of_sticking, *terms_left_out(core, kind, where))
     posed = ((file, replace(p, peaks=core.problem.peaks)) for file, p in held)
     errors = tuple(HoldOut(file=file, relative_error=p.relative_error(core.solution.theta)) for file, p in posed)
-    label, checked_at = _parts(problem)[-1], perf_counter()
     errors_of_grid = {name: e.standard_error for name, e in core.parameters.items()}
     checked = crosscheck(core.problem, core.solution, errors_of_grid, v_s_range)
-    if timings is not None:
-        timings |= {f"grid {label}": solved - started, f"full fit {label}": perf_counter() - checked_at}
     warnings = warnings if checked.agrees else (*warnings, checked.verdict)
     logarithmic, alone = {name for name in core.names if name.name in _LOGARITHMIC}, problem.smooth is None
     scatter = clustered(*parts_of_runs(core, runs), core.parameters, core.freedom, logarithmic, independent=alone)
     one, finished = len(core.problem.directions) == 1, dict[str, StaticFit]()
-    for d in _parts(problem):
+    for d in (parts := _parts(problem)):
+        outcome = core.outcome
+        if d in of_sticking_alone:
+            message = "The Stribeck term depends on points that stick and slip; without them it is not identifiable."
+            outcome = Finding("static-stick-slip", CAUTION, message)
         fit = replace(
-            _static_fit(core, kind, d, where, without, three),
-            warnings=warnings,
-            hold_out=errors,
+            _static_fit(core, kind, d, where, three), outcome=outcome, warnings=warnings, hold_out=errors,
             plain_grid={name.name: x for name, x in plain.items() if one or name.direction is d},
             strays=tuple(x for x in strays if DIRECTIONS.get(d, 0.0) * x.velocity >= 0),
-            other_points=other_points.get(d),
-        )
+        )  # fmt: skip  # a list of values
         # as wide as the runs scatter, and then with the systematic errors
         own = {name.name: x for name, x in scatter.items() if one or name.direction is d}
         shifts = {c: {n.name: x for n, x in by.items() if one or n.direction is d} for c, by in core.shifts.items()}
         finished[d] = with_systematic(widened(fit, own, _LOGARITHMIC), shifts)
-    return finished, {label: checked}
+    return finished, {parts[-1]: checked}
 
 
 def estimate_static(
@@ -160,23 +179,104 @@ def _nothing(direction: str, problem: Regression, kind: Kind, where: PointInfo, 
 
 def _without_sticking(
     problem: Regression, core: StaticSolution, options: FitOptions, kind: Kind, sticks: NDArray[np.bool_]
-) -> tuple[Mapping[ParameterName, Estimate], list[Finding]]:
-    """The parameters fitted without the points that stick and slip, a mask, (n,), and what is said of that; nothing where none do."""
+) -> tuple[list[Finding], set[Direction]]:
+    """What is said of the fit without the points that stick and slip, a mask, (n,); and the directions whose Stribeck term rests on them."""
     if not sticks.any():
-        return {}, []
+        return [], set()
     rest = problem.rows(np.logical_not(sticks))
-    sticking, points = int(sticks.sum()), sticks.size
-    message = f"{sticking} of {points} points stick and slip; the fit without them is shown for comparison."
-    said = Finding("stick-slip-points", CAUTION, message, {"sticking": sticking, "points": points})
-    if nothing := _too_few(rest):
-        message = f"Without the points that stick and slip no fit is possible. {nothing.message}"
-        return {}, [said, Finding("nothing-without", CAUTION, message, {"inner": nothing})]
+    numbers: dict[str, Any] = {"sticking": int(sticks.sum()), "points": sticks.size}
+    message = f"{numbers['sticking']} of {sticks.size} points stick and slip."
+    if _too_few(rest):
+        message = f"{message} Without them no fit is possible."
+        return [Finding("stick-slip-points", CAUTION, message, numbers)], set()
     alone = solve_static(rest, options, kind)
-    warnings = [replace(said, effect={"torque": apart(core, alone)})]
-    for inner in alone.warnings:
-        message = f"Without the points that stick and slip: {inner.message}"
-        warnings.append(Finding("without-stick-slip", NOTE, message, {"inner": inner}))
-    return alone.estimates, warnings
+    other = beside(core, alone)
+    message = f"{message} Without: {other.told}"
+    said = Finding("stick-slip-points", CAUTION, message, {**numbers, **other.numbers}, {"torque": other.apart})
+    return [said], {*core.problem.peaks} - {*alone.problem.peaks}
+
+
+def report_strays(core: StaticSolution, search: PointSearch, options: FitOptions, kind: Kind) -> tuple[Finding, ...]:
+    """What is said of the points of a solve that do not belong to its law, and the fit without them, or with them where they are left out."""
+    side = search.sides[0] if len(search.sides) == 1 else ""
+    named, resting = _listed(search, search.strays), _listed(search, search.resting)
+    warnings = []
+    if resting:
+        count, points = len(search.resting), "; ".join(resting)
+        message = (
+            f"{_points(count)} below breakaway left out{in_direction(side)}: {points}; the joint does not slide there."
+        )
+        numbers = {"count": count, "direction": side, "points": tuple(in_units(x, {}) for x in resting)}
+        warnings.append(Finding("resting-left-out", NOTE, message, numbers))
+    numbers = {"points": tuple(in_units(x, {}) for x in named)}
+    if search.misfit:
+        most, count = most_strays(search.problem), len(search.points)
+        message = (
+            f"The law does not fit{in_direction(side)}: more than {most} of {count} points would have to be left out, "
+            f"{'; '.join(named)} first. Look at the residuals for what is missing; `exclude` under fit leaves out points that you know "
+            "to be faulty."
+        )
+        numbers |= {"direction": side, "most": most, "count": count}
+        left = core.problem.residuals(core.solution.theta)
+        warnings.append(Finding("misfit", CAUTION, message, numbers, {"torque": float(np.sqrt(np.mean(left**2)))}))
+    if search.misfit or not named:
+        return tuple(warnings)
+    dropped, text = options.drops_strays and bool(search.left_out), core.problem.text
+    second = solve_static(search.problem.rows(search.sliding if dropped else search.kept), options, kind)
+    other = beside(core, second)
+    numbers |= {"count": len(search.strays), **other.numbers}
+    message = f"{_points(len(search.strays))} off the law of the others"
+    if dropped:
+        message = f"{message}, left out: {'; '.join(named)}. With: {other.told} To keep, write `set_up: as-written` under fit."
+        return (*warnings, Finding("strays-left-out", CAUTION, message, numbers))
+    # by more than a standard error, or one of the two is not identified
+    ours, theirs = ({n: e.value for n, e in x.parameters.items() if e.value is not None} for x in (core, second))
+    errors = {n: core.parameters[n].standard_error or 0.0 for n in ours}
+    alike = {n for n in ours.keys() & theirs.keys() if abs(ours[n] - theirs[n]) <= errors[n]}
+    moved = tuple(text(n) for n in dict.fromkeys((*core.parameters, *second.parameters)) if n not in alike)
+    advice = _advice(search, options)
+    message = f"{message}: {'; '.join(named)}. Without: {other.told}"
+    numbers |= {"advice": in_units(advice, {})}
+    if not moved or not search.matter:
+        return (*warnings, Finding("strays", CAUTION, f"{message} {advice}", numbers))
+    message = f"{message} That is more than one standard error of {', '.join(moved)}. {advice}"
+    warning = Finding("strays-matter", CAUTION, message, {**numbers, "moved": moved}, {"torque": other.apart})
+    return (*warnings, warning)
+
+
+def _advice(search: PointSearch, options: FitOptions) -> str:
+    """What to do about strays that are not left out."""
+    if not options.drops_strays:
+        return "To leave out, leave `set_up: as-written` out."
+    speed = np.abs([s.velocity for s in search.points])
+    side = np.sign([s.velocity for s in search.points])
+    own = list(search.strays)
+    others = np.delete(speed, [*own, *search.resting])
+    weaker = all(side[k] * search.deviations[k] < 0 for k in own)
+    if others.size and weaker and speed[own].max() < others.min():
+        slowest = f"{others.min():.3g}{unit_of('velocity')}"
+        return (
+            f"They are the slowest, and have less friction than the law: below {slowest} it falls towards 0, as a regularised "
+            f"law does, or they do not slide. Write `segments: {{minimum_velocity: {slowest}}}` to leave them out."
+        )
+    return "They stay: neighbours, the ends of the range, or more than a tenth of the points are not strays, but show what the law lacks."
+
+
+def _points(count: int) -> str:
+    return f"{count} point{'' if count == 1 else 's'}"
+
+
+def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[str, ...]:
+    """The first points by name, and how many there are beside them."""
+    named, rest = list[str](), len(rows) - _LISTED
+    for k in rows[:_LISTED]:
+        s = search.points[k]
+        file, where = s.subject
+        off = f", {search.deviations[k]:+.0f} standard deviations off" if search.deviations[k] else ""
+        named.append(
+            f"{file} {where} ({s.torque:.4g}{unit_of('torque')} at {s.velocity:.3g}{unit_of('velocity')}{off})"
+        )
+    return (*named, *([f"and {rest} more"] if rest > 0 else []))
 
 
 def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[Finding]:
@@ -189,13 +289,10 @@ def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[F
     errors = [((e := core.parameters.get(name)) and e.standard_error) or np.inf for name in names]
     friction = np.array([of_curve(name.name) for name in names], dtype=bool)
     fit = Fitted(
-        problem.jacobian(theta)[measured][order],
-        core.solution.residuals[measured][order],
-        np.array(errors, dtype=np.float64),
-        friction,
-        float(np.sqrt(np.mean(problem.friction(theta)[measured] ** 2))),
+        problem.jacobian(theta)[measured][order], core.solution.residuals[measured][order],
+        np.array(errors, dtype=np.float64), friction, float(np.sqrt(np.mean(problem.friction(theta)[measured] ** 2))),
         widened=False,
-    )
+    )  # fmt: skip  # a list of values
     time, position = (x[order] if x.size == order.size else x for x in (where.time, where.position))
     rows = candidates(velocity[order], time, position, [*(name.name for name in names), *problem.given], kind)
     points = [where.segments[k] for k in order] if where.segments else []
@@ -235,13 +332,9 @@ def _static_fit(
     kind: Kind,
     part: Direction,
     where: PointInfo,
-    without: Mapping[ParameterName, Estimate],
     three: Mapping[ParameterName, Uncertainty],
 ) -> StaticFit:
-    """The part of a fit that belongs to one direction, to both, or to what two directions share.
-
-    `without` are the parameters without points that stick and slip, `three` their intervals three ways.
-    """
+    """The part of a fit that belongs to one direction, to both, or to what two directions share; `three` are its intervals three ways."""
     problem, theta = core.problem, core.solution.theta
     two, velocity, residuals = len(problem.directions) == 2, problem.equation_velocity, problem.residuals(theta)
     rows = np.ones(residuals.size, dtype=bool)
@@ -275,19 +368,130 @@ def _static_fit(
     keep = [k for k, name in enumerate(core.names) if name in names or name in core.beside]
     torque = problem.friction(theta) if part != "shared" else problem.torque
     norm = float(np.linalg.norm(problem.measured[rows]))
-    outcome, peak = core.outcome, ParameterName("alpha_1", part)
-    if peak in core.parameters and without and peak not in without:
-        message = "The Stribeck term depends on points that stick and slip; without them it is not identifiable."
-        outcome = Finding("static-stick-slip", CAUTION, message)
     return StaticFit(
         direction=part, law=problem.law, parameters={name: parameters[name] for name in order},
         rms=float(np.sqrt(np.mean(residuals[rows] ** 2))) if rows.any() else None,
         relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None, n=int(rows.sum()),
-        outcome=outcome, names=tuple(core.names[k].name for k in keep),
+        outcome=core.outcome, names=tuple(core.names[k].name for k in keep),
         covariance=core.covariance[np.ix_(keep, keep)], degrees_of_freedom=int(core.freedom),
         profile=core.profiles.get(part), uncertainty={name.name: three[name] for name in names},
-        without_stick_slip={n.name: e for n, e in without.items() if not two or n.direction is part},
         velocity=velocity[rows], torque=torque[rows], residuals=residuals[rows],
         segments=tuple(s for s, row in zip(where.segments, rows.tolist(), strict=False) if row),
         time=where.time[rows[: where.time.size]], position=where.position[rows[: where.position.size]],
     )  # fmt: skip  # a list of values
+
+
+def refuse_opposing_points(experiment: Experiment, points: Sequence[Segment], asked: Sequence[str]) -> None:
+    """Raise InputError where the torque of points is noise, or opposes their velocity: of each direction, or of both about an offset.
+
+    Where gravity is asked for, which may outweigh friction, nothing is refused.
+    """
+    v, T = (np.array([getattr(s, name) for s in points]) for name in ("velocity", "torque"))
+    for d, sign in DIRECTIONS.items() if not asked else ():
+        own = v * sign > 0
+        refuse_opposing(experiment, v[own], T[own], f"at the {np.count_nonzero(own)} points of direction {d}")
+    if asked and "gravity" not in asked and v.size and v.min() < 0 < v.max():
+        refuse_noise(experiment, v, T, f"at the {v.size} points")
+        middle = (T[v > 0].mean() + T[v < 0].mean()) / 2
+        refuse_opposing(experiment, v, T - middle, f"at the {v.size} points, an offset apart")
+
+
+def fit_points(measured: Measured, points: Sequence[Segment]) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
+    """Static parameters and the declared regressors from points at constant velocity: fits and cross-checks.
+
+    Raises InputError where a regressor needs what points do not have, or torque opposes velocity.
+    """
+    experiment, asked = measured.experiment, point_regressors(measured.experiment)
+    if "inertia" in (experiment.fit.regressors or ()) and not measured.moving(hold_out=False):  # which can tell it
+        raise InputError(
+            f"{experiment.path.name}: fit.regressors: inertia needs acceleration, which constant-velocity points do not have; "
+            "leave it out, or give the runs as experiment: tracking"
+        )
+    held, law = measured.points(hold_out=True), experiment.fit.friction
+    static: dict[str, StaticFit] = {}
+    checks: dict[str, Crosscheck] = {}
+    refuse_opposing_points(experiment, points, asked)
+    searches = {search.sides: search for search in measured.searches}
+    for sides, group in groups(experiment, points):
+        signs = [DIRECTIONS[d] for d in sides if d in DIRECTIONS] or list(DIRECTIONS.values())
+        both = by_file(s for s in held if np.sign(s.velocity) in signs), by_file(group)
+        tests, apart = ([(file, points_problem(s, sides, asked, law)) for file, s in of.items()] for of in both)
+        runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
+        # a run of one point has no course over time
+        known = [[s.time for s in group] if len(apart) < len(group) else [None], [s.position for s in group]]
+        time, position = (np.zeros(0) if None in x else np.array(x, dtype=float) for x in known)
+        where = PointInfo(segments=group, time=time, position=position, search=searches.get(sides))
+        problem = points_problem(group, sides, asked, law)
+        fits, checked = fit_static(problem, experiment.fit, experiment.joint.kind, where, tests, runs)
+        static |= fits
+        checks |= checked
+    return static, checks
+
+
+def by_file(points: Iterable[Segment]) -> dict[str, list[Segment]]:
+    """The points of each run, in their order."""
+    found = defaultdict[str, list[Segment]](list)
+    for s in points:
+        found[s.file].append(s)
+    return found
+
+
+def fit_moving(
+    experiment: Experiment, records: Sequence[Record], held: Sequence[Record]
+) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
+    """Static parameters and the declared regressors from moving runs, by linear least squares with the grid.
+
+    Fits and cross-checks. Raises InputError where a run lacks a signal, is too short, or its torque opposes its
+    velocity.
+    """
+    fixed, prior = inertia(experiment)
+    moving, asked = directions(experiment, records), regressors(experiment)
+
+    def problem(
+        chosen: Sequence[Record], weights: Mapping[str, float] | None
+    ) -> tuple[Regression, tuple[Array, Array], int]:
+        """The regression of some records, time and position of each equation, samples dropped at ends."""
+        return from_records(chosen, moving, asked, experiment.fit.every, fixed, experiment.fit.friction, weights)
+
+    def fitted(weights: Mapping[str, float]) -> Mapping[ParameterName, float]:
+        """By the grid, with gravity and links that weigh so much where the level rises with their load."""
+        one = problem(records, weights)[0]
+        return one.named(solve(one, default_range(one.velocity)).theta)
+
+    weights = settled_weights(fitted, problem(records, None)[0].weights) if levels_of(asked) else {}
+    training, (time, position), _ = problem(records, weights)
+    where = PointInfo(time=time, position=position)
+    if prior is not None and "inertia" in asked:
+        free = training.linear @ np.linalg.lstsq(training.linear, training.torque, rcond=None)[0]
+        sigma = float(np.std(training.torque - free))
+        training = with_prior(training, INERTIA, prior.value, float(prior.standard_error or 0.0), sigma)
+    tests = [(r.file, problem([r], weights)[0]) for r in held]
+    apart = [(r.file, problem([r], weights)[0]) for r in records if len(records) > 1]
+    runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
+    return fit_static(training, experiment.fit, experiment.joint.kind, where, tests, runs)
+
+
+def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:
+    """The static fits of moving runs; where the fit of all parameters of the same runs knows their friction, their outcome says so.
+
+    A static law is LuGre's with a bristle that does not bend: the poorer model of the same runs, whose errors do not know what
+    presliding does to it. One fit gives a joint's values; what is said of the other is then no reason to doubt them. One that
+    estimated nothing says why, as before.
+    """
+    if moving is None or all(e.value is None for name, e in moving.parameters.items() if name.name == "alpha_0"):
+        return dict(static)
+    found = dict(static)
+    for d, fit in static.items():
+        if fit.relative_error is not None:
+            message = (
+                f"Without presliding, of which its errors know nothing: the relative error is {fit.relative_error:.2g} %, and "
+                f"{moving.relative_error:.2g} % with it. Use the fit of all parameters of the moving runs, not these numbers."
+            )
+            numbers = {"error": fit.relative_error, "other": moving.relative_error}
+            found[d] = replace(fit, outcome=Finding("static-superseded", NOTE, message, numbers), warnings=())
+    return found
+
+
+def is_superseded(fit: StaticFit) -> bool:
+    """Whether the fit of all parameters of the same runs is the one to use."""
+    return fit.outcome.code == "static-superseded"

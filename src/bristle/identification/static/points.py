@@ -124,12 +124,9 @@ def _search(sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence
     among = np.pad(np.isin(np.argsort(problem.velocity), strays).astype(float), _NEIGHBOURS - 1, constant_values=1.0)
     apart = among.size < _NEIGHBOURS or np.convolve(among, np.ones(_NEIGHBOURS)).max() < _NEIGHBOURS
     return replace(
-        found,
-        matter=bool((np.abs(moved) > _MOVES * np.abs(expected[found.sliding])).any()),
-        apart=bool(apart),
-        deviations=np.divide(residuals, spread, out=np.zeros(n), where=spread > 0),
-        expected=expected,
-    )
+        found, matter=bool((np.abs(moved) > _MOVES * np.abs(expected[found.sliding])).any()), apart=bool(apart),
+        deviations=np.divide(residuals, spread, out=np.zeros(n), where=spread > 0), expected=expected,
+    )  # fmt: skip  # a list of values
 
 
 def _from_the_law(problem: Regression, rows: Sequence[int]) -> tuple[Array, Array]:

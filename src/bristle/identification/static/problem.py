@@ -177,15 +177,12 @@ class Regression:
     def rows(self, keep: NDArray[np.bool_]) -> "Regression":
         """The same problem with only some equations, no prior among them; `keep` is a mask, (n,)."""
         return replace(
-            self,
-            velocity=self.velocity[keep] if self.smooth is None else self.velocity,
-            torque=self.torque[keep],
-            linear=self.linear[keep],
-            smooth=None if self.smooth is None else self.smooth[np.flatnonzero(keep)],
+            self, velocity=self.velocity[keep] if self.smooth is None else self.velocity, torque=self.torque[keep],
+            linear=self.linear[keep], smooth=None if self.smooth is None else self.smooth[np.flatnonzero(keep)],
             known=None if self.known is None else self.known[keep],
             shifts={name: shift[keep] for name, shift in self.shifts.items()},
             memory={key: tuple(table[keep] for table in tables) for key, tables in self.memory.items()},
-        )
+        )  # fmt: skip  # a list of values
 
     def _columns(self, function: ca.Function, v_s: Array, peak: int) -> Tables:
         direction, smooth = self.peaks[peak], self.smooth
@@ -289,15 +286,12 @@ def with_prior(
     smooth = problem.smooth if problem.smooth is not None else sparse.eye_array(problem.velocity.size, format="csr")
     blank = sparse.csr_array((1, problem.velocity.size))
     return replace(
-        problem,
-        torque=np.append(problem.torque, weight * value),
+        problem, torque=np.append(problem.torque, weight * value),
         known=None if problem.known is None else np.append(problem.known, 0.0),
         shifts={name: np.append(shift, 0.0) for name, shift in problem.shifts.items()},
-        linear=np.vstack([problem.linear, row]),
-        smooth=sparse.csr_array(sparse.vstack([smooth, blank])),
-        memory={},
+        linear=np.vstack([problem.linear, row]), smooth=sparse.csr_array(sparse.vstack([smooth, blank])), memory={},
         priors=problem.priors + 1,
-    )
+    )  # fmt: skip  # a list of values
 
 
 def _build(

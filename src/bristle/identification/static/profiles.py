@@ -164,14 +164,9 @@ def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
         velocities.append(sign * np.exp(at))
         shares.append(sign * np.asarray(np.linalg.solve(on_nodes.T, of_splines).T, dtype=np.float64))
     return replace(
-        problem,
-        velocity=np.concatenate(velocities),
-        torque=basis.T @ problem.torque,
-        linear=basis.T @ problem.linear,
-        smooth=sparse.csr_array(np.concatenate(shares, axis=1)),
-        known=None,
-        memory={},
-    )
+        problem, velocity=np.concatenate(velocities), torque=basis.T @ problem.torque, linear=basis.T @ problem.linear,
+        smooth=sparse.csr_array(np.concatenate(shares, axis=1)), known=None, memory={},
+    )  # fmt: skip  # a list of values
 
 
 def others(solution: Solution, peaks: int, peak: int) -> Array:

@@ -14,7 +14,8 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.estimation.information import criteria, power_of
+from bristle.estimation.information import bic, power_of
+from bristle.identification.comparison import APART, SYMMETRIC
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     REGRESSORS,
@@ -68,67 +69,62 @@ class BetterSetUp:
         return f"{apart}{regressor_line(self.set_up.regressors)}"
 
 
-class _Trial(NamedTuple):
-    """What can be tried on some data."""
+class Trial(NamedTuple):
+    """What can be tried on some data, parts of which are held out in turn."""
 
+    asked: SetUp
+    sides: tuple[str, ...]  # The directions in which the data go
     possible: Sequence[str]  # Regressors that the signals allow
     pose: Callable[[tuple[str, ...]], Regression]  # All that is possible, at once, in some directions
     blocks: int  # Into so many stretches the equations are cut, of which a part is every fifth
 
+    def better(self) -> BetterSetUp | None:
+        """A clearly better set-up than the one asked for, with all of that, or more, or directions apart; None where there is none."""
+        both = self.asked.directions == ("both",)
+        better = self._simplest(self.asked, (("both",), tuple(DIRECTIONS)) if both else (self.asked.directions,))
+        return better if better and better.error < _CLEARLY * better.asked_error else None
 
-def better_for_motion(experiment: Experiment, records: Sequence[Record]) -> BetterSetUp | None:
-    """A clearly better set-up of moving runs than the one asked for; None where there is none.
+    def proposed(self) -> BetterSetUp | None:
+        """The set-up to begin with, where nobody has asked for one, beside the plainest one; None where nothing can be tried."""
+        ways = (("both",), self.sides) if len(self.sides) == len(DIRECTIONS) else (self.sides,)
+        return self._simplest(SetUp(ways[0], tuple(x for x in self.possible if x == "inertia")), ways)
 
-    Parts held out are stretches. Raises InputError as the fit of moving runs does.
-    """
-    asked = SetUp(directions(experiment, records), regressors(experiment))
-    return _better(asked, _of_motion(experiment, records))
+    def _simplest(self, asked: SetUp, ways: Sequence[tuple[str, ...]]) -> BetterSetUp | None:
+        """The set-up of fewest parameters that predicts parts held out as well as the best one, within one standard error over them.
 
-
-def better_for_points(experiment: Experiment, points: Sequence[Segment]) -> BetterSetUp | None:
-    """The same of points at constant velocity; a part is every fifth of them in the order of speed."""
-    sides = _sides(points) if experiment.fit.directions == "separate" else ("both",)
-    asked = SetUp(sides, point_regressors(experiment))
-    return _better(asked, _of_points(points, asked.regressors))
-
-
-def proposed_for_motion(experiment: Experiment, records: Sequence[Record]) -> BetterSetUp | None:
-    """The set-up to begin with, where nobody has asked for one, beside the plainest one; None where nothing can be tried.
-
-    The simplest that predicts the parts held out as well as the best, within one standard error over them. Raises InputError
-    as the fit of moving runs does.
-    """
-    velocity = np.concatenate([np.zeros(1) if r.velocity is None else r.velocity for r in records])
-    sides = tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())
-    trial = _of_motion(experiment, records)
-    return _proposed(sides, [name for name in trial.possible if name == "inertia"], trial)
-
-
-def directions_of_points(experiment: Experiment, points: Sequence[Segment]) -> dict[str, float]:
-    """BIC of points that go both ways, with one friction for both about an offset (`symmetric`), and with one for each (`separate`).
-
-    Infinite where there are too few, or a friction would drive; empty where both are, or they go one way.
-    """
-    sides = _sides(points)
-    asked = tuple(name for name in point_regressors(experiment) if name != "offset")
-    ways = {"symmetric": (("both",), (*asked, "offset")), "separate": (sides, asked)}
-    found = dict[str, float]()
-    for way, (ways_of, regressors_of) in ways.items() if len(sides) == len(DIRECTIONS) else ():
-        problem = points_problem(points, ways_of, regressors_of, experiment.fit.friction)
-        n, p = problem.torque.size, len(problem.names)
-        if n < p + _FREE or (_drives(problem) and "gravity" not in asked):
-            found[way] = np.inf
-            continue
-        _, found[way] = criteria(refit(problem).residuals, p, n, power_of(problem.torque))
-    return found if np.isfinite(list(found.values())).any() else {}
+        None has friction that drives. None where nothing can be tried.
+        """
+        tried = list[tuple[int, Array, SetUp]]()
+        for sides in ways:
+            problem = self.pose(sides)
+            products, driven = _products(problem, self.blocks), _drives(problem)
+            # all that was asked for with any of what is possible beside; an offset where one friction serves both directions
+            told, beside = (
+                [x for x in names if x != "offset" or sides == ("both",)] for names in (asked.regressors, self.possible)
+            )
+            for some in subsets([x for x in beside if x not in told]):
+                set_up = SetUp(sides, (*told, *some))
+                found = products.errors(set_up.regressors)
+                drives = (driven and "gravity" not in set_up.regressors) or products.falls(set_up.regressors)
+                if found is not None and (set_up == asked or not drives):
+                    tried.append((*found, set_up))
+        first = next((errors for _, errors, set_up in tried if set_up == asked), None)
+        if first is None:
+            return None
+        best = min((errors for _, errors, _ in tried), key=lambda x: float(x @ x))
+        # within one standard error over the parts, or hardly more than the best
+        as_good = []
+        for one in tried:
+            more = one[1] ** 2 - best**2
+            room = max(np.std(more, ddof=1) / np.sqrt(more.size), (_WORTH**2 - 1) * np.mean(best**2))
+            if more.mean() <= room:
+                as_good.append(one)
+        _, errors, chosen = min(as_good, key=lambda x: (x[0], float(x[1] @ x[1])))
+        return BetterSetUp(asked, chosen, float(np.linalg.norm(first)), float(np.linalg.norm(errors)))
 
 
-def proposed_for_points(points: Sequence[Segment]) -> BetterSetUp | None:
-    """The same of points at constant velocity."""
-    return _proposed(_sides(points), [], _of_points(points))
-
-
-def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
+def trial_of_motion(experiment: Experiment, records: Sequence[Record]) -> Trial:
+    """Of moving runs; parts held out are stretches. Raises InputError as the fit of moving runs does."""
     fixed, _ = inertia(experiment)
     signals, asked = ("position", "velocity", "acceleration"), regressors(experiment)
     has = {name for name in signals if all(getattr(r, name) is not None for r in records)}
@@ -136,73 +132,56 @@ def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     known = {*(r.made_of for r in records), *(() if fixed is None else ("inertia",))}
     possible = [name for name, terms in REGRESSORS.items() if set(terms.needs) <= has]
     possible += [name for name in asked if name not in REGRESSORS]  # what repeats with the position is not tried
-    possible = [name for name in possible if name not in known]
     turns = not slides(experiment.joint.kind) and "position" in has
-    if "gravity" in possible and not (turns and swings([np.asarray(r.position) for r in records])):
-        possible.remove("gravity")
-    return _Trial(
-        possible,
-        lambda sides: from_records(records, sides, possible, experiment.fit.every, fixed)[0],
-        _BLOCKS,
+    if not (turns and swings([np.asarray(r.position) for r in records])):
+        known.add("gravity")
+    possible = [name for name in possible if name not in known]
+    velocity = np.concatenate([np.zeros(1) if r.velocity is None else r.velocity for r in records])
+    return Trial(
+        asked=SetUp(directions(experiment, records), asked),
+        sides=tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any()),
+        possible=possible,
+        pose=lambda sides: from_records(records, sides, possible, experiment.fit.every, fixed)[0],
+        blocks=_BLOCKS,
     )
 
 
-def _of_points(points: Sequence[Segment], asked: Sequence[str] = ()) -> _Trial:
-    ordered = sorted(points, key=lambda s: s.velocity)
+def trial_of_points(experiment: Experiment, points: Sequence[Segment]) -> Trial:
+    """Of points at constant velocity; a part is every fifth of them in the order of speed."""
+    ordered, sides, asked = sorted(points, key=lambda s: s.velocity), sides_of(points), point_regressors(experiment)
     possible = ["offset", *(["gravity"] if all(s.position is not None for s in points) else []), "quadratic"]
     possible += [name for name in asked if name not in REGRESSORS]
-    return _Trial(possible, lambda sides: points_problem(ordered, sides, possible), len(ordered))
+    return Trial(
+        asked=SetUp(sides if experiment.fit.directions == "separate" else ("both",), asked),
+        sides=sides,
+        possible=possible,
+        pose=lambda sides: points_problem(ordered, sides, possible),
+        blocks=len(ordered),
+    )
 
 
-def _sides(points: Sequence[Segment]) -> tuple[str, ...]:
-    return tuple(d for d, sign in DIRECTIONS.items() if any(s.velocity * sign > 0 for s in points))
+def directions_of_points(experiment: Experiment, points: Sequence[Segment]) -> dict[str, float]:
+    """BIC of points that go both ways, with one friction for both about an offset (`SYMMETRIC`), and with one for each (`APART`).
 
-
-def _proposed(sides: tuple[str, ...], plain: Sequence[str], trial: _Trial) -> BetterSetUp | None:
-    """The simplest set-up of all, beside the plainest."""
-    ways = (("both",), sides) if len(sides) == len(DIRECTIONS) else (sides,)
-    return _simplest(SetUp(ways[0], tuple(plain)), ways, trial)
-
-
-def _better(asked: SetUp, trial: _Trial) -> BetterSetUp | None:
-    """The simplest set-up that has all that was asked for, or more, or directions apart; None where it is not clearly better."""
-    ways = (("both",), tuple(DIRECTIONS)) if asked.directions == ("both",) else (asked.directions,)
-    better = _simplest(asked, ways, trial)
-    return better if better and better.error < _CLEARLY * better.asked_error else None
-
-
-def _simplest(asked: SetUp, ways: Sequence[tuple[str, ...]], trial: _Trial) -> BetterSetUp | None:
-    """The set-up of fewest parameters that predicts parts held out as well as the best one, within one standard error over them.
-
-    None has friction that drives. None where nothing can be tried.
+    Infinite where there are too few, or a friction would drive; empty where both are, or they go one way.
     """
-    tried = list[tuple[int, Array, SetUp]]()
-    for sides in ways:
-        problem = trial.pose(sides)
-        products, driven = _products(problem, trial.blocks), _drives(problem)
-        # all that was asked for with any of what is possible beside; an offset where one friction serves both directions
-        told, beside = (
-            [x for x in names if x != "offset" or sides == ("both",)] for names in (asked.regressors, trial.possible)
-        )
-        for some in subsets([x for x in beside if x not in told]):
-            set_up = SetUp(sides, (*told, *some))
-            found = products.errors(set_up.regressors)
-            drives = (driven and "gravity" not in set_up.regressors) or products.falls(set_up.regressors)
-            if found is not None and (set_up == asked or not drives):
-                tried.append((*found, set_up))
-    first = next((errors for _, errors, set_up in tried if set_up == asked), None)
-    if first is None:
-        return None
-    best = min((errors for _, errors, _ in tried), key=lambda x: float(x @ x))
-    # within one standard error over the parts, or hardly more than the best
-    as_good = []
-    for one in tried:
-        more = one[1] ** 2 - best**2
-        room = max(np.std(more, ddof=1) / np.sqrt(more.size), (_WORTH**2 - 1) * np.mean(best**2))
-        if more.mean() <= room:
-            as_good.append(one)
-    _, errors, chosen = min(as_good, key=lambda x: (x[0], float(x[1] @ x[1])))
-    return BetterSetUp(asked, chosen, float(np.linalg.norm(first)), float(np.linalg.norm(errors)))
+    sides = sides_of(points)
+    asked = tuple(name for name in point_regressors(experiment) if name != "offset")
+    ways = {SYMMETRIC: (("both",), (*asked, "offset")), APART: (sides, asked)}
+    found = dict[str, float]()
+    for way, (ways_of, regressors_of) in ways.items() if len(sides) == len(DIRECTIONS) else ():
+        problem = points_problem(points, ways_of, regressors_of, experiment.fit.friction)
+        n, p = problem.torque.size, len(problem.names)
+        if n < p + _FREE or (_drives(problem) and "gravity" not in asked):
+            found[way] = np.inf
+            continue
+        found[way] = bic(refit(problem).residuals, p, n, power_of(problem.torque))
+    return found if np.isfinite(list(found.values())).any() else {}
+
+
+def sides_of(points: Sequence[Segment]) -> tuple[str, ...]:
+    """The directions in which points go."""
+    return tuple(d for d, sign in DIRECTIONS.items() if any(s.velocity * sign > 0 for s in points))
 
 
 def _drives(problem: Regression) -> bool:

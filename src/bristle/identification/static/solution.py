@@ -1,10 +1,11 @@
 """One static problem solved and judged: which Stribeck terms the data support, and an interval and warnings on each parameter."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import compress
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +34,7 @@ from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
 UNTOUCHED = 0.34  # of the slowest speed: at a smaller v_s nothing is left of the term, and alpha_1 is invented
+_OPEN = Finding("interval-open", CAUTION, "No finite interval: the data allow it to the end of what is searched.")
 _THERE = {"peak-left-out", "bend", "one-speed", "v-s-down-to-zero", "v-s-up-to-any", "none-below-v-s"}
 """Reasons to drop a term that is more than noise."""
 
@@ -67,11 +69,31 @@ class StaticSolution:
         return {**all_shifted(self.parameters, self.shifts), **self.beside}
 
 
-def apart(one: StaticSolution, other: StaticSolution) -> float:
-    """By how much another fit of some of the points differs from one over all of its own, N*m, rms."""
+class OtherPoints(NamedTuple):
+    """A fit of another choice of points, beside one."""
+
+    told: str
+    """Its values with their errors, and what it leaves."""
+    numbers: Mapping[str, float]
+    """Its values, by name."""
+    apart: float
+    """By how much it differs over the points of the other, N*m, rms."""
+
+
+def beside(one: StaticSolution, other: StaticSolution) -> OtherPoints:
+    """Another fit of some of the points, as findings tell of it beside one."""
     posed = replace(one.problem, peaks=other.problem.peaks)
-    off = posed.residuals(other.solution.theta) - one.problem.residuals(one.solution.theta)
-    return float(np.sqrt(np.mean(off**2)))
+    moved = posed.residuals(other.solution.theta) - one.problem.residuals(one.solution.theta)
+    values, numbers = list[str](), dict[str, float]()
+    for name, e in other.parameters.items():
+        if e.value is not None:
+            text = one.problem.text(name)
+            off = f" +/- {e.standard_error:.2g}" if e.standard_error else ""
+            values.append(f"{text} {e.value:.4g}{off}{unit_of(text)}")
+            numbers[text] = e.value
+    error, now = (x.problem.relative_error(x.solution.theta) for x in (other, one))
+    told = f"{', '.join(values)}; relative error {error:.2g} % instead of {now:.2g} %."
+    return OtherPoints(told, numbers, float(np.sqrt(np.mean(moved**2))))
 
 
 def solve_static(
@@ -83,7 +105,7 @@ def solve_static(
     """
     v_s_range = v_s_range or default_range(problem.velocity)
     problem = with_best_shape(problem, v_s_range)
-    problem, solution, likelihood, again, dropped = _settled(problem, options, v_s_range)
+    problem, solution, likelihood, dropped = _settled(problem, options, v_s_range)
     variance_inflation = _inflation(problem, solution)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
@@ -104,13 +126,8 @@ def solve_static(
     errors[free] = np.sqrt(np.diag(covariance)[: free.sum()])
     for name, value, error in zip(problem.names, solution.theta.tolist(), errors.tolist(), strict=True):
         (low, high), told = intervals[name], [AT_BOUND] if name in solution.at_bound else []
-        if name.name == "alpha_1" and not is_closed(intervals[name._replace(name="v_s")]):
-            message = "No finite interval: v_s has none, and alpha_1 grows with v_s."
-            told.append(Finding("alpha-1-open", CAUTION, message))
-        elif name.name == "v_s" and low == 0:
-            told.append(Finding("v-s-open-below", CAUTION, "No finite interval: the data allow v_s down to zero."))
-        elif name.name == "v_s" and np.isinf(high):
-            told.append(Finding("v-s-open-above", CAUTION, "No finite interval: the data set no upper limit on v_s."))
+        if name.name in {"alpha_1", "v_s"} and not is_closed(intervals[name._replace(name="v_s")]):
+            told.append(_OPEN)  # alpha_1 grows with v_s
         elif name.name in {"alpha_0", "alpha_2"} and name.direction in doubted:
             told.append(TAKES_UP_PEAK)  # a peak that is there but not bounded
         parameters[name] = Estimate(
@@ -122,13 +139,13 @@ def solve_static(
     moved = {constant: moved_by(jacobian[:, free], change) for constant, change in problem.shifts.items()}
     reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
     ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
-    warnings = _fit_warnings(problem, solution, jacobian[:, free], intervals, profiles, v_s_range)
-    outcome = _outcome(problem, solution, dropped, warnings)
+    warnings = _fit_warnings(problem, solution, intervals, profiles, v_s_range)
+    outcome = _outcome(problem, dropped)
     return StaticSolution(
         problem=problem, solution=solution, parameters=parameters,
         shifts={constant: dict(zip(names, by.tolist(), strict=True)) for constant, by in moved.items()},
         names=(*names, *list(beside)[: alone - free.sum()]), covariance=covariance, freedom=freedom, outcome=outcome,
-        warnings=(*dropped.values(), *warnings, *again), profiles=profiles, dropped=dropped, profiled=likelihood,
+        warnings=(*dropped.values(), *warnings), profiles=profiles, dropped=dropped, profiled=likelihood,
         student=dict(zip(problem.names, zip(*(x.tolist() for x in ends), strict=True), strict=True)), beside=beside,
     )  # fmt: skip  # a list of values
 
@@ -141,8 +158,7 @@ def _beside(
     for d in problem.directions:
         own = zip(of_shape.items(), problem.shape, errors.tolist(), strict=False) if d in problem.peaks else ()
         for (name, interval), value, error in own:
-            message = "No finite interval: the data allow it to the end of what is searched."
-            told = () if is_closed(interval) else (Finding("shape-open", CAUTION, message),)
+            told = () if is_closed(interval) else (_OPEN,)
             shown = Estimate(value=value, unit=unit(name, kind), standard_error=error, interval=interval, warnings=told)
             beside[ParameterName(name, d)] = shown
         if problem.law.terms:
@@ -156,8 +172,8 @@ def _beside(
 
 def _settled(
     problem: Regression, options: FitOptions, v_s_range: tuple[float, float]
-) -> tuple[Regression, Solution, StaticProfiles, tuple[Finding, ...], dict[Direction, Finding]]:
-    """The problem as it is fitted in the end, with its solution, profiles, and whether these led to a lower minimum.
+) -> tuple[Regression, Solution, StaticProfiles, dict[Direction, Finding]]:
+    """The problem as it is fitted in the end, with its solution and profiles; solved again where these found a lower minimum.
 
     And the directions that get no Stribeck term, each with the reason: it is not asked for, not supported, or not bounded.
     """
@@ -177,19 +193,16 @@ def _settled(
         dropped = {d: not_asked if d in dropped else left_out for d in problem.peaks}
     while True:
         kept = replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped))
-        again = tuple[Finding, ...]()
         if solution is None or dropped:
             solution = solve(kept, v_s_range)
         likelihood = profiled(kept, solution, _inflation(kept, solution))
         if (better := likelihood.linear.better) is not None:
             found = descended(kept, np.exp(better).tolist(), v_s_range)
             solution = replace(found, base_costs=solution.base_costs, grid=solution.grid, profiles=solution.profiles)
-            message = "A profile found a lower cost than the grid; the fit was repeated from there."
             likelihood = profiled(kept, solution, _inflation(kept, solution))
-            again = (Finding("refitted-from-grid", NOTE, message),)
         unbounded = _without_peak(kept, partial(_unbounded, kept, solution, likelihood)) if judged else {}
         if not unbounded:
-            return kept, solution, likelihood, again, dropped
+            return kept, solution, likelihood, dropped
         dropped |= unbounded
 
 
@@ -255,47 +268,31 @@ def _inflation(problem: Regression, solution: Solution) -> float:
     return inflation(solution.residuals) if problem.smooth is not None else 1.0
 
 
-def _outcome(
-    problem: Regression, solution: Solution, dropped: Mapping[Direction, Finding], warnings: Sequence[Finding]
-) -> Finding:
+def _outcome(problem: Regression, dropped: Mapping[Direction, Finding]) -> Finding:
     if dropped and not problem.peaks:
         if all(reason.code in {"peak-left-out", "no-stribeck-asked"} for reason in dropped.values()):
             message = "Coulomb and viscous friction alone are fitted, as fit.law asks."
             return Finding("static-as-asked", NOTE, message)
         message = "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted."
         return Finding("static-no-stribeck", NOTE, message)
-    if any(warning.code == "at-edge" for warning in warnings):
-        message = "The best v_s lies at the edge of the range searched; these velocities do not bracket it."
-        return Finding("static-at-edge", CRITICAL, message)
-    if solution.at_bound:
-        message = "A parameter lies at its physical bound; its interval is one-sided."
-        return Finding("static-at-bound", CAUTION, message)
     return Finding("static-converged", NOTE, "Converged.")
 
 
 def _fit_warnings(
     problem: Regression,
     solution: Solution,
-    jacobian: Array,
     intervals: Mapping[ParameterName, tuple[float, float]],
     profiles: Mapping[Direction, Profile],
     v_s_range: tuple[float, float],
 ) -> tuple[Finding, ...]:
-    """Each warning about a fit as a whole; `jacobian` is of the free parameters, (n, p)."""
+    """Each warning about a fit as a whole."""
     warnings = []
-    for name in map(problem.text, solution.at_bound):
-        message = f"{name} lies at its physical bound of zero; an unconstrained fit would make it negative."
-        warnings.append(Finding("bound", CAUTION, message, {"name": name}))
     low, high = v_s_range
     for direction, profile in profiles.items():
         interval, where = intervals[ParameterName("v_s", direction)], in_direction(direction)
         if interval[0] == 0 and np.isinf(interval[1]):
             message = f"v_s is not identifiable from these speeds{where}: its profile is flat."
             warnings.append(Finding("flat-profile", CRITICAL, message, {"direction": direction}))
-        elif not is_closed(interval):
-            side = "below" if interval[0] == 0 else "above"
-            message = f"The interval of v_s is one-sided{where}: the data do not bound v_s from {side}."
-            warnings.append(Finding("one-sided-profile", CAUTION, message, {"direction": direction, "side": side}))
         if not low * 1.001 < profile.best < high / 1.001:
             message = (
                 f"The best v_s lies at the edge of the range searched{where}, {low:.3g}{unit_of('velocity')} to "
@@ -316,13 +313,6 @@ def _fit_warnings(
             )
             numbers = {"below": below, "points": points, "direction": direction}
             warnings.append(Finding("few-below-v-s", CAUTION, message, numbers))
-    condition = uncertainty.condition(jacobian)
-    if condition > 1e3:
-        message = (
-            f"Ill conditioned: the scaled Jacobian's condition number is {condition:.2g}; some parameters are "
-            "strongly correlated."
-        )
-        warnings.append(Finding("ill-conditioned", CAUTION, message, {"condition": condition}))
     if (variance_inflation := _inflation(problem, solution)) > 2:
         warnings.append(correlated(problem.residuals(solution.theta), sqrt(variance_inflation)))
     return tuple(warnings)

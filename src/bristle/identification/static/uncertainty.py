@@ -12,7 +12,6 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.estimation import bootstrap, interval_comparison
-from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Uncertainty
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.grid import Projected, Solution
@@ -31,22 +30,14 @@ def three_ways(solved: StaticSolution, v_s_range: tuple[float, float]) -> dict[P
     """The intervals of every parameter of a solved and judged problem, by its names."""
     n, names = solved.problem.torque.size, solved.problem.names
     spare = n - len(names)
-    few = f"{n} points for {len(names)} parameters" if spare < _FEW else None
     drawn = resample(solved.problem, solved.solution, v_s_range, covariance=solved.covariance)
+    few = f"{n} points for {len(names)} parameters" if spare < _FEW else None
+    few = few or ("blocks of independent residuals" if np.isnan(drawn.low).all() else None)
     out = {}
     for name, value, low, high, draws in zip(names, solved.solution.theta.tolist(), *drawn, strict=True):
         at_bound, resampled = name in solved.solution.at_bound, None if np.isnan(low) else (float(low), float(high))
         covariance, profile = solved.student[name], solved.profiled.intervals[name]
         warnings = interval_comparison.warnings(value, covariance, profile, resampled, at_bound=at_bound, few=few)
-        if at_bound:
-            message = "At its physical bound of zero: the intervals are one-sided."
-            warnings = (Finding("intervals-at-bound", CAUTION, message),)
-        elif resampled is None:
-            message = (
-                f"No bootstrap: the residuals are correlated over so long that fewer than {bootstrap.FEW} blocks are left to "
-                "resample."
-            )
-            warnings = (*warnings, Finding("no-blocks", NOTE, message, {"least": bootstrap.FEW}))
         out[name] = Uncertainty(
             covariance=(0.0, covariance[1]) if at_bound else covariance, profile=profile, bootstrap=resampled,
             curve=_curve(solved, name, value), draws=draws[np.isfinite(draws)][:bootstrap.SHOWN], warnings=warnings,
@@ -139,7 +130,7 @@ def resample(
             )
             errors = np.sqrt(np.diag(covariance)[: size.size]) / size
         errors = errors[: size.size]  # what the shape has beside stands after them
-    if problem.smooth is not None and drawn.blocks < bootstrap.FEW:
+    if problem.smooth is not None and drawn.blocks < interval_comparison.FEW:
         keep[:], errors = False, errors[:0]
     ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())]).reshape(-1, 2)
     best, logarithmic, floor = (each[keep, None] for each in (solution.theta, problem.logarithmic, problem.least))

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from bristle import __version__
 from bristle.data.experiment.load import Experiment, experiment_from, files_of
-from bristle.data.experiment.run_files import matches
+from bristle.data.experiment.tables import matches
 from bristle.data.experiment.yaml_file import MAX_BYTES, parse, read_text
 from bristle.data.robot.robot_file import Robot, is_robot, robot_of
 from bristle.errors import InputError, check_regular, one_line, short, unreadable

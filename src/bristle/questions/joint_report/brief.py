@@ -230,7 +230,7 @@ def checks(joint: Joint) -> Iterator[str]:
 def law_lines(joints: Sequence[Joint]) -> Iterator[str]:
     """The friction laws side by side, joint by joint, the lowest BIC first; then which the data want, and why.
 
-    Parameters fitted, BIC and AICc above the lowest, errors at speeds (and runs) that were left out, and the weight.
+    Parameters fitted, BIC above the lowest, the error at speeds that were left out, and the weight.
     """
     for joint in joints:
         found = joint.laws
@@ -238,14 +238,12 @@ def law_lines(joints: Sequence[Joint]) -> Iterator[str]:
             yield f"{printable(joint.name)}: friction laws were not compared; too few points or samples for any but the paper's"
             continue
         yield f"{printable(joint.name)}: friction laws on {counted(found.n, 'point' if found.data == 'points' else 'sample')}"
-        by_run = any(row.run_left_out is not None for row in found.rows)
-        rows = [("law", "parameters", "BIC", "AICc", *("left out", "runs")[: 1 + by_run], "weight", "")]
+        rows = [("law", "parameters", "BIC", "left out", "weight", "")]
         for row in sorted(found.rows, key=lambda row: row.bic):
-            errors = (row.left_out, row.run_left_out)[: 1 + by_run]
-            left = ["-" if x is None else f"{x:.3g} %" for x in errors]
-            bic, aicc = f"+{row.bic:.1f}", "-" if row.aicc is None else f"+{row.aicc:.1f}"
+            left = "-" if row.left_out is None else f"{row.left_out:.3g} %"
             told = "in use" if row.in_force else "wanted" if row.chosen else ""
-            rows.append((row.law, str(row.parameters), bic, aicc, *left, f"{100 * row.weight:.0f} %", told))
+            weight = f"{100 * row.weight:.0f} %"
+            rows.append((row.name, str(row.parameters), f"+{row.bic:.1f}", left, weight, told))
         yield from columns(rows)
         yield from wrapped([f"  {printable(str(found.sentence))}"])
 

@@ -5,7 +5,6 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import pandas as pd
 
-from bristle.findings import Finding
 from bristle.identification.results import Joint
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import of_curve, unit
@@ -18,8 +17,7 @@ from bristle.questions.joint_report.sentences import agreement
 from bristle.questions.joint_report.static_figures import curves_to_use
 
 _HEADINGS = {
-    "aicc": "ΔAICc", "bic": "ΔBIC", "left_out": "speeds left out (%)", "run_left_out": "runs left out (%)",
-    "weight": "weight (%)", "in_force": "fitted?", "chosen": "chosen?", "hold_out": "hold-out (%)", "recommended": "use it?",
+    "name": "", "bic": "ΔBIC", "left_out": "left out (%)", "weight": "weight (%)", "in_force": "fitted?", "chosen": "use it?",
 }  # fmt: skip  # a table of words
 """Of the tables of laws and models."""
 
@@ -116,11 +114,9 @@ def _grid(joint: Joint, figures: Mapping[str, Drawing]) -> Iterator[Section]:
         yield Section("", figure=profile, form="part")
     frame = tables.comparison([joint])
     if len(frame):
-        with_slip = bool(frame["without_stick_slip"].notna().any())
         far = f"the plain grid is {number(max(shifts), 2)} standard errors off at most" if shifts else "side by side"
         table = Table("comparison", "Ways to fit the same points", part=frame)
-        title = f"Plain grid, refined minimum{', without stick-slip' * with_slip}: {far}"
-        yield Section(title, table=table, form="folded")
+        yield Section(f"Plain grid, refined minimum: {far}", table=table, form="folded")
 
 
 def _crosscheck(joint: Joint) -> Iterator[Section]:
@@ -137,22 +133,19 @@ def _crosscheck(joint: Joint) -> Iterator[Section]:
 
 
 def _laws(joint: Joint) -> Iterator[Section]:
-    found, torque = joint.laws, pretty(unit("torque", joint.kind))
+    found = joint.laws
     if found is None:
         return
     fitted = f"Fitted: {joint.law_name} ({joint.law.title}). On {found.data}, {found.n} samples:"
     yield Section("Which friction law?", text=fitted, form="part")
     yield Section("", findings=(found.sentence,), form="part")
-    frame = tables.laws([joint]).drop(columns="data")
-    frame["weight"] *= 100
     how = (
         "All on the same points or samples, those that do not belong left out, a Stribeck term in every direction. "
-        "ΔAICc, ΔBIC: difference to the lowest; weight: share of exp(−BIC/2). Speeds left out: error, relative to the "
-        "torque, at five blocks of speed, each predicted from the others. fit.law: auto leaves the paper's law "
+        "ΔBIC: difference to the lowest; weight: share of exp(−BIC/2). Left out: error, relative to the torque, at five "
+        "blocks of speed, each predicted from the others. fit.law: auto leaves the paper's law "
         "(gaussian) only for one whose BIC is lower by more than 10 and that predicts the speeds left out better."
     )
-    table = Table("laws", "Laws", part=frame.rename(columns={**_HEADINGS, "rms": f"rms ({torque})"}), note=how)
-    yield Section("All laws", table=table, form="folded")
+    yield Section("All laws", table=_compared("laws", tables.laws([joint]), joint, how), form="folded")
     rows = []
     for name, x in found.averaged.items():
         fit = joint.static.get(name.direction)
@@ -165,23 +158,29 @@ def _laws(joint: Joint) -> Iterator[Section]:
         yield Section("Parameters over all laws that the data allow", table=table, form="folded")
 
 
+def _compared(name: str, frame: pd.DataFrame, joint: Joint, how: str) -> Table:
+    """Models or laws side by side."""
+    part = frame.drop(columns=["data", *(["candidate"] if name == "laws" else ["candidate", "in_force"])])
+    part["weight"] *= 100
+    columns = {**_HEADINGS, "name": name.removesuffix("s"), "rms": f"rms ({pretty(unit('torque', joint.kind))})"}
+    return Table(name, name.capitalize(), part=part.rename(columns=columns), note=how)
+
+
 def _models(joint: Joint) -> Iterator[Section]:
-    torque = pretty(unit("torque", joint.kind))
     how = (
-        "All on the same data. ΔAICc, ΔBIC: difference to the lowest; both weigh the residuals of the independent "
-        "samples against the number of parameters, and lower is better. Stribeck curve: Coulomb, viscous and Stribeck "
-        "friction, (9). Recommended: the lowest BIC among the models whose terms the fits above support."
+        "All on the same data. ΔBIC: difference to the lowest; it weighs the residuals of the independent samples "
+        "against the number of parameters, and lower is better. Left out: held-out runs, or each point predicted from "
+        "all others. Stribeck curve: Coulomb, viscous and Stribeck friction, (9), which LuGre is at constant velocity. "
+        "Recommended: the lowest BIC among the models whose terms the fits above support."
     )
     if joint.models:
         yield Section("Which friction model?", form="part")
     for x in joint.models:
         frame = tables.models([joint])
-        own = frame[frame["data"] == x.data].drop(columns=["data", "candidate"])
         independent = "" if x.n == x.effective else f", of which {number(x.effective, 4)} count as independent"
-        by: tuple[Finding, ...] = () if x.hold_out_by is None else (x.hold_out_by,)
-        more = " ".join(map(in_print, (*by, *x.left_out)))
+        more = " ".join(map(in_print, x.left_out))
         yield Section("", text=f"On {x.data}, {x.n} samples{independent}:", findings=(x.sentence,), form="part")
-        table = Table("models", "Models", part=own.rename(columns={**_HEADINGS, "rms": f"rms ({torque})"}), note=how)
+        table = _compared("models", frame[frame["data"] == x.data], joint, how)
         yield Section("All models", text=more, table=table, form="folded")
 
 

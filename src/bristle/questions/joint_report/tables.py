@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from bristle.identification.comparison import Comparison
 from bristle.identification.fits import Estimate, PreslidingFit, RunScatter, Uncertainty
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
@@ -70,14 +71,12 @@ def _labels(labels: Any) -> str:
     return ", ".join(f"{name} {value}" for name, value in labels.items())
 
 
-@_table("direction parameter unit plain_grid# refined# standard_error# without_stick_slip# without_standard_error#")
+@_table("direction parameter unit plain_grid# refined# standard_error#")
 def comparison(joint: Joint) -> _Rows:
-    """The paper's plain grid, the refined minimum and the fit without stick-slip points, side by side."""
+    """The paper's plain grid and the refined minimum, side by side."""
     for d, fit in joint.static.items():
         for name, e in fit.parameters.items():
-            other = fit.without_stick_slip.get(name)
-            without = (None, None) if other is None else (other.value, other.standard_error)
-            yield d, name, e.unit, fit.plain_grid.get(name), e.value, e.standard_error, *without
+            yield d, name, e.unit, fit.plain_grid.get(name), e.value, e.standard_error
 
 
 @_table("direction parameter grid# full# difference_in_se#")
@@ -172,21 +171,24 @@ def profiles(joint: Joint) -> _Rows:
             yield from ((d, grid, *row) for row in np.column_stack(pair).tolist())
 
 
-@_table("data model directions parameters rms# relative_error# aicc# bic# hold_out# candidate? recommended?")
+_SIDE_BY_SIDE = "data name parameters rms# relative_error# bic# left_out# weight# in_force? candidate? chosen?"
+
+
+def _compared(comparisons: Sequence[Comparison]) -> _Rows:
+    own = attrgetter(*_SIDE_BY_SIDE.replace("#", "").replace("?", "").split()[1:])
+    yield from ((x.data, *own(row)) for x in comparisons for row in x.rows)
+
+
+@_table(_SIDE_BY_SIDE)
 def models(joint: Joint) -> _Rows:
-    """One row per joint, data and model: parameters, rms, relative error, AICc and BIC above the lowest, hold-out error, which to use."""
-    errors = ("rms", "relative_error", "aicc", "bic", "hold_out")
-    own = attrgetter("model", "directions", "parameters", *errors, "candidate", "recommended")
-    yield from ((x.data, *own(row)) for x in joint.models for row in x.rows)
+    """One row per joint, data and model: parameters, rms, relative error, BIC above the lowest, error at what was left out, weight, which to use."""
+    yield from _compared(joint.models)
 
 
-@_table("data law parameters rms# aicc# bic# left_out# run_left_out# weight# in_force? chosen?")
+@_table(_SIDE_BY_SIDE)
 def laws(joint: Joint) -> _Rows:
-    """One row per joint and law: parameters, rms, AICc and BIC above the lowest, errors at speeds and runs left out, weight, which one."""
-    errors = ("rms", "aicc", "bic", "left_out", "run_left_out", "weight")
-    own = attrgetter("law", "parameters", *errors, "in_force", "chosen")
-    if joint.laws:
-        yield from ((joint.laws.data, *own(row)) for row in joint.laws.rows)
+    """The same of friction laws, and which one the fits have."""
+    yield from _compared([joint.laws] if joint.laws else [])
 
 
 def table_1(joints: Sequence[Joint]) -> pd.DataFrame:

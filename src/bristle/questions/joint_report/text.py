@@ -85,15 +85,6 @@ def _fit(direction: str, fit: StaticFit, said: set[str]) -> Iterator[str]:
     yield from _parameters("parameters", fit.parameters, said)
     yield from _repeats(fit.repeats)
     yield from _correlations(fit.names, fit.covariance)
-    yield from _parameters("without the points that stick and slip", fit.without_stick_slip, said)
-    if (other := fit.other_points) is not None:  # without the strays, or with them where they are left out
-        how = "without" if other.n < fit.n else "with"
-        yield from _parameters(f"{how} the {counted(len(fit.strays), 'stray')}", other.parameters, said)
-        rms = f"{'rms residual:':<13} {_number(other.rms)} {torque_unit}"
-        yield f"      {rms}, relative error {_percent(other.relative_error)}"
-        for x in (stray for stray in fit.strays if stray.without):
-            alone = ", ".join(f"{name} {_number(value)}" for name, value in x.without.items())
-            yield f"      without {printable(x.file)} {x.where} alone: {alone}"
     yield from _sentences(fit.warnings, said)
 
 

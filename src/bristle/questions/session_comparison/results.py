@@ -177,7 +177,7 @@ def pairs(first: SessionJoint, second: SessionJoint) -> list[FitPair]:
 def read_session(path: Path) -> Session:
     """The joints of a results file, by name.
 
-    Raises InputError in one sentence where it is no results file of schema bristle-results/3 or 2, and OSError where it cannot be read.
+    Raises InputError in one sentence where it is no results file of schema bristle-results/3, and OSError where it cannot be read.
     """
     with reading(path) as found:
         return session_of(document_of(found).joints.values())
