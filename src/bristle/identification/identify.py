@@ -47,6 +47,7 @@ from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint
 from bristle.identification.settings import settings_of
 from bristle.identification.settling import without_settling
+from bristle.identification.shared_findings import directions_alike
 from bristle.identification.static.fit import beside_moving, fit_moving, fit_points, is_superseded
 from bristle.identification.static.set_up import directions_of_points, trial_of_motion, trial_of_points
 from bristle.identification.static.strays import refit
@@ -233,9 +234,10 @@ class _Decisions:
         each = self._again(sided, self.ended)
         self.bic = bic = compared(each.tracking)[0]
         if (fit := each.moving) is not None:
-            # nan where the two differ by a constant alone: a better BIC is then of two bristles, about reversals that no model describes;
-            # infinite where one of them is no friction, which leaves an offset
-            if any(w.code == "offset-or-friction" for w in fit.warnings):
+            # nan where the two differ by chance, or a constant, alone: a better BIC is then of two bristles, about reversals that no model
+            # describes; infinite where one of them is no friction, which leaves an offset
+            alike = directions_alike(fit.names, fit.known, fit.covariance)
+            if alike or any(w.code == "offset-or-friction" for w in fit.warnings):
                 bic[APART] = np.nan
             least = _NOTHING * float(np.sqrt(np.mean(fit.measured**2)))
             levels = (e.value for name, e in fit.parameters.items() if name.name == "alpha_0")
@@ -454,7 +456,7 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     more = bic[APART] - bic[SYMMETRIC]
     took, left = ("each its own friction", "one") if apart else ("the same friction both ways", "two")
     if np.isnan(more):
-        return "the same friction both ways, for two differ by a constant alone, as an offset does (fit.directions overrules)"
+        return "the same friction both ways, for two differ by no more than chance and a constant, as an offset (fit.directions overrules)"
     if not np.isfinite(more):
         return f"{took}, for {left} would leave a direction without friction, or drive it (fit.directions overrules)"
     left, higher = ("one fits", -more) if apart else ("two fit", more)
