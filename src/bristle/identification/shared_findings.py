@@ -98,37 +98,6 @@ def crosschecked(
     )  # fmt: skip  # a list of values
 
 
-def directions_alike(
-    names: Sequence[Any], values: Mapping[Any, float], covariance: Array, freedom: float = np.inf
-) -> bool:
-    """Whether the curves of the two directions differ by no more than chance, by a Wald test of all parameters that both have.
-
-    `names` of p unknowns are in the order of the covariance, (p, p), with its degrees of freedom; those that are no
-    `ParameterName` do not matter.
-    """
-    if (found := _apart(names, values, covariance)) is None:
-        return False
-    _, apart, S = found
-    wald = float(apart @ np.linalg.pinv(S, hermitian=True) @ apart)
-    return not fdtrc(apart.size, freedom, wald / apart.size) < RARE
-
-
-def _apart(
-    names: Sequence[Any], values: Mapping[Any, float], covariance: Array
-) -> tuple[tuple[float, float], Array, Array] | None:
-    """Both alpha_0, by how much the directions differ in each parameter of the curve, alpha_0 first, (m,), and its covariance, (m, m)."""
-    order = {name: k for k, name in enumerate(names)}
-    pairs = [[ParameterName(name, d) for d in SIGNED] for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")]
-    told = {name for name, k in order.items() if np.isfinite(covariance[k]).all()}
-    free = [pair for pair in pairs if told.issuperset(pair)]
-    if pairs[0] not in free:
-        return None
-    plus, minus = (np.array([order[pair[k]] for pair in free]) for k in (0, 1))
-    (S_pp, S_pm), (S_mp, S_mm) = ([covariance[np.ix_(a, b)] for b in (plus, minus)] for a in (plus, minus))
-    a, b = (float(values[name]) for name in pairs[0])
-    return (a, b), np.array([values[p] - values[m] for p, m in free]), S_pp + S_mm - S_pm - S_mp
-
-
 def offset_or_friction(
     names: Sequence[Any], values: Mapping[Any, float], covariance: Array, freedom: float
 ) -> list[Finding]:
@@ -137,13 +106,21 @@ def offset_or_friction(
     Wald tests: the directions agree on all else that a curve has, and with these made equal they differ in alpha_0. `names` of p
     unknowns are in the order of the covariance, (p, p), with its degrees of freedom; those that are no `ParameterName` do not matter.
     """
-    if (found := _apart(names, values, covariance)) is None:
+    order = {name: k for k, name in enumerate(names)}
+    pairs = [[ParameterName(name, d) for d in SIGNED] for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")]
+    told = {name for name, k in order.items() if np.isfinite(covariance[k]).all()}
+    free = [pair for pair in pairs if told.issuperset(pair)]
+    if pairs[0] not in free:
         return []
-    (a, b), apart, S = found
+    plus, minus = (np.array([order[pair[k]] for pair in free]) for k in (0, 1))
+    apart = np.array([values[a] - values[b] for a, b in free])
+    (S_pp, S_pm), (S_mp, S_mm) = ([covariance[np.ix_(a, b)] for b in (plus, minus)] for a in (plus, minus))
+    S = S_pp + S_mm - S_pm - S_mp
     weight = np.linalg.pinv(S[1:, 1:], hermitian=True)
-    others, rest = float(apart[1:] @ weight @ apart[1:]), apart.size - 1
+    others, rest = float(apart[1:] @ weight @ apart[1:]), len(free) - 1
     twice = float(apart[0] - S[0, 1:] @ weight @ apart[1:])
     variance = float(S[0, 0] - S[0, 1:] @ weight @ S[1:, 0])
+    a, b = (float(values[name]) for name in pairs[0])
     common = (a + b) / 2
     if abs(twice) < 2 * _LEAST * common or not variance > 0:
         return []
