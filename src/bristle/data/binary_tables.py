@@ -17,6 +17,7 @@ from bristle.data.isolated import Columns
 from bristle.data.mat import read_mat
 from bristle.errors import InputError, short
 
+_MEMORY = 10  # times as many bytes as a float
 _WHAT, _HOW = 'JSON of records, as [{"t": 0, "q": 1}, ...], or of columns', "expected as many numbers in each"
 SCHEMA = "schema"  # a key of every JSON file that bristle writes
 _NPZ = ("NPZ file", "write it again with numpy.savez")
@@ -51,17 +52,23 @@ def is_json_log(path: Path) -> bool:
 
 
 def _json(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
-    """Columns by name or by number from 0, or of no keys the names of all that are vectors of numbers.
+    """Columns by name (of objects in a record with dots, as `motor.current`) or by number from 0, or of no keys the names of all vectors of numbers.
 
     Raises InputError where the file is no such JSON, or a column is not there or holds no numbers.
     """
     import pandas as pd
 
     with reading(_WHAT, _HOW):
-        data = json.loads(path.read_bytes())
+        text = path.read_bytes()
+        if path.suffix.lower() != ".json":  # an object in each line
+            text = b"[" + b",\n".join(line for line in text.splitlines() if line.strip()) + b"]"
+        data = json.loads(text)
         if not isinstance(data, list | dict):
             raise InputError(f"is not {_WHAT}; {_HOW}")
-        frame = pd.DataFrame(data)
+        records = isinstance(data, list) and all(isinstance(row, dict) for row in data)
+        # what a record lacks of the names of all is filled in, and a value takes far more memory than it does as a float
+        bounded(_MEMORY * len(data) * len(set[str]().union(*data)) if records else 0)
+        frame = pd.json_normalize(data) if records else pd.DataFrame(data)
     bounded(frame.size)
     names = [str(name) for name in frame.columns]
     columns = [_array(frame.iloc[:, k]) for k in range(len(names))]
@@ -92,9 +99,11 @@ def _npz(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
     with archive:
         if keys is None:
             for name in archive.files:
-                with suppress(ValueError):  # of Python objects
+                array = np.zeros(())
+                with reading(*_NPZ), suppress(ValueError):  # of Python objects
                     array = archive[name]
-                    yield from [name] * is_vector(array.shape, array.dtype)
+                if is_vector(array.shape, array.dtype):
+                    yield name
             return
         for key in keys:
             name = archive.files[place_of(replace(key, column=str(key.column)), archive.files, "array")]
@@ -149,7 +158,7 @@ def _is_number(kind: Any) -> bool:
 READERS: dict[str, Columns] = {
     ".mat": read_mat,
     ".npz": _npz,
-    ".json": _json,
+    **dict.fromkeys((".json", ".jsonl", ".ndjson"), _json),
     **dict.fromkeys((".parquet", ".pq"), _parquet),
     **dict.fromkeys((".h5", ".hdf5", ".hdf"), read_hdf5),
 }

@@ -67,7 +67,9 @@ def text_layout(path: Path) -> Layout:
         whole = not file.read(1)
     encoding = "utf-16" if sample[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     if encoding != "utf-16" and b"\0" in sample:
-        raise InputError("is not a text file; expected CSV text, or a .mat, .npz, .parquet or .h5 file")
+        raise InputError(
+            "is not a text file; expected CSV text, or an ending that says what it is: .mat, .npz, .json, .parquet, .h5"
+        )
     try:
         text = sample.decode(encoding)
     except UnicodeDecodeError as error:

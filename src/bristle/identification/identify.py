@@ -15,9 +15,10 @@ from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
+from bristle.estimation.score_test import MATTERS
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.comparison import APART, GAIN, SYMMETRIC, Comparison
-from bristle.identification.curve import accuracy_of
+from bristle.identification.curve import accuracy_of, curve
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
@@ -139,7 +140,7 @@ class _Decisions:
         models, other = self._models(joint), 0.0
         if {APART, SYMMETRIC} <= self.bic.keys():
             apart = measured.experiment.fit.directions == "separate"
-            self.told["chosen directions"] = _chosen(self.bic, apart=apart)
+            self.told["chosen directions"] = _chosen(self.bic, apart=apart) + _offset_as_friction(joint)
             other = float(expit(-np.nan_to_num(abs(self.bic[APART] - self.bic[SYMMETRIC]), nan=np.inf) / 2))
         warnings = (*law_warnings(self.laws), *self.doubts, *joint.warnings)
         settings = {**joint.settings, **self.told}
@@ -233,9 +234,14 @@ class _Decisions:
         each = self._again(sided, self.ended)
         self.bic = bic = compared(each.tracking)[0]
         if (fit := each.moving) is not None:
-            # nan where the two differ by a constant alone: a better BIC is then of two bristles, about reversals that no model describes;
-            # infinite where one of them is no friction, which leaves an offset
-            if any(w.code == "offset-or-friction" for w in fit.warnings):
+            # nan where the two differ by a constant alone, or by nothing worth a line: a better BIC is then of two bristles, about reversals
+            # that no model describes; infinite where one of them is no friction, which leaves an offset
+            v = np.abs(fit.velocity)[fit.velocity != 0]
+            both = [np.zeros(0) if p is None else curve(v, p.stribeck) for p in map(fit.values, DIRECTIONS)]
+            alike = both[0].shape == both[1].shape and np.linalg.norm(both[0] - both[1]) < MATTERS * np.linalg.norm(
+                sum(both)
+            )
+            if alike or any(w.code == "offset-or-friction" for w in fit.warnings):
                 bic[APART] = np.nan
             least = _NOTHING * float(np.sqrt(np.mean(fit.measured**2)))
             levels = (e.value for name, e in fit.parameters.items() if name.name == "alpha_0")
@@ -454,12 +460,26 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     more = bic[APART] - bic[SYMMETRIC]
     took, left = ("each its own friction", "one") if apart else ("the same friction both ways", "two")
     if np.isnan(more):
-        return "the same friction both ways, for two differ by a constant alone, as an offset does (fit.directions overrules)"
+        return "the same friction both ways, for two differ by a constant, as an offset, or by nothing (fit.directions overrules)"
     if not np.isfinite(more):
         return f"{took}, for {left} would leave a direction without friction, or drive it (fit.directions overrules)"
     left, higher = ("one fits", -more) if apart else ("two fit", more)
     how = "worse" if higher >= 0 else f"better, by less than {GAIN:g}"
     return f"{took}; {left} {how} (BIC {'higher' if higher >= 0 else 'lower'} by {abs(higher):.3g}; fit.directions overrules)"
+
+
+def _offset_as_friction(joint: Joint) -> str:
+    """What an offset would be as friction of the two directions, where one friction serves both: no data tell the two apart."""
+    known = {(x.parameter.name, x.parameter.direction): x.estimate for x in chosen(joint)}
+    level, offset = known.get(("alpha_0", Direction.BOTH)), known.get(("offset", Direction.SHARED))
+    if level is None or offset is None or not (level.value and offset.value and offset.interval):
+        return ""
+    low, high = offset.interval
+    if low <= 0 <= high or not MATTERS < abs(offset.value) / level.value < 1:
+        return ""
+    plus, minus = (level.value + sign * offset.value for sign in (1, -1))
+    of = unit("torque", joint.kind)
+    return f"; its offset may as well be friction: alpha_0 {plus:.3g} (+) and {minus:.3g} {of} (-), which no data tell apart"
 
 
 def _brakes(values: Mapping[ParameterName, float]) -> bool:

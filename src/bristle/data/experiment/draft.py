@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.binary_tables import names_of
+from bristle.data.binary_tables import READERS, names_of
 from bristle.data.columns import ISO, Key
 from bristle.data.encoder import unit_of_counts
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
@@ -31,7 +31,7 @@ DRIVES = ("torque", "current", "voltage")
 """In the order in which they are taken: each needs one constant more than the one before."""
 STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}  # of joint states, by signal
 _OF_MOTOR = ("torque_constant", "resistance", "kp", "kd", "torque_limit")
-_TABLES = {".csv", ".txt", ".json", ".mat", ".npz", ".parquet", ".pq", ".h5", ".hdf5", ".mcap", ".bag", ".db3"}
+_TABLES = {".csv", ".txt", ".mcap", ".bag", ".db3", *READERS}
 """Endings by which a word is a file."""
 _LISTED = 120  # letters of their names in a sentence
 _SHOWN = 200  # columns that the draft lists

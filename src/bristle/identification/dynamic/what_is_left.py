@@ -44,6 +44,7 @@ _WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)  # of the largest speed, o
 _ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())  # of the largest torque: half the width of a dead zone, ...
 _TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest torque: from where on a sensor or drive saturates
 _OF_ITSELF = 1.5  # ... which what is missing of the torque is, within such a factor
+_NEARLY_ALL, _MORE = 0.99, 1.1  # of the readings; and what noise adds to them
 _SMALL = 1e-5  # of the way: a shift of the position that changes the torque in proportion
 _PHASE = 0.37  # where in a count the joint rests in a draw of what counting does
 
@@ -101,7 +102,11 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
         ask(_backlash, *(_shifted(problem, solution.values, torque, width) for width in _WIDTHS))
     if (largest := max(float(np.abs(T).max()) for T in torque)) > 0:
         ask(partial(_dead_zone, largest), *([np.clip(T / (x * largest), -1, 1) for T in torque] for x in _ZONES))
-        ask(partial(_saturates, largest), *([T - np.clip(T, -x * largest, x * largest) for T in torque] for x in _TOPS))
+        read = float(np.quantile(np.abs(np.concatenate([m.measured for m in motions])), _NEARLY_ALL))
+        ask(
+            partial(_saturates, read, largest),
+            *([T - np.clip(T, -x * largest, x * largest) for T in torque] for x in _TOPS),
+        )
     lacks = explained(fit, every)
     patterns = pattern_left(problem, lacks.left / weight)
     errors[seen] = lacks.errors
@@ -233,15 +238,16 @@ def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
     return said if 1 / _OF_ITSELF < missing / (_ZONES[which] * largest) < _OF_ITSELF else None
 
 
-def _saturates(largest: float, found: Score, which: int) -> Finding | None:
-    """A torque of which hardly anything is read beyond some size."""
-    top = _TOPS[which] * largest
+def _saturates(read: float, largest: float, found: Score, which: int) -> Finding | None:
+    """A torque of which hardly anything is read beyond some size: nearly all readings, up to `read`, are no larger than that leaves them."""
+    top, missed = _TOPS[which] * largest, -float(found.sizes[0])
+    left = top + (1 - 1 / _OF_ITSELF) * (largest - top)
     message = (
         f"The torque reads hardly more than {top:.2g}{unit_of('torque')} where it is larger, which would explain {100 * found.share:.0f} % of "
         "what the fit leaves: its sensor or drive saturates. Move slower or more gently, or widen the range."
     )
     said = Finding("torque-saturates", CAUTION, message, {"torque": top, "share": found.share})
-    return said if 1 / _OF_ITSELF < -float(found.sizes[0]) < _OF_ITSELF else None
+    return said if 1 / _OF_ITSELF < missed < _OF_ITSELF and read < _MORE * left else None
 
 
 def _inertia(kind: Kind, found: Score, _: int) -> Finding:
