@@ -21,7 +21,7 @@ from bristle import __version__, cli
 from bristle.__main__ import _LONGEST, main
 from bristle.arrays import Array
 from bristle.cli import output_folder
-from bristle.data import text_table
+from bristle.data import text_layout, text_table
 from bristle.data.experiment import yaml_file
 from bristle.data.experiment.load import load_experiment
 from bristle.errors import InputError, one_line, reason
@@ -235,7 +235,7 @@ BAD = [
     *bad("glob of nothing", READ, "e.yaml: runs: files 'log_*.csv' matches no file", yaml_with("data.csv", "log_*.csv")),
     *bad(
         "long line", ALL, "data.csv: has a line longer than 64 bytes",
-        {"data.csv": f"v,tau\n0.1,0.2{'0' * 64}\n0.2,0.3\n"}, patch=limited(text_table, "MAX_LINE", 64),
+        {"data.csv": f"v,tau\n0.1,0.2{'0' * 64}\n0.2,0.3\n"}, patch=limited(text_layout, "MAX_LINE", 64),
     ),
     *bad("long data", ALL, "data.csv: is ", patch=limited(text_table, "MAX_BYTES", 16)),
     *bad("long experiment", READ, "e.yaml: is larger than 64 bytes", patch=limited(yaml_file, "MAX_BYTES", 64)),

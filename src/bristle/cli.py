@@ -1,6 +1,6 @@
 """The command line: its commands and options; what they print goes through `terminal`, and `__main__` ends the process."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from functools import wraps
 from inspect import Parameter, Signature, signature
@@ -152,29 +152,39 @@ def _root(
         print_lines([context.get_help()])
 
 
+_OF_LOGS = "as `bristle new` takes them; none: the embedded Ed-Ro (simulated)."
+
+
 @command(
-    experiments=optional("the embedded Ed-Ro (simulated)", "Experiment files, of one joint or a robot each"),
+    sources=given(
+        "EXPERIMENT|LOG...", f"Experiment files, of one joint or a robot each, or logs of a joint {_OF_LOGS}"
+    ),
     output=lands("", "report"),
     mailed=flag("--zip", "Write all of it as report.zip in the folder as well, to mail."),
 )
 def report(
-    experiments: list[Path] | None = None, output: Path | None = None, uncertainty: bool = False, mailed: bool = False,
-    workers: int | None = None, need: str | None = None, strict: bool = False,
+    sources: list[Path] | None = None, output: Path | None = None, uncertainty: bool = False, mailed: bool = False,
+    workers: int | None = None, need: str | None = None, strict: bool = False, *, of_logs: Mapping[str, Any],
 ) -> None:  # fmt: skip  # a list of options
     """Identify, and write the report: pages and data.
 
-    In the folder: index.html and its pages, results.json, figures (SVG and PNG) and tables (CSV).
+    In the folder: index.html and its pages, results.json, figures (SVG and PNG) and tables (CSV). Logs are drafted first, as
+    by `bristle new`, with its options.
 
     Example: bristle report wrist.yaml --uncertainty -o reports/wrist
+    Example: bristle report log.csv --unit position=deg
     """
-    sources = experiments or []
     folder = output_folder(output, sources[0] if sources else None, "", "results.json")
     workers = workers or cores()
+    told = _told(of_logs)
     with shown() as progress:
         if workers > 1:
             prepared(*REPORT)
+        inputs, _, guessed = _drafted(sources or [], told, None, progress)
+        for sentence in guessed:
+            complain(f"guessed: {sentence}")
         results = bristle.report(
-            *sources, folder=folder, uncertainty=uncertainty, need=need, workers=workers, mailed=mailed,
+            *inputs, folder=folder, uncertainty=uncertainty, need=need, workers=workers, mailed=mailed,
             found=lambda results: _tell(results.outcomes()), progress=progress,
         )  # fmt: skip  # a list of values
     print_lines([f"Report: {folder / 'index.html'}"], done=True)
@@ -182,10 +192,7 @@ def report(
 
 
 @command(
-    sources=given(
-        "EXPERIMENT|LOG...",
-        "The experiment file, or logs as `bristle new` takes them; none: the embedded Ed-Ro (simulated).",
-    ),
+    sources=given("EXPERIMENT|LOG...", f"The experiment file, or logs {_OF_LOGS}"),
     output=to("FILE", "Write results.json here as well."),
     save=to("FILE", "Of logs: write the experiment file here, too.", "--save"),
     full=flag("--full", "Print each fit: statistics, correlations, cross-checks, every warning."),
@@ -208,21 +215,8 @@ def identify(
         if path is not None:
             files.check_absent(path)
     told = _told(of_logs)
-    guessed: tuple[str, ...] = ()
     with shown() as progress:
-        from bristle.api.sources import load_text
-        from bristle.data.binary_tables import is_json_log
-
-        inputs: list[Any] = list(sources or [])
-        own = {"", ".yaml", ".yml", *([] if inputs and is_json_log(inputs[0]) else [".json"])}
-        are_logs = bool(inputs) and inputs[0].suffix.lower() not in own
-        if not are_logs and (save is not None or told != bristle.Told()):
-            raise InputError(
-                "an experiment file, or none, was given with options of logs; write them into it, or give logs"
-            )
-        if are_logs:
-            text, guessed = bristle.draft(*inputs, told=told, folder=save and save.parent, progress=progress)
-            inputs = [load_text(text, save or inputs[0].with_name(f"the draft for {inputs[0].name}"))]
+        inputs, text, guessed = _drafted(sources or [], told, save, progress)
         if save is not None:
             files.write_text(save, text)
         try:
@@ -604,6 +598,27 @@ def _told(of_logs: Mapping[str, Any]) -> "Told":
     columns, units, scales = (told_by(given.pop(name) or (), f"--{name}") for name in ("column", "unit", "scale"))
     held_out = tuple(given.pop("hold_out") or ())
     return Told(columns=columns, units=units, scales=scales, hold_out=held_out, **given)
+
+
+def _drafted(
+    sources: Sequence[Path], told: "Told", save: Path | None, progress: Any
+) -> tuple[list[Any], str, tuple[str, ...]]:
+    """Experiment files as they are, or logs as the experiment that is drafted of them, its text, and what was guessed.
+
+    Raises InputError where something is told of logs and there are none.
+    """
+    from bristle.api.sources import load_text
+    from bristle.data.binary_tables import is_json_log
+
+    own = {"", ".yaml", ".yml", *([] if sources and is_json_log(sources[0]) else [".json"])}
+    if sources and sources[0].suffix.lower() not in own:
+        text, guessed = bristle.draft(*sources, told=told, folder=save and save.parent, progress=progress)
+        return [load_text(text, save or sources[0].with_name(f"the draft for {sources[0].name}"))], text, guessed
+    if save is not None or told != bristle.Told():
+        raise InputError(
+            "an experiment file, or none, was given with options of logs; write them into it, or give logs"
+        )
+    return list(sources), "", ()
 
 
 def _finish(results: "Results", strict: bool) -> None:

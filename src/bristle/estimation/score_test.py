@@ -194,6 +194,6 @@ def _with_effect(fit: Fitted, added: Array, moved: Array, finding: Finding, *, i
     if little:
         return replace(told, severity=NOTE)
     bends = f"friction by {100 * torque / fit.friction:.2g} %, and " if fit.friction else ""
-    given = "errors of the fit alone; those given contain it" if fit.widened else "of its errors"
+    given = "errors of the fit alone; those given are as much wider" if fit.widened else "of its errors"
     said = f"It would move {bends}a parameter by {errors:.2g} {given}."
     return replace(told, message=f"{finding.message} {said}")

@@ -1,5 +1,7 @@
 """The fitted curve of friction vs velocity, and how far it is known: its 95 % band over the speeds that were measured."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from bristle.arrays import Array
@@ -18,6 +20,7 @@ from bristle.model.vectorize import evaluate
 
 _DRAG = "quadratic"
 SPEEDS, LEAST = 60, 0.02  # of a motion, each way: speeds at which the curve is looked at, the least over the greatest
+_FEW = 5  # equations at the slowest speed of which something is known
 BIASED = 1.5
 """Times what the errors tell: filters, counts, settling and the choice of a set-up bend a curve too. Set on one half of the simulated joints of
 `benchmarks/calibration.py`, so that 93 % of clean curves lie within the band."""
@@ -113,8 +116,8 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     if any(isinstance(fit, StaticFit) and fit.segments for fit in fits):
         v = np.unique(along[along != 0])
     else:
-        tops = (along.max(initial=0.0), along.min(initial=0.0))
-        v = np.concatenate([np.zeros(0), *(np.linspace(LEAST, 1, SPEEDS) * top for top in tops if top)])
+        tops = [top for top in (along.max(initial=0.0), along.min(initial=0.0)) if top]
+        v = np.concatenate([np.zeros(0), *(np.linspace(_slowest(fits, top) / top, 1, SPEEDS) * top for top in tops)])
     if not v.size:
         return None
     try:
@@ -156,6 +159,17 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
         sides=sides, share=share,
         opinion=None if opinion is None else ", ".join(opinion.set_up) or "one friction for both directions",
     )  # fmt: skip  # a list of values
+
+
+def _slowest(fits: Sequence[StaticFit | TrackingFit], top: float) -> float:
+    """The slowest velocity on the way to `top`, rad/s, that equations of moving runs show: `LEAST` of it, or what the motion stays at.
+
+    Of speeds that it passes through from one equation to the next these see a mixture, which hides a Stribeck peak.
+    """
+    along = [fit.velocity for fit in fits if isinstance(fit, TrackingFit)]
+    seen = np.concatenate([np.zeros(0), *(v[np.abs(np.gradient(v)) < np.abs(v)] for v in along if v.size > 1)]) / top
+    few = np.sort(seen[seen > LEAST])[:_FEW]
+    return top * float(few.max(initial=LEAST))
 
 
 def _withheld(fit: TrackingFit, v: Array) -> float:

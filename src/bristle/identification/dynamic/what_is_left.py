@@ -181,11 +181,12 @@ def _without_counts(found: Score, made: Array) -> tuple[float, float]:
 
 
 def _drift(friction: float, found: Score, _: int) -> Finding:
-    by, how = float(found.sizes[0]), "grows" if found.sizes[0] > 0 else "falls"
+    by = float(found.sizes[0])
+    how, why = ("grows", "cools down") if by > 0 else ("falls", "warms up")
     message = (
         f"The torque {how} by {100 * abs(by):.0f} % in the course of a run, all else alike, which would explain {100 * found.share:.0f} % of "
-        "what the fit leaves: a joint that warms up, or a sensor that does. Numbers are of the middle of the run; warm the joint up first, "
-        "or fit its parts apart."
+        f"what the fit leaves: a joint that {why}, or a sensor that does. Numbers are of the middle of the run; let its temperature settle "
+        "first, or fit its parts apart."
     )
     numbers = {"how": how, "by": abs(by), "share": found.share}
     return Finding("torque-drifts-in-runs", CAUTION, message, numbers, {"torque": abs(by) * friction})

@@ -3,7 +3,7 @@
 import math
 
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, TrackingFit
+from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, StaticFit, TrackingFit
 from bristle.identification.known_joint import chosen, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import value_warnings
@@ -57,10 +57,16 @@ def error_left(joint: Joint) -> float | None:
 def friction_left(joint: Joint) -> float | None:
     """What compensation by the values to use leaves of friction on the joint's own runs, at most: percent, root mean square.
 
-    `error_left` relative to friction in place of the torque; None where either is not known, or a position is predicted.
+    `error_left` relative to friction in place of the torque; None where either is not known, a position is predicted, or what was
+    fitted are averages at constant velocity, which say nothing of single samples.
     """
     left, known = error_left(joint), joint.accuracy
-    return None if left is None or known is None or not known.share or _of_position(joint) else left / known.share
+    averages = any(isinstance(fit, StaticFit) and fit.segments for fit in value_fits(joint))
+    return (
+        None
+        if left is None or known is None or not known.share or averages or _of_position(joint)
+        else left / known.share
+    )
 
 
 def _of_position(joint: Joint) -> bool:
