@@ -205,7 +205,7 @@ BAD = [
     *bad("all nan", READ, "data.csv: torque holds no finite number", {"data.csv": "v,tau\n0.1,nan\n0.2,nan\n0.3,nan\n"}),
     *bad("one row", READ, "data.csv: only 1 row", {"data.csv": "v,tau\n0.1,0.2\n"}),
     *bad("constant signal", READ, "data.csv: velocity is 0.1", {"data.csv": "v,tau\n0.1,0.2\n0.1,0.3\n0.1,0.4\n"}),
-    *bad("time backward", READ, "data.csv: time runs backward", ramp([0, 1, 2, 1.5, 3, 4], [1, 2, 3, 4, 5, 6])),
+    *bad("time backward", READ, "at which time runs backward", ramp([0, 1, 2, 1.5, 3, 4], [1, 2, 3, 4, 5, 6])),
     *bad("no steady segment", FIT, "data.csv", ramp(STEPS, TOSSED)),
     *bad("no steady segment in two rows", FIT, "data.csv", ramp([0, 1], [1, 2])),
     *bad("malformed YAML", READ, "e.yaml: line 2", {"e.yaml": "joint: {name: wrist}\nsignals: ]\n"}),
@@ -493,6 +493,8 @@ def test_logs_need_no_experiment_file(tmp_path: Path, monkeypatch: pytest.Monkey
     assert "guessed: " in alone.said[0]
     assert (tmp_path / "saved.yaml").read_bytes() == (tmp_path / "drafted.yaml").read_bytes()
     assert run("identify", "points.csv", *told, "--save", "saved.yaml").code == 2
+    assert run("report", "points.csv", *told, "-o", "out").code == 0
+    assert (tmp_path / "out" / "index.html").exists()
     refused = run("identify", "drafted.yaml", *told)
     assert (refused.code, len(refused.said)) == (2, 1)
 

@@ -98,6 +98,7 @@ OF_LOGS: dict[str, tuple[Any, Any]] = {
     "kp": (str, asked("QUANTITY", "Gain of a drive on its position error, at the joint, such as 20 N*m/rad.")),
     "kd": (str, asked("QUANTITY", "Gain of a drive on its velocity error, at the joint, such as 1 N*m*s/rad.")),
     "torque_limit": (str, asked("QUANTITY", "Largest torque of the drive, such as 23 N*m, if commands are logged.")),
+    "encoder_resolution": (str, asked("QUANTITY", "Size of a count of the encoder, such as 4096 counts/rev.")),
     "gear": (str, asked("GEAR", "As under motor: 'ratio: 100, position: motor, velocity: motor'.")),
     "inertia": (str, asked("QUANTITY", "Inertia of the joint, such as 0.0089 kg*m^2; with an error it is a prior.")),
     "held": (bool, flag("--held/--not-held", "Whether the drive holds commands between samples.")),
@@ -609,9 +610,10 @@ def _drafted(
     """
     from bristle.api.sources import load_text
     from bristle.data.binary_tables import is_json_log
+    from bristle.data.ros.storage import is_bag
 
     own = {"", ".yaml", ".yml", *([] if sources and is_json_log(sources[0]) else [".json"])}
-    if sources and sources[0].suffix.lower() not in own:
+    if sources and (sources[0].suffix.lower() not in own or is_bag(sources[0])):
         text, guessed = bristle.draft(*sources, told=told, folder=save and save.parent, progress=progress)
         return [load_text(text, save or sources[0].with_name(f"the draft for {sources[0].name}"))], text, guessed
     if save is not None or told != bristle.Told():

@@ -348,11 +348,17 @@ def test_containers(tmp_path: Path, suffix: str) -> None:
         pd.DataFrame(columns).to_parquet(path)
     _draft(path)
     assert read_runs(_load(tmp_path))[0].record.time.size == _T.size
+    if suffix != ".parquet":  # of matrices the first columns, and it is said that there are others
+        matrices = {"t": _T, "q": np.column_stack([_Q, -_Q]), "tau": np.column_stack([_TAU, -_TAU])}
+        (scipy.io.savemat if suffix == ".mat" else lambda path, x: np.savez(path, **x))(path, matrices)
+        guessed = " ".join(_draft(path)[1])
+        assert 'position: column "q[0]", the first of 2 that are named so' in guessed
+        np.testing.assert_allclose(present(read_runs(_load(tmp_path))[0].record.torque), _TAU)
 
 
 _NAMES: dict[str, tuple[str, str | None] | None] = {
     "motor_current_A": ("current", "A"), "joint_pos_deg": ("position", "deg"), "tau_Nm": ("torque", "N*m"),
-    "dq": ("velocity", None), "jointVelDeg_s": ("velocity", "deg/s"), "Position (deg)": ("position", "deg"),
+    "dq": ("velocity", None), "jointVelDeg_s": ("velocity", "deg/s"), "Position (deg)": ("position", "deg"), "encoder_counts": ("position", "counts"),
     "actual_qd_0": ("velocity", None), "current_position": ("position", None), "v [V]": ("voltage", "V"),
     "torque_current": ("current", None), "v_mm_s": ("velocity", "mm/s"), "speed_rpm": ("velocity", "rpm"),
     "speed [1/min]": ("velocity", "rpm"), "data.run{2}.qm": ("position", None), "motor_torque_mNm": ("torque", "mNm"),

@@ -129,7 +129,7 @@ def test_names_and_draft(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPa
     path = _mat_7_3(tmp_path / "log.mat")
     table = read_table(path, [Key("t"), Key("data.q"), Key("data.m", 1)])
     assert [column.tolist() for column in table.columns.values()] == [[0, 1, 2, 3], [0, 1, 2, 3], [4, 5, 6, 7]]
-    assert set(names_of(path)) == {"t", "data.q"}
+    assert set(names_of(path)) == {"t", "data.q", "data.m[0]", "data.m[1]"}
     for column, says in {
         "runs{1}.q": "is in a cell or an array of structs", "runs": "holds no plain numbers, but cell", "label": "but char",
         "data": "is a group", "x": "nothing is named 'x'", "data.m": r"matrix of shape \(4, 2\)",

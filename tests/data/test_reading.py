@@ -387,7 +387,7 @@ def test_mat_variables_of_other_kinds(tmp_path: Path, monkeypatch: pytest.Monkey
     path = tmp_path / "log.json"
     for data in (rows, {name: [row[name] for row in rows] for name in rows[0]}):
         path.write_text(json.dumps(data), encoding="utf-8")
-        assert names_of(path) == ("t", "tau")
+        assert names_of(path) == ("t", "q[0]", "q[1]", "tau")
         assert (_column(path, "t"), _column(path, "q[1]"), _column(path, "q", 0)) == ([0, 0.5, 1], [0, 2, 4], [0, 1, 2])
         np.testing.assert_array_equal(_column(path, "tau"), [0, np.nan, 2])
         assert is_json_log(path)
@@ -405,6 +405,18 @@ def test_mat_variables_of_other_kinds(tmp_path: Path, monkeypatch: pytest.Monkey
     for k, (text, said) in enumerate(says.items()):
         (tmp_path / f"{k}.json").write_text(text, encoding="utf-8")
         asks.append((partial(_column, tmp_path / f"{k}.json", "t"), said))
+    assert_refused(asks)
+    # a record in each line, with objects in it; a file that would be nearly all empty is refused before it fills the memory
+    lines = "\n".join(json.dumps({"t": k, "motor": {"current": 2 * k}}) for k in range(3))
+    (tmp_path / "log.jsonl").write_text(lines + "\n\n", encoding="utf-8")
+    assert names_of(tmp_path / "log.jsonl") == ("t", "motor.current")
+    assert _column(tmp_path / "log.jsonl", "motor.current") == [0, 2, 4]
+    (tmp_path / "wide.json").write_text(json.dumps([{f"k{k}": 1} for k in range(14_000)]), encoding="utf-8")
+    (tmp_path / "bad.ndjson").write_text(lines + "\n{", encoding="utf-8")
+    asks = [
+        (partial(_column, tmp_path / "wide.json", "k0"), "over the limit"),
+        (partial(_column, tmp_path / "bad.ndjson", "t"), "line 4"),
+    ]
     assert_refused(asks)
     (tmp_path / "results.json").write_text('{"schema": "bristle-results/3"}', encoding="utf-8")
     assert not is_json_log(tmp_path / "results.json")

@@ -7,11 +7,12 @@ import pytest
 
 import bristle
 from bristle.arrays import Array
-from bristle.identification.curve import known_curve
-from bristle.identification.fits import Estimate
+from bristle.findings import NOTE, Finding
+from bristle.identification.curve import LEAST, known_curve, slowest_shown
+from bristle.identification.fits import Estimate, TrackingFit
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
-from bristle.model.parameters import Lugre, ParameterName
+from bristle.model.parameters import Direction, Lugre, ParameterName
 
 from .conftest import codes, drafted, experiment_file, holds, white, written
 
@@ -265,6 +266,17 @@ def test_a_peak_that_is_not_claimed_is_in_the_band(tmp_path: Path) -> None:
     found, _ = known_curve(joint, speeds)
     off = 100 * np.sqrt(np.mean((found - friction(speeds)) ** 2) / np.mean(friction(speeds) ** 2))
     assert off < known.band < 10
+
+
+def test_friction_is_stated_where_the_motion_stays() -> None:
+    """Of a motion that shows no peak no speed is stated that it only passes through from one equation to the next; of one that does, all are."""
+    hold, rush = np.repeat([0.1, 0.3, 1.0], 20), np.array([-1.0, 0.03, 1.0])
+    for peak, least in ((None, 0.1), (0.2, LEAST)):
+        fit = TrackingFit(
+            parameters={ParameterName("alpha_1", Direction.BOTH): Estimate(value=peak, unit="N*m")}, rms=0.0, relative_error=0.0,
+            n=63, outcome=Finding("converged", NOTE, "."), starts=1, reached=1, condition=1.0, velocity=np.concatenate([hold, rush, hold]),
+        )  # fmt: skip  # a list of values
+        assert slowest_shown([fit], 1.0) == pytest.approx(least)
 
 
 def test_a_stroke_too_slow_for_v_s_gives_its_curve_and_no_peak(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.columns import Key, bounded, is_vector, numeric, place_of, reading
+from bristle.data.columns import Key, bounded, numeric, offered, place_of, reading
 from bristle.data.hdf5 import read_hdf5
 from bristle.data.isolated import Columns
 from bristle.data.mat import read_mat
@@ -33,7 +33,7 @@ def read_binary(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
 
 
 def names_of(path: Path) -> tuple[str, ...]:
-    """Names of the one-dimensional numeric columns that a MAT, NPZ, JSON, Parquet or HDF5 file offers, structs as dotted paths.
+    """Names of the columns of numbers that a MAT, NPZ, JSON, Parquet or HDF5 file offers: structs as dotted paths, matrices as `q[2]`.
 
     A name may repeat. Raises InputError where the file cannot be read.
     """
@@ -73,7 +73,7 @@ def _json(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
     names = [str(name) for name in frame.columns]
     columns = [_array(frame.iloc[:, k]) for k in range(len(names))]
     if keys is None:
-        yield from (name for name, x in zip(names, columns, strict=True) if is_vector(x.shape, x.dtype))
+        yield from (of for name, x in zip(names, columns, strict=True) for of in offered(name, x.shape, x.dtype))
         return
     for key in keys:
         yield numeric(columns[place_of(key, names)], key)
@@ -102,8 +102,7 @@ def _npz(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
                 array = np.zeros(())
                 with reading(*_NPZ), suppress(ValueError):  # of Python objects
                     array = archive[name]
-                if is_vector(array.shape, array.dtype):
-                    yield name
+                yield from offered(name, array.shape, array.dtype)
             return
         for key in keys:
             name = archive.files[place_of(replace(key, column=str(key.column)), archive.files, "array")]

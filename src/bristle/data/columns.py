@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+_WIDEST = 64  # columns of a matrix that are offered one by one
 MAX_VALUES = 200_000_000  # most numbers that are read from one file: a small compressed file can hold very many
 
 
@@ -141,6 +142,14 @@ def place_of(key: Key, names: Sequence[str], what: str = "column") -> int:
 def is_vector(shape: tuple[int, ...], dtype: "np.dtype[Any]") -> bool:
     """Whether an array of this shape and type is a column: a vector of numbers."""
     return dtype.kind in "iufb" and np.prod(shape, dtype=float) == max(shape, default=0) > 1
+
+
+def offered(name: str, shape: tuple[int, ...], dtype: "np.dtype[Any]") -> Iterator[str]:
+    """What an array offers: a vector of numbers itself, a matrix of a few columns and more rows each of them, as `q[2]`."""
+    if is_vector(shape, dtype):
+        yield name
+    elif dtype.kind in "iufb" and len(shape) == 2 and shape[1] <= min(_WIDEST, shape[0] - 1):
+        yield from (f"{name}[{k}]" for k in range(shape[1]))
 
 
 def bounded(values: float, what: str = "") -> None:

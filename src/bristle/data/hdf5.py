@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.columns import Key, bounded, is_vector, picked
+from bristle.data.columns import Key, bounded, offered, picked
 from bristle.data.isolated import ask
 from bristle.errors import InputError, short_list
 
@@ -122,7 +122,7 @@ def _class(dataset: Any) -> str:
 
 
 def _names(group: Any, before: str, depth: int, *, matlab: bool) -> Iterator[str]:
-    """Paths of the vectors of numbers below a group, through no links."""
+    """Paths of the columns of numbers below a group, through no links."""
     import h5py
 
     for name in group:
@@ -132,6 +132,7 @@ def _names(group: Any, before: str, depth: int, *, matlab: bool) -> Iterator[str
         if isinstance(here, h5py.Dataset):
             parts = [(f"{path}.{part}", here.dtype[part]) for part in here.dtype.names or ()] or [(path, here.dtype)]
             shown = not matlab or _class(here) != "char"
-            yield from (part for part, dtype in parts if shown and is_vector(here.shape or (), dtype))
+            shape = (here.shape or ())[:: -1 if matlab else 1]
+            yield from (x for part, dtype in parts if shown for x in offered(part, shape, dtype))
         elif isinstance(here, h5py.Group) and depth < _DEEPEST:
             yield from _names(here, f"{path}{'.' if matlab else '/'}", depth + 1, matlab=matlab)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bristle.data.columns import Key, bounded, is_vector, numeric
+from bristle.data.columns import Key, bounded, numeric, offered
 from bristle.data.hdf5 import read_hdf5
 from bristle.data.isolated import ask
 from bristle.errors import InputError, short, short_list
@@ -91,7 +91,7 @@ def _walk(variables: dict[str, Any], path: str) -> Any:
 
 
 def _vectors(name: str, value: Any) -> Iterator[str]:
-    """Dotted paths of the vectors of numbers in a variable."""
+    """Dotted paths of the columns of numbers in a variable."""
     if not isinstance(value, np.ndarray):
         return
     if value.dtype.names and value.size == 1:
@@ -100,5 +100,5 @@ def _vectors(name: str, value: Any) -> Iterator[str]:
     elif value.dtype == object:
         for k, item in enumerate(value.ravel(order="F")):
             yield from _vectors(f"{name}{{{k + 1}}}", item)
-    elif is_vector(value.shape, value.dtype):
-        yield name
+    else:
+        yield from offered(name, value.shape, value.dtype)

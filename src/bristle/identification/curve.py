@@ -117,7 +117,10 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
         v = np.unique(along[along != 0])
     else:
         tops = [top for top in (along.max(initial=0.0), along.min(initial=0.0)) if top]
-        v = np.concatenate([np.zeros(0), *(np.linspace(_slowest(fits, top) / top, 1, SPEEDS) * top for top in tops)])
+        least = max(
+            (slowest_shown(fits, top) / top for top in tops), default=LEAST
+        )  # the same both ways, for one range is stated
+        v = np.concatenate([np.zeros(0), *(np.linspace(least, 1, SPEEDS) * top for top in tops)])
     if not v.size:
         return None
     try:
@@ -161,15 +164,17 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     )  # fmt: skip  # a list of values
 
 
-def _slowest(fits: Sequence[StaticFit | TrackingFit], top: float) -> float:
-    """The slowest velocity on the way to `top`, rad/s, that equations of moving runs show: `LEAST` of it, or what the motion stays at.
+def slowest_shown(fits: Sequence[StaticFit | TrackingFit], top: float) -> float:
+    """The slowest velocity on the way to `top`, rad/s, of which moving runs tell: `LEAST` of it or, where they show no peak, one they stay at.
 
-    Of speeds that it passes through from one equation to the next these see a mixture, which hides a Stribeck peak.
+    Of speeds that a motion passes through from one equation to the next these see a mixture, in which a Stribeck peak is lost.
     """
-    along = [fit.velocity for fit in fits if isinstance(fit, TrackingFit)]
-    seen = np.concatenate([np.zeros(0), *(v[np.abs(np.gradient(v)) < np.abs(v)] for v in along if v.size > 1)]) / top
-    few = np.sort(seen[seen > LEAST])[:_FEW]
-    return top * float(few.max(initial=LEAST))
+    seen = np.zeros(0)
+    for fit in fits:
+        if isinstance(fit, TrackingFit) and fit.velocity.size > 1:
+            peak, v = in_direction(fit.parameters, "alpha_1", SIGNED[int(top < 0)]), fit.velocity
+            seen = v[np.abs(np.gradient(v)) < np.abs(v)] / top if peak is None or peak.value is None else seen
+    return top * float(np.sort(seen[seen > LEAST])[:_FEW].max(initial=LEAST))
 
 
 def _withheld(fit: TrackingFit, v: Array) -> float:

@@ -31,7 +31,8 @@ _UNITS = {
     },
     "position": {
         **dict.fromkeys(("rad", "rads", "radian", "radians"), "rad"), **dict.fromkeys(("deg", "degs", "degree", "degrees", "°"), "deg"),
-        **dict.fromkeys(("rev", "revs", "turn", "turns"), "rev"), **{name: name for name in ("mrad", "m", "mm", "um")},
+        **dict.fromkeys(("rev", "revs", "turn", "turns"), "rev"), **{name: name for name in ("mrad", "m", "mm", "um", "counts")},
+        "ticks": "counts",
     },
     "velocity": {
         f"{a}{sep}s": f"{'deg' if a == '°' else a}/s"

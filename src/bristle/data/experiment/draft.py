@@ -58,6 +58,8 @@ class Told:
     """Whether the drive holds its commands between samples."""
     fresh: bool | None = None
     """Whether it compares them with measurements of the moment."""
+    encoder_resolution: str | None = None
+    """Size of one count, where the encoder is."""
     gear: str | None = None
     """As under `motor`: `ratio: 100, position: motor, velocity: motor`."""
     inertia: str | None = None
@@ -191,7 +193,9 @@ def _head(files: Sequence[Path], kind: Kind, told: Told, log: "_Log") -> tuple[s
     return (
         *lines,
         of_joint or "# inertia: 0.0089 kg*m^2             # optional; x +/- s is a prior",
-        "# encoder_resolution: 4096 counts/rev  # optional",
+        f"encoder_resolution: {quoted(told.encoder_resolution)}"
+        if told.encoder_resolution
+        else "# encoder_resolution: 4096 counts/rev  # optional",
         "",
         f"# Columns of {quoted(files[0].name)}: {log.described}",
     )
