@@ -305,6 +305,7 @@ FOREIGN: list[tuple[tuple[str, ...], Any, str]] = [
     (("samples", "wrist", "static/+/segments"), {}, "Input should be a valid"),
     (("samples", "wrist", "static/+/n"), 3, "is not a field of the joint"),
     (("samples", "elbow"), {}, "is not a joint"),
+    (("samples", "wrist"), None, "holds no samples"),
     (("samples",), [], "samples"),
     (EXPERIMENTS, foreign(file="../../etc/passwd"), "the name of a file"),
     (EXPERIMENTS, foreign(file="a\0"), "control character"),

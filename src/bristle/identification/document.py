@@ -84,8 +84,9 @@ def with_samples(found: Any) -> Any:
     match found:
         case {"joints": dict(joints), "samples": dict(samples)}:
             for name, apart in samples.items():
-                if name not in joints:
-                    raise InputError(f"samples: {short(name)} is not a joint")
+                if name not in joints or not isinstance(apart, dict):
+                    why = "holds no samples by name" if name in joints else "is not a joint"
+                    raise InputError(f"samples: {short(name)} {why}")
                 put_back(joints[name], apart)
             return {**found, "samples": {name: {} for name in samples}}
     return found
