@@ -139,6 +139,7 @@ def _values(joint: Joint) -> Iterator[str]:
         there = {d for own, d in names if own == of_law}
         if Direction.BOTH not in there:
             names |= {ParameterName(of_law, d) for d in ways - there - ({Direction.BOTH} if there else set())}
+    given = {(x.parameter.name, x.estimate.value is not None) for x in rows.values() if x.parameter.direction in SIGNED}
     place = {name: k for k, name in enumerate(Lugre._fields)}
     for name in sorted(names, key=lambda x: ([*Direction].index(x.direction), place.get(x.name, len(place)), x.name)):
         row = rows.get(name)
@@ -147,7 +148,7 @@ def _values(joint: Joint) -> Iterator[str]:
         elif name in fixed:
             value = in_unit(f"{fixed[name]:.6g}", unit(name.name, joint.kind))
             cells.append((str(name), value, "", "experiment file"))
-        else:
+        elif name.direction is not Direction.BOTH or (name.name, True) not in given:
             runs = "constant velocities" if of_curve(name.name) else "slow loading"
             why = f"not measured; {runs} or tracking runs would show them"
             if row is not None:
