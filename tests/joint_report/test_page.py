@@ -276,14 +276,16 @@ def test_all_parameters_stand_first(tmp_path: Path) -> None:
     assert table.cells.columns[:3] == ("direction", "parameter", "source")
     assert dict(shown["How each fit ended"].facts)["truth"] == "12 of 12 true values lie inside their 95 % intervals."
     # the hold-out error, and what is left of friction, a quarter of the torque here, in held-out or else in fitted runs; once each. Nothing
-    # where they are not known, as the latter where a position is predicted, and no column that has nothing
+    # where they are not known, as the latter where a position is predicted or averages at constant velocity are fitted, and no column that
+    # has nothing
     accuracy = Accuracy(slowest=0.02, fastest=0.8, band=1.0, statistical=1.0, apart=0.0, share=0.25)
-    held = replace(gripper("held"), accuracy=accuracy)
+    averaged = replace(gripper("averaged"), accuracy=accuracy)
+    held = replace(averaged, name="held", static={d: replace(fit, segments=()) for d, fit in averaged.static.items()})
     fitted = {d: replace(fit, hold_out=(), relative_error=0.5) for d, fit in held.static.items()}
     moved = tracked(quantity="position", hold_out=())
     joints = [
         held, replace(held, name="fitted", static=fitted), replace(held, name="unknown", static=fitted, accuracy=None),
-        replace(moving("moved"), tracking=moved, joint_fit=None, accuracy=accuracy),
+        replace(moving("moved"), tracking=moved, joint_fit=None, accuracy=accuracy), averaged,
     ]  # fmt: skip  # a list
     of_friction = [(), ("of friction", "in held-out runs"), ("of friction", "in fitted runs")]
     answer = report(joints, title="t", seed=0).sections[0].answer
@@ -291,12 +293,13 @@ def test_all_parameters_stand_first(tmp_path: Path) -> None:
     assert answer.whole == ("hold-out error", "compensation leaves", "curve")
     assert [x.whole[:2] for x in answer.things] == [
         (Cell("1.2 %"), Cell("5 %", of_friction[1])), (Cell(), Cell("2 %", of_friction[2])), (Cell(), Cell()), (Cell(), Cell()),
+        (Cell("1.2 %"), Cell()),
     ]  # fmt: skip  # a table
     lines = [" ".join(map(str, x.line)) for x in answer.things]
     assert [("held-out" in line, "within 0.5 %" in line, "of friction" in line) for line in lines] == [
-        (False, False, False), (False, True, False), (False, False, False), (False, False, False),
+        (False, False, False), (False, True, False), (False, False, False), (False, False, False), (False, False, False),
     ]  # fmt: skip  # a table
-    alone = report(joints[2:], title="t", seed=0).sections[0].answer
+    alone = report(joints[2:4], title="t", seed=0).sections[0].answer
     assert alone is not None
     assert alone.whole == ("curve",)
     assert not any(words in alone.note for words in ("Hold-out", "leaves"))
