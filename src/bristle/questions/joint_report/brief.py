@@ -73,6 +73,7 @@ def _curve(joint: Joint) -> Iterator[str]:
     ways = {"": plus} if np.allclose(plus, minus, rtol=1e-9) else {"+": plus, "-": minus}
     model = as_identified(joint)
     given = {name for d in SIGNED for name, value in model.values(d).items() if value}
+    told_of = {row.parameter.name for row in chosen(joint) if row.estimate.value is not None}
     given |= {row.parameter.name for row in chosen(joint) if row.estimate.value}
     terms = {
         "alpha_0": "alpha_0",
@@ -88,7 +89,11 @@ def _curve(joint: Joint) -> Iterator[str]:
                 f"{number(T, 3)} {torque} {f'{interval((T - half, T + half))} ' * isfinite(half)}at {number(at, 3)} {speed}"
                 for (T, half), at in zip(curve.tolist(), v.tolist(), strict=True)
             )
-            told.append(f"{' and '.join(dict.fromkeys(ends))}{f' ({d})' * bool(d)}")
+            # a peak that is not claimed stays in the curve that was fitted
+            peak = {x: model.values(Direction(d or "+")).get(x, 0.0) for x in ("alpha_1", "v_s") if x not in told_of}
+            shape = ", ".join(f"{x} {number(value, 3)} {unit(x, joint.kind)}" for x, value in peak.items() if value)
+            unclaimed = f", with the fit's {shape}, which are not identifiable one by one" * ("alpha_1" in shape)
+            told.append(f"{' and '.join(dict.fromkeys(ends))}{f' ({d})' * bool(d)}{unclaimed}")
     law = f"{' + '.join(text for name, text in terms.items() if name in given)} = " * (joint.law_name == GAUSSIAN.name)
     yield f"  friction: {law}{'; '.join(told)}"
 
