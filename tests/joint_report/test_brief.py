@@ -12,7 +12,7 @@ import bristle
 from bristle.findings import CAUTION, NOTE, Finding, Severity
 from bristle.identification.fits import Estimate
 from bristle.identification.known_joint import chosen
-from bristle.identification.results import Joint
+from bristle.identification.results import Accuracy, Joint
 from bristle.identification.verdict import value_warnings, verdict
 from bristle.page.plain import WIDTH, interval, pair, wrapped
 from bristle.questions.joint_report.brief import LINES, brief_report, interval_lines
@@ -20,7 +20,7 @@ from bristle.questions.joint_report.sentences import known_to
 from bristle.questions.joint_report.text import fit_report
 
 from .conftest import HOSTILE, gripper, loaded
-from .moving import moving
+from .moving import UNSEEN, moving, tracked
 
 CRITICAL = Finding("stages-do-not-fit", Severity.CRITICAL, "The stages contradict each other.")
 LONG = tuple(
@@ -57,6 +57,17 @@ def test_values_bands_and_rows_of_the_brief(edro_results: Path) -> None:
     assert joint.accuracy is not None
     shown = [known_to(replace(joint, accuracy=replace(joint.accuracy, band=x)), "+/-") for x in (10.03, 9.9, 31.2)]
     assert [re.findall(r"known to \+/- (\S+)", x) for x in shown] == [["10.03"], ["9.9"], ["31"]]
+    # a peak that is not claimed, and was in the fit, is told with the curve that has it
+    peak, whole = {"alpha_1", "v_s"}, tracked()
+    unseen = {
+        x: replace(e, value=None, warnings=(UNSEEN,)) if x.name in peak else e for x, e in whole.parameters.items()
+    }
+    fixed = {x: e.value or 0.0 for x, e in whole.parameters.items() if x.name in peak}
+    hidden = replace(
+        moving("hidden"), static={}, joint_fit=None, tracking=replace(whole, parameters=unseen, fixed=fixed),
+        accuracy=Accuracy(slowest=0.1, fastest=1.0, band=2.0, statistical=2.0, apart=0.0, share=1.0),
+    )  # fmt: skip  # a list of values
+    assert "with the fit's alpha_1" in words(brief_report([hidden]))
     # the line of friction: between the ends of each interval lies the value before it, and a wider band makes them wider
     assert joint.accuracy is not None
     wide = replace(joint, accuracy=replace(joint.accuracy, band=2 * joint.accuracy.band))

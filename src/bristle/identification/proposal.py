@@ -142,7 +142,7 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path, directions: str |
         f"{f'{x.error:.2g} %' if x.error < _NOTHING else none} (the plainest set-up: {x.asked_error:.2g} %)"
         for x in known
     )
-    why = f"relative error on parts held out in turn {', '.join(errors)}"
+    why = f"a first regression, without presliding, misses parts held out in turn by {', '.join(errors)}"
     return f"fit: {{{lines}}}   # {why}", f"fit: {lines}; {why}"
 
 
