@@ -53,7 +53,7 @@ def test_a_draft_has_the_set_up_that_pays(tmp_path: Path, gravity: float, apart:
     experiment = load_experiment(tmp_path / "draft.yaml")
     lines = f"directions: auto, regressors: [{regressors}]"
     assert f"fit: {{{lines}}}" in text
-    assert any(sentence.startswith(f"fit: {lines}; relative error") for sentence in said)
+    assert any(sentence.startswith(f"fit: {lines}; a first regression") for sentence in said)
     assert [run.kind for run in measure(experiment).runs] == ["tracking"]
 
 

@@ -478,8 +478,8 @@ def _offset_as_friction(joint: Joint) -> str:
     if low <= 0 <= high or not MATTERS < abs(offset.value) / level.value < 1:
         return ""
     plus, minus = (level.value + sign * offset.value for sign in (1, -1))
-    of = unit("torque", joint.kind)
-    return f"; its offset may as well be friction: alpha_0 {plus:.3g} (+) and {minus:.3g} {of} (-); no data tell the two apart, and their sum is the same"
+    friction = f"alpha_0 {plus:.3g} (+) and {minus:.3g} {unit('torque', joint.kind)} (-)"
+    return f"; its offset may as well be friction: {friction}; no data tell the two apart, and their sum is the same"
 
 
 def _brakes(values: Mapping[ParameterName, float]) -> bool:
