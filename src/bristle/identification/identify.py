@@ -18,7 +18,7 @@ from bristle.estimation.covariance import student
 from bristle.estimation.score_test import MATTERS
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.comparison import APART, GAIN, SYMMETRIC, Comparison
-from bristle.identification.curve import accuracy_of, curve
+from bristle.identification.curve import accuracy_of, band, curve
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
@@ -234,12 +234,13 @@ class _Decisions:
         each = self._again(sided, self.ended)
         self.bic = bic = compared(each.tracking)[0]
         if (fit := each.moving) is not None:
-            # nan where the two differ by a constant alone, or by nothing worth a line: a better BIC is then of two bristles, about reversals
+            # nan where the two differ by a constant alone, or by less than their bands: a better BIC is then of two bristles, about reversals
             # that no model describes; infinite where one of them is no friction, which leaves an offset
-            v = np.abs(fit.velocity)[fit.velocity != 0]
-            both = [np.zeros(0) if p is None else curve(v, p.stribeck) for p in map(fit.values, DIRECTIONS)]
-            alike = both[0].shape == both[1].shape and np.linalg.norm(both[0] - both[1]) < MATTERS * np.linalg.norm(
-                sum(both)
+            v, within = np.abs(fit.velocity)[fit.velocity != 0], [(fit.values(d), d) for d in DIRECTIONS]
+            both = [(curve(v, p.stribeck), band(v, fit, d)) for p, d in within if p is not None]
+            bands = [half for _, half in both if half is not None]
+            alike = len(bands) == len(DIRECTIONS) and bool(
+                np.linalg.norm(both[0][0] - both[1][0]) < np.linalg.norm(np.hypot(*bands))
             )
             if alike or any(w.code == "offset-or-friction" for w in fit.warnings):
                 bic[APART] = np.nan
