@@ -38,7 +38,6 @@ def state(
 
 
 def wrench(stamp: int, torque: float, topic: str = "/wrench") -> Message:
-    """A wrench of which the torque about z is given."""
     return Message(topic, WRENCH, stamp + 500, {"header": (stamp, "tool"), "wrench": torque})
 
 
@@ -48,7 +47,6 @@ def number(received: int, value: float, topic: str = "/load") -> Message:
 
 
 def store_of(form: str) -> Any:
-    """The types of a format."""
     from rosbags.typesys import Stores, get_typestore
 
     return get_typestore(Stores.ROS1_NOETIC if form == "bag" else Stores.ROS2_HUMBLE)

@@ -116,7 +116,6 @@ class Ran(NamedTuple):
 
     @property
     def said(self) -> list[str]:
-        """The lines on stderr that are not empty."""
         return [line for line in self.err.splitlines() if line.strip()]
 
     @property
@@ -155,7 +154,6 @@ def table(velocity: Array, noise: float = 2e-5) -> str:
 
 
 def experiment(*, joint: str = "wrist", data: str = "data.csv") -> str:
-    """An experiment file of velocity-torque points."""
     return (
         f"joint: {{name: {json.dumps(joint)}}}\n"
         "signals:\n  velocity: {column: v, unit: rad/s}\n  torque: {column: tau, unit: N*m}\n"
@@ -230,7 +228,6 @@ def edro_report(tmp_path_factory: pytest.TempPathFactory, vector_alone: None) ->
 
 @pytest.fixture(scope="session")
 def edro_results(edro_report: Path) -> Path:
-    """The results file of that report."""
     return edro_report / "results.json"
 
 

@@ -25,7 +25,6 @@ _OWN = {"alpha_3": -0.008, "delta": 1.4, "blunt": 1.5, "v_end": 0.8}
 
 @contextmanager
 def registered() -> Iterator[None]:
-    """While it lasts, `BELL` is known."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(registry, "_PARTS", dict(registry._PARTS))
         patch.setattr(registry, "_COMPETE", set(registry._COMPETE))
@@ -34,7 +33,6 @@ def registered() -> Iterator[None]:
 
 
 def truth_of(law: str) -> Lugre[float]:
-    """Gripper rotation (+) with what a law has beside."""
     one = lugre_of(registry.law_named(law))
     return one(*TRUTH, **{name: _OWN[name] for name in one._fields[len(TRUTH) :]})
 
@@ -48,7 +46,6 @@ def points(law: str, truth: Lugre[float] | None = None, seed: int = 0) -> bristl
 
 
 def motion(law: str) -> bristle.Fit:
-    """Points and a motion of the same joint."""
     t: Array = np.arange(0, 8, 0.002)
     v = 0.5 * np.sin(2.0 * t) + 0.25 * np.sin(5.3 * t)
     q = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2)]) * 0.002

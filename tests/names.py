@@ -10,5 +10,4 @@ parse = ParameterName.parse
 
 
 def named(values: Mapping[str, T]) -> dict[ParameterName, T]:
-    """The values by parameter."""
     return {parse(name): value for name, value in values.items()}

@@ -24,7 +24,6 @@ def without_sentences(patch: pytest.MonkeyPatch) -> None:
 
 
 def of_kind(diagnostics: Iterable[Finding], *kinds: str) -> list[Finding]:
-    """Those of these kinds."""
     return [d for d in diagnostics if d.code in kinds]
 
 

@@ -10,11 +10,9 @@ FILES = sorted(SOURCE.rglob("*.py"))
 
 @cache
 def trees() -> dict[Path, ast.Module]:
-    """Every file of the package, parsed."""
     return {path: ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
 
 
 @cache
 def nodes() -> dict[Path, tuple[ast.AST, ...]]:
-    """All nodes of each."""
     return {path: (*ast.walk(tree),) for path, tree in trees().items()}

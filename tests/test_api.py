@@ -26,7 +26,6 @@ COLUMNS = ["joint", "direction", "parameter", "value", "unit", "standard_error",
 
 @pytest.fixture(scope="module")
 def clean(tmp_path_factory: pytest.TempPathFactory) -> Results:
-    """One joint, well identified in both directions."""
     return bristle.identify(write(tmp_path_factory.mktemp("clean"), speeds()))
 
 
@@ -150,7 +149,6 @@ STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 
 @pytest.fixture(scope="module")
 def results(edro_results: Path) -> Results:
-    """All four joints, all stages."""
     return bristle.read_results(edro_results)
 
 
@@ -177,7 +175,6 @@ def test_nothing_stands_for_the_embedded_joints(results: Results, edro_report: P
 
 
 def holds(e: Estimate, true: float) -> bool:
-    """Whether an interval holds the truth."""
     return e.interval is not None and e.interval[0] <= true <= e.interval[1]
 
 

@@ -113,8 +113,6 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def both(one: Patch, two: Patch) -> Patch:
-    """One patch after the other."""
-
     def patch(monkeypatch: pytest.MonkeyPatch) -> None:
         one(monkeypatch)
         two(monkeypatch)
@@ -150,7 +148,6 @@ def bad(
 
 
 def yaml_with(old: str, new: str) -> dict[str, str]:
-    """The good experiment file with one thing changed."""
     assert old in GOOD["e.yaml"]
     return {"e.yaml": GOOD["e.yaml"].replace(old, new)}
 
@@ -166,12 +163,10 @@ SLIDING = 0.3 * np.sin(2 * np.pi * 0.5 * STEPS)
 
 
 def slow(position: Array, torque: Array, more: str = "") -> dict[str, str]:
-    """A presliding experiment."""
     return log("presliding", more, t=STEPS, q=position, tau=torque)
 
 
 def adapting(options: str) -> dict[str, str]:
-    """The good experiment file with adaptation options."""
     return {"e.yaml": GOOD["e.yaml"].replace("signals:", f"adapt: {{{options}}}\nsignals:", 1)}
 
 
@@ -392,7 +387,6 @@ def test_bad_input_gets_one_sentence(tmp_path: Path) -> None:
 
 
 def placed(folder: Path, files: Mapping[str, str]) -> Path:
-    """The experiment file of some files in a folder."""
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
     return folder / "e.yaml"
@@ -525,7 +519,6 @@ def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def adaptations() -> dict[Path, Ran]:
-    """What `adapted` ran, by folder."""
     return {}
 
 
@@ -569,7 +562,6 @@ def test_adapt_writes_the_same_twice(adapted: tuple[Path, Ran]) -> None:
 
 
 def interrupted_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C while fitting."""
     monkeypatch.setattr("bristle.api.identifying.identify_joint", _raiser(KeyboardInterrupt()))
 
 
@@ -735,7 +727,6 @@ class Tty(io.StringIO):
     """A standard output that is a terminal."""
 
     def isatty(self) -> bool:
-        """It is."""
         return True
 
 

@@ -90,7 +90,6 @@ def test_every_code_has_a_paragraph() -> None:
 
 
 def codes() -> Iterator[tuple[str, str]]:
-    """Codes and severities that src makes."""
     for of_file in nodes().values():
         for node in of_file:
             match node:

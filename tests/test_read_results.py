@@ -271,7 +271,6 @@ def test_a_robot_is_read_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 def spoilt(good: dict[str, Any], way: tuple[str, ...], value: Any) -> str:
-    """The text with one value replaced."""
     document = deepcopy(good)
     node: Any = document
     for step in way[:-1]:
@@ -321,7 +320,6 @@ FOREIGN: list[tuple[tuple[str, ...], Any, str]] = [
 
 @pytest.fixture(scope="module")
 def whole(fresh: Results) -> str:
-    """The file of what `identify` returned."""
     return fresh.to_json()
 
 

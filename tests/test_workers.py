@@ -26,7 +26,6 @@ REPORT = ("-m", "bristle", "report")
 
 
 def running(parent: int) -> list[int]:
-    """The processes that descend from one, itself included."""
     parents = {}
     for path in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -176,7 +175,6 @@ def on_terminal(*arguments: object, folder: Path) -> tuple[float, str]:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """An experiment of points that can be fitted."""
     (tmp_path / "e.yaml").write_text(experiment(), encoding="utf-8")
     (tmp_path / "data.csv").write_text(table(speeds()), encoding="utf-8")
     return tmp_path

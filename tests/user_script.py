@@ -24,7 +24,6 @@ STEEP = bristle.Peak(
 
 
 def of_arrays() -> bristle.Fit:
-    """Arrays in, fits and a compensator out."""
     rng = np.random.default_rng(0)
     v = np.concatenate([np.geomspace(0.015, 0.8, 12), -np.geomspace(0.015, 0.8, 12)])
     T = bristle.friction(v, LAW) + 2e-5 * rng.standard_normal(v.size)
@@ -79,7 +78,6 @@ def of_files(folder: Path) -> bristle.Results:
 
 
 def questions(results: bristle.Results) -> None:
-    """What results are asked."""
     planned: str = bristle.plan(results, velocities=4).reference_csv()
     assert bristle.explore(results).joints == tuple(joint.name for joint in results.joints)
     handed: bristle.Export = bristle.export(results, "json")
@@ -106,7 +104,6 @@ def questions(results: bristle.Results) -> None:
 
 
 def main() -> None:
-    """All of it."""
     of_arrays()
     with tempfile.TemporaryDirectory() as folder:
         questions(of_files(Path(folder)))

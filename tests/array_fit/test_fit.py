@@ -33,7 +33,6 @@ def points(noise: float = 2e-5, seed: int = 0) -> tuple[Array, Array]:
 
 @pytest.fixture(scope="module")
 def plain() -> bristle.Fit:
-    """Of these points."""
     return bristle.fit(*points())
 
 

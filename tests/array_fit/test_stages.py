@@ -53,13 +53,11 @@ def motion() -> tuple[Array, Array, Array]:
 
 
 def saved(folder: Path, name: str, header: str, *columns: Array) -> None:
-    """As a file, every digit."""
     np.savetxt(folder / name, np.column_stack(columns), "%.17g", ",", header=header, comments="")
 
 
 @pytest.fixture(scope="module")
 def of_files(tmp_path_factory: pytest.TempPathFactory) -> bristle.Results:
-    """The joint that files of all three give."""
     folder = tmp_path_factory.mktemp("files")
     saved(folder, "points.csv", "v,tau", *points())
     saved(folder, "slow.csv", "t,q,tau", *loading())
@@ -82,7 +80,6 @@ Fits = tuple[bristle.Fit, bristle.Fit, bristle.Fit]
 
 @pytest.fixture(scope="module")
 def fits() -> Fits:
-    """The same from arrays, one after the other."""
     static = bristle.fit(*points(), directions="symmetric")
     slow = bristle.fit_presliding(*loading(), breakaway=static)
     return static, slow, bristle.fit_dynamic(*motion(), priors=[static, slow])

@@ -224,7 +224,6 @@ def test_a_parameter_of_zero_divides_nothing(monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.fixture(scope="module")
 def compensated() -> Study:
-    """The gripper with its true model, on small maps."""
     with pytest.MonkeyPatch.context() as patch:
         for module, name, few in (
             (parameter_studies, "GAMMAS", (20.0,)), (parameter_studies, "FREQUENCIES", (1.0,)), (parameter_studies, "AMPLITUDES", (1.0,)),
@@ -301,7 +300,6 @@ def tried() -> tuple[AblationRow, ...]:
 
 
 def of(tried: tuple[AblationRow, ...], compensator: str, delay: int = 0) -> dict[float, AblationRow]:
-    """Rows of one compensator and delay, by share."""
     return {r.share: r for r in tried if r.compensator == compensator and r.delay == delay}
 
 

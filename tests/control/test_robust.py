@@ -59,7 +59,6 @@ def positions(rng: np.random.Generator) -> Iterator[Array]:
 
 
 def course(rng: np.random.Generator) -> tuple[Reference, Disturbance]:
-    """A batch of references, and load, drift and noise."""
     y = np.stack([*positions(rng)])
     v = np.gradient(y, H, axis=1) * rng.choice([0.0, 1.0], (BATCH, 1), p=[0.2, 0.8])  # a user may not know it
     load = rng.uniform(-0.2, 0.2, (BATCH, 1)) * np.sign(np.sin(20 * H * np.arange(SAMPLES)))

@@ -29,7 +29,6 @@ SIGNALS = {
 
 
 def present(value: T | None) -> T:
-    """A signal of a record, say, that it has."""
     assert value is not None
     return value
 
@@ -40,7 +39,6 @@ def signals_with(**changes: Any) -> dict[str, Any]:
 
 
 def write_log(folder: Path, name: str = "log.csv", **columns: Any) -> Path:
-    """A text file of these columns, every digit of them."""
     path = folder / name
     pd.DataFrame(columns).to_csv(path, index=False)
     return path
@@ -55,7 +53,6 @@ def experiment(folder: Path, **changes: Any) -> Experiment:
 
 
 def first_record(folder: Path, **changes: Any) -> Record:
-    """What its first run measured."""
     return read_runs(experiment(folder, **changes))[0].record
 
 

@@ -49,7 +49,6 @@ def _assert_refused(asked: Sequence[tuple[Path, str]], keys: Sequence[Key] = _KE
 
 @pytest.fixture(scope="module", params=FORMATS)
 def good(request: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, bytes]:
-    """Suffix and content of a small bag of two topics."""
     folder = tmp_path_factory.mktemp("good")
     messages = [
         m

@@ -37,7 +37,6 @@ def _refusal(bag: Path, *columns: str) -> str:
 
 
 def _states(count: int, seed: int = 0) -> list[Message]:
-    """Joint states of one layout."""
     rng = np.random.default_rng(seed)
     return [state(START + 10**6 * k, _NAMES, *rng.standard_normal((3, 3)).tolist()) for k in range(count)]
 

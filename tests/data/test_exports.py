@@ -28,7 +28,6 @@ I = np.round(700 * np.cos(40 * T) + 20, 3)  # noqa: E741  # the symbol
 
 
 def lines(*formats: str, columns: tuple[Any, ...] = (T, Q, I), between: str = ",", end: str = "\n") -> str:
-    """Rows of columns, each in its format."""
     rows = zip(*columns, strict=True)
     return "".join(between.join(f.format(x) for f, x in zip(formats, row, strict=True)) + end for row in rows)
 
@@ -172,7 +171,6 @@ def test_drafts_of_exports_read(tmp_path: Path, name: str, told: dict[str, Any],
 
 
 def saved(draft: Draft, folder: Path) -> Path:
-    """The draft as an experiment file of a tracking run."""
     path = folder / "draft.yaml"
     path.write_text(draft.text([DraftedRun("tracking")]), encoding="utf-8")
     return path

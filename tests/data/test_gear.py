@@ -50,7 +50,6 @@ def experiment(
 
 
 def record(folder: Path, gear: Any, **more: Any) -> Record:
-    """Its run."""
     return read_runs(experiment(folder, gear, **more))[0].record
 
 

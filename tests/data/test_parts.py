@@ -25,7 +25,6 @@ Q, TAU = np.sin(9 * T), np.cos(9 * T)
 
 
 def log(folder: Path, name: str = "log.csv", rows: slice = slice(None), **columns: Any) -> None:
-    """Some rows of a log."""
     logged = {"t": T, "q": Q, "tau": TAU} | columns
     write_log(folder, name, **{column: x[rows] for column, x in logged.items()})
 
@@ -37,7 +36,6 @@ def experiment(folder: Path, *runs: dict[str, Any], signals: Any = None, **more:
 
 
 def records(folder: Path, *runs: dict[str, Any], **more: Any) -> list[Record]:
-    """What its runs measured."""
     return [x.record for x in read_runs(experiment(folder, *runs, **more))]
 
 

@@ -224,7 +224,6 @@ def test_any_unit_is_taken_or_refused(unit: str) -> None:
 
 
 def _npy(shape: str = "(10,)", dtype: str = "'<f8'", data: bytes = bytes(80), version: int = 1) -> bytes:
-    """A NumPy array's file with any header."""
     header = f"{{'descr': {dtype}, 'fortran_order': False, 'shape': {shape}, }}\n".encode()
     return b"\x93NUMPY" + bytes([version, 0]) + struct.pack("<H", len(header)) + header + data
 

@@ -31,7 +31,6 @@ TRUTH, INERTIA = Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0), 0.08
 
 
 def at(record: Record, time: Array) -> Record:
-    """What would have been logged at other times."""
     return replace(
         record, time=time, position=sampled(record, time), velocity=None,
         torque=np.interp(time, record.time, present(record.torque)),
@@ -39,7 +38,6 @@ def at(record: Record, time: Array) -> Record:
 
 
 def even(record: Record) -> bool:
-    """Whether samples are equally far apart in each segment."""
     return all(
         np.ptp(np.diff(part)) < 1e-6 * record.step for part in np.split(record.time, record.starts[1:]) if part.size > 2
     )
@@ -216,7 +214,6 @@ def loaded(rate: float, share: float) -> Record:
 
 
 def kind(record: Record) -> str:
-    """What a log alone is taken for."""
     return kinds_of([(record.file, stretches(record, "revolute"))])[0]
 
 

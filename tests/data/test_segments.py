@@ -26,7 +26,6 @@ TRUE = (1.3, 0.2, 0.75, 0.1)
 
 
 def friction(velocity: Array) -> Array:
-    """Steady torque of the true parameters."""
     return evaluate(steady_torque_function(), velocity, TRUE[0], TRUE[1], TRUE[2], TRUE[3])[0]
 
 
@@ -56,7 +55,6 @@ def quantised(record: Record, counts: int) -> Record:
 
 
 def accepted(segments: tuple[Segment, ...]) -> list[Segment]:
-    """Those that count."""
     return [s for s in segments if s.accepted]
 
 

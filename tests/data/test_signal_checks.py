@@ -58,7 +58,6 @@ def moving(seed: int, kind: str = "sines", *, logged: bool = True, duration: flo
 
 
 def checked(record: Record, kind: RunKind = "tracking", cutoff: float = 100.0, **more: Any) -> tuple[Finding, ...]:
-    """What is said of a record that is read as declared."""
     given_signals = signals(**more) if record.velocity is not None else signals(velocity=None, **more)
     return check_signals(estimate_motion(record, cutoff), kind, given_signals, Context())
 

@@ -24,7 +24,6 @@ STEP = 0.01
 
 
 def displacement(torque: Array) -> Array:
-    """Where slow loading from rest brings the joint."""
     y: Array = -(G0 / P.sigma_0) * np.log(1 - torque / G0)
     return y
 

@@ -24,7 +24,6 @@ G0, SIGMA_0 = 0.7, 1000.0
 
 
 def kinds(record: Record, kind: RunKind) -> list[str]:
-    """What is said of the torque of a run."""
     return [d.code for d in check_torque(record, kind)]
 
 
@@ -162,7 +161,6 @@ STAMPED = {"column": "t", "unit": "s"}
 
 
 def said(record: Record, stamped: bool = False) -> list[Finding]:
-    """What is said of the motion of a moving run."""
     found = checked(record, time=STAMPED) if stamped else checked(record)
     return [d for d in found if d.code in MOTION]
 

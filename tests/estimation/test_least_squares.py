@@ -44,7 +44,6 @@ def line(measured: Array, columns: Array) -> LeastSquares[str]:
 
 
 def solved(problem: LeastSquares[str], values: Mapping[str, float]) -> MultistartSolution[str]:
-    """The solution near some values."""
     own = problem.unknowns
 
     def solve(at: Mapping[str, float], most: int, _lowest: float) -> tuple[LeastSquares[str], Minimum]:
@@ -176,7 +175,6 @@ def correlated(rho: float, n: int, seed: int) -> Array:
 
 
 def mean_of(x: Array, **options: int) -> Array:
-    """What the mean of x moves by in resampled data, (B,)."""
     return block_bootstrap(-np.ones((x.size, 1)), x - x.mean(), **options).steps[:, 0]  # type: ignore[arg-type]
 
 

@@ -207,7 +207,6 @@ def test_a_number_without_tests_has_no_evidence() -> None:
 
 
 def scan(y: np.ndarray, variance: np.ndarray, baseline: int, freedom: float = np.inf) -> Steps:
-    """The scan of series without regressors."""
     return step_scan(Levels(y, variance, np.zeros((*y.shape, 0)), np.zeros((0, 0))), baseline, freedom)
 
 

@@ -32,7 +32,6 @@ def captions(plan: Plan) -> dict[str, str]:
 
 
 def of_points(folder: Path, aim: str, *, both: bool, kind: str = "revolute", fit: str = "") -> Plan:
-    """The plan for a joint of which points alone are known."""
     path = write(folder, speeds(both=both))
     text = path.read_text() + fit
     if kind == "prismatic":
@@ -60,7 +59,6 @@ def test_each_caption_begins_with_a_number(tmp_path: Path, aim: str, both: bool,
 
 
 def said(plan: Plan, figure: str) -> str:
-    """What the caption of a figure begins with."""
     return captions(plan)[f"plan-{figure}"]
 
 

@@ -33,12 +33,10 @@ def known() -> Iterator[None]:
 
 @pytest.fixture(scope="module", params=OWN)
 def plan(request: pytest.FixtureRequest) -> Plan:
-    """Of points and a motion."""
     return bristle.plan(motion(request.param))
 
 
 def problem(law: str) -> DesignProblem:
-    """A joint of the law, of which nothing is known before."""
     p = truth_of(law)
     size = len(p.law.shape_parameters) + len(p.law.coefficients) + 3
     nothing = np.zeros((size, size))

@@ -126,7 +126,6 @@ def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
 
 
 def table_of(plan: Plan, name: str) -> pd.DataFrame:
-    """A table of its report."""
     found = (section.table for section in bristle.report_of(plan).sections if section.table)
     return next(table.frame for table in found if table.name == name and table.frame is not None)
 
@@ -178,7 +177,6 @@ def test_references_are_read_back(gripper: Plan) -> None:
 
 @pytest.fixture(scope="module")
 def measured() -> Measured:
-    """What the embedded default is identified from."""
     return measure(experiments()[0])
 
 
@@ -331,7 +329,6 @@ def plan_of_one_direction(folder: Path) -> Plan:
 
 @pytest.fixture(scope="module")
 def one_direction(tmp_path_factory: pytest.TempPathFactory) -> Plan:
-    """As several tests look at it."""
     return plan_of_one_direction(tmp_path_factory.mktemp("one"))
 
 

@@ -59,7 +59,6 @@ def problem(low: float = 0.15, high: float = 0.8, relative: float = 0.0, **chang
 
 
 def loss(own: DesignProblem, found: Design) -> float:
-    """-log det of the information, averaged over the nodes."""
     sets = [own.p._replace(v_s=float(x)) for x in own.nodes]
     each = [np.linalg.slogdet(own.prior_information + static_information(found.speeds, p, own.noise))[1] for p in sets]
     return -float(np.mean(each))
@@ -349,7 +348,6 @@ PROBLEM = MotionProblem(
 
 
 def relative(errors: Array) -> float:
-    """Root of the sum of squared relative standard errors."""
     return float(np.linalg.norm(errors / VALUES))
 
 

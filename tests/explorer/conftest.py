@@ -82,13 +82,11 @@ class Node:
         return answers
 
     def close(self) -> None:
-        """End it."""
         self._process.communicate()
 
 
 @pytest.fixture(scope="session")
 def node(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Node]:
-    """Node, for all tests of the explorer."""
     program = shutil.which("node")
     if program is None:
         pytest.skip("needs Node: no `node` is on the path")

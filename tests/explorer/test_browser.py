@@ -90,7 +90,6 @@ UNNAMED = """[...document.querySelectorAll("input, select, button, meter, progre
 
 @pytest.fixture(scope="module")
 def file(edro: Explored, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The embedded set's page."""
     return edro.page.write(tmp_path_factory.mktemp("page") / "explore.html")
 
 
@@ -113,23 +112,19 @@ class Tab:
         self.settled()
 
     def settled(self) -> None:
-        """Wait until what was asked for is drawn."""
         self.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
         self.page.wait_for_selector("#figure-map:not([aria-busy=true])", state="attached")
         self.page.wait_for_selector("html:not([data-pending])", state="attached")
 
     def state(self) -> Any:
-        """What is chosen."""
         return self.page.evaluate("explorer.state")
 
     def show(self, view: str) -> None:
-        """Choose a tab by its click."""
         self.page.click(f"#tab-{view}")
         self.settled()
         assert [v for v in VIEWS if self.page.is_visible(f"#view-{v}")] == [view]
 
     def set(self, name: str, position: int) -> None:
-        """Move a slider."""
         script = "([id, x]) => { const s = explorer.element(id); s.value = x; s.dispatchEvent(new Event('input')); }"
         self.page.evaluate(script, [f"slider-{name}", position])
         self.settled()

@@ -45,7 +45,6 @@ class Engine:
         self._node, self._module = node, node.module(text)
 
     def __call__(self, name: str, *arguments: object) -> Any:
-        """What one returns."""
         return self._node.call(self._module, [(name, *arguments)])[0]
 
     def loops(self, *options: Mapping[str, object]) -> list[dict[str, Any]]:
@@ -204,7 +203,6 @@ def test_a_rollout_takes_steps_of_any_length_and_a_start(js: Engine) -> None:
 
 
 def compensator_of(loop: JointLoop, law: str) -> Compensator:
-    """What a joint runs with under one of the script's laws."""
     if law == "none":
         return Compensator(name="none", inertia=loop.compensator.inertia)
     if law == "fixed":
@@ -302,7 +300,6 @@ def test_a_users_own_loop_is_that_of_python(k: int, node: Node) -> None:
 
 
 def finite(value: Any) -> bool:
-    """Whether all numbers of an answer are finite."""
     if isinstance(value, dict):
         return all(map(finite, value.values()))
     return value is None or bool(np.isfinite(floats(value)).all())
@@ -319,7 +316,6 @@ def module(node: Node) -> str:
 
 
 def cost_of(data: dict[str, Any], pair: Pair[float]) -> float:
-    """Sum of squared residuals at these values."""
     if "fits" in data:
         return sum(
             float(np.sum(np.square(np.subtract(fit["torque"], steady(np.array(fit["velocity"]), pair)))))
@@ -336,7 +332,6 @@ def cost_of(data: dict[str, Any], pair: Pair[float]) -> float:
 
 
 def steady(v: Any, pair: Pair[float]) -> Any:
-    """The steady torque, each direction by its set."""
     own = [evaluate(functions.steady_torque_function(), v, *p.stribeck)[0] for p in pair]
     return np.where(v > 0, *own)
 

@@ -165,7 +165,6 @@ def identified(folder: Path, law: Law, *, joint: str, simulated: bool = False) -
 
 
 def page_of(*results: bristle.Results) -> Explorer:
-    """A page of the joints of several results."""
     joints: list[Joint] = [joint for one in results for joint in one.joints]
     return explorer(joints, {joint.name: "no loop" for joint in joints})
 

@@ -35,19 +35,16 @@ class Read(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Keep it."""
         self.elements.append((tag, {name: value or "" for name, value in attrs}))
         if tag == "script":
             self.scripts.append("")
 
     def handle_data(self, data: str) -> None:
-        """Keep what a script holds."""
         if self.cdata_elem == "script":
             self.scripts[-1] += data
 
 
 def known_of(page: Explorer) -> Any:
-    """What the page knows of its joints."""
     return json.loads(Read(page.html).scripts[0])["known"]
 
 

@@ -48,7 +48,6 @@ def handed(edro_results: Path) -> Handed:
 
 
 def assumed(joint: ExportedJoint, *names: str) -> ExportedJoint:
-    """The joint with parameters that the data do not show."""
     rows = (
         replace(x, source="assumed", standard_error=None, interval=None) if x.parameter.name in names else x
         for x in joint.parameters
@@ -63,7 +62,6 @@ def scaled(joint: ExportedJoint, J: float = 1.0, **factors: float) -> ExportedJo
 
 
 def row(name: str, d: Direction, value: float, joint: ExportedJoint, source: str) -> ExportedParameter:
-    """A parameter without an error."""
     si = unit(name, joint.kind)
     return ExportedParameter(
         parameter=ParameterName(name, d), value=value, unit=si, standard_error=None, interval=None, source=source
@@ -97,5 +95,4 @@ def same(joint: ExportedJoint) -> ExportedJoint:
 
 
 def run(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
-    """A command in a folder."""
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603  # our own words

@@ -52,7 +52,6 @@ needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc, w
 
 
 def called(compensator: Compensator) -> str:
-    """How a case is named."""
     a = compensator.adaptation
     return f"{compensator.name} {a.law} {a.step} {len(a.parameters)}" if a else compensator.name
 
@@ -100,8 +99,6 @@ def test_every_joint_is_exported(handed: Handed) -> None:
 
 @pytest.fixture
 def built(tmp_path: Path) -> Build:
-    """A C file beside a header, compiled and loaded."""
-
     def build(header_text: str, source: str, *options: str) -> ctypes.CDLL:
         (tmp_path / "joint.h").write_text(header_text, encoding="ascii")
         (tmp_path / "f.c").write_text(source, encoding="ascii")
@@ -363,7 +360,6 @@ def test_no_name_leaves_its_comment(handed: Handed, name: str) -> None:
 
 @cache
 def plain_header(handed: Handed) -> str:
-    """Of a joint without an odd name."""
     return header(handed(), Compensator())
 
 

@@ -35,7 +35,6 @@ words = st.text(st.characters(codec="utf-8"), max_size=12)
 
 
 def _holding(interval: tuple[float, float], value: float) -> tuple[float, float]:
-    """The interval, widened to hold a value."""
     return min(*interval, value), max(*interval, value)
 
 
@@ -71,7 +70,6 @@ diagnostics = st.one_of(
 
 @st.composite
 def made(draw: st.DrawFn) -> ExportedJoint:
-    """Any joint that can be exported."""
     kind: Kind = draw(st.sampled_from(get_args(Kind)))
     return ExportedJoint(
         name=draw(words), kind=kind, simulated=draw(st.booleans()), trust=draw(st.sampled_from(Trust)),
@@ -84,12 +82,10 @@ def made(draw: st.DrawFn) -> ExportedJoint:
 
 
 def robot(handed: Handed) -> list[ExportedJoint]:
-    """Every joint of the embedded report."""
     return [handed(name) for name in NAMES]
 
 
 def saved(folder: Path, artefact: Artefact) -> Path:
-    """The file."""
     path = folder / artefact.name
     path.write_bytes(artefact.content)
     return path
@@ -163,14 +159,12 @@ def test_any_joint_comes_back(joint: ExportedJoint) -> None:
 
 
 def changed(text: str, **fields: Any) -> str:
-    """The document with other fields in its first joint."""
     document = json.loads(text)
     document["joints"][0].update(fields)
     return json.dumps(document)
 
 
 def spoilt(text: str) -> dict[str, str]:
-    """Documents that are none, by what is told of them."""
     document = json.loads(text)
     rows = document["joints"][0]["parameters"]
     error = json.dumps(rows[0]["standard_error"])

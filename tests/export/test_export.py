@@ -286,7 +286,6 @@ def test_the_loss_is_its_formula(handed: Handed) -> None:
 
 
 def example(name: str) -> str:
-    """A piece of code of docs/export.md."""
     text = (DOCS / "export.md").read_text(encoding="utf-8")
     found = re.search(rf"<!-- example: {name} -->\n```\w+\n(.*?)```", text, re.DOTALL)
     assert found is not None

@@ -59,7 +59,6 @@ Exported = Callable[[str], Artefact]
 
 
 def handed_over(joint: ExportedJoint) -> Artefact:
-    """What `bristle export --to fmu` writes."""
     return TARGET.write([joint], Request())
 
 
@@ -77,7 +76,6 @@ def exported(handed: Handed) -> Exported:
 
 @pytest.fixture(scope="module")
 def wrist(exported: Exported) -> Iterator[LoadedFmu]:
-    """The FMU of the wrist pitch, as fmpy loads it."""
     with loaded_fmu(exported("wrist pitch").content) as found:
         yield found
 
@@ -175,13 +173,11 @@ def test_the_default_step_is_a_round_number(handed: Handed) -> None:
 
 
 def write_sources(content: dict[str, bytes], folder: Path) -> None:
-    """The C of an FMU into a folder."""
     for file in ("fmu.c", "joint.h"):
         (folder / file).write_text(content[f"sources/{file}"].decode("ascii"), encoding="ascii")
 
 
 def root_of(content: bytes) -> ET.Element:
-    """The model description."""
     return ET.fromstring(files_of(content)["modelDescription.xml"])  # noqa: S314  # our own
 
 
@@ -215,7 +211,6 @@ def test_no_warning(exported: Exported, tmp_path: Path) -> None:
 
 
 def with_sets(joint: ExportedJoint, positive: Lugre[float], negative: Lugre[float]) -> ExportedJoint:
-    """The joint with these values."""
     sets = {Direction.POSITIVE: positive, Direction.NEGATIVE: negative}
     rows = (
         replace(x, value=getattr(sets[x.parameter.direction], x.parameter.name)) if x.parameter.direction in sets else x
@@ -225,12 +220,10 @@ def with_sets(joint: ExportedJoint, positive: Lugre[float], negative: Lugre[floa
 
 
 def values(found: LoadedFmu, slave: Any, *names: str) -> list[float]:
-    """Of some variables."""
     return list(slave.getReal([found.references[name] for name in names]))
 
 
 def refused(call: Any, *arguments: Any, status: int = ERROR) -> None:
-    """The call returns that status."""
     with pytest.raises(Exception, match=rf"failed with status {status}"):
         call(*arguments)
 

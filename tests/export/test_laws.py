@@ -188,7 +188,6 @@ def test_a_document_that_does_not_fit_its_law_is_refused(handed: Handed, tmp_pat
 
 
 def matlab_value(text: str, p: dict[str, float], z: float, v: float) -> float:
-    """The value of an expression of the script."""
     python = re.sub(r"p\.(\w+)\.value", r"p['\1']", text).replace(".*", "*").replace("./", "/").replace(".^", "**")
     words = {"min": np.fmin, "max": np.fmax, "abs": np.abs, "sign": np.sign, "exp": np.exp, "log": np.log, "sqrt": np.sqrt,
              "atan": np.arctan, "realmax": np.finfo(float).max}  # fmt: skip  # a table
@@ -276,7 +275,6 @@ def cogging(q: Array) -> Array:
 
 @pytest.fixture
 def cogs(handed: Handed) -> ExportedJoint:
-    """A joint with two orders of cogging."""
     return beside(handed("wrist pitch"), **WAVES)
 
 

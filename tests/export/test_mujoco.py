@@ -110,7 +110,6 @@ def test_the_largest_time_step_is_one(handed: Handed) -> None:
 
 
 def called(target: ExportTarget) -> str:
-    """Its name."""
     return mjcf.NAME if target is mjcf.TARGET else mjcf.FRICTIONLOSS_NAME
 
 
@@ -207,7 +206,6 @@ TWO = """<mujoco><option timestep="{h}" integrator="{integrator}" gravity="0 0 0
 
 
 def one(h: float = 0.002, **changes: Any) -> Any:
-    """A model of one joint, driven by a torque."""
     values = {
         "name": "wrist pitch", "integrator": "Euler", "kind": "hinge", "J": 0.00868, "more": "", "actuators": "",
         **changes,

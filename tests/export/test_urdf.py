@@ -74,14 +74,12 @@ SDF = b"""\
 
 @pytest.fixture
 def slide(handed: Handed) -> ExportedJoint:
-    """A joint that slides."""
     joint = handed("wrist pitch", name="slide", kind="prismatic")
     units = {x.parameter: unit(x.parameter.name, "prismatic") for x in joint.parameters}
     return replace(joint, parameters=tuple(replace(x, unit=units[x.parameter]) for x in joint.parameters))
 
 
 def parsed(content: bytes) -> Xml.Element:
-    """The file as another parser has it."""
     return Xml.fromstring(content)  # noqa: S314  # made here
 
 
@@ -311,7 +309,6 @@ class Actuator:
 
 @contextmanager
 def stand_in() -> Iterator[None]:
-    """A stub in the place of Isaac Lab."""
     stub = ModuleType("isaaclab.actuators")
     stub.ImplicitActuatorCfg = Actuator  # type: ignore[attr-defined]
     with pytest.MonkeyPatch.context() as patch:
@@ -321,7 +318,6 @@ def stand_in() -> Iterator[None]:
 
 
 def run(content: bytes) -> dict[str, Actuator]:
-    """What the snippet makes there."""
     with stand_in():
         made: dict[str, Any] = {}
         exec(compile(content, "actuators.py", "exec"), made)  # noqa: S102  # written by ourselves

@@ -53,7 +53,6 @@ ROOTS = st.builds(
 
 
 def elements(element: XmlElement) -> Iterator[XmlElement]:
-    """Itself and all within, depth first."""
     yield element
     for child in element.children:
         yield from elements(child)

@@ -19,7 +19,6 @@ def _any_dashboard() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def client() -> Iterator[Any]:
-    """Two threads of this process, which share its memory."""
     distributed = pytest.importorskip("distributed", reason="needs the extra fleet")
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
     local = distributed.LocalCluster(

@@ -41,7 +41,6 @@ def write_session(folder: Path, unit: str, joint: str, session: str, seed: int, 
 
 
 def write_catalog(path: Path, rows: Sequence[Mapping[str, object]]) -> Path:
-    """A catalog of these rows as CSV."""
     columns = list(dict.fromkeys(name for row in rows for name in row))
     lines = [",".join(str(row.get(name, "")) for name in columns) for row in rows]
     path.write_text("\n".join([",".join(columns), *lines]) + "\n", encoding="utf-8")

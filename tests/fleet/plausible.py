@@ -63,7 +63,6 @@ def empty() -> Findings:
 
 
 def when(sessions: int) -> pd.DatetimeIndex:
-    """The times of the sessions."""
     return pd.date_range(BEGIN, periods=sessions, freq="28D", unit="us")
 
 

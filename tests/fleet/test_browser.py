@@ -20,7 +20,6 @@ def found() -> Findings:
 
 @pytest.fixture(scope="module")
 def folder(found: Findings, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Its pages."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("bristle.questions.fleet.report._DRAWN", 2)
         return report(found, "out").write(tmp_path_factory.mktemp("fleet") / "page").parent

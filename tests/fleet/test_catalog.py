@@ -27,14 +27,12 @@ HEAD = "file,unit,session,joint,type,temperature,load,tags\n"
 
 
 def rows_of(folder: Path, text: str) -> list[CatalogRow]:
-    """The rows of a catalog with this text."""
     path = folder / "catalog.csv"
     path.write_text(text, encoding="utf-8")
     return read_catalog(path)
 
 
 def refusal(folder: Path, text: str) -> str:
-    """The sentence with which a catalog is refused."""
     with pytest.raises(InputError) as refused:
         rows_of(folder, text)
     return str(refused.value)
@@ -179,12 +177,10 @@ def test_no_time_breaks_it(text: str) -> None:
 
 
 def surveyed(path: str, *joints: str, robot: bool = False) -> Surveyed:
-    """A file with these joints and content of its own."""
     return Surveyed(path, (FleetInput(".", path, Stamp(1, "1"), f"sha of {path}"),), joints=joints, robot=robot)
 
 
 def row(path: str, unit: str = "r1", session: str = "2026-01-01", **more: str) -> CatalogRow:
-    """A row of a catalog."""
     text = {"joint": "", "type": "", "tags": "", "failure": ""} | more
     nan, time = math.nan, datetime.fromisoformat(session)
     return CatalogRow(path, path, unit, time, text["joint"], text["type"], nan, nan, text["tags"], text["failure"])
@@ -232,7 +228,6 @@ def test_which_rows_are_sessions() -> None:
 
 
 def days(unit: str, *numbers: int) -> list[CatalogRow]:
-    """Sessions of a unit at these days of January."""
     return [row("a", unit, f"2026-01-{k:02d}") for k in numbers]
 
 

@@ -43,7 +43,6 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def alone(logs: Path, client: Any) -> Tree:
-    """The dataset that threads of this process make."""
     done = bristle.fleet(logs / "catalog.csv", logs / "alone", client=client)
     assert done.identified == 8
     return tree(logs / "alone" / "results")
@@ -92,7 +91,6 @@ def test_calls_sizes_and_schedulers(client: Any, monkeypatch: pytest.MonkeyPatch
 
 @contextmanager
 def process(*arguments: str, **options: Any) -> Iterator["subprocess.Popen[str]"]:
-    """A Python process that is ended at last."""
     with subprocess.Popen([sys.executable, *arguments], text=True, **options) as one:  # noqa: S603  # ourselves
         try:
             yield one
@@ -101,7 +99,6 @@ def process(*arguments: str, **options: Any) -> Iterator["subprocess.Popen[str]"
 
 
 def until(what: Callable[[], bool]) -> None:
-    """Wait for something."""
     end = time.monotonic() + ENOUGH
     while not what():
         assert time.monotonic() < end
@@ -127,7 +124,6 @@ def separate(folder: Path) -> Iterator[tuple[str, Any, list[Any]]]:
 
 
 def finished(output: Path) -> int:
-    """Tasks that are finished."""
     return sum(path.suffix == ".parquet" and path.name[0] != "." for path in output.glob("tasks/*"))
 
 
@@ -184,7 +180,6 @@ def test_an_interrupt_leaves_what_is_finished(logs: Path, tmp_path: Path) -> Non
 
 
 def alive(group: int) -> bool:
-    """Whether a process of a group is left."""
     try:
         os.killpg(group, 0)
     except ProcessLookupError:

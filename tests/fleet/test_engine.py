@@ -74,7 +74,6 @@ def ran(client: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def dataset(folder: Path = Path("out")) -> dict[str, bytes | None]:
-    """The dataset, byte for byte."""
     return tree(folder / "results")
 
 

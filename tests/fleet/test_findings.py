@@ -23,25 +23,21 @@ Plain = tuple[pd.DataFrame, FleetTruth, Findings]  # a dataset, what is behind i
 
 
 def fleet(design: FleetDesign, seed: int = 0) -> tuple[pd.DataFrame, FleetTruth]:
-    """The dataset of a simulated fleet, and its truth."""
     rng = np.random.default_rng(seed)
     truth = fleet_truth(design, rng)
     return fleet_estimates(design, truth, rng), truth
 
 
 def accused(found: Findings) -> set[tuple[str, str]]:
-    """The joints that are said to have changed."""
     rows = found.joints[found.joints["changed"]]
     return set(zip(rows["unit"], rows["joint"], strict=True))
 
 
 def worn(truth: FleetTruth) -> set[tuple[str, str]]:
-    """Those that did."""
     return {(f"robot-{r + 1:03d}", f"J{j + 1}") for r, j in zip(*np.nonzero(truth.worn), strict=True)}
 
 
 def kinds(found: Findings) -> set[str]:
-    """What is said."""
     return {x.code for x in found.notes}
 
 
@@ -357,7 +353,6 @@ def test_a_fleet_may_lack_anything() -> None:
 
 
 def pa_table(frame: pd.DataFrame) -> "pa.Table":
-    """A frame as the dataset holds it."""
     import pyarrow as pa
 
     text = frame.assign(**{x: frame[x].astype(object) for x, holds in COLUMNS.items() if holds == "text"})
@@ -369,7 +364,6 @@ DOC = (Path(__file__).parents[2] / "docs" / "fleet.md").read_text(encoding="utf-
 
 
 def row_of(table: str) -> str:
-    """What the document says of a table's columns."""
     (found,) = re.findall(rf"^\| `{table}` \|[^|]*\|(.*)\|$", DOC, re.MULTILINE)
     return str(found)
 

@@ -30,18 +30,15 @@ from .plausible import EXOTIC, HOSTILE, empty, plausible
 
 @pytest.fixture(scope="module")
 def found() -> Findings:
-    """A small fleet with hostile names."""
     return plausible(units=8, failed=45)
 
 
 @pytest.fixture(scope="module")
 def folder(found: Findings, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Its pages, with figures and tables."""
     return report(found, "out put").write(tmp_path_factory.mktemp("fleet") / "page").parent
 
 
 def table_rows(page: str, title: str) -> list[list[str]]:
-    """The cells of the table of a title, as HTML."""
     (body,) = re.findall(rf"<caption>{re.escape(title)}.*?<tbody>(.*?)</tbody>", page, re.DOTALL)
     return [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row, re.DOTALL) for row in body.split("</tr>")[:-1]]
 
@@ -249,7 +246,6 @@ def test_findings_of_nothing_are_a_page(tmp_path: Path) -> None:
 
 
 def text(found: Findings) -> str:
-    """What the command prints."""
     return report(found).text()
 
 

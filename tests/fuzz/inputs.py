@@ -50,7 +50,6 @@ _SIGNALS = {
 
 @cache
 def logs() -> Mapping[str, Columns]:
-    """A small good log of each kind of run."""
     rng = np.random.default_rng(0)
     speeds = np.geomspace(0.015, 0.8, 12)
     points = np.concatenate([speeds, -speeds])
@@ -103,7 +102,6 @@ _TEXT_UNITS = st.sampled_from([
 
 @st.composite
 def quantities(draw: Draw) -> str:
-    """A number, and perhaps a unit that fits."""
     number = draw(
         st.one_of(NUMBERS.map(repr), st.sampled_from(["1e400", "-1e400", "0.35", "1", "9" * 300, "1" * 5000 + "x"]))
     )
@@ -190,7 +188,6 @@ PLAUSIBLE: Mapping[str, st.SearchStrategy[Any]] = {
 
 @st.composite
 def tables(draw: Draw, kind: str) -> Columns:
-    """A log of one kind, perhaps spoilt."""
     columns = dict(logs()[kind])
     for _ in range(draw(st.integers(0, 2))):
         columns = draw(_spoilt(columns))
@@ -280,7 +277,6 @@ def encoded(draw: Draw, columns: Columns, suffix: str) -> bytes:
 
 @st.composite
 def damaged(draw: Draw, data: bytes) -> bytes:
-    """Bytes with a few changed, cut out or put in."""
     out = bytearray(data)
     for _ in range(draw(st.integers(1, 4))):
         at = draw(st.integers(0, max(len(out) - 1, 0)))
@@ -304,7 +300,6 @@ def damaged(draw: Draw, data: bytes) -> bytes:
 
 @st.composite
 def experiments(draw: Draw) -> dict[str, bytes]:
-    """An experiment file `e.yaml` and its logs."""
     kinds = draw(
         st.lists(
             st.sampled_from(["points", "points", "ramp", "tracking", "presliding"]), min_size=1, max_size=2, unique=True
@@ -357,7 +352,6 @@ def _put(document: dict[str, Any], path: list[str], value: Any) -> None:
 
 
 def _estimates(node: Any) -> list[dict[str, Any]]:
-    """Every estimate of a results file."""
     inner = node.values() if isinstance(node, dict) else node if isinstance(node, list) else ()
     own = [node] if isinstance(node, dict) and {"value", "interval"} <= node.keys() else []
     return [*own, *(found for child in inner for found in _estimates(child))]
@@ -396,7 +390,6 @@ def results(draw: Draw, whole: str) -> bytes:
 
 @st.composite
 def options(draw: Draw, files: list[str]) -> str:
-    """What the command line may tell of a log."""
     names = st.one_of(st.sampled_from([*_SIGNALS, "q[0]", "q[1]", "9", *(f"{name}:tau" for name in files)]), NAMES)
     signal = draw(st.sampled_from([*_SIGNALS.values(), "velocity_command", "enabled", "x"]))
     unit = draw(st.one_of(st.sampled_from([*_UNITS.values(), "deg", "rpm", "ms"]), _TEXT_UNITS))
@@ -422,7 +415,6 @@ JSON = st.one_of(
 
 @st.composite
 def cases(draw: Draw, good_results: str) -> Case:
-    """A command line with its files."""
     what = draw(st.sampled_from(["experiment"] * 18 + ["compare", "new", "log", "read"] * 4 + _FLEETS))
     if what == "compare":
         pair = {"a.json": good_results.encode(), "b.json": draw(results(good_results))}

@@ -40,7 +40,6 @@ class Server:
 
     @property
     def runs(self) -> int:
-        """Cases so far."""
         return sum(self.codes.values())
 
     def check(self, case: Case) -> None:

@@ -83,7 +83,6 @@ def _waited(child: int) -> tuple[int, float, float]:
 
 
 def serve() -> None:
-    """Answer until the input ends."""
     import bristle.questions.experiment_design.report
     import bristle.questions.method_validation.report
     import bristle.questions.sensitivity.report

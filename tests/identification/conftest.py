@@ -101,30 +101,25 @@ def moved(
 
 
 def torque_of(run: Record) -> Array:
-    """That of a record that has one."""
     assert run.torque is not None
     return run.torque
 
 
 def with_torque(run: Record, change: Callable[[Array], Array]) -> Record:
-    """The run with another torque, made of its own."""
     return replace(run, torque=change(torque_of(run)))
 
 
 def sides(p: Lugre[float] | Pair[float]) -> tuple[str, ...]:
-    """The directions of one set, or of a pair."""
     return ("both",) if isinstance(p, Lugre) else ("+", "-")
 
 
 def by_name(p: Lugre[float] | Pair[float], inertia: float | None = J) -> dict[ParameterName, float]:
-    """Parameters by name, with the inertia."""
     sets = {Direction.BOTH: p} if isinstance(p, Lugre) else dict(zip(SIGNED, p, strict=True))
     every = {ParameterName(name, d): value for d, own in sets.items() for name, value in own._asdict().items()}
     return every if inertia is None else every | {INERTIA: inertia}
 
 
 def posed(run: Record, directions: tuple[str, ...] = ("both",), decimation: int = 1) -> DynamicProblem:
-    """The problem of one run with its inertia."""
     return dynamic_problem([run], directions, ("inertia",), decimation, None)
 
 
@@ -134,30 +129,25 @@ def fitted(problem: DynamicProblem, start: Mapping[ParameterName, float] | None 
 
 
 def value_of(e: Estimate) -> float:
-    """That of an estimate which has one."""
     assert e.value is not None, e.warnings
     return e.value
 
 
 def error_of(e: Estimate) -> float:
-    """The standard error of an estimate which has one."""
     assert e.standard_error is not None, e.warnings
     return e.standard_error
 
 
 def ends_of(interval: Interval | None) -> Interval:
-    """Those of an interval that is there."""
     assert interval is not None
     return interval
 
 
 def holds(interval: Interval | None, truth: float) -> bool:
-    """Whether there is an interval, and the truth is in it."""
     return interval is not None and interval[0] <= truth <= interval[1]
 
 
 def codes(findings: Iterable[Finding]) -> list[str]:
-    """Of findings, in their order."""
     return [x.code for x in findings]
 
 

@@ -26,13 +26,11 @@ SPEEDS = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16)
 
 
 def resampled(problem: Regression, draws: int = 199, seed: int = 0) -> StaticDraws:
-    """The bootstrap of a problem about its own solution."""
     v_s_range = default_range(problem.velocity)
     return resample(problem, solve(problem, v_s_range), v_s_range, draws, seed)
 
 
 def gripper(noise: Array) -> Regression:
-    """The gripper's torques and some noise."""
     return from_points(SPEEDS, curve(SPEEDS, GRIPPER) + noise, ("both",))
 
 
@@ -164,7 +162,6 @@ def batch(velocity: Array, noise: float, sets: int, seed: int, truth: Lugre[floa
 
 
 def alone(found: Batch, k: int) -> Regression:
-    """One set of a batch."""
     return replace(found.problem, torque=found.torques[:, k].copy(), memory={})
 
 
@@ -251,6 +248,5 @@ def test_extra_regressors_are_carried_along() -> None:
 
 
 def covered(low: Array, high: Array) -> Array:
-    """How often each parameter's interval holds the truth."""
     hits: Array = ((low <= TRUTH[:, None]) & (TRUTH[:, None] <= high)).mean(axis=1)
     return hits

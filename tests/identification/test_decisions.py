@@ -42,7 +42,6 @@ def log(folder: Path, torque: Array, fit: str = "", limit: float = np.inf) -> Pa
 
 
 def tracked(joint: Joint) -> dict[str, Estimate]:
-    """What its moving runs give, by name."""
     assert joint.tracking is not None
     return {name.name: e for name, e in joint.tracking.parameters.items()}
 

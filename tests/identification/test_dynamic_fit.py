@@ -62,12 +62,10 @@ SETS = pytest.mark.parametrize("p", [GRIPPER, Pair(GRIPPER, OTHER)], ids=["one s
 def record(
     p: Lugre[float] | Pair[float] = GRIPPER, noise: float = 0.0, seed: int = 0, v: Array = V, z0: float | None = None
 ) -> Record:
-    """A run at this velocity with white noise on the torque."""
     return moved(v, STEP, p, noise, seed=seed, z0=z0)
 
 
 def shifted(values: Mapping[ParameterName, float], factor: float = 1.25) -> dict[ParameterName, float]:
-    """A start that is off by a factor, up and down in turn."""
     return {name: value * factor ** (1 if k % 2 else -1) for k, (name, value) in enumerate(values.items())}
 
 

@@ -36,7 +36,6 @@ def fitted(noise: float, seed: int, priors: Sequence[Prior] = (), slow: float = 
 
 @pytest.fixture(scope="module")
 def gripper() -> DynamicSolution:
-    """A fit that sees all parameters."""
     return fitted(3e-4, 0)
 
 
@@ -82,7 +81,6 @@ def solved(problem: DynamicProblem, start: Values) -> DynamicSolution:
 
 
 def close(one: Interval | None, other: Interval | None, share: float) -> None:
-    """Both ends agree to a share of the width."""
     low, high = ends_of(other)
     assert ends_of(one) == pytest.approx((low, high), abs=share * (high - low))
 

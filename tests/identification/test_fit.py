@@ -16,7 +16,6 @@ STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 
 
 def segments_of(velocity: Array, torque: Array, stick_slip: NDArray[np.bool_] | None = None) -> tuple[Segment, ...]:
-    """The segments behind points, a run each."""
     return tuple(
         Segment(
             file=f"run_{k}.csv", start=0, stop=100, velocity=v, torque=T, standard_error=None, accepted=True,
@@ -27,7 +26,6 @@ def segments_of(velocity: Array, torque: Array, stick_slip: NDArray[np.bool_] | 
 
 
 def points(velocity: Array, torque: Array, stick_slip: NDArray[np.bool_] | None = None) -> StaticFit:
-    """The fit of points at positive velocities."""
     where = PointInfo(segments=segments_of(velocity, torque, stick_slip))
     return fit_static(from_points(velocity, torque, ("+",)), FitOptions(), "revolute", where)[0]["+"]
 

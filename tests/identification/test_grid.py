@@ -22,7 +22,6 @@ positive = st.floats(0.1, 10.0)
 
 
 def named(velocity: Array, torque: Array, direction: str = "both") -> dict[str, float]:
-    """The grid's answer, by name without direction."""
     problem = from_points(velocity, torque, (direction,))
     return dict(zip((n.name for n in problem.names), solve(problem, default_range(velocity)).theta, strict=True))
 

@@ -17,7 +17,6 @@ from ..conftest import speeds, write
 
 @pytest.fixture(scope="module")
 def joint(edro_results: Path) -> JointModel:
-    """The wrist of the embedded report."""
     return bristle.read_results(edro_results).model("wrist pitch")
 
 

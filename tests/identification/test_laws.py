@@ -36,7 +36,6 @@ LAWS = tuple(law.name for law in competing())
 
 
 def truth_of(law: Law, **own: float) -> Stribeck[float]:
-    """The gripper's parameters under a law."""
     values = {**GRIPPER._asdict(), "alpha_3": 0.02, "delta": 1.4, FASTEST: 0.8, **own}
     return static_of(law)(**{name: values[name] for name in static_fields_of(law)})
 

@@ -98,13 +98,11 @@ def geared_file(law: str, rises: float = 0.1, supply: tuple[float, ...] = EXACT)
 
 @cache
 def geared(law: str, rises: float, supply: tuple[float, ...]) -> tuple[Path, Joint]:
-    """The file, and the joint that it is identified as."""
     file = geared_file(law, rises, supply)
     return file, bristle.identify(file).joint()
 
 
 def tracked(law: str, rises: float = 0.1, supply: tuple[float, ...] = EXACT) -> TrackingFit:
-    """What its moving runs give."""
     fit = geared(law, rises, supply)[1].tracking
     assert fit is not None
     return fit

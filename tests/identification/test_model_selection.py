@@ -45,12 +45,10 @@ def points(folder: Path, plus: Lugre[float], minus: Lugre[float] | None, seed: i
 
 
 def joint_of(folder: Path, v: Array, torque: Array, fit: str = "") -> Joint:
-    """The joint identified from these points."""
     return identify_joint(measure(points_file(folder, v, torque, fit)))
 
 
 def row(compared: Comparison, model: str, directions: str) -> Row:
-    """The row of one model."""
     found = compared.row(called(model, directions))
     assert found is not None
     return found
@@ -62,7 +60,6 @@ def called(model: str, directions: str) -> str:
 
 
 def is_of(row: Row, model: str) -> bool:
-    """Whether a row is of a model, in whatever directions."""
     return row.name.partition(",")[0] == model
 
 
@@ -70,12 +67,10 @@ REFUSED = "the Stribeck term is not identifiable from these data, as the fit fou
 
 
 def reasons(compared: Comparison, words: str) -> list[str]:
-    """Those that the advice gives in these words."""
     return [why for why in map(str, compared.sentence.numbers["why"]) if words in why]
 
 
 def used(compared: Comparison) -> Row:
-    """The row to use."""
     (found,) = (r for r in compared.rows if r.chosen)
     return found
 
@@ -218,7 +213,6 @@ def on_motion(
 def whole(
     experiment: Experiment, records: list[Record], held: list[Record], directions: tuple[str, ...]
 ) -> TrackingFit:
-    """All parameters of moving runs, from near the truth."""
     asked = model_selection.asked_regressors(experiment, directions, moving=True)
     start = by_name(GRIPPER if directions == ("both",) else Pair(GRIPPER, OTHER))
     start |= {parse("offset"): 0.0} if "offset" in asked else {}

@@ -46,7 +46,6 @@ def moving(seed: int = 0, starts: tuple[int, ...] = (0,), noise: float = 2e-4) -
 def values(
     record: Record, directions: tuple[str, ...], regressors: tuple[str, ...], inertia: float | None = None
 ) -> dict[ParameterName, float]:
-    """The grid's answer for one record, by name."""
     problem, _, _ = from_records([record], directions, regressors, 10, inertia)
     return dict(zip(problem.names, solve(problem, default_range(problem.velocity)).theta, strict=True))
 
@@ -94,7 +93,6 @@ def test_fits_of_moving_runs_find_the_truth() -> None:
 
 
 def thinned(record: Record, samples: slice, file: str) -> Record:
-    """The record at some of its samples."""
     kept = {name: getattr(record, name)[samples] for name in ("time", "velocity", "acceleration", "torque")}
     return replace(record, file=file, **kept)
 

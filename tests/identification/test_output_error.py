@@ -39,7 +39,6 @@ def drive(t: Array) -> Array:
 
 
 def values_of(p: Lugre[float] | Pair[float]) -> dict[ParameterName, float]:
-    """The sets and the loads by name."""
     return by_name(p) | named(LOADS)
 
 
@@ -69,7 +68,6 @@ def solved(pair: Pair[float], t: Array, V: Array, *, torque: bool = False) -> Ar
 def posed(
     t: Array, V: Array, position: Array, horizon: float, *, torque: bool = False, decimation: int = 1
 ) -> DynamicProblem:
-    """The problem of one run in windows of `horizon`."""
     v = np.gradient(position, t)
     run = Record(
         file="run.csv", time=t, position=position, velocity=v, acceleration=np.gradient(v, t),

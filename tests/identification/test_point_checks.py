@@ -37,13 +37,11 @@ HELD = 300
 
 
 def measured(folder: Path, runs: tuple[Run, ...], segments: tuple[tuple[Segment, ...], ...]) -> Measured:
-    """What an experiment with these runs measured."""
     (folder / "wrist.yaml").write_text(experiment(), encoding="utf-8")
     return Measured(experiment=load_experiment(folder / "wrist.yaml"), runs=runs, segments=segments)
 
 
 def fits(rms: float) -> dict[str, StaticFit]:
-    """Fits of both directions with a scatter of this size."""
     alpha_0 = Estimate(value=TRUTH.alpha_0, unit="N*m")
     return {
         d: StaticFit(
@@ -64,7 +62,6 @@ def ramps(seed: int, order: Array, drift: float) -> Record:
 
 
 def drifts(folder: Path, record: Record) -> list[Finding]:
-    """The warnings about drift in a run's segments."""
     return [d for d in point_warnings_of(folder, record) if d.code == "drift-in-order"]
 
 

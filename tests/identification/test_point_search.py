@@ -27,12 +27,10 @@ def torques() -> Array:
 
 
 def static(path: Path) -> StaticFit:
-    """The static fit of direction +."""
     return bristle.identify(path).joints[0].static["+"]
 
 
 def of(kinds: set[str], fit: StaticFit) -> list[Finding]:
-    """Warnings of these kinds."""
     return [warning for warning in fit.warnings if warning.code in kinds]
 
 

@@ -33,7 +33,6 @@ def run(quantum: float, phase: float, noise: float = 0.0, seed: int = 0) -> Reco
 
 
 def found(record: Record, quantum: float) -> PreslidingFit:
-    """The fit of one ramp."""
     noisy = float(np.ptp(np.diff(np.asarray(record.torque)))) > 1e-6
     loadings = find_loadings(record, 2.0 if noisy else 1e3, quantum or None, None)
     return fit_presliding(loadings, LEVEL, None, "revolute")
@@ -150,7 +149,6 @@ def test_as_a_prior_it_scatters_as_students(freedom: float, share: float) -> Non
 
 
 def slid(name: str, level: float) -> Record:
-    """A ramp that breaks away at a torque."""
     torque = 1.3 * level * TIME / 20
     y = bent(np.minimum(torque, 0.99 * level), level)
     return Record(file=name, time=TIME, position=y + np.cumsum(np.maximum(torque - level, 0)) * 0.2, torque=torque)
@@ -211,7 +209,6 @@ def cycles(
 
 
 def both_ways(record: Record) -> Presliding:
-    """The fit of slow cycles."""
     return identify_presliding([record], {"+": LEVEL, "-": LEVEL}, None, FitOptions(), None, "revolute")
 
 

@@ -37,7 +37,6 @@ def loadings(seed: int, noise: float = 0.02, runs: int = 2) -> list[Loading]:
 
 
 def three_ways(own: list[Loading], level: KnownValue, way: str, seed: int = 0) -> Uncertainty:
-    """The intervals by one estimator."""
     return stiffness_uncertainty(own, level, way, stiffness(own, level, "revolute")[way], seed)
 
 

@@ -95,13 +95,11 @@ def assert_ends(
 
 
 def solved(problem: Regression, variance_inflation: float = 1.0) -> tuple[Solution, StaticProfiles]:
-    """A problem's solution and its profiles."""
     solution = solve(problem, default_range(problem.velocity))
     return solution, profiled(problem, solution, variance_inflation)
 
 
 def measured(truth: Lugre[float], velocity: Array, noise: float, seed: int) -> Array:
-    """Steady torques with Gaussian noise."""
     return curve(velocity, truth) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
 
 
@@ -386,7 +384,6 @@ def fitted(
     two: bool = False,
     set_up: Literal["auto", "as-written"] = "auto",
 ) -> tuple[StaticSolution, dict[ParameterName, Uncertainty]]:
-    """A fit of simulated points with its three intervals."""
     if two:
         velocity = np.concatenate([velocity, -velocity])
     torque = curve(velocity, truth) + noise * np.random.default_rng(seed).standard_normal(velocity.size)

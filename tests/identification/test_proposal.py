@@ -34,7 +34,6 @@ def swung(folder: Path, name: str = "log.csv", gravity: float = 0.0, apart: floa
 
 
 def written(path: Path, header: str, *columns: Array) -> Path:
-    """A CSV file."""
     np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.8g")
     return path
 
@@ -196,7 +195,6 @@ def test_what_contradicts_coasting_is_refused_before_the_log_is_drafted(tmp_path
 
 
 def chosen_of(path: Path) -> dict[str, float]:
-    """The values of a joint, by name."""
     joint = api.identify(path).joint()
     return {x.parameter.name: x.estimate.value for x in chosen(joint) if x.estimate.value is not None}
 

@@ -46,7 +46,6 @@ def of_runs(values: Sequence[float], error: float = 1.0, freedom: float = 1e6, o
 
 
 def scattered(widened_by: float = 3.0, count: int = 5) -> RunScatter:
-    """Runs that widen an error by so much."""
     runs = {f"run {k}": 1.0 for k in range(count)}
     return RunScatter(before=widened_by, after=1.0, widened=widened_by, stretched=1.5 * widened_by, by_run=runs)
 
@@ -118,7 +117,6 @@ def test_every_interval_is_widened_alike() -> None:
 
 
 def moving(truths: Sequence[Lugre[float]]) -> DynamicSolution:
-    """The fit of a run for each of these truths, with noise."""
     v = tones(np.arange(0, 4, 2e-3))
     records = [moved(v, 2e-3, p, 1e-4, seed=k, file=f"run {k}") for k, p in enumerate(truths)]
     problem = dynamic_problem(records, ("both",), ("inertia",), 1, None)

@@ -36,7 +36,6 @@ def motion(seed: float = 0, noise: float = 0.05, **loads: float) -> Record:
 
 
 def found(folder: Path, record: Record, fit: str = "") -> BetterSetUp | None:
-    """The better set-up of a run."""
     some = np.zeros(2)
     options = f"decimation: 10{fit and ', '}{fit}"
     path = experiment_file(folder, {"t": some, "q": some, "T": some}, fit=options)

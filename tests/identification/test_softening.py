@@ -196,7 +196,6 @@ def logs(folder: Path, count: float = 0.0, deflections: float = 5.0) -> Path:
 
 
 def of(joint: Joint) -> StaticFit:
-    """Its one static fit."""
     (fit,) = joint.static.values()
     return fit
 

@@ -67,12 +67,10 @@ def wrist(folder: Path, constant: str, kinds: tuple[str, ...], **more: Any) -> J
 
 
 def every(fits: Mapping[str, StaticFit]) -> list[tuple[str, str, Estimate]]:
-    """Direction, name and estimate of each parameter."""
     return [(d, name, e) for d, fit in fits.items() for name, e in fit.parameters.items()]
 
 
 def tracked(joint: Joint) -> TrackingFit:
-    """The fit of its moving runs alone."""
     assert joint.tracking is not None
     return joint.tracking
 

@@ -31,7 +31,6 @@ def whole(*warnings: Finding) -> TrackingFit:
 
 
 def said(fit: TrackingFit, name: str, *warnings: Finding) -> TrackingFit:
-    """The fit with warnings about one of its parameters."""
     own = {parse(name): replace(fit.parameters[parse(name)], warnings=warnings)}
     return replace(fit, parameters={**fit.parameters, **own})
 

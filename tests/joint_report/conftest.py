@@ -165,7 +165,6 @@ def checked(fit: StaticFit) -> Crosscheck:
 
 
 def gripper(name: str = "gripper rotation") -> Joint:
-    """Both directions of a simulated joint."""
     fits = {d: fitted(d, seed) for seed, d in enumerate(("+", "-"))}
     found = segments(fits)
     sides = {"+": found[: fits["+"].n], "-": found[fits["+"].n : -1]}
@@ -321,19 +320,16 @@ def bare() -> Joint:
 
 @pytest.fixture(scope="session")
 def joint() -> Joint:
-    """Gripper rotation."""
     return gripper()
 
 
 @pytest.fixture(scope="session")
 def slow() -> Joint:
-    """Gripper rotation with presliding runs."""
     return loaded()
 
 
 @pytest.fixture(scope="session")
 def slide() -> Joint:
-    """The bare prismatic joint."""
     return bare()
 
 

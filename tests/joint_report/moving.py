@@ -64,7 +64,6 @@ def tracked(factor: float = 1.0, **changes: Any) -> TrackingFit:
 
 
 def compared(parameter: str, difference: float | None, verdict: Finding, stage: str = "static") -> Consistency:
-    """A parameter of a stage beside the moving runs."""
     value = VALUES[parameter]
     seen = difference is not None
     return Consistency(

@@ -206,13 +206,11 @@ def test_what_slow_loading_shows(slow: Joint) -> None:
 
 
 def panels(joint: Joint) -> list[Axes]:
-    """Every panel of both figures."""
     drawn = [presliding_sections.presliding_figure(joint), presliding_sections.hysteresis_figure(joint)]
     return [ax for figure in drawn if figure is not None for ax in figure.axes]
 
 
 def both(joint: Joint) -> list[Figure]:
-    """Both figures of a joint."""
     drawn = (moving_sections.course_figure(joint), moving_sections.velocity_figure(joint))
     return [figure for figure in drawn if figure is not None]
 

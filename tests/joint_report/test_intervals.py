@@ -38,19 +38,16 @@ UNITS = {"revolute": ("N*m", "N*m", "N*m*s/rad", "rad/s"), "prismatic": ("N", "N
 def fits(
     velocity: Array, noise: float, kind: Kind = "revolute", seed: int = 1, options: FitOptions | None = None
 ) -> Mapping[str, StaticFit]:
-    """The fit of simulated points."""
     torque = curve(velocity, TABLE_1["+"].stribeck) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
     directions = ("+",) if velocity.min() > 0 else ("+", "-")
     return fit_static(from_points(velocity, torque, directions), options or FitOptions(), kind, PointInfo())[0]
 
 
 def built(static: Mapping[str, StaticFit], kind: Kind = "revolute", name: str = "wrist") -> Joint:
-    """A simulated joint of these fits and nothing else."""
     return Joint(name=name, kind=kind, inputs=(), segments=(), static=static, crosscheck={}, simulated=True)
 
 
 def changed(joint: Joint, name: str, **parts: tuple[float, float] | tuple[Finding, ...] | None) -> Joint:
-    """The joint with other intervals of one parameter."""
     fit = joint.static["+"]
     own: Uncertainty = replace(fit.uncertainty[name], **parts)  # type: ignore[arg-type]
     return replace(joint, static={"+": replace(fit, uncertainty={**fit.uncertainty, name: own})})
@@ -188,7 +185,6 @@ def with_warnings(joint: Joint, v_s: dict[str, Any], **changes: Any) -> Joint:
 
 
 def ranges(joint: Joint) -> list[tuple[float, float]]:
-    """Every range of speeds that is proposed."""
     return [(x.numbers["low"], x.numbers["high"]) for x in next_measurements(joint) if "low" in x.numbers]
 
 

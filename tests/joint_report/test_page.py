@@ -55,13 +55,11 @@ class Elements(HTMLParser):
         self.found: list[tuple[str, dict[str, str | None]]] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Keep it."""
         self.found.append((tag, dict(attrs)))
 
 
 @pytest.fixture(scope="module")
 def elements(written: Path) -> dict[str, list[tuple[str, dict[str, str | None]]]]:
-    """Of each page."""
     found = {}
     for path in written.glob("*.html"):
         parser = Elements()

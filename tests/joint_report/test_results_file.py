@@ -32,7 +32,6 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 @pytest.fixture(scope="module")
 def moved() -> Joint:
-    """Gripper rotation with every kind of run."""
     return moving()
 
 
@@ -185,7 +184,6 @@ def test_the_file_and_the_printed_report_are_the_result(
 
 @pytest.fixture(scope="module")
 def whole() -> Joint:
-    """The gripper with every stage."""
     return moving()
 
 
@@ -228,7 +226,6 @@ def test_tables_of_slow_loading(slow: Joint, joint: Joint) -> None:
 
 
 def of(fit: TrackingFit | None) -> TrackingFit:
-    """The fit that is known to be there."""
     assert fit is not None
     return fit
 

@@ -8,7 +8,6 @@ import pytest
 
 @pytest.fixture(scope="session")
 def measured_data() -> Path:
-    """The folder of measured logs."""
     folder = os.environ.get("BRISTLE_DATA")
     if not folder:
         pytest.skip("BRISTLE_DATA does not name the folder of measured logs")

@@ -72,7 +72,6 @@ fit: {directions: symmetric, position_cutoff: 10 Hz, decimation: 40, breakaway_d
 
 
 def identified(folder: Path, text: str) -> Joint:
-    """The joint of an experiment file with this text."""
     file = folder / "experiment.yaml"
     file.write_text(text)
     return bristle.identify(file).joints[0]

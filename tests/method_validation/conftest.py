@@ -12,7 +12,6 @@ WIDE, EVEN, NONE_BELOW = range(3)
 
 
 def case_of(design: int, noise: float = 0.05, sign: float = 1.0) -> ValidationCase:
-    """Gripper rotation (+) at one of the sweep's designs."""
     return next(
         c
         for c in sweep(noise).cases
@@ -21,7 +20,6 @@ def case_of(design: int, noise: float = 0.05, sign: float = 1.0) -> ValidationCa
 
 
 def designs() -> list[str]:
-    """The sweep's designs, in order."""
     return list(dict.fromkeys(c.design for c in sweep().cases))
 
 

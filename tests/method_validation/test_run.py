@@ -321,7 +321,6 @@ def test_intervals_of_bristle_cover_as_counted(validation: Validation) -> None:
 
 @pytest.fixture(scope="module")
 def joint(tmp_path_factory: pytest.TempPathFactory) -> Joint:
-    """A joint of points in both directions."""
     return identify(write(tmp_path_factory.mktemp("joint"), speeds())).joints[0]
 
 
@@ -459,12 +458,10 @@ def test_a_joint_without_points_or_moving_runs_is_refused(monkeypatch: pytest.Mo
 
 
 def joint_of(static_fits: dict[str, StaticFit]) -> Joint:
-    """A joint of which only static fits are known."""
     return Joint(name="j", kind="revolute", inputs=(), segments=(), static=static_fits, crosscheck={})
 
 
 def static_fit(direction: str, alpha_0: float | None) -> StaticFit:
-    """Coulomb friction alone, or none for too few points."""
     values = {"alpha_0": alpha_0, "alpha_1": None, "alpha_2": None, "v_s": None}
     parameters = {name: Estimate(value=x, unit="") for name, x in values.items()}
     outcome = TOO_FEW if alpha_0 is None else NO_PEAK

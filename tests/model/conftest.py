@@ -8,7 +8,6 @@ from bristle.simulation.edro import TABLE_1
 
 @pytest.fixture
 def gripper() -> Lugre[float]:
-    """The gripper's (+) set."""
     return TABLE_1["gripper rotation"].positive
 
 

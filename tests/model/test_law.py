@@ -166,7 +166,6 @@ GRIPPER = TABLE_1["gripper rotation"]
 
 
 def acting_torque(z: float, v: float, pair: Pair[float]) -> float:
-    """T_f at a point of the plane (z, v)."""
     return float(law.torque(z, v, law.active(z, v, pair)))
 
 

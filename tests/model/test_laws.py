@@ -45,13 +45,11 @@ FORMULAS = {
 
 @pytest.fixture(params=LAWS, ids=lambda one: one.name)
 def chosen(request: pytest.FixtureRequest) -> Law:
-    """Each law of bristle's own."""
     own: Law = request.param
     return own
 
 
 def set_of(one: Law, **changed: float) -> Lugre[float]:
-    """The gripper's parameters under a law."""
     values = {**TABLE_1["gripper rotation"].positive._asdict(), **OWN, **changed}
     return lugre_of(one)(**{name: values[name] for name in fields_of(one)})
 
@@ -107,7 +105,6 @@ def test_steady_curves_peaks_and_derivatives(chosen: Law) -> None:
 
 
 def _central(f: Any, x: float) -> Array:
-    """A fourth-order central difference."""
     h = 1e-3 * abs(x)
     slope: Array = (8 * (f(x + h) - f(x - h)) - (f(x + 2 * h) - f(x - 2 * h))) / (12 * h)
     return slope
@@ -231,18 +228,15 @@ def _power(v: Any, v_s: Any, n: Any) -> Any:
 
 
 def _named(name: str, own: str) -> Peak:
-    """A peak of this name, with a parameter of that name."""
     n = OwnParameter(name=own, symbol="n", units=("1", "1"), searched=(1.0, 2.0))
     return Peak(name=name, title="x", shape=_power, reach=3.0, own=(n,))
 
 
 def _shaped(shape: Any, reach: float = 3.0) -> Peak:
-    """A peak of this shape."""
     return Peak(name="no-peak", title="x", shape=shape, reach=reach)
 
 
 def _rated(rate: Any) -> ViscousTerm:
-    """A term of this rate."""
     own = OwnParameter(name="c_9", symbol="c", units=("N*m*s/rad", "N*s/m"))
     return ViscousTerm(name="no-term", title="x", coefficient=own, rate=rate)
 

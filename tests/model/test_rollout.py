@@ -61,7 +61,6 @@ def radau(velocity: Array, step: Array, p: Lugre[float], sigma_0: Array) -> Arra
 
 
 def line(t: float, v0: float, slope: float) -> float:
-    """A velocity that is linear in time."""
     return v0 + slope * t
 
 

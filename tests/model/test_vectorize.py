@@ -37,7 +37,6 @@ OTHERS = rng.permutation(VALUES)
 
 
 def by_casadi(function: ca.Function, *columns: np.ndarray) -> list[np.ndarray]:
-    """CasADi's own evaluation, sample by sample."""
     outputs = function.map(columns[0].size).call([ca.DM(c).T for c in columns])
     return [np.array(output.full()).ravel() for output in outputs]
 

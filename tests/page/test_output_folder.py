@@ -23,7 +23,6 @@ NEW = {"index.html": b"new", "figures/a.svg": b"new a"}
 
 
 def marked(files: Mapping[str, bytes]) -> dict[str, bytes]:
-    """These files and the marker that lists them."""
     return {**files, output_folder.MARKER: output_folder.marker_of(files)}
 
 

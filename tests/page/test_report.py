@@ -30,8 +30,6 @@ FRAME = pd.DataFrame({"parameter": ["alpha_0", HOSTILE[:-1]], "=cmd()": [1.5, No
 
 
 def drawing(caption: str = "One line rises by 1.") -> Drawing:
-    """A figure with one line."""
-
     def draw() -> Figure:
         figure = Figure()
         figure.subplots().plot([0, 1], [0, 1], label="a line")
@@ -41,7 +39,6 @@ def drawing(caption: str = "One line rises by 1.") -> Drawing:
 
 
 def finding(text: str) -> Section:
-    """A section with a finding that is no note."""
     return Section(text, findings=(Finding("strays", CAUTION, text),))
 
 
@@ -275,7 +272,6 @@ PLAIN = ["+", "-", "-1.5", "+2", "-1e-5", "-.5", "wrist", "a=b", "'=1", "a\n=1",
 
 
 def cells(frame: pd.DataFrame) -> list[list[str]]:
-    """The rows that another program reads, its header first."""
     return list(csv.reader(io.StringIO(to_csv(frame), newline="")))
 
 

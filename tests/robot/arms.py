@@ -39,7 +39,6 @@ def pendulum(limit: str = "", mass: float = M, kind: str = "revolute") -> str:
 
 
 def document(**changed: Any) -> dict[str, Any]:
-    """The keys of a file of the whole arm."""
     own = [{"name": joint.name, "torque_constant": f"{joint.torque_constant} N*m/A"} for joint in arm.JOINTS]
     whole = {
         "robot": {"urdf": "arm.urdf"}, "joints": own, "signals": SIGNALS,
@@ -62,5 +61,4 @@ def write(folder: Path, keys: Mapping[str, Any], log: ArmLog | None = None) -> P
 
 
 def load_robot(path: Path) -> Robot:
-    """The robot that a file describes."""
     return robot_of(parse(read_text(path), str(path)), path)

@@ -31,7 +31,6 @@ PLAIN = {"fit": {"position_cutoff": "20 Hz", "decimation": 6, "model": "coulomb-
 
 @pytest.fixture(scope="module")
 def log() -> ArmLog:
-    """A short log of the arm, which no other test has seen."""
     return simulate_arm(SEED, held_out=True)
 
 
@@ -52,7 +51,6 @@ def codes(robot: Robot) -> dict[str, set[str]]:
 
 
 def only(name: str, **own: Any) -> list[dict[str, Any]]:
-    """The joints of the arm, of which one is identified."""
     return [{**x, **(own if x["name"] == name else {"identify": False})} for x in document()["joints"]]
 
 

@@ -21,7 +21,6 @@ HOME = np.array([0.3, 0.5, 1.1, -0.4, 0.4, 0.7])
 
 
 def body_of(folder: Path, text: str, names: tuple[str, ...], payload: Payload | None = None) -> RigidBody:
-    """The robot of a URDF's text."""
     path = folder / "robot.urdf"
     path.write_text(text, encoding="utf-8")
     return rigid_body(read_urdf(path), names, DOWN, payload)
@@ -35,7 +34,6 @@ def torques(body: RigidBody, *parts: Array) -> Array:
 
 @pytest.fixture(scope="module")
 def arm_body() -> RigidBody:
-    """The embedded arm."""
     return rigid_body(read_urdf(ARM), NAMES, DOWN, None)
 
 

@@ -26,7 +26,6 @@ TRACKING = {"files": "log.npz", "experiment": "tracking"}
 
 
 def with_joint(place: int = 2, **changed: Any) -> list[dict[str, Any]]:
-    """The joints of the whole arm, one of them changed."""
     return [{**own, **(changed if k == place else {})} for k, own in enumerate(document()["joints"])]
 
 

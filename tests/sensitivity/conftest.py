@@ -20,5 +20,4 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def known(folder: Path) -> SensitivityStudy:
-    """The same joint, explored without Sobol indices."""
     return bristle.sensitivity(folder / "e.yaml", samples=0)

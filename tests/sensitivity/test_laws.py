@@ -27,7 +27,6 @@ SYMBOLS = {DRAG: "α₃", EXPONENT: "δ", OUTSIDE: "β"}
 
 @pytest.fixture(autouse=True, scope="module")
 def known() -> Iterator[None]:
-    """The law from outside is known."""
     with registered():
         yield
 

@@ -65,7 +65,6 @@ def indices(
 
 
 def shares(found: sobol.Output) -> tuple[Array, Array]:
-    """First-order and total indices of one output."""
     return np.array([e.first for e in found.effects]), np.array([e.total for e in found.effects])
 
 
@@ -76,7 +75,6 @@ def repeated(pair: Pair[float], count: int = 1) -> Pair[Array]:
 
 @pytest.fixture(autouse=True)
 def _few_loops(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The loops, which are slow, get the fewest samples."""
     monkeypatch.setattr(sobol, "_TICKS", 1)
 
 

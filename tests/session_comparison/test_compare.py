@@ -63,17 +63,14 @@ def fit_of(*, source: str, parameters: Mapping[str, Estimate], names: Sequence[s
 
 
 def session(*fits: SessionFit, joint: str = "wrist", kind: Any = "revolute", **known: Any) -> Session:
-    """A session of one joint."""
     return {joint: SessionJoint(kind=kind, fits=fits, **known)}
 
 
 def plain(values: Mapping[str, float], error: float = 1.0, source: str = "static +", **rest: Any) -> SessionFit:
-    """A fit of independent normal parameters."""
     return fit_of(source=source, parameters={n: estimate(x, error, n) for n, x in values.items()}, **rest)
 
 
 def change(compared: Comparison, parameter: str) -> Change:
-    """What became of one parameter."""
     (found,) = (c for c in compared.changes if str(c.parameter) == parameter)
     return found
 
@@ -577,7 +574,6 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
 
 
 def warning(kind: str, **numbers: object) -> dict[str, Any]:
-    """A finding as a file may have it."""
     return {"code": kind, "severity": "note", "message": "The joint sticks.", "numbers": numbers, "effect": {}}
 
 

@@ -19,7 +19,6 @@ from ..pages import page_text
 
 @pytest.fixture(autouse=True, scope="module")
 def known() -> Iterator[None]:
-    """The law from outside is known."""
     with registered():
         yield
 

@@ -88,5 +88,4 @@ def experiment(folder: Path, adapt: str = "", more: str = "") -> Experiment:
 
 
 def share_of(p: Lugre[float], share: float) -> Lugre[float]:
-    """Coulomb and viscous friction times a share."""
     return p._replace(alpha_0=share * p.alpha_0, alpha_2=share * p.alpha_2)

@@ -33,7 +33,6 @@ ASKED = {
 
 
 def options(given: Mapping[str, str]) -> str:
-    """Options as they stand under `adapt`."""
     return ", ".join(f"{name}: {value}" for name, value in given.items())
 
 
@@ -265,7 +264,6 @@ def test_a_loop_without_stiffness_or_start_is_refused(tmp_path: Path, bad: str) 
 
 
 def drawn(folder: Path, fit: TrackingFit) -> JointLoop:
-    """The loop of a joint with that fit."""
     return of_experiment(experiment(folder), joint(fit))
 
 
