@@ -40,14 +40,12 @@ signal.signal(
 settings.register_profile("repeatable", deadline=None, max_examples=50, derandomize=True, database=None)
 settings.load_profile("repeatable")
 
-TRUTH = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
-"""Gripper rotation (+) of Table 1."""
+TRUTH = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)  # Gripper rotation (+) of Table 1
 FEW = np.array([0.1, 0.2, -0.1, -0.2])
 """Speeds, rad/s, too few for any fit: read, refused to be fitted, and reported at once."""
 
 
-SLOW = pytest.StashKey[tuple[int, int]]()
-"""How many of the tests that were collected are slow, and how many there are."""
+SLOW = pytest.StashKey[tuple[int, int]]()  # how many of the tests that were collected are slow, and how many there are
 SKIPPED = pytest.StashKey[set[tuple[str, str]]]()
 """Module and name of each test that another run skipped; without a name the whole module."""
 
@@ -124,8 +122,7 @@ class Ran(NamedTuple):
         return " ".join(self.out.split())
 
 
-COMMAND = cache(typer.main.get_command)
-"""What Typer makes of its commands, once for all that run in this process."""
+COMMAND = cache(typer.main.get_command)  # what Typer makes of its commands, once for all that run in this process
 
 
 def run(*arguments: object, stdout: io.StringIO | None = None) -> Ran:

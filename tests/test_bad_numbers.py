@@ -1,5 +1,3 @@
-"""Numbers that no joint has, masked arrays, older results, options beyond reason, inputs that once broke: one sentence each, or a result."""
-
 import json
 import time
 from collections.abc import Callable, Iterator

@@ -595,10 +595,8 @@ def _raiser(error: BaseException) -> Callable[..., None]:
 
 @pytest.mark.slow
 def test_the_same_experiment_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two reports are the same in every byte but those of timings.json, wherever the experiment lies, however it is named, and wherever one is.
-
-    Of one that lies elsewhere beside its experiment, results.json says so.
-    """
+    """Two reports are the same in every byte but those of timings.json, wherever the experiment lies, however it is named, and wherever one is."""
+    # of one that lies elsewhere beside its experiment, results.json says so
     write(tmp_path / "here", speeds(both=False))
     there = write(tmp_path / "far" / "away", speeds(both=False))
     monkeypatch.chdir(tmp_path / "here")
@@ -787,10 +785,8 @@ class Shut(io.StringIO):
 
 
 def test_output_that_nobody_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A full standard output is one sentence and exit code 2, before any file is moved to its place; of a reader that has gone none is said.
-
-    Then every command that writes does so, with 0.
-    """
+    """A full standard output is one sentence and exit code 2, before any file is moved to its place; of a reader that has gone none is said."""
+    # then every command that writes does so, with 0
     write(tmp_path, speeds(), stem="e")
     (tmp_path / "data.csv").write_text(table(FEW), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
@@ -807,11 +803,10 @@ def test_output_that_nobody_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 @pytest.mark.slow
 def test_streams_of_the_system(tmp_path: Path) -> None:
-    """Streams that nobody reads, that are full, or whose encoding lacks a letter: what is to be written is, or 2 and one sentence.
-
-    `bristle identify ... | head -0` ends without a word, with 0. A file that takes no byte, as a full disk, is a sentence of every command, help
-    and version too, and nothing is written. Letters that the terminal's encoding lacks are escaped on it, in an error as well.
-    """
+    """Streams that nobody reads, that are full, or whose encoding lacks a letter: what is to be written is, or 2 and one sentence."""
+    # `bristle identify ... | head -0` ends without a word, with 0. A file that takes no byte, as a full disk, is a
+    # sentence of every command, help and version too, and nothing is written. Letters that the terminal's encoding
+    # lacks are escaped on it, in an error as well
     path = write(tmp_path, FEW, joint="αρθρο")
     command = [sys.executable, "-m", "bristle", "identify", str(path), "-o", str(tmp_path / "piped.json")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as piped:  # noqa: S603 # our own command

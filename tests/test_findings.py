@@ -1,5 +1,3 @@
-"""Findings: values with a code, a severity and a message; each code has its paragraph, and nothing is decided by words."""
-
 import ast
 from collections.abc import Iterator
 from dataclasses import FrozenInstanceError, replace
@@ -185,11 +183,9 @@ def found(results: Results) -> Iterator[Finding]:
 
 @pytest.mark.slow
 def test_no_sentence_decides_on_the_embedded_joints(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With every template replaced by its kind's name, two joints come out the same in every number, kind and severity; so does --strict.
-
-    The notes on their files, the advice on models and on what to measure next, the assumptions of their loops, and what is found of sensitivity and
-    adaptation are among them.
-    """
+    """With every template replaced by its kind's name, two joints come out the same in every number, kind and severity; so does --strict."""
+    # the notes on their files, the advice on models and on what to measure next, the assumptions of their loops, and
+    # what is found of sensitivity and adaptation are among them
     experiments = edro.experiments()[::3]
     gripper = load_experiment(experiments[0])
     first = bristle.identify(*experiments)

@@ -1,5 +1,3 @@
-"""The house: imports run down only, no question knows another, only the CLI prints, few tests are slow; and what a release says of itself."""
-
 import ast
 import re
 import tomllib

@@ -1,5 +1,3 @@
-"""Where a command may write, refused before anything is fitted or written; and what Windows does otherwise, held on every system."""
-
 import os
 import re
 import subprocess
@@ -74,10 +72,9 @@ def test_an_output_that_cannot_be_is_refused_first(folder: Path, command: Sequen
     "command", [("identify", "e.yaml", "-o", "r.json"), ("inspect", "e.yaml", "-o", "r.svg"), ("new", "data.csv", "-o", "r.yaml")]
 )  # fmt: skip  # a table
 def test_a_file_is_never_replaced(folder: Path, command: Sequence[str]) -> None:
-    """Once edited, what bristle wrote is the user's, and so is whatever only looks like it.
-
-    A figure that is the very same is no change; a result or a draft that is there is refused before anything is computed.
-    """
+    """Once edited, what bristle wrote is the user's, and so is whatever only looks like it."""
+    # a figure that is the very same is no change; a result or a draft that is there is refused before anything is
+    # computed
     path, drawn = folder / command[-1], command[0] == "inspect"
     assert run(*command).code == 0
     made = path.read_bytes()

@@ -1,5 +1,3 @@
-"""Results written and read back: the same to the last bit, good for every question, and nothing is identified twice."""
-
 import json
 import os
 import time
@@ -158,10 +156,8 @@ ASKED: dict[str, Ask] = {
 def test_questions_of_what_was_read_are_answered_as_before(
     fresh: Results, read: Results, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each question says of results that were read, and of their file, what it says of the fresh ones, and identifies nothing.
-
-    Of `adapt`, whose loops take long, it is what these begin from: the joint in its loop, and the replays of its runs.
-    """
+    """Each question says of results that were read, and of their file, what it says of the fresh ones, and identifies nothing."""
+    # of `adapt`, whose loops take long, it is what these begin from: the joint in its loop, and the replays of its runs
     monkeypatch.setattr(experiments, "study", lambda subjects, replays, _: (subjects, replays))
     for question, ask in ASKED.items():
         assert ask(read) == (answer := ask(fresh)), question

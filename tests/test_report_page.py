@@ -49,11 +49,10 @@ def opened(browser: Any, report: Path, name: str, width: int = 1280, scheme: str
 
 
 def test_every_page_is_short_and_named_and_loads_nothing(chromium: Any, edro_report: Path) -> None:
-    """No request, no error; no page is wider than a phone or a desk's screen, and with details closed none is long, its print neither.
-
-    Each figure has a caption with its number, which describes its drawing, and they count from 1 in the order of the pages; each table a
-    caption or a region's name; no id stands twice. With everything open all pages together have a bounded number of words.
-    """
+    """No request, no error; no page is wider than a phone or a desk's screen, and with details closed none is long, its print neither."""
+    # each figure has a caption with its number, which describes its drawing, and they count from 1 in the order of the
+    # pages; each table a caption or a region's name; no id stands twice. With everything open all pages together have a
+    # bounded number of words
     pages = sorted(path.name for path in edro_report.glob("*.html"))
     failed: list[tuple[str, object]] = []
     numbers, total = {}, 0

@@ -1,5 +1,3 @@
-"""The site of the documentation: it builds without a warning and without a network, and has an entry for all that it must."""
-
 import re
 import subprocess
 import sys

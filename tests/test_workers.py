@@ -1,5 +1,3 @@
-"""Work shared among processes, with the same bytes whatever their number, and none left behind; its progress on a terminal."""
-
 import contextlib
 import os
 import pty
@@ -198,10 +196,8 @@ def test_a_terminal_shows_the_step(folder: Path, command: tuple[str, ...], steps
 
 
 def test_steps_are_counted(folder: Path) -> None:
-    """A teller tells each step with how many are done; a step of unknown length is told as the only one; without a listener nothing is.
-
-    A draft tells its last step, which takes longest.
-    """
+    """A teller tells each step with how many are done; a step of unknown length is told as the only one; without a listener nothing is."""
+    # a draft tells its last step, which takes longest
     told: list[tuple[str, int, int]] = []
     tell = teller(lambda *what: told.append(what), 2)
     tell("a")

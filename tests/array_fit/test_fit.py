@@ -1,5 +1,3 @@
-"""Fits of arrays, of any law: the same numbers as files give, by every way to hand arrays over."""
-
 import subprocess
 import sys
 from pathlib import Path

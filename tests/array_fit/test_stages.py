@@ -1,5 +1,3 @@
-"""Slow loading and motions as arrays, alone and with what other fits say: what files of the same data give, to the last digit."""
-
 from pathlib import Path
 
 import numpy as np
@@ -74,8 +72,7 @@ def of_files(tmp_path_factory: pytest.TempPathFactory) -> bristle.Results:
     return bristle.identify(folder / "e.yaml")
 
 
-Fits = tuple[bristle.Fit, bristle.Fit, bristle.Fit]
-"""Of points, of slow loading and of a motion."""
+Fits = tuple[bristle.Fit, bristle.Fit, bristle.Fit]  # of points, of slow loading and of a motion
 
 
 @pytest.fixture(scope="module")

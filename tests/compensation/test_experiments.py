@@ -1,5 +1,3 @@
-"""The paper's experiments in closed loop, and more: each against docs/paper.md, a formula, or another experiment; and what is shown of them."""
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,5 +1,3 @@
-"""Adaptation off line on a simulated moving run: it learns what is wrong, leaves what is right, and goes on across gaps."""
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,8 +15,7 @@ from bristle.simulation.joint_loop import JointLoop
 from ..simulation.joints import GRIPPER, J, experiment, joint, joint_loop, share_of
 
 STEP, SECONDS = 2e-3, 10.0
-LINES = ((1.0, 0.3), (0.24, 1.3), (0.16, 3.1), (0.08, 7.0))
-"""Amplitude, rad/s, and frequency, Hz, of the velocity."""
+LINES = ((1.0, 0.3), (0.24, 1.3), (0.16, 3.1), (0.08, 7.0))  # amplitude, rad/s, and frequency, Hz, of the velocity
 INERTIA = f"inertia: {J!r} kg*m**2\n"
 GAP = (3.0, 5.0)
 

@@ -24,11 +24,9 @@ from bristle.model.parameters import Pair
 def simulate_continuous(
     case: Case, compensator: Compensator, reference: Callable[[Expression], Expression], duration: float, period: float
 ) -> Trajectory:
-    """Runs a case from rest for a duration, s, logged every period, s; there is no encoder, and the compensator measures the true velocity.
-
-    `reference` is the position, rad, of a CasADi symbol of time, s. A limit of the torque, a filter and least squares, which are sampled
-    alone, are left out.
-    """
+    """Runs a case from rest for a duration, s, logged every period, s; there is no encoder, and the compensator measures the true velocity."""
+    # `reference` is the position, rad, of a CasADi symbol of time, s. A limit of the torque, a filter and least
+    # squares, which are sampled alone, are left out
     gains = compensating.adapted_count(compensator)
     t, x = ca.SX.sym("t"), ca.SX.sym("x", 5 + 2 * gains)
     y, v, z, integral, *memory = ca.vertsplit(x)

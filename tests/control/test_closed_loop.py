@@ -1,5 +1,3 @@
-"""Loops, sampled and continuous, and compensators: docs/paper.md's figures, identities, solvers that agree, what no input may break."""
-
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
@@ -45,11 +43,9 @@ TABLE_2: dict[tuple[Law, float], tuple[float, ...]] = {
 
 
 def test_the_loop_is_docs_papers_and_of_second_order() -> None:
-    """Table 2's scenario by each law: the factors in docs/paper.md to 0.0015, of which the printed law leaves alpha_0 at 0.30.
-
-    At 20 s, for every rate from 5 to 50, the partial law is within 0.02 of the paper's Table 2, 0.84 and 1.05, and the printed one within
-    0.01 of that 0.30.
-    """
+    """Table 2's scenario by each law: the factors in docs/paper.md to 0.0015, of which the printed law leaves alpha_0 at 0.30."""
+    # at 20 s, for every rate from 5 to 50, the partial law is within 0.02 of the paper's Table 2, 0.84 and 1.05, and
+    # the printed one within 0.01 of that 0.30
     rates: list[tuple[Law, float]] = [
         (way, gamma) for way in ("partial", "printed") for gamma in (5.0, 10.0, 20.0, 35.0, 50.0)
     ]
@@ -174,10 +170,8 @@ SINE = Sine(1.0, 0.5).position
     ],
 )  # fmt: skip  # a table
 def test_continuous_factors_are_those_of_docs_paper(way: Law, expected: tuple[float, ...], close: float) -> None:
-    """Table 2's scenario at a rate of 20: factors of alpha_0 and alpha_2 at 4 s and 20 s, as in docs/paper.md.
-
-    They have a digit more here. Those of `total` are of the loop sampled at 1 kHz, and so hold to 1e-3 only.
-    """
+    """Table 2's scenario at a rate of 20: factors of alpha_0 and alpha_2 at 4 s and 20 s, as in docs/paper.md."""
+    # they have a digit more here. Those of `total` are of the loop sampled at 1 kHz, and so hold to 1e-3 only
     run = simulate_continuous(wrong_start(), Compensator(adaptation=Adaptation(law=way)), SINE, 20.0, 1.0)
     found = [f * run.theta[0, k, at] for k, f in ((0, 0.3), (1, 0.5)) for at in (4, 20)]
     np.testing.assert_allclose(found, expected, atol=close)
@@ -288,10 +282,8 @@ def test_a_load_is_coulomb_friction(name: str) -> None:
 
 @pytest.mark.parametrize("how", LAWS)
 def test_a_load_is_not_adapted(how: str) -> None:
-    """A gain scales alpha_0 alone: where that starts at half of the joint's, a gain of 2 gives the joint's torque under any load.
-
-    G by alpha_0 is then that of the joint itself, but where a law's own has the start in it.
-    """
+    """A gain scales alpha_0 alone: where that starts at half of the joint's, a gain of 2 gives the joint's torque under any load."""
+    # G by alpha_0 is then that of the joint itself, but where a law's own has the start in it
     a = Adaptation(law=how, gamma=(0.0, 0.0))  # type: ignore[arg-type]  # a law
     half = P._replace(alpha_0=P.alpha_0 / 2)
     acting = adapting.effective(half, a, (2.0, 1.0), 0.01)

@@ -1,5 +1,3 @@
-"""One step of the plant, with the lag of the current or without, beside SciPy: sliding, stick, order; and what its sensors read."""
-
 from dataclasses import replace
 from functools import lru_cache
 
@@ -181,10 +179,8 @@ def lagging(name: str, lag: float) -> Case:
 @pytest.mark.parametrize("lag", [2e-4, 2e-3, 2e-2])
 @pytest.mark.parametrize("name", ["gripper rotation", pytest.param("base rotation", marks=pytest.mark.slow)])
 def test_the_lagging_current_agrees_with_a_stiff_solver(name: str, lag: float) -> None:
-    """Over 6 s at 1 kHz exact steps and CVODES differ by less than 1e-4 rad for L / R far below, about and far above the period.
-
-    They differ most in the first of these three periods; every later one is as the third.
-    """
+    """Over 6 s at 1 kHz exact steps and CVODES differ by less than 1e-4 rad for L / R far below, about and far above the period."""
+    # they differ most in the first of these three periods; every later one is as the third
     fast, stiff = (simulate(LAGGING, [lagging(name, lag)], sine(6.0, 0.5), H, stiff=which) for which in (False, True))
     assert np.abs(fast.position - stiff.position).max() < 1e-4
 

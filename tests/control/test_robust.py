@@ -1,5 +1,3 @@
-"""The adaptive loop and its controllers under whatever comes: random references, noise, delays, limits, periods that are too long."""
-
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -23,8 +21,7 @@ from bristle.simulation import edro
 
 from .conftest import PAIR, H, P, case, follow, sine
 
-BATCH, SAMPLES = 100, 1001
-"""Cases of each law and step, and samples of each case: 1200 random runs of 1 s in all."""
+BATCH, SAMPLES = 100, 1001  # cases of each law and step, and samples of each case: 1200 random runs of 1 s in all
 ADAPTING: tuple[Name, ...] = ("lugre", "lugre-feedback", "lugre-observer")
 
 
@@ -68,10 +65,9 @@ def course(rng: np.random.Generator) -> tuple[Reference, Disturbance]:
 
 
 def random_case(rng: np.random.Generator, options: LoopOptions) -> Case:
-    """A joint of Table 1, its model from 0.05 to 5 times the truth, a PID that its loop bears, and a drive with a limit.
-
-    A drive without a limit is left where nothing measured feeds the compensator: friction fed back five times over makes any joint run away.
-    """
+    """A joint of Table 1, its model from 0.05 to 5 times the truth, a PID that its loop bears, and a drive with a limit."""
+    # a drive without a limit is left where nothing measured feeds the compensator: friction fed back five times over
+    # makes any joint run away
     joint = case(str(rng.choice(list(edro.TABLE_1))), resolution=10 ** rng.uniform(-6, -1))
     wrong = Pair(*(Lugre(*(np.geomspace(0.05, 5.0, 101)[rng.integers(101, size=6)] * p).tolist()) for p in joint.model))
     own = options.compensator.name == "lugre" and options.drive == "torque"

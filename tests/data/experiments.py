@@ -69,10 +69,8 @@ def refusal(path: Path, keys: Sequence[Key]) -> str | None:
 
 
 def assert_refused(asks: Iterable[tuple[Callable[[], object], str]], opens: str = "", seconds: float = 5.0) -> None:
-    """Each call is refused in one short line that opens so and matches its pattern; those that are not are named, with what they did.
-
-    Each within so many seconds of the clock on the wall, so that a process that is waited for counts as well.
-    """
+    """Each call is refused in one short line that opens so and matches its pattern; those that are not are named, with what they did."""
+    # each within so many seconds of the clock on the wall, so that a process that is waited for counts as well
     faults = []
     for ask, says in asks:
         begun, said = time.monotonic(), ""

@@ -1,5 +1,3 @@
-"""Bags that are broken, or made to harm: each ends in one sentence, soon, or in the columns that it holds."""
-
 # ruff: noqa: S608  # statements that are ours
 import re
 import sqlite3

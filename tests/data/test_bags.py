@@ -186,10 +186,8 @@ def test_messages_without_a_header_stand_where_they_were_received(tmp_path: Path
 
 
 def test_stamps_that_were_never_set_are_refused(tmp_path: Path) -> None:
-    """Stamps that are all zero are no time; the sentence says to take the receive time, which is then read.
-
-    Stamps that differ by a nanosecond differ by it when read, though a float of that time could not tell.
-    """
+    """Stamps that are all zero are no time; the sentence says to take the receive time, which is then read."""
+    # stamps that differ by a nanosecond differ by it when read, though a float of that time could not tell
     bag = write_bag(tmp_path, "mcap", [state(0, ("a",), (float(k),), late=START + 10**7 * k) for k in range(9)])
     assert "are all zero; name the time as /joint_states.time" in _refusal(bag, "header.stamp", "position[a]")
     table = _read(bag, "/joint_states.time", "position[a]")

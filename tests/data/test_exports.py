@@ -1,5 +1,3 @@
-"""Files as instruments, drives and programs write them, made here line by line: what is read, and what a draft makes of them."""
-
 import contextlib
 from collections.abc import Callable
 from functools import partial
@@ -125,10 +123,8 @@ MILLI = {"PicoScope", "TwinCAT"}  # whose time is in ms
 
 @pytest.mark.parametrize("name", EXPORTS)
 def test_exports_are_read_as_they_are(tmp_path: Path, name: str) -> None:
-    """Every number of every column comes back, from the first row to the last, by the names that the file has or by numbers.
-
-    A row of units, in brackets or not, and a block's line of them, are the units of the columns; nothing else is.
-    """
+    """Every number of every column comes back, from the first row to the last, by the names that the file has or by numbers."""
+    # a row of units, in brackets or not, and a block's line of them, are the units of the columns; nothing else is
     write, columns, units = EXPORTS[name]
     path = tmp_path / "log.csv"
     path.write_text(write(), encoding="utf-8", newline="")

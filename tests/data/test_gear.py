@@ -1,5 +1,3 @@
-"""Signals of either side of a gear: all come to the joint, where the law is."""
-
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -152,10 +150,8 @@ def test_constants_of_the_motor_at_the_joint(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("side", ["motor", "joint"])
 def test_commands_are_the_torque_that_the_drive_makes(tmp_path: Path, side: str) -> None:
-    """K_p (q_d - q) + K_d (dq_d - dq) within the limit, with gains of the side that the drive is on, over a position that wraps.
-
-    Without a velocity it is that of the position; a delay of the command is one of the torque.
-    """
+    """K_p (q_d - q) + K_d (dq_d - dq) within the limit, with gains of the side that the drive is on, over a position that wraps."""
+    # without a velocity it is that of the position; a delay of the command is one of the torque
     motor = side == "motor"
     by = RATIO if motor else 1.0
     q_d, dq_d = Q + 0.02 * np.sin(5 * T), 0.5 * W

@@ -1,5 +1,3 @@
-"""Parts of files, runs of several files, and signals with a time of their own."""
-
 from functools import partial
 from pathlib import Path
 from typing import Any

@@ -1,5 +1,3 @@
-"""Samples made equally far apart: the joint is where it was, its friction what it was; which experiment a log is of; records."""
-
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -277,10 +275,8 @@ def test_slow_loading_until_it_slides_both_ways_is_presliding() -> None:
 
 
 def test_what_is_done_most_decides() -> None:
-    """Slow loading, as of a joint that sticks before each of many speeds, is presliding where hardly anything else is done.
-
-    With a third of the time between its speeds a run is tracking, one log of several too; with a fifth it is a ramp.
-    """
+    """Slow loading, as of a joint that sticks before each of many speeds, is presliding where hardly anything else is done."""
+    # with a third of the time between its speeds a run is tracking, one log of several too; with a fifth it is a ramp
     speeds = (0.1, 0.2, 0.4, -0.1, -0.2, -0.4)
     assert Stretches(held=5, loaded=26, broken=0, moving=17, total=48, speeds=speeds).kind == "tracking"
     assert Stretches(held=6, loaded=20, broken=0, moving=1, total=27, speeds=(0.3, -0.3)).kind == "presliding"

@@ -1,5 +1,3 @@
-"""Constant-velocity segments: found, judged and explained."""
-
 import re
 from dataclasses import replace
 

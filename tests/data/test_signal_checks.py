@@ -1,5 +1,3 @@
-"""A fault put into a simulated record is named with the right factor and the line to change; a clean record is left alone."""
-
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path

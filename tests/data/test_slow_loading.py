@@ -1,5 +1,3 @@
-"""Slow loading: pieces, count edges, breakaway, hysteresis loops."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -140,10 +138,8 @@ def test_breakaway_does_not_depend_on_what_follows(top: float, back: bool) -> No
 
 
 def test_a_torque_exceeded_without_sliding_is_no_breakaway() -> None:
-    """A jump by some counts at half of g0, and then no more, is no breakaway: nor is fast creep up to a torque that another run holds.
-
-    A joint that slides far has broken away, though another run held more.
-    """
+    """A jump by some counts at half of g0, and then no more, is no breakaway: nor is fast creep up to a torque that another run holds."""
+    # a joint that slides far has broken away, though another run held more
     calm = ramp(0.0)
     hop = replace(calm, position=present(calm.position) + 2e-3 * (calm.time > 9))
     assert [x.breakaway for x in find_loadings(hop, 2.0, None, None)] == [None]
@@ -173,10 +169,8 @@ def test_a_torque_exceeded_without_sliding_is_no_breakaway() -> None:
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 1e-4, 1e-3]), st.floats(0, 10))
 @settings(deadline=None, max_examples=60)
 def test_what_is_no_stiffness_is_absent(seed: int, quantum: float, noise: float) -> None:
-    """Whatever a cycle is, noise, standstill and motion against the torque among it, a slope is positive and finite or absent.
-
-    NumPy warns of nothing.
-    """
+    """Whatever a cycle is, noise, standstill and motion against the torque among it, a slope is positive and finite or absent."""
+    # NumPy warns of nothing
     rng, record = np.random.default_rng(seed), cycle()
     position = rng.choice([-1.0, 0.0, 1.0]) * present(record.position) + noise * 1e-3 * rng.standard_normal(
         record.time.size

@@ -1,5 +1,3 @@
-"""What is put into a simulated torque or motion - limits, dead zones, jumps, jitter, a lag - is named with its size; clean ones are left alone."""
-
 from collections import Counter
 from dataclasses import replace
 

@@ -1,5 +1,3 @@
-"""Least squares that know no friction: intervals, bootstrap, bounds, correlated noise, scales, blocks, several starts."""
-
 from collections.abc import Mapping
 from itertools import combinations_with_replacement
 

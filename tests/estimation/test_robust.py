@@ -1,5 +1,3 @@
-"""Robust estimates with known variances, variances with few degrees of freedom, many tests at once, the score test, and the scan for a step."""
-
 import numpy as np
 import pytest
 from hypothesis import given

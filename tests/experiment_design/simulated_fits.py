@@ -14,10 +14,8 @@ from bristle.model.parameters import Lugre
 from bristle.questions.experiment_design.velocities import SEED, DesignProblem, evaluate_design
 from bristle.simulation.bench import steady_points
 
-_SHAPES = 40
-"""Shapes of a peak that are tried where there is more to it than v_s ..."""
-_REACH, _FAR = 4.0, 9.0
-"""... so many expected standard errors about the estimate, of a logarithm at most so far."""
+_SHAPES = 40  # shapes of a peak that are tried where there is more to it than v_s
+_REACH, _FAR = 4.0, 9.0  # ... so many expected standard errors about the estimate, of a logarithm at most so far
 
 
 def fitted(p: Lugre[float], speeds: Array, torques: Array, relative: Mapping[str, float]) -> dict[str, Array]:
@@ -51,11 +49,9 @@ def spaced_speeds(problem: DesignProblem, count: int, kind: str) -> Array:
 
 
 def simulated_errors(problem: DesignProblem, speeds: Array, repetitions: int = 2000, seed: int = SEED) -> Array:
-    """How fits of these runs alone scatter, SIMULATED from the estimate with Gaussian noise, (4,), as the problem's names.
-
-    Half the width of the middle 68.3 % of the estimates, which is the standard deviation where they are normal and is
-    not ruled by a few that fail.
-    """
+    """How fits of these runs alone scatter, SIMULATED from the estimate with Gaussian noise, (4,), as the problem's names."""
+    # half the width of the middle 68.3 % of the estimates, which is the standard deviation where they are normal and is
+    # not ruled by a few that fail
     torques = steady_points(problem.p, speeds, problem.noise, np.random.default_rng(seed), repetitions)
     relative = evaluate_design(problem, speeds).alone / np.abs(problem.estimate)
     found = fitted(problem.p, speeds, torques.T, dict(zip(problem.names, relative.tolist(), strict=True)))

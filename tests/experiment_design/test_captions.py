@@ -1,5 +1,3 @@
-"""What the captions of a plan's figures begin with: findings with numbers, those that speak against the plan too."""
-
 import re
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,5 +1,3 @@
-"""Plans for joints whose law is not the paper's, one registered from outside among them."""
-
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path

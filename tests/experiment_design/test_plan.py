@@ -93,10 +93,8 @@ def test_now_is_what_was_identified(gripper: Plan) -> None:
 
 
 def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
-    """A caution names what the planned motion tells less of than the measured one by more than a tenth, and nothing else.
-
-    The planned motion leaves smaller relative errors than the motion of the embedded default, of its duration.
-    """
+    """A caution names what the planned motion tells less of than the measured one by more than a tenth, and nothing else."""
+    # the planned motion leaves smaller relative errors than the motion of the embedded default, of its duration
     motion, measured = gripper.motion, gripper.errors_of_measured
     assert measured is not None
     planned, so_far = (float(np.linalg.norm(x / gripper.start.estimate)) for x in (motion.errors, measured))
@@ -296,10 +294,9 @@ def test_what_loading_neglects_is_shown(gripper: Plan) -> None:
 
 @pytest.mark.usefixtures("raster")
 def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
-    """The page, its figures and tables are written, with the references; each caption says a number with a unit at once, each table has a name.
-
-    A second run leaves the same. A file of references that has other bytes by then is not written over, and one sentence says so.
-    """
+    """The page, its figures and tables are written, with the references; each caption says a number with a unit at once, each table has a name."""
+    # a second run leaves the same. A file of references that has other bytes by then is not written over, and one
+    # sentence says so
     ran = planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--page", tmp_path / "page", "--for", "v_s")
     assert ran.code == 0, ran.err
     assert "for v_s" in ran.words
@@ -343,10 +340,8 @@ def test_no_sentence_decides_on_a_plan(one_direction: Plan, tmp_path: Path, monk
 
 
 def test_what_is_not_known_is_guessed_and_said(one_direction: Plan) -> None:
-    """Points of one direction: bristle, inertia and the other direction are guesses that the plan names, never nan.
-
-    Where constant velocities begin above v_s, it says that slower ones would show more.
-    """
+    """Points of one direction: bristle, inertia and the other direction are guesses that the plan names, never nan."""
+    # where constant velocities begin above v_s, it says that slower ones would show more
     found = one_direction
     guessed = {"sigma_0+", "sigma_1+", "sigma_0-", "sigma_1-"}
     assert guessed <= set(map(str, found.start.guessed))

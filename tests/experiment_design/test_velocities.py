@@ -357,10 +357,9 @@ def relative(errors: Array) -> float:
     st.floats(1.5, 3.0),
 )
 def test_a_motion_stays_within_its_limits(sines: list[tuple[float, float, float]], duration: float) -> None:
-    """Position, velocity and acceleration keep within their limits whatever is asked; it begins and ends at rest in the middle.
-
-    Sines once scaled to the limits are not scaled again, keep their frequencies and phases, and give the course of those asked for.
-    """
+    """Position, velocity and acceleration keep within their limits whatever is asked; it begins and ends at rest in the middle."""
+    # sines once scaled to the limits are not scaled again, keep their frequencies and phases, and give the course of
+    # those asked for
     lines = Multisine(*np.array(sines).T)
     run = course(lines, LIMITS, duration, 0.01)
     assert LIMITS.position[0] <= run.position.min() <= run.position.max() <= LIMITS.position[1]

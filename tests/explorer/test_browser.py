@@ -1,5 +1,3 @@
-"""The explorer in a real browser: every slider, tab and button, the numbers it shows, hostile names, and nothing over the network."""
-
 import io
 import json
 import re
@@ -146,10 +144,8 @@ def rows(tab: Tab) -> dict[str, tuple[float, float]]:
 
 
 def test_it_opens_on_the_joint_of_the_results(chromium: Any, tmp_path: Path) -> None:
-    """A report's link to the second of two joints, and the bare page to the first: its name and its own values in the sliders on the first screen.
-
-    On a desk and on a phone. Nothing of the embedded joints is on the page.
-    """
+    """A report's link to the second of two joints, and the bare page to the first: its name and its own values in the sliders on the first screen."""
+    # on a desk and on a phone. Nothing of the embedded joints is on the page
     files = []
     for name, stronger in (("shoulder", 1.0), ("elbow", 1.5)):
         v, torque = np.loadtxt(io.StringIO(table(speeds())), delimiter=",", skiprows=1).T
@@ -256,10 +252,9 @@ def test_each_view_follows_its_sliders_and_entries(tab: Tab) -> None:
 
 
 def test_numbers_are_those_of_results(tab: Tab, edro: Explored) -> None:
-    """At the identified values each fit's cost and relative error are those of results.json to 4 digits, for static fits and moving runs.
-
-    As it opens, view 4 ends at the factors of Table 2, 0.845 and 1.051, at 20 s; each law begins with its own rates; a loop that diverges is said.
-    """
+    """At the identified values each fit's cost and relative error are those of results.json to 4 digits, for static fits and moving runs."""
+    # as it opens, view 4 ends at the factors of Table 2, 0.845 and 1.051, at 20 s; each law begins with its own rates;
+    # a loop that diverges is said
     for k, joint in enumerate(edro.results.joints):
         tab.page.select_option("#joint", str(k))
         tab.show("response")
@@ -289,10 +284,9 @@ def test_numbers_are_those_of_results(tab: Tab, edro: Explored) -> None:
 
 
 def test_cost_maps_are_made_beside_the_page(tab: Tab) -> None:
-    """A worker computes each map; its progress is shown and said.
-
-    The page answers a slider within 200 ms meanwhile, which cancels the map, as another joint, direction, parameter or view does.
-    """
+    """A worker computes each map; its progress is shown and said."""
+    # the page answers a slider within 200 ms meanwhile, which cancels the map, as another joint, direction, parameter
+    # or view does
     page = tab.page
     tab.show("identifiability")
     (worker,) = page.workers

@@ -1,5 +1,3 @@
-"""The model and the cost maps in JavaScript are those of Python: each function of the explorer's script in Node against bristle's own."""
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,5 +1,3 @@
-"""The explorer's page as a file: its bytes, its size, what it would load, and the numbers and names in it."""
-
 import base64
 import hashlib
 import json
@@ -49,10 +47,8 @@ def known_of(page: Explorer) -> Any:
 
 
 def test_the_page_is_small_and_loads_nothing(edro: Explored) -> None:
-    """Under 3 MB with four joints; no element names anything to fetch, styles neither.
-
-    The policy allows the page's own scripts alone, and a worker of their text, which stands once.
-    """
+    """Under 3 MB with four joints; no element names anything to fetch, styles neither."""
+    # the policy allows the page's own scripts alone, and a worker of their text, which stands once
     html = edro.page.html
     assert len(html.encode()) < 3e6
     read = Read(html)

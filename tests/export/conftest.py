@@ -16,8 +16,7 @@ from bristle.model.parameters import SIGNED, Direction, ParameterName, unit
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter, Origin, exported
 
 Handed = Callable[..., ExportedJoint]
-OTHERS = (*competing()[1:], law_named("free-exponent"), law_named("free-exponent+quadratic"))
-"""Laws beside the paper's."""
+OTHERS = (*competing()[1:], law_named("free-exponent"), law_named("free-exponent+quadratic"))  # laws beside the paper's
 HOSTILE = (
     """a"b'c<d>&e""", "a<b>&amp;", "-->", "--> <motor/>", "]]>", "<!-- x", "*/", "*/ #error", "]]> */ /* ??/", "??/\n*/", "a\nb\r\tc",
     "${x} $(y) %s%n {0} {{ y }}", "\u202eabc\u202c\u200f", "\0\x1b[31m", "x" * 10_000, "关节 ∑ ß ą Ð", "\\input{/etc/passwd}", "\\", "", " ",
@@ -25,8 +24,7 @@ HOSTILE = (
     "null", "2020-01-01", "1e3", "- a: b", "--- x", "#!", "&a *a", "!!python/object:x", "step", "params",
 )  # fmt: skip  # a list
 """What a joint may be called."""
-SURROGATE = "\ud800"
-"""The same, of a name that is no text of UTF-8."""
+SURROGATE = "\ud800"  # the same, of a name that is no text of UTF-8
 
 
 @cache

@@ -1,5 +1,3 @@
-"""The printed C is the compensator in Python: to the last bit in double precision, and it never gives a number that is none."""
-
 import ctypes
 import re
 import shutil
@@ -43,8 +41,7 @@ OF_ALL = [
 ]
 FEEDBACK = Compensator(name="lugre-feedback", adaptation=Adaptation(law="total"))
 OBSERVER = Compensator(name="lugre-observer", adaptation=Adaptation(law="total"), observer_gain=3.0)
-SINGLE = [*PLAIN, *ADAPTING, FEEDBACK]
-"""Those that single precision has too."""
+SINGLE = [*PLAIN, *ADAPTING, FEEDBACK]  # those that single precision has too
 ALL = [*SINGLE, OBSERVER]
 FREESTANDING = (*FLAGS, "-ffreestanding")
 Build = Callable[..., ctypes.CDLL]
@@ -131,10 +128,9 @@ def flagged(joint: ExportedJoint, compensator: Compensator, single: bool, built:
 @pytest.mark.slow
 @needs_gcc
 def test_no_flag_is_raised_within_the_ranges(handed: Handed, built: Build) -> None:
-    """Parameters and inputs from everywhere in their stated ranges: no division by zero, nothing invalid, no overflow, no step refused.
-
-    The same of laws with terms, whatever their sign, and of a free exponent; and under loads, of the law with the largest.
-    """
+    """Parameters and inputs from everywhere in their stated ranges: no division by zero, nothing invalid, no overflow, no step refused."""
+    # the same of laws with terms, whatever their sign, and of a free exponent; and under loads, of the law with the
+    # largest
     joint, loaded = handed(), beside(handed(), **RISES[-1])
     cases = [*((joint, c, False) for c in (*ALL, *OF_ALL)), *((joint, c, True) for c in (*SINGLE, *OF_ALL))]
     cases += [
@@ -247,10 +243,8 @@ def test_the_header_is_cpp_too(handed: Handed, tmp_path: Path) -> None:
 @pytest.mark.skipif(shutil.which("cppcheck") is None, reason="needs cppcheck, which is not installed")
 @pytest.mark.parametrize("compensator", [PLAIN[1], PLAIN[2], ADAPTING[3], OBSERVER], ids=called)
 def test_cppcheck_is_silent(compensator: Compensator, handed: Handed, tmp_path: Path) -> None:
-    """Every check of cppcheck in every configuration, but that functions of a header are used, and that it can see the system's headers.
-
-    It takes some seconds each: of the laws one, and the one with the most code.
-    """
+    """Every check of cppcheck in every configuration, but that functions of a header are used, and that it can see the system's headers."""
+    # it takes some seconds each: of the laws one, and the one with the most code
     (tmp_path / "joint.h").write_text(header(handed(), compensator), encoding="ascii")
     (tmp_path / "f.c").write_text(TWO_FUNCTIONS, encoding="ascii")
     quiet = ("--suppress=missingIncludeSystem", "--suppress=unusedFunction")
@@ -276,10 +270,9 @@ def test_it_fits_a_microcontroller(compensator: Compensator, handed: Handed, tmp
 
 @needs_gcc
 def test_what_stands_in_one_file(handed: Handed, tmp_path: Path) -> None:
-    """Two joints share the code, whatever the numbers of their compensators; what would be taken for something else is an error with a sentence.
-
-    Two compensators; two joints with one name and other numbers; -ffast-math; an observer that adapts in single precision.
-    """
+    """Two joints share the code, whatever the numbers of their compensators; what would be taken for something else is an error with a sentence."""
+    # two compensators; two joints with one name and other numbers; -ffast-math; an observer that adapts in single
+    # precision
     one, other = handed("wrist pitch"), handed("elbow pitch")
     headers = {
         "one.h": header(one, Compensator()),

@@ -1,5 +1,3 @@
-"""What is exported is what was identified, every refusal is a sentence, and nothing is filled in silently."""
-
 import json
 import re
 import shlex
@@ -161,8 +159,7 @@ def test_points_alone_have_no_bristle(tmp_path: Path) -> None:
     assert few.code == 2
 
 
-NUMBERS_ONLY = ("mujoco-frictionloss", "urdf", "sdf", "isaac")
-"""Targets with values that stand for the friction."""
+NUMBERS_ONLY = ("mujoco-frictionloss", "urdf", "sdf", "isaac")  # targets with values that stand for the friction
 DOCUMENTS = ("json", "matlab", "latex")
 
 
@@ -266,10 +263,8 @@ def test_one_law_with_two_stiffnesses_is_a_pair() -> None:
 
 
 def test_the_loss_is_its_formula(handed: Handed) -> None:
-    """100 rms(difference) / rms(torque) over the last period; nothing of the joint's own friction, all of none at all.
-
-    With a term v abs(v) the best viscous value rises, and the loss of LuGre alone is that of the term.
-    """
+    """100 rms(difference) / rms(torque) over the last period; nothing of the joint's own friction, all of none at all."""
+    # with a term v abs(v) the best viscous value rises, and the loss of LuGre alone is that of the term
     joint = handed("wrist pitch")
     motions = all_motions(joint)
     assert [x.percent for x in losses(joint, lugre(joint.pair), motions)] == [0.0] * 4

@@ -1,5 +1,3 @@
-"""The FMU is the joint in Python to the last bits, follows the continuous equations, and refuses what it cannot do without harm."""
-
 import ctypes
 import math
 import platform
@@ -458,10 +456,8 @@ def test_hostile_names_stay_harmless(handed: Handed, tmp_path: Path, monkeypatch
 def test_what_was_identified_is_what_starts(
     handed: Handed, exported: Exported, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The start values are those of the joint, to the last digit, and every variable has its range, in the description and on the page.
-
-    The page links to no more than the table beside it.
-    """
+    """The start values are those of the joint, to the last digit, and every variable has its range, in the description and on the page."""
+    # the page links to no more than the table beside it
     joint = handed("wrist pitch")
     variables = fmu_variables(joint)
     starts = {v.name: v.start for v in variables}

@@ -1,5 +1,3 @@
-"""A joint is handed over whole, its law, cogging and load too: what holds them holds them exactly, what does not says what is lost."""
-
 import ctypes
 import json
 import math

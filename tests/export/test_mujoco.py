@@ -1,5 +1,3 @@
-"""Friction in MJCF and in `bristle.mujoco.Friction`: MuJoCo does what is written, or the continuous equation, and what is lost is said."""
-
 import math
 from itertools import product
 from pathlib import Path
@@ -115,10 +113,8 @@ def called(target: ExportTarget) -> str:
 
 @pytest.mark.parametrize("target", TARGETS)
 def test_what_is_written_and_merged_loads(handed: Handed, target: ExportTarget) -> None:
-    """Two joints, one that slides: the example loads by itself, with the armature that was identified, and checks itself.
-
-    Of a joint whose links are known that is the rotor's alone; without an inertia none is written, which is said.
-    """
+    """Two joints, one that slides: the example loads by itself, with the armature that was identified, and checks itself."""
+    # of a joint whose links are known that is the rotor's alone; without an inertia none is written, which is said
     joints = [handed("wrist pitch"), handed("gripper rotation", kind="prismatic")]
     artefact = target.write(joints, Request())
     model = mujoco.MjModel.from_xml_string(artefact.content.decode())
@@ -166,10 +162,9 @@ TWICE = '<mujoco>\n<worldbody><body>\n<joint name="wrist pitch"/>{}\n<joint name
 
 @pytest.mark.parametrize("target", TARGETS)
 def test_what_cannot_be_merged_into_is_refused(handed: Handed, target: ExportTarget) -> None:
-    """A missing joint, one that stands twice, one of another kind, a document type and another format: one sentence each.
-
-    Into a model that holds LuGre already nothing is merged, which would count twice; frictionloss is written anew, and is the same.
-    """
+    """A missing joint, one that stands twice, one of another kind, a document type and another format: one sentence each."""
+    # into a model that holds LuGre already nothing is merged, which would count twice; frictionloss is written anew,
+    # and is the same
     joint = handed("wrist pitch")
     changes = {
         (b"'wrist pitch'", b"'wrist'"): "'wrist'",
@@ -344,10 +339,8 @@ def test_a_torque_of_ones_own_acts_as_a_control(handed: Handed, edro_results: Pa
 
 
 def test_what_begins_anew_repeats_itself(handed: Handed) -> None:
-    """After mj_resetData the same motion comes out, also after a call at time 0 with a wild velocity; two calls at one time do as one.
-
-    `reset` takes a deflection.
-    """
+    """After mj_resetData the same motion comes out, also after a call at time 0 with a wild velocity; two calls at one time do as one."""
+    # `reset` takes a deflection
     joint = handed("wrist pitch")
     model = one(J=joint.inertia)
     data, friction = mujoco.MjData(model), Friction(model, "wrist pitch", joint)

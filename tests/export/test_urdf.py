@@ -96,10 +96,8 @@ def outside(old: bytes, new: bytes) -> tuple[bytes, bytes]:
 def test_the_values_are_the_best_and_the_losses_are_those_of_the_formula(
     handed: Handed, name: str, quadratic: float
 ) -> None:
-    """No other Coulomb and viscous friction loses less along the declared motion, and the loss is rms error by rms torque, in percent.
-
-    What is lost of is all of the joint's friction, a term v abs(v) too.
-    """
+    """No other Coulomb and viscous friction loses less along the declared motion, and the loss is rms error by rms torque, in percent."""
+    # what is lost of is all of the joint's friction, a term v abs(v) too
     joint = beside(handed(name), quadratic=quadratic) if quadratic else handed(name)
     (found,) = best_values([joint], Request(amplitude=0.3, frequency=0.7), "urdf")
     assert [x.motion.name for x in found.losses] == ["fitted", "medium", "slow", "presliding"]

@@ -1,5 +1,3 @@
-"""A fleet's pages in a real browser: long tables are turned over, sorted and filtered, hostile names run nothing, and nothing is too wide."""
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any

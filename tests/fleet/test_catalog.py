@@ -1,5 +1,3 @@
-"""Catalogs and datasets: what is read of them, their one order and bytes, and what is said of those that cannot be used."""
-
 import contextlib
 import math
 import re

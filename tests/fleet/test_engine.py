@@ -1,5 +1,3 @@
-"""Runs of a fleet on a cluster in this process: what is identified, what is not again, and what is said of what cannot be."""
-
 import contextlib
 import errno
 import os
@@ -102,10 +100,8 @@ def test_only_what_is_new_is_identified(ran: Any, tmp_path: Path, monkeypatch: p
 
 
 def test_content_counts_and_nothing_else(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file that is touched is hashed, one that is changed identified; a moved fleet and another temperature are neither.
-
-    Units with the very same files are one task, and have rows each.
-    """
+    """A file that is touched is hashed, one that is changed identified; a moved fleet and another temperature are neither."""
+    # units with the very same files are one task, and have rows each
     catalog = write_fleet_logs(tmp_path, units=1, sessions=2)
     shutil.copytree("logs/r0/2026-01-01", "logs/r9")
     with catalog.open("a") as file:

@@ -1,5 +1,3 @@
-"""Findings on simulated fleets of estimates: what wears is named and little else, what all have in common accuses nobody, and units are drawn in."""
-
 import re
 from collections.abc import Callable, Mapping
 from pathlib import Path

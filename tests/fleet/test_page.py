@@ -1,5 +1,3 @@
-"""The pages and the text of a fleet: what stands there whatever names say, how large pages get, their figures, and the tables beside them."""
-
 import csv
 import io
 import math

@@ -21,8 +21,7 @@ from bristle.model.rollout import rollout
 from bristle.simulation.edro import TABLE_1
 
 Columns = Mapping[str, Array]
-Draw = Any
-"""What Hypothesis calls its drawing function."""
+Draw = Any  # what Hypothesis calls its drawing function
 
 
 class Case(NamedTuple):
@@ -36,10 +35,8 @@ class Case(NamedTuple):
         return f"bristle {' '.join(map(repr, self.arguments))}\n" + "\n".join(f"{n}:\n{d!r}" for n, d in files.items())
 
 
-_FLEETS = ["fleet"] if find_spec("distributed") else []
-"""Commands that an extra brings."""
-_EXTRA = ["h5"] if find_spec("h5py") else []
-"""Formats that an extra reads."""
+_FLEETS = ["fleet"] if find_spec("distributed") else []  # commands that an extra brings
+_EXTRA = ["h5"] if find_spec("h5py") else []  # formats that an extra reads
 _STEP = 5e-3
 _GRIPPER = TABLE_1["gripper rotation"].positive
 _UNITS = {"t": "s", "q": "rad", "v": "rad/s", "tau": "N*m", "i": "A", "u": "V", "q_des": "rad"}

@@ -21,8 +21,7 @@ from .inputs import Case, cases
 from .server import BYTES, SECONDS
 
 ROOT = Path(__file__).parents[2]
-LONGEST = 600
-"""Characters of a sentence at the most."""
+LONGEST = 600  # characters of a sentence at the most
 
 
 @dataclass
@@ -99,10 +98,9 @@ Found = Callable[[Case, AssertionError], None]
 def fuzz(
     running: Server, end: float, *, first: int = 0, least: int = 0, most: int = 400, found: Found | None = None
 ) -> None:
-    """Try at least and at most so many cases of one seed, until `end` (by time.monotonic).
-
-    What fails is made small and raised, by Hypothesis; or, where `found` is given, told to that, and the next is tried.
-    """
+    """Try at least and at most so many cases of one seed, until `end` (by time.monotonic)."""
+    # what fails is made small and raised, by Hypothesis; or, where `found` is given, told to that, and the next is
+    # tried
     failed = False
 
     @seed(first)

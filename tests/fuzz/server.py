@@ -19,8 +19,7 @@ from typing import Any
 
 from .inputs import good_results
 
-SECONDS, BYTES = 20, 2 * 2**30
-"""What one input may take, in time of the processor."""
+SECONDS, BYTES = 20, 2 * 2**30  # what one input may take, in time of the processor
 _PATIENCE = 30.0
 """Times that: a command that waits, and does not work, is ended then; one that works is by its time of the processor, whatever runs beside it."""
 _READERS = (

@@ -21,15 +21,11 @@ from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, Pa
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 
-GRIPPER = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
-"""Gripper rotation (+) of Table 1."""
-OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
-"""Gripper rotation (-)."""
-G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
-"""Its breakaway torque, N*m, at vanishing speed."""
+GRIPPER = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)  # Gripper rotation (+) of Table 1
+OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)  # Gripper rotation (-)
+G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1  # its breakaway torque, N*m, at vanishing speed
 SOURCE = Finding("of-static-fit", NOTE, "the static fit")
-J = 1.27e-3
-"""Its inertia, kg*m**2."""
+J = 1.27e-3  # its inertia, kg*m**2
 TONES = ((0.25, 0.3), (0.06, 1.3), (0.04, 3.1), (0.02, 7.0), (0.01, 12.0))
 """Amplitudes of velocity, rad/s, at frequencies, Hz, that show all parameters of `GRIPPER`."""
 SIGNALS = {

@@ -1,5 +1,3 @@
-"""Bootstrap of points: seeded, exact on exact data, the textbook's on a linear problem, wild where variances differ; many sets at once."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -133,10 +131,8 @@ def test_even_variances_are_called_uneven_at_about_the_rate_of_the_test() -> Non
 
 @pytest.mark.parametrize("grows", [False, True])
 def test_draws_scatter_as_the_covariance_does_or_as_the_robust_one(*, grows: bool) -> None:
-    """Of a line: draws of residuals have the covariance s**2 (X'X)**-1 about the estimate, within a tenth.
-
-    Where the standard deviation grows with speed wild ones have (X'X)**-1 X' diag(r / (1 - h))**2 X (X'X)**-1.
-    """
+    """Of a line: draws of residuals have the covariance s**2 (X'X)**-1 about the estimate, within a tenth."""
+    # where the standard deviation grows with speed wild ones have (X'X)**-1 X' diag(r / (1 - h))**2 X (X'X)**-1
     velocity = np.geomspace(0.01, 1, 60)
     noise = (2e-3 * velocity if grows else 1e-3) * np.random.default_rng(3 if grows else 5).standard_normal(60)
     problem = replace(from_points(velocity, 0.02 + 0.04 * velocity + noise, ("both",)), peaks=())

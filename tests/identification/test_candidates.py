@@ -1,5 +1,3 @@
-"""What a fit lacks is told where it is planted, and nothing where nothing is; and which parameters of moving data are claimed."""
-
 from collections.abc import Collection
 from dataclasses import replace
 from functools import cache
@@ -193,10 +191,8 @@ def test_a_bristle_that_the_motion_resolves_is_claimed(monkeypatch: pytest.Monke
 
 @pytest.mark.parametrize("why", ["unseen-fast", "unseen-below-count", "unseen-no-reversal", "unseen-halves"])
 def test_a_bristle_that_the_motion_does_not_resolve_has_no_value(why: str) -> None:
-    """Passed too fast, below an encoder count, without a reversal, or changing over the record, sigma_0 is not identifiable, for that reason.
-
-    Nor is sigma_1.
-    """
+    """Passed too fast, below an encoder count, without a reversal, or changing over the record, sigma_0 is not identifiable, for that reason."""
+    # nor is sigma_1
     if why == "unseen-below-count":
         made = resolved(0.01)
     elif why == "unseen-fast":

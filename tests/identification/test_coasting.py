@@ -1,5 +1,3 @@
-"""A joint that nothing drives: what brakes it is found from its motion, with its gravity or its inertia known, or neither."""
-
 from pathlib import Path
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""What the data settle, bristle settles, says in one line, and a line overrules: drag, a delay, clipped samples, points at rest, one speed."""
-
 from pathlib import Path
 
 import numpy as np
@@ -167,10 +165,8 @@ def test_a_time_without_a_unit_has_many_samples_a_second(tmp_path: Path, unit: s
 
 @pytest.mark.parametrize(("signal", "unit"), [("current", "A"), ("voltage", "V")])
 def test_an_effort_without_constants_is_friction_in_its_own_unit(tmp_path: Path, signal: str, unit: str) -> None:
-    """A current or a voltage that nothing tells the torque of: friction is in A or V, as much as the torque has over the constants.
-
-    In V, alpha_2 has the motor's back-EMF too. It is said how to get N m, and with the constants it is N m.
-    """
+    """A current or a voltage that nothing tells the torque of: friction is in A or V, as much as the torque has over the constants."""
+    # in V, alpha_2 has the motor's back-EMF too. It is said how to get N m, and with the constants it is N m
     path, k_t, R = log(tmp_path, clean() + (0.25**2 / 2 * motion()[2] if unit == "V" else 0.0)), 0.25, 2.0
     times, back_emf = (1 / k_t, 0.0) if unit == "A" else (R / k_t, k_t)
     told = f"{signal}: {{column: T, unit: m{unit}, scale: {1000 * times!r}}}"
@@ -212,10 +208,9 @@ def test_a_drive_that_is_told_what_to_follow_tells_friction(tmp_path: Path, late
 
 
 def test_what_a_drive_compares_its_commands_with(tmp_path: Path) -> None:
-    """Measurements of the moment, or as old as the commands: the two differ by kp times the delay, which is all that data can say.
-
-    Told which, also with a declared delay, the numbers are the joint's, or what they then are; untold, they are not to be used.
-    """
+    """Measurements of the moment, or as old as the commands: the two differ by kp times the delay, which is all that data can say."""
+    # told which, also with a declared delay, the numbers are the joint's, or what they then are; untold, they are not
+    # to be used
     t, q, v, _ = motion()
     torque, kp, kd, late = clean() + white(t.size, 0.01), 40.0, 1.5, 0.008
     log = written(tmp_path / "log.csv", t=t, q=q, dq=v, q_des=np.interp(t + late, t, q + (torque + kd * v) / kp))

@@ -1,5 +1,3 @@
-"""All parameters on moving data: the descent, the residuals' derivatives, intervals, what is not seen, priors, counts."""
-
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -51,11 +49,9 @@ from .conftest import (
 
 STEP = 1e-3
 TIME = np.arange(0, 8, STEP)
-V = tones(TIME)
-"""A velocity that shows all six parameters."""
+V = tones(TIME)  # A velocity that shows all six parameters
 TRUTH = by_name(GRIPPER)
-Z0 = InitialState("z0", 0)
-"""What the only motion begins with."""
+Z0 = InitialState("z0", 0)  # what the only motion begins with
 SETS = pytest.mark.parametrize("p", [GRIPPER, Pair(GRIPPER, OTHER)], ids=["one set", "pair"])
 
 
@@ -536,10 +532,8 @@ def read_through(t: Array, position: Array, torque: Array, inertia: float) -> Tr
 
 @pytest.mark.parametrize("play", [0.0, 5e-4])
 def test_backlash_is_named_with_its_size(play: float) -> None:
-    """A position that runs ahead by half the play in the direction of motion is a caution with the play, within a fifth; without it there is none.
-
-    What it moves each parameter by is in its interval, which holds the truth.
-    """
+    """A position that runs ahead by half the play in the direction of motion is a caution with the play, within a fifth; without it there is none."""
+    # what it moves each parameter by is in its interval, which holds the truth
     t, v, torque = swung(0.01)
     ahead = way(v, STEP) + play / 2 * np.tanh(v / (0.02 * np.abs(v).max()))
     found = read_through(t, ahead, torque + white(t.size, 2e-4), 0.01)

@@ -1,5 +1,3 @@
-"""Profiles of moving fits, and their intervals three ways."""
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 

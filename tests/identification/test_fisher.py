@@ -1,5 +1,3 @@
-"""Fisher information and covariance: closed forms, two routes to one matrix, and what is not seen is called so."""
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

@@ -1,5 +1,3 @@
-"""A joint as one public object: its numbers, its CasADi functions and its compensator are one and the same law."""
-
 import math
 from pathlib import Path
 

@@ -1,5 +1,3 @@
-"""An effort in its own unit, or a command of a drive whose gains nobody knows, and a gravity that is known: its scale comes out."""
-
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +15,7 @@ from .test_decisions import sines, tracked
 
 TRUTH = Lugre(0.06, 0.0, 0.03, 0.05, 300.0, 0.3)
 INERTIA, GRAVITY, HANGS = 0.02, 0.8, 0.4
-EFFORTS = {"current": 0.35, "voltage": 0.12, "command": 12.0}
-"""Signals, and N*m per unit of each."""
+EFFORTS = {"current": 0.35, "voltage": 0.12, "command": 12.0}  # signals, and N*m per unit of each
 
 
 def swung() -> tuple[Array, Array, Array, Array]:

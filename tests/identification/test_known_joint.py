@@ -1,5 +1,3 @@
-"""What is known of a joint: one estimate to use of each parameter, a law of one stage, and nothing invented beside the bristle."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -16,8 +14,7 @@ from bristle.model.parameters import SIGNED, Direction, Pair, ParameterName
 from ..names import parse
 from ..simulation.joints import GRIPPER, J, joint, tracked, unseen, values_of
 
-WAY = 0.7
-"""How far the joint goes, rad."""
+WAY = 0.7  # how far the joint goes, rad
 
 
 def with_static(own: Joint, alpha_1: float | None) -> Joint:

@@ -1,5 +1,3 @@
-"""Friction laws fitted and compared: the truth within its intervals, two routes that agree, and a law that only the data choose."""
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

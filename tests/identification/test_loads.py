@@ -1,5 +1,3 @@
-"""Friction that rises with load: equations against differences, the truth recovered, and nothing invented."""
-
 import atexit
 import json
 from dataclasses import replace
@@ -43,8 +41,7 @@ LINK_LOAD = ParameterName("link_load", Direction.SHARED)
 TIME = np.arange(0, 4, 1e-3)
 VELOCITY = 0.3 * np.sin(3 * TIME) + 0.1 * np.sin(11 * TIME)
 RISES = np.array([0.1 * np.abs(np.sin(2 * TIME)), 0.2 * (1 + np.cos(5 * TIME))])
-EXACT = (0.0,) * 4
-"""A supply that errs in none of the logs."""
+EXACT = (0.0,) * 4  # A supply that errs in none of the logs
 SETS = [P, Pair(P, P._replace(alpha_0=0.3))]
 
 
@@ -60,10 +57,9 @@ def test_a_constant_level_is_coulomb_friction(p: Lugre[float] | Pair[float]) -> 
 @pytest.mark.parametrize("p", SETS)
 @pytest.mark.parametrize("z0", [None, 1e-4])
 def test_derivatives_by_a_level_are_those_of_differences(p: Lugre[float] | Pair[float], z0: float | None) -> None:
-    """dT/dc of a level c . L is that of central differences, to 1e-8 of the largest.
-
-    Of two different sets to 1e-4: where z changes sign within a step is not differentiated, for no parameter of a pair.
-    """
+    """dT/dc of a level c . L is that of central differences, to 1e-8 of the largest."""
+    # of two different sets to 1e-4: where z changes sign within a step is not differentiated, for no parameter of a
+    # pair
     near = 1e-8 if isinstance(p, Lugre) else 1e-4
     c = np.array([0.05, 0.03])
 
@@ -121,10 +117,8 @@ def test_ten_percent_of_the_load_is_recovered(supply: tuple[float, ...]) -> None
 
 @pytest.mark.slow
 def test_the_data_choose_the_load_that_is_there_and_none_that_is_not() -> None:
-    """`auto` takes link-load where friction rises with gravity's torque; without a load it keeps the paper's law.
-
-    Without a word of a law friction gets the same; `law: paper` overrules, and a caution has the line to write.
-    """
+    """`auto` takes link-load where friction rises with gravity's torque; without a load it keeps the paper's law."""
+    # without a word of a law friction gets the same; `law: paper` overrules, and a caution has the line to write
     loaded, bare = (geared("auto", rises, EXACT)[1].laws for rises in (0.1, 0.0))
     assert loaded is not None
     assert bare is not None
@@ -206,10 +200,9 @@ def test_rows_with_the_drive_off_are_left_out(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_compensation_sees_the_load() -> None:
-    """Along a reference the level is what gravity there raises it by, in model and plant; a replay with it leaves the noise alone.
-
-    Without it the replay leaves four times as much, and the joint gains nothing by adaptation that it has not by the load.
-    """
+    """Along a reference the level is what gravity there raises it by, in model and plant; a replay with it leaves the noise alone."""
+    # without it the replay leaves four times as much, and the joint gains nothing by adaptation that it has not by the
+    # load
     file, found = geared("paper+link-load", 0.1, EXACT)
     measured = measure(file)
     loop = of_experiment(measured.experiment, found)

@@ -1,5 +1,3 @@
-"""Friction models side by side: nested fits, the criteria's definition, leave-one-out, and advice that agrees with the fit."""
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -92,10 +90,9 @@ def designs(v: Array) -> dict[tuple[str, str], Array]:
 def test_linear_models_are_least_squares_with_the_criteria_and_leave_one_out_by_their_definitions(
     tmp_path: Path, seed: int
 ) -> None:
-    """For each linear model: rms by lstsq, BIC from the maximised Gaussian likelihood, hold-out from refits without each point.
-
-    A model with more terms leaves no more: Coulomb within Coulomb + viscous within Stribeck, each symmetric one within that per direction.
-    """
+    """For each linear model: rms by lstsq, BIC from the maximised Gaussian likelihood, hold-out from refits without each point."""
+    # a model with more terms leaves no more: Coulomb within Coulomb + viscous within Stribeck, each symmetric one
+    # within that per direction
     joint = points(tmp_path, GRIPPER, OTHER, seed)
     (compared,) = joint.models
     v = np.concatenate([SPEEDS, -SPEEDS])

@@ -28,8 +28,7 @@ from .conftest import curve, experiment_file, fitted, holds, moved, posed, tones
 
 STRONG = Lugre(0.02, 0.03, 0.04, 0.15, 1.0, 0.0)
 INERTIA = 0.004
-NARROW = 3.0
-"""Hz: a low pass that takes of the motion what it does at its reversals."""
+NARROW = 3.0  # hz: a low pass that takes of the motion what it does at its reversals
 
 
 def moving(seed: int = 0, starts: tuple[int, ...] = (0,), noise: float = 2e-4) -> Record:

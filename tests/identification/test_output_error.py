@@ -1,5 +1,3 @@
-"""The motor simulated: voltage or torque in, position out; against a stiff solver, finite differences, and the truth behind a coarse encoder."""
-
 from dataclasses import replace
 from functools import lru_cache
 
@@ -215,10 +213,8 @@ def coarse(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Joint]:
 
 @pytest.mark.slow
 def test_behind_a_coarse_encoder_the_simulated_motor_sees_more(coarse: dict[str, Joint]) -> None:
-    """At 12 bits the estimated velocity loses a tenth of the inertia, which is found; the simulated motor keeps it within 2 %, and intervals hold.
-
-    Where the velocity is not to be trusted no static fit is made of it; the other way it is.
-    """
+    """At 12 bits the estimated velocity loses a tenth of the inertia, which is found; the simulated motor keeps it within 2 %, and intervals hold."""
+    # where the velocity is not to be trusted no static fit is made of it; the other way it is
     truth, inertia = edro.TABLE_1["gripper rotation"], edro.inertia(edro.TABLE_1["gripper rotation"])
     by_torque, by_position = coarse["torque"].tracking, coarse["position"].tracking
     assert by_torque is not None

@@ -1,5 +1,3 @@
-"""Cogging and ripple: amplitudes of given orders, orders that are found, units, hold-outs, and what is refused."""
-
 from pathlib import Path
 from typing import Any
 

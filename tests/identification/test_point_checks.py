@@ -1,5 +1,3 @@
-"""What points cannot tell apart is said: drift in the order of speed, an offset or friction that differs, and a torque of noise alone."""
-
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,8 +30,7 @@ from .conftest import codes, experiment_file, points_file, white
 
 SPEEDS = np.geomspace(0.1, 1.0, 10) * TRUTH.v_s * 10
 NOISE = 3e-4
-HELD = 300
-"""Samples of a hold."""
+HELD = 300  # samples of a hold
 
 
 def measured(folder: Path, runs: tuple[Run, ...], segments: tuple[tuple[Segment, ...], ...]) -> Measured:
@@ -75,10 +72,8 @@ def point_warnings_of(folder: Path, record: Record) -> list[Finding]:
 
 @pytest.mark.parametrize("drift", [-0.1, 0.3])
 def test_a_drift_in_the_order_of_speed_is_said(tmp_path: Path, drift: float) -> None:
-    """Runs that go from slow to fast, or back, while the torque drifts: with the drift's sign and size.
-
-    Speeds in random order cannot be mistaken for one, but the points scatter by it: so much is said of them.
-    """
+    """Runs that go from slow to fast, or back, while the torque drifts: with the drift's sign and size."""
+    # speeds in random order cannot be mistaken for one, but the points scatter by it: so much is said of them
     for seed in range(5):
         for order, way in ((SPEEDS, "rises"), (SPEEDS[::-1], "falls")):
             (found,) = drifts(tmp_path, ramps(seed, order, drift))

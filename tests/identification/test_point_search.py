@@ -1,5 +1,3 @@
-"""Strays in an experiment: named and judged by default, left out where asked, told from points below breakaway."""
-
 from pathlib import Path
 
 import numpy as np

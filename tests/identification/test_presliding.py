@@ -1,5 +1,3 @@
-"""sigma_0 four ways, and what the encoder does to each."""
-
 from dataclasses import replace
 
 import numpy as np
@@ -115,10 +113,8 @@ def test_the_bias_over_rest_positions_is_its_integral(u: float) -> None:
 
 @pytest.mark.slow
 def test_over_rest_positions_edges_and_samples_are_unbiased() -> None:
-    """Over random rest positions with noise, both means lie within 2 % of the truth, (14) is off as predicted, and intervals hold the truth.
-
-    That of (14) itself is withdrawn where it does not hold its own value; that of its inverse stands.
-    """
+    """Over random rest positions with noise, both means lie within 2 % of the truth, (14) is off as predicted, and intervals hold the truth."""
+    # that of (14) itself is withdrawn where it does not hold its own value; that of its inverse stands
     for bits in (12, 14, 16):
         quantum, rng = 2 * np.pi / 2**bits, np.random.default_rng(bits)
         fits = [found(run(quantum, rng.uniform(), 0.02 * GRIPPER.alpha_0, seed), quantum) for seed in range(60)]

@@ -1,5 +1,3 @@
-"""The stiffness's interval three ways, with a g0 that is known with an error."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Profiles of static fits: closed forms without a peak, brute force over v_s, bounds included; and the three intervals side by side."""
-
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
@@ -32,10 +30,8 @@ SPEEDS = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16)
 
 
 def least(problem: Regression, v_s: Array, name: ParameterName | None = None, held: float = 0.0) -> float:
-    """The cost at given v_s with a linear parameter held at a value, minimised over the others by non-negative least squares.
-
-    A parameter that may be negative is the difference of two that may not.
-    """
+    """The cost at given v_s with a linear parameter held at a value, minimised over the others by non-negative least squares."""
+    # a parameter that may be negative is the difference of two that may not
     names = problem.names[: len(problem.names) - len(problem.peaks)]
     design = problem.design(v_s)
     rest = problem.torque - (held * design[:, names.index(name)] if name else 0.0)

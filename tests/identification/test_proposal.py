@@ -1,5 +1,3 @@
-"""What `bristle new` drafts from logs, and what it adds to a half-filled experiment file."""
-
 from dataclasses import replace
 from pathlib import Path
 

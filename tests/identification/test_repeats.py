@@ -1,5 +1,3 @@
-"""Repeats: what their scatter is, when it widens an interval, and that no fit of one run knows of it."""
-
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -51,10 +49,8 @@ def scattered(widened_by: float = 3.0, count: int = 5) -> RunScatter:
 
 
 def test_the_scatter_is_the_root_of_the_reduced_chi_squared() -> None:
-    """Of values 0, 3 and 6 with errors of 2 it is sqrt((9 + 9) / 4 / 2) = 1.5; widened errors leave 1.
-
-    An error of the fit of all runs that is as large as their scatter already is not widened again.
-    """
+    """Of values 0, 3 and 6 with errors of 2 it is sqrt((9 + 9) / 4 / 2) = 1.5; widened errors leave 1."""
+    # an error of the fit of all runs that is as large as their scatter already is not widened again
     x = of_runs([10.0, 13.0, 16.0], 2.0, of_all=2 / 3**0.5)
     assert x.before == pytest.approx(1.5)
     assert (x.widened, x.after, x.significant) == (1.0, x.before, False)

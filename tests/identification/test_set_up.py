@@ -1,5 +1,3 @@
-"""Lack of fit: which set-up would be better, what is more than noise, and what the residuals' pattern asks for."""
-
 from pathlib import Path
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""Stiffness against amplitude: LuGre's closed form, a Maxwell-slip sum of elements, g0 as a lower bound; and what had not settled."""
-
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
@@ -25,8 +23,7 @@ from bristle.model.rollout import rollout
 from .conftest import G0, GRIPPER, bent, codes, ends_of, error_of, experiment_file, holds, known, value_of
 
 TIME = np.arange(0, 20, 0.02)
-Law = Callable[[Array], Array]
-"""Displacement over torque."""
+Law = Callable[[Array], Array]  # displacement over torque
 COUNTS = [0.0, 2 * np.pi / 2**16, 2 * np.pi / 2**14]
 
 
@@ -163,8 +160,7 @@ def test_an_estimate_lies_inside_its_own_interval() -> None:
                 assert inside or (e.interval is None and e.warnings), (bits, count, seed)
 
 
-SOFT = Lugre(0.8, 0.35, 0.6, 0.05, 60.0, 1.0)
-"""Its bristle bends by 19 mrad."""
+SOFT = Lugre(0.8, 0.35, 0.6, 0.05, 60.0, 1.0)  # its bristle bends by 19 mrad
 NOISE = 0.02
 RATE = 250.0
 

@@ -1,5 +1,3 @@
-"""Points that do not belong to the law: found whatever their place, rarely among points that do; and what holds of very many points."""
-
 import os
 from itertools import combinations
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""Errors of constants between logs and torques: what they do to every estimate, that intervals then cover, and that nothing else changes."""
-
 from collections.abc import Mapping
 from dataclasses import replace
 from math import hypot
@@ -34,8 +32,7 @@ from .test_softening import loadings, maxwell_slip
 K, SHARE = 0.35, 0.05
 SPEEDS = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 20)
 NOISE = 0.01 * GRIPPER.alpha_0
-STEPPED = 0.01
-"""Of a standard error: how far K is moved for a refit."""
+STEPPED = 0.01  # of a standard error: how far K is moved for a refit
 WAYS = ("covariance", "profile", "bootstrap")
 EDRO = Path(__file__).parents[2] / "datasets" / "edro"
 
@@ -240,10 +237,8 @@ def test_which_constants_are_taken_as_exact_is_said(
 
 @pytest.mark.slow
 def test_of_a_voltage_every_stage_moves_as_a_refit_does(tmp_path: Path) -> None:
-    """Each stage's systematic error is by how much the whole identification moves with K; stages that share K do not average it out.
-
-    Of T = k (V - k w) / R the torque grows by s / k and loses k s / R w, which is viscous: alpha_2 moves by less.
-    """
+    """Each stage's systematic error is by how much the whole identification moves with K; stages that share K do not average it out."""
+    # of T = k (V - k w) / R the torque grows by s / k and loses k s / R w, which is viscous: alpha_2 moves by less
     kinds = ("ramp", "presliding", "tracking")
     joint, other = (wrist(tmp_path, f"{x} N*m/A", kinds) for x in (f"{K} +/- {SHARE * K}", K * (1 + STEPPED * SHARE)))
     after = {(stage, d, name): e for stage, d, name, e in of_stages(other)}

@@ -1,5 +1,3 @@
-"""Whether to use a joint's values: by the severity of what is said about them, and about the fits that they come from, alone."""
-
 from dataclasses import replace
 
 import numpy as np

@@ -196,8 +196,7 @@ def gripper(name: str = "gripper rotation") -> Joint:
     )
 
 
-QUANTUM = 2e-4
-"""One count of the encoder that saw the loadings, rad."""
+QUANTUM = 2e-4  # one count of the encoder that saw the loadings, rad
 FEW = Finding(
     "few-counts",
     CAUTION,

@@ -33,10 +33,8 @@ IPOPT = Finding(
     "2 of 2 IPOPT starts reached the lowest cost.",
     {"worst": 1e-6, "reached": 2, "starts": 2},
 )
-STRETCH = 701
-"""Equations of the first stretch."""
-REVERSAL = 5.0
-"""When the joint turns hardest, s from the start of the second stretch."""
+STRETCH = 701  # equations of the first stretch
+REVERSAL = 5.0  # when the joint turns hardest, s from the start of the second stretch
 ALPHA_0 = ParameterName.parse("alpha_0+")
 
 

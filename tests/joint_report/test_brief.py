@@ -1,5 +1,3 @@
-"""The short report: a number and a verdict first, then the values to use, and what was found, in lines of 80 columns."""
-
 import re
 from collections.abc import Callable
 from dataclasses import replace

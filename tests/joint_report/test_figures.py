@@ -1,5 +1,3 @@
-"""What holds of the figures of a joint: units, names that stay text, what is drawn where, and nothing where nothing is known."""
-
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace

@@ -1,5 +1,3 @@
-"""Intervals three ways in the report: real fits, open ends, missing ways written as such, never nan; and which measurements come next."""
-
 import json
 import re
 from collections.abc import Mapping

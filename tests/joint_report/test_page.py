@@ -70,10 +70,8 @@ def elements(written: Path) -> dict[str, list[tuple[str, dict[str, str | None]]]
 
 @pytest.mark.usefixtures("raster")
 def test_two_writes_give_the_same_bytes_and_progress_keeps_its_total(tmp_path: Path) -> None:
-    """A report is a function of its joints: no time, no path, no random id in it. Steps count up to their total.
-
-    report.zip, to be mailed, holds every file of the folder but the times, with figures of every kind.
-    """
+    """A report is a function of its joints: no time, no path, no random id in it. Steps count up to their total."""
+    # report.zip, to be mailed, holds every file of the folder but the times, with figures of every kind
     seen: list[tuple[int, int]] = []
     trees = []
     for name in ("a", "b"):
@@ -168,10 +166,8 @@ NAMES = (
 
 @pytest.mark.slow
 def test_no_name_makes_an_element_or_an_attribute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Elements and attributes of the page are those of plain names; what names a figure for the blind is each joint's name as it is.
-
-    No name gives two elements one id, and every link and reused shape has its target.
-    """
+    """Elements and attributes of the page are those of plain names; what names a figure for the blind is each joint's name as it is."""
+    # no name gives two elements one id, and every link and reused shape has its target
     nothing = dict.fromkeys(figures.DRAW, lambda _: None)
     monkeypatch.setattr(figures, "DRAW", {**nothing, "curve": static_figures.curve_figure})
     drawn = "bristle.questions.joint_report.interval_sections.figures"

@@ -51,10 +51,8 @@ def gaps(slow: Joint, moved: Joint) -> Joint:
 def test_json_satisfies_its_schema_and_holds_no_nan(
     joint: Joint, slow: Joint, moved: Joint, gaps: Joint, slide: Joint
 ) -> None:
-    """Joints with everything, with parts and with nearly nothing validate, and no token of the file is NaN or Infinity.
-
-    What is missing is null, a missing value with its reason; open bounds are the strings of the schema.
-    """
+    """Joints with everything, with parts and with nearly nothing validate, and no token of the file is NaN or Infinity."""
+    # what is missing is null, a missing value with its reason; open bounds are the strings of the schema
     tokens: list[str] = []
     joints = [joint, replace(slow, name="slow"), replace(moved, name="moved"), gaps, slide]
     found = json.loads(results_file.to_json(joints), parse_constant=tokens.append)
@@ -231,10 +229,8 @@ def of(fit: TrackingFit | None) -> TrackingFit:
 
 
 def test_frame_gains_rows_and_last_columns(whole: Joint, joint: Joint) -> None:
-    """The joint fit (without one, the moving runs) stands after the other stages, named in `source`; static fits alone have their old columns.
-
-    `use` marks one row of each parameter, that of `chosen`.
-    """
+    """The joint fit (without one, the moving runs) stands after the other stages, named in `source`; static fits alone have their old columns."""
+    # `use` marks one row of each parameter, that of `chosen`
     frame = results_file.to_frame([whole])
     old = list(results_file.to_frame([joint]).columns)
     assert list(frame.columns) == [*old, "source", "use"]

@@ -95,12 +95,10 @@ KINOVA_SEEN = (
 
 
 def test_kinova_is_identified_as_it_is(known: Known) -> None:
-    """Ten constant-velocity runs with wrapped positions and inf rows: slow runs kept with a warning, wide intervals.
-
-    One segment of each run is accepted, with the means of its last two thirds; the two slowest stick and slip.
-    The curve is that of a plain least-squares fit of (9) to the mean velocity and torque of the last two thirds of each
-    run: alpha_0 1.326 N m, alpha_2 0.754 N m s/rad, 0.0115 N m rms (0.0436 without the Stribeck term).
-    """
+    """Ten constant-velocity runs with wrapped positions and inf rows: slow runs kept with a warning, wide intervals."""
+    # one segment of each run is accepted, with the means of its last two thirds; the two slowest stick and slip. The
+    # curve is that of a plain least-squares fit of (9) to the mean velocity and torque of the last two thirds of each
+    # run: alpha_0 1.326 N m, alpha_2 0.754 N m s/rad, 0.0115 N m rms (0.0436 without the Stribeck term)
     joint = known(KINOVA)
     fit = joint.static["+"]
     assert fit.n == 10
@@ -141,11 +139,9 @@ def moving_is_no_worse(joint: Joint, static: StaticFit) -> None:
 
 
 def test_emps_symmetric_gives_the_published_figures(known: Known, measured_data: Path, tmp_path: Path) -> None:
-    """Mass, viscous, Coulomb and offset within 1 % of Janot, Gautier and Brunot (2019), who made the data.
-
-    There is no Stribeck peak. Relative errors are at most a little above theirs, 4.083 % and 5.982 % on the record with
-    pulses.
-    """
+    """Mass, viscous, Coulomb and offset within 1 % of Janot, Gautier and Brunot (2019), who made the data."""
+    # there is no Stribeck peak. Relative errors are at most a little above theirs, 4.083 % and 5.982 % on the record
+    # with pulses
     joint = known(EMPS.replace("DIRECTIONS", "symmetric"))
     fit = joint.static["both"]
     moving_is_no_worse(joint, fit)
@@ -173,12 +169,10 @@ def test_emps_symmetric_gives_the_published_figures(known: Known, measured_data:
 
 @pytest.mark.slow
 def test_emps_per_direction_gives_the_published_figures(measured_data: Path, tmp_path: Path) -> None:
-    """With a law per direction the figures of Janot, Gautier and Brunot (2019), to 1 %.
-
-    These are mass 95.154 kg, viscous 166.71 and 240.42 N s/m, Coulomb 20.144 and 20.628 N, relative error 3.112 %. The
-    drive simulated under its own controller with the model of the moving runs errs by no more than theirs does:
-    position 0.01375 %, velocity 0.229 %, force 5.85 %.
-    """
+    """With a law per direction the figures of Janot, Gautier and Brunot (2019), to 1 %."""
+    # these are mass 95.154 kg, viscous 166.71 and 240.42 N s/m, Coulomb 20.144 and 20.628 N, relative error 3.112 %.
+    # The drive simulated under its own controller with the model of the moving runs errs by no more than theirs does:
+    # position 0.01375 %, velocity 0.229 %, force 5.85 %
     assert measured_data.is_dir()
     text = EMPS.replace("DIRECTIONS", "separate")
     joint = identified(tmp_path, text)
@@ -238,11 +232,9 @@ def test_emps_gives_its_three_plateaus_in_both_directions(measured_data: Path) -
 
 
 def replayed(folder: Path, text: str, joint: Joint, most: float) -> None:
-    """The adaptation replayed on every moving run as it is: harmless from the identified model, and of use from a wrong one.
-
-    From the identified model no gain goes far, and at most that many percent of the torque stay unexplained; from 0.3 alpha_0 and 0.5 alpha_2
-    less than half is left of what the wrong model leaves.
-    """
+    """The adaptation replayed on every moving run as it is: harmless from the identified model, and of use from a wrong one."""
+    # from the identified model no gain goes far, and at most that many percent of the torque stay unexplained; from 0.3
+    # alpha_0 and 0.5 alpha_2 less than half is left of what the wrong model leaves
     (folder / "experiment.yaml").write_text(text)
     measured = measure(folder / "experiment.yaml")
     subject = of_experiment(measured.experiment, joint)
@@ -286,13 +278,11 @@ def closed_loop(file: Path, fit: TrackingFit) -> dict[str, float]:
 
 
 def test_servo_protocol(measured_data: Path, tmp_path: Path, known: Known) -> None:
-    """One file for all: inertia and Coulomb above 10 rad/s, breakaway with its outlier, stiffness, a hold-out.
-
-    Inertia and Coulomb are those of plain least squares on such runs, |v| > 10 rad/s, both sides below 10 Hz: 1.97e-4
-    kg m**2, 0.031 N m, relative error 2.2 %. The breakaway torque published with the data is 0.0230 N m. Each of the
-    slow cycles closes one loop; regression of torque on displacement gives a stiffness of 5.0 to 5.3 N m/rad on them,
-    and the inverse regression and the secant are stiffer.
-    """
+    """One file for all: inertia and Coulomb above 10 rad/s, breakaway with its outlier, stiffness, a hold-out."""
+    # inertia and Coulomb are those of plain least squares on such runs, |v| > 10 rad/s, both sides below 10 Hz: 1.97e-4
+    # kg m**2, 0.031 N m, relative error 2.2 %. The breakaway torque published with the data is 0.0230 N m. Each of the
+    # slow cycles closes one loop; regression of torque on displacement gives a stiffness of 5.0 to 5.3 N m/rad on them,
+    # and the inverse regression and the secant are stiffer
     joint = known(SERVO)
     replayed(tmp_path, SERVO, joint, most=20.0)
     fit = joint.tracking
@@ -330,12 +320,10 @@ REPEATS = (
 
 @pytest.mark.slow
 def test_servo_repeats(measured_data: Path, tmp_path: Path) -> None:
-    """Five runs of one motor by default settings: the inertia is that of plain least squares on such runs.
-
-    1.97e-4 kg m**2 to 3 %, inside its interval. What scatters is widened, or not claimed: each parameter's
-    sqrt(chi2_red) is printed before and after; no widened error leaves the runs scattered, and every caution is that of
-    a parameter whose runs do.
-    """
+    """Five runs of one motor by default settings: the inertia is that of plain least squares on such runs."""
+    # 1.97e-4 kg m**2 to 3 %, inside its interval. What scatters is widened, or not claimed: each parameter's
+    # sqrt(chi2_red) is printed before and after; no widened error leaves the runs scattered, and every caution is that
+    # of a parameter whose runs do
     assert measured_data.is_dir()
     joint = identified(tmp_path, REPEATS)
     fit = joint.tracking
@@ -366,10 +354,9 @@ SLOW_LOADING = (
 
 
 def test_no_sentence_decides_on_measured_joints(known: Known, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With every template replaced by its kind's name, each measured joint comes out the same in every number, kind and severity.
-
-    Velocities held and slow loading: what is decided of moving runs is seen on the embedded joints, in `test_findings.py`.
-    """
+    """With every template replaced by its kind's name, each measured joint comes out the same in every number, kind and severity."""
+    # velocities held and slow loading: what is decided of moving runs is seen on the embedded joints, in
+    # `test_findings.py`
     first = [held(known(text)) for text in (KINOVA, SLOW_LOADING)]
     without_sentences(monkeypatch)
     assert [held(identified(tmp_path, text)) for text in (KINOVA, SLOW_LOADING)] == first
@@ -389,13 +376,11 @@ runs:
 
 
 def test_five_sessions_of_a_servo(measured_data: Path, tmp_path: Path) -> None:
-    """No change beyond the scatter between sessions; the first session's sigma_0- is unlike the others, to `compare` and to the fleet.
-
-    `compare` finds nothing between any two of the last four sessions, and nothing but sigma_0- between the first and these. The fleet, with one
-    session for a baseline, ranks that very step first, since the second session, and by about as much; it does not call it a change, since
-    the scatter rests on four pairs of sessions, and says that; by the errors of the estimates alone it names this step and no other, as `compare`
-    does.
-    """
+    """No change beyond the scatter between sessions; the first session's sigma_0- is unlike the others, to `compare` and to the fleet."""
+    # `compare` finds nothing between any two of the last four sessions, and nothing but sigma_0- between the first and
+    # these. The fleet, with one session for a baseline, ranks that very step first, since the second session, and by
+    # about as much; it does not call it a change, since the scatter rests on four pairs of sessions, and says that; by
+    # the errors of the estimates alone it names this step and no other, as `compare` does
     distributed = pytest.importorskip("distributed", reason="needs the extra fleet")
     assert measured_data.is_dir()
     for k in range(1, 6):

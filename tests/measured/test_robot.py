@@ -45,13 +45,11 @@ def robot(folder: Path, order: Sequence[int] = range(6), up: float = -9.81) -> R
 
 
 def test_six_joints_that_move_together(measured_data: Path) -> None:
-    """The static law with the links' torque, fitted on 12 harmonics, predicts the motion of 8 harmonics within the error that is asked for.
-
-    The constants of joints 1 to 4 are within 20 % of the published; those of 5 and 6 are not identifiable, and their friction
-    is in A. With the columns and gravity as they are no joint has a critical finding. Wrist 2, in A: beside LuGre the links'
-    torque is told, which the static law hides, and its fit predicts the other motion within 11 %; at 100 Hz sigma_0 and sigma_1
-    are not identifiable, and say why; Coulomb friction is. So it is of the elbow.
-    """
+    """The static law with the links' torque, fitted on 12 harmonics, predicts the motion of 8 harmonics within the error that is asked for."""
+    # the constants of joints 1 to 4 are within 20 % of the published; those of 5 and 6 are not identifiable, and their
+    # friction is in A. With the columns and gravity as they are no joint has a critical finding. Wrist 2, in A: beside
+    # LuGre the links' torque is told, which the static law hides, and its fit predicts the other motion within 11 %; at
+    # 100 Hz sigma_0 and sigma_1 are not identifiable, and say why; Coulomb friction is. So it is of the elbow
     joints = {m.experiment.joint.name: m for m in measure_robot(robot(measured_data))}
     errors = {}
     for name, measured in joints.items():

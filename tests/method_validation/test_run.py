@@ -1,5 +1,3 @@
-"""The grid search validated: the methods agree where they must, what is counted is what happened, and captions say it first."""
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -112,10 +110,9 @@ def test_many_plain_grids_are_those_of_each(design: int, noise: float, count: in
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_every_solver_solves_the_same_problem(sign: float) -> None:
-    """Begun near the truth, every solver ends in the minimum of the refined grid, in either direction, and stays within its bounds.
-
-    On the model's own points, without noise, the refined grid and every solver, begun at half the truth, return the parameters behind them.
-    """
+    """Begun near the truth, every solver ends in the minimum of the refined grid, in either direction, and stays within its bounds."""
+    # on the model's own points, without noise, the refined grid and every solver, begun at half the truth, return the
+    # parameters behind them
     case = case_of(WIDE, 0.02, sign)
     torque, exact = torques_of(case, 1)[:, 0], methods.modelled(case, case.theta[:, None])
     solution = static.solve(case.problem(torque), case.v_s_range)
@@ -325,10 +322,8 @@ def joint(tmp_path_factory: pytest.TempPathFactory) -> Joint:
 
 
 def test_what_cannot_be_tried_is_skipped_and_said(joint: Joint, tmp_path: Path) -> None:
-    """Without a Stribeck term, points without noise, and as many as parameters, which moving runs may leave, are not tried, each with its reason.
-
-    One fitted direction is enough, the other being said to have nothing to try.
-    """
+    """Without a Stribeck term, points without noise, and as many as parameters, which moving runs may leave, are not tried, each with its reason."""
+    # one fitted direction is enough, the other being said to have nothing to try
     flat = identify(write(tmp_path / "flat", np.linspace(1.0, 2.0, 12))).joints[0]
     found = joint_cases(flat)
     assert found.cases == ()
@@ -376,10 +371,9 @@ def test_figures_say_what_they_show(validation: Validation) -> None:
 
 @pytest.mark.usefixtures("raster")
 def test_the_page_holds_verdict_tables_and_figures(validation: Validation, tmp_path: Path) -> None:
-    """The page says SIMULATED, escapes a hostile name, has each sentence, and its tables stand beside it as CSV, with every case and method.
-
-    Each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is there.
-    """
+    """The page says SIMULATED, escapes a hostile name, has each sentence, and its tables stand beside it as CSV, with every case and method."""
+    # each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is
+    # there
     page = page_text(bristle.report_of(validation).write(tmp_path / "out"))
     found = findings(page)
     said = [text for case in validation.cases for text in captions(case, "prismatic").values()]
@@ -469,10 +463,8 @@ def static_fit(direction: str, alpha_0: float | None) -> StaticFit:
 
 
 def test_the_api_validates_an_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`bristle.validate` identifies first, or takes what is identified: all but the times is the same; another seed gives other data.
-
-    The checks come before any work.
-    """
+    """`bristle.validate` identifies first, or takes what is identified: all but the times is the same; another seed gives other data."""
+    # the checks come before any work
     quick(monkeypatch)
     path = write(tmp_path, speeds(both=False))
     results = identify(path)

@@ -1,5 +1,3 @@
-"""The equations: identities of LuGre and of the motor, the digits of (19), direction-dependent sets, energy and passivity."""
-
 from typing import Any
 
 import casadi as ca
@@ -80,10 +78,8 @@ def test_steady_curve_has_its_limits(table_set: Lugre[float]) -> None:
 
 
 def test_printed_19_is_the_derivative_by_alpha_1_not_alpha_0(gripper: Lugre[float]) -> None:
-    """At v = 0.03, z = 0.003 the right-hand side of (19) as printed is dT_f/d alpha_1, and not dT_f/d alpha_0.
-
-    The digits are those of docs/paper.md.
-    """
+    """At v = 0.03, z = 0.003 the right-hand side of (19) as printed is dT_f/d alpha_1, and not dT_f/d alpha_0."""
+    # the digits are those of docs/paper.md
     v, z = 0.03, 0.003
     p = Lugre(*(ca.SX.sym(name) for name in Lugre._fields))
     theta = ca.SX.sym("theta", 2)

@@ -1,5 +1,3 @@
-"""Every friction law: its peak, its derivatives, its steady state, its bristle, its energy, and how laws are named and added."""
-
 import pickle
 import re
 from collections.abc import Iterator

@@ -1,5 +1,3 @@
-"""The rollout and its Jacobian against a tight solution of the same piecewise-linear velocity, and what must hold of them exactly."""
-
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
@@ -35,10 +33,9 @@ def fast(t: NDArray[Any]) -> Any:
 
 
 def radau(velocity: Array, step: Array, p: Lugre[float], sigma_0: Array) -> Array:
-    """Deflection from rest by SciPy's Radau at rtol 1e-10, for several stiffnesses at once: (n, len(sigma_0)).
-
-    The velocity is linear between samples; the integration restarts at each sample and at each zero crossing, so that it meets no kink.
-    """
+    """Deflection from rest by SciPy's Radau at rtol 1e-10, for several stiffnesses at once: (n, len(sigma_0))."""
+    # the velocity is linear between samples; the integration restarts at each sample and at each zero crossing, so that
+    # it meets no kink
 
     def decay(v: float) -> Any:
         return sigma_0 * abs(v) / (p.alpha_0 + p.alpha_1 * np.exp(-((v / p.v_s) ** 2)))

@@ -1,5 +1,3 @@
-"""Evaluation over arrays equals CasADi's own; the scan equals the plain loop."""
-
 from collections.abc import Callable, Sequence
 from itertools import combinations
 from typing import Any

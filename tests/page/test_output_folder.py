@@ -27,10 +27,8 @@ def marked(files: Mapping[str, bytes]) -> dict[str, bytes]:
 
 
 def test_replaces_what_it_made_and_nothing_else(tmp_path: Path) -> None:
-    """What the last call made is replaced or removed, edited or not; a user's own file stays, byte for byte.
-
-    The marker of an older bristle, with a hash before each name, is known.
-    """
+    """What the last call made is replaced or removed, edited or not; a user's own file stays, byte for byte."""
+    # the marker of an older bristle, with a hash before each name, is known
     output_folder.replace_files(tmp_path, OLD)
     (tmp_path / "figures" / "mine.txt").write_bytes(b"mine")
     (tmp_path / "notes.md").write_bytes(b"mine")

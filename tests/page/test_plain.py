@@ -1,5 +1,3 @@
-"""Text as a reader meets it: lines, numbers, names and units, on a terminal of 80 columns and on a page; what a code means."""
-
 import math
 import re
 

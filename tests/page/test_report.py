@@ -1,5 +1,3 @@
-"""The kit of reports: sections as page, text and files, whatever they hold or lack; the data of figures; no text is a formula."""
-
 import csv
 import io
 from collections.abc import Callable
@@ -152,10 +150,8 @@ def test_what_stands_on_terminal_and_page(tmp_path: Path) -> None:
 
 
 def test_bytes_repeat_and_nothing_else_is_replaced(tmp_path: Path) -> None:
-    """Written twice every file is the same, and `html` is the page; a file of the user stays, and a folder that is not ours is refused.
-
-    `frames` has each file's frame, whole.
-    """
+    """Written twice every file is the same, and `html` is the page; a file of the user stays, and a folder that is not ours is refused."""
+    # `frames` has each file's frame, whole
     assert {name: len(frame) for name, frame in WHOLE.frames.items()} == {"more": 2, "numbers": 2}
     found = []
     for _ in range(2):
@@ -284,10 +280,8 @@ def test_no_text_is_a_formula(dtype: str) -> None:
 
 
 def test_numbers_stay() -> None:
-    """Numbers, among texts too, what is missing, and truth values are written as pandas writes them.
-
-    A text with line ends of any kind stays one cell; of two columns of one name both are written.
-    """
+    """Numbers, among texts too, what is missing, and truth values are written as pandas writes them."""
+    # a text with line ends of any kind stays one cell; of two columns of one name both are written
     frame = pd.DataFrame({"x": [-1.5, float("nan"), float("-inf")], "y": [-2, "=1", None], "z": [True, False, True]})
     assert cells(frame)[1:] == [["-1.5", "-2", "True"], ["", "'=1", "False"], ["-inf", "", "True"]]
     assert cells(pd.DataFrame({"x": ["a\r=1", "a\r\n=1"]})) == [["x"], ["a\n=1"], ["a\n=1"]]

@@ -1,5 +1,3 @@
-"""Robots: what their joints tell together of order, gravity, constants and links; the embedded arm; and drafts of their files."""
-
 import importlib.util
 import re
 from functools import partial
@@ -150,10 +148,9 @@ LARGEST = 1_500_000  # bytes of all files together
 
 
 def test_friction_of_every_joint_is_found() -> None:
-    """Coulomb and viscous friction of all joints, both directions: within 3 errors of the truth, and these below 5 %.
-
-    The Stribeck term is right too, or not identifiable; torque constants that were free are found; nothing critical is said.
-    """
+    """Coulomb and viscous friction of all joints, both directions: within 3 errors of the truth, and these below 5 %."""
+    # the Stribeck term is right too, or not identifiable; torque constants that were free are found; nothing critical
+    # is said
     results = bristle.identify(FOLDER / "robot.yaml")
     assert tuple(joint.name for joint in results.joints) == NAMES
     inside, asked = 0, 0

@@ -1,5 +1,3 @@
-"""Torques of links: what mechanics says of them must hold, whatever the URDF."""
-
 from pathlib import Path
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""The file of a robot and its URDF: what each key means to each joint, and one sentence for each bad or hostile one."""
-
 import math
 import os
 import re

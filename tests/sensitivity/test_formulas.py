@@ -1,5 +1,3 @@
-"""The printed formulas: evaluated, they are CasADi's derivatives; like formulas are equal and unlike ones are not."""
-
 import ast
 import math
 import operator

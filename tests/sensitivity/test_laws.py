@@ -1,5 +1,3 @@
-"""Sensitivity of joints whose law is not the paper's, one registered from outside among them."""
-
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -39,10 +37,8 @@ def study(request: pytest.FixtureRequest) -> SensitivityStudy:
 
 @pytest.mark.slow
 def test_every_part_has_the_laws_own_parameter(study: SensitivityStudy, tmp_path: Path) -> None:
-    """Shares, map, tables, figures, Sobol indices and page tell of the law's own parameter, and none of v_end.
-
-    Constant velocities and the motion expect an error of every parameter of the law that they can show.
-    """
+    """Shares, map, tables, figures, Sobol indices and page tell of the law's own parameter, and none of v_end."""
+    # constant velocities and the motion expect an error of every parameter of the law that they can show
     motion_, steady = (e.information for e in study.expected)
     assert [str(x) for x in steady.names] == [n for n in study.local.names if n not in ("sigma_0", "sigma_1")]
     assert [str(x) for x in motion_.names][: len(study.local.names)] == list(study.local.names)

@@ -1,5 +1,3 @@
-"""Local sensitivity and its map, by differences, identities and documented figures; what captions say first; and the command."""
-
 import re
 import sys
 from dataclasses import replace
@@ -116,10 +114,8 @@ motions = st.builds(SineMotion, st.floats(0.003, 2.0), st.floats(0.1, 3.0), st.j
 @FEW
 @given(sets, motions)
 def test_torque_is_homogeneous_in_what_is_a_torque(p: Lugre[float], at: SineMotion) -> None:
-    """T_f grows as alpha_0, alpha_1, alpha_2, sigma_0 and sigma_1 all do.
-
-    Their derivatives add up to T_f itself (Euler), total and partial.
-    """
+    """T_f grows as alpha_0, alpha_1, alpha_2, sigma_0 and sigma_1 all do."""
+    # their derivatives add up to T_f itself (Euler), total and partial
     found = local(p, at)
     own = [k for k, name in enumerate(Lugre._fields) if name != "v_s"]
     size = np.abs(found.torque).max()
@@ -138,10 +134,8 @@ def test_shares_are_without_units(p: Lugre[float], at: SineMotion, mass: float, 
 
 
 def test_maps_limits_and_documented_figures() -> None:
-    """In fast sliding the total derivatives are those of the steady torque; at fixed z they are not.
-
-    By alpha_0 it is the sign of v times alpha_0, by sigma_0 nothing.
-    """
+    """In fast sliding the total derivatives are those of the steady torque; at fixed z they are not."""
+    # by alpha_0 it is the sign of v times alpha_0, by sigma_0 nothing
     found = local(P, PAPER)
     fast = (np.abs(found.velocity) > 10 * P.v_s) & (found.time > 1.0)
     np.testing.assert_allclose(found.total[fast, 0], P.alpha_0 * np.sign(found.velocity[fast]), rtol=2e-3)
@@ -195,10 +189,8 @@ def test_a_motion_has_whole_windows(amplitude: float, frequency: float) -> None:
 
 
 def test_what_a_study_of_points_assumes_and_says(known: Study, folder: Path) -> None:
-    """Points tell nothing of the bristle: sigma_0 and sigma_1 are assumed and said to be, and have no interval.
-
-    What was fitted is what is used.
-    """
+    """Points tell nothing of the bristle: sigma_0 and sigma_1 are assumed and said to be, and have no interval."""
+    # what was fitted is what is used
     assert {name.name for name in known.model.assumed} == {"sigma_0", "sigma_1"}
     assert {name.name for name in known.box} == {"alpha_0", "alpha_1", "alpha_2", "v_s"}
     assumed = of_kind(known.assumptions, "bristle-assumed")
@@ -285,10 +277,8 @@ def test_nothing_known_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_whole_range_of_motions_can_be_explored(known: Study, folder: Path) -> None:
-    """At the corners of what is accepted, and of the maps around them, every share is a finite number.
-
-    Just beyond, the motion is refused.
-    """
+    """At the corners of what is accepted, and of the maps around them, every share is a finite number."""
+    # just beyond, the motion is refused
     limits, p = limits_of(measure(folder / "e.yaml"))[0], known.model.p
     (low, high), (slow, fast) = RANGE, FREQUENCIES
     speed = limits.velocity / (2 * np.pi)
@@ -314,10 +304,9 @@ def test_the_whole_range_of_motions_can_be_explored(known: Study, folder: Path) 
 
 
 def test_the_command_writes_a_page(folder: Path, known: Study, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """The command prints what was found and writes index.html with a table and a figure of each kind.
-
-    Each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is there.
-    """
+    """The command prints what was found and writes index.html with a table and a figure of each kind."""
+    # each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is
+    # there
     whole = replace(known, sobol=SOBOL)
     monkeypatch.setattr(experiments, "study_sensitivity", lambda *_: whole)
     ran = run("sensitivity", folder / "e.yaml", "-o", folder / "out", "--samples", 0)

@@ -88,10 +88,8 @@ def found() -> sobol.Global:
 
 @pytest.mark.parametrize(("seed", "order"), [(0, (0, 1, 2)), (7, (0, 1, 2)), (0, (2, 0, 1)), (0, (1, 0, 2))])
 def test_ishigami(seed: int, order: tuple[int, ...]) -> None:
-    """At N = 8192 every index of Ishigami's function is within 0.01 of its exact value, and within its own interval.
-
-    Parameters that change places take their indices with them.
-    """
+    """At N = 8192 every index of Ishigami's function is within 0.01 of its exact value, and within its own interval."""
+    # parameters that change places take their indices with them
     back = np.argsort(order)
     names = {parse("abc"[k]): (-np.pi, np.pi) for k in order}
     (own,) = indices(lambda x: ishigami(x[:, back]), names, 8192, seed)
@@ -111,10 +109,8 @@ def test_ishigami(seed: int, order: tuple[int, ...]) -> None:
 
 
 def test_indices_boxes_and_seeds(found: sobol.Global) -> None:
-    """The steady torque is linear in all alphas.
-
-    Each makes its own variance, slope**2 width**2 / 12, alone and in total, at every speed at once.
-    """
+    """The steady torque is linear in all alphas."""
+    # each makes its own variance, slope**2 width**2 / 12, alone and in total, at every speed at once
     speeds = np.array([0.01, 0.1, 1.0])
 
     def torque(x: Array) -> Array:
@@ -163,10 +159,8 @@ def test_indices_boxes_and_seeds(found: sobol.Global) -> None:
 
 
 def test_indices_of_a_joint_and_how_they_are_shown(found: sobol.Global) -> None:
-    """For alpha_0 + alpha_1 of independent uniform parameters S_i = Var_i / sum Var, within 0.01.
-
-    Alpha_2 has nothing of it, and the mean is that of the sum.
-    """
+    """For alpha_0 + alpha_1 of independent uniform parameters S_i = Var_i / sum Var, within 0.01."""
+    # alpha_2 has nothing of it, and the mean is that of the sum
     own = found.outputs[1]
     variance = np.array([0.01**2, 0.009**2, 0.0])
     for index in shares(own):
@@ -220,10 +214,8 @@ def test_loops_are_afforded(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_rms_torque_explained_by_its_closed_form() -> None:
-    """A stiff joint without Stribeck has T = alpha_0 sgn v + alpha_2 v.
-
-    Its RMS over a sine is a closed form, for many joints at once.
-    """
+    """A stiff joint without Stribeck has T = alpha_0 sgn v + alpha_2 v."""
+    # its RMS over a sine is a closed form, for many joints at once
     alpha_0, alpha_2 = np.linspace(0.01, 0.03, 40), np.linspace(0.05, 0.02, 40)
     one = np.ones(40)
     p = Lugre(alpha_0, 0 * one, alpha_2, one, 1e7 * one, 0 * one)
@@ -255,10 +247,8 @@ def test_rms_torque_is_that_of_the_rollout(amplitude: float, frequency: float, p
 @settings(max_examples=25, deadline=None)
 @given(st.floats(0.1, 10.0), st.floats(1e-3, 3.0), st.floats(0.05, 5.0))
 def test_rms_torque_has_degree_one(factor: float, amplitude: float, frequency: float) -> None:
-    """T_f is of degree one in all parameters but v_s, and directions may be exchanged.
-
-    No joint of a batch sees another.
-    """
+    """T_f is of degree one in all parameters but v_s, and directions may be exchanged."""
+    # no joint of a batch sees another
     scaled = [p._replace(**{n: factor * x for n, x in p._asdict().items() if n != "v_s"}) for p in PAIR]
     both = Pair(*(Lugre(*(np.array(x) for x in zip(p, q, strict=True))) for p, q in zip(PAIR, scaled, strict=True)))
     plain, more = rms_torque(both, amplitude, frequency)
@@ -334,10 +324,8 @@ def bars(ax: Axes) -> list[float]:
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
 def test_the_figure_shows_the_indices(found: sobol.Global, kind: JointKind) -> None:
-    """Each bar is as high as its index, each panel names output, unit and samples; a joint that slides has a force.
-
-    Whiskers are inside.
-    """
+    """Each bar is as high as its index, each panel names output, unit and samples; a joint that slides has a force."""
+    # whiskers are inside
     figure = sobol_figure(found, kind, name="<a> & $b$", simulated=True)
     for ax, own in zip(figure.axes, found.outputs, strict=True):
         assert bars(ax) == [*shares(own)[0], *shares(own)[1]]

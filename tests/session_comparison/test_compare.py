@@ -1,5 +1,3 @@
-"""Two sessions compared: false alarms and power, exact tests, what cannot be compared, hostile files, and the command."""
-
 import json
 import os
 import re

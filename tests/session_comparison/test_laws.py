@@ -1,5 +1,3 @@
-"""Sessions under laws that are not the paper's: of one law all is compared, of two what means the same."""
-
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path

@@ -19,8 +19,7 @@ from bristle.simulation.joint_loop import JointLoop
 
 GRIPPER = edro.TABLE_1["gripper rotation"]
 J = edro.inertia(GRIPPER)
-FASTEST = 2.0
-"""The fastest measured speed of `joint`, rad/s."""
+FASTEST = 2.0  # the fastest measured speed of `joint`, rad/s
 
 
 def joint_loop(name: str = "gripper rotation", **changes: Any) -> JointLoop:

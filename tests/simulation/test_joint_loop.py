@@ -1,5 +1,3 @@
-"""From joint and file to what is compensated: asked for and taken, or derived and said, or refused; and joints that the covariance allows."""
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -171,10 +169,8 @@ def test_derived_rates_mend_about_half_of_an_error_in_a_second(tmp_path: Path, p
 
 @pytest.mark.parametrize(("travel", "how"), [(None, "of the amplitude"), (0.9, "of the travel")])
 def test_what_the_motion_does_not_show_is_filled_and_said(tmp_path: Path, travel: float | None, how: str) -> None:
-    """An unseen sigma_0 is alpha_0 over a thousandth of the travel, as a plan takes it, or of the amplitude where no travel is known.
-
-    An unseen sigma_1 is that of (15), in the model and in every draw.
-    """
+    """An unseen sigma_0 is alpha_0 over a thousandth of the travel, as a plan takes it, or of the amplitude where no travel is known."""
+    # an unseen sigma_1 is that of (15), in the model and in every draw
     deflection = 1e-3 * (travel or 0.4)
     fit = unseen(tracked(values_of(GRIPPER)), {"sigma_0+": 1.0, "sigma_1+": 9.0, "sigma_1-": 9.0})
     one = of_experiment(experiment(tmp_path, "amplitude: 0.4 rad"), replace(joint(fit), travel=travel))
