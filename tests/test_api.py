@@ -68,7 +68,7 @@ def test_joints_of_one_name_are_refused(tmp_path: Path) -> None:
     assert one == two == three
 
 
-def test_table_holds_every_estimate(clean: Results, tmp_path: Path) -> None:
+def test_tables_and_single_joints_of_results(clean: Results, tmp_path: Path) -> None:
     """The table has a row for each joint, direction and parameter, in order, and the numbers of the estimates."""
     frame = clean.to_frame()
     rows = [
@@ -98,6 +98,21 @@ def test_table_holds_every_estimate(clean: Results, tmp_path: Path) -> None:
     assert sum(isinstance(part, np.ndarray) for part in found) > 10
     with pytest.raises(ValueError, match="read-only"):
         clean.joints[0].static["+"].covariance[0, 0] = 0.0
+    # a results file of several joints gives the one that is named, as `bristle validate --joint` needs it, or says what
+    # there is
+    (joint,) = clean.joints
+    file = tmp_path / "results.json"
+    file.write_text(Results(joints=(joint, replace(joint, name="elbow")), logs=clean.logs).to_json(), encoding="utf-8")
+    assert [x.name for x in identifying.identified(file, joint="elbow").joints] == ["elbow"]
+    with pytest.raises(ValueError, match="one of wrist, elbow"):
+        identifying.identified(file, joint="knee")
+    # what asks about one joint refuses results of two, and such as hold no data, with what it got
+    (joint,) = clean.joints
+    two = Results(joints=(joint, replace(joint, name="elbow")), logs=clean.logs)
+    with pytest.raises(ValueError, match="got 2 joints; expected one: say which with joint, one of wrist, elbow"):
+        bristle.plan(two)
+    with pytest.raises(ValueError, match="got results without their logs"):
+        bristle.plan(Results(joints=(joint,)))
 
 
 def parts(value: object) -> Iterator[object]:
@@ -125,23 +140,6 @@ def check_immutable(result: object) -> list[object]:
         if isinstance(part, np.ndarray):
             assert not part.flags.writeable
     return found
-
-
-def test_one_joint_of_a_results_file_is_taken(tmp_path: Path, clean: Results) -> None:
-    """A results file of several joints gives the one that is named, as `bristle validate --joint` needs it, or says what there is."""
-    (joint,) = clean.joints
-    file = tmp_path / "results.json"
-    file.write_text(Results(joints=(joint, replace(joint, name="elbow")), logs=clean.logs).to_json(), encoding="utf-8")
-    assert [x.name for x in identifying.identified(file, joint="elbow").joints] == ["elbow"]
-    with pytest.raises(ValueError, match="one of wrist, elbow"):
-        identifying.identified(file, joint="knee")
-    # what asks about one joint refuses results of two, and such as hold no data, with what it got
-    (joint,) = clean.joints
-    two = Results(joints=(joint, replace(joint, name="elbow")), logs=clean.logs)
-    with pytest.raises(ValueError, match="got 2 joints; expected one: say which with joint, one of wrist, elbow"):
-        bristle.plan(two)
-    with pytest.raises(ValueError, match="got results without their logs"):
-        bristle.plan(Results(joints=(joint,)))
 
 
 STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")

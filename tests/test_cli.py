@@ -431,29 +431,6 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
     return folder, run("report", write(folder, speeds(both=False), joint=HOSTILE), "-o", folder / "out")
 
 
-def test_one_direction_is_a_warning(hostile: tuple[Path, Ran]) -> None:
-    """One direction only is fitted, and said: exit 0, a fit of that direction alone, and the warning in JSON and page."""
-    folder, ran = hostile
-    joint = json.loads((folder / "out" / "results.json").read_text(encoding="utf-8"))["joints"][HOSTILE]
-    assert ran.code == 0
-    assert not ran.said
-    assert list(joint["static"]) == ["+"]
-    (warning,) = (x["message"] for x in joint["warnings"])
-    assert "Direction - is not identified" in warning
-    assert warning in html.unescape(report_text(folder / "out"))
-    # a name that is HTML and a path is shown as it is, makes no element of the page, and no file outside of the report or of another name
-    text = report_text(folder / "out")
-    page = Elements(text)
-    assert ran.code == 0
-    assert "<script" not in text.lower()
-    assert page.runs == set()
-    assert HOSTILE in page.text
-    assert {p.name for p in folder.iterdir()} == {"wrist.yaml", "wrist.csv", "out"}
-    figures = [p.name for p in (folder / "out" / "figures").iterdir()]
-    assert figures
-    assert all(re.fullmatch(r"[a-z0-9-]+\.(svg|png|csv)", name) for name in figures)
-
-
 def test_strict_ends_with_3_where_a_joint_is_not_to_be_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With --strict that is exit code 3 of every command that fits, and without it 0; the same result is written either way."""
     path = write(tmp_path, FEW)
@@ -493,7 +470,7 @@ def test_logs_need_no_experiment_file(tmp_path: Path, monkeypatch: pytest.Monkey
     assert (refused.code, len(refused.said)) == (2, 1)
 
 
-def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
+def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path, hostile: tuple[Path, Ran]) -> None:
     """Where nothing is in warning --strict is 0; the JSON satisfies its schema, holds the truth within 5 standard errors, and is printed."""
     ran = run("identify", write(tmp_path, speeds()), "-o", tmp_path / "out.json", "--strict", "--uncertainty")
     assert ran.code == 0
@@ -515,6 +492,26 @@ def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
             ends = [interval(ways[way]) for way in ("covariance", "profile", "bootstrap")]
             assert re.search(rf"^{name}{re.escape(sign)} +{' +'.join(map(re.escape, ends))}$", ran.out, re.MULTILINE)
             assert ways["profile"] == fit["parameters"][name]["interval"]
+    # one direction only is fitted, and said: exit 0, a fit of that direction alone, and the warning in JSON and page
+    folder, ran = hostile
+    joint = json.loads((folder / "out" / "results.json").read_text(encoding="utf-8"))["joints"][HOSTILE]
+    assert ran.code == 0
+    assert not ran.said
+    assert list(joint["static"]) == ["+"]
+    (warning,) = (x["message"] for x in joint["warnings"])
+    assert "Direction - is not identified" in warning
+    assert warning in html.unescape(report_text(folder / "out"))
+    # a name that is HTML and a path is shown as it is, makes no element of the page, and no file outside of the report or of another name
+    text = report_text(folder / "out")
+    page = Elements(text)
+    assert ran.code == 0
+    assert "<script" not in text.lower()
+    assert page.runs == set()
+    assert HOSTILE in page.text
+    assert {p.name for p in folder.iterdir()} == {"wrist.yaml", "wrist.csv", "out"}
+    figures = [p.name for p in (folder / "out" / "figures").iterdir()]
+    assert figures
+    assert all(re.fullmatch(r"[a-z0-9-]+\.(svg|png|csv)", name) for name in figures)
 
 
 @pytest.fixture(scope="module")

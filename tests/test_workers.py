@@ -63,7 +63,7 @@ def test_one_worker_is_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
     assert os.environ["OMP_NUM_THREADS"] == "3"
 
 
-def test_a_part_that_fails_ends_the_others() -> None:
+def test_a_part_that_fails_or_is_interrupted_ends_the_others(tmp_path: Path) -> None:
     """What a part raises reaches the caller, and no process is left, however long the others would take."""
     others = set(active_children())
     began = time.monotonic()
@@ -75,10 +75,8 @@ def test_a_part_that_fails_ends_the_others() -> None:
     said = "a worker process was killed, perhaps for want of memory; take fewer --workers"
     with pytest.raises(OSError, match=said), sharing(2) as share:
         list(share(called, [partial(signal.raise_signal, signal.SIGKILL)] * 2))
-
-
-def test_an_interrupt_that_was_swallowed_comes_again(tmp_path: Path) -> None:
-    """Where a bare `except` of what is being imported takes Ctrl-C for a failure, nothing is written all the same; the next run is not asked."""
+    # where a bare `except` of what is being imported takes Ctrl-C for a failure, nothing is written all the same; the
+    # next run is not asked
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with interruptible():

@@ -34,7 +34,7 @@ def plain() -> bristle.Fit:
     return bristle.fit(*points())
 
 
-def test_arrays_give_what_a_file_gives(tmp_path: Path) -> None:
+def test_arrays_give_what_a_file_gives(tmp_path: Path, plain: bristle.Fit) -> None:
     """The embedded points as arrays and as a file: every estimate, interval and warning to the last digit."""
     (gripper, *_) = edro.experiments()
     kept = bristle.inspect(gripper).points(hold_out=False)
@@ -53,10 +53,7 @@ def test_arrays_give_what_a_file_gives(tmp_path: Path) -> None:
             assert found.params[f"{name}{d}"] == e.value
             assert tuple(found.conf_int().loc[f"{name}{d}"]) == e.interval
     assert [str(w) for w in found.warnings] == [str(w) for w in dict.fromkeys(of_file.all_warnings())]
-
-
-def test_every_way_to_hand_arrays_over_is_one(plain: bristle.Fit) -> None:
-    """Arrays, lists, series, and columns of a data frame in other units are the same points."""
+    # arrays, lists, series, and columns of a data frame in other units are the same points
     v, T = points()
     frame = pd.DataFrame({"dq": np.degrees(v), "tau": 1e3 * T})
     for other in (
@@ -89,7 +86,7 @@ def test_every_way_to_hand_arrays_over_is_one(plain: bristle.Fit) -> None:
     assert dict(mpl.rcParams) == before
 
 
-def test_intervals_hold_one_another(plain: bristle.Fit) -> None:
+def test_intervals_by_each_method(plain: bristle.Fit) -> None:
     """Those of a lower level lie inside the 95 % ones, by each method that has levels; at 68 % half of one is the standard error."""
     for method in METHODS[:2]:
         inner, outer = plain.conf_int(0.68, method), plain.conf_int(0.95, method)
@@ -101,6 +98,15 @@ def test_intervals_hold_one_another(plain: bristle.Fit) -> None:
     for level, method in ((1.5, "covariance"), (0.99, "profile"), (0.9, "bootstrap"), (0.95, "guess")):
         with pytest.raises(InputError, match="expected"):
             plain.conf_int(level, method)  # type: ignore[arg-type]  # what is wrong
+    # without slow points there is no Stribeck term: nan, in parameters, intervals and the table, with a warning that
+    # says why
+    v, T = points()
+    fast = np.abs(v) > 3 * TRUTH.v_s
+    found = bristle.fit(v[fast], T[fast], directions="symmetric")
+    assert np.isnan([found.params["alpha_1"], found.params["v_s"]]).all()
+    assert found.conf_int().loc["v_s"].isna().all()
+    assert any("Stribeck term not identifiable" in str(w) for w in found.warnings)
+    assert "Stribeck term not identifiable" in repr(found)
 
 
 @pytest.mark.slow
@@ -113,17 +119,6 @@ def test_intervals_hold_the_truth() -> None:
             ends = found.conf_int(method=method)
             held[method] += sum(row.lower <= getattr(TRUTH, str(row.Index)) <= row.upper for row in ends.itertuples())
     assert min(held.values()) >= 0.9 * 20 * 4
-
-
-def test_what_the_points_do_not_show_is_nan() -> None:
-    """Without slow points there is no Stribeck term: nan, in parameters, intervals and the table, with a warning that says why."""
-    v, T = points()
-    fast = np.abs(v) > 3 * TRUTH.v_s
-    found = bristle.fit(v[fast], T[fast], directions="symmetric")
-    assert np.isnan([found.params["alpha_1"], found.params["v_s"]]).all()
-    assert found.conf_int().loc["v_s"].isna().all()
-    assert any("Stribeck term not identifiable" in str(w) for w in found.warnings)
-    assert "Stribeck term not identifiable" in repr(found)
 
 
 @pytest.mark.parametrize(

@@ -63,7 +63,7 @@ def test_at_half_a_hertz_inertia_dominates(name: str, rows: dict[tuple[str, floa
     assert fed.true < 0.02 * fed.without
 
 
-def test_the_identified_model_is_the_one_that_is_shown_as_such(rows: dict[tuple[str, float, bool], Errors]) -> None:
+def test_studies_show_what_the_paper_shows(rows: dict[tuple[str, float, bool], Errors]) -> None:
     """A right model errs as the true one does; one with a wrong alpha_0 errs more, adapted less again, and torque is what friction asks for."""
     wrong = rows["gripper rotation", 0.2, True]
     assert wrong.true < wrong.adaptive < 0.5 * wrong.identified
@@ -71,10 +71,7 @@ def test_the_identified_model_is_the_one_that_is_shown_as_such(rows: dict[tuple[
         row = rows[name, 0.2, False]
         assert row.identified == row.true
         assert row.torque_with == pytest.approx(row.torque_without, rel=0.1)
-
-
-def test_compensation_is_followed_for_two_periods() -> None:
-    """Figs 5 to 7 hold two periods of the slow sine; with the model the error is less than a tenth of that without."""
+    # figs 5 to 7 hold two periods of the slow sine; with the model the error is less than a tenth of that without
     one = joint_loop()
     runs = followed(one)
     assert [*runs] == ["without", "with"]
@@ -83,6 +80,16 @@ def test_compensation_is_followed_for_two_periods() -> None:
         np.testing.assert_array_equal(run.reference, one.sine(one.slow, 2 / one.slow).position)
     assert runs["with"].rms_error(5.0)[0] < 0.1 * runs["without"].rms_error(5.0)[0]
     assert not runs["without"].compensation.any()
+    # on the gripper the thinnest layer chatters at least ten times as much as the PID; the widest is the PD that the
+    # PID contains
+    bare, fed, wide, _, thin = compare_controllers(joint_loop())
+    assert (bare.controller, fed.controller) == ("PID alone", "PID with LuGre feed-forward")
+    assert thin.controller.startswith("sliding mode, layer")
+    assert thin.chatter > 10 * bare.chatter
+    assert wide.chatter == pytest.approx(bare.chatter, rel=0.1)
+    assert wide.rms_error == pytest.approx(bare.rms_error, rel=0.1)
+    assert fed.rms_error < 0.2 * bare.rms_error
+    assert all(r.rms_error < r.peak_error for r in (bare, fed, wide, thin))
 
 
 def test_adaptation_is_table_2_and_its_maps_hold_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -147,18 +154,6 @@ def test_drifts_are_told_of_every_way_with_the_known_model_first() -> None:
     assert found[9].over_known < 1.5
     assert found[7].over_known > 2
     assert found[9].largest_gain == pytest.approx(1.5, abs=0.1)
-
-
-def test_a_thin_sliding_mode_chatters() -> None:
-    """On the gripper the thinnest layer chatters at least ten times as much as the PID; the widest is the PD that the PID contains."""
-    bare, fed, wide, _, thin = compare_controllers(joint_loop())
-    assert (bare.controller, fed.controller) == ("PID alone", "PID with LuGre feed-forward")
-    assert thin.controller.startswith("sliding mode, layer")
-    assert thin.chatter > 10 * bare.chatter
-    assert wide.chatter == pytest.approx(bare.chatter, rel=0.1)
-    assert wide.rms_error == pytest.approx(bare.rms_error, rel=0.1)
-    assert fed.rms_error < 0.2 * bare.rms_error
-    assert all(r.rms_error < r.peak_error for r in (bare, fed, wide, thin))
 
 
 def spread(pair: Pair[float], rng: np.random.Generator, share: float) -> tuple[Pair[float], float]:

@@ -105,7 +105,7 @@ def test_the_fast_simulator_agrees_with_a_stiff_solver(name: str) -> None:
     assert np.abs(fast.velocity - stiff.velocity).max() < 5e-3
 
 
-def test_measures_of_a_known_run() -> None:
+def test_measures_and_limits_of_loops() -> None:
     """Error, control, chatter and energy of a trajectory that is written down are what a pencil gives."""
     t = np.array([0.0, 1.0, 2.0])
     two, blank = np.array([[3.0, -1.0, 3.0]]), np.zeros((1, 3))
@@ -118,10 +118,7 @@ def test_measures_of_a_known_run() -> None:
     assert run.rms_torque()[0] == pytest.approx(np.sqrt(19 / 3))
     assert run.chatter()[0] == pytest.approx(4.0)
     assert run.energy()[0] == pytest.approx(3.0 * -1.0 + -1.0 * 3.0)
-
-
-def test_starts_rests_layers_and_refusals_of_loops() -> None:
-    """At rest at its reference, wherever that is, the derivative asks for no torque."""
+    # at rest at its reference, wherever that is, the derivative asks for no torque
     zero, bare = np.zeros(50), LoopOptions(compensator=Compensator(name="none"))
     assert not simulate(bare, [case("wrist pitch")], Reference(zero + 0.7, zero, zero), H).torque.any()
     # at rest, asked for nothing, a period leaves every memory as it is: plant, current, controller, compensator and what is on its way
@@ -157,6 +154,11 @@ def test_starts_rests_layers_and_refusals_of_loops() -> None:
     for said, attempt in refused:
         with pytest.raises(ValueError, match=said):
             attempt()
+    # where the unlimited gain would pass a limit, it stays there, and comes back when its rate does
+    a = Adaptation(law="partial", gamma=(200.0, 200.0), limits=(0.9, 1.5))
+    run = simulate_continuous(wrong_start(), Compensator(adaptation=a), SINE, 10.0, H)
+    assert run.theta.max() == pytest.approx(1.5, abs=1e-4)
+    assert run.theta.min() > 0.9 - 1e-4
 
 
 SINE = Sine(1.0, 0.5).position
@@ -208,14 +210,6 @@ def test_every_compensator_goes_to_its_continuous_form(name: Name) -> None:
     assert off[0] < 0.3 * exact.peak_error()[0]
     assert 1.7 < off[0] / off[1] < 2.4
     assert not bristle or 1.7 < learnt[0] / learnt[1] < 2.4
-
-
-def test_gains_stop_at_their_limits() -> None:
-    """Where the unlimited gain would pass a limit, it stays there, and comes back when its rate does."""
-    a = Adaptation(law="partial", gamma=(200.0, 200.0), limits=(0.9, 1.5))
-    run = simulate_continuous(wrong_start(), Compensator(adaptation=a), SINE, 10.0, H)
-    assert run.theta.max() == pytest.approx(1.5, abs=1e-4)
-    assert run.theta.min() > 0.9 - 1e-4
 
 
 ANY = st.floats(-1e300, 1e300) | st.sampled_from([np.nan, np.inf, -np.inf])
@@ -297,7 +291,7 @@ def test_a_load_is_not_adapted(how: str) -> None:
         assert scale * number(G[0]) == pytest.approx(number(expected[0]), rel=1e-12)
 
 
-def test_a_load_that_moves_is_followed_as_in_the_rollout() -> None:
+def test_feed_forward_loads_gains_and_refusals() -> None:
     """Along a level that changes, the feed-forward is the rollout with that level: the mean difference falls in proportion to the period."""
     off = []
     for h in (2e-3, 1e-3):
@@ -310,17 +304,8 @@ def test_a_load_that_moves_is_followed_as_in_the_rollout() -> None:
         off.append(float(np.abs(np.array(T) - rollout(v, h, PAIR, 0.0, level=level).torque).mean()))
     assert off[1] < 1e-3 * P.alpha_0
     assert off[1] / off[0] < 0.6
-
-
-def motion(n: int = 3000) -> np.ndarray:
-    """A velocity from rest, with reversals."""
-    t = H * np.arange(n)
-    v: np.ndarray = 0.3 * np.sin(2 * np.pi * 0.7 * t) + 0.1 * np.sin(2 * np.pi * 2.3 * t)
-    return v
-
-
-def test_feed_forward_gains_and_refusals_of_compensators() -> None:
-    """Sample by sample, the paper's compensator gives what `rollout` gives over the whole of the reference velocity, to the error of two steps."""
+    # sample by sample, the paper's compensator gives what `rollout` gives over the whole of the reference velocity, to
+    # the error of two steps
     v = motion()
     _, torque = follow(Compensator(), v)
     expected = rollout(v, H, PAIR, 0.0).torque
@@ -357,6 +342,13 @@ def test_feed_forward_gains_and_refusals_of_compensators() -> None:
             np.testing.assert_allclose(matrix, matrix.T, rtol=1e-9, atol=1e-12)
             assert np.linalg.eigvalsh(matrix).min() > 0
             assert np.trace(matrix) <= 250 * (1 + 1e-12)
+
+
+def motion(n: int = 3000) -> np.ndarray:
+    """A velocity from rest, with reversals."""
+    t = H * np.arange(n)
+    v: np.ndarray = 0.3 * np.sin(2 * np.pi * 0.7 * t) + 0.1 * np.sin(2 * np.pi * 2.3 * t)
+    return v
 
 
 @pytest.mark.parametrize("names", [("alpha_0", "alpha_2"), ("sigma_0", "v_s", "alpha_1")])

@@ -121,7 +121,7 @@ _DATABASES = [
 ]  # fmt: skip  # a table
 
 
-def test_databases_that_are_no_bag(tmp_path: Path) -> None:
+def test_bags_that_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Other tables, views that compute without end, values of other types: refused, and none is run."""
     _assert_refused([(_database(tmp_path / f"{k}.db3", *made), says) for k, (made, says) in enumerate(_DATABASES)])
     path = _database(tmp_path / "x.db3", _TOPICS, _TOPIC, _MESSAGES)
@@ -161,10 +161,7 @@ def test_databases_that_are_no_bag(tmp_path: Path) -> None:
         bag = _mcap(tmp_path / "x.mcap", schema, channel, _message(head + content))
         table = read_table(bag, [Key("/a.position[b]"), Key("/a.x")])
         assert [column.tolist() for column in table.columns.values()] == [[2.5], [7.0]]
-
-
-def test_no_code_comes_of_a_definition(tmp_path: Path) -> None:
-    """The name of a type that is no plain one is refused; constants and defaults, whatever they hold, are left out."""
+    # the name of a type that is no plain one is refused; constants and defaults, whatever they hold, are left out
     for kind in ('a_msgs/msg/A"""\nimport os', "a_msgs/msg/A\n", "a_msgs/msg/" + "A" * 200):
         path = _mcap(tmp_path / "x.mcap", *_defined("float64 x", kind=kind))
         assert re.search("which is not read|holds U\\+", str(_refusal(path, [Key("/a.x")])))
@@ -173,6 +170,18 @@ def test_no_code_comes_of_a_definition(tmp_path: Path) -> None:
     bag = _mcap(tmp_path / "x.mcap", schema, channel, _message(b"\0\1\0\0" + struct.pack("<ddb", 1.5, 2.5, 3)))
     columns = read_table(bag, [Key("/a.x"), Key("/a.from"), Key("/a.len")]).columns
     assert [column.tolist() for column in columns.values()] == [[1.5], [2.5], [3.0]]
+    # chunks that are not what they claim, and records that end nowhere: each refused, soon, in one sentence
+    read = [name for name, records in _broken() if _refusal(_mcap(tmp_path / "x.mcap", *records)) is None]
+    assert not read
+    # many messages, each within bounds, are read no further than the file's size explains; a bag over the limit is refused before it is
+    # read
+    monkeypatch.setattr(storage, "_BYTES", 2**16)
+    message = _message(b"\0\1\0\0" + bytes(8) + _text("x" * (2**16 - 1) + "\0") + bytes(16))
+    chunk = _chunk(_packed(message, "zstd"), "zstd", len(message))
+    path = _mcap(tmp_path / "x.mcap", _CHANNEL, *[chunk] * 500)
+    assert "far more bytes than the file explains" in str(_refusal(path))
+    monkeypatch.setattr(storage, "MAX_BYTES", 1000)
+    assert "over the limit of 1000" in str(_refusal(path))
 
 
 def _text(text: str) -> bytes:
@@ -222,21 +231,6 @@ def _broken() -> Iterator[tuple[str, list[bytes]]]:
     yield "no channel", []
     yield "messages of no channel", [_record(5, bytes(30))] * 9
     yield "an endless name", [_record(4, struct.pack("<HHI", 1, 1, 2**32 - 1))]
-
-
-def test_records_that_are_broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Chunks that are not what they claim, and records that end nowhere: each refused, soon, in one sentence."""
-    read = [name for name, records in _broken() if _refusal(_mcap(tmp_path / "x.mcap", *records)) is None]
-    assert not read
-    # many messages, each within bounds, are read no further than the file's size explains; a bag over the limit is refused before it is
-    # read
-    monkeypatch.setattr(storage, "_BYTES", 2**16)
-    message = _message(b"\0\1\0\0" + bytes(8) + _text("x" * (2**16 - 1) + "\0") + bytes(16))
-    chunk = _chunk(_packed(message, "zstd"), "zstd", len(message))
-    path = _mcap(tmp_path / "x.mcap", _CHANNEL, *[chunk] * 500)
-    assert "far more bytes than the file explains" in str(_refusal(path))
-    monkeypatch.setattr(storage, "MAX_BYTES", 1000)
-    assert "over the limit of 1000" in str(_refusal(path))
 
 
 def _message(content: bytes) -> bytes:

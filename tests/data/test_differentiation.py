@@ -61,11 +61,21 @@ def test_derivatives_of_segments() -> None:
     assert moved.notes[-1].code == "acceleration-from-velocity"
     with pytest.raises(ValueError, match="neither position nor velocity"):
         estimate_motion(replace(record, velocity=None), 5.0)
+    # three seconds at one place are no motion; a record of which all rests, as of one whose time is in another unit,
+    # stays as it is
+    t = np.arange(2000) / 100
+    q = np.where(t < 8, np.sin(t), np.where(t < 13, np.sin(8.0), np.sin(t - 5)))
+    record = Record(file="x", time=t, position=q, velocity=q, torque=q)
+    kept = without_rests(record)
+    assert (kept.time.size, kept.starts) == (1499, (0, 800))
+    assert [n.code for n in kept.notes] == ["rests-left-out"]
+    slow = Record(file="x", time=1e6 * t, position=np.rint(q), velocity=q, torque=q, cutoff=1e-5)
+    assert without_rests(slow) is slow
 
 
-def test_the_filter_is_zero_phase_and_of_twice_half_power() -> None:
+def test_the_filter_and_the_bandwidth_of_a_run() -> None:
     """Forward and backward, a sine at the cut-off keeps its phase and half of its amplitude."""
-    t = np.arange(4000) * 1e-3
+    t = np.asarray(np.arange(4000) * 1e-3, dtype=float)
     sine = np.asarray(np.sin(2 * np.pi * 20 * t), dtype=float)
     inside = slice(500, -500)
     np.testing.assert_allclose(smoothed(_record(t, sine), sine, 20.0)[inside], sine[inside] / 2, atol=2e-3)
@@ -81,18 +91,40 @@ def test_the_filter_is_zero_phase_and_of_twice_half_power() -> None:
     # the derivative of t**2 is 2 t inside, with irregular intervals too
     t = np.cumsum(np.random.default_rng(0).uniform(0.5, 1.5, 50))
     np.testing.assert_allclose(derivative(_record(t, t), t**2)[1:-1], 2 * t[1:-1])
-
-
-def test_rests_are_left_out_unless_nothing_is_left() -> None:
-    """Three seconds at one place are no motion; a record of which all rests, as of one whose time is in another unit, stays as it is."""
-    t = np.arange(2000) / 100
-    q = np.where(t < 8, np.sin(t), np.where(t < 13, np.sin(8.0), np.sin(t - 5)))
-    record = Record(file="x", time=t, position=q, velocity=q, torque=q)
-    kept = without_rests(record)
-    assert (kept.time.size, kept.starts) == (1499, (0, 800))
-    assert [n.code for n in kept.notes] == ["rests-left-out"]
-    slow = Record(file="x", time=1e6 * t, position=np.rint(q), velocity=q, torque=q, cutoff=1e-5)
-    assert without_rests(slow) is slow
+    # between the lines of a triangle's spectrum there is nothing: it ends where the highest of them falls into noise,
+    # not after the first
+    t = np.arange(0, 40, 1e-3)
+    triangle = np.interp(t % 4, [0, 1, 3, 4], [0, 1, -1, 0])
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(t.size)
+    cutoff, why = of_held_speeds(Record(file="a", time=t, position=triangle + noise))
+    assert 2 < cutoff == why.numbers["shown"] / 2 < 20
+    # noise a hundred times as large lowers the cut-off; it is below the sampling rate's Nyquist frequency in any case
+    t = np.arange(0, 30, 5e-3)
+    v = np.repeat([0.5, -0.5, 0.2, -0.2, 1.0, -1.0], t.size // 6)
+    q, rng = np.cumsum(v) * 5e-3, np.random.default_rng(0)
+    fine, coarse = (
+        of_held_speeds(Record(file="a", time=t, position=q + s * rng.standard_normal(t.size)))[0] for s in (1e-6, 1e-4)
+    )
+    assert coarse < fine < 100
+    # a cycle of 10 s has 99.9 % of its power in its first harmonics; ten times the noise changes nothing
+    t = np.arange(0, 40, 5e-3)
+    cycle, rng = np.interp(t % 10, [0, 2.5, 7.5, 10], [0, 1, -1, 0]), np.random.default_rng(0)
+    for size in (0.0, 1e-3, 1e-2, 0.1):
+        cutoff, _ = of_slow_loading(Record(file="a", time=t, torque=cycle + size * rng.standard_normal(t.size)))
+        assert cutoff == pytest.approx(10 * 0.5, rel=0.3)
+    # with counts of a hundredth of the travel, a fiftieth and a twentieth the cut-off is four times the motion's bandwidth
+    for count in (0.04, 0.08, 0.2):
+        cutoff, why = of_motion(moving(200.0, 20.0, 0.0, 0.01, count))
+        assert cutoff == pytest.approx(4 * why.numbers["motion"])
+    # a logged velocity with noise of its own, and a torque that was commanded: the inertia at the cut-off is right to 3 %, at six times it
+    # not
+    run = moving(1000.0, 20.0, 0.0, 0.0)
+    rng = np.random.default_rng(0)
+    v = np.gradient(present(run.position), run.time)
+    noisy = replace(run, velocity=v + 5 * np.diff(rng.standard_normal(v.size + 1)))
+    cutoff, _ = of_motion(noisy)
+    assert abs(inertia(noisy, cutoff) / J - 1) < 0.03
+    assert inertia(noisy, 6 * cutoff) < 0.9 * J
 
 
 J = 0.02
@@ -128,42 +160,6 @@ def inertia(record: Record, cutoff: float) -> float:
     v, a = np.asarray(moved.velocity), np.asarray(moved.acceleration)
     *columns, y = (smoothed(record, x, cutoff) for x in (a, np.sign(v), v, np.ones(v.size), np.asarray(record.torque)))
     return float(np.linalg.lstsq(np.column_stack(columns), y, rcond=None)[0][0])
-
-
-def test_the_bandwidth_of_a_run() -> None:
-    """Between the lines of a triangle's spectrum there is nothing: it ends where the highest of them falls into noise, not after the first."""
-    t = np.arange(0, 40, 1e-3)
-    triangle = np.interp(t % 4, [0, 1, 3, 4], [0, 1, -1, 0])
-    noise = 1e-3 * np.random.default_rng(0).standard_normal(t.size)
-    cutoff, why = of_held_speeds(Record(file="a", time=t, position=triangle + noise))
-    assert 2 < cutoff == why.numbers["shown"] / 2 < 20
-    # noise a hundred times as large lowers the cut-off; it is below the sampling rate's Nyquist frequency in any case
-    t = np.arange(0, 30, 5e-3)
-    v = np.repeat([0.5, -0.5, 0.2, -0.2, 1.0, -1.0], t.size // 6)
-    q, rng = np.cumsum(v) * 5e-3, np.random.default_rng(0)
-    fine, coarse = (
-        of_held_speeds(Record(file="a", time=t, position=q + s * rng.standard_normal(t.size)))[0] for s in (1e-6, 1e-4)
-    )
-    assert coarse < fine < 100
-    # a cycle of 10 s has 99.9 % of its power in its first harmonics; ten times the noise changes nothing
-    t = np.arange(0, 40, 5e-3)
-    cycle, rng = np.interp(t % 10, [0, 2.5, 7.5, 10], [0, 1, -1, 0]), np.random.default_rng(0)
-    for size in (0.0, 1e-3, 1e-2, 0.1):
-        cutoff, _ = of_slow_loading(Record(file="a", time=t, torque=cycle + size * rng.standard_normal(t.size)))
-        assert cutoff == pytest.approx(10 * 0.5, rel=0.3)
-    # with counts of a hundredth of the travel, a fiftieth and a twentieth the cut-off is four times the motion's bandwidth
-    for count in (0.04, 0.08, 0.2):
-        cutoff, why = of_motion(moving(200.0, 20.0, 0.0, 0.01, count))
-        assert cutoff == pytest.approx(4 * why.numbers["motion"])
-    # a logged velocity with noise of its own, and a torque that was commanded: the inertia at the cut-off is right to 3 %, at six times it
-    # not
-    run = moving(1000.0, 20.0, 0.0, 0.0)
-    rng = np.random.default_rng(0)
-    v = np.gradient(present(run.position), run.time)
-    noisy = replace(run, velocity=v + 5 * np.diff(rng.standard_normal(v.size + 1)))
-    cutoff, _ = of_motion(noisy)
-    assert abs(inertia(noisy, cutoff) / J - 1) < 0.03
-    assert inertia(noisy, 6 * cutoff) < 0.9 * J
 
 
 @settings(deadline=None, max_examples=20)

@@ -319,7 +319,7 @@ def test_drafts_of_usual_logs(tmp_path: Path) -> None:
     assert run.record.velocity[0] == pytest.approx(1e-3)
 
 
-def test_counts_tell_the_unit_of_an_angle(tmp_path: Path) -> None:
+def test_counts_and_names_tell_the_unit(tmp_path: Path) -> None:
     """Positions whose unit nothing says are in the one in which a turn has a power of two of counts; velocities go with them."""
     for unit, turn in (("rad", 2 * np.pi), ("rev", 1.0), ("deg", 360.0)):
         counts = np.round(4096 * _Q / (2 * np.pi)) / 4096 * turn
@@ -332,6 +332,14 @@ def test_counts_tell_the_unit_of_an_angle(tmp_path: Path) -> None:
             f"{unit}/s",
         )
         assert any("a turn has 4096 counts" in sentence for sentence in guessed) == (unit != "rad")
+    # a signal and its unit are read off a column's name; errors, switches and other quantities are no signal
+    found = {name: [(signal, x.unit) for signal, x in guess_columns([name]).items()] for name in _NAMES}
+    assert found == {name: [guess] if guess else [] for name, guess in _NAMES.items()}
+    # what was measured goes before what was asked for; of six joints the first is taken, and the others are counted. A bare v is a velocity
+    # where another column drives the joint, and nothing where it could be the voltage that does
+    for names, signal, column, others in _CHOSEN:
+        found = guess_columns(names.split()).get(signal)
+        assert (names, found and (found.column, found.others)) == (names, column and (column, others))
 
 
 @pytest.mark.parametrize("suffix", [".mat", ".npz", ".parquet"])
@@ -368,17 +376,6 @@ _NAMES: dict[str, tuple[str, str | None] | None] = {
     "target_velocity": ("velocity_command", None), "current[0] (mA)": ("current", "mA"),
     "position[0]": ("position", None), "effort[2] [Nm]": ("torque", "N*m"), "ActTorque [%]": ("torque", "percent"),
 }  # fmt: skip  # a list of values
-
-
-def test_names_as_people_write_them() -> None:
-    """A signal and its unit are read off a column's name; errors, switches and other quantities are no signal."""
-    found = {name: [(signal, x.unit) for signal, x in guess_columns([name]).items()] for name in _NAMES}
-    assert found == {name: [guess] if guess else [] for name, guess in _NAMES.items()}
-    # what was measured goes before what was asked for; of six joints the first is taken, and the others are counted. A bare v is a velocity
-    # where another column drives the joint, and nothing where it could be the voltage that does
-    for names, signal, column, others in _CHOSEN:
-        found = guess_columns(names.split()).get(signal)
-        assert (names, found and (found.column, found.others)) == (names, column and (column, others))
 
 
 _CHOSEN = [

@@ -85,7 +85,7 @@ def _all(path: Path, key: Key) -> list[float]:
     return list(values.tolist())
 
 
-def test_a_path_reads_its_dataset_or_says_why_not(log: Path, tmp_path: Path) -> None:
+def test_paths_and_names_of_datasets(log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Vectors, columns of matrices, fields of tables and links inside the file are read as floats; what is no plain number in it is refused."""
     assert {key: _all(log, key) for key in _READ} == _READ
     assert_refused((partial(_all, log, key), re.escape(says)) for key, says in _REFUSED.items())
@@ -113,10 +113,7 @@ def test_a_path_reads_its_dataset_or_says_why_not(log: Path, tmp_path: Path) -> 
     crashed = [path for path, x in zip(paths, found[::2], strict=True) if "crashed" in str(x)]
     for path in [*paths[:4], *paths[11:15], *crashed[:2]]:
         assert len(refusal(path, [Key("/arm/q", 1), Key("/log.position")]) or "") < 500
-
-
-def test_names_and_draft(tmp_path: Path, log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The vectors of numbers are offered by path, through no link; a draft takes them by their names."""
+    # the vectors of numbers are offered by path, through no link; a draft takes them by their names
     assert {"/t", "/arm/column", "/log.position", "/log.counts", "/flags"} <= set(names_of(log))
     assert not {"/soft", "/away", "/text", "/arm/q", "/one"} & set(names_of(log))
     with h5py.File(tmp_path / "log.hdf5", "w") as file:

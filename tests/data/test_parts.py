@@ -193,33 +193,13 @@ def test_a_line_is_a_line_at_any_instants(steps: list[float], slope: float, star
         assert np.isnan(found[~inside]).all()
 
 
-def test_nothing_is_interpolated_over_a_gap() -> None:
+def test_times_that_have_gaps_or_do_not_go_together(tmp_path: Path) -> None:
     """Between two samples far apart there is no value, at the samples themselves there is."""
     own = np.append(np.arange(10.0), 100 + np.arange(10.0))
     found = brought_to(np.array([8.5, 9.0, 50.0, 100.0, 100.5]), own, own, 5.0)
     np.testing.assert_array_equal(found, [8.5, 9.0, np.nan, 100.0, 100.5])
-
-
-_BAD_TIMES: dict[str, str] = {
-    "torque: {file: x.csv}": "signals.torque: file: a signal of another file needs a time of its own",
-    "torque: {file: x.csv, time: t}": "'x.csv' is not a file",
-    "torque: {file: '*.csv', time: t}": r"a signal of '\*.csv' goes with one file",
-    "torque: {time: none}": r"log\.csv: no column named 'none'",
-    "torque: {time: {column: t, unit: iso}}": "and unit iso was declared",
-    "torque: {time: {column: t, unit: h}}": "has 1 samples in that of the run, .*; check the unit of each",
-    "torque: {time: {column: t, unit: V}}": "unit 'V' is not a unit of s",
-    "torque: {time: back}": "its own time runs backward in 1 rows",
-    "torque: {time: late}": "has 0 samples in that of the run",
-    "torque: {time: one}": "1 samples with a time of their own",
-    "{time: null, torque: {time: t}}": "no time; give a column",
-    "{time: null, position: {time: t}}": "signals.position.time: no unit, and no other time",
-    "time: {unit: iso, plus: {column: late, unit: ns}}": "plus: expected it beside a column",
-    "{time: {rate: 1 kHz, column: null, unit: null, plus: {column: late, unit: ns}}}": "plus: expected it beside a column",
-}
-
-
-def test_times_that_do_not_go_together_are_refused(tmp_path: Path) -> None:
-    """A time that is missing, backward, of another unit or of another hour is one sentence; points, which are pairs, have none of their own."""
+    # a time that is missing, backward, of another unit or of another hour is one sentence; points, which are pairs,
+    # have none of their own
     back, one = np.where(np.arange(N) == 300, 0.0, T), np.where(np.arange(N) == 300, 0.3, np.nan)
     log(tmp_path, back=back, late=T + 100, one=one, v=T)
     log(tmp_path, "log2.csv")
@@ -250,6 +230,24 @@ def test_times_that_do_not_go_together_are_refused(tmp_path: Path) -> None:
             (found,) = records(tmp_path, signals=signals)
             warned = [str(w) for w in found.warnings if w.code == "unit-differs"]
             assert ["states deg, and " in warning for warning in warned] == [True] * differs
+
+
+_BAD_TIMES: dict[str, str] = {
+    "torque: {file: x.csv}": "signals.torque: file: a signal of another file needs a time of its own",
+    "torque: {file: x.csv, time: t}": "'x.csv' is not a file",
+    "torque: {file: '*.csv', time: t}": r"a signal of '\*.csv' goes with one file",
+    "torque: {time: none}": r"log\.csv: no column named 'none'",
+    "torque: {time: {column: t, unit: iso}}": "and unit iso was declared",
+    "torque: {time: {column: t, unit: h}}": "has 1 samples in that of the run, .*; check the unit of each",
+    "torque: {time: {column: t, unit: V}}": "unit 'V' is not a unit of s",
+    "torque: {time: back}": "its own time runs backward in 1 rows",
+    "torque: {time: late}": "has 0 samples in that of the run",
+    "torque: {time: one}": "1 samples with a time of their own",
+    "{time: null, torque: {time: t}}": "no time; give a column",
+    "{time: null, position: {time: t}}": "signals.position.time: no unit, and no other time",
+    "time: {unit: iso, plus: {column: late, unit: ns}}": "plus: expected it beside a column",
+    "{time: {rate: 1 kHz, column: null, unit: null, plus: {column: late, unit: ns}}}": "plus: expected it beside a column",
+}
 
 
 # units that the file states

@@ -41,7 +41,7 @@ def even(record: Record) -> bool:
     )
 
 
-def test_even_samples_are_left_as_they_are() -> None:
+def test_records_and_even_samples_are_left_as_they_are() -> None:
     """The record itself is returned, and that of what was made even; stamps that are off by a hundredth of a sample are even."""
     record, v = moving(0)
     off = record.time + 0.01 * np.random.default_rng(0).uniform(-1, 1, v.size) / RATE
@@ -64,6 +64,22 @@ def test_even_samples_are_left_as_they_are() -> None:
     time = np.concatenate([np.arange(500), 3.6e9 + np.arange(500)]) * 1e-6
     record = Record(file="a", time=time, position=np.sin(time), torque=np.cos(time))
     assert evenly_sampled(record) is record
+    # a record keeps what it was given, whatever happens to the caller's array, and cannot be written to
+    time = np.array([0.0, 1.0, 2.0])
+    record = Record(file="a.csv", time=time, torque=time)
+    time[:] = 7.0
+    assert present(record.torque).tolist() == record.time.tolist() == [0.0, 1.0, 2.0]
+    with pytest.raises(ValueError, match="read-only"):
+        record.time[0] = 1.0
+    # one long interval does not move the sampling interval; a single sample has none
+    assert Record(file="", time=np.array([0.0, 1.0, 2.0, 9.0])).step == 1.0
+    assert np.isnan(Record(file="", time=np.array([0.0])).step)
+    # time must be one finite, strictly increasing column, and every signal finite and as long
+    times: list[Any] = [[], [[0.0, 1.0]], [0.0, 0.0], [1.0, 0.0], [0.0, np.nan]]
+    asks = [(partial(Record, file="a.csv", time=np.array(time)), r"^a\.csv: time") for time in times]
+    pair = partial(Record, file="a.csv", time=np.array([0.0, 1.0]))
+    asks += [(partial(pair, velocity=np.array(v)), r"^a\.csv: velocity") for v in ([1.0], [1.0, np.inf])]
+    assert_refused(asks)
 
 
 @pytest.mark.parametrize("share", [0.02, 0.2, 0.5])
@@ -233,7 +249,7 @@ def test_slow_loading_is_presliding(rate: float) -> None:
     assert kind(log(rate, small)) == "tracking"
 
 
-def test_a_slow_sine_of_torque_below_breakaway_is_presliding() -> None:
+def test_slow_loading_at_any_rate_is_presliding() -> None:
     """Each rise of 0.5 s is one, though at 67 Hz it has 33 or 34 samples, 0.48 or 0.49 s from the first to the last."""
     t = np.arange(670) / 67.0
     T = 0.8 * G0 * np.sin(np.pi * t + 0.03)
@@ -248,10 +264,8 @@ def test_a_slow_sine_of_torque_below_breakaway_is_presliding() -> None:
     assert does.unused("ramp") == pytest.approx(13 / (13 + 26.4), abs=0.1)
     assert does.unused("tracking") == 0
     assert str(does) == "constant velocity 59%, other motion 41%"
-
-
-def test_slow_loading_until_it_slides_both_ways_is_presliding() -> None:
-    """A slow cycle of torque that breaks the joint away in each direction is slow loading, though the second begins elsewhere."""
+    # a slow cycle of torque that breaks the joint away in each direction is slow loading, though the second begins
+    # elsewhere
     rate, quarter = 500.0, np.linspace(0, 0.99 * G0, 5000)
     way = np.cumsum(np.gradient(quarter) / (STIFFNESS * (1 - quarter / G0)))
     slide = np.linspace(0, 1.0, 1500)
@@ -272,10 +286,8 @@ def test_slow_loading_until_it_slides_both_ways_is_presliding() -> None:
     T = rollout(v, 1e-3, Lugre(0.8, 0.35, 0.6, 0.05, 1000.0, 1.0)).torque
     T = T + 0.01 * np.random.default_rng(0).standard_normal(v.size)
     assert kind(log(1000.0, v, np.cumsum(v) / 1000, T, velocity=False)) == "tracking"
-
-
-def test_what_is_done_most_decides() -> None:
-    """Slow loading, as of a joint that sticks before each of many speeds, is presliding where hardly anything else is done."""
+    # slow loading, as of a joint that sticks before each of many speeds, is presliding where hardly anything else is
+    # done
     # with a third of the time between its speeds a run is tracking, one log of several too; with a fifth it is a ramp
     speeds = (0.1, 0.2, 0.4, -0.1, -0.2, -0.4)
     assert Stretches(held=5, loaded=26, broken=0, moving=17, total=48, speeds=speeds).kind == "tracking"
@@ -297,22 +309,3 @@ def test_what_is_done_most_decides() -> None:
         ([several, several, sticks], ["ramp", "ramp", "tracking"]),
     ):
         assert kinds_of([(f"log{k}.csv", does) for k, does in enumerate(of)]) == kinds
-
-
-def test_copies_and_freezes() -> None:
-    """A record keeps what it was given, whatever happens to the caller's array, and cannot be written to."""
-    time = np.array([0.0, 1.0, 2.0])
-    record = Record(file="a.csv", time=time, torque=time)
-    time[:] = 7.0
-    assert present(record.torque).tolist() == record.time.tolist() == [0.0, 1.0, 2.0]
-    with pytest.raises(ValueError, match="read-only"):
-        record.time[0] = 1.0
-    # one long interval does not move the sampling interval; a single sample has none
-    assert Record(file="", time=np.array([0.0, 1.0, 2.0, 9.0])).step == 1.0
-    assert np.isnan(Record(file="", time=np.array([0.0])).step)
-    # time must be one finite, strictly increasing column, and every signal finite and as long
-    times: list[Any] = [[], [[0.0, 1.0]], [0.0, 0.0], [1.0, 0.0], [0.0, np.nan]]
-    asks = [(partial(Record, file="a.csv", time=np.array(time)), r"^a\.csv: time") for time in times]
-    pair = partial(Record, file="a.csv", time=np.array([0.0, 1.0]))
-    asks += [(partial(pair, velocity=np.array(v)), r"^a\.csv: velocity") for v in ([1.0], [1.0, np.inf])]
-    assert_refused(asks)

@@ -146,10 +146,7 @@ def test_what_is_named_and_what_is_left_alone() -> None:
     assert found.low < 1e-3
     assert found.high > 1e3
     assert [d.code for d in checked(record, "ramp")] == ["velocity-unrelated"]
-
-
-def test_the_ratio_is_bracketed_in_spite_of_noise() -> None:
-    """With noise as large as the velocity itself, the truth lies between the two regressions."""
+    # with noise as large as the velocity itself, the truth lies between the two regressions
     for seed in range(20):
         record, v = moving(seed)
         noise = np.std(v) * np.random.default_rng(seed).standard_normal(v.size)

@@ -110,18 +110,16 @@ def test_the_lowest_of_several_minima_is_kept() -> None:
     found = solve_from_starts(solve, [-1.5, 1.5, 50.0, 0.5], lambda posed, minimum: (posed, minimum))
     assert found.values["a"] == pytest.approx(1.0, abs=1e-3)
     assert (found.starts, found.reached) == (4, 2)
-
-
-def test_ends_a_tenth_of_a_standard_error_apart_are_one() -> None:
-    """A start whose cost is higher by less than a hundredth of a residual's variance has reached the lowest one, whatever the digits say."""
+    # a start whose cost is higher by less than a hundredth of a residual's variance has reached the lowest one,
+    # whatever the digits say
     costs = {0.0: 1.0, 1.0: 1.0 + 0.9e-2 / 100, 2.0: 1.0 + 1.2e-2 / 100}
 
-    def solve(start: float, _most: int, _lowest: float) -> tuple[LeastSquares[str], Minimum]:
+    def ended(start: float, _most: int, _lowest: float) -> tuple[LeastSquares[str], Minimum]:
         """An end with the cost of its start, of 100 residuals and one unknown."""
         posed = LeastSquares(unknowns=unknowns("a"), evaluate=lambda _: (np.ones(100), np.ones((100, 1))))
         return posed, Minimum(np.zeros(1), costs[start], np.full(100, 0.1), np.ones((100, 1)), 1, converged=True)
 
-    assert solve_from_starts(solve, [0.0, 1.0, 2.0], lambda posed, minimum: (posed, minimum)).reached == 2
+    assert solve_from_starts(ended, [0.0, 1.0, 2.0], lambda posed, minimum: (posed, minimum)).reached == 2
 
 
 @settings(max_examples=60, deadline=None)

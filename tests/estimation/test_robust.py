@@ -97,7 +97,7 @@ def test_without_each_is_the_population_of_the_others(n: int) -> None:
         assert found.freedom == rest.freedom
 
 
-def test_values_that_are_equal_have_no_spread() -> None:
+def test_equal_values_and_values_with_nothing_in_common() -> None:
     """Equal values with no error are a population without spread, with and without each of them."""
     for found in (population(np.full(4, 0.3), np.zeros(4)), without_each(np.full(4, 0.3), np.zeros(4))):
         assert np.max(found.variance) == np.max(found.mean_error) == 0.0
@@ -122,6 +122,32 @@ def test_values_that_are_equal_have_no_spread() -> None:
     fit = fit_differences(y + 0.15 * late, known, X, differences_of(owner), owner)
     assert abs(fit.coefficients[0] - 0.01) < 2 * np.sqrt(fit.covariance[0, 0])
     assert np.sqrt(fit.variance) == pytest.approx(0.03, rel=0.08)
+    # over ten decades the larger half keep their estimates; those with infinitely many degrees of freedom always do,
+    # and one alone
+    truth = 10.0 ** RNG.uniform(-10, 0, 500)
+    found = drawn(truth, 8.0)
+    steady, more = moderated(found, np.full(500, 8.0))
+    large = found > np.median(found)
+    assert steady[large] == pytest.approx(found[large], rel=0.15)
+    assert more == pytest.approx(8.0, rel=0.05)
+    mixed = np.where(np.arange(500) % 2 == 0, np.inf, 8.0)
+    steady, more = moderated(found, mixed)
+    assert np.array_equal(steady[::2], found[::2])
+    assert np.isinf(more[::2]).all()
+    assert moderated(found[:1], np.array([3.0]))[0] == found[:1]
+    # variances drawn from a scaled inverse chi-squared with 6 degrees of freedom: so many are added, within a quarter
+    truth = 6.0 / RNG.chisquare(6.0, 5000)
+    _, more = moderated(drawn(truth, 4.0), np.full(5000, 4.0))
+    assert more - 4.0 == pytest.approx(6.0, rel=0.25)
+    # estimates with intervals of 4 degrees of freedom lie outside 1.96 of the errors made of these in 5 %, outside 3.29 in 0.1 % of the
+    # cases
+    true = np.full(20_000, 0.3)
+    error = np.sqrt(drawn(true**2, 4.0))
+    z = true * RNG.standard_normal(true.size) / normal_errors(error, float(stdtrit(4.0, 0.975)) * error)
+    assert (np.abs(z) > 1.96).mean() == pytest.approx(0.05, abs=0.006)
+    assert (np.abs(z) > 3.29).mean() < 0.003
+    plain = np.array([1.0, 2.0, 3.0, 4.0])
+    assert normal_errors(plain, np.array([1.95996, np.inf, np.nan, 3.0])) == pytest.approx(plain, rel=1e-5)
 
 
 @pytest.mark.slow
@@ -152,34 +178,6 @@ def test_what_is_one_variance_becomes_one(freedom: float) -> None:
     assert np.median(steady) == pytest.approx(2.5, rel=0.1)
     assert np.log(steady).std() < np.log(found).std() / 5
     assert more.min() > 4 * freedom
-
-
-def test_what_has_nothing_in_common_stays() -> None:
-    """Over ten decades the larger half keep their estimates; those with infinitely many degrees of freedom always do, and one alone."""
-    truth = 10.0 ** RNG.uniform(-10, 0, 500)
-    found = drawn(truth, 8.0)
-    steady, more = moderated(found, np.full(500, 8.0))
-    large = found > np.median(found)
-    assert steady[large] == pytest.approx(found[large], rel=0.15)
-    assert more == pytest.approx(8.0, rel=0.05)
-    mixed = np.where(np.arange(500) % 2 == 0, np.inf, 8.0)
-    steady, more = moderated(found, mixed)
-    assert np.array_equal(steady[::2], found[::2])
-    assert np.isinf(more[::2]).all()
-    assert moderated(found[:1], np.array([3.0]))[0] == found[:1]
-    # variances drawn from a scaled inverse chi-squared with 6 degrees of freedom: so many are added, within a quarter
-    truth = 6.0 / RNG.chisquare(6.0, 5000)
-    _, more = moderated(drawn(truth, 4.0), np.full(5000, 4.0))
-    assert more - 4.0 == pytest.approx(6.0, rel=0.25)
-    # estimates with intervals of 4 degrees of freedom lie outside 1.96 of the errors made of these in 5 %, outside 3.29 in 0.1 % of the
-    # cases
-    true = np.full(20_000, 0.3)
-    error = np.sqrt(drawn(true**2, 4.0))
-    z = true * RNG.standard_normal(true.size) / normal_errors(error, float(stdtrit(4.0, 0.975)) * error)
-    assert (np.abs(z) > 1.96).mean() == pytest.approx(0.05, abs=0.006)
-    assert (np.abs(z) > 3.29).mean() < 0.003
-    plain = np.array([1.0, 2.0, 3.0, 4.0])
-    assert normal_errors(plain, np.array([1.95996, np.inf, np.nan, 3.0])) == pytest.approx(plain, rel=1e-5)
 
 
 levels = arrays(float, st.integers(1, 40), elements=st.floats(1e-300, 1.0))
@@ -258,7 +256,7 @@ def test_a_clear_step_is_found_where_it_is(at: int, size: float, seed: int) -> N
     assert scan(-y, np.full((1, 10), 1e-4), 3).z[0] == -found.z[0]
 
 
-def test_it_is_the_linear_fit_with_the_column() -> None:
+def test_the_score_test_is_a_linear_fit_and_tells_causes_first() -> None:
     """Of a linear model the size, its share and what moves are those of least squares with the columns, exactly, in any unit."""
     rng = np.random.default_rng(0)
     known, columns, y = rng.normal(size=(200, 4)), rng.normal(size=(200, 2)) * [1.0, 1e-9], rng.normal(size=200)
@@ -277,21 +275,8 @@ def test_it_is_the_linear_fit_with_the_column() -> None:
         assert scores(known, y, [columns])[0].p == 1.0
     assert scores(known[:4], y[:4], [y[:4, None]])[0].p == 1.0
     assert scores(known, y, [y[:, None]])[0].p < 1e-6
-
-
-@pytest.mark.parametrize(("rho", "waves", "most"), [(0.0, 1, 0.08), (0.0, 90, 0.08), (0.5, 5, 0.09), (0.9, 20, 0.1)])
-def test_it_is_as_rare_as_it_says(rho: float, waves: int, most: float) -> None:
-    """Of noise that grows along the record, white or correlated, p < 0.05 in some 5 % of 500 draws, for a slow column and a fast one."""
-    rng, n = np.random.default_rng(3), 600
-    t = np.linspace(0, 1, n)
-    noise = lfilter([1.0], [1.0, -rho], rng.normal(size=(500, n + 100)))[:, 100:] * (0.5 + t)
-    known, column = np.stack([np.ones(n), t], axis=1), np.cos(2 * np.pi * waves * t)[:, None]
-    p = [scores(known, x - known @ np.linalg.lstsq(known, x)[0], [column])[0].p for x in noise]
-    assert 0.02 <= np.mean(np.array(p) < 0.05) <= most
-
-
-def test_what_explains_most_is_told_first_and_what_it_makes_is_not_told() -> None:
-    """Of a cause and a column that goes along with it the cause alone, then a second cause; one that is refused leaves room for the next."""
+    # of a cause and a column that goes along with it the cause alone, then a second cause; one that is refused leaves
+    # room for the next
     rng, n = np.random.default_rng(5), 500
     cause, other, noise = rng.normal(size=(3, n))
     alike = cause + 0.3 * rng.normal(size=n)
@@ -308,3 +293,14 @@ def test_what_explains_most_is_told_first_and_what_it_makes_is_not_told() -> Non
     assert np.std(left) == pytest.approx(0.1, rel=0.1)
     found, *_ = explained(fit, [row("alike", alike), row("cause", cause, refused=True)])
     assert [x.code for x in found] == ["alike"]
+
+
+@pytest.mark.parametrize(("rho", "waves", "most"), [(0.0, 1, 0.08), (0.0, 90, 0.08), (0.5, 5, 0.09), (0.9, 20, 0.1)])
+def test_it_is_as_rare_as_it_says(rho: float, waves: int, most: float) -> None:
+    """Of noise that grows along the record, white or correlated, p < 0.05 in some 5 % of 500 draws, for a slow column and a fast one."""
+    rng, n = np.random.default_rng(3), 600
+    t = np.linspace(0, 1, n)
+    noise = lfilter([1.0], [1.0, -rho], rng.normal(size=(500, n + 100)))[:, 100:] * (0.5 + t)
+    known, column = np.stack([np.ones(n), t], axis=1), np.cos(2 * np.pi * waves * t)[:, None]
+    p = [scores(known, x - known @ np.linalg.lstsq(known, x)[0], [column])[0].p for x in noise]
+    assert 0.02 <= np.mean(np.array(p) < 0.05) <= most

@@ -90,6 +90,32 @@ def test_now_is_what_was_identified(gripper: Plan) -> None:
     )
     opened = replace(gripper, standard_errors={**gripper.standard_errors, "with motion": wide}).worth
     assert ": predicted alpha_0 not identifiable, v_s to +/- " in opened.message
+    # the table and the text have the error by noise, the viscous share, and both together as the promised one, which is
+    # what is added
+    columns = ("by_noise", "viscous_share", "standard_error")
+    for row, own in zip(
+        table_of(gripper, "loading")[[*columns]].to_numpy(float).tolist(), gripper.loadings, strict=True
+    ):
+        by_noise, viscous, whole = row
+        sigma_0 = gripper.start.p(own.direction).sigma_0
+        assert whole == pytest.approx(np.hypot(by_noise, viscous * sigma_0))
+        assert f"{100 * viscous:.2g} %" in bristle.report_of(gripper).text()
+        k = gripper.start.names.index(ParameterName("sigma_0", own.direction))
+        before, after = gripper.standard_errors["with velocities"][k], gripper.standard_errors["with loading"][k]
+        assert after**-2 - before**-2 == pytest.approx(whole**-2, rel=0.05)
+    # every count is drawn within its axes, apart from the others and from each point; the legend lies below all axes
+    figure = figures.velocities_figure(gripper)
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    for ax, own in zip(figure.axes, gripper.velocities, strict=True):
+        frame, boxes = ax.get_window_extent(), [t.get_window_extent() for t in ax.texts if t.get_text().startswith("×")]
+        assert len(boxes) == np.unique(own.chosen.speeds).size
+        assert all(frame.x0 <= b.x0 and b.x1 <= frame.x1 and frame.y0 <= b.y0 and b.y1 <= frame.y1 for b in boxes)
+        assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+        points = np.concatenate([ax.transData.transform(line.get_xydata()) for line in ax.lines])
+        assert max(y for _, y in points) < min(b.y0 for b in boxes)
+        assert legend.get_window_extent().y1 < frame.y0
+    assert 0 <= legend.get_window_extent().x0 < legend.get_window_extent().x1 <= figure.bbox.x1
 
 
 def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
@@ -178,7 +204,7 @@ def measured() -> Measured:
     return measure(experiments()[0])
 
 
-def test_a_declared_frequency_is_used(measured: Measured) -> None:
+def test_declared_and_undeclared_limits_are_said(measured: Measured, tmp_path: Path) -> None:
     """What is declared is the highest frequency and no assumption; what caps it, or the default, is said."""
     for asked, frequency, named in (
         ({"frequency": 8.0}, 8.0, ""),
@@ -198,10 +224,8 @@ def test_a_declared_frequency_is_used(measured: Measured) -> None:
         assert named in " ".join(map(str, said)), asked
         assert bool(named) == bool(said), asked
 
-
-def test_limits_that_nobody_declared_are_said(measured: Measured, tmp_path: Path) -> None:
-    """Each has its kind and the value that the limits have: a note where runs showed it, a caution where it is a guess; a declared one has none."""
-
+    # each has its kind and the value that the limits have: a note where runs showed it, a caution where it is a guess;
+    # a declared one has none
     def said_of(found: Measured, asked: dict[str, object]) -> tuple[Limits, dict[str, Finding]]:
         options = found.experiment.plan.model_validate(asked)
         limits, said = limits_of(replace(found, experiment=found.experiment.model_copy(update={"plan": options})))
@@ -262,34 +286,6 @@ def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
     assert said[Direction.NEGATIVE]["ratio"] < 1.5
     (outliers,) = (str(x) for x in of_kind(found.assumptions, "noise-of-points") if "outliers" in str(x))
     assert outliers.startswith("Noise (+): ")
-
-
-def test_what_loading_neglects_is_shown(gripper: Plan) -> None:
-    """The table and the text have the error by noise, the viscous share, and both together as the promised one, which is what is added."""
-    columns = ("by_noise", "viscous_share", "standard_error")
-    for row, own in zip(
-        table_of(gripper, "loading")[[*columns]].to_numpy(float).tolist(), gripper.loadings, strict=True
-    ):
-        by_noise, viscous, whole = row
-        sigma_0 = gripper.start.p(own.direction).sigma_0
-        assert whole == pytest.approx(np.hypot(by_noise, viscous * sigma_0))
-        assert f"{100 * viscous:.2g} %" in bristle.report_of(gripper).text()
-        k = gripper.start.names.index(ParameterName("sigma_0", own.direction))
-        before, after = gripper.standard_errors["with velocities"][k], gripper.standard_errors["with loading"][k]
-        assert after**-2 - before**-2 == pytest.approx(whole**-2, rel=0.05)
-    # every count is drawn within its axes, apart from the others and from each point; the legend lies below all axes
-    figure = figures.velocities_figure(gripper)
-    figure.draw_without_rendering()
-    (legend,) = figure.legends
-    for ax, own in zip(figure.axes, gripper.velocities, strict=True):
-        frame, boxes = ax.get_window_extent(), [t.get_window_extent() for t in ax.texts if t.get_text().startswith("×")]
-        assert len(boxes) == np.unique(own.chosen.speeds).size
-        assert all(frame.x0 <= b.x0 and b.x1 <= frame.x1 and frame.y0 <= b.y0 and b.y1 <= frame.y1 for b in boxes)
-        assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
-        points = np.concatenate([ax.transData.transform(line.get_xydata()) for line in ax.lines])
-        assert max(y for _, y in points) < min(b.y0 for b in boxes)
-        assert legend.get_window_extent().y1 < frame.y0
-    assert 0 <= legend.get_window_extent().x0 < legend.get_window_extent().x1 <= figure.bbox.x1
 
 
 @pytest.mark.usefixtures("raster")

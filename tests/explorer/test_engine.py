@@ -84,7 +84,7 @@ def printed_functions(node: Node, printed: Sequence[ca.Function]) -> str:
     return node.module(javascript.HELPERS + "".join(texts) + f"const all = [{', '.join(names)}];\n" + each)
 
 
-def test_every_operation_and_its_derivatives_equal_casadi(node: Node) -> None:
+def test_operations_are_casadis_and_numpys(node: Node) -> None:
     """Each operation that NumPy has a counterpart of, and those of its derivatives, give in JavaScript what CasADi gives, NaN too; erf has none."""
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     built = [(UNARY[name](x), [x]) for name in UNARY if name != "erf"] + [
@@ -108,10 +108,7 @@ def test_every_operation_and_its_derivatives_equal_casadi(node: Node) -> None:
     path = printed_functions(node, [f])
     (((*got,),),) = node.call(path, [("each", 0, 6, [0.7], [[1.0, 2.0, 0.1]])])
     assert floats(got).tolist() == [0.0, 0.1 - 0.7, 0.7 * -1e-300, 1 / 3, np.inf, -np.inf]
-
-
-def test_the_printer_knows_what_numpy_knows() -> None:
-    """Of the operations that `vectorised` takes, only erf cannot be printed."""
+    # of the operations that `vectorised` takes, only erf cannot be printed
     lacking = []
     for code in OPERATIONS:
         try:

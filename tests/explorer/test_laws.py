@@ -128,7 +128,7 @@ def test_every_function_of_a_law_is_that_of_python(law: Law, js: Engine) -> None
     assert [*check_loops(js, loop, 2.0)] == ["none", "fixed", *LAWS]
 
 
-def test_a_script_of_the_papers_law_has_no_other() -> None:
+def test_a_page_knows_its_joints_laws_alone(several: Explorer) -> None:
     """What other laws take is printed where a joint has them alone."""
     text = engine.script()
     assert text.count('LAWS["') == 1
@@ -145,6 +145,16 @@ def test_a_script_of_the_papers_law_has_no_other() -> None:
         }  # fmt: skip  # a list of values
         assert found["delta"] == {"low": 0.5, "high": 4.0, "log": True, "least": 0.0}
         assert (found["alpha_2"]["low"], found["alpha_2"]["least"]) == (0.0, 0.0)
+    # parameters, units and truth by joint; no symbol of a law is HTML
+    paper, bent, own = known_of(several)["joints"]
+    assert [joint["law"] for joint in (paper, bent, own)] == ["gaussian", "lorentzian+quadratic", "flat-top+quadratic"]
+    assert paper["law_title"] == ""
+    assert "Lorentzian peak" in bent["law_title"]
+    assert bent["truth_law"] == "gaussian"
+    assert [*own["sets"][0]["values"]["+"]] == [*lugre_of(law_named(own["law"]))._fields]
+    assert own["units"]["alpha_3"] == "N·m·s²/rad²"
+    assert "<b>k" not in several.html
+    assert "&lt;b&gt;k" in several.html
 
 
 def identified(folder: Path, law: Law, *, joint: str, simulated: bool = False) -> bristle.Results:
@@ -178,19 +188,6 @@ def several(own_law: Law, bent: bristle.Results, tmp_path_factory: pytest.TempPa
     """Three joints: of the paper's law, of one that bends down, and of the user's own."""
     folder = tmp_path_factory.mktemp("several")
     return page_of(identified(folder, GAUSSIAN, joint="paper"), bent, identified(folder, own_law, joint="own"))
-
-
-def test_what_the_page_knows_is_of_each_joints_law(several: Explorer) -> None:
-    """Parameters, units and truth by joint; no symbol of a law is HTML."""
-    paper, bent, own = known_of(several)["joints"]
-    assert [joint["law"] for joint in (paper, bent, own)] == ["gaussian", "lorentzian+quadratic", "flat-top+quadratic"]
-    assert paper["law_title"] == ""
-    assert "Lorentzian peak" in bent["law_title"]
-    assert bent["truth_law"] == "gaussian"
-    assert [*own["sets"][0]["values"]["+"]] == [*lugre_of(law_named(own["law"]))._fields]
-    assert own["units"]["alpha_3"] == "N·m·s²/rad²"
-    assert "<b>k" not in several.html
-    assert "&lt;b&gt;k" in several.html
 
 
 def test_the_cost_map_of_a_moving_run_is_that_of_python(node: Node) -> None:

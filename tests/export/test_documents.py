@@ -91,7 +91,7 @@ def saved(folder: Path, artefact: Artefact) -> Path:
     return path
 
 
-def test_the_schema_and_what_stands_in_a_document(handed: Handed) -> None:
+def test_documents_and_their_schema(handed: Handed, tmp_path: Path) -> None:
     """docs/export.schema.json is what `export_schema()` gives; BRISTLE_REGENERATE=1 rewrites it."""
     text = json.dumps(export_schema(), indent=2) + "\n"
     path = DOCS / "export.schema.json"
@@ -115,10 +115,7 @@ def test_the_schema_and_what_stands_in_a_document(handed: Handed) -> None:
     (said,) = document["said"]
     assert (said["severity"], said["code"]) == ("caution", "not-passive")
     assert "N*m*s/rad" in said["message"]
-
-
-def test_what_was_exported_is_read_back_to_the_last_bit(handed: Handed, tmp_path: Path) -> None:
-    """Every joint of the report comes back as it was, and the check says so; a name is a name, whatever it looks like."""
+    # every joint of the report comes back as it was, and the check says so; a name is a name, whatever it looks like
     joints = [*robot(handed), *(handed("wrist pitch", name=name) for name in HOSTILE)]
     artefact = write_json(joints, ASK)
     assert read_export(saved(tmp_path, artefact)) == tuple(joints)

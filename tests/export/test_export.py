@@ -245,10 +245,7 @@ def test_which_joints_a_target_takes_and_what_is_said(handed: Handed, edro_resul
     pair = replace(joint, parameters=both).pair
     assert pair.positive == pair.negative == joint.pair.positive
     assert len(both) == len(Lugre._fields)
-
-
-def test_one_law_with_two_stiffnesses_is_a_pair() -> None:
-    """A symmetric curve and a bristle per direction: both directions are exported, with the bristle."""
+    # a symmetric curve and a bristle per direction: both directions are exported, with the bristle
     v = np.concatenate([np.geomspace(0.015, 0.8, 12), -np.geomspace(0.015, 0.8, 12)])
     T = bristle.friction(v, LAW) + 2e-5 * np.random.default_rng(0).standard_normal(v.size)
     t = np.arange(0, 8, 0.002)

@@ -79,7 +79,7 @@ def wrist(exported: Exported) -> Iterator[LoadedFmu]:
 
 
 @runs
-def test_check_holds_the_figures(handed: Handed, exported: Exported) -> None:
+def test_check_holds_the_figures(handed: Handed, exported: Exported, wrist: LoadedFmu) -> None:
     """What `export_checks` says: valid; <= 1e-12 off Python; <= 0.01 % off Radau; the sources, built by fmpy, give the same."""
     joint = handed("wrist pitch")
     if shutil.which("make") is None and shutil.which("ninja") is None:
@@ -89,11 +89,8 @@ def test_check_holds_the_figures(handed: Handed, exported: Exported) -> None:
     assert float(re.findall(r"sliding: (\S+) of", python)[0]) <= 1e-12
     assert float(re.findall(r"Radau: (\S+) %", radau)[0]) <= 0.01
     assert float(re.findall(r"fmpy: (\S+) of", sources)[0]) <= 1e-12
-
-
-@runs
-def test_the_fmu_is_python(handed: Handed, exported: Exported, wrist: LoadedFmu) -> None:
-    """Over 10 s at 1 ms with presliding, reversals and sliding: each joint within 1e-12 of its largest position and velocity; friction too."""
+    # over 10 s at 1 ms with presliding, reversals and sliding: each joint within 1e-12 of its largest position and
+    # velocity; friction too
     off = {}
     for name in edro.TABLE_1:
         joint = handed(name)
@@ -148,7 +145,7 @@ def test_the_default_step_follows_the_continuous_equations(handed: Handed) -> No
     assert {name: x for name, x in off.items() if not x <= 0.01} == {}
 
 
-def test_the_default_step_is_a_round_number(handed: Handed) -> None:
+def test_default_steps_and_units(handed: Handed, monkeypatch: pytest.MonkeyPatch) -> None:
     """1, 2 or 5 times a power of ten, not longer than 1 ms nor a fiftieth of the joint's two times, and more than 0.4 of that."""
     for factor in np.logspace(-6, 4, 40):
         joint = scaled(handed(), J=float(factor))
@@ -168,6 +165,14 @@ def test_the_default_step_is_a_round_number(handed: Handed) -> None:
         handed_over(replace(joint, inertia=1e-12))
     with pytest.raises(InputError, match=r"v_s: got .*; the C code takes"):
         handed_over(scaled(joint, v_s=1e-9))
+    # exponents of the base units, the radian among them
+    assert base_units("N*m*s/rad") == {"kg": 1, "m": 2, "s": -1, "rad": -1}
+    assert base_units("kg*m**2") == {"kg": 1, "m": 2}
+    assert base_units("N/m") == {"kg": 1, "s": -2}
+    assert base_units("m/s") == {"m": 1, "s": -1}
+    # where it is not linux64, nothing is compiled and the artefact says so
+    monkeypatch.setattr(platform, "machine", lambda: "arm64")
+    assert "C sources alone: this machine is not linux64" in handed_over(handed()).holds
 
 
 def write_sources(content: dict[str, bytes], folder: Path) -> None:
@@ -379,7 +384,9 @@ def test_a_bad_call_leaves_all_as_it_was(
 
 
 @runs
-def test_memory_is_the_environments(wrist: LoadedFmu) -> None:
+def test_memory_and_motions_that_are_not_finite(
+    wrist: LoadedFmu, exported: Exported, capsys: pytest.CaptureFixture[str]
+) -> None:
     """One piece for an instance and one for a state, by the given functions, all of it given back; none while it steps."""
     fmpy = installed_fmpy()
     taken: list[int] = []
@@ -406,11 +413,7 @@ def test_memory_is_the_environments(wrist: LoadedFmu) -> None:
     slave.freeFMUstate(state)
     slave.freeInstance()
     assert not taken
-
-
-@runs
-def test_a_motion_that_is_not_finite_is_discarded(exported: Exported, capsys: pytest.CaptureFixture[str]) -> None:
-    """A step whose end is out of all bounds returns fmi2Discard and leaves the joint where it was."""
+    # a step whose end is out of all bounds returns fmi2Discard and leaves the joint where it was
     content = files_of(exported("wrist pitch").content)
     low = content["sources/fmu.c"].replace(b"#define BR_LARGEST 1e30", b"#define BR_LARGEST 1e0")
     assert low != content["sources/fmu.c"]
@@ -508,14 +511,3 @@ def test_a_joint_that_slides_has_its_units(handed: Handed, exported: Exported, m
     assert artefact.holds.endswith("as C sources alone: there is no C compiler here; fmpy compile makes the binary")
     assert files_of(artefact.content) == {name: x for name, x in whole.items() if not name.startswith("binaries/")}
     assert fmu_problems(artefact.content) == []
-
-
-def test_units_are_si(handed: Handed, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Exponents of the base units, the radian among them."""
-    assert base_units("N*m*s/rad") == {"kg": 1, "m": 2, "s": -1, "rad": -1}
-    assert base_units("kg*m**2") == {"kg": 1, "m": 2}
-    assert base_units("N/m") == {"kg": 1, "s": -2}
-    assert base_units("m/s") == {"m": 1, "s": -1}
-    # where it is not linux64, nothing is compiled and the artefact says so
-    monkeypatch.setattr(platform, "machine", lambda: "arm64")
-    assert "C sources alone: this machine is not linux64" in handed_over(handed()).holds

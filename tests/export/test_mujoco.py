@@ -43,7 +43,7 @@ def error(line: str, of: str) -> float:
     return float(line.split(f" % of the {of}", maxsplit=1)[0].rsplit(maxsplit=1)[-1])
 
 
-def test_one_set_is_what_mujoco_has(handed: Handed) -> None:
+def test_one_set_and_its_largest_step(handed: Handed) -> None:
     """One set imposed at 0.5 Hz and 2 ms: torque RMS error at most 0.5 % at 1, 0.1 and 0.02 rad, and nothing is lost."""
     one_set = same(handed("wrist pitch"))
     artefact = mjcf.TARGET.write([one_set], Request())
@@ -68,21 +68,7 @@ def test_one_set_is_what_mujoco_has(handed: Handed) -> None:
     assert all(cost(both.parameters, both.bias * factor) > cost(*both) for factor in (0.97, 1.03))
     flat = scaled(joint, alpha_1=0.0)
     assert best_symmetric(flat, all_motions(flat)).parameters.alpha_1 == 0
-
-
-@pytest.mark.parametrize("name", ["gripper rotation", "wrist pitch", "elbow pitch", "base rotation"])
-def test_a_pair_loses_what_is_said(handed: Handed, name: str) -> None:
-    """Directions that differ: MuJoCo has the set that is written to 0.5 %, and loses of the joint what the artefact says, to 0.5 % of the torque."""
-    joint = handed(name)
-    artefact = mjcf.TARGET.write([joint], Request())
-    lines = check("mujoco", artefact, [joint], Request())
-    assert all(error(line, "model held") <= 0.5 for line in lines)
-    for line, said in zip(lines[3:], artefact.losses[name], strict=True):
-        assert abs(error(line, "joint") - said.percent) < 0.6
-
-
-def test_the_largest_time_step_is_one(handed: Handed) -> None:
-    """A joint at rest with a small push settles 10 % below the time step that is named, and does not 10 % above."""
+    # a joint at rest with a small push settles 10 % below the time step that is named, and does not 10 % above
     joint = handed("wrist pitch")
     content = mjcf.TARGET.write([joint], Request()).content.decode()
     limit = float(content.split("Keep the time step well below ")[1].split()[0])
@@ -105,6 +91,17 @@ def test_the_largest_time_step_is_one(handed: Handed) -> None:
     merged = mjcf.TARGET.write([handed("wrist pitch")], Request(into=into, into_name="arm.xml"))
     assert merged.content.count(b"<actuator>") == 1
     assert mujoco.MjModel.from_xml_string(merged.content.decode()).actuator("m").id == 0
+
+
+@pytest.mark.parametrize("name", ["gripper rotation", "wrist pitch", "elbow pitch", "base rotation"])
+def test_a_pair_loses_what_is_said(handed: Handed, name: str) -> None:
+    """Directions that differ: MuJoCo has the set that is written to 0.5 %, and loses of the joint what the artefact says, to 0.5 % of the torque."""
+    joint = handed(name)
+    artefact = mjcf.TARGET.write([joint], Request())
+    lines = check("mujoco", artefact, [joint], Request())
+    assert all(error(line, "model held") <= 0.5 for line in lines)
+    for line, said in zip(lines[3:], artefact.losses[name], strict=True):
+        assert abs(error(line, "joint") - said.percent) < 0.6
 
 
 def called(target: ExportTarget) -> str:
@@ -242,7 +239,7 @@ def off(v: Array, true: Array) -> float:
     return 100 * float(np.sqrt(np.mean((v - true) ** 2) / np.mean(true**2)))
 
 
-def test_a_pair_driven_by_a_torque_follows_the_continuous_equation(handed: Handed) -> None:
+def test_pairs_and_stiff_bristles(handed: Handed) -> None:
     """Presliding, reversals and sliding for 10 s: velocity at most 0.5 % off at 2 ms, 0.3 % at 1 ms."""
     joint = handed("wrist pitch")
     true = continuous(joint)
@@ -261,10 +258,8 @@ def test_a_pair_driven_by_a_torque_follows_the_continuous_equation(handed: Hande
     euler = velocity(joint, 0.002, 2.0)
     for integrator in ("implicit", "implicitfast"):
         assert velocity(joint, 0.002, 2.0, integrator=integrator) == pytest.approx(euler, abs=1e-12)
-
-
-def test_stiff_bristles_of_coupled_joints_come_to_rest(handed: Handed) -> None:
-    """Two links at 2 ms with bristles up to 1e8 times as stiff: nothing rings in stick, in whatever order frictions are applied."""
+    # two links at 2 ms with bristles up to 1e8 times as stiff: nothing rings in stick, in whatever order frictions are
+    # applied
     failed = []
     for case in product((1.0, 1e2, 1e4, 1e8), ((0, 1), (1, 0)), ("Euler", "implicitfast")):
         times, order, integrator = case

@@ -143,8 +143,19 @@ def test_hostile_names_stay_names(handed: Handed) -> None:
     assert failed == []
 
 
-def test_a_check_tells_what_differs(handed: Handed, slide: ExportedJoint) -> None:
-    """The snippet is a robot: MuJoCo and Pinocchio read damping and friction as exported, turning and sliding."""
+def test_a_urdf_of_joints_loads(handed: Handed, slide: ExportedJoint) -> None:
+    """A file whose numbers were changed does not pass."""
+    joint = handed("wrist pitch")
+    artefact = URDF_TARGET.write([joint], Request())
+    spoilt = replace(artefact, content=artefact.content.replace(b'friction="0.06', b'friction="0.07'))
+    assert spoilt != artefact
+    try:
+        said = check_urdf(spoilt, [joint], Request())[0]
+    except NotInstalled as missing:
+        said = str(missing)
+    assert said.startswith("parsed again: damping and friction are NOT as exported in 'wrist pitch'")
+    assert compared("x", {}, {"a": (1, 2)}).startswith("x: damping and friction are NOT")
+    # the snippet is a robot: MuJoCo and Pinocchio read damping and friction as exported, turning and sliding
     pytest.importorskip("mujoco", reason="needs MuJoCo: pip install mujoco")
     joints = [*map(handed, JOINTS), slide, handed("wrist pitch", name="no inertia", inertia=None)]
     artefact = URDF_TARGET.write(joints, Request())
@@ -162,20 +173,6 @@ def test_a_check_tells_what_differs(handed: Handed, slide: ExportedJoint) -> Non
     moving = model.body_inertia[1:, 2].tolist()
     assert moving[:4] == pytest.approx([x.inertia for x in joints[:4]])
     assert model.body_mass[5] == pytest.approx(slide.inertia)
-
-
-def test_a_urdf_of_joints_loads(handed: Handed) -> None:
-    """A file whose numbers were changed does not pass."""
-    joint = handed("wrist pitch")
-    artefact = URDF_TARGET.write([joint], Request())
-    spoilt = replace(artefact, content=artefact.content.replace(b'friction="0.06', b'friction="0.07'))
-    assert spoilt != artefact
-    try:
-        said = check_urdf(spoilt, [joint], Request())[0]
-    except NotInstalled as missing:
-        said = str(missing)
-    assert said.startswith("parsed again: damping and friction are NOT as exported in 'wrist pitch'")
-    assert compared("x", {}, {"a": (1, 2)}).startswith("x: damping and friction are NOT")
 
 
 def test_merging_into_a_urdf_changes_nothing_else(handed: Handed) -> None:
@@ -223,6 +220,16 @@ def test_merging_into_a_urdf_changes_nothing_else(handed: Handed) -> None:
             target.write([handed("wrist pitch", name=name)], Request(into=content, into_name="f"))
         failed += [(name, str(error.value))] * (not str(error.value).startswith(why))
     assert failed == []
+    # in a real robot each joint gets its own, all else stays byte by byte, and MuJoCo reads the values from its tree
+    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install mujoco")
+    content = ARM.read_bytes()
+    joints = [handed("wrist pitch", name="wrist_pitch"), handed("wrist pitch", name="elbow")]
+    artefact = URDF_TARGET.write(joints, Request(into=content, into_name="arm.urdf"))
+    lines = check_urdf(artefact, joints, Request(into=content))
+    assert all("as exported, to the last bit, in 2 joints" in line for line in lines)
+    lost = set(content.splitlines()) - set(artefact.content.splitlines())
+    assert all(b"<dynamics" in line for line in lost)
+    assert len(lost) <= 2
 
 
 IN_URDF = {
@@ -249,19 +256,6 @@ NO_MODEL = {
     b"<sdf>": "f, line 1: is not well-formed",
     b"": "f, line 1: is not well-formed",
 }
-
-
-def test_a_robot_is_merged_joint_by_joint(handed: Handed) -> None:
-    """In a real robot each joint gets its own, all else stays byte by byte, and MuJoCo reads the values from its tree."""
-    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install mujoco")
-    content = ARM.read_bytes()
-    joints = [handed("wrist pitch", name="wrist_pitch"), handed("wrist pitch", name="elbow")]
-    artefact = URDF_TARGET.write(joints, Request(into=content, into_name="arm.urdf"))
-    lines = check_urdf(artefact, joints, Request(into=content))
-    assert all("as exported, to the last bit, in 2 joints" in line for line in lines)
-    lost = set(content.splitlines()) - set(artefact.content.splitlines())
-    assert all(b"<dynamics" in line for line in lost)
-    assert len(lost) <= 2
 
 
 def test_merging_into_an_sdf_keeps_springs(handed: Handed, slide: ExportedJoint) -> None:

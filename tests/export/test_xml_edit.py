@@ -137,7 +137,7 @@ def test_any_text_makes_a_sound_attribute_and_a_sound_comment(text: str) -> None
     assert all(c.isprintable() or c == "\n" for c in comment(text))
 
 
-def test_edits_follow_the_file() -> None:
+def test_edits_follow_the_file_if_it_is_one() -> None:
     """Indentation and line ends of what is inserted are the file's own, and a parent that closed itself is opened."""
     content = b'<?xml version="1.0"?>\r\n<a>\r\n\t<b x = \'1\' y="2" />\r\n\t<c>\r\n\t</c>\r\n</a>\r\n'
     document = XmlDocument.read(content, "f")
@@ -162,26 +162,8 @@ def test_edits_follow_the_file() -> None:
     document.annotate(document.root, "ours: value 2")
     both = b"<a>\n  <!-- ours: mine -->\n  <!-- ours: value 2 -->\n</a>"
     assert document.written() == once.replace(b"value 1", b"value 2") == both
-
-
-SPOILT = {
-    "f, line 1: declares a document type": b'<!DOCTYPE a [<!ENTITY x "y">]>\n<a>&x;</a>',
-    "f, line 2: declares a document type": b'<?xml version="1.0"?>\n<!DOCTYPE a SYSTEM "file:///etc/passwd"><a/>',
-    "f, line 1: declares the encoding 'latin-1'; expected UTF-8": b'<?xml version="1.0" encoding="latin-1"?><a/>',
-    "f, line 1: is not encoded as UTF-8": "<a/>".encode("utf-16"),
-    "f, line 1: holds NUL": "<a/>".encode("utf-16-le"),
-    "f, line 2: is not encoded as UTF-8": b"<a>\n\xff</a>",
-    "f, line 2: is not well-formed XML (mismatched tag)": b"<a>\n<b></a>",
-    "f, line 1: is not well-formed XML (undefined entity)": b"<a>&nbsp;</a>",
-    "f, line 1: is not well-formed XML (no element found)": b"",
-    "f, line 1: nests elements deeper than 200": b"<a>" * 201 + b"</a>" * 201,
-    "f, line 1: has more than 200000 elements": b"<a>" + b"<b/>" * 200_000 + b"</a>",
-    "f: has more than 8388608 bytes": b" " * (2**23 + 1),
-}
-
-
-def test_a_file_that_is_none_is_refused_in_a_sentence() -> None:
-    """Document types, entities, other encodings and endless files are refused, with file and line; the deepest nesting that is taken is read."""
+    # document types, entities, other encodings and endless files are refused, with file and line; the deepest nesting
+    # that is taken is read
     failed = []
     for why, content in SPOILT.items():
         with pytest.raises(InputError) as error:
@@ -199,3 +181,19 @@ def test_a_file_that_is_none_is_refused_in_a_sentence() -> None:
     document.set_attributes(document.root.children[0], {"x": "1"})
     with pytest.raises(ValueError, match="lies within another"):
         document.written()
+
+
+SPOILT = {
+    "f, line 1: declares a document type": b'<!DOCTYPE a [<!ENTITY x "y">]>\n<a>&x;</a>',
+    "f, line 2: declares a document type": b'<?xml version="1.0"?>\n<!DOCTYPE a SYSTEM "file:///etc/passwd"><a/>',
+    "f, line 1: declares the encoding 'latin-1'; expected UTF-8": b'<?xml version="1.0" encoding="latin-1"?><a/>',
+    "f, line 1: is not encoded as UTF-8": "<a/>".encode("utf-16"),
+    "f, line 1: holds NUL": "<a/>".encode("utf-16-le"),
+    "f, line 2: is not encoded as UTF-8": b"<a>\n\xff</a>",
+    "f, line 2: is not well-formed XML (mismatched tag)": b"<a>\n<b></a>",
+    "f, line 1: is not well-formed XML (undefined entity)": b"<a>&nbsp;</a>",
+    "f, line 1: is not well-formed XML (no element found)": b"",
+    "f, line 1: nests elements deeper than 200": b"<a>" * 201 + b"</a>" * 201,
+    "f, line 1: has more than 200000 elements": b"<a>" + b"<b/>" * 200_000 + b"</a>",
+    "f: has more than 8388608 bytes": b" " * (2**23 + 1),
+}

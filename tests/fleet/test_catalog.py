@@ -36,7 +36,7 @@ def refusal(folder: Path, text: str) -> str:
     return str(refused.value)
 
 
-def test_a_row_is_read_as_it_stands(tmp_path: Path) -> None:
+def test_a_catalog_is_read_and_called(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Text, numbers and time of a row; the file lies relative to the catalog's folder, a time with a zone becomes UTC."""
     (row,) = rows_of(tmp_path, HEAD + "a/b.yaml,r1,2026-05-31T14:30+02:00,j1,wrist,21.5,3e1,new grease\n")
     assert row == CatalogRow(
@@ -67,10 +67,22 @@ def test_a_row_is_read_as_it_stands(tmp_path: Path) -> None:
         shown = all(x.isprintable() and len(x) <= 450 for x in (bad.file, bad.unit, bad.tags, bad.failure))
         wrong += [] if said in bad.failure and shown and (good.unit, good.failure) == ("r2", "") else [(row, bad, good)]
     assert wrong == []
-
-
-def test_a_frame_and_parquet_are_as_csv(tmp_path: Path) -> None:
-    """A DataFrame and a Parquet file with dates and numbers give the rows that the same text does; what is missing is not given."""
+    # by its file, or the last folder before what varies
+    assert called("a/fleet.csv") == "fleet"
+    assert called("s3://bucket/logs/{unit}/{session}.yaml") == "logs"
+    assert called(Path("a/b/{unit}_{session}.yaml")) == "b"
+    # fields in braces match inside one part of a path, a field that is named twice must agree, `**` stands for folders
+    for name in ("2026-01-01/a/r1_wrist.yaml", "2026-01-01/r2_wrist.yaml", "wrist.yaml", "2026-01-02/r1_x.txt"):
+        (tmp_path / "logs" / "r1" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "logs" / "r1" / name).touch()
+    monkeypatch.chdir(tmp_path)
+    (row,) = read_catalog("logs/{unit}/{session}/**/{unit}_{type}.yaml")
+    file = "logs/r1/2026-01-01/a/r1_wrist.yaml"
+    assert row[:6] == (file, str(tmp_path / file), "r1", datetime(2026, 1, 1), "", "wrist")
+    (absolute,) = read_catalog(f"{tmp_path}/logs/{{unit}}/{{session}}/?/*_{{type}}.yaml")
+    assert absolute.file == str(tmp_path / row.file)
+    # a DataFrame and a Parquet file with dates and numbers give the rows that the same text does; what is missing is
+    # not given
     pytest.importorskip("pyarrow", reason="needs the extra fleet")
     times = pd.to_datetime(["2026-01-01", "2026-01-02T03:00"], format="ISO8601")
     columns = {"file": ["/a.yaml", "/b.yaml"], "unit": ["r1", "2"], "session": times, "temperature": [21.5, None]}
@@ -82,7 +94,7 @@ def test_a_frame_and_parquet_are_as_csv(tmp_path: Path) -> None:
     assert math.isnan(expected[1].temperature)
 
 
-def test_a_catalog_that_cannot_be_used_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_no_catalog_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Wrong columns, no row, or a pattern that tells too little or matches nothing: one sentence that names the catalog and what is wrong."""
     monkeypatch.chdir(tmp_path)
     named = f"{tmp_path / 'catalog.csv'}: "
@@ -104,10 +116,7 @@ def test_a_catalog_that_cannot_be_used_is_refused(tmp_path: Path, monkeypatch: p
     ):
         with pytest.raises(InputError, match=re.escape(words)):
             read_catalog(pattern)
-
-
-def test_a_catalog_that_is_no_text_is_refused(tmp_path: Path) -> None:
-    """Bytes that are no text, a folder, a missing file, and a Parquet file that is none: a sentence each."""
+    # bytes that are no text, a folder, a missing file, and a Parquet file that is none: a sentence each
     pytest.importorskip("pyarrow", reason="needs the extra fleet")
     (tmp_path / "x.csv").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "x.parquet").write_bytes(b"nothing")
@@ -115,23 +124,6 @@ def test_a_catalog_that_is_no_text_is_refused(tmp_path: Path) -> None:
     for name, said in bad.items():
         with pytest.raises(InputError, match=said):
             read_catalog(tmp_path / name)
-
-
-def test_what_a_catalog_is_called(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By its file, or the last folder before what varies."""
-    assert called("a/fleet.csv") == "fleet"
-    assert called("s3://bucket/logs/{unit}/{session}.yaml") == "logs"
-    assert called(Path("a/b/{unit}_{session}.yaml")) == "b"
-    # fields in braces match inside one part of a path, a field that is named twice must agree, `**` stands for folders
-    for name in ("2026-01-01/a/r1_wrist.yaml", "2026-01-01/r2_wrist.yaml", "wrist.yaml", "2026-01-02/r1_x.txt"):
-        (tmp_path / "logs" / "r1" / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / "logs" / "r1" / name).touch()
-    monkeypatch.chdir(tmp_path)
-    (row,) = read_catalog("logs/{unit}/{session}/**/{unit}_{type}.yaml")
-    file = "logs/r1/2026-01-01/a/r1_wrist.yaml"
-    assert row[:6] == (file, str(tmp_path / file), "r1", datetime(2026, 1, 1), "", "wrist")
-    (absolute,) = read_catalog(f"{tmp_path}/logs/{{unit}}/{{session}}/?/*_{{type}}.yaml")
-    assert absolute.file == str(tmp_path / row.file)
 
 
 texts = st.text(alphabet=st.characters(), max_size=30)
@@ -254,7 +246,7 @@ def sessions(keys: list[str], failures: dict[int, str] | None = None) -> pd.Data
     return frame.assign(session=frame["session"].astype("datetime64[us]"))
 
 
-def test_rows_have_the_columns_and_the_order() -> None:
+def test_rows_and_files_of_a_dataset(tmp_path: Path) -> None:
     """The columns are as documented, the rows sorted; of a failure there is one row, of a key that two sessions share each has its own."""
     table = dataset.assembled(sessions(["a", "b", "a", ""], {3: "no such file"}), results(["a", "b", "c"]))
     frame = table.to_pandas()
@@ -274,10 +266,8 @@ def test_rows_have_the_columns_and_the_order() -> None:
     mixed = results(keys).take(rng.permutation(150))
     other = dataset.parquet_of(dataset.assembled(sessions(keys).sample(frac=1, random_state=1), mixed))
     assert one == other
-
-
-def test_a_dataset_is_read_back(tmp_path: Path) -> None:
-    """The last dataset written is the one that is read, also by pandas; of a key that sessions share the results are known once."""
+    # the last dataset written is the one that is read, also by pandas; of a key that sessions share the results are
+    # known once
     out, keys = str(tmp_path), [f"k{k}" for k in range(20)]
     for known in (keys, [*keys, "k20"]):
         dataset.write_dataset(out, dataset.assembled(sessions([*known, known[0]]), results(known)))
@@ -285,27 +275,25 @@ def test_a_dataset_is_read_back(tmp_path: Path) -> None:
     found = dataset.known_results(out)
     assert found.num_rows == 63
     assert set(found["key"].to_pylist()) == {*keys, "k20"}
-
-
-def test_other_files_are_no_dataset(tmp_path: Path) -> None:
-    """A file of somebody else's, or a damaged one, is refused in a sentence and stays; other names are left alone."""
-    (tmp_path / "results").mkdir()
-    path = tmp_path / dataset.DATASET
+    # a file of somebody else's, or a damaged one, is refused in a sentence and stays; other names are left alone
+    other = tmp_path / "other"
+    (other / "results").mkdir(parents=True)
+    path = other / dataset.DATASET
     pd.DataFrame({"a": [1]}).to_parquet(path)
-    pd.DataFrame({"a": [1]}).to_parquet(tmp_path / "results" / "mine.parquet")
+    pd.DataFrame({"a": [1]}).to_parquet(other / "results" / "mine.parquet")
     with pytest.raises(InputError, match="is not part of a fleet's dataset"):
-        dataset.read_dataset(str(tmp_path))
+        dataset.read_dataset(str(other))
     path.write_bytes(b"PAR1")
     with pytest.raises(InputError, match="is damaged"):
-        dataset.read_dataset(str(tmp_path))
+        dataset.read_dataset(str(other))
     path.unlink()
-    assert dataset.read_dataset(str(tmp_path)).num_rows == 0
+    assert dataset.read_dataset(str(other)).num_rows == 0
     # of tasks whose files cannot be read the keys are told, the others are read
-    (tmp_path / "tasks").mkdir()
+    (other / "tasks").mkdir()
     for key in ("a", "b"):
-        Path(dataset.task_file(str(tmp_path), key)).write_bytes(dataset.task_bytes(key, (), "two\nlines"))
-    Path(dataset.task_file(str(tmp_path), "b")).write_bytes(b"")
-    table, damaged = dataset.read_tasks(str(tmp_path), {"a", "b", "c"})
+        Path(dataset.task_file(str(other), key)).write_bytes(dataset.task_bytes(key, (), "two\nlines"))
+    Path(dataset.task_file(str(other), "b")).write_bytes(b"")
+    table, damaged = dataset.read_tasks(str(other), {"a", "b", "c"})
     assert damaged == {"b", "c"}
     assert table["failure"].to_pylist() == ["two lines"]
 

@@ -104,10 +104,8 @@ def test_a_joint_is_drawn_as_it_was_found(found: Findings, folder: Path) -> None
     page = page_text(folder / "index.html")
     verdicts = [row[-1] for row in table_rows(page[: page.index("figure-joint-2")], "All parameters of")]
     assert verdicts == ["yes", "yes", "no", "no"]
-
-
-def test_what_is_no_number_or_open_is_drawn_as_far_as_it_is_one(found: Findings) -> None:
-    """A session without a value, an open interval, a parameter without a test or a number: each has a figure, and no axis is infinite."""
+    # a session without a value, an open interval, a parameter without a test or a number: each has a figure, and no
+    # axis is infinite
     rows = found.series.iloc[:8].copy()
     rows.loc[rows.index[3], ["value", "lower", "upper", "adjusted"]] = np.nan
     rows.loc[rows.index[4], "upper"] = np.inf
@@ -161,10 +159,22 @@ def test_quality_over_time_leaves_notes_out(folder: Path, found: Findings) -> No
     assert [float(row["percent"]) for row in csv.DictReader(io.StringIO(written))] == list(found.joints["percent"])
 
 
-def test_reports_are_commands_until_they_are_there(
-    found: Findings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each joint has the command that makes its report in a shell, and a link once the report stands below the page."""
+def test_commands_and_links_of_reports(found: Findings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file or folder that begins with a hyphen gets ./ before it, one with a quote stays one word; behind a URL there is none."""
+    joints = pd.DataFrame({"unit": ["a"], "joint": ["b"], "latest": [pd.NaT], "file": ["--it's; rm x.yaml"]})
+    (command,) = tables.report_commands(joints, "-out/").values()
+    assert command == "bristle report './--it'\"'\"'s; rm x.yaml' -o ./-out/reports/a-b"
+    (command,) = tables.report_commands(joints.assign(file="x.yaml"), "/out", "the logs").values()
+    assert command == "bristle report 'the logs/x.yaml' -o /out/reports/a-b"
+    assert tables.report_commands(joints.assign(file="s3://logs/x.yaml"), "out") == {}
+    # a robot's joints, measured in one file, have one folder, named by the robot; two robots that are called alike have two
+    rows = [("R 1", "J1", "r.yaml"), ("R 1", "J2", "r.yaml"), ("R-1", "J1", "s.yaml"), ("R 1", "J3", "t.yaml")]
+    joints = pd.DataFrame(rows, columns=["unit", "joint", "file"]).assign(latest=pd.Timestamp("2026-05-04 08:30"))
+    folders = tables.report_folders(joints)
+    assert folders["R 1", "J1"] == folders["R 1", "J2"] == "r-1-2026-05-04-0830"
+    assert folders["R 1", "J3"] == "r-1-j3-2026-05-04-0830"
+    assert folders["R-1", "J1"] == "r-1-j1-2026-05-04-0830"
+    # each joint has the command that makes its report in a shell, and a link once the report stands below the page
     folders = tables.report_folders(found.joints)
     assert len(set(folders.values())) == len(found.joints)
     slug = folders["robot-006", EXOTIC]
@@ -192,23 +202,6 @@ def test_reports_are_commands_until_they_are_there(
         assert (tmp_path / "out" / "tables" / f"{of}.csv").read_bytes().count(b"\n") == count + 1
     assert "Figures show the first 2 of the 4 joints that changed" in pages["index"]
     assert pages["index"].count("<figure") == 2
-
-
-def test_commands_are_safe_in_a_shell() -> None:
-    """A file or folder that begins with a hyphen gets ./ before it, one with a quote stays one word; behind a URL there is none."""
-    joints = pd.DataFrame({"unit": ["a"], "joint": ["b"], "latest": [pd.NaT], "file": ["--it's; rm x.yaml"]})
-    (command,) = tables.report_commands(joints, "-out/").values()
-    assert command == "bristle report './--it'\"'\"'s; rm x.yaml' -o ./-out/reports/a-b"
-    (command,) = tables.report_commands(joints.assign(file="x.yaml"), "/out", "the logs").values()
-    assert command == "bristle report 'the logs/x.yaml' -o /out/reports/a-b"
-    assert tables.report_commands(joints.assign(file="s3://logs/x.yaml"), "out") == {}
-    # a robot's joints, measured in one file, have one folder, named by the robot; two robots that are called alike have two
-    rows = [("R 1", "J1", "r.yaml"), ("R 1", "J2", "r.yaml"), ("R-1", "J1", "s.yaml"), ("R 1", "J3", "t.yaml")]
-    joints = pd.DataFrame(rows, columns=["unit", "joint", "file"]).assign(latest=pd.Timestamp("2026-05-04 08:30"))
-    folders = tables.report_folders(joints)
-    assert folders["R 1", "J1"] == folders["R 1", "J2"] == "r-1-2026-05-04-0830"
-    assert folders["R 1", "J3"] == "r-1-j3-2026-05-04-0830"
-    assert folders["R-1", "J1"] == "r-1-j1-2026-05-04-0830"
 
 
 def test_findings_of_nothing_are_a_page(tmp_path: Path) -> None:
@@ -247,7 +240,7 @@ def text(found: Findings) -> str:
     return report(found).text()
 
 
-def test_the_text_of_a_small_fleet() -> None:
+def test_the_text_of_a_fleet() -> None:
     """Headline, changed joints, values outside, data quality, failures and notes, in this order, each with its numbers."""
     found = plausible(units=3, joints=2, sessions=6)
     joints = found.joints.copy()
@@ -285,10 +278,7 @@ def test_the_text_of_a_small_fleet() -> None:
     assert "Joints that changed (108, the first 20), with 95 % interval and adjusted p:" in lines
     assert "Values outside their type (154, the first 10), with adjusted p:" in lines
     assert sum(" since 2026-" in line for line in lines[2:]) == 20 + 1  # and where a warning began
-
-
-def test_names_changes_and_counts_in_text() -> None:
-    """Whatever a unit is called, a line has no control character, and the name takes 24 columns at most."""
+    # whatever a unit is called, a line has no control character, and the name takes 24 columns at most
     found = plausible(units=1, joints=1)
     joints = found.joints.assign(unit="a\x1b[31m\n" + 50 * "b", joint="J\t1")
     lines = text(replace(found, joints=joints)).splitlines()

@@ -221,10 +221,7 @@ def test_sets_at_once_are_those_one_by_one_and_cover() -> None:
         ends.append((drawn.low, drawn.high))
     low, high = np.transpose(ends, (1, 2, 0))
     assert covered(low, high) == pytest.approx([0.95] * 4, abs=3 * np.sqrt(0.95 * 0.05 / 200))
-
-
-def test_extra_regressors_are_carried_along() -> None:
-    """With gravity among the columns, which may be negative, a batch is its sets one by one as well."""
+    # with gravity among the columns, which may be negative, a batch is its sets one by one as well
     velocity = np.geomspace(0.2 * GRIPPER.v_s, 0.8, 20)
     position = np.linspace(0, 11, velocity.size)
     extra = load_columns(("gravity",), lambda _: position, velocity.size)

@@ -262,7 +262,7 @@ def test_a_peak_that_is_not_claimed_is_in_the_band(tmp_path: Path) -> None:
     assert off < known.band < 10
 
 
-def test_friction_is_stated_where_the_motion_stays() -> None:
+def test_strokes_that_show_no_peak(tmp_path: Path) -> None:
     """Of a motion that shows no peak no speed is stated that it only passes through from one equation to the next; of one that does, all are."""
     hold, rush = np.repeat([0.1, 0.3, 1.0], 20), np.array([-1.0, 0.03, 1.0])
     for peak, least in ((None, 0.1), (0.2, LEAST)):
@@ -271,10 +271,8 @@ def test_friction_is_stated_where_the_motion_stays() -> None:
             n=63, outcome=Finding("converged", NOTE, "."), starts=1, reached=1, condition=1.0, velocity=np.concatenate([hold, rush, hold]),
         )  # fmt: skip  # a list of values
         assert slowest_shown([fit], 1.0) == pytest.approx(least)
-
-
-def test_a_stroke_too_slow_for_v_s_gives_its_curve_and_no_peak(tmp_path: Path) -> None:
-    """A sine of 20 mrad that goes half as fast as v_s: the curve is right to 5 %; alpha_1 and v_s are not claimed, nor an inertia below zero."""
+    # a sine of 20 mrad that goes half as fast as v_s: the curve is right to 5 %; alpha_1 and v_s are not claimed, nor
+    # an inertia below zero
     t, size, w = np.arange(0, 20, 1 / 2000), 0.01, 2 * np.pi * 0.5
     v = size * w * np.cos(w * t)
     torque = bristle.simulate(v, 1 / 2000, TRUTH) - INERTIA * size * w**2 * np.sin(w * t)

@@ -105,17 +105,14 @@ def test_without_noise_the_truth_comes_back(p: Lugre[float] | Pair[float], monke
     assert thinned.keys() == plain.keys()
 
 
-def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+def test_intervals_hold_the_truth_and_widen_with_correlation() -> None:
     """Over forty repetitions with white noise, at least 87 % of the intervals of all seven parameters hold the truth."""
     hits = []
     for seed in range(40):
         found = fitted(posed(record(noise=3e-4, seed=seed), decimation=5)).parameters
         hits += [holds(found[name].interval, true) for name, true in TRUTH.items()]
     assert 0.87 < np.mean(hits) <= 1.0
-
-
-def test_correlated_noise_widens_the_intervals() -> None:
-    """Residuals that are correlated over fifty samples give wider errors than white ones of the same size, and a warning."""
+    # residuals that are correlated over fifty samples give wider errors than white ones of the same size, and a warning
     even = white(V.size, 3e-4, 1)
     slow = np.convolve(even, np.ones(50) / np.sqrt(50), mode="same")
     torque = torque_of(record())

@@ -167,7 +167,7 @@ def two_minima(k: float = 1.0, tilt: float = 0.2) -> DynamicProblem:
     return replace(problem, equations=double)
 
 
-def test_a_profile_that_finds_a_better_optimum_restarts_the_fit() -> None:
+def test_profiles_that_restart_the_fit_or_stay_open() -> None:
     """Begun in the higher of two minima, the profile walks into the lower one; the fit is done again from there, and says so."""
     problem = two_minima()
     first = solved(problem, {A: -1.0})
@@ -182,10 +182,8 @@ def test_a_profile_that_finds_a_better_optimum_restarts_the_fit() -> None:
     again, seen = profile_until_stable(first, lambda _: first)
     assert "still-lower" in codes(again.fit.warnings)
     assert np.isfinite(seen[A].interval).all()
-
-
-def test_what_the_motion_does_not_show_is_open_and_never_nan() -> None:
-    """A run that is fast throughout: what is not identifiable has open or one-sided profiles with the reason, and nothing is NaN."""
+    # a run that is fast throughout: what is not identifiable has open or one-sided profiles with the reason, and
+    # nothing is NaN
     found = fitted(3e-3, 1, slow=2.0)
     unseen = {name for name, e in found.fit.parameters.items() if e.value is None}
     assert {parse("alpha_1"), parse("v_s")} <= unseen

@@ -60,10 +60,7 @@ def test_information_is_the_inverse_of_what_fits_show() -> None:
     np.testing.assert_allclose(
         static_information(V, P, noise), static_information(np.delete(V, 3), P, NOISE), rtol=1e-12
     )
-
-
-def test_what_information_does_not_see() -> None:
-    """Of a pair the positive velocities see the positive set alone, and the other way round."""
+    # of a pair the positive velocities see the positive set alone, and the other way round
     matrix = static_information(np.concatenate([V, -V]), PAIR, NOISE)
     assert names_of(PAIR)[3:7] == tuple(map(ParameterName.parse, ("v_s+", "sigma_0+", "sigma_1+", "alpha_0-")))
     assert not matrix[:4, 4:].any()

@@ -81,21 +81,7 @@ def test_peaks_are_found_where_they_are(speeds: Array, gripper: Lugre[float]) ->
     assert all("one-speed-only" in codes(fit.parameters[name].warnings) for name in ("alpha_0", "alpha_2"))
     assert fit.parameters["alpha_0"].value == pytest.approx(float(curve(np.array([0.2]), gripper)[0]), rel=1e-3)
     assert fit.parameters["alpha_2"].value == 0
-
-
-@pytest.mark.parametrize(
-    ("count", "outcome"), [(1, "static-too-few"), (2, "static-too-few"), (4, "static-no-stribeck")]
-)
-def test_few_points_give_few_parameters(count: int, outcome: str, gripper: Lugre[float]) -> None:
-    """Never more parameters than the points carry: none from two, two from four, each absence with its reason."""
-    velocity = np.linspace(0.05, 0.5, count)
-    fit = points(velocity, curve(velocity, gripper))
-    assert fit.outcome.code == outcome
-    assert all(estimate.value is not None or estimate.warnings for estimate in fit.parameters.values())
-
-
-def test_speeds_above_the_peak_leave_an_open_interval(gripper: Lugre[float]) -> None:
-    """With no speed below v_s the Stribeck term is dropped, or its interval is open and a warning asks for slower speeds."""
+    # with no speed below v_s the Stribeck term is dropped, or its interval is open and a warning asks for slower speeds
     velocity = np.geomspace(1.2 * gripper.v_s, 0.8, 14)
     torque = curve(velocity, gripper) + white(14, 2e-5, 8)
     fit = points(velocity, torque)
@@ -110,6 +96,17 @@ def test_speeds_above_the_peak_leave_an_open_interval(gripper: Lugre[float]) -> 
     assert fit.parameters["alpha_1"].value is not None
     assert any("alpha_0" in w.numbers for w in fit.warnings if w.code == "stick-slip-points")
     assert fit.outcome.code == "static-stick-slip"
+
+
+@pytest.mark.parametrize(
+    ("count", "outcome"), [(1, "static-too-few"), (2, "static-too-few"), (4, "static-no-stribeck")]
+)
+def test_few_points_give_few_parameters(count: int, outcome: str, gripper: Lugre[float]) -> None:
+    """Never more parameters than the points carry: none from two, two from four, each absence with its reason."""
+    velocity = np.linspace(0.05, 0.5, count)
+    fit = points(velocity, curve(velocity, gripper))
+    assert fit.outcome.code == outcome
+    assert all(estimate.value is not None or estimate.warnings for estimate in fit.parameters.values())
 
 
 def test_units_directions_and_checks_of_a_fit(speeds: Array, gripper: Lugre[float]) -> None:

@@ -103,7 +103,7 @@ def test_the_solve_agrees_with_another_route(gripper: Lugre[float], speeds: Arra
             assert found[name] == pytest.approx(value, rel=1e-5)
 
 
-def test_a_valley_instead_of_a_peak_gives_alpha_1_zero(speeds: Array, gripper: Lugre[float]) -> None:
+def test_solves_at_bounds_and_of_points(speeds: Array, gripper: Lugre[float]) -> None:
     """Where friction is lower near standstill (a negative amplitude at this v_s), alpha_1 ends at its bound of zero, and is said to."""
     torque = curve(speeds, GRIPPER._replace(alpha_1=-0.005))
     problem = from_points(speeds, torque, ("both",))
@@ -126,6 +126,18 @@ def test_a_valley_instead_of_a_peak_gives_alpha_1_zero(speeds: Array, gripper: L
     problem = from_points(velocity, curve(velocity, gripper), ("both",))
     solution = solve(problem, default_range(velocity))
     assert solution.profiles[0][0] <= solution.base_costs[0] * (1 + 1e-9) + 1e-18
+    # points that nothing smooths are returned themselves
+    velocity = np.geomspace(0.02, 0.8, 12)
+    problem = from_points(velocity, curve(velocity, GRIPPER), ("both",))
+    assert reduced(problem, (0.01, 0.8)) is problem
+    # a motion at one speed in either sense, smoothed, is reduced without harm
+    velocity = np.tile(np.repeat([0.3, -0.3], 50), 4)
+    raw = from_points(velocity, curve(velocity, GRIPPER), ("both",))
+    smooth = sparse.csr_array(sparse.kron(sparse.eye_array(40), np.full((1, 10), 0.1)))
+    problem = replace(raw, torque=smooth @ raw.torque, linear=smooth @ raw.linear, smooth=smooth)
+    theta = np.array([0.01, 0.02, 0.003, 0.1])
+    expected, found = (float(np.sum(p.residuals(theta) ** 2)) for p in (problem, reduced(problem, (0.1, 0.3))))
+    assert found == pytest.approx(expected, rel=1e-8)
 
 
 def moving(directions: tuple[str, ...], *, decimation: int = 10) -> Regression:
@@ -182,18 +194,3 @@ def test_gradients_and_solution_are_the_same(case: str) -> None:
     J, own = problem.jacobian(whole.theta), few.jacobian(whole.theta)
     scale = np.linalg.norm(J, axis=0)
     assert (own / scale).T @ (own / scale) == pytest.approx((J / scale).T @ (J / scale), abs=1e-5)
-
-
-def test_points_stay_as_they_are() -> None:
-    """Points that nothing smooths are returned themselves."""
-    velocity = np.geomspace(0.02, 0.8, 12)
-    problem = from_points(velocity, curve(velocity, GRIPPER), ("both",))
-    assert reduced(problem, (0.01, 0.8)) is problem
-    # a motion at one speed in either sense, smoothed, is reduced without harm
-    velocity = np.tile(np.repeat([0.3, -0.3], 50), 4)
-    raw = from_points(velocity, curve(velocity, GRIPPER), ("both",))
-    smooth = sparse.csr_array(sparse.kron(sparse.eye_array(40), np.full((1, 10), 0.1)))
-    problem = replace(raw, torque=smooth @ raw.torque, linear=smooth @ raw.linear, smooth=smooth)
-    theta = np.array([0.01, 0.02, 0.003, 0.1])
-    expected, found = (float(np.sum(p.residuals(theta) ** 2)) for p in (problem, reduced(problem, (0.1, 0.3))))
-    assert found == pytest.approx(expected, rel=1e-8)

@@ -18,7 +18,7 @@ def joint(edro_results: Path) -> JointModel:
     return bristle.read_results(edro_results).model("wrist pitch")
 
 
-def test_every_way_to_its_friction_agrees(joint: JointModel) -> None:
+def test_every_way_to_its_friction_agrees(joint: JointModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`friction`, CasADi's steady torque, LuGre at the deflection where dz/dt = 0, and the table, at speeds of both signs."""
     v = np.array([-1.0, -0.02, 0.01, 0.6])
     steady, torque = joint.casadi().steady, joint.casadi().torque
@@ -46,10 +46,7 @@ def test_every_way_to_its_friction_agrees(joint: JointModel) -> None:
     for k in range(4000):
         torque = running.step(1e-3, (0.3e-3 * k, 0.3), 0.3e-3 * k)
     assert torque == pytest.approx(float(joint.friction(0.3)), rel=1e-6)
-
-
-def test_drag_beside_the_law_is_friction(joint: JointModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With `regressors: [quadratic]` friction is what was measured, and CasADi's has as much of it."""
+    # with `regressors: [quadratic]` friction is what was measured, and CasADi's has as much of it
     for module in ("curve", "joint_model"):
         monkeypatch.setattr(f"bristle.identification.{module}.drag_of", lambda _: 0.3)
     assert float(joint.casadi().steady(-0.7)) == pytest.approx(float(joint.friction(-0.7)), rel=1e-12)
@@ -65,8 +62,8 @@ def test_drag_beside_the_law_is_friction(joint: JointModel, tmp_path: Path, monk
 
 def test_what_is_not_known_is_said(tmp_path: Path) -> None:
     """Points in one direction give no friction in the other, and no compensator, in one sentence."""
-    joint = bristle.identify(write(tmp_path, speeds(both=False))).model()
-    assert np.isnan(joint.friction(-0.1))
-    assert joint.friction(0.1) > 0
+    alone = bristle.identify(write(tmp_path, speeds(both=False))).model()
+    assert np.isnan(alone.friction(-0.1))
+    assert alone.friction(0.1) > 0
     with pytest.raises(bristle.InputError, match="a compensator needs"):
-        joint.casadi()
+        alone.casadi()

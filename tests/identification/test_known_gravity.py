@@ -89,8 +89,24 @@ def test_a_known_gravity_scales_it(tmp_path: Path, signal: str) -> None:
     assert "torque-uncertain" in codes([mass.torque_scale] if mass.torque_scale else [])
 
 
-def test_a_urdf_tells_the_gravity(tmp_path: Path) -> None:
-    """Of the only joint, or of the one of that name, a quarter turn from where it hangs; a vertical axis has none."""
+def test_which_gravities_are_taken(tmp_path: Path) -> None:
+    """Beside a torque, constants of the motor, or points; of a joint that slides; without a centre: a sentence each."""
+    log = logged(tmp_path, "current")
+    text, _ = bristle.draft(log, told=bristle.Told(gravity="0.8 N*m"))
+    whole = 'gravity: "0.8 N*m"'
+    beside = "gravity: a known gravity scales a voltage, a current or a command without constants under motor"
+    for old, new, says in (
+        ('current: {column: "current", unit: "A"}', 'torque: {column: "current", unit: "N*m"}', beside),
+        (whole, f"{whole}\nmotor: {{torque_constant: 0.35 N*m/A}}", beside),
+        (whole, "gravity: {mass: 1 kg}", r"gravity\.centre: missing"),
+        (whole, "gravity: 1 kg", r"not a unit of N\*m"),
+        (whole, "gravity: -1 N*m", "greater than 0"),
+    ):
+        assert old in text
+        log.with_suffix(".yaml").write_text(text.replace(old, new), encoding="utf-8")
+        with pytest.raises(InputError, match=says):
+            bristle.identify(log.with_suffix(".yaml"))
+    # of the only joint, or of the one of that name, a quarter turn from where it hangs; a vertical axis has none
     pytest.importorskip("pinocchio", reason="needs the extra robot")
     log, urdf = logged(tmp_path, "current"), tmp_path / "leg.urdf"
     link = (
@@ -115,22 +131,3 @@ def test_a_urdf_tells_the_gravity(tmp_path: Path) -> None:
         InputError, match="gravity makes no torque of yaw, which slides, or turns about a vertical axis"
     ):
         bristle.draft(log, told=bristle.Told(gravity=str(urdf), name="yaw"))
-
-
-def test_a_gravity_that_says_nothing_is_refused(tmp_path: Path) -> None:
-    """Beside a torque, constants of the motor, or points; of a joint that slides; without a centre: a sentence each."""
-    log = logged(tmp_path, "current")
-    text, _ = bristle.draft(log, told=bristle.Told(gravity="0.8 N*m"))
-    whole = 'gravity: "0.8 N*m"'
-    beside = "gravity: a known gravity scales a voltage, a current or a command without constants under motor"
-    for old, new, says in (
-        ('current: {column: "current", unit: "A"}', 'torque: {column: "current", unit: "N*m"}', beside),
-        (whole, f"{whole}\nmotor: {{torque_constant: 0.35 N*m/A}}", beside),
-        (whole, "gravity: {mass: 1 kg}", r"gravity\.centre: missing"),
-        (whole, "gravity: 1 kg", r"not a unit of N\*m"),
-        (whole, "gravity: -1 N*m", "greater than 0"),
-    ):
-        assert old in text
-        log.with_suffix(".yaml").write_text(text.replace(old, new), encoding="utf-8")
-        with pytest.raises(InputError, match=says):
-            bristle.identify(log.with_suffix(".yaml"))

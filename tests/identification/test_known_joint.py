@@ -66,10 +66,7 @@ def test_what_is_known_and_drawn_of_a_joint() -> None:
     values = values_of(GRIPPER)
     own = with_static(joint(unseen(tracked(values), values)), alpha_1=0.1)
     assert draws_of(own, known_joint(own), WAY, J) == ()
-
-
-def test_one_set_is_of_both_directions() -> None:
-    """A fit of one set for both directions gives each direction the same, and is known of `both`."""
+    # a fit of one set for both directions gives each direction the same, and is known of `both`
     values = {**GRIPPER.positive._asdict(), "inertia": J}
     known = known_joint(joint(tracked(values)))
     assert known.directions == (Direction.BOTH,)

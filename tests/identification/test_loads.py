@@ -136,7 +136,7 @@ def test_the_data_choose_the_load_that_is_there_and_none_that_is_not() -> None:
     assert "law: gaussian+link-load" in str(told)
 
 
-def test_names_of_loads() -> None:
+def test_names_of_loads_and_who_tells_them() -> None:
     """A load stands last in a law's name, beside any law, one at most; it is no part of the curve."""
     for name in LOADS:
         assert apart(f"lorentzian+quadratic+{name}") == ("lorentzian+quadratic", (name,))
@@ -155,10 +155,7 @@ def test_names_of_loads() -> None:
         bristle.fit(v, 0.1 + 0.05 * v + 1e-4 * np.sin(1e4 * v), law="paper+gear-load")
     with pytest.raises(ValueError, match="gear-load is fitted to a torque"):
         FitOptions(law="paper+gear-load", predict="position")
-
-
-def test_a_load_that_nothing_tells_is_refused() -> None:
-    """Without gravity among the regressors nobody knows what the links bring: one sentence."""
+    # without gravity among the regressors nobody knows what the links bring: one sentence
     file = geared_file("paper+gear-load")
     file.write_text(file.read_text().replace("[inertia, gravity]", "[inertia]"))
     with pytest.raises(InputError, match="gear-load needs what gravity does"):
@@ -174,6 +171,18 @@ def test_a_load_that_nothing_tells_is_refused() -> None:
     found = clustered(["m"], parts, {"m": e}, 1999.0)["m"]
     assert found.widened * own == pytest.approx(np.std(x.mean(axis=1), ddof=1) / 2, rel=1e-9)
     assert list(found.by_run.values()) == pytest.approx(x.mean(axis=1).tolist())
+    # with (motor, links) the torque in sliding rises by the coefficient times the load; a load that is no number is
+    # refused
+    pair = Pair(P, P)
+    run = RunningCompensator(Compensator(name="stribeck"), pair, rises={"gear_load": 0.1})
+    bare, loaded = run.step(1e-3, (0.0, 0.3), 0.0), run.step(1e-3, (0.0, 0.3), 0.0, load=(3.0, -2.0))
+    assert loaded - bare == pytest.approx(0.1 * 5.0, rel=1e-12)
+    with pytest.raises(InputError, match="has no coefficients of a load"):
+        RunningCompensator(Compensator(), pair).step(1e-3, (0.0, 0.3), 0.0, load=(3.0, -2.0))
+    with pytest.raises(InputError, match="got gear; expected coefficients among link_load"):
+        RunningCompensator(Compensator(), pair, rises={"gear": 0.1})
+    with pytest.raises(InputError, match="expected the torques of motor and links"):
+        run.step(1e-3, (0.0, 0.3), 0.0, load=(np.nan, 0.0))
 
 
 def test_rows_with_the_drive_off_are_left_out(tmp_path: Path) -> None:
@@ -232,20 +241,6 @@ def test_compensation_sees_the_load() -> None:
     assert r.level == pytest.approx(0.2 * np.abs(loop.J * r.acceleration + 2 * G * np.sin(r.position) + T), rel=1e-7)
     with pytest.raises(InputError, match="no torque moves the joint"):
         replace(loop, carried=Carried({"gear_load": 1.0}, {"gravity_sin": G})).sine(0.5, 2.0)
-
-
-def test_a_running_compensator_is_told_its_load() -> None:
-    """With (motor, links) the torque in sliding rises by the coefficient times the load; a load that is no number is refused."""
-    pair = Pair(P, P)
-    run = RunningCompensator(Compensator(name="stribeck"), pair, rises={"gear_load": 0.1})
-    bare, loaded = run.step(1e-3, (0.0, 0.3), 0.0), run.step(1e-3, (0.0, 0.3), 0.0, load=(3.0, -2.0))
-    assert loaded - bare == pytest.approx(0.1 * 5.0, rel=1e-12)
-    with pytest.raises(InputError, match="has no coefficients of a load"):
-        RunningCompensator(Compensator(), pair).step(1e-3, (0.0, 0.3), 0.0, load=(3.0, -2.0))
-    with pytest.raises(InputError, match="got gear; expected coefficients among link_load"):
-        RunningCompensator(Compensator(), pair, rises={"gear": 0.1})
-    with pytest.raises(InputError, match="expected the torques of motor and links"):
-        run.step(1e-3, (0.0, 0.3), 0.0, load=(np.nan, 0.0))
 
 
 @pytest.fixture(scope="module")

@@ -96,7 +96,7 @@ def thinned(record: Record, samples: slice, file: str) -> Record:
     return replace(record, file=file, **kept)
 
 
-def test_smoothing_lengths_and_hold_outs() -> None:
+def test_filters_hold_outs_and_poorer_laws_of_moving_runs() -> None:
     """Each equation's kernel sums to one, and takes its samples from one segment only."""
     record = moving(starts=(0, 3000))
     problem, (time, _), dropped = from_records([record], ("both",), ("inertia",), 10)
@@ -126,6 +126,22 @@ def test_smoothing_lengths_and_hold_outs() -> None:
     by_hand = 100 * np.linalg.norm(other.residuals(theta)) / np.linalg.norm(other.torque)
     assert fit.hold_out[0].file == "other.csv"
     assert fit.hold_out[0].relative_error == pytest.approx(by_hand, rel=1e-9)
+    # where LuGre's fit knows friction, the static fit keeps its numbers and says which to use; beside one that knows
+    # none it is as it was
+    run = moved(5.0 * tones(np.arange(0, 8, 1e-3)), 1e-3, noise=2e-4)
+    lugre = fitted(posed(run, decimation=5))
+    problem, _, _ = from_records([run], ("both",), ("inertia",), 5)
+    static, _ = fit_static(problem, FitOptions(), "revolute", PointInfo())
+    fit = beside_moving(static, lugre)["both"]
+    assert fit.outcome.code == "static-superseded"
+    assert fit.outcome.numbers["other"] == lugre.relative_error
+    assert fit.parameters == static["both"].parameters
+    assert fit.warnings == ()
+    alpha_0 = lugre.parameters[parse("alpha_0")]
+    blind = replace(lugre, parameters={parse("alpha_0"): replace(alpha_0, value=None)})
+    assert beside_moving(static, blind) == beside_moving(static, None) == static
+    nothing = {"both": replace(static["both"], relative_error=None)}
+    assert beside_moving(nothing, lugre) == nothing
 
 
 @pytest.mark.parametrize("samples", [5, 37, 100, 368, 369, 10_000])
@@ -197,21 +213,3 @@ def test_a_low_pass_that_takes_motion_is_widened(monkeypatch: pytest.MonkeyPatch
     off = [abs(fit.params["alpha_0"] / law.alpha_0 - 1) for fit in (usual, widened, asked)]
     assert max(off[:2]) < 0.001, off
     assert off[2] > 0.01, off
-
-
-def test_a_poorer_law_of_the_same_runs_says_so_and_warns_of_nothing() -> None:
-    """Where LuGre's fit knows friction, the static fit keeps its numbers and says which to use; beside one that knows none it is as it was."""
-    run = moved(5.0 * tones(np.arange(0, 8, 1e-3)), 1e-3, noise=2e-4)
-    lugre = fitted(posed(run, decimation=5))
-    problem, _, _ = from_records([run], ("both",), ("inertia",), 5)
-    static, _ = fit_static(problem, FitOptions(), "revolute", PointInfo())
-    fit = beside_moving(static, lugre)["both"]
-    assert fit.outcome.code == "static-superseded"
-    assert fit.outcome.numbers["other"] == lugre.relative_error
-    assert fit.parameters == static["both"].parameters
-    assert fit.warnings == ()
-    alpha_0 = lugre.parameters[parse("alpha_0")]
-    blind = replace(lugre, parameters={parse("alpha_0"): replace(alpha_0, value=None)})
-    assert beside_moving(static, blind) == beside_moving(static, None) == static
-    nothing = {"both": replace(static["both"], relative_error=None)}
-    assert beside_moving(nothing, lugre) == nothing

@@ -133,6 +133,26 @@ def test_derivatives_are_those_of_finite_differences() -> None:
     missed = [n for n, e in found.parameters.items() if e.interval and not holds(e.interval, values[n])]
     assert len(missed) <= 1
     assert found.parameters[INERTIA].value == pytest.approx(LOADS["inertia"], rel=0.01)
+    # with the true parameters a run that was not fitted is off by its counts alone, wherever its windows begin
+    t = np.arange(0, 2.0, STEP)
+    position = solved(Pair(GRIPPER, OTHER), t, drive(t))
+    quantum = 2 * np.pi / 2**12
+    problem = posed(t, drive(t), quantum * np.round(position / quantum), 0.5)
+    spread = float(np.sqrt(np.mean([np.var(m.measured) for m in problem.motions])))
+    assert relative_error(problem, values_of(Pair(GRIPPER, OTHER))) == pytest.approx(
+        100 * quantum / 12**0.5 / spread, rel=0.2
+    )
+    # a problem whose regressors leave the inertia out is refused in one sentence that says what to add
+    t = np.arange(0, 1.0, STEP)
+    run = Record(
+        file="run.csv", time=t, position=np.sin(t), velocity=np.cos(t), torque=drive(t), acceleration=-np.sin(t)
+    )
+    whole = dynamic_problem([run], ("both",), (), 1, None)
+    with pytest.raises(ValueError, match=r"fit\.predict: position simulates the motor, which needs an inertia"):
+        simulation([run], whole, None, 1, 0.5)
+    blind = replace(run, position=None)
+    with pytest.raises(ValueError, match=r"run\.csv: fit\.predict: position needs the position"):
+        simulation([blind], dynamic_problem([blind], ("both",), ("inertia",), 1, None), None, 1, 0.5)
 
 
 @pytest.mark.slow
@@ -157,29 +177,6 @@ def test_intervals_are_those_of_the_jackknife_over_windows() -> None:
     index = [problem.names.index(name) for name in free]
     np.testing.assert_allclose(np.sqrt(whole.covariance[index, index]), jackknife, rtol=0.1)
     assert whole.freedom == windows - 1
-
-
-def test_a_held_out_run_is_judged_from_its_own_starts() -> None:
-    """With the true parameters a run that was not fitted is off by its counts alone, wherever its windows begin."""
-    t = np.arange(0, 2.0, STEP)
-    position = solved(Pair(GRIPPER, OTHER), t, drive(t))
-    quantum = 2 * np.pi / 2**12
-    problem = posed(t, drive(t), quantum * np.round(position / quantum), 0.5)
-    spread = float(np.sqrt(np.mean([np.var(m.measured) for m in problem.motions])))
-    assert relative_error(problem, values_of(Pair(GRIPPER, OTHER))) == pytest.approx(
-        100 * quantum / 12**0.5 / spread, rel=0.2
-    )
-    # a problem whose regressors leave the inertia out is refused in one sentence that says what to add
-    t = np.arange(0, 1.0, STEP)
-    run = Record(
-        file="run.csv", time=t, position=np.sin(t), velocity=np.cos(t), torque=drive(t), acceleration=-np.sin(t)
-    )
-    whole = dynamic_problem([run], ("both",), (), 1, None)
-    with pytest.raises(ValueError, match=r"fit\.predict: position simulates the motor, which needs an inertia"):
-        simulation([run], whole, None, 1, 0.5)
-    blind = replace(run, position=None)
-    with pytest.raises(ValueError, match=r"run\.csv: fit\.predict: position needs the position"):
-        simulation([blind], dynamic_problem([blind], ("both",), ("inertia",), 1, None), None, 1, 0.5)
 
 
 @pytest.fixture(scope="module")

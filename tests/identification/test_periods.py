@@ -156,6 +156,18 @@ def test_what_is_held_out_is_predicted_with_the_same_orders(tmp_path: Path) -> N
         load_experiment(path)
     with pytest.raises(InputError, match=r"fit\.regressors: cogging needs the position of every point"):
         bristle.fit(np.linspace(0.1, 1, 20), np.linspace(0.2, 0.3, 20), regressors=["cogging"], orders=[4])
+    # a segment carries the means of its columns: zero over whole periods, whatever its middle is at
+    t = np.arange(1000, dtype=float) / 1000
+    q = 2 * np.pi * t / 4 + 0.3
+    run = Record(file="a.csv", time=t, position=q, velocity=np.full(t.size, np.pi / 2), torque=np.zeros(t.size))
+    found = Segment(
+        file="a.csv", start=0, stop=t.size, velocity=1.0, torque=0.3, standard_error=None, accepted=True, position=1.0
+    )
+    asked = with_orders(("cogging", "ripple"), (4,), "revolute")
+    (loaded,) = with_loads(run, (found,), asked)
+    problem = points_problem([loaded], ("both",), asked)
+    assert problem.linear[0, 2:] == pytest.approx(np.zeros(4), abs=1e-12)
+    assert [name.name for name in problem.linear_names[2:]] == list(load_columns(asked, lambda _: q, q.size))
 
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
@@ -190,18 +202,3 @@ def test_an_order_is_per_turn_or_per_metre(kind: JointKind, rate: float) -> None
     assert {unit(name, kind) for name in list(columns)[1:]} == {unit("torque", kind)}
     assert symbol("cogging_sin_4") == "cogging (sin 4)"
     assert ParameterName.parse("cogging_sin_4") == ParameterName("cogging_sin_4", Direction.SHARED)
-
-
-def test_whole_periods_average_out_of_a_hold() -> None:
-    """A segment carries the means of its columns: zero over whole periods, whatever its middle is at."""
-    t = np.arange(1000, dtype=float) / 1000
-    q = 2 * np.pi * t / 4 + 0.3
-    run = Record(file="a.csv", time=t, position=q, velocity=np.full(t.size, np.pi / 2), torque=np.zeros(t.size))
-    found = Segment(
-        file="a.csv", start=0, stop=t.size, velocity=1.0, torque=0.3, standard_error=None, accepted=True, position=1.0
-    )
-    asked = with_orders(("cogging", "ripple"), (4,), "revolute")
-    (loaded,) = with_loads(run, (found,), asked)
-    problem = points_problem([loaded], ("both",), asked)
-    assert problem.linear[0, 2:] == pytest.approx(np.zeros(4), abs=1e-12)
-    assert [name.name for name in problem.linear_names[2:]] == list(load_columns(asked, lambda _: q, q.size))

@@ -253,6 +253,12 @@ def test_noise_is_refused_as_noise_and_a_wrong_sign_as_a_wrong_sign(tmp_path: Pa
                 refuse_opposing_points(own, points, ("offset",))
         else:
             refuse_opposing_points(own, points, ("offset",))
+    # a velocity in deg/s read as rad/s in a moving run is the first warning of the joint, and critical
+    (joint,) = bristle.identify(logged(tmp_path, 180 / np.pi)).joints
+    first = joint.warnings[0]
+    assert first.code == "velocity-factor"
+    assert first.numbers["ratio"] == pytest.approx(np.pi / 180, rel=0.02)
+    assert "`unit: deg/s` under signals.velocity" in str(first)
 
 
 @pytest.mark.parametrize("kind", ["tracking", "presliding"])
@@ -285,15 +291,6 @@ def logged(folder: Path, factor: float) -> Path:
     (friction,) = steady_points(TRUTH, v, 1e-4, np.random.default_rng(0), 1)
     columns = {"t": t, "q": q, "v": factor * v, "T": friction + 1e-3 * np.gradient(v, t)}
     return experiment_file(folder, columns, fit="directions: symmetric")
-
-
-def test_the_warnings_reach_the_joint(tmp_path: Path) -> None:
-    """A velocity in deg/s read as rad/s in a moving run is the first warning of the joint, and critical."""
-    (joint,) = bristle.identify(logged(tmp_path, 180 / np.pi)).joints
-    first = joint.warnings[0]
-    assert first.code == "velocity-factor"
-    assert first.numbers["ratio"] == pytest.approx(np.pi / 180, rel=0.02)
-    assert "`unit: deg/s` under signals.velocity" in str(first)
 
 
 @pytest.mark.parametrize("factor", [-1.0, -60.0])

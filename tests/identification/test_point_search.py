@@ -72,6 +72,27 @@ def test_clean_points_say_nothing(tmp_path: Path) -> None:
     (then,) = of({"strays", "strays-matter"}, static(points_file(tmp_path / "b", SPEEDS, T, "set_up: as-written")))
     assert "leave `set_up: as-written` out" in then.numbers["advice"]
     assert of({"strays-left-out"}, static(points_file(tmp_path / "b", SPEEDS, T)))
+    # the same points with and without a standard error: five standard deviations of the others, but two of its own, are
+    # chance
+    T = torques()
+    T[20] += 12 * NOISE
+    found = []
+    for own in (None, NOISE, 6 * NOISE):
+        points = [
+            Segment(file="a", start=k, stop=k + 1, velocity=v, torque=t, standard_error=own, accepted=True)
+            for k, (v, t) in enumerate(zip(SPEEDS.tolist(), T.tolist(), strict=True))
+        ]
+        (search,) = search_points(load_experiment(edro.experiments()[0]), points)
+        found.append(search.strays)
+    assert found == [(20,), (20,), ()]
+    # where the directions differ otherwise too an offset is noted with its size: half the difference of alpha_0
+    v = np.concatenate([SPEEDS, -SPEEDS])
+    other = GRIPPER._replace(alpha_0=0.8 * GRIPPER.alpha_0, alpha_2=1.3 * GRIPPER.alpha_2)
+    T = np.concatenate([curve(SPEEDS, GRIPPER), -curve(SPEEDS, other)])
+    joint = bristle.identify(points_file(tmp_path, v, T)).joints[0]
+    (noted,) = [w for w in joint.warnings if w.code == "offset-left-out"]
+    assert noted.numbers["offset"] == pytest.approx(0.1 * GRIPPER.alpha_0, rel=1e-6)
+    assert noted.numbers["common"] == pytest.approx(0.9 * GRIPPER.alpha_0, rel=1e-6)
 
 
 @pytest.mark.usefixtures("few_motions")
@@ -135,26 +156,3 @@ def test_points_that_are_left_out_or_misfit(tmp_path: Path) -> None:
         (warning,) = of(ABOUT, fit)
         assert (warning.code, warning.severity, fit.n) == ("misfit", Severity.CAUTION, 22)
         assert warning.effect["torque"] == pytest.approx(fit.rms)
-
-
-def test_a_segment_as_far_off_as_its_own_error_explains_is_no_stray(tmp_path: Path) -> None:
-    """The same points with and without a standard error: five standard deviations of the others, but two of its own, are chance."""
-    T = torques()
-    T[20] += 12 * NOISE
-    found = []
-    for own in (None, NOISE, 6 * NOISE):
-        points = [
-            Segment(file="a", start=k, stop=k + 1, velocity=v, torque=t, standard_error=own, accepted=True)
-            for k, (v, t) in enumerate(zip(SPEEDS.tolist(), T.tolist(), strict=True))
-        ]
-        (search,) = search_points(load_experiment(edro.experiments()[0]), points)
-        found.append(search.strays)
-    assert found == [(20,), (20,), ()]
-    # where the directions differ otherwise too an offset is noted with its size: half the difference of alpha_0
-    v = np.concatenate([SPEEDS, -SPEEDS])
-    other = GRIPPER._replace(alpha_0=0.8 * GRIPPER.alpha_0, alpha_2=1.3 * GRIPPER.alpha_2)
-    T = np.concatenate([curve(SPEEDS, GRIPPER), -curve(SPEEDS, other)])
-    joint = bristle.identify(points_file(tmp_path, v, T)).joints[0]
-    (noted,) = [w for w in joint.warnings if w.code == "offset-left-out"]
-    assert noted.numbers["offset"] == pytest.approx(0.1 * GRIPPER.alpha_0, rel=1e-6)
-    assert noted.numbers["common"] == pytest.approx(0.9 * GRIPPER.alpha_0, rel=1e-6)

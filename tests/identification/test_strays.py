@@ -43,7 +43,7 @@ def test_clean_points_have_no_strays() -> None:
         assert found >= 95, neighbours
 
 
-def test_strays_are_those_of_brute_force() -> None:
+def test_strays_are_those_of_brute_force(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every point left out in turn and refitted: the one that lowers the cost most is the first that is named; so for a pair that hide each other."""
     T = torque(5)
     T[7] += 12 * NOISE
@@ -74,6 +74,32 @@ def test_strays_are_those_of_brute_force() -> None:
     assert find_strays(from_points(v, T, ("+", "-"), {"offset": np.ones(v.size)})).rows == (15,)
     # points on the law without noise differ from it by rounding, of which nothing is made
     assert find_strays(from_points(SPEEDS, curve(SPEEDS, GRIPPER), ("+",))) == ((), False)
+    # sixty points given twenty times: the same parameters, and standard errors smaller by sqrt((n - p) / (k n - p))
+    v, T = points(60)
+    once, often = bristle.fit(v, T), bristle.fit(np.tile(v, 20), np.tile(T, 20))
+    assert list(often.params.values()) == pytest.approx(list(once.params.values()), rel=1e-6)
+    errors = np.array(list(once.stderr.values())) * np.sqrt((60 - 4) / (1200 - 4))
+    assert list(often.stderr.values()) == pytest.approx(errors, rel=1e-5)
+    # J_s on a grid, worked on a few values at a time, one value where there are more points than that, is J_s at once to 1e-12
+    problem = from_points(*points(300), ("+",))
+    values = log_grid(default_range(problem.velocity), 40)
+    whole = Projected(problem).costs(values)
+    for at_once in (2000, 100):
+        monkeypatch.setattr(grid, "_AT_ONCE", at_once)
+        assert Projected(problem).costs(values) == pytest.approx(whole, rel=1e-12)
+    monkeypatch.undo()
+    # of 12 000 points the last one is looked at as the first is
+    assert find_strays(with_strays(12_000, np.array([0, 11_999]))).rows == (11_999, 0)
+    # of 1200 points with a dozen strays the same are named either way; without strays none, and with an eighth and more it is misfit
+    rows = np.arange(40, 1200, 100)
+    problem = with_strays(1200, rows)
+    together = find_strays(problem)
+    monkeypatch.setattr(strays, "SINGLY", 10_000)
+    assert find_strays(problem) == together
+    monkeypatch.undo()
+    assert set(together.rows) == set(rows.tolist())
+    assert find_strays(from_points(*points(1200), ("+",))) == ((), False)
+    assert find_strays(with_strays(1200, np.arange(0, 1200, 6), farthest=3000.0)).misfit
 
 
 @pytest.mark.parametrize(("size", "most"), [(7, 0), (8, 1), (9, 1), (10, 2), (13, 2), (22, 2), (24, 3)])
@@ -118,35 +144,6 @@ def with_strays(count: int, rows: NDArray[np.intp], seed: int = 0, farthest: flo
     v, T = points(count, seed)
     T[rows] += SCATTER * np.geomspace(12, farthest, rows.size) * (-1.0) ** np.arange(rows.size)
     return from_points(v, T, ("+",))
-
-
-def test_many_points_are_as_few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Sixty points given twenty times: the same parameters, and standard errors smaller by sqrt((n - p) / (k n - p))."""
-    v, T = points(60)
-    once, often = bristle.fit(v, T), bristle.fit(np.tile(v, 20), np.tile(T, 20))
-    assert list(often.params.values()) == pytest.approx(list(once.params.values()), rel=1e-6)
-    errors = np.array(list(once.stderr.values())) * np.sqrt((60 - 4) / (1200 - 4))
-    assert list(often.stderr.values()) == pytest.approx(errors, rel=1e-5)
-    # J_s on a grid, worked on a few values at a time, one value where there are more points than that, is J_s at once to 1e-12
-    problem = from_points(*points(300), ("+",))
-    values = log_grid(default_range(problem.velocity), 40)
-    whole = Projected(problem).costs(values)
-    for at_once in (2000, 100):
-        monkeypatch.setattr(grid, "_AT_ONCE", at_once)
-        assert Projected(problem).costs(values) == pytest.approx(whole, rel=1e-12)
-    monkeypatch.undo()
-    # of 12 000 points the last one is looked at as the first is
-    assert find_strays(with_strays(12_000, np.array([0, 11_999]))).rows == (11_999, 0)
-    # of 1200 points with a dozen strays the same are named either way; without strays none, and with an eighth and more it is misfit
-    rows = np.arange(40, 1200, 100)
-    problem = with_strays(1200, rows)
-    together = find_strays(problem)
-    monkeypatch.setattr(strays, "SINGLY", 10_000)
-    assert find_strays(problem) == together
-    monkeypatch.undo()
-    assert set(together.rows) == set(rows.tolist())
-    assert find_strays(from_points(*points(1200), ("+",))) == ((), False)
-    assert find_strays(with_strays(1200, np.arange(0, 1200, 6), farthest=3000.0)).misfit
 
 
 @pytest.mark.slow

@@ -139,26 +139,14 @@ def test_a_common_factor_is_one_of_every_parameter_but_v_s(exact_and_uncertain: 
     assert p is not None
     torque = curve(v, Lugre(*p, 1.0, 0.0))
     assert wide == pytest.approx(np.hypot(np.asarray(narrow), NORMAL * SHARE * torque), rel=1e-9)
-
-
-def test_an_end_that_is_open_or_a_bound_stays() -> None:
-    """No systematic error closes an open side, or takes a positive parameter below zero; an offset it does."""
+    # no systematic error closes an open side, or takes a positive parameter below zero; an offset it does
     assert combined((0.0, np.inf), 1.0, 0.3) == (0.0, np.inf)
     assert combined((0.1, 2.0), 1.0, 1.0)[0] == 0.0
     assert combined((0.1, 2.0), 1.0, 1.0, least_of("offset"))[0] < 0.0
     assert combined((0.1, 2.0), 1.0, 1.0, least_of("quadratic"))[0] < 0.0
     assert combined((-1.0, 2.0), 0.5, 1.0)[0] < -1.0
-
-
-def assert_combined(wide: Interval | None, narrow: Interval | None, e: Estimate) -> None:
-    """One interval is the other with the systematic error of an estimate in quadrature; neither exists without the other."""
-    assert (wide is None) == (narrow is None)
-    if wide is not None and narrow is not None:
-        assert wide == pytest.approx(combined(narrow, value_of(e), e.systematic or 0.0), rel=1e-12)
-
-
-def test_runs_that_scatter_widen_the_statistical_part_alone() -> None:
-    """Of runs that differ chi-squared and errors are those without an error of K, which then widens what they widened, by all ways."""
+    # of runs that differ chi-squared and errors are those without an error of K, which then widens what they widened,
+    # by all ways
     rng, noise = np.random.default_rng(0), 1e-3 * GRIPPER.alpha_0
     laws = [GRIPPER._replace(alpha_0=x * GRIPPER.alpha_0) for x in (1.0, 1.05, 0.95)]
     torques = [curve(SPEEDS, law) + noise * rng.standard_normal(SPEEDS.size) for law in laws]
@@ -180,6 +168,13 @@ def test_runs_that_scatter_widen_the_statistical_part_alone() -> None:
         assert_combined(s.interval, e.interval, s)
         for way in WAYS:
             assert_combined(getattr(uncertain.uncertainty[name], way), getattr(exact.uncertainty[name], way), s)
+
+
+def assert_combined(wide: Interval | None, narrow: Interval | None, e: Estimate) -> None:
+    """One interval is the other with the systematic error of an estimate in quadrature; neither exists without the other."""
+    assert (wide is None) == (narrow is None)
+    if wide is not None and narrow is not None:
+        assert wide == pytest.approx(combined(narrow, value_of(e), e.systematic or 0.0), rel=1e-12)
 
 
 @pytest.mark.parametrize("bound", [False, True])

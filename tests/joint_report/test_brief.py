@@ -117,11 +117,10 @@ def test_what_is_critical_stands_whole_and_little_else(
         assert finding.code in text
 
 
-def test_what_has_no_value_is_named_with_the_reason() -> None:
+def test_what_has_no_value_is_named_with_the_reason(joint: Joint) -> None:
     """Of what no run is about the table says what would show it; of what is not identifiable, that, and its bound where there is one."""
     text = words(brief_report([gripper()]))
     assert "sigma_0+, sigma_1+: not measured; slow loading or tracking runs would show them" in text
-    joint = gripper()
     opened = Finding("interval-open", CAUTION, "No finite interval: the data set no upper limit on v_s.")
     none = Estimate(value=None, unit="rad/s", warnings=(opened,))
     bound = Estimate(value=None, unit="N*m", interval=(0.0, 0.05), warnings=(opened,))
@@ -142,10 +141,7 @@ def test_what_has_no_value_is_named_with_the_reason() -> None:
     text = words(brief_report([replace(joint, static={"+": own}, torque_scale=told)]))
     assert "alpha_0+ 1.000 +/- 0.050 N*m" in text
     assert "Standard errors include that of torque_constant 9.8 +/- 0.2 N*m/A." in text
-
-
-def test_hostile_names_stay_in_their_line(joint: Joint) -> None:
-    """A name with control characters or of many words takes no line of its own and no colour."""
+    # a name with control characters or of many words takes no line of its own and no colour
     text = brief_report([replace(joint, name=f"a\x1b[31m\nuse {HOSTILE}"), joint])
     assert "\x1b" not in text
     assert max(map(len, text.splitlines())) <= max(WIDTH, len(HOSTILE) + 4)

@@ -34,15 +34,15 @@ def drawn(joint: Joint) -> dict[str, Figure]:
     return {kind: figure for kind, figure in found.items() if figure is not None}
 
 
-def test_every_axis_has_a_quantity_and_a_unit(record: Record) -> None:
+def test_axes_have_units_and_nothing_else_is_drawn(record: Record, joint: Joint, slow: Joint, slide: Joint) -> None:
     """Each label of each figure ends in a unit; a joint that slides has neither N·m nor rad."""
-    joint = moving()
+    every = moving()
     for kind in ("revolute", "prismatic"):
-        figures = drawn(replace(joint, kind=kind))
+        figures = drawn(replace(every, kind=kind))
         assert [*figures] == [*STATIC, *SLOW, *MOVING]
         loops = len(figures["hysteresis"].axes)
         assert loops == presliding_sections.MOST_LOOPS
-        more = (static_figures.stribeck_figure(), static_figures.inspect_figure([record], joint.segments, kind))
+        more = (static_figures.stribeck_figure(), static_figures.inspect_figure([record], every.segments, kind))
         axes = [ax for figure in (*figures.values(), *more) for ax in figure.axes]
         assert len(axes) == 2 + 2 + 3 + 2 + loops + 2 * 2 + 1 + 2
         labels = [label for ax in axes for label in (ax.get_xlabel(), ax.get_ylabel())]
@@ -51,23 +51,20 @@ def test_every_axis_has_a_quantity_and_a_unit(record: Record) -> None:
         assert any("N·m" in label or "rad" in label for label in own) == (kind == "revolute")
     assert static_figures.inspect_figure([], [], "prismatic").axes
     # in each SVG, which may travel alone, markup is escaped, a dollar sign starts no formula, and simulated data are called so
-    joint = moving(HOSTILE, HOSTILE)
-    for kind, figure in drawn(joint).items():
+    every = moving(HOSTILE, HOSTILE)
+    for kind, figure in drawn(every).items():
         svg = render_as(figure, "svg")
         assert ET.fromstring(svg).tag.endswith("svg")  # noqa: S314 # our own file
         assert b"SIMULATED" in svg, kind
         assert b"<script" not in svg, kind
         assert kind != "residuals" or (b"&lt;script&gt;" in svg and b'"$x$"' in svg)
-    assert b"SIMULATED" not in render_as(static_figures.curve_figure(replace(joint, simulated=False)), "svg")
+    assert b"SIMULATED" not in render_as(static_figures.curve_figure(replace(every, simulated=False)), "svg")
     # at most MOST_POINTS of many points are drawn, the first and last among them; few points all are
     many = thinned(100_000)
     assert (many.size, many[0], many[-1]) == (MOST_POINTS, 0, 99_999)
     np.testing.assert_array_equal(thinned(7), np.arange(7))
     assert thinned(0).size == 0
-
-
-def test_what_does_not_exist_is_not_drawn(joint: Joint, slow: Joint, slide: Joint) -> None:
-    """Without a profile, residuals, runs of a kind, their fits, loops or equations there is no such figure."""
+    # without a profile, residuals, runs of a kind, their fits, loops or equations there is no such figure
     empty = np.zeros(0)
     none = tracked(time=empty, velocity=empty, measured=empty, residuals=empty, starts_of_runs=(0,))
     assert [*drawn(joint)] == [*drawn(replace(joint, tracking=none))] == STATIC
@@ -213,7 +210,7 @@ def both(joint: Joint) -> list[Figure]:
     return [figure for figure in drawn if figure is not None]
 
 
-def test_window_lies_about_the_hardest_reversal_within_one_stretch() -> None:
+def test_windows_and_points_of_moving_runs() -> None:
     """The piece holds the reversal with the largest acceleration, lasts no longer than SPAN, and crosses no boundary."""
     fit = tracked()
     own = moving_sections.window(fit)
@@ -233,10 +230,7 @@ def test_window_lies_about_the_hardest_reversal_within_one_stretch() -> None:
     fit = tracked()
     assert moving_sections.stretches(fit) == [slice(0, STRETCH), slice(STRETCH, fit.time.size)]
     assert moving_sections.stretches(tracked(starts_of_runs=(0, 0, STRETCH)))[0] == slice(0, STRETCH)
-
-
-def test_what_moving_runs_show() -> None:
-    """Time rises along every line; over velocity there are points only (the line of zero aside)."""
+    # time rises along every line; over velocity there are points only (the line of zero aside)
     course, velocity = both(moving())
     for ax in course.axes:
         for line in ax.get_lines():

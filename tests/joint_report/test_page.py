@@ -227,7 +227,7 @@ def test_any_parameter_has_a_symbol(name: str) -> None:
     assert "<b>" not in symbol_html(name)
 
 
-def test_a_joint_has_the_sections_of_its_runs_alone(joint: Joint, tmp_path: Path, slow: Joint) -> None:
+def test_sections_and_warnings_stand_in_their_place(joint: Joint, tmp_path: Path, slow: Joint, slide: Joint) -> None:
     """Without slow loading and moving runs there is no section of them, no link to one, no figure, and no table of fits without them."""
     write_report([joint], tmp_path)
     text = report_text(tmp_path)
@@ -258,6 +258,39 @@ def test_a_joint_has_the_sections_of_its_runs_alone(joint: Joint, tmp_path: Path
     assert not list((tmp_path / "slow" / "figures").glob("*-curve.svg"))
     assert texts["none"].count(str(OPEN)) == 2
     assert "Each breakaway" not in texts["none"]
+    # what is critical about the one solve of both directions is printed once, below the verdict
+    warning = Finding("unexplained", CRITICAL, "The relative error is 40 %.")
+    static = {d: replace(fit, warnings=(warning,)) for d, fit in joint.static.items()}
+    verdict, *lines = list(outcomes([replace(joint, static=static).with_subjects()]))[1:]
+    assert verdict.split("  ")[:2] == [joint.name, "do not use"]
+    assert lines == [f"{joint.name}: {known_to(joint, '+/-')} {warning.coded}"]
+    # behind each warning stands its code, a link to what it means, why it has its severity and what to do; what does not occur has no
+    # entry. The heading of a joint's cautions has their number, each counted once; notes are behind a line that counts them
+    write_report([slow], tmp_path)
+    text = page_text(tmp_path / "joints.html")
+    codes = set(re.findall(r'<a class="code" href="#warning-([a-z0-9-]+)">\1</a>', text))
+    assert {x.code for x in slow.all_warnings()} <= codes
+    entries = text[text.index("What these warnings mean") :]
+    assert set(re.findall(r'<dt id="warning-([a-z0-9-]+)">', entries)) == codes
+    for reason in {by_code(x.code).reason for x in slow.all_warnings()}:
+        assert str(escape(reason)) in entries
+    for severity, found in (("caution", r"<h3>(\d+) caution"), ("note", r"<summary>(\d+) note")):
+        count = len({str(x) for x in slow.all_warnings() if x.severity == severity})
+        assert [int(n) for n in re.findall(found, text)] == [count] * bool(count)
+    # warnings of a fit, of a parameter, of runs as a whole, and stages that differ stand in the list with what they are about
+    found = listed(moving().with_subjects())
+    places = {
+        "few-counts": "presliding (+)", "outlier": "presliding", "prior": "presliding (+) sigma_1, presliding (−) sigma_1",
+        str(CORRELATED): "moving runs", str(UNSEEN): "moving runs alpha_1-", str(DIFFER): "static stage and moving runs alpha_0-",
+    }  # fmt: skip  # a table
+    assert places.items() <= found.items()
+    assert "presliding (+) sigma_0 printed" in found["whole-count"]
+    # the first lines of a joint are its critical sentences, each whole once; a long sentence that recurs is shortened
+    lines = fit_report([slide]).splitlines()
+    assert lines[1].startswith("    critical: ")
+    long = [line.strip("() ") for line in lines if len(line) > 90]
+    assert len(long) == len(set(long))
+    assert "critical" not in fit_report([joint])
 
 
 def test_all_parameters_stand_first(tmp_path: Path) -> None:
@@ -305,39 +338,3 @@ def test_all_parameters_stand_first(tmp_path: Path) -> None:
                  "only the initial values were fitted"):  # fmt: skip  # words
         assert said in words
     assert "torque" not in words
-
-
-def test_each_warning_stands_once_in_its_place(joint: Joint, slow: Joint, tmp_path: Path, slide: Joint) -> None:
-    """What is critical about the one solve of both directions is printed once, below the verdict."""
-    warning = Finding("unexplained", CRITICAL, "The relative error is 40 %.")
-    static = {d: replace(fit, warnings=(warning,)) for d, fit in joint.static.items()}
-    verdict, *lines = list(outcomes([replace(joint, static=static).with_subjects()]))[1:]
-    assert verdict.split("  ")[:2] == [joint.name, "do not use"]
-    assert lines == [f"{joint.name}: {known_to(joint, '+/-')} {warning.coded}"]
-    # behind each warning stands its code, a link to what it means, why it has its severity and what to do; what does not occur has no
-    # entry. The heading of a joint's cautions has their number, each counted once; notes are behind a line that counts them
-    write_report([slow], tmp_path)
-    text = page_text(tmp_path / "joints.html")
-    codes = set(re.findall(r'<a class="code" href="#warning-([a-z0-9-]+)">\1</a>', text))
-    assert {x.code for x in slow.all_warnings()} <= codes
-    entries = text[text.index("What these warnings mean") :]
-    assert set(re.findall(r'<dt id="warning-([a-z0-9-]+)">', entries)) == codes
-    for reason in {by_code(x.code).reason for x in slow.all_warnings()}:
-        assert str(escape(reason)) in entries
-    for severity, found in (("caution", r"<h3>(\d+) caution"), ("note", r"<summary>(\d+) note")):
-        count = len({str(x) for x in slow.all_warnings() if x.severity == severity})
-        assert [int(n) for n in re.findall(found, text)] == [count] * bool(count)
-    # warnings of a fit, of a parameter, of runs as a whole, and stages that differ stand in the list with what they are about
-    found = listed(moving().with_subjects())
-    places = {
-        "few-counts": "presliding (+)", "outlier": "presliding", "prior": "presliding (+) sigma_1, presliding (−) sigma_1",
-        str(CORRELATED): "moving runs", str(UNSEEN): "moving runs alpha_1-", str(DIFFER): "static stage and moving runs alpha_0-",
-    }  # fmt: skip  # a table
-    assert places.items() <= found.items()
-    assert "presliding (+) sigma_0 printed" in found["whole-count"]
-    # the first lines of a joint are its critical sentences, each whole once; a long sentence that recurs is shortened
-    lines = fit_report([slide]).splitlines()
-    assert lines[1].startswith("    critical: ")
-    long = [line.strip("() ") for line in lines if len(line) > 90]
-    assert len(long) == len(set(long))
-    assert "critical" not in fit_report([joint])

@@ -264,10 +264,8 @@ def test_verdicts_hold_their_numbers(validation: Validation, monkeypatch: pytest
     without_sentences(monkeypatch)
     assert held([*map(verdict, validation.cases), overall(validation)]) == before[0]
     pd.testing.assert_frame_equal(validation.to_frame(), before[1])
-
-
-def test_without_slow_speeds_a_lower_cost_may_lie_outside_the_range(validation: Validation) -> None:
-    """On a data set whose best v_s within the range is at its end, v_s set free ends outside at a lower cost, which is counted and said."""
+    # on a data set whose best v_s within the range is at its end, v_s set free ends outside at a lower cost, which is
+    # counted and said
     case = case_of(NONE_BELOW, 0.005)
     rng = np.random.default_rng([0, 4])
     torques = np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, 1).T)
@@ -321,7 +319,9 @@ def joint(tmp_path_factory: pytest.TempPathFactory) -> Joint:
     return identify(write(tmp_path_factory.mktemp("joint"), speeds())).joints[0]
 
 
-def test_what_cannot_be_tried_is_skipped_and_said(joint: Joint, tmp_path: Path) -> None:
+def test_what_cannot_be_tried_is_skipped_and_said(
+    joint: Joint, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Without a Stribeck term, points without noise, and as many as parameters, which moving runs may leave, are not tried, each with its reason."""
     # one fitted direction is enough, the other being said to have nothing to try
     flat = identify(write(tmp_path / "flat", np.linspace(1.0, 2.0, 12))).joints[0]
@@ -353,9 +353,22 @@ def test_what_cannot_be_tried_is_skipped_and_said(joint: Joint, tmp_path: Path) 
     jacobian = methods.jacobians(case, case.theta[:, None])[0]
     thinned = case.noise * np.sqrt(np.linalg.inv(jacobian.T @ jacobian)[3, 3])
     assert thinned == pytest.approx(joint.static["+"].parameters["v_s"].standard_error, rel=0.15)
+    # slow loading alone leaves nothing to check; one fitted direction is enough, the other being said to have nothing
+    # to try
+    few = static_fit("-", None)
+    with pytest.raises(ValueError, match="got no ramp, points or tracking run that is fitted; add"):
+        joint_cases(joint_of({}))
+    with pytest.raises(ValueError, match=r"friction vs velocity \(Too few points"):
+        joint_cases(joint_of({"-": few}))
+    case_set = joint_cases(joint_of({"+": static_fit("+", 1.0), "-": few}))
+    assert not case_set.cases
+    assert set(case_set.skipped) == {"+", "-"}
+    # lmfit is no dependency: where it is absent the others are tried
+    monkeypatch.setattr(methods, "LMFIT", False)
+    assert set(methods.local_methods(case_of(WIDE))) == {"IPOPT", "SciPy TRF"}
 
 
-def test_figures_say_what_they_show(validation: Validation) -> None:
+def test_figures_and_captions_say_what_was_found(validation: Validation) -> None:
     """Every figure says SIMULATED; axes carry units (m/s for a prismatic joint), and each solver is named."""
     one = validation.cases[0]
     cost, by_method = figures.cost_figure(one, "prismatic"), figures.methods_figure(one)
@@ -367,6 +380,51 @@ def test_figures_say_what_they_show(validation: Validation) -> None:
     words = " ".join(t.get_text() for t in legend.get_texts())
     assert all(name in words for name in ("IPOPT", "SciPy TRF", "refined grid"))
     assert [t.get_text() for t in by_method.axes[0].get_yticklabels()] == list(one.methods)
+    # the worst solver is named with its count, and a refined grid that a solver undercuts says so
+    for what, (costs, end) in ENDS.items():
+        found = captions(with_costs(validation.cases[0], costs), "prismatic")
+        assert found["cost"] == end, what
+    # cost and errors of a case that cannot tell v_s begin with that, in percent of its data sets; of others they do not
+    known, _, lost = validation.cases
+    for name in ("cost", "methods"):
+        assert captions(replace(lost, declined=0.9), "revolute")[name].startswith(
+            "vₛ is not identifiable in 90 % of the data sets. The "
+        )
+        assert captions(known, "revolute")[name].startswith("The ")
+    # the grid's error is told beside the largest of the solvers', without signs, and both failures
+    result = validation.cases[0]
+    v_s = result.case.truth.v_s
+    given = {REFINED: (-0.01, 0.0), "IPOPT": (-0.3, 0.25), "SciPy TRF": (0.02, 0.5), "lmfit": (0.0, 0.0)}
+    methods = {
+        name: replace(m, bias=np.full(4, given[key][0] * v_s), failed=given[key][1])
+        if (key := name.removesuffix(", random start")) in given
+        else m
+        for name, m in result.methods.items()
+    }
+    assert captions(replace(result, methods=methods, declined=0.0), "revolute")["methods"] == (
+        "The median error of vₛ is 1 % by the refined grid and up to 30 % by a solver (IPOPT); "
+        "the grid fails in 0 % of the data sets, a solver in up to 50 %."
+    )
+    # they span the cases, those that none of the grids tried is fine enough for are counted, and without a case that is said
+    one = validation.cases[0]
+    counts = np.array(one.resolution.counts)
+    for fine_from, expected in (
+        ([125], "A plain grid needs 125 values for an error of vₛ below a tenth of its standard error."),
+        ([125, 1000], "A plain grid needs 125 to 1000 values for an error of vₛ below a tenth of its standard error."),
+        (
+            [64, None, None],
+            "A plain grid needs 64 values for an error of vₛ below a tenth of its standard error, and more than 2000 in 2 of 3 cases.",
+        ),
+        (
+            [None],
+            "Even 2000 values leave a plain grid's error of vₛ above a tenth of its standard error in 1 of 1 case.",
+        ),
+        ([], "vₛ is not identifiable in any case, so the resolution does not matter."),
+    ):
+        errors = [np.where(counts >= (np.inf if n is None else n), 0.01, 1.0) for n in fine_from]
+        resolutions = [replace(one.resolution, floor=1.0, error=error) for error in errors]
+        cases = tuple(replace(one, declined=0.0, resolution=r) for r in resolutions)
+        assert resolution_said(replace(validation, cases=cases)) == expected, fine_from
 
 
 @pytest.mark.usefixtures("raster")
@@ -434,21 +492,6 @@ def test_the_command_validates_and_writes(tmp_path: Path, monkeypatch: pytest.Mo
     assert tree(tmp_path) == before
     with pytest.raises(ValueError, match="nothing to check"):
         bristle.validate(path)
-
-
-def test_a_joint_without_points_or_moving_runs_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Slow loading alone leaves nothing to check; one fitted direction is enough, the other being said to have nothing to try."""
-    few = static_fit("-", None)
-    with pytest.raises(ValueError, match="got no ramp, points or tracking run that is fitted; add"):
-        joint_cases(joint_of({}))
-    with pytest.raises(ValueError, match=r"friction vs velocity \(Too few points"):
-        joint_cases(joint_of({"-": few}))
-    case_set = joint_cases(joint_of({"+": static_fit("+", 1.0), "-": few}))
-    assert not case_set.cases
-    assert set(case_set.skipped) == {"+", "-"}
-    # lmfit is no dependency: where it is absent the others are tried
-    monkeypatch.setattr(methods, "LMFIT", False)
-    assert set(methods.local_methods(case_of(WIDE))) == {"IPOPT", "SciPy TRF"}
 
 
 def joint_of(static_fits: dict[str, StaticFit]) -> Joint:
@@ -519,51 +562,3 @@ ENDS = {
         "The refined grid ends at vₛ = 0.5 m/s, at a cost 25 % above the lowest, which IPOPT finds at vₛ = 0.25 m/s.",
     ),
 }  # fmt: skip  # a table
-
-
-def test_captions_begin_with_what_was_found(validation: Validation) -> None:
-    """The worst solver is named with its count, and a refined grid that a solver undercuts says so."""
-    for what, (costs, end) in ENDS.items():
-        found = captions(with_costs(validation.cases[0], costs), "prismatic")
-        assert found["cost"] == end, what
-    # cost and errors of a case that cannot tell v_s begin with that, in percent of its data sets; of others they do not
-    known, _, lost = validation.cases
-    for name in ("cost", "methods"):
-        assert captions(replace(lost, declined=0.9), "revolute")[name].startswith(
-            "vₛ is not identifiable in 90 % of the data sets. The "
-        )
-        assert captions(known, "revolute")[name].startswith("The ")
-    # the grid's error is told beside the largest of the solvers', without signs, and both failures
-    result = validation.cases[0]
-    v_s = result.case.truth.v_s
-    given = {REFINED: (-0.01, 0.0), "IPOPT": (-0.3, 0.25), "SciPy TRF": (0.02, 0.5), "lmfit": (0.0, 0.0)}
-    methods = {
-        name: replace(m, bias=np.full(4, given[key][0] * v_s), failed=given[key][1])
-        if (key := name.removesuffix(", random start")) in given
-        else m
-        for name, m in result.methods.items()
-    }
-    assert captions(replace(result, methods=methods, declined=0.0), "revolute")["methods"] == (
-        "The median error of vₛ is 1 % by the refined grid and up to 30 % by a solver (IPOPT); "
-        "the grid fails in 0 % of the data sets, a solver in up to 50 %."
-    )
-    # they span the cases, those that none of the grids tried is fine enough for are counted, and without a case that is said
-    one = validation.cases[0]
-    counts = np.array(one.resolution.counts)
-    for fine_from, expected in (
-        ([125], "A plain grid needs 125 values for an error of vₛ below a tenth of its standard error."),
-        ([125, 1000], "A plain grid needs 125 to 1000 values for an error of vₛ below a tenth of its standard error."),
-        (
-            [64, None, None],
-            "A plain grid needs 64 values for an error of vₛ below a tenth of its standard error, and more than 2000 in 2 of 3 cases.",
-        ),
-        (
-            [None],
-            "Even 2000 values leave a plain grid's error of vₛ above a tenth of its standard error in 1 of 1 case.",
-        ),
-        ([], "vₛ is not identifiable in any case, so the resolution does not matter."),
-    ):
-        errors = [np.where(counts >= (np.inf if n is None else n), 0.01, 1.0) for n in fine_from]
-        resolutions = [replace(one.resolution, floor=1.0, error=error) for error in errors]
-        cases = tuple(replace(one, declined=0.0, resolution=r) for r in resolutions)
-        assert resolution_said(replace(validation, cases=cases)) == expected, fine_from

@@ -61,7 +61,7 @@ def test_odd_symmetry(z: float, v: float, p: Lugre[float]) -> None:
     assert line[1] - line[0] == pytest.approx(line[2] - line[1], rel=1e-6)
 
 
-def test_steady_curve_has_its_limits(table_set: Lugre[float]) -> None:
+def test_steady_curve_has_its_limits(table_set: Lugre[float], gripper: Lugre[float]) -> None:
     """Just above rest T_ss is the breakaway level alpha_0 + alpha_1; far above v_s it is Coulomb and viscous friction alone; at rest 0."""
     p = table_set
     assert float(law.steady_torque(1e-9, p)) == pytest.approx(p.alpha_0 + p.alpha_1, rel=1e-6)
@@ -75,10 +75,7 @@ def test_steady_curve_has_its_limits(table_set: Lugre[float]) -> None:
     assert bool(np.all(torque > 0)) == is_passive(p) == (p != TABLE_1["base rotation"].negative)
     least = p.sigma_1 * p.alpha_1 / p.alpha_0
     assert is_passive(p) or (round(p.alpha_2, 3), round(least, 3)) == (0.134, 0.248)
-
-
-def test_printed_19_is_the_derivative_by_alpha_1_not_alpha_0(gripper: Lugre[float]) -> None:
-    """At v = 0.03, z = 0.003 the right-hand side of (19) as printed is dT_f/d alpha_1, and not dT_f/d alpha_0."""
+    # at v = 0.03, z = 0.003 the right-hand side of (19) as printed is dT_f/d alpha_1, and not dT_f/d alpha_0
     # the digits are those of docs/paper.md
     v, z = 0.03, 0.003
     p = Lugre(*(ca.SX.sym(name) for name in Lugre._fields))
@@ -116,26 +113,7 @@ def test_motor_equations_agree(V: float, w: float, k_t: float, R: float, J: floa
     assert motor.acceleration(i, motor.drive_torque(V, w, m), m) == pytest.approx(0, abs=1e-12 * k_t * size / R / J)
 
 
-def test_units_are_those_of_the_equations() -> None:
-    """In both kinds of joint, each unit parses and the terms of (1)-(5) have the dimension of what they are added to."""
-    pint = pytest.importorskip("pint")
-    registry = pint.UnitRegistry()
-    for kind in ("revolute", "prismatic"):
-        u = {
-            name: registry.parse_units(unit(name, kind))
-            for name in (*Lugre._fields, *Motor._fields, "torque", "position", "velocity", "voltage")
-        }
-        terms = ["alpha_0", "alpha_1"]
-        products = [("alpha_2", "velocity"), ("sigma_0", "position"), ("sigma_1", "velocity")]
-        dimensions = [u[t] for t in terms] + [u[a] * u[b] for a, b in products] + [u["k_t"] * u["voltage"] / u["R"]]
-        assert all(d.dimensionality == u["torque"].dimensionality or kind == "revolute" for d in dimensions)
-        assert all(d.is_compatible_with(u["torque"] * registry.rad**n) for d in dimensions for n in (0, 1))
-        assert (u["J"] * registry.parse_units(unit("acceleration", kind))).is_compatible_with(u["torque"])
-    with pytest.raises(KeyError):
-        unit("stiction")
-
-
-def test_functions_and_parameters_have_their_names() -> None:
+def test_units_functions_and_names() -> None:
     """Two calls give the same object, with named inputs and outputs."""
     assert functions.step_function() is functions.step_function()
     assert functions.step_function().name_in() == ["v0", "v1", "h", *Lugre._fields]
@@ -156,6 +134,22 @@ def test_functions_and_parameters_have_their_names() -> None:
     assert [in_direction(known, n, "+") for n in ("alpha_0", "v_s", "inertia", "sigma_0")] == [1.0, 2.0, 3.0, None]
     assert in_direction(known, "alpha_0", "-") is None
     assert in_direction(known, "alpha_0", "both") is None
+    # in both kinds of joint, each unit parses and the terms of (1)-(5) have the dimension of what they are added to
+    pint = pytest.importorskip("pint")
+    registry = pint.UnitRegistry()
+    for kind in ("revolute", "prismatic"):
+        u = {
+            name: registry.parse_units(unit(name, kind))
+            for name in (*Lugre._fields, *Motor._fields, "torque", "position", "velocity", "voltage")
+        }
+        terms = ["alpha_0", "alpha_1"]
+        products = [("alpha_2", "velocity"), ("sigma_0", "position"), ("sigma_1", "velocity")]
+        dimensions = [u[t] for t in terms] + [u[a] * u[b] for a, b in products] + [u["k_t"] * u["voltage"] / u["R"]]
+        assert all(d.dimensionality == u["torque"].dimensionality or kind == "revolute" for d in dimensions)
+        assert all(d.is_compatible_with(u["torque"] * registry.rad**n) for d in dimensions for n in (0, 1))
+        assert (u["J"] * registry.parse_units(unit("acceleration", kind))).is_compatible_with(u["torque"])
+    with pytest.raises(KeyError):
+        unit("stiction")
 
 
 GRIPPER = TABLE_1["gripper rotation"]

@@ -116,7 +116,7 @@ def _torque(z: float, v: Array, p: Lugre[float]) -> Array:
     return evaluate(functions.torque_function(p.law), z, v, *p)[0]
 
 
-def test_the_rollout_solves_the_bristle(chosen: Law) -> None:
+def test_rollouts_jacobians_and_passivity_of_laws(chosen: Law) -> None:
     """Along a motion through reversals T_f agrees with Radau at 1e-10 to 1e-4 of its largest value, under every law."""
     p, h = set_of(chosen), 1e-3
     t = np.arange(400) * h
@@ -132,10 +132,8 @@ def test_the_rollout_solves_the_bristle(chosen: Law) -> None:
     expected = evaluate(functions.torque_function(chosen), found.y[0], v, *p)[0]
     torque = rollout(v, h, p, z0=0.0).torque
     assert np.abs(torque - expected).max() <= 1e-4 * np.abs(expected).max()
-
-
-def test_jacobians_passivity_and_tuples_of_laws(chosen: Law) -> None:
-    """The derivative of T_f along a motion agrees with differences of rollouts, for one set and for a pair, in every parameter."""
+    # the derivative of T_f along a motion agrees with differences of rollouts, for one set and for a pair, in every
+    # parameter
     p, h = set_of(chosen), 1e-3
     v = 0.3 * np.sin(2 * np.pi * 2.5 * np.arange(300) * h)
     pair = Pair(p, p._replace(alpha_0=0.8 * p.alpha_0, v_s=1.2 * p.v_s))
@@ -215,6 +213,15 @@ def test_terms_limits_and_names_of_laws(outside: Law) -> None:
     p = lugre_of(outside)(**{**set_of(GAUSSIAN)._asdict(), "steepness": 1.5, "cubic": 0.02, FASTEST: 0.8})
     expected = p.alpha_0 + p.alpha_1 * (1 + (0.1 / p.v_s) ** 2) ** -1.5 + p.alpha_2 * 0.1 + 0.02 * 0.1**3
     assert _steady(p, np.array([0.1]))[0] == pytest.approx(expected, rel=1e-12)
+    # with what is wrong, and it is not registered
+    before, failed = dict(registry._PARTS), []
+    for part, wrong in NO_PARTS:
+        with pytest.raises(ValueError) as refused:  # noqa: PT011  # the pattern is below
+            register_law(part)
+        failed += [(wrong, str(refused.value))] * (
+            not re.search(wrong, str(refused.value)) or before != registry._PARTS
+        )
+    assert failed == []
 
 
 def _half(v: Any, v_s: Any) -> Any:
@@ -255,15 +262,3 @@ NO_PARTS: list[tuple[Peak | ViscousTerm, str]] = [
 ]  # fmt: skip  # a table
 """Parts whose name or whose parameter is another's; peaks that are not even, finite, 1 at rest, falling to 0 with a derivative, or that
 no fit can search for; terms that add at rest, or whose rate does not rise."""
-
-
-def test_what_is_no_part_of_a_law_is_refused() -> None:
-    """With what is wrong, and it is not registered."""
-    before, failed = dict(registry._PARTS), []
-    for part, wrong in NO_PARTS:
-        with pytest.raises(ValueError) as refused:  # noqa: PT011  # the pattern is below
-            register_law(part)
-        failed += [(wrong, str(refused.value))] * (
-            not re.search(wrong, str(refused.value)) or before != registry._PARTS
-        )
-    assert failed == []

@@ -145,7 +145,7 @@ def test_constant_velocity_stays_in_steady_state(v: float, sign: int, p: Lugre[f
     np.testing.assert_allclose(torque, float(expected), rtol=1e-9 * (1 + p.sigma_1 * v / p.alpha_0))
 
 
-def test_rest_presliding_and_single_samples(gripper: Lugre[float]) -> None:
+def test_rest_and_chunks(gripper: Lugre[float], monkeypatch: pytest.MonkeyPatch) -> None:
     """With v = 0 throughout, z stays at z0 and T_f = sigma_0 z0; by default z0 = 0."""
     held = rollout(np.zeros(10), 1e-3, gripper, z0=1e-3)
     np.testing.assert_array_equal(held.z, np.full(10, 1e-3))
@@ -171,10 +171,8 @@ def test_rest_presliding_and_single_samples(gripper: Lugre[float]) -> None:
     one = Lugre(1.0, 0.0, 0.0, 1.0, 1.0, 0.0)
     for v, z0 in ((-1e-135, 6e-247), (-1e-3, 1e-300), (-1e-3, 5e-324)):
         assert rollout(np.array([0.0, v]), 1e-3, Pair(one, one), z0).z[-1] == pytest.approx(v / 2 * 1e-3, rel=1e-6)
-
-
-def test_chunks_leave_no_seam(gripper: Lugre[float], monkeypatch: pytest.MonkeyPatch) -> None:
-    """The result does not depend on how many samples are worked on at a time, and neither does continuing from the last z."""
+    # the result does not depend on how many samples are worked on at a time, and neither does continuing from the last
+    # z
     v = fast(np.arange(800) * 2e-3)
     whole = rollout(v, 2e-3, gripper)
     for chunk in (1, 7, 799, 800):
@@ -293,7 +291,7 @@ def test_jacobian_equals_finite_differences(table_set: Lugre[float], z0: float |
         np.testing.assert_allclose(result.by_parameters[:, k], numeric, atol=1e-6 * np.abs(numeric).max())
 
 
-def test_derivative_by_the_start(gripper: Lugre[float]) -> None:
+def test_derivatives_by_the_start_and_of_a_pair(gripper: Lugre[float], pair: Pair[float]) -> None:
     """dT_f/dz0 is exact: T_f is affine in z0, so one difference of any size gives it; it fades as the bristle slides."""
     v = np.concatenate([motion(), np.full(3000, 0.5)])
     first, second = (rollout(v, STEP, gripper, z0).torque for z0 in (0.0, 1e-3))
@@ -321,10 +319,7 @@ def test_derivative_by_the_start(gripper: Lugre[float]) -> None:
     np.testing.assert_allclose(two.torque, one.torque, atol=1e-5 * np.abs(one.torque).max())
     total = two.by_parameters[:, :6] + two.by_parameters[:, 6:]
     np.testing.assert_allclose(total, one.by_parameters, atol=1e-4 * np.abs(one.by_parameters).max())
-
-
-def test_jacobian_of_a_pair_equals_finite_differences(pair: Pair[float]) -> None:
-    """For direction-dependent sets too, within what moving the switch of sigma_0 by less than a step can do."""
+    # for direction-dependent sets too, within what moving the switch of sigma_0 by less than a step can do
     flat = np.array([*pair.positive, *pair.negative])
     flat[[3, 9]] = 0.12345
     result = rollout_jacobian(motion(), STEP, Pair(Lugre(*flat[:6]), Lugre(*flat[6:])))

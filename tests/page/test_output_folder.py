@@ -59,10 +59,7 @@ def test_refuses_a_folder_that_is_not_its_own(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"tables/t\.csv: is there already"):
         output_folder.replace_files(tmp_path / "own", {**NEW, "tables/t.csv": b"new"})
     assert _tree(tmp_path / "own") == {**marked(OLD), "tables/t.csv": b"mine"}
-
-
-def test_refuses_a_file_in_place_of_a_folder(tmp_path: Path) -> None:
-    """A folder that is a file, or whose own subfolder is a file or a link, is refused."""
+    # a folder that is a file, or whose own subfolder is a file or a link, is refused
     (tmp_path / "out").write_bytes(b"mine")
     refused(tmp_path / "out", "is a file")
     output_folder.replace_files(tmp_path / "report", {"index.html": b"old"})
@@ -70,18 +67,8 @@ def test_refuses_a_file_in_place_of_a_folder(tmp_path: Path) -> None:
     (tmp_path / "report" / "figures").symlink_to(tmp_path / "elsewhere")
     refused(tmp_path / "report", "in the way")
     assert list((tmp_path / "elsewhere").iterdir()) == []
-
-
-def refused(folder: Path, why: str) -> None:
-    """A folder is refused before a report is made, and when it is written, for one reason."""
-    with pytest.raises(InputError, match=why):
-        output_folder.check_folder(folder)
-    with pytest.raises(InputError, match=why):
-        output_folder.replace_files(folder, NEW)
-
-
-def test_a_marker_that_is_none_is_refused(tmp_path: Path) -> None:
-    """One that is forged, binary, cut off or points out of its folder is refused with what to do, and nothing is moved or removed."""
+    # one that is forged, binary, cut off or points out of its folder is refused with what to do, and nothing is moved
+    # or removed
     names = (
         "../precious", f"{tmp_path}/precious", "a/../../precious", "./index.html", "..\\precious", "C:precious", output_folder.MARKER, ".", "\0",
         "", "\udcff\udcfe", "precious", "notes.txt", "figures/a.txt", "figures/a/b.svg", "Index.html", "ledger.parquet/x",
@@ -104,6 +91,14 @@ def test_a_marker_that_is_none_is_refused(tmp_path: Path) -> None:
         assert _tree(folder) == before
 
 
+def refused(folder: Path, why: str) -> None:
+    """A folder is refused before a report is made, and when it is written, for one reason."""
+    with pytest.raises(InputError, match=why):
+        output_folder.check_folder(folder)
+    with pytest.raises(InputError, match=why):
+        output_folder.replace_files(folder, NEW)
+
+
 def test_no_page_replaces_that_of_another_question(tmp_path: Path) -> None:
     """A report gives way to a report alone, and a fleet to a fleet: nothing that was identified is lost."""
     report = {**OLD, "results.json": b"{}"}
@@ -116,10 +111,8 @@ def test_no_page_replaces_that_of_another_question(tmp_path: Path) -> None:
     for name, page, claims in (("fleet", report, ()), ("report", OLD, output_folder.FLEET)):
         with pytest.raises(InputError, match="which another page would replace"):
             output_folder.replace_files(tmp_path / name, page, claims)
-
-
-def test_what_is_claimed_is_neither_removed_nor_another_s(tmp_path: Path) -> None:
-    """The dataset of a fleet stays in its folder when the page is written; names of the user's cannot be claimed, nor through a link."""
+    # the dataset of a fleet stays in its folder when the page is written; names of the user's cannot be claimed, nor
+    # through a link
     out = tmp_path / "out"
     output_folder.claim(out, output_folder.FLEET)
     (out / "tasks").mkdir()
@@ -132,10 +125,10 @@ def test_what_is_claimed_is_neither_removed_nor_another_s(tmp_path: Path) -> Non
     (out / ".lock").symlink_to(tmp_path / "target")
     with pytest.raises(InputError, match=r"\.lock: is a symbolic link"):
         output_folder.claim(out, output_folder.FLEET)
-    output_folder.replace_files(tmp_path / "report", OLD)
-    (tmp_path / "report" / "tasks").mkdir()
+    output_folder.replace_files(tmp_path / "another", OLD)
+    (tmp_path / "another" / "tasks").mkdir()
     with pytest.raises(InputError, match="tasks: is there already, and bristle did not make it"):
-        output_folder.claim(tmp_path / "report", output_folder.FLEET)
+        output_folder.claim(tmp_path / "another", output_folder.FLEET)
 
 
 @pytest.mark.parametrize("name", [output_folder.MARKER, "index.html", "figures", "figures/a.svg", "figures/b.svg"])

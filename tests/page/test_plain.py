@@ -48,7 +48,7 @@ def test_no_cell_of_a_table_is_broken(rows: list[list[str]], indent: int) -> Non
     assert " ".join(lines).split() == " ".join(cell for row in rows for cell in row).split()
 
 
-def test_columns_stand_under_one_another_and_a_long_word_stays_whole() -> None:
+def test_columns_codes_and_symbols_in_print() -> None:
     """A column begins at the same place in each row; a path that is longer than a line is not broken."""
     assert list(columns([("a", "bb"), ("ccc", "d")])) == ["  a    bb", "  ccc  d"]
     path = "/".join(["folder"] * 20)
@@ -61,10 +61,7 @@ def test_columns_stand_under_one_another_and_a_long_word_stays_whole() -> None:
         (0.0, 0.0998): "0.00 +/- 0.10", (0.3, float("inf")): "0.3", (None, None): "none", (0.0178, None): "0.0178",
     }  # fmt: skip  # a list of values
     assert {key: pair(*key) for key in written} == written
-
-
-def test_a_code_is_found_in_any_form() -> None:
-    """Small letters, digits and single hyphens; as it was printed, or as an older results file has it."""
+    # small letters, digits and single hyphens; as it was printed, or as an older results file has it
     for code, x in entries().items():
         assert set(code) <= set("abcdefghijklmnopqrstuvwxyz0123456789-"), code
         assert "--" not in code
@@ -93,21 +90,18 @@ def test_a_code_is_found_in_any_form() -> None:
         "They are.",
         "They are. [correlated]",
     )
-
-
-def test_symbols_units_and_numbers_in_print() -> None:
-    """A page shows alpha_0 as its symbol and N*m/rad as N·m/rad; the terminal's sentence has neither."""
+    # a page shows alpha_0 as its symbol and N*m/rad as N·m/rad; the terminal's sentence has neither
     made = Finding("sigma-0-at-least", CAUTION, "No sigma_0 can be given; it is at least 12.5 N*m/rad.")
     assert str(made) == "No sigma_0 can be given; it is at least 12.5 N*m/rad."
     assert in_print(made) == "No σ₀ can be given; it is at least 12.5 N·m/rad."
     # each LuGre parameter, with the sign of its direction where one ends it, and nothing else, is written as the paper does
-    written = {
+    symbols = {
         "alpha_0+, sigma_1- and v_s.": "α₀ (+), σ₁ (−) and vₛ.",
         "alpha_0 + alpha_1 - sigma_0": "α₀ + α₁ - σ₀",
         "1.4 times v_s in direction -: plan.minimum_velocity": "1.4 times vₛ in direction -: plan.minimum_velocity",
         "alpha_01, av_s, alpha_0+1": "alpha_01, av_s, α₀+1",
     }
-    assert {text: in_symbols(text) for text in written} == written
+    assert {text: in_symbols(text) for text in symbols} == symbols
     # of numbers with more digits than are shown the last are zeros; very large and very small ones have one
     shown = {
         (456.7, 2): "460", (2000.0, 2): "2000", (123456.0, 4): "123500", (-1234.5, 3): "-1230", (2e6, 2): "2e+06",
@@ -115,7 +109,7 @@ def test_symbols_units_and_numbers_in_print() -> None:
     }  # fmt: skip  # a list of values
     assert {x: number(*x) for x in shown} == shown
     # two digits, never an exponent where it is large, and a dash where there is no number
-    written = {
+    percents = {
         0.8312: "83 %", 0.997: "100 %", 12.34: "1200 %", 0.00071: "0.071 %", 0.0: "0 %", -0.031: "-3.1 %", math.nan: "– %",
     }  # fmt: skip  # a table
-    assert {share: in_percent(share) for share in written} == written
+    assert {share: in_percent(share) for share in percents} == percents

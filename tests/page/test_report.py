@@ -241,7 +241,7 @@ def test_a_mark_is_a_row_for_each_of_its_places(draw: Callable[[Axes], object], 
     assert series(draw) == expected
 
 
-def test_error_bars_have_the_name_of_their_points() -> None:
+def test_the_data_of_bars_maps_and_tables() -> None:
     """The ends of a bar stand under the label that the whole was given."""
     rows = series(lambda ax: ax.errorbar([1.0], [2.0], [0.5], capsize=2, label="points"))
     assert {name for name, *_ in rows} == {"points"}
@@ -249,15 +249,25 @@ def test_error_bars_have_the_name_of_their_points() -> None:
     # two lines of one name would otherwise be joined by whoever draws them anew
     rows = series(lambda ax: [ax.plot([k, k + 1], [k, k], label="run") for k in (0, 5)])
     assert rows[2] == ("run", "", "", "")
-
-
-def test_a_scale_of_colours_is_no_panel() -> None:
-    """The numbers of a map stand once, not as its scale too."""
+    # the numbers of a map stand once, not as its scale too
     figure = Figure()
     ax = figure.subplots()
     figure.colorbar(ax.imshow([[1.0, 2.0]]), ax=ax)
     rows = list(csv.reader(io.StringIO(csv_of(figure).decode())))[1:]
     assert [row[0] for row in rows] == ["1: ", "1: "]
+    # numbers, among texts too, what is missing, and truth values are written as pandas writes them
+    # a text with line ends of any kind stays one cell; of two columns of one name both are written
+    frame = pd.DataFrame({"x": [-1.5, float("nan"), float("-inf")], "y": [-2, "=1", None], "z": [True, False, True]})
+    assert cells(frame)[1:] == [["-1.5", "-2", "True"], ["", "'=1", "False"], ["-inf", "", "True"]]
+    assert cells(pd.DataFrame({"x": ["a\r=1", "a\r\n=1"]})) == [["x"], ["a\n=1"], ["a\n=1"]]
+    frame = pd.DataFrame([["=a", -1.0], ["b", 2.0]], columns=["x", "x"])
+    assert cells(frame) == [["x", "x"], ["'=a", "-1.0"], ["b", "2.0"]]
+    # no other file of the package calls a writer of CSV, so that none forgets the formulas
+    writers = (".to_csv(", "csv.writer", "savetxt")
+    lines = [(p.name, line) for p in SOURCE.rglob("*.py") for line in p.read_text(encoding="utf-8").splitlines()]
+    code = [(name, line) for name, line in lines if not line.strip().startswith(">>>")]  # examples are a user's
+    found = {name for name, line in code if any(x in line for x in writers)}
+    assert sorted(found) == ["columns.py"]
 
 
 SOURCE = Path(__file__).parents[2] / "src" / "bristle"
@@ -277,19 +287,3 @@ def test_no_text_is_a_formula(dtype: str) -> None:
     frame = pd.DataFrame({"=1": pd.Series(FORMULAS + PLAIN, dtype=dtype)})
     assert cells(frame)[1:] == [["'" + x.replace("\r", "\n")] for x in FORMULAS] + [[x] for x in PLAIN]
     assert cells(frame)[0] == ["'=1"]
-
-
-def test_numbers_stay() -> None:
-    """Numbers, among texts too, what is missing, and truth values are written as pandas writes them."""
-    # a text with line ends of any kind stays one cell; of two columns of one name both are written
-    frame = pd.DataFrame({"x": [-1.5, float("nan"), float("-inf")], "y": [-2, "=1", None], "z": [True, False, True]})
-    assert cells(frame)[1:] == [["-1.5", "-2", "True"], ["", "'=1", "False"], ["-inf", "", "True"]]
-    assert cells(pd.DataFrame({"x": ["a\r=1", "a\r\n=1"]})) == [["x"], ["a\n=1"], ["a\n=1"]]
-    frame = pd.DataFrame([["=a", -1.0], ["b", 2.0]], columns=["x", "x"])
-    assert cells(frame) == [["x", "x"], ["'=a", "-1.0"], ["b", "2.0"]]
-    # no other file of the package calls a writer of CSV, so that none forgets the formulas
-    writers = (".to_csv(", "csv.writer", "savetxt")
-    lines = [(p.name, line) for p in SOURCE.rglob("*.py") for line in p.read_text(encoding="utf-8").splitlines()]
-    code = [(name, line) for name, line in lines if not line.strip().startswith(">>>")]  # examples are a user's
-    found = {name for name, line in code if any(x in line for x in writers)}
-    assert sorted(found) == ["columns.py"]

@@ -185,7 +185,7 @@ def test_friction_of_every_joint_is_found() -> None:
     assert not [w for w in results.warnings if w.severity is Severity.CRITICAL or w.code in about_robots]
 
 
-def test_the_files_are_those_of_the_code() -> None:
+def test_files_and_drafts_of_the_embedded_arm(tmp_path: Path) -> None:
     """The robot's file is what make.py writes, the logs are as long as the motion and within the URDF's limits, and all is small."""
     spec = importlib.util.spec_from_file_location("make_arm", FOLDER / "make.py")
     assert spec is not None
@@ -197,13 +197,8 @@ def test_the_files_are_those_of_the_code() -> None:
     table = np.loadtxt(FOLDER / "held_out.csv", delimiter=",", skiprows=1)
     assert table == pytest.approx(np.column_stack([log.time, log.position, log.current]), abs=1e-4)
     assert sum(path.stat().st_size for path in FOLDER.iterdir() if path.is_file()) < LARGEST
-
-
-LOGS = (FOLDER / "arm.urdf", FOLDER / "motion.csv", FOLDER / "held_out.csv")
-
-
-def test_names_of_columns_are_enough(tmp_path: Path) -> None:
-    """Of the embedded arm the URDF and two logs give a file that loads: every joint, each column by the joint's name, the last log held out."""
+    # of the embedded arm the URDF and two logs give a file that loads: every joint, each column by the joint's name,
+    # the last log held out
     text, said = bristle.draft(*LOGS, folder=FOLDER)
     assert 'position: {column: "q_{joint}", unit: rad}' in text
     assert 'current: {column: "i_{joint}", unit: A}' in text
@@ -229,23 +224,10 @@ def test_names_of_columns_are_enough(tmp_path: Path) -> None:
     assert any("times as large as the URDF has it" in sentence for sentence in said)  # amperes taken for N*m
 
 
-def test_an_empty_velocity_of_a_bag_is_left_out(tmp_path: Path) -> None:
-    """Of joint states without velocities the draft names position and effort, and not what the bag has not."""
-    pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
-    log = pd.read_csv(LOGS[2])
-    position = log[[f"q_{name}" for name in NAMES]].to_numpy()
-    current = log[[f"i_{name}" for name in NAMES]].to_numpy()
-    states = [
-        state(START + round(1e9 * t), NAMES, q.tolist(), [], i.tolist())
-        for t, q, i in zip(log["time"], position, current, strict=True)
-    ]
-    bag = write_bag(tmp_path / "bag", "mcap", states[:400])  # too short for any number
-    text, _ = bristle.draft(FOLDER / "arm.urdf", bag, folder=tmp_path)
-    assert "effort" in text
-    assert "velocity" not in text.split("runs:")[0].split("signals:")[1]
+LOGS = (FOLDER / "arm.urdf", FOLDER / "motion.csv", FOLDER / "held_out.csv")
 
 
-def test_a_swapped_log_is_told_at_once(tmp_path: Path) -> None:
+def test_drafts_name_what_a_log_has_and_what_is_swapped(tmp_path: Path) -> None:
     """Where the columns of two joints are exchanged the draft says so, before anything is identified."""
     frame = pd.read_csv(LOGS[2])
     swap = {"shoulder": "elbow", "elbow": "shoulder"}
@@ -260,3 +242,16 @@ def test_a_swapped_log_is_told_at_once(tmp_path: Path) -> None:
     of_nothing = (partial(bristle.draft, LOGS[0], folder=tmp_path), "got a URDF alone")
     told = "no columns of torque, current or voltage are unmistakable"
     assert_refused([of_nothing, (partial(bristle.draft, LOGS[0], log, folder=tmp_path), told)])
+    # of joint states without velocities the draft names position and effort, and not what the bag has not
+    pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
+    log = pd.read_csv(LOGS[2])
+    position = log[[f"q_{name}" for name in NAMES]].to_numpy()
+    current = log[[f"i_{name}" for name in NAMES]].to_numpy()
+    states = [
+        state(START + round(1e9 * t), NAMES, q.tolist(), [], i.tolist())
+        for t, q, i in zip(log["time"], position, current, strict=True)
+    ]
+    bag = write_bag(tmp_path / "bag", "mcap", states[:400])  # too short for any number
+    text, _ = bristle.draft(FOLDER / "arm.urdf", bag, folder=tmp_path)
+    assert "effort" in text
+    assert "velocity" not in text.split("runs:")[0].split("signals:")[1]

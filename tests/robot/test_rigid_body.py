@@ -53,7 +53,7 @@ def test_a_pendulum_has_the_torque_of_a_pendulum(
     assert body.inertias(np.array([[q]]))[0, 0] == pytest.approx(J + M * L**2)
 
 
-def test_torques_of_an_arm(arm_body: RigidBody) -> None:
+def test_torques_and_payloads_of_an_arm(arm_body: RigidBody, tmp_path: Path) -> None:
     """T(q, v, x a + y b) = x T(q, v, a) + y T(q, v, b) where x + y = 1."""
     _, q, v, a = motion(50)
     b = a[::-1]
@@ -92,10 +92,7 @@ def test_torques_of_an_arm(arm_body: RigidBody) -> None:
     held = arm_body.torques(q, rest, rest)
     assert arm_body.torques(q, rest, rest, gravity=(0.0, 0.0, G)) == pytest.approx(-held)
     assert arm_body.torques(q, rest, rest, gravity=(0.0, 0.0, 0.0)) == pytest.approx(0.0 * held, abs=1e-12)
-
-
-def test_payloads_names_slides_and_refusals(tmp_path: Path, arm_body: RigidBody) -> None:
-    """A point of mass at the tool asks for the torque of a URDF that has it as a link."""
+    # a point of mass at the tool asks for the torque of a URDF that has it as a link
     text = ARM.read_text(encoding="utf-8")
     load = Payload(mass=2.5, center=(0.03, -0.02, 0.1), link="tool")
     fixed = (

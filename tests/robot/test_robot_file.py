@@ -75,10 +75,7 @@ def test_columns_limits_and_keys_of_each_joint(tmp_path: Path) -> None:
     }
     others = [joint.everywhere.signals_of(joint.everywhere.runs[1]).position for joint in robot.joints]
     assert [s and s.column for s in others] == list("uvwxyz")
-
-
-def test_a_run_of_one_joint_moves_all(tmp_path: Path) -> None:
-    """Where each joint stood in a run of another one is read; those that are not identified need no run of their own."""
+    # where each joint stood in a run of another one is read; those that are not identified need no run of their own
     t = np.linspace(0.0, 2.0, 201)
     q = np.column_stack([0.2 * k + (0.3 * np.sin(3 * t) if k == 2 else 0.0 * t) for k in range(6)])
     joints = [{**own, "identify": own["name"] == "elbow"} for own in document()["joints"]]

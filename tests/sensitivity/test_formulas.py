@@ -106,7 +106,7 @@ def test_steady_derivatives_are_casadis(v: float, p: Lugre[float]) -> None:
         assert value(as_text(paper().steady[name]), point(0.0, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
 
 
-def test_printed_formulas() -> None:
+def test_printed_formulas(monkeypatch: pytest.MonkeyPatch) -> None:
     """The formulas read as one would write them by hand, in the terminal and in LaTeX."""
     short = {row.what: row.with_g for row in paper().rows()}
     assert short["dT_f/dalpha_0 at fixed z"] == "sigma_0*sigma_1*z*abs(v)/g**2"
@@ -135,10 +135,7 @@ def test_printed_formulas() -> None:
     at = point(0.003, 0.03, GRIPPER)
     assert value(as_text(paper().printed), at) == pytest.approx(0.0149170, abs=5e-8)
     assert value(as_text(paper().partial["alpha_0"]), at) == pytest.approx(0.0177452, abs=5e-8)
-
-
-def test_without_sympy_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A missing SymPy is said in one sentence, with the command that installs it; on the command line that is all."""
+    # a missing SymPy is said in one sentence, with the command that installs it; on the command line that is all
     monkeypatch.setitem(sys.modules, "sympy", None)
     with pytest.raises(InputError, match=r"pip install 'bristle\[sensitivity\]'"):
         formulas()

@@ -69,7 +69,7 @@ def test_formulas_are_those_of_the_law(name: str) -> None:
     assert not any(row.what.startswith("(19)") for row in found.rows())
 
 
-def test_a_term_is_written_as_it_is_where_it_was_measured() -> None:
+def test_terms_and_equal_sets() -> None:
     """Alpha_3 multiplies v abs(v), v_end is in no formula, and one sentence says up to where they hold."""
     found = formulas(law_named(DRAG))
     assert as_text(found.partial["alpha_3"]) == "v*abs(v)"
@@ -92,10 +92,8 @@ def test_a_term_is_written_as_it_is_where_it_was_measured() -> None:
     box, notes = box_of(estimates)
     assert box == {ParameterName.parse("alpha_3"): (-0.1, 0.3), ParameterName.parse("delta"): (0.01, 2.0)}
     assert [x.code for x in notes] == ["box-cut"]
-
-
-def test_two_equal_sets_are_one() -> None:
-    """A pair of equal sets has the torque and the derivatives of one set, but for where the bristle is found to change its side."""
+    # a pair of equal sets has the torque and the derivatives of one set, but for where the bristle is found to change
+    # its side
     at = SineMotion(1.0, 0.5)
     for p in (TRUTH, *map(truth_of, OWN)):
         one, both = local(p, at), local(bristle.Pair(p, p), at)

@@ -262,7 +262,7 @@ def test_no_sentence_decides_on_a_study(folder: Path, known: Study, monkeypatch:
     assert held(replace(found, assumptions=())) == held(replace(known, formulas=None, assumptions=()))
 
 
-def test_nothing_known_is_refused(tmp_path: Path) -> None:
+def test_which_joints_and_motions_can_be_explored(tmp_path: Path, known: Study, folder: Path) -> None:
     """A joint of which no friction was fitted has no sensitivity."""
     measured = measure(write(tmp_path, TOO_FEW))
     with pytest.raises(ValueError, match="nothing is known of its friction vs velocity"):
@@ -274,10 +274,7 @@ def test_nothing_known_is_refused(tmp_path: Path) -> None:
     stopped = replace(measured, runs=(replace(measured.runs[0], record=still),))
     with pytest.raises(ValueError, match=r"the position is 1 throughout; expected runs that move, or plan\.position"):
         of_joint(stopped, joint)
-
-
-def test_the_whole_range_of_motions_can_be_explored(known: Study, folder: Path) -> None:
-    """At the corners of what is accepted, and of the maps around them, every share is a finite number."""
+    # at the corners of what is accepted, and of the maps around them, every share is a finite number
     # just beyond, the motion is refused
     limits, p = limits_of(measure(folder / "e.yaml"))[0], known.model.p
     (low, high), (slow, fast) = RANGE, FREQUENCIES

@@ -199,21 +199,7 @@ def test_indices_of_a_joint_and_how_they_are_shown(found: sobol.Global) -> None:
     assert said[3].numbers["seed"] == 0
 
 
-def test_loops_are_afforded(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the default budget six parameters get 256 samples at the paper's reference; a long run gets the fewest, not none."""
-    monkeypatch.undo()
-    asked = [(6, 4000), (12, 4000), (6, 10**7), (1, 100)]
-    assert [sobol._affordable(parameters, ticks) for parameters, ticks in asked] == [256, 128, 32, 16384]
-    monkeypatch.undo()
-    # a missing SALib is said at once, before anything is simulated, with the command that installs it
-    monkeypatch.setitem(sys.modules, "SALib", None)
-    told: list[object] = []
-    with pytest.raises(ValueError, match=r"pip install 'bristle\[sensitivity\]'"):
-        sobol.global_sensitivity(GRIPPER, BOX, SUBJECT, progress=lambda *x: told.append(x))
-    assert not told
-
-
-def test_rms_torque_explained_by_its_closed_form() -> None:
+def test_rms_torque_and_loops_that_are_afforded(monkeypatch: pytest.MonkeyPatch) -> None:
     """A stiff joint without Stribeck has T = alpha_0 sgn v + alpha_2 v."""
     # its RMS over a sine is a closed form, for many joints at once
     alpha_0, alpha_2 = np.linspace(0.01, 0.03, 40), np.linspace(0.05, 0.02, 40)
@@ -229,6 +215,18 @@ def test_rms_torque_explained_by_its_closed_form() -> None:
     v = 2 * np.pi * 0.5 * np.cos(2 * np.pi * np.arange(2 * n + 1) / n)
     whole = rollout(v, 2 / n, p).torque[-n:]
     assert rms_torque(repeated(Pair(p, p)), 1.0, 0.5) == pytest.approx(np.sqrt(np.mean(whole**2)), rel=1e-3)
+    # with the default budget six parameters get 256 samples at the paper's reference; a long run gets the fewest, not
+    # none
+    monkeypatch.undo()
+    asked = [(6, 4000), (12, 4000), (6, 10**7), (1, 100)]
+    assert [sobol._affordable(parameters, ticks) for parameters, ticks in asked] == [256, 128, 32, 16384]
+    monkeypatch.undo()
+    # a missing SALib is said at once, before anything is simulated, with the command that installs it
+    monkeypatch.setitem(sys.modules, "SALib", None)
+    told: list[object] = []
+    with pytest.raises(ValueError, match=r"pip install 'bristle\[sensitivity\]'"):
+        sobol.global_sensitivity(GRIPPER, BOX, SUBJECT, progress=lambda *x: told.append(x))
+    assert not told
 
 
 @pytest.mark.parametrize(("amplitude", "frequency", "periods"), [(1.0, 0.5, 3), (0.02, 0.2, 6), (1e-3, 0.2, 60)])
@@ -258,7 +256,7 @@ def test_rms_torque_has_degree_one(factor: float, amplitude: float, frequency: f
     assert rms_torque(repeated(PAIR), amplitude, frequency) == pytest.approx(plain, rel=1e-12)
 
 
-def test_the_compensator_keeps_the_nominal_model() -> None:
+def test_joints_that_are_drawn() -> None:
     """Over a box that is next to nothing the loop is that of the nominal plant and model, not of the subject's own."""
     p = GRIPPER._replace(alpha_0=0.05)
     own = sobol.global_sensitivity(p, named({"alpha_2": (0.0393999, 0.0394001)}), SUBJECT, samples=32).outputs[2]
@@ -279,10 +277,7 @@ def test_the_compensator_keeps_the_nominal_model() -> None:
     error = simulate(LoopOptions(compensator=SUBJECT.compensator), cases, course, 1e-3).error
     counted, later = (np.sqrt(np.mean(error[:, k * 2000 : (k + 1) * 2000] ** 2, axis=1)) for k in (1, 5))
     assert counted == pytest.approx(later, rel=0.01)
-
-
-def test_one_direction_alone_is_drawn() -> None:
-    """A name with its sign moves that set only: half of it reaches the breakaway torque, which is the mean of both."""
+    # a name with its sign moves that set only: half of it reaches the breakaway torque, which is the mean of both
     box = named({"alpha_0+": (0.01, 0.03), "alpha_1": (0.0, 0.01)})
     own = sobol.global_sensitivity(PAIR, box, SUBJECT, samples=1024).outputs[1]
     assert shares(own)[0] == pytest.approx([0.5, 0.5], abs=0.01)

@@ -343,47 +343,6 @@ def test_the_figure_shows_both_sessions_relative_to_the_first(kind: Any) -> None
     assert forest_figure(compare(session(plain({"alpha_0": 0.0})), session(plain({"alpha_0": 0.0}))), "wrist") is None
 
 
-def test_the_caption_begins_with_the_largest_change(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The largest change in percent of the first value with its error, in the unit where that is zero; else the largest difference."""
-
-    def told(values: Mapping[str, float], kind: Any) -> Session:
-        parameters = {
-            n: Estimate(value=x, unit=unit(n[:-1], kind), standard_error=0.1, interval=(x - 0.196, x + 0.196))
-            for n, x in values.items()
-        }
-        return session(fit_of(source="static +", parameters=parameters), kind=kind)
-
-    unchanged = "changed beyond its joint uncertainty; differences are"
-    rose, fell = "1 of 2 parameters changed; the largest change: α₀ (+) rose", "the largest change: α₀ (+) fell by"
-    two, four = {"alpha_0+": 2.0}, {"alpha_0+": 2.0, "alpha_2+": 4.0}
-    cases: list[tuple[Mapping[str, float], Mapping[str, float], str, str]] = [
-        (four, {"alpha_0+": 3.0, "alpha_2+": 4.0}, "revolute", f"{rose} by 50.0 ± 7.1 %."),
-        (four, {"alpha_0+": 3.0, "alpha_2+": 1.0}, "revolute", "2 of 2 parameters changed; the largest change: α₂ (+) fell by 75.0 ± 3.5 %."),
-        ({"alpha_0+": -2.0}, {"alpha_0+": -3.0}, "revolute", f"1 of 1 parameter changed; {fell} 50.0 ± 7.1 %."),
-        ({"alpha_0+": 0.0}, {"alpha_0+": -3.0}, "prismatic", f"1 of 1 parameter changed; {fell} 3.00 ± 0.14 N."),
-        (four, {"alpha_0+": 2.1, "alpha_2+": 3.8}, "revolute", f"None of 2 parameters {unchanged} 1.4 standard errors at most."),
-        (two, two, "revolute", f"None of 1 parameter {unchanged} 0 standard errors at most."),
-    ]  # fmt: skip  # a table
-    wrong = []
-    for first, second, kind, found in cases:
-        made = report(compare(told(first, kind), told(second, kind))).sections
-        caption = next(section.figure.caption for section in made if section.figure)
-        wrong += [] if caption.startswith(f"{found} Each parameter") else [caption]
-    assert wrong == []
-    # with every template replaced by its kind's name a comparison comes out the same in every number, kind and severity
-    a, b = ({"sigma_0+": 2.0, "alpha_1+": 1.0}, {"sigma_0+": 3.0, "alpha_2-": 1.0})
-    first = session(plain(a, 0.1, "joint"), correlated(0.0), inputs=("abc",))
-    second = session(plain(b, 0.1, "joint"), correlated(1.5), inputs=("abc", "def"), simulated=True)
-    sessions = {**first, **session(plain({"v_s": 1.0}), joint="elbow")}, second
-    before = compare(*sessions)
-    words = held(before), report(before).text()
-    assert len(before.warnings) > 3
-    without_sentences(monkeypatch)
-    after = compare(*sessions)
-    assert held(after) == words[0]
-    assert report(after).text() != words[1]
-
-
 def results(folder: Path, name: str, seed: int, alpha_2: float) -> Path:
     """The results.json of points of the gripper with a hostile name, whose viscous friction may differ."""
     v = speeds()
@@ -453,10 +412,8 @@ def test_the_command_says_what_changed_and_writes_a_page(sessions: Files, tmp_pa
     assert b"nan" not in (first["tables/changes.csv"] or b"nan").lower()
     assert run("compare", *sessions, "-o", tmp_path / "out").code == 0
     assert tree(tmp_path / "out") == first
-
-
-def test_a_comparison_carries_itself(tmp_path: Path) -> None:
-    """Its report has its frame as a table, is written by a path or a text, and begins in the terminal with the verdict; another result has none."""
+    # its report has its frame as a table, is written by a path or a text, and begins in the terminal with the verdict;
+    # another result has none
     compared = compare(session(plain({"alpha_0": 2.0}, 0.1)), session(plain({"alpha_0": 3.0, "v_s": 1.0}, 0.1)))
     report = bristle.report_of(compared)
     pd.testing.assert_frame_equal(compared.to_frame(), report.frames["changes"])
@@ -471,7 +428,7 @@ def test_a_comparison_carries_itself(tmp_path: Path) -> None:
         bristle.report_of(compared.changes[0])  # type: ignore[arg-type]
 
 
-def test_the_legend_stands_clear_of_title_and_axes() -> None:
+def test_captions_and_legends(monkeypatch: pytest.MonkeyPatch) -> None:
     """Title, legend and axes of the figure do not touch: a few points lie between them, whatever the number of rows."""
     for count in (1, 12):
         values = dict.fromkeys([name + d for d in "+-" for name in Lugre._fields][:count], 2.0)
@@ -486,6 +443,45 @@ def test_the_legend_stands_clear_of_title_and_axes() -> None:
         assert heading.get_window_extent().y0 > box.y1 + 3
         assert heading.get_window_extent().y1 <= figure.bbox.y1
         assert box.y0 >= ax.get_window_extent().y1 - 1
+
+    # the largest change in percent of the first value with its error, in the unit where that is zero; else the largest
+    # difference
+    def told(values: Mapping[str, float], kind: Any) -> Session:
+        parameters = {
+            n: Estimate(value=x, unit=unit(n[:-1], kind), standard_error=0.1, interval=(x - 0.196, x + 0.196))
+            for n, x in values.items()
+        }
+        return session(fit_of(source="static +", parameters=parameters), kind=kind)
+
+    unchanged = "changed beyond its joint uncertainty; differences are"
+    rose, fell = "1 of 2 parameters changed; the largest change: α₀ (+) rose", "the largest change: α₀ (+) fell by"
+    two, four = {"alpha_0+": 2.0}, {"alpha_0+": 2.0, "alpha_2+": 4.0}
+    cases: list[tuple[Mapping[str, float], Mapping[str, float], str, str]] = [
+        (four, {"alpha_0+": 3.0, "alpha_2+": 4.0}, "revolute", f"{rose} by 50.0 ± 7.1 %."),
+        (four, {"alpha_0+": 3.0, "alpha_2+": 1.0}, "revolute", "2 of 2 parameters changed; the largest change: α₂ (+) fell by 75.0 ± 3.5 %."),
+        ({"alpha_0+": -2.0}, {"alpha_0+": -3.0}, "revolute", f"1 of 1 parameter changed; {fell} 50.0 ± 7.1 %."),
+        ({"alpha_0+": 0.0}, {"alpha_0+": -3.0}, "prismatic", f"1 of 1 parameter changed; {fell} 3.00 ± 0.14 N."),
+        (four, {"alpha_0+": 2.1, "alpha_2+": 3.8}, "revolute", f"None of 2 parameters {unchanged} 1.4 standard errors at most."),
+        (two, two, "revolute", f"None of 1 parameter {unchanged} 0 standard errors at most."),
+    ]  # fmt: skip  # a table
+    wrong = []
+    for first, second, kind, found in cases:
+        made = report(compare(told(first, kind), told(second, kind))).sections
+        caption = next(section.figure.caption for section in made if section.figure)
+        wrong += [] if caption.startswith(f"{found} Each parameter") else [caption]
+    assert wrong == []
+    # with every template replaced by its kind's name a comparison comes out the same in every number, kind and severity
+    a, b = ({"sigma_0+": 2.0, "alpha_1+": 1.0}, {"sigma_0+": 3.0, "alpha_2-": 1.0})
+    first = session(plain(a, 0.1, "joint"), correlated(0.0), inputs=("abc",))
+    second = session(plain(b, 0.1, "joint"), correlated(1.5), inputs=("abc", "def"), simulated=True)
+    sessions = {**first, **session(plain({"v_s": 1.0}), joint="elbow")}, second
+    before = compare(*sessions)
+    words = held(before), report(before).text()
+    assert len(before.warnings) > 3
+    without_sentences(monkeypatch)
+    after = compare(*sessions)
+    assert held(after) == words[0]
+    assert report(after).text() != words[1]
 
 
 Spoil = Callable[[dict[str, Any]], object]  # changes one joint of a document

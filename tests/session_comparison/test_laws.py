@@ -45,7 +45,7 @@ def test_sessions_of_one_law_are_compared_in_all_its_parameters(law: str) -> Non
     assert not any(x.code == "laws-differ" for x in found.warnings)
 
 
-def test_what_is_compared_under_two_laws() -> None:
+def test_what_is_compared_under_two_laws(tmp_path: Path) -> None:
     """Where alpha_3 alone is another, it changed, by as much."""
     found = compare(session(DRAG), session(DRAG, seed=1, alpha_3=-0.004))
     (change,) = (c for c in found.changes if c.parameter.name == "alpha_3")
@@ -81,10 +81,7 @@ def test_what_is_compared_under_two_laws() -> None:
     assert not any(alike(name, a, b) for name in ("alpha_0", "alpha_1", "alpha_2", "alpha_3", "v_s"))
     assert not alike("delta", law_named("paper"), law_named(EXPONENT))
     assert alike("alpha_0", b, b)
-
-
-def test_results_files_and_the_page_say_it(tmp_path: Path) -> None:
-    """Two results files of two laws give the same, and the page says that the laws differ."""
+    # two results files of two laws give the same, and the page says that the laws differ
     paths = [write(tmp_path / stem, speeds(), stem=stem) for stem in ("first", "second")]
     paths[1].write_text(paths[1].read_text() + f"fit: {{law: {DRAG}}}\n")
     files = [path.parent / "results.json" for path in paths]

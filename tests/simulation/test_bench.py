@@ -54,7 +54,7 @@ def means(joint: Rig, logs: Logs) -> tuple[Array, Array, Array]:
     return v, T, expected
 
 
-def test_plateaus_noise_seeds_and_travel() -> None:
+def test_plateaus_and_slow_loads() -> None:
     """Without noise, each plateau moves at the speed that was asked for and shows the torque of (9), to 0.5 % of alpha_0."""
     joint = gripper(0.0)
     logs = virtual_bench.ramp_logs(joint, RAMPS, [0])
@@ -97,6 +97,24 @@ def test_plateaus_noise_seeds_and_travel() -> None:
         travelled = abs(reference.position[at_start] - reference.position[turned])
         assert travelled > RAMPS.run_in * 0.98
         assert time[at_start] - time[turned] >= RAMPS.settle
+    # each peak with its sign after its rise, zero before, after and at each pause; the joint is asked to stay
+    loads = SlowLoads((0.3, -0.2), rise=2.0, fall=0.5, rest=1.0, pause=0.25)
+    r = loads.at(instants(loads.duration, 0.25))
+    assert loads.duration == 1.0 + 2.0 + 0.5 + 0.25 + 2.0 + 0.5 + 1.0
+    np.testing.assert_allclose(
+        r.torque[[0, 4, 8, 12, 14, 15, 23, 25, 29]], [0, 0, 0.15, 0.3, 0, 0, -0.2, 0, 0], atol=1e-15
+    )
+    assert not np.any([r.position, r.velocity, r.acceleration])
+    # without gains the drive gives the reference's torque and nothing else, within its limit
+    pair, n = edro.TABLE_1["gripper rotation"], 200
+    one = Case(
+        plant=pair, motor=Motor(1.0, 1.0, 0.0, 1e-3), model=pair, gains=Gains(0.0, 0.0, 0.0, 0.0), torque_limit=0.01
+    )
+    torque, still = 0.02 * np.sin(0.05 * np.arange(n)), np.zeros(n)
+    run = simulate(
+        LoopOptions(compensator=Compensator(name="none")), [one], Reference(still, still, still, torque), 1e-3
+    )
+    np.testing.assert_array_equal(run.torque[0], np.clip(torque, -0.01, 0.01))
 
 
 STEP = 1e-4
@@ -146,27 +164,6 @@ def test_the_largest_slopes_are_those_that_are_stated(velocity: float, duration:
     assert np.abs(move.acceleration).max() == pytest.approx(HARDEST * velocity / duration**2, rel=1e-5)
 
 
-def test_slow_loads_reach_their_peaks_and_rest_between() -> None:
-    """Each peak with its sign after its rise, zero before, after and at each pause; the joint is asked to stay."""
-    loads = SlowLoads((0.3, -0.2), rise=2.0, fall=0.5, rest=1.0, pause=0.25)
-    r = loads.at(instants(loads.duration, 0.25))
-    assert loads.duration == 1.0 + 2.0 + 0.5 + 0.25 + 2.0 + 0.5 + 1.0
-    np.testing.assert_allclose(
-        r.torque[[0, 4, 8, 12, 14, 15, 23, 25, 29]], [0, 0, 0.15, 0.3, 0, 0, -0.2, 0, 0], atol=1e-15
-    )
-    assert not np.any([r.position, r.velocity, r.acceleration])
-    # without gains the drive gives the reference's torque and nothing else, within its limit
-    pair, n = edro.TABLE_1["gripper rotation"], 200
-    one = Case(
-        plant=pair, motor=Motor(1.0, 1.0, 0.0, 1e-3), model=pair, gains=Gains(0.0, 0.0, 0.0, 0.0), torque_limit=0.01
-    )
-    torque, still = 0.02 * np.sin(0.05 * np.arange(n)), np.zeros(n)
-    run = simulate(
-        LoopOptions(compensator=Compensator(name="none")), [one], Reference(still, still, still, torque), 1e-3
-    )
-    np.testing.assert_array_equal(run.torque[0], np.clip(torque, -0.01, 0.01))
-
-
 FOLDER = edro.datasets_folder()
 STEMS = list(simulated_edro.SETTINGS)
 
@@ -208,15 +205,6 @@ def test_inertia_inverts_15(name: str, J: tuple[float, float]) -> None:
     assert edro.inertia(pair) == pytest.approx(np.mean(J), rel=0.01)
 
 
-def test_make_gives_the_same_bytes(tmp_path: Path) -> None:
-    """The script remakes every log and every experiment file, byte for byte, and leaves nothing else behind."""
-    runpy.run_path(str(FOLDER / "make.py"))["main"](tmp_path)
-    made = sorted(path.name for path in tmp_path.iterdir())
-    assert made == sorted(path.name for path in FOLDER.iterdir() if path.suffix in {".csv", ".yaml"})
-    for name in made:
-        assert (tmp_path / name).read_bytes() == (FOLDER / name).read_bytes()
-
-
 @pytest.mark.parametrize("path", edro.experiments(), ids=STEMS)
 def test_experiment_file_is_whole(path: Path) -> None:
     """Each experiment file loads, says that it is simulated, holds the truth of Table 1, all assumptions, and logs that read without loss."""
@@ -232,7 +220,7 @@ def test_experiment_file_is_whole(path: Path) -> None:
     assert all(run.record.dropped == 0 and run.record.rows == run.record.time.size for run in runs)
 
 
-def test_the_embedded_data_set() -> None:
+def test_the_embedded_data_set(tmp_path: Path) -> None:
     """All of it is under 5 MB, and its README says SIMULATED and holds every assumption."""
     readme = (FOLDER / "README.md").read_text(encoding="utf-8")
     assert sum(p.stat().st_size for p in FOLDER.iterdir()) < 5e6
@@ -265,6 +253,12 @@ def test_the_embedded_data_set() -> None:
     assert edge > 0.1
     assert fast < 0.03
     assert max(ripple("base", False, multiples)) < 0.05
+    # the script remakes every log and every experiment file, byte for byte, and leaves nothing else behind
+    runpy.run_path(str(FOLDER / "make.py"))["main"](tmp_path)
+    made = sorted(path.name for path in tmp_path.iterdir())
+    assert made == sorted(path.name for path in FOLDER.iterdir() if path.suffix in {".csv", ".yaml"})
+    for name in made:
+        assert (tmp_path / name).read_bytes() == (FOLDER / name).read_bytes()
 
 
 def ripple(stem: str, paper: bool, multiples: tuple[float, ...]) -> list[float]:

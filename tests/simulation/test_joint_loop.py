@@ -34,7 +34,7 @@ def options(given: Mapping[str, str]) -> str:
     return ", ".join(f"{name}: {value}" for name, value in given.items())
 
 
-def test_one_way_has_the_positive_friction_in_both_directions() -> None:
+def test_loops_of_table_2_and_of_files(tmp_path: Path) -> None:
     """Table 2's joint: plant and model have the (+) set both ways, J that of this set alone, and no uncertainty."""
     one = one_way(joint_loop(model=Pair(GRIPPER.negative, GRIPPER.negative)))
     assert one.plant == one.model == Pair(GRIPPER.positive, GRIPPER.positive)
@@ -62,6 +62,25 @@ def test_one_way_has_the_positive_friction_in_both_directions() -> None:
         assert (one.amplitude, one.frequency, one.slow, one.period) == (1.0, 0.5, 0.2, 1e-3)
         assert len(one.draws) == known_joint.DRAWS
         assert one.assumptions
+    # `asked_parts` needs the file alone, and gives its compensator and its adaptation; rates that are not given are
+    # zero
+    compensator, adaptation = asked_parts(experiment(tmp_path, "law: total, parameters: [sigma_0, v_s, alpha_1]"))
+    assert compensator.name == "lugre"
+    assert adaptation.gamma == (0.0, 0.0, 0.0)
+    with pytest.raises(ValueError, match=r"e\.yaml: adapt: law: got 'exact'"):
+        asked_parts(experiment(tmp_path, "law: exact"))
+    assert load_experiment(tmp_path / "e.yaml").adapt.law == "exact"
+    # the period that the refusal names is itself accepted
+    with pytest.raises(ValueError, match="expected at most") as refused:
+        asked_parts(experiment(tmp_path, "frequency: 3 Hz, period: 50 ms"))
+    said = re.search(r"at most (\S+) s", str(refused.value))
+    assert said is not None
+    asked_parts(experiment(tmp_path, f"frequency: 3 Hz, period: {0.999 * float(said[1])} s"))
+    # where the inertia was given and not fitted, friction alone is drawn
+    fixed = tracked(values_of(GRIPPER, None))
+    one = of_experiment(experiment(tmp_path, "", f"inertia: {J!r} kg*m**2\n"), joint(fixed))
+    assert len(one.draws) == known_joint.DRAWS
+    assert {inertia for _, inertia in one.draws} == {J}
 
 
 def test_where_the_parts_of_a_loop_come_from(tmp_path: Path) -> None:
@@ -212,27 +231,6 @@ REFUSED = {
     "frequency of zero": ({"frequency": "0 Hz"}, r"adapt\.frequency: got "),
     "reference too fast": ({"amplitude": "50 rad"}, r"adapt: a reference of 50 at 2 Hz is 314 times as fast as anything measured"),
 }  # fmt: skip  # a table
-
-
-def test_checks_refusals_and_fixed_inertia(tmp_path: Path) -> None:
-    """`asked_parts` needs the file alone, and gives its compensator and its adaptation; rates that are not given are zero."""
-    compensator, adaptation = asked_parts(experiment(tmp_path, "law: total, parameters: [sigma_0, v_s, alpha_1]"))
-    assert compensator.name == "lugre"
-    assert adaptation.gamma == (0.0, 0.0, 0.0)
-    with pytest.raises(ValueError, match=r"e\.yaml: adapt: law: got 'exact'"):
-        asked_parts(experiment(tmp_path, "law: exact"))
-    assert load_experiment(tmp_path / "e.yaml").adapt.law == "exact"
-    # the period that the refusal names is itself accepted
-    with pytest.raises(ValueError, match="expected at most") as refused:
-        asked_parts(experiment(tmp_path, "frequency: 3 Hz, period: 50 ms"))
-    said = re.search(r"at most (\S+) s", str(refused.value))
-    assert said is not None
-    asked_parts(experiment(tmp_path, f"frequency: 3 Hz, period: {0.999 * float(said[1])} s"))
-    # where the inertia was given and not fitted, friction alone is drawn
-    fixed = tracked(values_of(GRIPPER, None))
-    one = of_experiment(experiment(tmp_path, "", f"inertia: {J!r} kg*m**2\n"), joint(fixed))
-    assert len(one.draws) == known_joint.DRAWS
-    assert {inertia for _, inertia in one.draws} == {J}
 
 
 @pytest.mark.parametrize("law", LAWS)
