@@ -1,4 +1,5 @@
 import contextlib
+import doctest
 import io
 import json
 import os
@@ -7,8 +8,11 @@ import shlex
 import subprocess
 import sys
 import textwrap
+from collections.abc import Iterator
+from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote, urlsplit
 
 import numpy as np
 import pandas as pd
@@ -16,13 +20,14 @@ import pytest
 import typer.main
 
 import bristle
-from bristle import cli
+from bristle import api, cli
 from bristle.data.experiment.load import load_experiment
 from bristle.model.functions import steady_torque_function
 from bristle.model.laws import registry
 from bristle.model.motor import voltage
 from bristle.model.parameters import Motor
 from bristle.model.vectorize import evaluate
+from bristle.page.entries import entries
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import TABLE_1
 
@@ -284,3 +289,111 @@ def test_the_tour_is_the_way_of_one_csv(tmp_path: Path) -> None:
     assert len(named) > 10
     roots = (Path(SOURCE), ROOT)
     assert {name for name in named if not any((root / name).exists() for root in roots)} == set()
+
+
+pytest.importorskip("sphinx", reason="needs the extra docs")
+pytest.importorskip("myst_parser", reason="needs the extra docs")
+pytest.importorskip("furo", reason="needs the extra docs")
+
+ROOT = Path(__file__).parents[1]
+LOADS = {"img": "src", "script": "src", "link": "href", "iframe": "src", "source": "src"}
+"""Elements that make a browser fetch something, with the attribute that names it."""
+
+
+class Page(HTMLParser):
+    """What a page links to, what it loads, and the anchors that it has."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.loads: list[str] = []
+        self.anchors = {""}
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = {name: value or "" for name, value in attrs}
+        self.anchors |= {given[name] for name in ("id", "name") if name in given}
+        if tag == "a" and "href" in given:
+            self.links.append(given["href"])
+        if tag in LOADS and LOADS[tag] in given:
+            self.loads.append(given[LOADS[tag]])
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Built by the one command, where every warning is an error."""
+    folder = tmp_path_factory.mktemp("site")
+    folders = ("-d", str(folder / "read"), "docs", str(folder / "html"))
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", *folders]
+    built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)  # noqa: S603  # our own command
+    assert (built.returncode, built.stderr) == (0, "")
+    return folder / "html"
+
+
+def inventory(site: Path) -> Iterator[str]:
+    """The names of Python that other documentation can link to."""
+    from sphinx.util.inventory import InventoryFile
+
+    found: Any = InventoryFile.loads((site / "objects.inv").read_bytes(), uri="")
+    for domain, names in found.data.items():
+        yield from names if domain.startswith("py:") else ()
+
+
+def test_the_site_is_whole(site: Path) -> None:
+    """Every public name, command and code of a warning has its entry, links lead to anchors that are there, and nothing is loaded from elsewhere."""
+    assert {f"bristle.{name}" for name in bristle.__all__} <= set(inventory(site))
+    pages = {path: Page(path.read_text(encoding="utf-8")) for path in site.glob("*.html")}
+    assert {
+        code for code in entries() if f"<strong>{code}</strong>" not in (site / "warnings.html").read_text("utf-8")
+    } == set()
+    root: Any = typer.main.get_command(cli.app)
+    assert {f"bristle-{name}" for name in root.commands} <= pages[site / "commands.html"].anchors
+    for path, page in pages.items():
+        for link in page.links:
+            parts = urlsplit(link)
+            target = path.parent / unquote(parts.path) if parts.path else path
+            if not parts.scheme:
+                assert target.exists(), (path.name, link)
+                assert (
+                    target.suffix != ".html" or target not in pages or unquote(parts.fragment) in pages[target].anchors
+                ), (path.name, link)
+        assert not [source for source in page.loads if urlsplit(source).netloc]
+    styles = "".join(path.read_text(encoding="utf-8") for path in site.rglob("*.css"))
+    assert not re.findall(r"url\(\s*[\"']?(?:https?:)?//|@import", styles)
+
+
+EXAMPLES = sorted(name for name in bristle.__all__ if callable(getattr(bristle, name)) and name[0].islower())
+
+POINTS = """v [rad/s],tau [Nm]
+-1,-0.059
+-0.3,-0.0312
+-0.08,-0.0241
+-0.02,-0.0252
+0.02,0.0251
+0.08,0.0241
+0.3,0.0312
+1,0.059
+"""
+WRIST = """joint: {name: points}
+signals:
+  velocity: {column: "v [rad/s]", unit: rad/s}
+  torque: {column: "tau [Nm]", unit: N*m}
+runs: [{files: points.csv, experiment: points}]
+fit: {directions: symmetric}
+"""
+
+
+@pytest.mark.usefixtures("few_motions", "few_studies")
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_an_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It prints what it says."""
+    if name == "fleet":
+        pytest.importorskip("distributed", reason="needs the extra fleet")
+    (tmp_path / "points.csv").write_text(POINTS, encoding="utf-8")
+    (tmp_path / "wrist.yaml").write_text(WRIST, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(registry, "_PARTS", registry._PARTS.copy())
+    found = doctest.DocTestFinder(recurse=False).find(getattr(bristle, name), name, globs={}, module=api)
+    ran = [doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(test) for test in found]
+    assert sum(result.attempted for result in ran) > 1
+    assert not any(result.failed for result in ran)

@@ -1,4 +1,6 @@
 import io
+import re
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations, pairwise
 from pathlib import Path
@@ -8,22 +10,26 @@ import pandas as pd
 import pytest
 
 import bristle
+from bristle.arrays import Array
+from bristle.errors import InputError
 from bristle.findings import Finding, Severity
+from bristle.identification.fisher import static_jacobian
 from bristle.identification.limits import Limits, followed, limits_of
 from bristle.identification.measured import Measured, measure
 from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.questions.experiment_design import excitation, figures
-from bristle.questions.experiment_design.plan import Plan
-from bristle.questions.experiment_design.start import scatter
-from bristle.questions.experiment_design.velocities import design, evaluate_design
+from bristle.questions.experiment_design.plan import Plan, check_plan
+from bristle.questions.experiment_design.report import report
+from bristle.questions.experiment_design.start import scatter, start_of
+from bristle.questions.experiment_design.velocities import DesignProblem, design, evaluate_design
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import experiments
 
 from ..conftest import TRUTH, Ran, few_motions_tried, run, speeds, write
+from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of
 from ..pages import assert_tables_are_named, findings, page_text
 from ..sameness import held, of_kind, without_sentences
-from .simulated_fits import spaced_speeds
-from .test_captions import NUMBER
+from .simulated_fits import simulated_errors, spaced_speeds
 
 PARTS = ("now", "with velocities", "with loading", "with motion")
 Q, V, T = "position reference (rad)", "velocity reference (rad/s)", "torque reference (N*m)"
@@ -409,3 +415,177 @@ def test_an_interrupt_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyP
     ran = planned(tmp_path, "", "--page", tmp_path / "page")
     assert ran.code == 130
     assert sorted(p.name for p in tmp_path.iterdir()) == ["wrist.csv", "wrist.yaml"]
+
+
+NUMBER = re.compile(r"\d (%|s|runs|times|(rad|m)(/s)?|N(·m)?)(?![\w/])")
+"""A number with its unit, or with what it counts."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick() -> Iterator[None]:
+    """Few motions are tried: what is tested holds for any number."""
+    with few_motions_tried():
+        yield
+
+
+def captions(plan: Plan) -> dict[str, str]:
+    """What the caption of each figure begins with, by the name of its file."""
+    return {figure.name: figure.caption for section in report(plan).sections for figure in section.drawings}
+
+
+def of_points(folder: Path, aim: str, *, both: bool, kind: str = "revolute", fit: str = "") -> Plan:
+    path = write(folder, speeds(both=both))
+    text = path.read_text() + fit
+    if kind == "prismatic":
+        text = text.replace("{name: ", "{kind: prismatic, name: ").replace("rad/s", "m/s").replace("N*m", "N")
+    path.write_text(text)
+    return bristle.plan(path, velocities=4, aim=aim)
+
+
+@pytest.mark.parametrize(
+    ("aim", "both", "kind", "fit"),
+    [
+        ("v_s", False, "revolute", ""),
+        ("all", True, "prismatic", ""),
+        ("alpha_0", True, "revolute", "fit: {directions: symmetric}\n"),
+        ("inertia", True, "revolute", "plan: {minimum_velocity: 0.5 rad/s}\n"),
+    ],
+)
+def test_each_caption_begins_with_a_number(tmp_path: Path, aim: str, both: bool, kind: str, fit: str) -> None:
+    """Of points in one direction, for one parameter, of a slide, of one law for both directions: each figure says a number with a unit at once."""
+    found = [*captions(of_points(tmp_path, aim, both=both, kind=kind, fit=fit)).values()]
+    assert len(found) == 4
+    assert all(NUMBER.search(finding) for finding in found), found
+    assert not re.search("nan|inf|None|e[+-]0", " ".join(found))
+    assert kind == "revolute" or "rad" not in " ".join(found)
+
+
+def said(plan: Plan, figure: str) -> str:
+    return captions(plan)[f"plan-{figure}"]
+
+
+def relative(plan: Plan, errors: Array) -> Array:
+    """Percent of the value."""
+    return np.asarray(100 * errors / np.abs(plan.start.estimate))
+
+
+def test_findings_are_those_of_the_results(gripper: Plan) -> None:
+    """Errors, ratios, runs and limits in the captions are those of the plan: the widest, the most, the first and the last."""
+    then = relative(gripper, gripper.standard_errors["with motion"])
+    now = relative(gripper, gripper.standard_errors["now"])
+    widest = int(np.argmax(then))
+    numbers = [float(x) for x in re.findall(r"([\d.]+) %", said(gripper, "intervals"))]
+    assert numbers == pytest.approx([then[widest], now[widest]], rel=0.05)
+    for own, part in zip(gripper.velocities, said(gripper, "velocities").split("; "), strict=True):
+        assert f": {own.chosen.speeds.size} runs at {np.unique(own.chosen.speeds).size} speeds, " in part
+        assert f"{own.chosen.speeds.min():.3g} to {own.chosen.speeds.max():.3g} rad/s" in part
+    peak = float(np.abs(gripper.references[-1].velocity).max())
+    assert said(gripper, "motion").startswith(
+        f"Peak velocity {peak:.3g} rad/s, {gripper.limits.velocity:.3g} rad/s allowed"
+    )
+    assert said(gripper, "whole").startswith(
+        f"The plan takes {gripper.duration:.3g} s: 24 runs at constant velocity, 2 of"
+    )
+    # a parameter that the plan leaves open is named in place of the widest; one that it does not improve has the same error twice
+    errors = gripper.standard_errors["with motion"].copy()
+    errors[[0, 2]] = np.inf, 3 * gripper.start.estimate[2]
+    opened = replace(gripper, standard_errors={**gripper.standard_errors, "with motion": errors})
+    assert (
+        said(opened, "intervals") == "Standard error over 200 %, not identifiable, even after the plan: α₀ (+), α₂ (+)."
+    )
+    assert said(replace(opened, aim="sigma_0"), "intervals").count("% of σ₀") == 2
+    same = replace(gripper, standard_errors=dict.fromkeys(gripper.standard_errors, gripper.standard_errors["now"]))
+    numbers = re.findall(r"([\d.]+) %", said(same, "intervals"))
+    assert numbers[0] == numbers[1]
+
+
+OWN = {DRAG: "alpha_3", EXPONENT: "delta", OUTSIDE: "blunt"}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def known() -> Iterator[None]:
+    """The law from outside is known, and few motions are tried."""
+    with registered(), pytest.MonkeyPatch.context() as patch:
+        patch.setattr(excitation, "TRIES", 3)
+        patch.setattr(excitation, "STEPS", 12)
+        yield
+
+
+@pytest.fixture(scope="module", params=OWN)
+def plan(request: pytest.FixtureRequest) -> Plan:
+    return bristle.plan(motion(request.param))
+
+
+def problem(law: str) -> DesignProblem:
+    p = truth_of(law)
+    size = len(p.law.shape_parameters) + len(p.law.coefficients) + 3
+    nothing = np.zeros((size, size))
+    return DesignProblem(p=p, nodes=np.full(5, p.v_s), prior_information=nothing, noise=1e-4, low=0.015, high=0.8)
+
+
+def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
+    """Each part of the plan tells no less of it than before, all of it more; tables have it, and v_end is in none."""
+    own = OWN[plan.joint.law.name]
+    k = [str(name) for name in plan.start.names].index(own)
+    errors = [plan.standard_errors[part][k] for part in ("now", "with velocities", "with loading", "with motion")]
+    assert np.isfinite(errors).all()
+    assert (np.diff(errors) <= 1e-9 * errors[0]).all()
+    assert errors[-1] < 0.9 * errors[0]
+    assert "v_end" not in {name.name for name in plan.start.names}
+    assert any(row.startswith(own) for row in plan.to_frame()["parameter"])
+    # the scatter of fits under the law is the prediction within a fifth, for planned and for spaced runs
+    for x in plan.velocities:
+        own, count = (
+            replace(x.problem, prior_information=np.zeros_like(x.problem.prior_information)),
+            x.chosen.speeds.size,
+        )
+        spaced = (spaced_speeds(own, count, kind) for kind in ("log", "even"))
+        for spread in (design(own, count, x.chosen.aim).speeds, *spaced):
+            assert simulated_errors(own, spread) == pytest.approx(evaluate_design(own, spread).alone, rel=0.2)
+
+
+@pytest.mark.parametrize("plan", [OUTSIDE], indirect=True)
+def test_the_page_has_the_laws_own_parameter(plan: Plan, tmp_path: Path) -> None:
+    """Its symbol stands there, also of a law from outside."""
+    assert "β" in page_text(bristle.report_of(plan).write(tmp_path / "page"))
+
+
+@pytest.mark.parametrize("law", OWN)
+def test_runs_planned_for_the_laws_own_parameter_beat_spaced_ones(law: str) -> None:
+    """Ten runs that are c-optimal for it give it a smaller error than ten spaced ones, and than the D-optimal ones."""
+    own, k = problem(law), problem(law).names.index(OWN[law])
+    planned = design(own, 10, OWN[law])
+    others = [design(own, 10), *(evaluate_design(own, spaced_speeds(own, 10, kind)) for kind in ("log", "even"))]
+    assert planned.alone[k] < min(x.alone[k] for x in others)
+    # the derivative of steady torque by each parameter that is estimated is its central difference, to 1e-6
+    p, v = truth_of(law), np.geomspace(0.01, 1.2, 30)
+    found = static_jacobian(v, p)
+    for k, name in enumerate(problem(law).names):
+        x = getattr(p, name)
+        up, down = (bristle.friction(v, p._replace(**{name: x * (1 + h)})) for h in (1e-5, -1e-5))
+        difference = (up - down) / (2e-5 * x)
+        assert np.linalg.norm(difference - found[:, k]) <= 1e-6 * np.linalg.norm(found[:, k])
+
+
+def test_what_is_no_parameter_of_the_joints_law_is_refused() -> None:
+    """Before the law is known any law's parameter counts; then its own alone, and v_end never; it takes as many runs as parameters."""
+    check_plan(12, "alpha_3")
+    for aim in ("v_end", "stiffness"):
+        with pytest.raises(InputError, match="as what to plan for"):
+            check_plan(12, aim)
+    with pytest.raises(InputError, match="expected one of alpha_0"):
+        bristle.plan(points(EXPONENT), aim="alpha_3")
+    with pytest.raises(InputError, match="expected 5 to 1000"):
+        bristle.plan(points(DRAG), velocities=4)
+    # without a peak all of it is a guess, its shape in the middle of where it is looked for, which is said
+    fit = points(EXPONENT)
+    static = fit.joint.static["both"]
+    none = {
+        name: replace(e, value=None) for name, e in static.parameters.items() if name in ("alpha_1", "v_s", "delta")
+    }
+    bare = replace(fit.joint, static={"both": replace(static, parameters={**static.parameters, **none})})
+    start = start_of(fit.measured, bare, bristle.plan(fit, velocities=5).limits)
+    assert {name.name for name in start.guessed} == {"alpha_1", "v_s", "delta", "sigma_0", "sigma_1"}
+    assert start.sets.positive._asdict()["delta"] == pytest.approx(np.sqrt(0.5 * 4.0))
+    (shape,) = (x for x in start.assumptions if x.numbers.get("name") == "delta")
+    assert str(shape).endswith("in the middle of where it is looked for.")

@@ -1,24 +1,56 @@
 from collections.abc import Collection
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
+import bristle
 from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment, find_segments
+from bristle.data.differentiation import smoothed
+from bristle.data.experiment.load import Run, load_experiment
+from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
+from bristle.errors import InputError
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import Fitted, explained
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.candidates import candidates
 from bristle.identification.dynamic.descent import solve_dynamic
 from bristle.identification.dynamic.problem import Unknown
-from bristle.identification.fits import TrackingFit
-from bristle.model.parameters import Kind, Lugre
+from bristle.identification.fits import Estimate, StaticFit, TrackingFit
+from bristle.identification.measured import Measured
+from bristle.identification.moving_runs import loads_slowly, refuse_opposing, unrelated
+from bristle.identification.point_checks import point_warnings
+from bristle.identification.shared_findings import offset_or_friction
+from bristle.identification.static.fit import PointInfo, refuse_opposing_points, terms_left_out
+from bristle.identification.static.points import points_problem
+from bristle.identification.static.solution import solve_static
+from bristle.model.parameters import Direction, Kind, Lugre, ParameterName
+from bristle.simulation.bench import steady_points
 
+from ..conftest import TRUTH, experiment, speeds
 from ..names import named, parse
-from .conftest import GRIPPER, by_name, codes, ends_of, fitted, holds, moved, posed, tones, torque_of, value_of
+from .conftest import (
+    GRIPPER,
+    by_name,
+    codes,
+    ends_of,
+    experiment_file,
+    fitted,
+    holds,
+    moved,
+    points_file,
+    posed,
+    tones,
+    torque_of,
+    value_of,
+    white,
+)
 
 EMPTY = np.zeros(0)
 
@@ -214,3 +246,285 @@ def test_a_peak_that_is_left_out_is_taken_up(alpha_1: float) -> None:
     said = {n.name for n, e in fit.parameters.items() if "takes-up-peak" in codes(e.warnings)}
     assert ("alpha_2" in said) == bool(said) == bool(alpha_1)
     assert said <= {"alpha_0", "alpha_2"}
+
+
+SPEEDS = np.geomspace(0.1, 1.0, 10) * TRUTH.v_s * 10
+NOISE = 3e-4
+HELD = 300  # samples of a hold
+
+
+def measured(folder: Path, runs: tuple[Run, ...], segments: tuple[tuple[Segment, ...], ...]) -> Measured:
+    (folder / "wrist.yaml").write_text(experiment(), encoding="utf-8")
+    return Measured(experiment=load_experiment(folder / "wrist.yaml"), runs=runs, segments=segments)
+
+
+def fits(rms: float) -> dict[str, StaticFit]:
+    alpha_0 = Estimate(value=TRUTH.alpha_0, unit="N*m")
+    return {
+        d: StaticFit(
+            direction=d, parameters={"alpha_0": alpha_0}, rms=rms, relative_error=1.0, n=10, outcome=Finding("static-converged", NOTE, "Converged.")
+        )
+        for d in "+-"
+    }  # fmt: skip  # a list of values
+
+
+def ramps(seed: int, order: Array, drift: float) -> Record:
+    """Three seconds at each speed, in this order and then backward again, with a torque that changes by a share of itself from first to last."""
+    rng = np.random.default_rng(seed)
+    v = np.repeat(np.concatenate([order, -order]), HELD)
+    time = np.arange(v.size) / (HELD / 3)
+    (torque,) = steady_points(TRUTH, v, NOISE, rng, 1)
+    torque *= 1 + drift * time / time[-1]
+    return Record(file="ramps.csv", time=time, velocity=v + 1e-3 * rng.standard_normal(v.size), torque=torque)
+
+
+def drifts(folder: Path, record: Record) -> list[Finding]:
+    return [d for d in point_warnings_of(folder, record) if d.code == "drift-in-order"]
+
+
+def point_warnings_of(folder: Path, record: Record) -> list[Finding]:
+    """The warnings about the segments of a run taken together."""
+    segments = find_segments(record, measured(folder, (), ()).experiment.segments)
+    kept = [s for s in segments if s.accepted]
+    runs = (Run(kind="ramp", record=record),)
+    return list(point_warnings(measured(folder, runs, (segments,)), kept, fits(NOISE / np.sqrt(HELD))))
+
+
+@pytest.mark.parametrize("drift", [-0.1, 0.3])
+def test_a_drift_in_the_order_of_speed_is_said(tmp_path: Path, drift: float) -> None:
+    """Runs that go from slow to fast, or back, while the torque drifts: with the drift's sign and size."""
+    # speeds in random order cannot be mistaken for one, but the points scatter by it: so much is said of them
+    for seed in range(5):
+        for order, way in ((SPEEDS, "rises"), (SPEEDS[::-1], "falls")):
+            (found,) = drifts(tmp_path, ramps(seed, order, drift))
+            assert found.numbers["way"] == way
+            assert np.sign(found.numbers["slope"]) == np.sign(drift)
+            assert found.numbers["share"] == pytest.approx(abs(drift), rel=0.5)
+        said = point_warnings_of(tmp_path, ramps(seed, np.random.default_rng(seed).permutation(SPEEDS), drift))
+        (found,) = (d for d in said if d.code in {"drift-in-order", "drift-over-runs"})
+        assert found.code == "drift-over-runs"
+        assert np.sign(found.numbers["slope"]) == np.sign(drift)
+        assert found.numbers["share"] == pytest.approx(abs(drift), rel=0.5)
+
+
+@pytest.mark.slow
+def test_no_drift_is_said_without_one(tmp_path: Path) -> None:
+    """Of a hundred clean runs, half of them in the order of speed, at most one has such a warning."""
+    found = []
+    for seed in range(100):
+        order = SPEEDS if seed % 2 else np.random.default_rng(seed).permutation(SPEEDS)
+        found += point_warnings_of(tmp_path, ramps(seed, order, 0.0))
+    assert sum(d.code in {"drift-in-order", "drift-over-runs"} for d in found) <= 1
+
+
+def as_points(v: Array, T: Array) -> tuple[Segment, ...]:
+    """Given points, a row each, of velocities, rad/s, and torques, N*m."""
+    return tuple(
+        Segment(file="p.csv", start=k, stop=k + 1, velocity=x, torque=t, standard_error=None, accepted=True)
+        for k, (x, t) in enumerate(zip(v.tolist(), T.tolist(), strict=True))
+    )
+
+
+def rows(order: Array, drift: float, seed: int) -> list[Finding]:
+    """What is said of the rows of given points, back and forth at each of these speeds, while friction drifts by a share of itself."""
+    v = np.stack([order, -order], axis=1).ravel()
+    (torque,) = steady_points(TRUTH, v, NOISE, np.random.default_rng(seed), 1)
+    torque *= 1 + drift * np.arange(v.size) / (v.size - 1)
+    points = as_points(v, torque)
+    found = list[Finding]()
+    for sign, side in ((1, Direction.POSITIVE), (-1, Direction.NEGATIVE)):
+        own = tuple(s for s in points if s.velocity * sign > 0)
+        core = solve_static(points_problem(own, (side,), ()), FitOptions(), "revolute")
+        found += terms_left_out(core, "revolute", PointInfo(segments=own))
+    return [d for d in found if d.code == "drift-of-rows"]
+
+
+def test_a_drift_over_the_rows_of_points_is_said(tmp_path: Path) -> None:
+    """Where speeds go up and down, or in any order, with sign and size; none where they only rise, and of 100 clean sets at most one."""
+    both = np.concatenate([SPEEDS, SPEEDS[::-1]])
+    for drift in (-0.1, 0.3):
+        for order in (both, np.random.default_rng(1).permutation(both)):
+            found = rows(order, drift, 2)
+            assert len(found) == 2
+            for d in found:
+                assert np.sign(d.numbers["across"]) == np.sign(drift)
+                assert d.numbers["share"] == pytest.approx(abs(drift), rel=0.6)
+        assert rows(np.sort(both), drift, 2) == []
+    assert sum(bool(rows(both, 0.0, seed)) for seed in range(100)) <= 1
+    # holds that pass most of a turn: friction and gravity come back with the means of sin and cos, not with those of the middle
+    rate, K = 200, 0.15 * TRUTH.alpha_0
+    v = np.concatenate([np.full(int(min(4.0 / s, 20) * rate), x) for s in (0.05, *SPEEDS) for x in (s, -s)])
+    time, q = np.arange(v.size) / rate, np.cumsum(v) / rate
+    torque = steady_points(TRUTH, v, 0.05 * TRUTH.alpha_0, np.random.default_rng(0), 1)[0] + K * np.sin(q)
+    columns = {"t": time, "q": q, "T": torque}
+    path = experiment_file(tmp_path, columns, "ramp", "directions: symmetric, regressors: [gravity]")
+    found = bristle.identify(path).joints[0].static["both"].parameters
+    for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
+        assert found[name].value == pytest.approx(getattr(TRUTH, name), rel=0.03)
+    assert found["gravity_sin"].value == pytest.approx(K, rel=0.03)
+    # copies of points are named, with what they do to the errors; a speed that was measured twice, or a torque that recurs, is no copy
+    rng, v = np.random.default_rng(4), np.geomspace(0.05, 2, 8)
+    (torque,) = steady_points(TRUTH, np.tile(v, 2), NOISE, rng, 1)
+
+    def said(v: Array, T: Array) -> list[Finding]:
+        points = as_points(v, T)
+        record = Record(file="p.csv", time=np.arange(v.size, dtype=float), velocity=v, torque=T)
+        given = measured(tmp_path, (Run(kind="points", record=record),), (points,))
+        return [d for d in point_warnings(given, points, fits(NOISE)) if d.code == "points-repeated"]
+
+    assert said(np.tile(v, 2), torque) == []
+    assert said(np.concatenate([v, 1.1 * v]), np.tile(torque[:8], 2)) == []
+    (copies,) = said(np.tile(v, 2), np.tile(torque[:8], 2))
+    assert (copies.numbers["count"], copies.numbers["points"], copies.numbers["where"]) == (8, 16, "row 9")
+    assert copies.numbers["factor"] == pytest.approx(2**0.5)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.35])
+def test_holds_that_swing_are_said(tmp_path: Path, share: float) -> None:
+    """A speed loop that swings by a third of the speed moves the mean torque, and is named with its size; one by a tenth does not."""
+    rng, rate = np.random.default_rng(6), 500
+    v = np.repeat(np.concatenate([SPEEDS, -SPEEDS]), 3 * rate)
+    time = np.arange(v.size) / rate
+    swinging = v * (1 + share * np.sin(2 * np.pi * 7 * time))
+    (torque,) = steady_points(TRUTH, swinging, NOISE, rng, 1)
+    record = Record(file="ramps.csv", time=time, velocity=swinging, torque=torque)
+    segments = find_segments(record, measured(tmp_path, (), ()).experiment.segments)
+    law = {name: Estimate(value=getattr(TRUTH, name), unit="") for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")}
+    static = {d: replace(fit, parameters=law) for d, fit in fits(NOISE / np.sqrt(600)).items()}
+    kept = [s for s in segments if s.accepted]
+    found = point_warnings(measured(tmp_path, (Run(kind="ramp", record=record),), (segments,)), kept, static)
+    said = [d for d in found if d.code == "holds-swing"]
+    assert len(said) == (share > 0.2)
+    for d in said:
+        assert d.numbers["swing"] == pytest.approx(share / np.sqrt(2), rel=0.1)
+
+
+def directions(seed: int, offset: float, negative: Lugre[float] = TRUTH) -> list[Finding]:
+    """What is said of points in both directions with an offset, or with another friction backward."""
+    rng, v = np.random.default_rng(seed), speeds(both=False)
+    names, values, parts = list[ParameterName](), dict[ParameterName, float](), []
+    for p, sign, side in ((TRUTH, 1, Direction.POSITIVE), (negative, -1, Direction.NEGATIVE)):
+        (torque,) = steady_points(p, sign * v, 1e-4, rng, 1)
+        core = solve_static(points_problem(as_points(sign * v, torque + offset), (side,), ()), FitOptions(), "revolute")
+        names += core.names
+        values |= dict(zip(core.problem.names, core.solution.theta.tolist(), strict=True))
+        parts.append(core)
+    return offset_or_friction(names, values, block_diag(*(x.covariance for x in parts)), parts[0].freedom)
+
+
+@pytest.mark.parametrize("offset", [-5e-4, 5e-3])
+def test_a_constant_between_the_directions_is_an_offset_or_friction(offset: float) -> None:
+    """An offset, or as much difference in alpha_0 alone, is one sentence that gives both readings; the same for either cause."""
+    for seed in range(5):
+        other = TRUTH._replace(alpha_0=TRUTH.alpha_0 - 2 * offset)
+        for found in (directions(seed, offset), directions(seed, 0.0, other)):
+            (said,) = found
+            assert said.code == "offset-or-friction"
+            assert said.numbers["offset"] == pytest.approx(offset, abs=1e-4)
+            assert "offset among the regressors" in str(said)
+            assert "cannot tell" in str(said)
+
+
+@pytest.mark.slow
+def test_an_offset_is_not_said_of_what_is_none() -> None:
+    """Of 300 clean sets at most two have that warning, and none where the viscous friction differs."""
+    assert sum(bool(directions(seed, 0.0)) for seed in range(300)) <= 2
+    other = TRUTH._replace(alpha_2=1.3 * TRUTH.alpha_2, alpha_0=0.8 * TRUTH.alpha_0)
+    assert not any(directions(seed, 0.0, other) for seed in range(20))
+
+
+# a torque that is none
+
+
+@pytest.mark.parametrize("level", [0.01, 10.0])
+def test_a_torque_of_noise_alone_is_called_that(level: float) -> None:
+    """Noise, white or through a low pass, has nothing to do with a motion in at least 95 of 100 records; friction ten times below it has."""
+    t = np.arange(5000) / 500
+    v = np.sin(2 * np.pi * 0.5 * t) + 0.4 * np.sin(2 * np.pi * 1.3 * t)
+    others = np.column_stack([np.gradient(v, t), np.sin(v), np.cos(v)])
+    missed = 0
+    for seed in range(100):
+        noise = level * np.random.default_rng(seed).standard_normal(t.size + 7)
+        torque = noise[7:] if seed % 2 else np.convolve(noise, np.ones(8) / 8, "valid")
+        missed += not unrelated(v, torque + 0.1 * level, others)
+        assert not unrelated(v, noise[7:] + 0.1 * level * np.sign(v), others)
+    assert missed <= 5
+
+
+def test_noise_is_refused_as_noise_and_a_wrong_sign_as_a_wrong_sign(tmp_path: Path) -> None:
+    """The sentence about noise names its size and does not ask for scale: -1; that about a wrong sign does."""
+    (tmp_path / "wrist.yaml").write_text(experiment(), encoding="utf-8")
+    own = load_experiment(tmp_path / "wrist.yaml")
+    v, rng = speeds(both=False), np.random.default_rng(1)
+    for noise in (1e-3, 1.0):
+        with pytest.raises(InputError, match="noise of") as caught:
+            refuse_opposing(own, v, noise * rng.standard_normal(v.size) - 1e-3 * noise, "at the points")
+        assert "scale" not in str(caught.value)
+    (friction,) = steady_points(TRUTH, v, 1e-3, rng, 1)
+    refuse_opposing(own, v, friction, "at the points")
+    with pytest.raises(InputError, match="scale: -1"):
+        refuse_opposing(own, v, -friction, "at the points")
+    both = np.concatenate([v, -v])
+    for way in (1.0, -1.0):
+        points = as_points(both, way * np.concatenate([friction, -friction]) + 0.1)
+        refuse_opposing_points(own, points, ("gravity",))
+        if way < 0:
+            with pytest.raises(InputError, match="scale: -1"):
+                refuse_opposing_points(own, points, ("offset",))
+        else:
+            refuse_opposing_points(own, points, ("offset",))
+    # a velocity in deg/s read as rad/s in a moving run is the first warning of the joint, and critical
+    (joint,) = bristle.identify(logged(tmp_path, 180 / np.pi)).joints
+    first = joint.warnings[0]
+    assert first.code == "velocity-factor"
+    assert first.numbers["ratio"] == pytest.approx(np.pi / 180, rel=0.02)
+    assert "`unit: deg/s` under signals.velocity" in str(first)
+
+
+@pytest.mark.parametrize("kind", ["tracking", "presliding"])
+@pytest.mark.parametrize("level", [1e-3, 1.0])
+def test_runs_whose_torque_is_noise_are_refused(tmp_path: Path, kind: str, level: float) -> None:
+    """Moving and slow runs alike: the sentence says noise, and not which sign to give."""
+    t = np.arange(4000) / 500
+    path = experiment_file(tmp_path, {"t": t, "q": 0.01 * np.sin(1.5 * t), "T": white(t.size, level, 4)}, kind)
+    with pytest.raises(InputError, match=r"nothing to do with the motion .* is noise of") as caught:
+        bristle.identify(path)
+    assert "scale" not in str(caught.value)
+
+
+@pytest.mark.parametrize("reach", [0.8, 1.1, 1.3])
+def test_a_slow_torque_is_no_noise(reach: float) -> None:
+    """Cycles of a slow torque, noisy ones too, are commanded, however little the position goes with them; noise, slow or white, is not."""
+    t, rng = np.arange(20_000) / 500, np.random.default_rng(8)
+    cycle = reach * np.interp(t % 20, [0, 5, 15, 20], [0, 1, -1, 0]) + 0.05 * rng.standard_normal(t.size)
+    noise = rng.standard_normal(t.size)
+    slow = smoothed(Record(file="a", time=t), noise, 1.5)
+    said = [loads_slowly(Record(file="a", time=t, torque=x, cutoff=2.0)) for x in (cycle, noise, slow)]
+    assert said == [True, False, False]
+
+
+def logged(folder: Path, factor: float) -> Path:
+    """An experiment of one moving run whose velocity is logged times a factor."""
+    t = np.arange(4000) / 500
+    q = 0.4 * np.sin(2 * np.pi * 0.4 * t) + 0.1 * np.sin(2 * np.pi * 1.1 * t)
+    v = np.gradient(q, t)
+    (friction,) = steady_points(TRUTH, v, 1e-4, np.random.default_rng(0), 1)
+    columns = {"t": t, "q": q, "v": factor * v, "T": friction + 1e-3 * np.gradient(v, t)}
+    return experiment_file(folder, columns, fit="directions: symmetric")
+
+
+@pytest.mark.parametrize("factor", [-1.0, -60.0])
+def test_a_velocity_of_the_wrong_sign_is_not_taken_for_a_torque_of_it(tmp_path: Path, factor: float) -> None:
+    """Where the torque goes with the position and the velocity against it, the sign of the velocity is what is asked for."""
+    with pytest.raises(InputError, match=r"log\.csv moves -.* opposite sign of `scale` under signals\.velocity"):
+        bristle.identify(logged(tmp_path, factor))
+
+
+@pytest.mark.parametrize("level", [0.0, 1e-162])
+def test_a_torque_of_zero_but_for_a_stray_has_no_offset(tmp_path: Path, level: float) -> None:
+    """Points without any torque, or of one whose square is none, a stray apart, are fitted without a failure, and nothing is said of an offset."""
+    speeds = np.geomspace(0.01, 1.0, 12)
+    v = np.concatenate([speeds, -speeds])
+    (joint,) = bristle.identify(points_file(tmp_path, v, np.sign(v) * level + (np.arange(24) == 5))).joints
+    assert joint.static["+"].strays
+    assert "offset-or-friction" not in codes(joint.warnings)

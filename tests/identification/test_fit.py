@@ -1,15 +1,26 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy import sparse
+from scipy.optimize import curve_fit
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
+from bristle.data.record import Record
 from bristle.identification.fits import StaticFit
+from bristle.identification.moving_runs import load_columns
 from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
-from bristle.identification.static.problem import from_points
+from bristle.identification.static.grid import Projected, default_range, plain_grid, solve, solve_at
+from bristle.identification.static.problem import Regression, from_points, from_records, with_prior
+from bristle.identification.static.profiles import reduced
 from bristle.model.parameters import Lugre
 
+from ..names import parse
 from .conftest import GRIPPER, codes, curve, holds, white
 
 STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
@@ -146,3 +157,181 @@ def test_units_directions_and_checks_of_a_fit(speeds: Array, gripper: Lugre[floa
         assert ("peak-left-out" in codes(fit.warnings)) == shown
         for name in ("alpha_0", "alpha_2"):
             assert ("takes-up-peak" in codes(fit.parameters[name].warnings)) == shown
+
+
+positive = st.floats(0.1, 10.0)
+
+
+def named(velocity: Array, torque: Array, direction: str = "both") -> dict[str, float]:
+    problem = from_points(velocity, torque, (direction,))
+    return dict(zip((n.name for n in problem.names), solve(problem, default_range(velocity)).theta, strict=True))
+
+
+@settings(max_examples=40, deadline=None)
+@given(positive, positive, positive, st.floats(0.3, 3.0))
+def test_noise_free_points_give_back_the_parameters(a0: float, a1: float, a2: float, reach: float) -> None:
+    """Without noise the minimum of the profile is the truth, whatever the parameters, to 1e-5 relative (the profile is flat to rounding there)."""
+    p = Lugre(a0, a1, a2, reach, 1.0, 0.0)
+    velocity = np.geomspace(0.1, 10.0, 25)
+    found = named(velocity, curve(velocity, p))
+    assert [found[n] for n in ("alpha_0", "alpha_1", "alpha_2", "v_s")] == pytest.approx(p[:4], rel=1e-5)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10_000))
+def test_refined_minimum_is_below_every_value_of_the_plain_grid(seed: int) -> None:
+    """The continuous minimum costs no more than any of the paper's 500 values of v_s."""
+    velocity = np.geomspace(0.01, 0.8, 14)
+    torque = curve(velocity, GRIPPER) + 5e-4 * np.random.default_rng(seed).standard_normal(14)
+    problem = from_points(velocity, torque, ("both",))
+    v_s_range = default_range(velocity)
+    _, costs, _ = plain_grid(problem, v_s_range)
+    assert solve(problem, v_s_range).cost <= costs.min() * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-12, 1e-3, 1.0])
+def test_flat_profiles_have_a_minimum_too(noise: float) -> None:
+    """Where there is no peak, or nothing but noise, the search ends, at no more than the cost of any grid value, for any of 200 draws."""
+    rng = np.random.default_rng(1)
+    velocity = np.geomspace(0.01, 0.8, 12)
+    for _ in range(200):
+        torque = 0.02 + 0.04 * velocity + noise * rng.standard_normal(12)
+        solution = solve(from_points(velocity, torque, ("both",)), default_range(velocity))
+        assert np.isfinite(solution.theta).all()
+        assert solution.cost <= solution.profiles[0].min() * (1 + 1e-6) + 1e-14 * (torque @ torque)
+
+
+def test_the_solve_agrees_with_another_route(gripper: Lugre[float], speeds: Array) -> None:
+    """A range that ends short of the minimum, by much or by little, gives a v_s inside it, at the end nearest to the minimum."""
+    torque = curve(speeds, gripper) + 2e-4 * np.random.default_rng(3).standard_normal(speeds.size)
+    problem = from_points(speeds, torque, ("both",))
+    best = float(solve(problem, default_range(speeds)).theta[-1])
+    for factor in (1 - 1e-6, 0.999, 0.9, 0.5):
+        assert solve(problem, (0.1 * best, factor * best)).theta[-1] == pytest.approx(factor * best, rel=1e-9)
+        assert solve(problem, (best / factor, 10 * best)).theta[-1] == pytest.approx(best / factor, rel=1e-9)
+    # on noisy points an independent least-squares solver ends in the same minimum
+    found = named(speeds, torque)
+
+    def model(v: Array, a0: float, a1: float, a2: float, v_s: float) -> Array:
+        return curve(v, Lugre(a0, a1, a2, v_s, 1.0, 0.0))
+
+    other, _ = curve_fit(model, speeds, torque, p0=gripper[:4], xtol=1e-14, ftol=1e-14)
+    assert [found[n] for n in ("alpha_0", "alpha_1", "alpha_2", "v_s")] == pytest.approx(other, rel=1e-6)
+    # friction is odd: (-v, -T) has the parameters of (v, T), positive in both directions
+    torque = curve(speeds, gripper) + 2e-4 * np.random.default_rng(7).standard_normal(speeds.size)
+    assert named(-speeds, -torque, "-") == pytest.approx(named(speeds, torque, "+"), rel=1e-9)
+    # residuals move against the Jacobian for a small change of each parameter (central differences, 1e-7 relative)
+    both = np.concatenate([speeds, -speeds])
+    problem = from_points(both, curve(both, gripper), ("+", "-"), load_columns(("gravity",), lambda _: both, both.size))
+    theta = solve(problem, default_range(both)).theta * 1.1
+    jacobian = problem.jacobian(theta)
+    for k in range(theta.size):
+        step = np.zeros(theta.size)
+        step[k] = 1e-5 * max(abs(theta[k]), 1e-3)
+        central = -(problem.residuals(theta + step) - problem.residuals(theta - step)) / (2 * step[k])
+        assert jacobian[:, k] == pytest.approx(central, rel=1e-6, abs=1e-9)
+    # without anything shared, the joint problem of both directions is two problems
+    rng = np.random.default_rng(11)
+    other = gripper._replace(alpha_0=0.0148, alpha_1=0.0040, alpha_2=0.0307, v_s=0.05)
+    torque = np.concatenate([curve(speeds, gripper), curve(-speeds, other)]) + 2e-4 * rng.standard_normal(both.size)
+    v_s_range = default_range(both)
+    joint = from_points(both, torque, ("+", "-"))
+    found = dict(zip(joint.names, solve(joint, v_s_range).theta, strict=True))
+    n = speeds.size
+    for sign, rows in (("+", slice(0, n)), ("-", slice(n, 2 * n))):
+        single = from_points(both[rows], torque[rows], (sign,))
+        for name, value in zip(single.names, solve(single, v_s_range).theta, strict=True):
+            assert found[name] == pytest.approx(value, rel=1e-5)
+
+
+def test_solves_at_bounds_and_of_points(speeds: Array, gripper: Lugre[float]) -> None:
+    """Where friction is lower near standstill (a negative amplitude at this v_s), alpha_1 ends at its bound of zero, and is said to."""
+    torque = curve(speeds, GRIPPER._replace(alpha_1=-0.005))
+    problem = from_points(speeds, torque, ("both",))
+    found = solve_at(problem, [GRIPPER.v_s])
+    assert problem.named(found.theta)[parse("alpha_1")] == 0.0
+    assert found.at_bound == (parse("alpha_1"),)
+    assert found.cost == pytest.approx(Projected(problem).base_cost, rel=1e-9)
+    # an offset and gravity in the same linear solve come back exactly, and leave the friction exact
+    both = np.concatenate([speeds, -speeds])
+    position = np.linspace(0, 5, both.size)
+    torque = curve(both, gripper) + 0.003 + 0.01 * np.sin(position) - 0.004 * np.cos(position)
+    problem = from_points(both, torque, ("both",), load_columns(("offset", "gravity"), lambda _: position, both.size))
+    found = dict(zip(problem.names, solve(problem, default_range(both)).theta, strict=True))
+    extra = [found[parse(n)] for n in ("offset", "gravity_sin", "gravity_cos")]
+    assert extra == pytest.approx([0.003, 0.01, -0.004], rel=1e-6)
+    friction = [found[parse(n)] for n in ("alpha_0", "alpha_1", "alpha_2", "v_s")]
+    assert friction == pytest.approx(list(gripper[:4]), rel=1e-6)
+    # where all speeds lie far above v_s, nothing limits v_s below, and the answer is at the grid's lower edge or flat there
+    velocity = np.linspace(5 * gripper.v_s, 20 * gripper.v_s, 12)
+    problem = from_points(velocity, curve(velocity, gripper), ("both",))
+    solution = solve(problem, default_range(velocity))
+    assert solution.profiles[0][0] <= solution.base_costs[0] * (1 + 1e-9) + 1e-18
+    # points that nothing smooths are returned themselves
+    velocity = np.geomspace(0.02, 0.8, 12)
+    problem = from_points(velocity, curve(velocity, GRIPPER), ("both",))
+    assert reduced(problem, (0.01, 0.8)) is problem
+    # a motion at one speed in either sense, smoothed, is reduced without harm
+    velocity = np.tile(np.repeat([0.3, -0.3], 50), 4)
+    raw = from_points(velocity, curve(velocity, GRIPPER), ("both",))
+    smooth = sparse.csr_array(sparse.kron(sparse.eye_array(40), np.full((1, 10), 0.1)))
+    problem = replace(raw, torque=smooth @ raw.torque, linear=smooth @ raw.linear, smooth=smooth)
+    theta = np.array([0.01, 0.02, 0.003, 0.1])
+    expected, found = (float(np.sum(p.residuals(theta) ** 2)) for p in (problem, reduced(problem, (0.1, 0.3))))
+    assert found == pytest.approx(expected, rel=1e-8)
+
+
+def moving(directions: tuple[str, ...], *, decimation: int = 10) -> Regression:
+    """Six seconds at 1 kHz through standstill, filtered, with inertia; a prior on alpha_0."""
+    rng, time = np.random.default_rng(3), np.arange(6000) / 1000
+    velocity = 0.5 * np.sin(5 * time) + 0.2 * np.sin(13 * time) + 1e-4 * rng.standard_normal(time.size)
+    acceleration = np.gradient(velocity, time)
+    torque = curve(velocity, GRIPPER) + 0.004 * acceleration + 1e-3 * rng.standard_normal(time.size)
+    record = Record(
+        file="motion.csv", time=time, velocity=velocity, acceleration=acceleration, torque=torque, starts=(0, 3500)
+    )
+    problem, _, _ = from_records([record], directions, ("inertia", "offset"), decimation)
+    name = "alpha_0" if len(directions) == 1 else "alpha_0-"
+    return with_prior(problem, parse(name), 0.02, 1e-3, 5e-4)
+
+
+CASES = {
+    "one direction": moving(("both",)),
+    "two directions": moving(("+", "-")),
+    "not filtered": moving(("+", "-"), decimation=1),
+}
+SMALL = {name: reduced(problem, default_range(problem.velocity)) for name, problem in CASES.items()}
+
+
+def any_theta(problem: Regression, seed: int) -> Array:
+    """Parameters of any sign, each up to twice what makes its column as long as the torque; v_s in the range searched."""
+    rng, (low, high) = np.random.default_rng(seed), default_range(problem.velocity)
+    v_s = np.exp(rng.uniform(np.log(low), np.log(high), len(problem.peaks)))
+    design = problem.design(v_s)
+    scale = np.linalg.norm(problem.torque) / np.linalg.norm(design, axis=0)
+    return np.concatenate([2 * scale * rng.uniform(-1, 1, scale.size), v_s])
+
+
+@pytest.mark.parametrize("case", CASES)
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 10**6))
+def test_sums_of_squares_are_the_same_for_every_theta(case: str, seed: int) -> None:
+    """Not at the minimum alone: for any parameters with v_s in the range the cost is that of all equations, to 1e-8 of the torque's square."""
+    problem, few = CASES[case], SMALL[case]
+    theta = any_theta(problem, seed)
+    expected, found = (float(np.sum(p.residuals(theta) ** 2)) for p in (problem, few))
+    assert found == pytest.approx(expected, rel=1e-8, abs=1e-8 * float(problem.torque @ problem.torque))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_gradients_and_solution_are_the_same(case: str) -> None:
+    """J'J, J'r and the least cost agree too, with an order of magnitude fewer equations, and names and bounds are kept."""
+    problem, few = CASES[case], SMALL[case]
+    assert few.names == problem.names
+    assert few.torque.size < 0.2 * problem.torque.size
+    whole, solution = (solve(p, default_range(problem.velocity)) for p in (problem, few))
+    assert solution.theta == pytest.approx(whole.theta, rel=1e-5)
+    assert solution.cost == pytest.approx(whole.cost, rel=1e-6)
+    J, own = problem.jacobian(whole.theta), few.jacobian(whole.theta)
+    scale = np.linalg.norm(J, axis=0)
+    assert (own / scale).T @ (own / scale) == pytest.approx((J / scale).T @ (J / scale), abs=1e-5)

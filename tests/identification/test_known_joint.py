@@ -1,16 +1,25 @@
+import math
 from dataclasses import replace
+from pathlib import Path
 
+import casadi as ca
 import numpy as np
+import pandas as pd
 import pytest
 
+import bristle
 from bristle.errors import InputError
-from bristle.findings import NOTE, Finding
-from bristle.identification.fits import Estimate, StaticFit
+from bristle.findings import NOTE, Finding, Severity
+from bristle.identification.fits import Estimate, StaticFit, TrackingFit
+from bristle.identification.joint_model import JointModel
 from bristle.identification.known_joint import DEFLECTION, Source, chosen, draws_of, known_joint, whole
-from bristle.identification.results import Joint
+from bristle.identification.results import Accuracy, Joint
+from bristle.identification.shared_findings import not_shown
+from bristle.identification.verdict import Trust, other_warnings, value_warnings, verdict
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import SIGNED, Direction, Pair, ParameterName
 
+from ..conftest import speeds, write
 from ..names import parse
 from ..simulation.joints import GRIPPER, J, joint, tracked, unseen, values_of
 
@@ -79,3 +88,168 @@ def test_what_is_known_and_drawn_of_a_joint() -> None:
         whole(own)
     with pytest.raises(InputError, match="nothing is known of the friction vs velocity in direction -"):
         known_joint(own).filled(Direction.NEGATIVE, WAY, J)
+
+
+CRITICAL = Finding("stages-do-not-fit", Severity.CRITICAL, "The stages contradict each other.")
+CAUTIONED = Finding("not-passive", Severity.CAUTION, "The model can feed energy back in direction +.")
+WORTH = Finding("friction-drifts", Severity.CAUTION, "Friction grows.", effect={"torque": 0.1})
+NOTED = Finding("correlated", Severity.NOTE, "Residuals are correlated.")
+OUT_OF_STEPS = Finding(
+    "out-of-steps", Severity.CRITICAL, "The fit reached its limit of iterations before it converged."
+)
+NOT_CONVERGED = Finding("not-converged", Severity.CRITICAL, "The fit did not converge; it gives no estimates.")
+
+
+def knowing(*warnings: Finding) -> TrackingFit:
+    """A fit that knows every parameter, with warnings about it."""
+    return tracked(values_of(GRIPPER), warnings=warnings)
+
+
+def said(fit: TrackingFit, name: str, *warnings: Finding) -> TrackingFit:
+    own = {parse(name): replace(fit.parameters[parse(name)], warnings=warnings)}
+    return replace(fit, parameters={**fit.parameters, **own})
+
+
+def static(*warnings: Finding) -> StaticFit:
+    """A static fit of direction +, of which nothing is shown beside a moving fit that knows all."""
+    estimate = Estimate(value=1.0, unit="N*m")
+    return StaticFit(
+        direction="+", parameters={"alpha_0": estimate}, rms=None, relative_error=None, n=9,
+        outcome=Finding("static-converged", Severity.NOTE, "Converged."), warnings=warnings,
+    )  # fmt: skip  # a list of values
+
+
+@pytest.mark.parametrize(
+    ("own", "trust", "reason"),
+    [
+        pytest.param(joint(knowing()), Trust.USE, None, id="nothing is said"),
+        pytest.param(joint(knowing(NOTED)), Trust.USE, None, id="a note"),
+        pytest.param(joint(knowing(CAUTIONED, NOTED)), Trust.USE, None, id="a caution about the fit"),
+        pytest.param(joint(knowing(), warnings=(CAUTIONED,)), Trust.USE, None, id="a caution about the joint"),
+        pytest.param(joint(said(knowing(), "v_s-", CAUTIONED)), Trust.USE, None, id="a caution about a value"),
+        pytest.param(joint(knowing(CAUTIONED, CRITICAL)), Trust.DO_NOT_USE, CRITICAL, id="something critical, behind a caution"),
+        pytest.param(joint(knowing(), static={"+": static(CRITICAL)}), Trust.USE, None, id="a fit whose values are not shown"),
+        pytest.param(joint(knowing(CRITICAL), joint_fit=knowing()), Trust.USE, None, id="the moving runs alone, beside a joint fit"),
+        pytest.param(
+            joint(replace(knowing(), outcome=OUT_OF_STEPS)), Trust.DO_NOT_USE, OUT_OF_STEPS, id="how the fit ended",
+        ),
+    ],
+)  # fmt: skip  # a table
+def test_the_weightiest_warning_about_the_values_decides(own: Joint, trust: Trust, reason: Finding | None) -> None:
+    """Critical: do not use; a caution, a note, or a warning about a fit that gives no value: use."""
+    assert verdict(own) == (trust, reason)
+    counted = (*value_warnings(own), *other_warnings(own))
+    assert len(counted) == len(set(counted))
+
+
+def test_causes_of_a_verdict() -> None:
+    """Of a fit that leaves a pattern, critical, and of what makes it, a caution, the cause is the reason; both stand among the findings."""
+    size = Finding("unexplained", Severity.CRITICAL, "The relative error is 40 %.")
+    cause = Finding("reversals-left", Severity.CAUTION, "About reversals the fit leaves more.")
+    own = joint(knowing(size, CAUTIONED, cause))
+    assert verdict(own) == (Trust.DO_NOT_USE, cause)
+    assert {size, cause} <= set(value_warnings(own))
+    assert verdict(joint(knowing(size, CAUTIONED))).reason == size
+    # what no stage shows is no warning, nor what is said of it; what another stage shows is neither
+    fit = unseen(
+        knowing(*not_shown(map(parse, ("alpha_0+", "sigma_0+", "sigma_1+")))),
+        {"alpha_0+": 1.0, "sigma_0+": 1.0, "sigma_1+": 1.0},
+    )
+    for name in ("alpha_0+", "sigma_0+", "sigma_1+"):
+        fit = said(
+            fit,
+            name,
+            Finding("at-bound", Severity.CAUTION, "At its physical bound of zero."),
+            Finding("unseen-far", Severity.NOTE, "Not identifiable from this motion."),
+        )
+    own = joint(fit, static={"+": static()})
+    assert value_warnings(own) == ()
+    # a Coulomb friction of zero, as of a set-up that takes all of it up, is no friction vs velocity
+    fit = knowing(CAUTIONED)
+    zero = {n: replace(e, value=0.0) if n.name == "alpha_0" else e for n, e in fit.parameters.items()}
+    found = verdict(joint(replace(fit, parameters=zero)))
+    assert (found.trust, found.reason and found.reason.code) == (Trust.DO_NOT_USE, "no-curve")
+    # with the weightiest reason that there is, how its fit ended too; nothing known at all has none
+    nothing: dict[ParameterName, Estimate] = {n: replace(e, value=None) for n, e in knowing().parameters.items()}
+    own = joint(replace(knowing(), parameters=nothing, outcome=NOT_CONVERGED))
+    assert verdict(replace(own, warnings=(CAUTIONED,))) == (Trust.DO_NOT_USE, NOT_CONVERGED)
+    assert verdict(replace(own, tracking=None)) == (Trust.DO_NOT_USE, None)
+
+
+@pytest.mark.parametrize(
+    ("band", "apart", "warnings", "trust", "code"),
+    [
+        (9.9, 0.0, (CAUTIONED,), Trust.USE, None),
+        (10.1, 0.0, (CAUTIONED,), Trust.DO_NOT_USE, "too-uncertain"),
+        (10.1, 0.0, (CAUTIONED, WORTH), Trust.DO_NOT_USE, "friction-drifts"),
+        (10.1, 0.0, (), Trust.DO_NOT_USE, "too-uncertain"),
+        (12.0, 11.0, (), Trust.DO_NOT_USE, "opinions-differ"),
+        (np.inf, 0.0, (), Trust.DO_NOT_USE, "too-uncertain"),
+        (2.0, 0.0, (CRITICAL, CAUTIONED), Trust.DO_NOT_USE, "stages-do-not-fit"),
+    ],
+)
+def test_friction_has_to_be_known_as_well_as_it_is_needed(
+    band: float, apart: float, warnings: tuple[Finding, ...], trust: Trust, code: str | None
+) -> None:
+    """The values are used where the band is at most what is asked for, and nothing critical is said; the largest part of the band is the reason."""
+    known = Accuracy(slowest=0.1, fastest=1.0, band=band, statistical=5.0, apart=apart, share=1.0, opinion="peak")
+    own = replace(joint(knowing(*warnings)), accuracy=known)
+    found = verdict(own)
+    assert (found.trust, found.reason and found.reason.code) == (trust, code)
+    assert (verdict(replace(own, need=1000.0)).trust is Trust.USE) == (CRITICAL not in warnings and band < np.inf)
+
+
+@pytest.fixture(scope="module")
+def wrist(edro_results: Path) -> JointModel:
+    return bristle.read_results(edro_results).model("wrist pitch")
+
+
+def test_every_way_to_its_friction_agrees(wrist: JointModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`friction`, CasADi's steady torque, LuGre at the deflection where dz/dt = 0, and the table, at speeds of both signs."""
+    v = np.array([-1.0, -0.02, 0.01, 0.6])
+    steady, torque = wrist.casadi().steady, wrist.casadi().torque
+    np.testing.assert_allclose(wrist.friction(v), steady(v.reshape(1, -1)).full().ravel(), rtol=1e-12)
+    for speed in v.tolist():
+        p = wrist.parameters[0 if speed > 0 else 1]
+        z = math.copysign(p.alpha_0 + p.alpha_1 * math.exp(-((speed / p.v_s) ** 2)), speed) / p.sigma_0
+        T, dz = torque(z, speed)
+        assert float(dz) == pytest.approx(0.0, abs=1e-12)
+        assert float(T) == pytest.approx(float(wrist.friction(speed)), rel=1e-12)
+    rows = wrist.to_frame().to_dict("index")
+    for d, p in zip(SIGNED, wrist.parameters, strict=True):
+        row = rows[f"alpha_0{d}"]
+        assert row["lower"] < row["value"] < row["upper"]
+        assert row["value"] == p.alpha_0
+    # the derivative by the velocity is the difference quotient's
+    steady, v = wrist.casadi().steady, ca.SX.sym("v")
+    slope = ca.Function("slope", [v], [ca.jacobian(steady(v), v)])
+    h = 1e-6
+    for speed in (-0.3, 0.02, 0.5):
+        assert float(slope(speed)) == pytest.approx(float(steady(speed + h) - steady(speed - h)) / (2 * h), rel=1e-5)
+    # without adaptation, and driven at one velocity for long, the compensator adds the friction of steady sliding
+    running = wrist.compensator(law=None)
+    torque = 0.0
+    for k in range(4000):
+        torque = running.step(1e-3, (0.3e-3 * k, 0.3), 0.3e-3 * k)
+    assert torque == pytest.approx(float(wrist.friction(0.3)), rel=1e-6)
+    # with `regressors: [quadratic]` friction is what was measured, and CasADi's has as much of it
+    for module in ("curve", "joint_model"):
+        monkeypatch.setattr(f"bristle.identification.{module}.drag_of", lambda _: 0.3)
+    assert float(wrist.casadi().steady(-0.7)) == pytest.approx(float(wrist.friction(-0.7)), rel=1e-12)
+    monkeypatch.undo()
+    file, log = write(tmp_path, speeds()), pd.read_csv(tmp_path / "wrist.csv")
+    torque = log.tau + 0.05 * log.v * log.v.abs()
+    log.assign(tau=torque).to_csv(tmp_path / "wrist.csv", index=False)
+    file.write_text(
+        f"{file.read_text('utf-8')}fit: {{regressors: [quadratic], set_up: as-written}}\n", encoding="utf-8"
+    )
+    np.testing.assert_allclose(bristle.identify(file).model().friction(log.v), torque, rtol=0.02)
+
+
+def test_what_is_not_known_is_said(tmp_path: Path) -> None:
+    """Points in one direction give no friction in the other, and no compensator, in one sentence."""
+    alone = bristle.identify(write(tmp_path, speeds(both=False))).model()
+    assert np.isnan(alone.friction(-0.1))
+    assert alone.friction(0.1) > 0
+    with pytest.raises(bristle.InputError, match="a compensator needs"):
+        alone.casadi()

@@ -26,8 +26,8 @@ from bristle.simulation.bench import steady_points
 
 from .conftest import G0, GRIPPER, OTHER, codes, curve, ends_of, error_of, holds, known, value_of
 from .test_output_error import MOTOR, STEP, drive, posed, values_of
+from .test_presliding import maxwell_slip, soft_loadings
 from .test_repeats import loading
-from .test_softening import loadings, maxwell_slip
 
 K, SHARE = 0.35, 0.05
 SPEEDS = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 20)
@@ -183,7 +183,7 @@ def test_loadings_that_soften_or_scatter_widen_the_statistical_part_alone(*, sof
     """sigma_0 of loadings that soften, or differ, or only bound g0, moves as K does, and K widens what these widened; of sigma_1 no more is known."""
     stiff = GRIPPER.sigma_0 * np.array([1.0, 1.1, 0.9, 1.05])
     differ = [loading(x, f"run {k}", 2e-5, k) for k, x in enumerate(stiff.tolist())]
-    own = loadings(maxwell_slip, 0.0, 4, 1) if softens else differ
+    own = soft_loadings(maxwell_slip, 0.0, 4, 1) if softens else differ
     level = known(max(x.held for x in own), np.inf) if bound else known(G0, 1e-4)
     J = known(0.01, 0.0)
     exact = fit_presliding(own, level, J, "revolute")
