@@ -142,16 +142,26 @@ def moving(rate: float, seconds: float, noise: float, torque_noise: float, count
     return Record(file="run.csv", time=t, position=q, torque=torque)
 
 
-@pytest.mark.parametrize(("noise", "torque_noise"), [(3e-5, 0.1), (6e-5, 0.1), (1e-4, 0.1)])
-def test_the_inertia_makes_as_much_of_the_noise_as_the_torque_has(noise: float, torque_noise: float) -> None:
+def test_the_cut_off_follows_noise_and_vibration() -> None:
     """Of a motion with power at every frequency the cut-off is twice that where J (2 pi f)**2 times its noise is the torque's, within a fifth."""
-    rng, rate = np.random.default_rng(0), 1000.0
-    t = np.arange(30_000) / rate
-    v = lfilter([4e-4], np.convolve([1, -0.98], [1, -0.98]), 100 * rng.standard_normal(t.size))
-    torque = J * np.gradient(v, 1 / rate) + 0.05 * v + torque_noise * rng.standard_normal(t.size)
-    q = np.cumsum(v) / rate + noise * rng.standard_normal(t.size)
-    cutoff, _ = of_motion(Record(file="run.csv", time=t, position=q, torque=torque))
-    assert cutoff == pytest.approx(2 * np.sqrt(torque_noise / (J * noise)) / (2 * np.pi), rel=0.2)
+    for noise, torque_noise in ((3e-5, 0.1), (6e-5, 0.1), (1e-4, 0.1)):
+        rng, rate = np.random.default_rng(0), 1000.0
+        t = np.arange(30_000) / rate
+        v = lfilter([4e-4], np.convolve([1, -0.98], [1, -0.98]), 100 * rng.standard_normal(t.size))
+        torque = J * np.gradient(v, 1 / rate) + 0.05 * v + torque_noise * rng.standard_normal(t.size)
+        q = np.cumsum(v) / rate + noise * rng.standard_normal(t.size)
+        cutoff, _ = of_motion(Record(file="run.csv", time=t, position=q, torque=torque))
+        assert cutoff == pytest.approx(2 * np.sqrt(torque_noise / (J * noise)) / (2 * np.pi), rel=0.2)
+    # one of 31 Hz that makes a twentieth of the speed's power, and a millionth of the position's, passes; a ten-
+    # thousandth does not
+    for size, passes in ((0.0015, True), (0.0001, False)):
+        rng, t = np.random.default_rng(1), np.arange(6000) / 500
+        w, sizes = 2 * np.pi * np.array([0.17, 0.41, 1.1, 31.0]), np.array([0.75, 0.2, 0.045, size])
+        angle = t[:, None] * w
+        q, v, a = np.sin(angle) @ sizes, np.cos(angle) @ (sizes * w), -np.sin(angle) @ (sizes * w**2)
+        torque = J * a + 0.7 * np.tanh(v / 0.01) + 0.4 * v + 0.003 * rng.standard_normal(t.size)
+        run = Record(file="run.csv", time=t, position=q + 1e-6 * rng.standard_normal(t.size), torque=torque)
+        assert (of_motion(run)[0] > 31) == passes
 
 
 def inertia(record: Record, cutoff: float) -> float:
@@ -175,15 +185,3 @@ def test_units_change_nothing(length: float, torque: float, time: float) -> None
     assert decimation([replace(other, cutoff=scaled)]) == pytest.approx(
         decimation([replace(run, cutoff=cutoff)]), rel=0.35
     )
-
-
-@pytest.mark.parametrize(("size", "passes"), [(0.0015, True), (0.0001, False)])
-def test_vibration_is_part_of_the_motion(size: float, passes: bool) -> None:
-    """One of 31 Hz that makes a twentieth of the speed's power, and a millionth of the position's, passes; a ten-thousandth does not."""
-    rng, t = np.random.default_rng(1), np.arange(6000) / 500
-    w, sizes = 2 * np.pi * np.array([0.17, 0.41, 1.1, 31.0]), np.array([0.75, 0.2, 0.045, size])
-    angle = t[:, None] * w
-    q, v, a = np.sin(angle) @ sizes, np.cos(angle) @ (sizes * w), -np.sin(angle) @ (sizes * w**2)
-    torque = J * a + 0.7 * np.tanh(v / 0.01) + 0.4 * v + 0.003 * rng.standard_normal(t.size)
-    run = Record(file="run.csv", time=t, position=q + 1e-6 * rng.standard_normal(t.size), torque=torque)
-    assert (of_motion(run)[0] > 31) == passes

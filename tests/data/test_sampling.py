@@ -230,22 +230,19 @@ def kind(record: Record) -> str:
     return kinds_of([(record.file, stretches(record, "revolute"))])[0]
 
 
-@pytest.mark.parametrize("rate", [100.0, 1000.0])
-@pytest.mark.parametrize("velocity", [True, False])
-def test_held_velocities_are_ramps_and_swings_are_tracking(rate: float, velocity: bool) -> None:
+def test_the_kind_of_a_run_is_what_is_done() -> None:
     """At 100 and 1000 Hz, with a logged velocity and without: six speeds held are a ramp run, two sines a tracking one."""
-    assert kind(log(rate, held(rate, np.geomspace(0.05, 1.5, 6)), velocity=velocity)) == "ramp"
-    assert kind(log(rate, swung(rate, 20), velocity=velocity)) == "tracking"
-
-
-@pytest.mark.parametrize("rate", [100.0, 1000.0])
-def test_slow_loading_is_presliding(rate: float) -> None:
-    """Cycles of torque below breakaway are slow loading, whole; a small but sliding motion of the same travel is not."""
-    record = loaded(rate, 0.8)
-    assert kind(record) == "presliding"
-    assert stretches(record, "revolute").loaded > 0.8 * record.time[-1]
-    small = 0.02 * np.sin(2 * np.pi * np.arange(int(10 * rate)) / rate)
-    assert kind(log(rate, small)) == "tracking"
+    for rate in (100.0, 1000.0):
+        for velocity in (True, False):
+            assert kind(log(rate, held(rate, np.geomspace(0.05, 1.5, 6)), velocity=velocity)) == "ramp"
+            assert kind(log(rate, swung(rate, 20), velocity=velocity)) == "tracking"
+    # cycles of torque below breakaway are slow loading, whole; a small but sliding motion of the same travel is not
+    for rate in (100.0, 1000.0):
+        record = loaded(rate, 0.8)
+        assert kind(record) == "presliding"
+        assert stretches(record, "revolute").loaded > 0.8 * record.time[-1]
+        small = 0.02 * np.sin(2 * np.pi * np.arange(int(10 * rate)) / rate)
+        assert kind(log(rate, small)) == "tracking"
 
 
 def test_slow_loading_at_any_rate_is_presliding() -> None:

@@ -108,13 +108,26 @@ def test_plateaus_are_found_or_rejected_with_their_reason() -> None:
     assert accepted(find_segments(free, Thresholds(torque_limit=4.0)))
 
 
-@pytest.mark.parametrize("counts", [4096, 65536])
-def test_a_quantised_encoder_hides_no_plateau(counts: int) -> None:
+def test_encoders_and_settling_hide_no_plateau() -> None:
     """From 12 bits up, every plateau is found, in order, and quantisation is not taken for stick-slip."""
-    record = quantised(staircase(seed=1), counts)
-    found = accepted(find_segments(record, Thresholds(), 2 * np.pi / counts))
-    assert is_right(found, BOTH)
-    assert not any(s.stick_slip for s in found)
+    for counts in (4096, 65536):
+        record = quantised(staircase(seed=1), counts)
+        found = accepted(find_segments(record, Thresholds(), 2 * np.pi / counts))
+        assert is_right(found, BOTH)
+        assert not any(s.stick_slip for s in found)
+    # of four seconds in which the torque settles, the end is the point, and right; there is none where it never does
+    for settling, off in ((0.3, 0.001), (0.5, 0.003), (1.0, None)):
+        time = np.arange(0, 6, 1 / RATE)
+        v = np.interp(time, [0, 0.9, 1, 5, 5.1, 6], [0, 0, 0.05, 0.05, 0, 0])
+        settles = np.where(time > 1, 1 - np.exp((1 - time) / settling), 0.0)
+        for seed in range(10):
+            noise = np.random.default_rng(seed).normal(size=(2, time.size))
+            torque = friction(v) * settles + 0.2 * NOISE * noise[1]
+            record = Record(file="slow.csv", time=time, velocity=v + 1e-4 * noise[0], torque=torque)
+            found = accepted(find_segments(record, Thresholds()))
+            assert len(found) == (off is not None)
+            for s in found:
+                assert s.torque == pytest.approx(friction(np.array([0.05]))[0], rel=off)
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.8])
@@ -240,22 +253,6 @@ def test_short_runs_are_candidates_too() -> None:
         v = np.interp(time, [0, 0.9, 1, 5, 5.1, 6], [0, 0, 1, 1, 0, 0]) + ringing + 1e-3 * noise[0]
         record = Record(file="ring.csv", time=time, velocity=v, torque=friction(v) + NOISE * noise[1])
         assert len(accepted(find_segments(record, Thresholds()))) == 1
-
-
-@pytest.mark.parametrize(("settling", "off"), [(0.3, 0.001), (0.5, 0.003), (1.0, None)])
-def test_a_hold_that_settles_slowly_is_its_end(settling: float, off: float | None) -> None:
-    """Of four seconds in which the torque settles, the end is the point, and right; there is none where it never does."""
-    time = np.arange(0, 6, 1 / RATE)
-    v = np.interp(time, [0, 0.9, 1, 5, 5.1, 6], [0, 0, 0.05, 0.05, 0, 0])
-    settles = np.where(time > 1, 1 - np.exp((1 - time) / settling), 0.0)
-    for seed in range(10):
-        noise = np.random.default_rng(seed).normal(size=(2, time.size))
-        torque = friction(v) * settles + 0.2 * NOISE * noise[1]
-        record = Record(file="slow.csv", time=time, velocity=v + 1e-4 * noise[0], torque=torque)
-        found = accepted(find_segments(record, Thresholds()))
-        assert len(found) == (off is not None)
-        for s in found:
-            assert s.torque == pytest.approx(friction(np.array([0.05]))[0], rel=off)
 
 
 @pytest.mark.parametrize("name", ["triangle", "sine", "drift", "short hold", "rest", "stick-slip", "staircase"])

@@ -422,79 +422,74 @@ def test_clean_torques_and_motions_are_left_alone() -> None:
         assert not said(replace(record, position=q, velocity=hard))
 
 
-@pytest.mark.parametrize("share", [0.03, 0.3])
-@pytest.mark.parametrize("rest", [0.0, 2.0])
-def test_a_slow_loading_that_does_not_begin_at_zero(share: float, rest: float) -> None:
+def test_offsets_and_limits_of_a_torque() -> None:
     """An offset of the load cell is named with its size, whichever its sign."""
-    for seed in range(20):
-        record = cycles(seed, rest)
-        offset = share * float(present(record.torque).max()) * (-1) ** seed
-        (found,) = check_torque(replace(record, torque=present(record.torque) + offset), "presliding")
-        assert found.code == "loaded-at-start"
-        assert found.numbers["torque"] == pytest.approx(offset, abs=1e-3)
+    for share in (0.03, 0.3):
+        for rest in (0.0, 2.0):
+            for seed in range(20):
+                record = cycles(seed, rest)
+                offset = share * float(present(record.torque).max()) * (-1) ** seed
+                (found,) = check_torque(replace(record, torque=present(record.torque) + offset), "presliding")
+                assert found.code == "loaded-at-start"
+                assert found.numbers["torque"] == pytest.approx(offset, abs=1e-3)
+    # a torque that stays at its limits while the joint goes on moving is clipped; one that is held there is not
+    for limit in (0.3, 0.5):
+        for seed in range(20):
+            record = cycles(seed)
+            cut = np.clip(present(record.torque), -limit, limit)
+            assert kinds(replace(record, torque=cut), "presliding") == ["clipped"]
+            still = present(record.position)[
+                np.maximum.accumulate(np.where(np.abs(cut) < limit, np.arange(cut.size), 0))
+            ]
+            assert kinds(replace(record, torque=cut, position=still), "presliding") == []
+    # three points with the largest torque to the last digit are clipped; of a torque that is rounded, or has no noise
+    # at all, none is
+    for share in (0.7, 0.8):
+        for seed in range(20):
+            torque = present((record := table(seed)).torque)
+            limit = share * float(np.abs(torque).max())
+            clipped = np.abs(torque) >= limit
+            assert 3 <= clipped.sum() < clipped.size / 2
+            assert np.array_equal(at_limits(replace(record, torque=np.clip(torque, -limit, limit)), "points"), clipped)
+            (exact,) = evaluate(steady_torque_function(), present(record.velocity), 0.5, 0.2, 0.4, 0.08)
+            for other in (torque, exact, np.round(torque, 1)):
+                assert not at_limits(replace(record, torque=other), "points").any()
 
 
-@pytest.mark.parametrize("limit", [0.3, 0.5])
-def test_a_slow_loading_that_is_clipped(limit: float) -> None:
-    """A torque that stays at its limits while the joint goes on moving is clipped; one that is held there is not."""
-    for seed in range(20):
-        record = cycles(seed)
-        cut = np.clip(present(record.torque), -limit, limit)
-        assert kinds(replace(record, torque=cut), "presliding") == ["clipped"]
-        still = present(record.position)[np.maximum.accumulate(np.where(np.abs(cut) < limit, np.arange(cut.size), 0))]
-        assert kinds(replace(record, torque=cut, position=still), "presliding") == []
-
-
-@pytest.mark.parametrize("share", [0.7, 0.8])
-def test_points_at_a_limit_are_those_and_no_others(share: float) -> None:
-    """Three points with the largest torque to the last digit are clipped; of a torque that is rounded, or has no noise at all, none is."""
-    for seed in range(20):
-        torque = present((record := table(seed)).torque)
-        limit = share * float(np.abs(torque).max())
-        clipped = np.abs(torque) >= limit
-        assert 3 <= clipped.sum() < clipped.size / 2
-        assert np.array_equal(at_limits(replace(record, torque=np.clip(torque, -limit, limit)), "points"), clipped)
-        (exact,) = evaluate(steady_torque_function(), present(record.velocity), 0.5, 0.2, 0.4, 0.08)
-        for other in (torque, exact, np.round(torque, 1)):
-            assert not at_limits(replace(record, torque=other), "points").any()
-
-
-@pytest.mark.parametrize("width", [0.1, 0.4])
-def test_a_dead_zone(width: float) -> None:
+def test_dead_zones_and_levels_of_a_torque() -> None:
     """A torque that is zero wherever it changes its sign is named with the share of the samples; a command of zero at rest is not."""
-    t = np.arange(4000) / RATE
-    for seed in range(20):
-        rng = np.random.default_rng(seed)
-        v = np.sin(2 * np.pi * rng.uniform(0.5, 1.5) * t + rng.uniform(0, 6))
-        torque = np.tanh(v / 0.1) + 0.3 * v + 0.01 * rng.standard_normal(t.size)
-        record = Record(file="run.csv", time=t, position=np.cumsum(v) / RATE, velocity=v, torque=torque)
-        dead = np.sign(torque) * np.maximum(np.abs(torque) - width, 0)
-        (found,) = check_torque(replace(record, torque=dead), "tracking")
-        assert found.code == "dead-zone"
-        assert found.numbers["share"] == pytest.approx(np.mean(dead == 0))
-        assert kinds(record, "tracking") == []
-        at = np.repeat(np.arange(t.size), np.where(np.arange(t.size) % 800 == 799, 200, 1))
-        still = np.diff(at, prepend=-1) == 0
-        resting = replace(
-            record, time=np.arange(at.size) / RATE, position=np.cumsum(v)[at] / RATE,
-            velocity=np.where(still, 0.0, v[at]), torque=np.where(still, 0.0, torque[at]),
-        )  # fmt: skip  # a list of values
-        assert kinds(resting, "tracking") == []
-
-
-@pytest.mark.parametrize("levels", [8, 30])
-def test_a_torque_of_few_levels(levels: int) -> None:
-    """A torque that is rounded to a few levels is named with the level and how many there are, unless its noise is larger than one."""
-    for seed in range(20):
-        record = moving(seed)[0]
-        step = float(np.ptp(present(record.torque))) / levels
-        noise = step * np.random.default_rng(seed).standard_normal(record.time.size)
-        smooth = np.convolve(present(record.torque), np.ones(25) / 25, "same")
-        (found,) = check_torque(replace(record, torque=step * np.round(smooth / step)), "tracking")
-        assert found.code == "torque-coarse"
-        assert found.numbers["step"] == pytest.approx(step)
-        assert found.numbers["levels"] <= levels + 1
-        assert kinds(replace(record, torque=step * np.round((smooth + noise) / step)), "tracking") == []
+    for width in (0.1, 0.4):
+        t = np.arange(4000) / RATE
+        for seed in range(20):
+            rng = np.random.default_rng(seed)
+            v = np.sin(2 * np.pi * rng.uniform(0.5, 1.5) * t + rng.uniform(0, 6))
+            torque = np.tanh(v / 0.1) + 0.3 * v + 0.01 * rng.standard_normal(t.size)
+            record = Record(file="run.csv", time=t, position=np.cumsum(v) / RATE, velocity=v, torque=torque)
+            dead = np.sign(torque) * np.maximum(np.abs(torque) - width, 0)
+            (found,) = check_torque(replace(record, torque=dead), "tracking")
+            assert found.code == "dead-zone"
+            assert found.numbers["share"] == pytest.approx(np.mean(dead == 0))
+            assert kinds(record, "tracking") == []
+            at = np.repeat(np.arange(t.size), np.where(np.arange(t.size) % 800 == 799, 200, 1))
+            still = np.diff(at, prepend=-1) == 0
+            resting = replace(
+                record, time=np.arange(at.size) / RATE, position=np.cumsum(v)[at] / RATE,
+                velocity=np.where(still, 0.0, v[at]), torque=np.where(still, 0.0, torque[at]),
+            )  # fmt: skip  # a list of values
+            assert kinds(resting, "tracking") == []
+    # a torque that is rounded to a few levels is named with the level and how many there are, unless its noise is
+    # larger than one
+    for levels in (8, 30):
+        for seed in range(20):
+            record = moving(seed)[0]
+            step = float(np.ptp(present(record.torque))) / levels
+            noise = step * np.random.default_rng(seed).standard_normal(record.time.size)
+            smooth = np.convolve(present(record.torque), np.ones(25) / 25, "same")
+            (found,) = check_torque(replace(record, torque=step * np.round(smooth / step)), "tracking")
+            assert found.code == "torque-coarse"
+            assert found.numbers["step"] == pytest.approx(step)
+            assert found.numbers["levels"] <= levels + 1
+            assert kinds(replace(record, torque=step * np.round((smooth + noise) / step)), "tracking") == []
 
 
 MOTION = ("lost-samples", "position-jumps", "sampled-irregularly", "velocity-lags")
@@ -532,30 +527,28 @@ def test_an_encoder_that_slips_is_named_by_its_row(samples: float, stamped: bool
             )
 
 
-@pytest.mark.parametrize("share", [0.5, 2.0])
-def test_sampling_that_jitters(share: float) -> None:
+def test_jitter_and_lags_are_named_with_their_size() -> None:
     """Instants about the regular ones, which no stamp tells, are seen in the position to 15 %."""
-    for seed in range(20):
-        record, v = moving(seed, logged=False)
-        away = share * np.random.default_rng(seed).uniform(-0.5, 0.5, v.size) / RATE
-        (found,) = said(replace(record, position=sampled(record, record.time + away)))
-        assert found.code == "sampled-irregularly"
-        assert found.severity is Severity.CAUTION
-        assert found.numbers["jitter"] == pytest.approx(share / np.sqrt(12), rel=0.15)
-
-
-@pytest.mark.parametrize("cutoff", [20.0, 3.0])
-def test_a_velocity_through_a_filter_lags(cutoff: float) -> None:
-    """One pole makes the lag that is said, to 10 % and a sample, and velocity is what to leave out; a delay and a lead alike."""
-    for seed in range(20):
-        record, v = moving(seed)
-        a = np.exp(-2 * np.pi * cutoff / RATE)
-        slow = lfilter([1 - a], [1, -a], present(record.velocity), zi=[a * present(record.velocity)[0]])[0]
-        lag = 1 / (2 * np.pi * cutoff)
-        for velocity, word in ((slow, "lags behind"), (np.interp(record.time + lag, record.time, v), "leads")):
-            (found,) = said(replace(record, velocity=velocity))
-            assert found.code == "velocity-lags"
+    for share in (0.5, 2.0):
+        for seed in range(20):
+            record, v = moving(seed, logged=False)
+            away = share * np.random.default_rng(seed).uniform(-0.5, 0.5, v.size) / RATE
+            (found,) = said(replace(record, position=sampled(record, record.time + away)))
+            assert found.code == "sampled-irregularly"
             assert found.severity is Severity.CAUTION
-            assert found.numbers["lag"] == pytest.approx(lag, rel=0.1, abs=1.5 / RATE)
-            assert word in str(found)
-            assert "Leave `velocity` out" in str(found)
+            assert found.numbers["jitter"] == pytest.approx(share / np.sqrt(12), rel=0.15)
+    # one pole makes the lag that is said, to 10 % and a sample, and velocity is what to leave out; a delay and a lead
+    # alike
+    for cutoff in (20.0, 3.0):
+        for seed in range(20):
+            record, v = moving(seed)
+            a = np.exp(-2 * np.pi * cutoff / RATE)
+            slow = lfilter([1 - a], [1, -a], present(record.velocity), zi=[a * present(record.velocity)[0]])[0]
+            lag = 1 / (2 * np.pi * cutoff)
+            for velocity, word in ((slow, "lags behind"), (np.interp(record.time + lag, record.time, v), "leads")):
+                (found,) = said(replace(record, velocity=velocity))
+                assert found.code == "velocity-lags"
+                assert found.severity is Severity.CAUTION
+                assert found.numbers["lag"] == pytest.approx(lag, rel=0.1, abs=1.5 / RATE)
+                assert word in str(found)
+                assert "Leave `velocity` out" in str(found)

@@ -174,16 +174,24 @@ def mean_of(x: Array, **options: int) -> Array:
     return block_bootstrap(-np.ones((x.size, 1)), x - x.mean(), **options).steps[:, 0]  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.5, 0.8])
-def test_the_mean_of_correlated_noise_scatters_as_it_should(rho: float) -> None:
+def test_correlated_noise_inflates_the_variance_of_a_mean() -> None:
     """Over series the mean variance of the draws is 1 / (n (1 - rho)**2), less what block ends cut off: 2 rho / ((1 - rho**2) L), and L / n."""
-    n, length, series = 4000, 100, 40
-    found = [mean_of(correlated(rho, n, seed), length=length, draws=300, seed=seed).var() for seed in range(series)]
-    cut = 2 * rho / ((1 - rho**2) * length) + length / n
-    true = (1 - cut) / (n * (1 - rho) ** 2)
-    spread = np.std(found) / np.sqrt(series)
-    assert np.mean(found) == pytest.approx(true, abs=3.5 * spread)
-    assert spread < 0.05 * true
+    for rho in (0.0, 0.5, 0.8):
+        n, length, series = 4000, 100, 40
+        found = [mean_of(correlated(rho, n, seed), length=length, draws=300, seed=seed).var() for seed in range(series)]
+        cut = 2 * rho / ((1 - rho**2) * length) + length / n
+        true = (1 - cut) / (n * (1 - rho) ** 2)
+        spread = np.std(found) / np.sqrt(series)
+        assert np.mean(found) == pytest.approx(true, abs=3.5 * spread)
+        assert spread < 0.05 * true
+    # AR(1) noise inflates the variance of a mean by (1 + rho) / (1 - rho)
+    for rho in (0.0, 0.5, 0.9):
+        measured = np.mean([inflation(x) for x in ar1(rho, (30, 10_000))])
+        assert measured == pytest.approx((1 + rho) / (1 - rho), rel=0.07)
+        # over repetitions, the standard error's root mean square is the standard deviation of the means
+        x = ar1(rho, (200, 4000), seed=1)
+        errors = [standard_error(row) or np.inf for row in x]
+        assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(np.std(x.mean(axis=1)), rel=0.12)
 
 
 def test_bootstrap_knows_skewness_priors_blocks_and_seeds() -> None:
@@ -261,17 +269,6 @@ def ar1(rho: float, shape: tuple[int, ...], seed: int = 0) -> Array:
     """AR(1) noise along the last axis, stationary."""
     noise = np.random.default_rng(seed).normal(size=(*shape[:-1], shape[-1] + 500))
     return np.asarray(lfilter([1.0], [1.0, -rho], noise)[..., 500:])
-
-
-@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
-def test_inflation_of_ar1(rho: float) -> None:
-    """AR(1) noise inflates the variance of a mean by (1 + rho) / (1 - rho)."""
-    measured = np.mean([inflation(x) for x in ar1(rho, (30, 10_000))])
-    assert measured == pytest.approx((1 + rho) / (1 - rho), rel=0.07)
-    # over repetitions, the standard error's root mean square is the standard deviation of the means
-    x = ar1(rho, (200, 4000), seed=1)
-    errors = [standard_error(row) or np.inf for row in x]
-    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(np.std(x.mean(axis=1)), rel=0.12)
 
 
 @settings(deadline=None, max_examples=50)

@@ -72,20 +72,31 @@ def told(
     return explained(fit, candidates(velocity, time, position, parameters, kind)).findings
 
 
-@pytest.mark.parametrize(
-    ("axis", "code", "over"),
-    [(1, "residual-trend", "velocity"), (2, "residual-trend", "time"), (3, "residual-ripple", None)],
-)
-def test_a_planted_trend_or_ripple_is_told(axis: int, code: str, over: str | None) -> None:
+def test_planted_trends_ripples_and_terms_are_told() -> None:
     """A trend over time or velocity, or a ripple over position, of the size of the noise is told, and nothing else is."""
-    rng = np.random.default_rng(3)
-    noise, velocity, time, position = rng.normal(size=(4, 200))
-    velocity, position = rng.uniform(0.0, 3.0, 200), 0.01 * position
-    signals = (noise, 2 * velocity**2 - 6 * velocity, time, position)
-    shape = np.sin(2 * np.pi * 7 * position / np.ptp(position)) if axis == 3 else signals[axis]
-    (said,) = told(noise + 1.2 * shape, velocity, time, position, ["quadratic"])
-    assert (said.code, said.numbers.get("over")) == (code, over)
-    assert said.numbers["p"] < 0.01
+    for axis, code, over in (
+        (1, "residual-trend", "velocity"),
+        (2, "residual-trend", "time"),
+        (3, "residual-ripple", None),
+    ):
+        rng = np.random.default_rng(3)
+        noise, velocity, time, position = rng.normal(size=(4, 200))
+        velocity, position = rng.uniform(0.0, 3.0, 200), 0.01 * position
+        signals = (noise, 2 * velocity**2 - 6 * velocity, time, position)
+        shape = np.sin(2 * np.pi * 7 * position / np.ptp(position)) if axis == 3 else signals[axis]
+        (said,) = told(noise + 1.2 * shape, velocity, time, position, ["quadratic"])
+        assert (said.code, said.numbers.get("over")) == (code, over)
+        assert said.numbers["p"] < 0.01
+    # gravity over most of a turn, and drag, are told as what they are, once, and nothing beside them
+    for lacks, line in ((np.sin, "regressors: [inertia, gravity]"), (np.abs, "[inertia, quadratic]")):
+        rng, time = np.random.default_rng(2), np.linspace(0, 20, 600)
+        position = 2 * np.sin(time)
+        velocity = 2 * np.cos(time)
+        shape = lacks(position) if lacks is np.sin else velocity * lacks(velocity)
+        (said,) = told(0.3 * rng.standard_normal(600) + shape, velocity, time, position, ["inertia"])
+        assert said.code == "lacks-a-term"
+        assert line in str(said)
+        assert not told(0.3 * rng.standard_normal(600), velocity, time, position, ["inertia"])
 
 
 def test_what_is_planted_is_told_with_its_size() -> None:
@@ -133,21 +144,6 @@ def test_what_is_planted_is_told_with_its_size() -> None:
         found, *_ = explained(fit, candidates(velocity, EMPTY, position, (), "revolute")).findings
         told_as[found.code] = found.severity
     assert told_as == {"residual-ripple": NOTE, "directions-differ": CAUTION}
-
-
-@pytest.mark.parametrize(
-    ("lacks", "line"), [(np.sin, "regressors: [inertia, gravity]"), (np.abs, "[inertia, quadratic]")]
-)
-def test_a_regressor_that_was_left_out_is_told_with_its_line(lacks: np.ufunc, line: str) -> None:
-    """Gravity over most of a turn, and drag, are told as what they are, once, and nothing beside them."""
-    rng, time = np.random.default_rng(2), np.linspace(0, 20, 600)
-    position = 2 * np.sin(time)
-    velocity = 2 * np.cos(time)
-    shape = lacks(position) if lacks is np.sin else velocity * lacks(velocity)
-    (said,) = told(0.3 * rng.standard_normal(600) + shape, velocity, time, position, ["inertia"])
-    assert said.code == "lacks-a-term"
-    assert line in str(said)
-    assert not told(0.3 * rng.standard_normal(600), velocity, time, position, ["inertia"])
 
 
 @pytest.mark.slow
@@ -436,19 +432,28 @@ def test_an_offset_is_not_said_of_what_is_none() -> None:
 # a torque that is none
 
 
-@pytest.mark.parametrize("level", [0.01, 10.0])
-def test_a_torque_of_noise_alone_is_called_that(level: float) -> None:
+def test_noise_is_told_from_a_slow_torque() -> None:
     """Noise, white or through a low pass, has nothing to do with a motion in at least 95 of 100 records; friction ten times below it has."""
-    t = np.arange(5000) / 500
-    v = np.sin(2 * np.pi * 0.5 * t) + 0.4 * np.sin(2 * np.pi * 1.3 * t)
-    others = np.column_stack([np.gradient(v, t), np.sin(v), np.cos(v)])
-    missed = 0
-    for seed in range(100):
-        noise = level * np.random.default_rng(seed).standard_normal(t.size + 7)
-        torque = noise[7:] if seed % 2 else np.convolve(noise, np.ones(8) / 8, "valid")
-        missed += not unrelated(v, torque + 0.1 * level, others)
-        assert not unrelated(v, noise[7:] + 0.1 * level * np.sign(v), others)
-    assert missed <= 5
+    for level in (0.01, 10.0):
+        t = np.arange(5000) / 500
+        v = np.sin(2 * np.pi * 0.5 * t) + 0.4 * np.sin(2 * np.pi * 1.3 * t)
+        others = np.column_stack([np.gradient(v, t), np.sin(v), np.cos(v)])
+        missed = 0
+        for seed in range(100):
+            noise = level * np.random.default_rng(seed).standard_normal(t.size + 7)
+            torque = noise[7:] if seed % 2 else np.convolve(noise, np.ones(8) / 8, "valid")
+            missed += not unrelated(v, torque + 0.1 * level, others)
+            assert not unrelated(v, noise[7:] + 0.1 * level * np.sign(v), others)
+        assert missed <= 5
+    # cycles of a slow torque, noisy ones too, are commanded, however little the position goes with them; noise, slow or
+    # white, is not
+    for reach in (0.8, 1.1, 1.3):
+        t, rng = np.arange(20_000) / 500, np.random.default_rng(8)
+        cycle = reach * np.interp(t % 20, [0, 5, 15, 20], [0, 1, -1, 0]) + 0.05 * rng.standard_normal(t.size)
+        noise = rng.standard_normal(t.size)
+        slow = smoothed(Record(file="a", time=t), noise, 1.5)
+        said = [loads_slowly(Record(file="a", time=t, torque=x, cutoff=2.0)) for x in (cycle, noise, slow)]
+        assert said == [True, False, False]
 
 
 def test_noise_is_refused_as_noise_and_a_wrong_sign_as_a_wrong_sign(tmp_path: Path) -> None:
@@ -481,26 +486,27 @@ def test_noise_is_refused_as_noise_and_a_wrong_sign_as_a_wrong_sign(tmp_path: Pa
     assert "`unit: deg/s` under signals.velocity" in str(first)
 
 
-@pytest.mark.parametrize("kind", ["tracking", "presliding"])
-@pytest.mark.parametrize("level", [1e-3, 1.0])
-def test_runs_whose_torque_is_noise_are_refused(tmp_path: Path, kind: str, level: float) -> None:
+def test_torques_of_noise_and_of_nothing_and_wrong_signs(tmp_path: Path) -> None:
     """Moving and slow runs alike: the sentence says noise, and not which sign to give."""
-    t = np.arange(4000) / 500
-    path = experiment_file(tmp_path, {"t": t, "q": 0.01 * np.sin(1.5 * t), "T": white(t.size, level, 4)}, kind)
-    with pytest.raises(InputError, match=r"nothing to do with the motion .* is noise of") as caught:
-        bristle.identify(path)
-    assert "scale" not in str(caught.value)
-
-
-@pytest.mark.parametrize("reach", [0.8, 1.1, 1.3])
-def test_a_slow_torque_is_no_noise(reach: float) -> None:
-    """Cycles of a slow torque, noisy ones too, are commanded, however little the position goes with them; noise, slow or white, is not."""
-    t, rng = np.arange(20_000) / 500, np.random.default_rng(8)
-    cycle = reach * np.interp(t % 20, [0, 5, 15, 20], [0, 1, -1, 0]) + 0.05 * rng.standard_normal(t.size)
-    noise = rng.standard_normal(t.size)
-    slow = smoothed(Record(file="a", time=t), noise, 1.5)
-    said = [loads_slowly(Record(file="a", time=t, torque=x, cutoff=2.0)) for x in (cycle, noise, slow)]
-    assert said == [True, False, False]
+    for kind in ("tracking", "presliding"):
+        for level in (1e-3, 1.0):
+            t = np.arange(4000) / 500
+            path = experiment_file(tmp_path, {"t": t, "q": 0.01 * np.sin(1.5 * t), "T": white(t.size, level, 4)}, kind)
+            with pytest.raises(InputError, match=r"nothing to do with the motion .* is noise of") as caught:
+                bristle.identify(path)
+            assert "scale" not in str(caught.value)
+    # where the torque goes with the position and the velocity against it, the sign of the velocity is what is asked for
+    for factor in (-1.0, -60.0):
+        with pytest.raises(InputError, match=r"log\.csv moves -.* opposite sign of `scale` under signals\.velocity"):
+            bristle.identify(logged(tmp_path, factor))
+    # points without any torque, or of one whose square is none, a stray apart, are fitted without a failure, and
+    # nothing is said of an offset
+    for level in (0.0, 1e-162):
+        speeds = np.geomspace(0.01, 1.0, 12)
+        v = np.concatenate([speeds, -speeds])
+        (joint,) = bristle.identify(points_file(tmp_path, v, np.sign(v) * level + (np.arange(24) == 5))).joints
+        assert joint.static["+"].strays
+        assert "offset-or-friction" not in codes(joint.warnings)
 
 
 def logged(folder: Path, factor: float) -> Path:
@@ -511,20 +517,3 @@ def logged(folder: Path, factor: float) -> Path:
     (friction,) = steady_points(TRUTH, v, 1e-4, np.random.default_rng(0), 1)
     columns = {"t": t, "q": q, "v": factor * v, "T": friction + 1e-3 * np.gradient(v, t)}
     return experiment_file(folder, columns, fit="directions: symmetric")
-
-
-@pytest.mark.parametrize("factor", [-1.0, -60.0])
-def test_a_velocity_of_the_wrong_sign_is_not_taken_for_a_torque_of_it(tmp_path: Path, factor: float) -> None:
-    """Where the torque goes with the position and the velocity against it, the sign of the velocity is what is asked for."""
-    with pytest.raises(InputError, match=r"log\.csv moves -.* opposite sign of `scale` under signals\.velocity"):
-        bristle.identify(logged(tmp_path, factor))
-
-
-@pytest.mark.parametrize("level", [0.0, 1e-162])
-def test_a_torque_of_zero_but_for_a_stray_has_no_offset(tmp_path: Path, level: float) -> None:
-    """Points without any torque, or of one whose square is none, a stray apart, are fitted without a failure, and nothing is said of an offset."""
-    speeds = np.geomspace(0.01, 1.0, 12)
-    v = np.concatenate([speeds, -speeds])
-    (joint,) = bristle.identify(points_file(tmp_path, v, np.sign(v) * level + (np.arange(24) == 5))).joints
-    assert joint.static["+"].strays
-    assert "offset-or-friction" not in codes(joint.warnings)

@@ -379,7 +379,7 @@ def test_ipopt_finds_the_same(p: Lugre[float] | Pair[float]) -> None:
     assert max(map(abs, check.difference_in_se.values())) < 0.1
 
 
-def test_each_direction_found_alone_leads_to_both() -> None:
+def test_minima_that_the_start_lost_are_found() -> None:
     """From a start that is good in one direction and far off in the other, with others no better, the minimum of both is found."""
     problem = posed(record(Pair(GRIPPER, GRIPPER), 1e-5), ("+", "-"), 10)
     good = by_name(Pair(GRIPPER, GRIPPER))
@@ -396,37 +396,32 @@ def test_each_direction_found_alone_leads_to_both() -> None:
     whole = solve_dynamic(problem, {name: x * (1e-2 if name.name == "v_s" else 1.0) for name, x in truth.items()})
     for name, true in truth.items():
         assert whole.values[name] == pytest.approx(true, rel=0.02)
+    # from a start without Stribeck terms, whose v_s lies beyond all speeds, one descent ends without them, several find
+    # both
+    for v_s in (0.3, 0.5):
+        problem, truth = posed(record(Pair(GRIPPER, OTHER), 1e-5), ("+", "-"), 10), by_name(Pair(GRIPPER, OTHER))
+        start = {name: {"alpha_1": 0.0, "v_s": v_s}.get(name.name, x) for name, x in truth.items()}
+        alone, whole = solve_dynamic(problem, start, search=False), solve_dynamic(problem, start)
+        assert all(x == 0 for name, x in alone.values.items() if name.name == "alpha_1")
+        assert whole.minimum.cost < 1e-3 * alone.minimum.cost
+        for name, true in truth.items():
+            assert whole.values[name] == pytest.approx(true, rel=0.01)
 
 
-@pytest.mark.parametrize("factor", [0.01, 0.1, 1e4])
-def test_a_bristle_is_found_from_any_start(factor: float) -> None:
+def test_a_bristle_is_found_from_any_start_and_beside_what_is_fixed() -> None:
     """Whether the start takes it for a hundred times softer or ten thousand times stiffer, though over sigma_0 the cost has many minima."""
-    problem = posed(record(noise=1e-5), decimation=5)
-    found = solve_dynamic(problem, {n: x * (factor if n.name == "sigma_0" else 1.0) for n, x in TRUTH.items()})
-    assert found.values[parse("sigma_0")] == pytest.approx(GRIPPER.sigma_0, rel=1e-3)
-
-
-@pytest.mark.parametrize("fixed", [("alpha_0",), ("alpha_1", "v_s"), ("sigma_1",), ("alpha_0", "alpha_1")])
-def test_a_bristle_is_searched_for_beside_what_is_fixed(fixed: tuple[str, ...]) -> None:
-    """Whatever else is given as exact, from a start that is a fifth off sigma_0 is found, and what is given stays."""
-    problem = posed(record(noise=1e-5), decimation=5)
-    given = {name: x for name, x in TRUTH.items() if name.name in fixed}
-    start = {name: 1.2 * x for name, x in TRUTH.items() if name not in given}
-    found = solve_dynamic(replace(problem, fixed={**problem.fixed, **given}), start)
-    assert found.values.keys().isdisjoint(given)
-    assert found.values[parse("sigma_0")] == pytest.approx(GRIPPER.sigma_0, rel=1e-3)
-
-
-@pytest.mark.parametrize("v_s", [0.3, 0.5])
-def test_a_peak_that_the_start_lost_is_found(v_s: float) -> None:
-    """From a start without Stribeck terms, whose v_s lies beyond all speeds, one descent ends without them, several find both."""
-    problem, truth = posed(record(Pair(GRIPPER, OTHER), 1e-5), ("+", "-"), 10), by_name(Pair(GRIPPER, OTHER))
-    start = {name: {"alpha_1": 0.0, "v_s": v_s}.get(name.name, x) for name, x in truth.items()}
-    alone, whole = solve_dynamic(problem, start, search=False), solve_dynamic(problem, start)
-    assert all(x == 0 for name, x in alone.values.items() if name.name == "alpha_1")
-    assert whole.minimum.cost < 1e-3 * alone.minimum.cost
-    for name, true in truth.items():
-        assert whole.values[name] == pytest.approx(true, rel=0.01)
+    for factor in (0.01, 0.1, 1e4):
+        problem = posed(record(noise=1e-5), decimation=5)
+        found = solve_dynamic(problem, {n: x * (factor if n.name == "sigma_0" else 1.0) for n, x in TRUTH.items()})
+        assert found.values[parse("sigma_0")] == pytest.approx(GRIPPER.sigma_0, rel=1e-3)
+    # whatever else is given as exact, from a start that is a fifth off sigma_0 is found, and what is given stays
+    for fixed in (("alpha_0",), ("alpha_1", "v_s"), ("sigma_1",), ("alpha_0", "alpha_1")):
+        problem = posed(record(noise=1e-5), decimation=5)
+        given = {name: x for name, x in TRUTH.items() if name.name in fixed}
+        start = {name: 1.2 * x for name, x in TRUTH.items() if name not in given}
+        found = solve_dynamic(replace(problem, fixed={**problem.fixed, **given}), start)
+        assert found.values.keys().isdisjoint(given)
+        assert found.values[parse("sigma_0")] == pytest.approx(GRIPPER.sigma_0, rel=1e-3)
 
 
 def test_a_bend_that_noise_makes_hides_no_coulomb_friction() -> None:

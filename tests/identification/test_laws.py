@@ -56,16 +56,25 @@ def chosen(p: Stribeck[float], noise: float, seed: int) -> Comparison:
     return found
 
 
-@pytest.mark.parametrize("name", [*LAWS, "free-exponent", "free-exponent+quadratic"])
-def test_without_noise_the_truth_is_found(name: str) -> None:
+def test_laws_are_fitted_exactly_and_by_two_routes() -> None:
     """From exact torques each law's fit gives its own parameters to 1e-4, the exponent too, and the fastest speed as it was."""
-    law = law_named(name)
-    p = truth_of(law, v_end=float(WIDE.max()))
-    problem = from_points(WIDE, torques(p, WIDE, 1e-9, 0), ("both",), law=law)
-    found = estimate_static(problem, FitOptions(law=name, set_up="as-written"), "revolute")
-    assert set(found) == set(static_fields_of(law))
-    for parameter, e in found.items():
-        assert e.value == pytest.approx(getattr(p, parameter), rel=1e-4), parameter
+    for name in (*LAWS, "free-exponent", "free-exponent+quadratic"):
+        law = law_named(name)
+        p = truth_of(law, v_end=float(WIDE.max()))
+        problem = from_points(WIDE, torques(p, WIDE, 1e-9, 0), ("both",), law=law)
+        found = estimate_static(problem, FitOptions(law=name, set_up="as-written"), "revolute")
+        assert set(found) == set(static_fields_of(law))
+        for parameter, e in found.items():
+            assert e.value == pytest.approx(getattr(p, parameter), rel=1e-4), parameter
+    # IPOPT on the law's own expression, from random starts, finds no lower cost than the grid, and the same parameters
+    for name in LAWS:
+        law = law_named(name)
+        problem = from_points(SPEEDS, torques(truth_of(law), SPEEDS, 0.01, 3), ("both",), law=law)
+        solution = solve(problem, default_range(SPEEDS))
+        ends = full_fit(problem, default_range(SPEEDS), starts=4)
+        costs = [float(np.sum(problem.residuals(end) ** 2)) for end in ends]
+        assert solution.cost <= min(costs) * (1 + 1e-9)
+        np.testing.assert_allclose(ends[int(np.argmin(costs))], solution.theta, rtol=1e-4)
 
 
 @pytest.mark.slow
@@ -82,18 +91,6 @@ def test_intervals_hold_the_truth() -> None:
         assert set(inside) == set(static_fields_of(law)) - {FASTEST}
         shares = {k: np.mean(held) for k, held in inside.items()}
         assert min(shares.values()) >= 0.85, (name, shares)
-
-
-@pytest.mark.parametrize("name", LAWS)
-def test_grid_and_full_fit_agree(name: str) -> None:
-    """IPOPT on the law's own expression, from random starts, finds no lower cost than the grid, and the same parameters."""
-    law = law_named(name)
-    problem = from_points(SPEEDS, torques(truth_of(law), SPEEDS, 0.01, 3), ("both",), law=law)
-    solution = solve(problem, default_range(SPEEDS))
-    ends = full_fit(problem, default_range(SPEEDS), starts=4)
-    costs = [float(np.sum(problem.residuals(end) ** 2)) for end in ends]
-    assert solution.cost <= min(costs) * (1 + 1e-9)
-    np.testing.assert_allclose(ends[int(np.argmin(costs))], solution.theta, rtol=1e-4)
 
 
 def test_laws_that_compete() -> None:

@@ -163,34 +163,29 @@ def slid(name: str, level: float) -> Record:
     return Record(file=name, time=TIME, position=y + np.cumsum(np.maximum(torque - level, 0)) * 0.2, torque=torque)
 
 
-@pytest.mark.parametrize("level", [0.0, 0.7, 0.86])
-def test_without_a_peak_g0_is_a_lower_bound(level: float) -> None:
+def test_levels_and_displacements_that_tell_little() -> None:
     """Below breakaway g0 is at least what was held, and at least an alpha_0 that is known without a peak; sigma_0's interval holds the truth."""
-    known = {"+": LEVEL._replace(value=level * G0, standard_error=np.inf)} if level else {}
-    result = identify_presliding([run(1e-5, 0.5)], known, None, FitOptions(), 1e-5, "revolute")
-    fit = result.fits["+"]
-    assert fit.level == pytest.approx(max(level, 0.85) * G0, rel=1e-3)
-    assert fit.level in [warning.numbers["held"] for warning in fit.warnings if warning.code == "g0-at-least"]
-    assert holds(fit.sigma_0.interval, GRIPPER.sigma_0)
-
-
-@pytest.mark.parametrize("quantum", [0.0, 2 * np.pi / 2**14])
-def test_a_level_below_all_that_was_held_gives_no_stiffness(quantum: float) -> None:
-    """Where g0 is said to be less than the first torque of a loading nothing is left to estimate from: no value, and the contradiction is named."""
-    loadings = find_loadings(run(quantum, 0.3), 1e3, quantum or None, None)
-    fit = fit_presliding(loadings, known(1e-6 * G0, 1e-8 * G0), None, "revolute")
-    assert [e.value for e in (fit.printed, fit.corrected, fit.edges, fit.samples)] == 4 * [None]
-    assert "above-g0" in codes(fit.warnings)
-
-
-@pytest.mark.parametrize("size", [1e-70, 1e-160, 1e-300, 0.0])
-def test_a_displacement_that_is_rounding_has_no_stiffness(size: float) -> None:
-    """A joint that moves by nothing but rounding has no sigma_0, and no NumPy warning says so."""
-    record = run(0.0, 0.0)
-    assert record.position is not None
-    fit = found(replace(record, position=size * record.position), 0.0)
-    assert fit.sigma_0.value is None
-    assert not fit.amplitudes
+    for level in (0.0, 0.7, 0.86):
+        given = {"+": LEVEL._replace(value=level * G0, standard_error=np.inf)} if level else {}
+        result = identify_presliding([run(1e-5, 0.5)], given, None, FitOptions(), 1e-5, "revolute")
+        fit = result.fits["+"]
+        assert fit.level == pytest.approx(max(level, 0.85) * G0, rel=1e-3)
+        assert fit.level in [warning.numbers["held"] for warning in fit.warnings if warning.code == "g0-at-least"]
+        assert holds(fit.sigma_0.interval, GRIPPER.sigma_0)
+    # where g0 is said to be less than the first torque of a loading nothing is left to estimate from: no value, and the
+    # contradiction is named
+    for quantum in (0.0, 2 * np.pi / 2**14):
+        loadings = find_loadings(run(quantum, 0.3), 1e3, quantum or None, None)
+        fit = fit_presliding(loadings, known(1e-6 * G0, 1e-8 * G0), None, "revolute")
+        assert [e.value for e in (fit.printed, fit.corrected, fit.edges, fit.samples)] == 4 * [None]
+        assert "above-g0" in codes(fit.warnings)
+    # a joint that moves by nothing but rounding has no sigma_0, and no NumPy warning says so
+    for size in (1e-70, 1e-160, 1e-300, 0.0):
+        record = run(0.0, 0.0)
+        assert record.position is not None
+        fit = found(replace(record, position=size * record.position), 0.0)
+        assert fit.sigma_0.value is None
+        assert not fit.amplitudes
 
 
 def cycles(
@@ -227,35 +222,26 @@ def delays(record: Record) -> list[float]:
     return [d.numbers["delay"] for d in found.warnings if d.code == "turns-late"]
 
 
-@pytest.mark.parametrize(("delay", "sine"), [(0.1, False), (0.5, False), (-0.2, False), (0.5, True)])
-def test_a_late_torque_of_slow_loading_is_named_with_its_delay(delay: float, sine: bool) -> None:
+def test_delays_of_slow_loading() -> None:
     """A torque that turns later or earlier than the displacement is named, with its delay within a tenth."""
-    assert delays(cycles(1, delay, sine=sine)) == pytest.approx([delay], rel=0.1)
-
-
-@pytest.mark.parametrize(
-    ("bits", "noise", "softer", "sine"),
-    [
+    for delay, sine in ((0.1, False), (0.5, False), (-0.2, False), (0.5, True)):
+        assert delays(cycles(1, delay, sine=sine)) == pytest.approx([delay], rel=0.1)
+    # neither damping, counts, noise nor a joint that softens more than LuGre's makes the torque turn late
+    for bits, noise, softer, sine in [
         (*pair, 0.5 * ((k + sine) % 2), sine)  # each pair by both kinds of loading, one of them softening
         for k, pair in enumerate([(12, 1e-3), (16, 1e-3), (18, 1e-3), (20, 1e-4), (20, 1e-2)])
         for sine in (False, True)
-    ],
-)
-def test_slow_loading_in_time_names_no_delay(sine: bool, softer: float, bits: int, noise: float) -> None:
-    """Neither damping, counts, noise nor a joint that softens more than LuGre's makes the torque turn late."""
-    assert delays(cycles(2, 0.0, sine=sine, softer=softer, bits=bits, noise=noise)) == []
-
-
-@pytest.mark.parametrize("half", [0.16, 0.8, 2.0])
-def test_a_torque_that_is_held_at_its_turns_names_no_delay(half: float) -> None:
-    """Where the torque is held there is no instant at which it turns: nothing is named, whatever the length, s."""
-    t = np.arange(0, 32, 0.005)
-    corners = [0, 4 - half, 4 + half, 8, 12 - half, 12 + half, 16]
-    torque = 0.85 * G0 * np.interp(t % 16, corners, [0, 1, 1, 0, -1, -1, 0])
-    dT = np.diff(torque, prepend=0.0)
-    y = np.cumsum(dT / (GRIPPER.sigma_0 * (1 - np.sign(dT) * torque / G0)))
-    noise = 0.01 * G0 * np.random.default_rng(5).standard_normal(t.size)
-    assert delays(Record(file="held.csv", time=t, position=y, torque=torque + noise)) == []
+    ]:
+        assert delays(cycles(2, 0.0, sine=sine, softer=softer, bits=bits, noise=noise)) == []
+    # where the torque is held there is no instant at which it turns: nothing is named, whatever the length, s
+    for half in (0.16, 0.8, 2.0):
+        t = np.arange(0, 32, 0.005)
+        corners = [0, 4 - half, 4 + half, 8, 12 - half, 12 + half, 16]
+        torque = 0.85 * G0 * np.interp(t % 16, corners, [0, 1, 1, 0, -1, -1, 0])
+        dT = np.diff(torque, prepend=0.0)
+        y = np.cumsum(dT / (GRIPPER.sigma_0 * (1 - np.sign(dT) * torque / G0)))
+        noise = 0.01 * G0 * np.random.default_rng(5).standard_normal(t.size)
+        assert delays(Record(file="held.csv", time=t, position=y, torque=torque + noise)) == []
 
 
 @pytest.mark.parametrize("bits", [12, 16, 20])
@@ -348,19 +334,26 @@ def test_profiles_of_slow_loading() -> None:
     assert three.draws.size == 0
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_a_small_error_of_g0_leaves_them_together(way: str) -> None:
+def test_errors_of_g0_that_are_small_or_missing() -> None:
     """With an error of g0 over which the estimator is nearly a line all three widths agree, and are wider than without it."""
-    own = loadings(0)
-    sure, unsure = (three_ways(own, known(G0, share * G0), way) for share in (0.0, 0.003))
-    assert (widths(unsure) > widths(sure)).all()
-    assert widths(unsure) == pytest.approx(widths(unsure)[0], rel=0.15)
-    # it ascends in value and is the statistic of which the interval is made
-    own, level = loadings(3), known(G0, 0.003 * G0)
-    three, value = three_ways(own, level, way), value_of(stiffness(own, level, "revolute")[way])
-    assert (np.diff(three.curve[0]) > 0).all()
-    assert np.interp(ends_of(three.profile), *three.curve) == pytest.approx([1.0, 1.0], abs=1e-3)
-    assert np.interp(value, *three.curve) == pytest.approx(0.0, abs=1e-3)
+    for way in WAYS:
+        own = loadings(0)
+        sure, unsure = (three_ways(own, known(G0, share * G0), way) for share in (0.0, 0.003))
+        assert (widths(unsure) > widths(sure)).all()
+        assert widths(unsure) == pytest.approx(widths(unsure)[0], rel=0.15)
+        # it ascends in value and is the statistic of which the interval is made
+        own, level = loadings(3), known(G0, 0.003 * G0)
+        three, value = three_ways(own, level, way), value_of(stiffness(own, level, "revolute")[way])
+        assert (np.diff(three.curve[0]) > 0).all()
+        assert np.interp(ends_of(three.profile), *three.curve) == pytest.approx([1.0, 1.0], abs=1e-3)
+        assert np.interp(value, *three.curve) == pytest.approx(0.0, abs=1e-3)
+    # where nothing tells how well g0 is known, the profile is the one at that g0, and no fault of ours
+    for way in WAYS:
+        for error in (np.nan, np.inf):
+            own = loadings(0)
+            estimate = stiffness(own, known(G0, 0.0), "revolute")[way]
+            unknown, exact = (stiffness_uncertainty(own, known(G0, e), way, estimate) for e in (error, 0.0))
+            assert unknown.profile == exact.profile
 
 
 @pytest.mark.parametrize("share", [0.01, 0.03])
@@ -390,16 +383,6 @@ def test_intervals_hold_the_truth() -> None:
             three = three_ways(own, level, way)
             hits[way] += [holds(x, GRIPPER.sigma_0) for x in (three.covariance, three.profile, three.bootstrap)]
     assert all((found >= 0.85 * 40).all() for found in hits.values()), hits
-
-
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("error", [np.nan, np.inf])
-def test_a_g0_without_an_error_that_is_a_number_is_taken_as_it_is(way: str, error: float) -> None:
-    """Where nothing tells how well g0 is known, the profile is the one at that g0, and no fault of ours."""
-    own = loadings(0)
-    estimate = stiffness(own, known(G0, 0.0), "revolute")[way]
-    unknown, exact = (stiffness_uncertainty(own, known(G0, e), way, estimate) for e in (error, 0.0))
-    assert unknown.profile == exact.profile
 
 
 MINUTE = np.arange(0, 20, 0.02)

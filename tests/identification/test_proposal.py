@@ -333,15 +333,26 @@ def test_nothing_is_proposed_where_nothing_is_missing(tmp_path: Path) -> None:
     assert not unexplained(left(0.5)[:7], 1.0)
 
 
-@pytest.mark.parametrize("quadratic", [0.0, 0.02])
-def test_points_ask_for_what_they_lack(tmp_path: Path, quadratic: float) -> None:
+def test_drag_of_points_is_told(tmp_path: Path) -> None:
     """Points with a drag that grows with the square of the speed ask for it; points without do not."""
-    speeds = np.geomspace(0.15 * GRIPPER.v_s, 2.0, 24)
-    v = np.concatenate([speeds, -speeds])
-    torque = curve(v, GRIPPER) + quadratic * v * np.abs(v) + white(v.size, 1e-4, 1)
-    better = trial_of_points(load_experiment(points_file(tmp_path, v, torque)), segments_of(v, torque)).better()
-    assert (better is not None) == (quadratic > 0)
-    assert better is None or better.set_up == SetUp(("+", "-"), ("quadratic",))
+    for quadratic in (0.0, 0.02):
+        speeds = np.geomspace(0.15 * GRIPPER.v_s, 2.0, 24)
+        v = np.concatenate([speeds, -speeds])
+        torque = curve(v, GRIPPER) + quadratic * v * np.abs(v) + white(v.size, 1e-4, 1)
+        better = trial_of_points(load_experiment(points_file(tmp_path, v, torque)), segments_of(v, torque)).better()
+        assert (better is not None) == (quadratic > 0)
+        assert better is None or better.set_up == SetUp(("+", "-"), ("quadratic",))
+    # of a hundred tables of 22 points, those with v * abs(v) are told; of those without it at most one is
+    for drag, least, most in ((0.0, 0, 1), (0.1, 95, 100)):
+        v, rng, told = np.geomspace(0.01, 1.5, 22), np.random.default_rng(0), 0
+        joint = Lugre(0.5, 0.2, 0.4, 0.08, 1.0, 0.0)
+        for _ in range(100):
+            torque = curve(v, joint) + drag * v**2 + 0.005 * rng.standard_normal(v.size)
+            core = solve_static(from_points(v, torque, ("+",)), FitOptions(), "revolute")
+            said = [w for w in terms_left_out(core, "revolute", PointInfo()) if w.code == "lacks-a-term"]
+            told += bool(said)
+            assert not said or "regressors: [quadratic]" in str(said[0])
+        assert least <= told <= most
 
 
 def left(share: float, n: int = 400, seed: int = 0) -> Array:
@@ -349,17 +360,3 @@ def left(share: float, n: int = 400, seed: int = 0) -> Array:
     wave: Array = np.sqrt(2 * share) * np.sin(2 * np.pi * 3 * np.arange(n) / n)
     wave += np.sqrt(1 - share) * np.random.default_rng(seed).standard_normal(n)
     return wave
-
-
-@pytest.mark.parametrize(("drag", "least", "most"), [(0.0, 0, 1), (0.1, 95, 100)])
-def test_a_drag_that_the_points_show(drag: float, least: int, most: int) -> None:
-    """Of a hundred tables of 22 points, those with v * abs(v) are told; of those without it at most one is."""
-    v, rng, told = np.geomspace(0.01, 1.5, 22), np.random.default_rng(0), 0
-    joint = Lugre(0.5, 0.2, 0.4, 0.08, 1.0, 0.0)
-    for _ in range(100):
-        torque = curve(v, joint) + drag * v**2 + 0.005 * rng.standard_normal(v.size)
-        core = solve_static(from_points(v, torque, ("+",)), FitOptions(), "revolute")
-        said = [w for w in terms_left_out(core, "revolute", PointInfo()) if w.code == "lacks-a-term"]
-        told += bool(said)
-        assert not said or "regressors: [quadratic]" in str(said[0])
-    assert least <= told <= most

@@ -109,18 +109,15 @@ def test_strays_are_those_of_brute_force(monkeypatch: pytest.MonkeyPatch) -> Non
     assert find_strays(with_strays(1200, np.arange(0, 1200, 6), farthest=3000.0)).misfit
 
 
-@pytest.mark.parametrize(("size", "most"), [(7, 0), (8, 1), (9, 1), (10, 2), (13, 2), (22, 2), (24, 3)])
-def test_an_eighth_of_the_points_can_be_strays_or_two(size: int, most: int) -> None:
+def test_how_many_strays_there_can_be() -> None:
     """Of few points two, if the rest has as many degrees of freedom as the law has parameters."""
-    v = np.geomspace(0.005, 1.0, size)
-    assert most_strays(from_points(v, v, ("+",))) == most
-
-
-@pytest.mark.parametrize("size", [4, 5, 6, 7, 8])
-def test_few_points_have_no_strays(size: int) -> None:
-    """An eighth of fewer than eight points is none: at most misfit is said, and no point is named where none can be told."""
-    search = find_strays(from_points(SPEEDS[:size], torque(3, size), ("+",)))
-    assert len(search.rows) <= size // 8 or search.misfit
+    for size, most in ((7, 0), (8, 1), (9, 1), (10, 2), (13, 2), (22, 2), (24, 3)):
+        v = np.geomspace(0.005, 1.0, size)
+        assert most_strays(from_points(v, v, ("+",))) == most
+    # an eighth of fewer than eight points is none: at most misfit is said, and no point is named where none can be told
+    for size in (4, 5, 6, 7, 8):
+        search = find_strays(from_points(SPEEDS[:size], torque(3, size), ("+",)))
+        assert len(search.rows) <= size // 8 or search.misfit
 
 
 @pytest.mark.skipif(DATA is None, reason="BRISTLE_DATA is not set: the measured logs are not part of the project")

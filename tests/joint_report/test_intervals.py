@@ -221,28 +221,26 @@ def test_advice_follows_from_the_warnings(joint: Joint) -> None:
     assert of_kind(next_measurements(bare), "hold-back")
 
 
-@pytest.mark.parametrize("outcome", [CONVERGED, NO_PEAK])
-def test_no_speed_below_a_hundredth_of_the_fastest(joint: Joint, outcome: Finding) -> None:
+def test_speeds_that_are_proposed(joint: Joint) -> None:
     """Moving data pass through zero, but no advice asks for speeds near it; a range has room for five speeds."""
-    own = moving(joint, outcome=outcome)
-    fastest = float(own.static["+"].velocity.max())
-    found = ranges(own)
-    assert found
-    for low, high in found:
-        assert low >= fastest / 100
-        assert high >= 1.4 * low
-    said = of_kind(next_measurements(own), "rise-not-shown")
-    assert bool(said) == (outcome is NO_PEAK)
-
-
-@pytest.mark.parametrize("sticking", [0.0152, 0.0499, 0.101])
-def test_no_speed_at_which_the_joint_sticks(joint: Joint, sticking: float) -> None:
-    """Every speed that is proposed is faster than each at which a run of its direction sticks and slips; those of the other do not matter."""
-    kept = joint.segments[0]
-    stuck = replace(kept, velocity=sticking, stick_slip=True)
-    other = replace(kept, velocity=-0.7, stick_slip=True)
-    for own in (with_warnings(joint, {"interval": (0.0, 0.1)}), moving(joint), moving(joint, outcome=NO_PEAK)):
-        found = ranges(replace(own, segments=(stuck, other)))
+    for outcome in (CONVERGED, NO_PEAK):
+        own = moving(joint, outcome=outcome)
+        fastest = float(own.static["+"].velocity.max())
+        found = ranges(own)
         assert found
-        assert min(low for low, _ in found) > sticking
-        assert min(low for low, _ in found) < 0.7
+        for low, high in found:
+            assert low >= fastest / 100
+            assert high >= 1.4 * low
+        said = of_kind(next_measurements(own), "rise-not-shown")
+        assert bool(said) == (outcome is NO_PEAK)
+    # every speed that is proposed is faster than each at which a run of its direction sticks and slips; those of the
+    # other do not matter
+    for sticking in (0.0152, 0.0499, 0.101):
+        kept = joint.segments[0]
+        stuck = replace(kept, velocity=sticking, stick_slip=True)
+        other = replace(kept, velocity=-0.7, stick_slip=True)
+        for own in (with_warnings(joint, {"interval": (0.0, 0.1)}), moving(joint), moving(joint, outcome=NO_PEAK)):
+            found = ranges(replace(own, segments=(stuck, other)))
+            assert found
+            assert min(low for low, _ in found) > sticking
+            assert min(low for low, _ in found) < 0.7

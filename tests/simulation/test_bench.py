@@ -133,24 +133,21 @@ def instants(duration: float, step: float = STEP) -> Array:
     return np.arange(round(duration / step) + 1, dtype=np.float64) * step
 
 
-@pytest.mark.parametrize("kind", list(KINDS))
-def test_velocity_and_acceleration_are_derivatives(kind: str) -> None:
+def test_motions_begin_at_rest_and_have_their_derivatives() -> None:
     """Central differences of the position give the velocity, and those of the velocity the acceleration, to a thousandth."""
-    duration, at = KINDS[kind]
-    r, inner = at(instants(duration)), slice(1, -1)
-    for whole, slope in ((r.position, r.velocity), (r.velocity, r.acceleration)):
-        np.testing.assert_allclose(np.gradient(whole, STEP)[inner], slope[inner], atol=1e-3 * np.abs(slope).max())
-    assert r.torque == 0.0
-
-
-@pytest.mark.parametrize("kind", ["hold", "move", "multisine"])
-def test_a_run_begins_and_ends_at_rest(kind: str) -> None:
-    """Velocity is zero at both ends, and a hold and a move end where they say."""
-    duration, at = KINDS[kind]
-    r = at(instants(duration))
-    np.testing.assert_allclose(r.velocity[[0, -1]], 0.0, atol=1e-12)
-    travelled = {"hold": HOLD.travel, "move": MOVE.stop - MOVE.start, "multisine": 0.0}[kind]
-    assert r.position[-1] - r.position[0] == pytest.approx(travelled, abs=1e-12)
+    for kind in list(KINDS):
+        duration, at = KINDS[kind]
+        r, inner = at(instants(duration)), slice(1, -1)
+        for whole, slope in ((r.position, r.velocity), (r.velocity, r.acceleration)):
+            np.testing.assert_allclose(np.gradient(whole, STEP)[inner], slope[inner], atol=1e-3 * np.abs(slope).max())
+        assert r.torque == 0.0
+    # velocity is zero at both ends, and a hold and a move end where they say
+    for kind in ("hold", "move", "multisine"):
+        duration, at = KINDS[kind]
+        r = at(instants(duration))
+        np.testing.assert_allclose(r.velocity[[0, -1]], 0.0, atol=1e-12)
+        travelled = {"hold": HOLD.travel, "move": MOVE.stop - MOVE.start, "multisine": 0.0}[kind]
+        assert r.position[-1] - r.position[0] == pytest.approx(travelled, abs=1e-12)
 
 
 @settings(max_examples=20, deadline=None)

@@ -164,14 +164,18 @@ def test_what_is_absent_is_derived_and_said(tmp_path: Path, absent: str, said: s
     assert f"{float(numbers[0]):.3g}" in str(named)
 
 
-@pytest.mark.parametrize(("period", "bandwidth"), [("0.1 ms", 30.0), ("2 ms", 10.0)])
-def test_derived_gains_are_those_of_a_bandwidth(tmp_path: Path, period: str, bandwidth: float) -> None:
+def test_derived_gains_and_what_is_refused(tmp_path: Path) -> None:
     """Without gains K_p = J w**2, K_i = J w**3 / 5, K_d = 2 J w, w at most 30 rad/s; the reference has half of the fastest measured speed."""
-    one = of_experiment(experiment(tmp_path, f"period: {period}"), joint())
-    w = bandwidth
-    assert one.gains == pytest.approx(Gains(J * w**2, 0.2 * J * w**3, 2 * J * w, 0.0))
-    assert one.frequency == 0.5
-    assert 2 * np.pi * one.frequency * one.amplitude == pytest.approx(0.5 * FASTEST, rel=0.05)
+    for period, bandwidth in (("0.1 ms", 30.0), ("2 ms", 10.0)):
+        one = of_experiment(experiment(tmp_path, f"period: {period}"), joint())
+        w = bandwidth
+        assert one.gains == pytest.approx(Gains(J * w**2, 0.2 * J * w**3, 2 * J * w, 0.0))
+        assert one.frequency == 0.5
+        assert 2 * np.pi * one.frequency * one.amplitude == pytest.approx(0.5 * FASTEST, rel=0.05)
+    # K_p of zero, over which replays and rates are taken, and an empty start, are refused where the file is read
+    for bad in ("gains: {K_p: 0 N*m/rad}", "start: {}"):
+        with pytest.raises(ValueError, match=r"adapt\.(gains\.K_p|start): got"):
+            experiment(tmp_path, bad)
 
 
 @pytest.mark.parametrize("parameter", ["alpha_0", "alpha_2"])
@@ -248,13 +252,6 @@ def test_derived_rates_are_finite_whatever_adapts(tmp_path: Path, law: str, para
     assert said.numbers["rates"] == one.adaptation.gamma
     assert ("; zero where" in str(said)) == (0.0 in one.adaptation.gamma)
     assert parameters != "alpha_0, alpha_2" or law == "printed" or 0.0 not in one.adaptation.gamma
-
-
-@pytest.mark.parametrize("bad", ["gains: {K_p: 0 N*m/rad}", "start: {}"])
-def test_a_loop_without_stiffness_or_start_is_refused(tmp_path: Path, bad: str) -> None:
-    """K_p of zero, over which replays and rates are taken, and an empty start, are refused where the file is read."""
-    with pytest.raises(ValueError, match=r"adapt\.(gains\.K_p|start): got"):
-        experiment(tmp_path, bad)
 
 
 def drawn(folder: Path, fit: TrackingFit) -> JointLoop:
