@@ -154,9 +154,6 @@ def yaml_with(old: str, new: str) -> dict[str, str]:
 
 STEPS = np.arange(600) / 100
 TOSSED = np.random.default_rng(0).standard_normal(STEPS.size)
-BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
-    f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
-)
 TURN = 2 * np.pi * 0.1 * STEPS
 LOADED = 0.3 * np.sin(2 * np.pi * STEPS / 3)
 SLIDING = 0.3 * np.sin(2 * np.pi * 0.5 * STEPS)
@@ -192,7 +189,6 @@ BAD = [
     *bad("wrong column", READ, "data.csv: no column named 'speed'", yaml_with("column: v", "column: speed")),
     *bad("wrong unit", READ, "e.yaml: signals.torque: unit 'blorp'", yaml_with("N*m", "blorp")),
     *bad("wrong dimension", READ, "e.yaml: signals.torque: unit 'rad/s'", yaml_with("N*m", "rad/s")),
-    *bad("wrong dimension of rad/s", READ, "e.yaml: signals.velocity: unit 'Hz'", yaml_with("rad/s", "Hz")),
     *bad(
         "text among numbers", READ, "data.csv: row 3 of column 'tau' holds 'n.i.'",
         {"data.csv": "v,tau\n" + "0.1,0.2\n" * 2 + "0.1,n.i.\n" + "0.2,0.3\n" * 5},
@@ -204,8 +200,6 @@ BAD = [
     *bad("no steady segment", FIT, "data.csv", ramp(STEPS, TOSSED)),
     *bad("no steady segment in two rows", FIT, "data.csv", ramp([0, 1], [1, 2])),
     *bad("malformed YAML", READ, "e.yaml: line 2", {"e.yaml": "joint: {name: wrist}\nsignals: ]\n"}),
-    *bad("YAML bomb", READ, "e.yaml: line 1", {"e.yaml": BOMB + GOOD["e.yaml"]}),
-    *bad("deep YAML", READ, "e.yaml: line 1", {"e.yaml": "a: " + "[" * 100}),
     *bad("unknown key", READ, "e.yaml: unknown key 'joint.nmae'; did you mean 'name'?", yaml_with("name:", "nmae:")),
     *bad("folder as experiment", READ, "e.yaml: is a folder", {"e.yaml": FOLDER}),
     *bad("folder as data", ALL, "data.csv: is a folder", {"data.csv": FOLDER}),
@@ -214,8 +208,6 @@ BAD = [
     *bad("control character in the name", READ, r"joint.name: the text 'wri\x1b[2Jst' holds U+001B", yaml_with("wrist", r"wri\e[2Jst")),
     *bad("change of direction in the name", [IDENTIFY], r"joint.name: the text 'wri\u202est' holds U+202E", yaml_with("wrist", "wri\u202est")),
     *bad("lone surrogate in a label", READ, r"runs.0.load: the text '\ud800' holds U+D800", yaml_with("points}", r'points, load: "\ud800"}')),
-    *bad("infinite inertia", READ, "e.yaml: inertia: got '1e400 kg*m**2'", yaml_with("signals:", "inertia: 1e400 kg*m**2\nsignals:")),
-    *bad("sigma_0 fixed at zero", READ, "e.yaml: fit.fixed: sigma_0: got 0", yaml_with("signals:", "fit: {fixed: {sigma_0: 0 N*m/rad}}\nsignals:")),
     *bad("torque of another world", READ, "data.csv: torque reaches 1.96e-162 (SI)", yaml_with("tau, unit: N*m", "tau, unit: N*m, scale: 1e-25")
          | {"data.csv": "v,tau\n0.1,1.96e-137\n0.2,1e-137\n"}),
     *bad("torque far too large", READ, "data.csv: torque reaches 1e+160 (SI)", {"data.csv": "v,tau\n0.1,1e160\n0.2,1\n"}),
@@ -290,26 +282,14 @@ BAD = [
     *bad("full disk", [INSPECT], "out.png: No space left", patch=full_disk(0)),
     *bad("full disk", [NEW], "draft.yaml: No space left", patch=full_disk(0)),
     *bad("rate below zero", [ADAPT], "e.yaml: adapt: gamma: got -1", adapting("gamma: [-1, 20]")),
-    *bad("rate that is no number", [ADAPT], "e.yaml: adapt: gamma: got nan", adapting("gamma: [.nan, 20]")),
-    *bad("one rate for two", [ADAPT], "e.yaml: adapt: gamma: got 1 rates", adapting("gamma: [20]")),
     *bad("rate that is no list", [ADAPT], "e.yaml: adapt.gamma: got 20; expected a list", adapting("gamma: 20")),
-    *bad("limit above the start", [ADAPT], "e.yaml: adapt: limits: got 1.5 to 3", adapting("limits: [1.5, 3]")),
-    *bad("limit below the start", [ADAPT], "e.yaml: adapt: limits: got 0.1 to 0.5", adapting("limits: [0.1, 0.5]")),
-    *bad("unknown law", [ADAPT], "e.yaml: adapt: law: got 'newton'", adapting("law: newton")),
-    *bad("unknown compensator", [ADAPT], "e.yaml: adapt: compensator: got 'dither'", adapting("compensator: dither")),
-    *bad("compensator that cannot adapt", [ADAPT], "e.yaml: adapt: compensator: coulomb cannot adapt", adapting("compensator: coulomb")),
-    *bad("unknown start", [ADAPT], "e.yaml: adapt.start: got 'beta'", adapting("start: {beta: 2}")),
     *bad("reference that is no number", [ADAPT], "e.yaml: adapt.amplitude", adapting("amplitude: .nan rad")),
-    *bad("reference far too fast", [ADAPT], "e.yaml: adapt: a reference of 1e+06", whole_joint("amplitude: 1e6 rad")),
-    *bad("period too long for the reference", [ADAPT], "e.yaml: adapt.period: got 1 s", adapting("period: 1 s")),
     *bad(
         "period longer than the loop bears", [ADAPT], "got a control period of 0.01 s",
         whole_joint("period: 10 ms, gains: {K_p: 100 N*m/rad, K_d: 10 N*m*s/rad}"),
     ),
     *bad("nothing known of the bristle", [ADAPT], "wrist: nothing is known of the friction vs velocity"),
     *bad("output is a file", [(*ADAPT[:3], "data.csv")], "data.csv: is a file", whole_joint("period: 1 ms")),
-    *bad("negative column", [INSPECT], "signals.time.column: got -1; expected a name or a number counted from 0", {
-        "e.yaml": ramp([0], [0])["e.yaml"].replace("column: t,", "column: -1,")}),
     *bad(
         "tiny error of the inertia", [IDENTIFY], "expected an error of at least 1e-09 of the inertia",
         whole_joint("", "inertia: 1e-3 +/- 1e-30 kg*m**2\n"),
