@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -43,6 +43,14 @@ settings.load_profile("repeatable")
 TRUTH = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)  # Gripper rotation (+) of Table 1
 FEW = np.array([0.1, 0.2, -0.1, -0.2])
 """Speeds, rad/s, too few for any fit: read, refused to be fitted, and reported at once."""
+
+
+T = TypeVar("T")
+
+
+def present(value: T | None) -> T:
+    assert value is not None
+    return value
 
 
 SLOW = pytest.StashKey[tuple[int, int]]()  # how many of the tests that were collected are slow, and how many there are

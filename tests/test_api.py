@@ -19,7 +19,7 @@ from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.questions.joint_report import results_file
 from bristle.simulation.edro import TABLE_1
 
-from .conftest import FEW, speeds, write
+from .conftest import FEW, present, speeds, write
 
 COLUMNS = ["joint", "direction", "parameter", "value", "unit", "standard_error", "lower", "upper", "warnings"]
 
@@ -191,9 +191,8 @@ def test_static_parameters_are_found(results: Results) -> None:
     # prior
     inside = 0
     for joint in results.joints:
-        assert joint.presliding is not None
         for d, p in joint.truth.items():
-            fit = joint.presliding.fits[d]
+            fit = present(joint.presliding).fits[d]
             inside += holds(fit.edges, p.sigma_0) + holds(fit.samples, p.sigma_0)
             assert fit.edges.value == pytest.approx(p.sigma_0, rel=0.05)
             assert fit.sigma_1.warnings[0].code == "prior"
@@ -201,8 +200,7 @@ def test_static_parameters_are_found(results: Results) -> None:
     # at least 40 of the 48 true values lie in the intervals of the joint fit, the held-out torque is predicted to 2 %, and the stages agree
     inside = 0
     for joint in results.joints:
-        fit = joint.joint_fit
-        assert fit is not None
+        fit = present(joint.joint_fit)
         inside += sum(
             holds(fit.parameters[ParameterName(name, Direction(d))], getattr(p, name))
             for d, p in joint.truth.items()

@@ -34,7 +34,7 @@ from bristle.page.wording import measured
 from bristle.questions.compensation import paper_experiments
 from bristle.simulation.edro import TABLE_1
 
-from .conftest import FEW, TRUTH, Ran, experiment, run, speeds, table, tree, write
+from .conftest import FEW, TRUTH, Ran, experiment, present, run, speeds, table, tree, write
 from .pages import Elements, page_text, report_text
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -787,10 +787,8 @@ def test_streams_of_the_system(tmp_path: Path) -> None:
     path = write(tmp_path, FEW, joint="αρθρο")
     command = [sys.executable, "-m", "bristle", "identify", str(path), "-o", str(tmp_path / "piped.json")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as piped:  # noqa: S603 # our own command
-        assert piped.stdout is not None
-        assert piped.stderr is not None
-        piped.stdout.close()
-        said = piped.stderr.read()
+        present(piped.stdout).close()
+        said = present(piped.stderr).read()
         assert (piped.wait(), said) == (0, b"")
     before = tree(tmp_path)
     for arguments in (

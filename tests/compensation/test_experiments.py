@@ -30,6 +30,7 @@ from bristle.questions.compensation.report import sections
 from bristle.questions.compensation.study import Study, outcomes_of, study
 from bristle.simulation.joint_loop import JointLoop, one_way
 
+from ..conftest import present
 from ..simulation.joints import GRIPPER, J, experiment, joint, joint_loop, share_of
 
 P = GRIPPER.positive
@@ -195,8 +196,7 @@ def test_the_band_holds_the_truth_that_it_was_drawn_for() -> None:
     assert beside is not None
     assert without.rms_systematic is None
     assert beside.rms == pytest.approx(without.rms)
-    alone = band(replace(one, draws=by_constants))
-    assert alone is not None
+    alone = present(band(replace(one, draws=by_constants)))
     assert beside.rms_systematic == pytest.approx((alone.rms[0], alone.rms[2]))
 
 
@@ -261,8 +261,7 @@ def test_a_study_shows_itself(compensated: Study, tmp_path: Path) -> None:
     m = compensated.adaptation_map._replace(frequencies=np.array([0.1, 0.2, 0.5]), by_gamma=twice, by_amplitude=twice)
     study = replace(compensated, adaptation_map=m)
     landings = next(x for own in sections(study) for x in own.drawings if x.name == "compensation-landings")
-    figure = landings.draw()
-    assert figure is not None
+    figure = present(landings.draw())
     image = figure.axes[0].images[0]
     shown: np.ma.MaskedArray[Any, Any] = np.ma.asarray(image.norm(np.asarray(image.get_array(), dtype=float)))
     assert shown[0, 0] == 0

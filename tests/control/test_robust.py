@@ -19,6 +19,7 @@ from bristle.control.stability import growth, refuse_long_period
 from bristle.model.parameters import Lugre, Motor, Pair
 from bristle.simulation import edro
 
+from ..conftest import present
 from .conftest import PAIR, H, P, case, follow, sine
 
 BATCH, SAMPLES = 100, 1001  # cases of each law and step, and samples of each case: 1200 random runs of 1 s in all
@@ -91,8 +92,7 @@ def test_gains_and_signals_stay_finite_whatever_comes(law: Law, step: Step) -> N
     cases = [random_case(rng, options) for _ in range(BATCH)]
     reference, disturbance = course(rng)
     run = simulate(options, cases, reference, H, disturbance)
-    a = options.compensator.adaptation
-    assert a is not None
+    a = present(options.compensator.adaptation)
     low, high = a.limits
     assert (low <= run.theta).all()
     assert (run.theta <= high).all()
@@ -166,8 +166,7 @@ def borne(options: LoopOptions, name: str, period: float) -> float:
     """The period that the refusal names, s."""
     with pytest.raises(ValueError, match="control period") as refused:
         simulate(options, [case(name)], sine(100 * period, 0.1, period), period)
-    said = re.search(r"bears about (\S+) s", str(refused.value))
-    assert said is not None
+    said = present(re.search(r"bears about (\S+) s", str(refused.value)))
     return float(said[1])
 
 

@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,17 +20,11 @@ from bristle.data.record import Record
 from bristle.data.text_table import read_table
 from bristle.errors import InputError
 
-T = TypeVar("T")
 SIGNALS = {
     "time": {"column": "t", "unit": "s"},
     "position": {"column": "q", "unit": "rad"},
     "torque": {"column": "tau", "unit": "N*m"},
 }
-
-
-def present(value: T | None) -> T:
-    assert value is not None
-    return value
 
 
 def signals_with(**changes: Any) -> dict[str, Any]:

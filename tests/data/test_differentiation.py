@@ -11,7 +11,7 @@ from bristle.data.bandwidth import decimation, of_held_speeds, of_motion, of_slo
 from bristle.data.differentiation import between_gaps, derivative, estimate_motion, smoothed, without_rests
 from bristle.data.record import Record
 
-from .experiments import present
+from ..conftest import present
 
 
 def _record(time: ArrayLike, position: ArrayLike, starts: tuple[int, ...] = (0,)) -> Record:

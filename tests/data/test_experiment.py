@@ -20,7 +20,8 @@ from bristle.data.experiment.schema import FitOptions, PlusMinus
 from bristle.data.experiment.yaml_file import parse
 from bristle.errors import InputError
 
-from .experiments import assert_refused, experiment, present, signals_with
+from ..conftest import present
+from .experiments import assert_refused, experiment, signals_with
 
 
 def written(text: str) -> dict[str, Any]:
@@ -315,8 +316,7 @@ def test_drafts_of_usual_logs(tmp_path: Path) -> None:
     _draft(_csv(tmp_path / "pairs.csv", "velocity_mm_s,force_N", 1 + _T, _TAU))
     run = read_runs(_load(tmp_path))[0]
     assert (run.kind, _load(tmp_path).joint.kind) == ("points", "prismatic")
-    assert run.record.velocity is not None
-    assert run.record.velocity[0] == pytest.approx(1e-3)
+    assert present(run.record.velocity)[0] == pytest.approx(1e-3)
 
 
 def test_counts_and_names_tell_the_unit(tmp_path: Path) -> None:

@@ -16,7 +16,8 @@ from bristle.data.text_layout import text_layout
 from bristle.data.text_table import read_table
 from bristle.errors import InputError
 
-from .experiments import assert_refused, present, refusal
+from ..conftest import present
+from .experiments import assert_refused, refusal
 
 N = 60
 T = np.round(np.arange(N) * 1e-3, 6)

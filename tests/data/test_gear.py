@@ -12,8 +12,9 @@ from bristle.data.experiment.load import Experiment, read_runs
 from bristle.data.record import Record
 from bristle.errors import InputError
 
+from ..conftest import present
 from . import experiments
-from .experiments import assert_refused, present, write_log
+from .experiments import assert_refused, write_log
 
 K_T, R, RATIO = 0.05, 2.0, 100.0
 T = np.arange(1000) * 1e-3

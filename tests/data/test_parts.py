@@ -13,9 +13,10 @@ from bristle.data.experiment.load import Experiment, read_runs
 from bristle.data.record import Record
 from bristle.identification.measured import measure
 
+from ..conftest import present
 from ..conftest import run as bristle
 from . import experiments
-from .experiments import SIGNALS, assert_refused, present, signals_with, write_log
+from .experiments import SIGNALS, assert_refused, signals_with, write_log
 
 N = 600
 T = np.arange(N) * 1e-3

@@ -9,8 +9,9 @@ import pytest
 from bristle.data.experiment.load import read_runs
 from bristle.errors import InputError
 
+from ..conftest import present
 from ..sameness import of_kind
-from .experiments import SIGNALS, assert_refused, experiment, first_record, present, signals_with, write_log
+from .experiments import SIGNALS, assert_refused, experiment, first_record, signals_with, write_log
 
 _T = np.arange(400) * 1e-3
 

@@ -21,7 +21,8 @@ from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
 from bristle.questions.joint_report.brief import brief_report
 
-from .experiments import assert_refused, experiment, present, write_log
+from ..conftest import present
+from .experiments import assert_refused, experiment, write_log
 from .test_signal_checks import RATE, moving, sampled
 
 TRUTH, INERTIA = Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0), 0.08

@@ -15,7 +15,7 @@ from bristle.findings import CRITICAL, Finding
 from bristle.model.functions import steady_torque_function
 from bristle.model.vectorize import evaluate
 
-from .experiments import present
+from ..conftest import present
 
 RATE = 500.0
 LEVELS = (0.05, 0.1, 0.3, 0.6, 1.0, 1.5)

@@ -23,7 +23,8 @@ from bristle.model.functions import steady_torque_function
 from bristle.model.parameters import Lugre
 from bristle.model.vectorize import evaluate
 
-from .experiments import first_record, present, signals_with, write_log
+from ..conftest import present
+from .experiments import first_record, signals_with, write_log
 
 RATE = 500.0
 
@@ -145,8 +146,7 @@ def test_what_is_named_and_what_is_left_alone() -> None:
     time = np.arange(4000.0) / RATE
     position = np.sin(2 * np.pi * time)
     record = Record(file="run.csv", time=time, position=position, velocity=position, torque=np.cos(time))
-    found = travel_ratio(record)
-    assert found is not None
+    found = present(travel_ratio(record))
     assert found.low < 1e-3
     assert found.high > 1e3
     assert [d.code for d in checked(record, "ramp")] == ["velocity-unrelated"]
@@ -154,8 +154,7 @@ def test_what_is_named_and_what_is_left_alone() -> None:
     for seed in range(20):
         record, v = moving(seed)
         noise = np.std(v) * np.random.default_rng(seed).standard_normal(v.size)
-        found = travel_ratio(replace(record, velocity=2 * v + noise))
-        assert found is not None
+        found = present(travel_ratio(replace(record, velocity=2 * v + noise)))
         assert found.low < 0.5 < found.high
         assert found.high < 1.5 * found.low
 
@@ -329,8 +328,7 @@ def test_encoders_are_left_alone() -> None:
     turns = np.round(np.sin(np.arange(4000) / 300) / count) * count
     for unit, other, factor in (("rad", "deg", 180 / np.pi), ("deg", "rad", np.pi / 180), ("rad", "rev", 0.5 / np.pi)):
         record = Record(file="run.csv", time=np.arange(4000.0), position=turns * factor)
-        found = count_mismatch(record, Position(column="q", unit=unit), Context())
-        assert found is not None
+        found = present(count_mismatch(record, Position(column="q", unit=unit), Context()))
         assert found.code == "counts-of-a-turn"
         assert found.severity is Severity.CAUTION
         assert "4096 with `unit: " + other + "`" in str(found)

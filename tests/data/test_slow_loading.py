@@ -14,7 +14,7 @@ from bristle.errors import InputError
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
 
-from .experiments import present
+from ..conftest import present
 
 P = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
 G0 = P.alpha_0 + P.alpha_1

@@ -13,7 +13,7 @@ from bristle.identification.known_joint import known_joint
 from bristle.model.parameters import Direction
 from bristle.simulation.edro import TABLE_1
 
-from ..conftest import experiment, speeds, table
+from ..conftest import experiment, present, speeds, table
 from .conftest import HOSTILE, Explored
 
 VIEWS = ("friction", "presliding", "response", "compensation", "identifiability", "values")
@@ -258,15 +258,13 @@ def test_numbers_are_those_of_results(tab: Tab, edro: Explored) -> None:
     for k, joint in enumerate(edro.results.joints):
         tab.page.select_option("#joint", str(k))
         tab.show("response")
-        assert joint.moving is not None
         relative = float(tab.page.get_attribute("#response-said", "data-relative"))
-        assert relative == pytest.approx(joint.moving.relative_error, rel=5e-5)
+        assert relative == pytest.approx(present(joint.moving).relative_error, rel=5e-5)
         tab.page.select_option("#set", "1")
         tab.show("friction")
         for d, (cost, error) in rows(tab).items():
             fit = joint.static[d]
-            assert fit.profile is not None
-            assert cost == pytest.approx(fit.profile.best_cost, rel=5e-5)
+            assert cost == pytest.approx(present(fit.profile).best_cost, rel=5e-5)
             assert error == pytest.approx(fit.relative_error, rel=5e-5)
     tab.page.select_option("#joint", "0")
     tab.show("compensation")

@@ -27,7 +27,7 @@ from bristle.questions.export.loss import (
     stated_motions,
 )
 
-from ..conftest import FEW, run, speeds, write
+from ..conftest import FEW, present, run, speeds, write
 from .conftest import Handed, assumed, beside
 
 LAW = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0=6.0, sigma_1=0.02)
@@ -63,10 +63,8 @@ def test_values_are_those_to_use(edro_results: Path) -> None:
     plain, theta = (
         bristle.export(results, "c", joint="wrist pitch", adapt=law) for law in ("partial", "partial-theta")
     )
-    assert plain.request.compensator.adaptation is not None
-    assert theta.request.compensator.adaptation is not None
-    assert plain.request.compensator.adaptation.gamma == (20.0, 20.0)
-    assert theta.request.compensator.adaptation.gamma != (20.0, 20.0)
+    assert present(plain.request.compensator.adaptation).gamma == (20.0, 20.0)
+    assert present(theta.request.compensator.adaptation).gamma != (20.0, 20.0)
 
 
 @pytest.mark.parametrize("to", TARGETS)
@@ -279,8 +277,7 @@ def test_the_loss_is_its_formula(handed: Handed) -> None:
 
 def example(name: str) -> str:
     text = (DOCS / "export.md").read_text(encoding="utf-8")
-    found = re.search(rf"<!-- example: {name} -->\n```\w+\n(.*?)```", text, re.DOTALL)
-    assert found is not None
+    found = present(re.search(rf"<!-- example: {name} -->\n```\w+\n(.*?)```", text, re.DOTALL))
     return found[1]
 
 

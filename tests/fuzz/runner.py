@@ -15,6 +15,7 @@ from pathlib import Path
 
 from hypothesis import HealthCheck, given, seed, settings
 
+from ..conftest import present
 from ..pages import Elements, page_text
 from .inputs import Case, cases
 from .server import BYTES, SECONDS
@@ -50,10 +51,9 @@ class Server:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             (folder / name).write_bytes(data)
         assert self.process.stdin is not None
-        assert self.process.stdout is not None
         self.process.stdin.write(json.dumps({"folder": str(folder), "arguments": case.arguments}) + "\n")
         self.process.stdin.flush()
-        answer = json.loads(self.process.stdout.readline())
+        answer = json.loads(present(self.process.stdout).readline())
         self.codes[answer["code"]] += 1
         self.past += answer["code"] in {0, 3} or answer["past"]
         self.slowest, self.largest = max(self.slowest, answer["seconds"]), max(self.largest, answer["bytes"])
@@ -81,8 +81,7 @@ def server() -> Iterator[Server]:
         ) as process,
     ):
         try:
-            assert process.stdout is not None
-            yield Server(process, Path(folder), json.loads(process.stdout.readline()))
+            yield Server(process, Path(folder), json.loads(present(process.stdout).readline()))
         finally:
             process.terminate()
 

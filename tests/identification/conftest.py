@@ -21,6 +21,8 @@ from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, Pa
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 
+from ..conftest import present
+
 GRIPPER = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)  # Gripper rotation (+) of Table 1
 OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)  # Gripper rotation (-)
 G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1  # its breakaway torque, N*m, at vanishing speed
@@ -96,13 +98,8 @@ def moved(
     return Record(file=file, time=t, velocity=v, acceleration=a, torque=torque)
 
 
-def torque_of(run: Record) -> Array:
-    assert run.torque is not None
-    return run.torque
-
-
 def with_torque(run: Record, change: Callable[[Array], Array]) -> Record:
-    return replace(run, torque=change(torque_of(run)))
+    return replace(run, torque=change(present(run.torque)))
 
 
 def sides(p: Lugre[float] | Pair[float]) -> tuple[str, ...]:
@@ -132,11 +129,6 @@ def value_of(e: Estimate) -> float:
 def error_of(e: Estimate) -> float:
     assert e.standard_error is not None, e.warnings
     return e.standard_error
-
-
-def ends_of(interval: Interval | None) -> Interval:
-    assert interval is not None
-    return interval
 
 
 def holds(interval: Interval | None, truth: float) -> bool:

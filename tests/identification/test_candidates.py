@@ -33,13 +33,12 @@ from bristle.identification.static.solution import solve_static
 from bristle.model.parameters import Direction, Kind, Lugre, ParameterName
 from bristle.simulation.bench import steady_points
 
-from ..conftest import TRUTH, experiment, speeds
+from ..conftest import TRUTH, experiment, present, speeds
 from ..names import named, parse
 from .conftest import (
     GRIPPER,
     by_name,
     codes,
-    ends_of,
     experiment_file,
     fitted,
     holds,
@@ -47,7 +46,6 @@ from .conftest import (
     points_file,
     posed,
     tones,
-    torque_of,
     value_of,
     white,
 )
@@ -165,9 +163,9 @@ def run(step: float, p: Lugre[float] = GRIPPER, changed: Lugre[float] | None = N
     v = tones(np.arange(0, 16, 5e-4))
     v = np.abs(v) + 0.05 if forward else v
     whole, half = moved(v, 5e-4, p, 1e-4, seed=3), v.size // 2
-    torque = torque_of(whole).copy()
+    torque = present(whole.torque).copy()
     if changed is not None:
-        torque[half:] = torque_of(moved(v, 5e-4, changed, 1e-4, seed=3))[half:]
+        torque[half:] = present(moved(v, 5e-4, changed, 1e-4, seed=3).torque)[half:]
     every = slice(None, None, round(step / 5e-4))
     signals = {n: getattr(whole, n)[every] for n in ("time", "velocity", "acceleration")}
     return replace(whole, torque=torque[every], **signals)
@@ -193,7 +191,7 @@ def test_a_bristle_that_the_motion_resolves_is_claimed(monkeypatch: pytest.Monke
         assert holds(estimate.interval, getattr(GRIPPER, name))
     # a count between g0 over the upper end of sigma_0's interval and g0 over sigma_0 hides the bristle; one below both does not
     fit = resolved()
-    value, (_, high) = value_of(fit.parameters[SIGMA_0]), ends_of(fit.parameters[SIGMA_0].interval)
+    value, (_, high) = value_of(fit.parameters[SIGMA_0]), present(fit.parameters[SIGMA_0].interval)
     g0 = sum(fit.parameters[parse(name)].value or 0.0 for name in ("alpha_0", "alpha_1"))
     assert "unseen-below-count" in reasons(resolved(g0 / np.sqrt(value * high)), "sigma_0")
     assert not reasons(resolved(0.9 * g0 / high), "sigma_0")

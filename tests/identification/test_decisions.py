@@ -12,6 +12,7 @@ from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.model.parameters import Direction, Lugre, ParameterName
 
+from ..conftest import present
 from .conftest import codes, drafted, experiment_file, holds, white, written
 
 TRUTH = Lugre(0.8, 0.3, 0.5, 0.06, 2000.0, 5.0)
@@ -40,8 +41,7 @@ def log(folder: Path, torque: Array, fit: str = "", limit: float = np.inf) -> Pa
 
 
 def tracked(joint: Joint) -> dict[str, Estimate]:
-    assert joint.tracking is not None
-    return {name.name: e for name, e in joint.tracking.parameters.items()}
+    return {name.name: e for name, e in present(joint.tracking).parameters.items()}
 
 
 def clean() -> Array:
@@ -79,8 +79,7 @@ def test_gravity_is_taken_where_it_explains_what_is_left(tmp_path: Path) -> None
     assert "gravity explains" in joint.settings["chosen regressors"]
     near(joint, gravity_cos=0.2, alpha_0=0.8, inertia=INERTIA)
     joint = bristle.identify(log(tmp_path, clean() + gravity, f"{asked}, set_up: as-written")).joint()
-    assert joint.tracking is not None
-    assert "lacks-a-term" in codes(joint.tracking.warnings)
+    assert "lacks-a-term" in codes(present(joint.tracking).warnings)
     assert "chosen regressors" not in bristle.identify(log(tmp_path, clean(), asked)).joint().settings
     # a torque cut off at seven tenths of its largest: the samples there are named and left out, and the joint comes back
     torque = clean()
@@ -95,8 +94,7 @@ def test_a_delay_is_left_as_written(tmp_path: Path) -> None:
     t, _, _, _ = motion()
     joint = bristle.identify(log(tmp_path, np.interp(t - 0.02, t, clean()), ", set_up: as-written")).joint()
     assert "chosen delay" not in joint.settings
-    assert joint.tracking is not None
-    assert "torque-delayed" in codes(joint.tracking.warnings)
+    assert "torque-delayed" in codes(present(joint.tracking).warnings)
     # drag is in the law where the torque has it, its coefficient comes back, and the line says so; a clean joint keeps the paper's law
     _, _, v, _ = motion()
     dragged = bristle.identify(log(tmp_path, clean() + 0.4 * v * np.abs(v))).joint()
@@ -129,8 +127,7 @@ def test_points_at_rest_and_points_that_are_clipped_are_left_out() -> None:
     assert found["alpha_2"].interval == pytest.approx((0.0, whole / 0.4), abs=0.02)
     assert all("one-speed-only" in codes(found[name].warnings) for name in ("alpha_0", "alpha_2"))
     assert ParameterName.parse("alpha_2") not in fit.joint.crosscheck["both"].parameters
-    assert fit.joint.accuracy is not None
-    assert fit.joint.accuracy.band < 1
+    assert present(fit.joint.accuracy).band < 1
 
 
 @pytest.mark.slow
@@ -144,8 +141,7 @@ def test_points_that_are_all_at_a_limit_state_no_error(tmp_path: Path) -> None:
     joint = results.joint()
     found = verdict(joint)
     assert (found.trust, found.reason and found.reason.code) == (Trust.DO_NOT_USE, "clipped")
-    assert joint.accuracy is not None
-    assert joint.accuracy.band == np.inf
+    assert present(joint.accuracy).band == np.inf
     results.write(tmp_path / "out")
     assert (tmp_path / "out" / "index.html").is_file()
     again = bristle.read_results(tmp_path / "out" / "results.json").joint()
@@ -254,8 +250,7 @@ def test_a_peak_that_is_not_claimed_is_in_the_band(tmp_path: Path) -> None:
     torque, count = friction(v) + 0.05 * acceleration, 2 * np.pi / 2**14
     torque += 0.02 * np.sqrt(np.mean(torque**2)) * np.random.default_rng(3).standard_normal(t.size)
     joint = drafted(written(tmp_path / "log.csv", t=t, q=count * np.round(q / count), tau=torque))
-    known = joint.accuracy
-    assert known is not None
+    known = present(joint.accuracy)
     speeds = np.linspace(known.slowest, known.fastest, 60)
     found, _ = known_curve(joint, speeds)
     off = 100 * np.sqrt(np.mean((found - friction(speeds)) ** 2) / np.mean(friction(speeds) ** 2))

@@ -26,6 +26,7 @@ from bristle.identification.shared_findings import NOT_IDENTIFIABLE
 from bristle.model.parameters import INERTIA, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout
 
+from ..conftest import present
 from ..names import named, parse
 from .conftest import (
     GRIPPER,
@@ -40,7 +41,6 @@ from .conftest import (
     posed,
     sides,
     tones,
-    torque_of,
     value_of,
     way,
     white,
@@ -115,7 +115,7 @@ def test_intervals_hold_the_truth_and_widen_with_correlation() -> None:
     # residuals that are correlated over fifty samples give wider errors than white ones of the same size, and a warning
     even = white(V.size, 3e-4, 1)
     slow = np.convolve(even, np.ones(50) / np.sqrt(50), mode="same")
-    torque = torque_of(record())
+    torque = present(record().torque)
     one, other = (fitted(posed(replace(record(), torque=torque + noise))) for noise in (even, slow))
     alpha_0 = parse("alpha_0")
     assert error_of(other.parameters[alpha_0]) > 3 * error_of(one.parameters[alpha_0])
@@ -252,7 +252,7 @@ def behind_counts(
     def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> DynamicProblem:
         return replace(dynamic_problem(records, ("both",), ("inertia",), 5, None, fixed), count=count)
 
-    run = counted(quantum, torque_of(record(noise=noise)), place)
+    run = counted(quantum, present(record(noise=noise).torque), place)
     found = fit_tracking(pose([run], {}), TRUTH, "revolute", search=False)
     return found.fit, without_count_bias(found, [run], pose, quantum)
 
@@ -305,7 +305,7 @@ def test_a_torque_logged_late_is_named_with_its_delay(samples: float) -> None:
 @pytest.mark.parametrize(("bits", "delay"), [(12, 0.0), (14, 0.0), (24, 0.0), (24, 3e-3)])
 def test_counts_and_presliding_are_no_delay(bits: int, delay: float) -> None:
     """Behind encoders that hide presliding, and behind fine ones, no delay is named where there is none; a true one behind a fine one is."""
-    count, torque = 2 * np.pi / 2**bits, torque_of(record(noise=2e-4))
+    count, torque = 2 * np.pi / 2**bits, present(record(noise=2e-4).torque)
     problem = posed(counted(count, np.interp(TIME - delay, TIME, torque)), decimation=5)
     found = fitted(replace(problem, count=count, cutoff=40.0))
     said = [d.numbers["delay"] for d in found.warnings if d.code == "torque-delayed"]
@@ -433,7 +433,7 @@ def test_a_bend_that_noise_makes_hides_no_coulomb_friction() -> None:
     assert abs(value_of(found) - OTHER.alpha_0) < 3 * error_of(found) < 0.3 * OTHER.alpha_0
     assert "only-sum-seen" in codes(found.warnings)
     # in what the halves of a record differ, and by how many standard errors, does not change with the size of the Jacobian's columns
-    softer = torque_of(record(GRIPPER._replace(sigma_0=0.5 * GRIPPER.sigma_0), 2e-4))
+    softer = present(record(GRIPPER._replace(sigma_0=0.5 * GRIPPER.sigma_0), 2e-4).torque)
     both = with_torque(record(noise=2e-4), lambda T: np.where(np.arange(V.size) < V.size // 2, T, softer))
     solved = fit_tracking(posed(both, decimation=5), TRUTH, "revolute", search=False)
     minimum, estimates = solved.solution.minimum, solved.fit.parameters

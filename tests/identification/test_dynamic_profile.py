@@ -16,8 +16,9 @@ from bristle.identification.dynamic.uncertainty import profile_until_stable, wit
 from bristle.identification.fits import Estimate, TrackingFit
 from bristle.model.parameters import Direction, Lugre, ParameterName
 
+from ..conftest import present
 from ..names import named, parse
-from .conftest import GRIPPER, TONES, by_name, codes, ends_of, error_of, holds, moved, posed, tones, value_of
+from .conftest import GRIPPER, TONES, by_name, codes, error_of, holds, moved, posed, tones, value_of
 
 STEP = 2e-3
 TRUTH = by_name(GRIPPER)
@@ -79,8 +80,8 @@ def solved(problem: DynamicProblem, start: Values) -> DynamicSolution:
 
 
 def close(one: Interval | None, other: Interval | None, share: float) -> None:
-    low, high = ends_of(other)
-    assert ends_of(one) == pytest.approx((low, high), abs=share * (high - low))
+    low, high = present(other)
+    assert present(one) == pytest.approx((low, high), abs=share * (high - low))
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.9])

@@ -25,7 +25,7 @@ from bristle.model.parameters import Direction, ParameterName, Stribeck, lugre_o
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 
-from ..conftest import Ran, run
+from ..conftest import Ran, present, run
 from .conftest import GRIPPER, codes, holds, points_file
 
 WIDE = np.geomspace(0.15 * GRIPPER.v_s, 11 * GRIPPER.v_s, 40)
@@ -51,9 +51,7 @@ def chosen(p: Stribeck[float], noise: float, seed: int) -> Comparison:
     def pose(law: Law) -> list[Regression]:
         return [from_points(SPEEDS, T, ("both",), law=law)]
 
-    found = compare_laws(pose, GAUSSIAN)
-    assert found is not None
-    return found
+    return present(compare_laws(pose, GAUSSIAN))
 
 
 def test_laws_are_fitted_exactly_and_by_two_routes() -> None:
@@ -125,8 +123,7 @@ def test_laws_that_compete() -> None:
             fitted("lorentzian", 1.0, {alpha_0: (1.2, 0.1, 20.0)}),
             fitted("exponential", worse, {}),
         ]
-        found = ranked("points", laws, GAUSSIAN.name)
-        assert found is not None
+        found = present(ranked("points", laws, GAUSSIAN.name))
         assert (alpha_0 in found.averaged) is kept
         assert not kept or found.averaged[alpha_0].value == pytest.approx(1.1)
     # the cost at the exponent that is found is no higher than at any other of 60, and v_s is free at each
@@ -146,8 +143,7 @@ def test_laws_that_compete() -> None:
     # one torque half as large again is a stray of every law: with it left out, the paper's law is kept
     T = torques(GRIPPER.stribeck, SPEEDS, 0.005, 3)
     T[12] *= 1.5
-    laws = bristle.fit(SPEEDS, T).joint.laws
-    assert laws is not None
+    laws = present(bristle.fit(SPEEDS, T).joint.laws)
     assert laws.n == SPEEDS.size - 1
     assert laws.chosen.name == GAUSSIAN.name
 
@@ -215,8 +211,7 @@ def test_a_law_from_outside_is_fitted_compared_reported_and_explored(
     results = bristle.report(path, folder=tmp_path / "report")
     found = results.joint()
     assert found.law.name == "flat"
-    assert found.laws is not None
-    assert found.laws.chosen.name == "flat"
+    assert present(found.laws).chosen.name == "flat"
     assert holds(found.static["+"].parameters["alpha_0"].interval, GRIPPER.alpha_0)
     pages = "".join(p.read_text(encoding="utf-8") for p in (tmp_path / "report").rglob("*.html"))
     assert "flat-top" in pages
@@ -246,5 +241,4 @@ def test_moving_runs_choose_their_law(name: str) -> None:
     truth = {**GRIPPER._asdict(), "alpha_3": -0.012}
     for parameter in set(fit.params) & set(truth):
         assert fit.params[parameter] == pytest.approx(truth[parameter], rel=0.04), parameter
-    assert fit.joint.laws is not None
-    assert fit.joint.laws.data == "moving runs"
+    assert present(fit.joint.laws).data == "moving runs"

@@ -33,6 +33,7 @@ from bristle.questions.joint_report.brief import brief_report
 from bristle.questions.joint_report.text import fit_report
 from bristle.simulation.joint_loop import Carried, of_experiment
 
+from ..conftest import present
 from .conftest import experiment_file, holds
 
 P = Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0)
@@ -99,9 +100,7 @@ def geared(law: str, rises: float, supply: tuple[float, ...]) -> tuple[Path, Joi
 
 
 def tracked(law: str, rises: float = 0.1, supply: tuple[float, ...] = EXACT) -> TrackingFit:
-    fit = geared(law, rises, supply)[1].tracking
-    assert fit is not None
-    return fit
+    return present(geared(law, rises, supply)[1].tracking)
 
 
 @pytest.mark.slow

@@ -23,6 +23,7 @@ from bristle.identification.results import Joint
 from bristle.identification.static.fit import fit_moving
 from bristle.model.parameters import Lugre, Pair
 
+from ..conftest import present
 from ..names import parse
 from ..sameness import of_kind
 from .conftest import GRIPPER, OTHER, TONES, by_name, curve, experiment_file, moved, points_file, tones
@@ -47,9 +48,7 @@ def joint_of(folder: Path, v: Array, torque: Array, fit: str = "") -> Joint:
 
 
 def row(compared: Comparison, model: str, directions: str) -> Row:
-    found = compared.row(called(model, directions))
-    assert found is not None
-    return found
+    return present(compared.row(called(model, directions)))
 
 
 def called(model: str, directions: str) -> str:
@@ -175,8 +174,7 @@ def test_too_few_points_are_said(tmp_path: Path) -> None:
     sizes = {COULOMB: 3.0, VISCOUS: 1.0, STRIBECK: 0.5}
     pairs = zip(sizes.items(), (1, 2, 4), strict=True)
     found = {(model, ONE): Candidate(np.full(50, x), k) for (model, x), k in pairs}
-    judged = rank_models("points", found, 1.0, 100.0, static, None, ())
-    assert judged is not None
+    judged = present(rank_models("points", found, 1.0, 100.0, static, None, ()))
     assert used(judged).name == VISCOUS
     (refused,) = reasons(judged, REFUSED)
     assert refused == f"{REFUSED}, though it would lower the BIC by {used(judged).bic:.1f} (the fit's warnings say why)"
@@ -202,8 +200,7 @@ def on_motion(
     static = fit_moving(experiment, records, [])[0]
     runs = tuple(Run(kind="tracking", record=r, hold_out=r is held[0]) for r in (*records, *held))
     measured = Measured(experiment=experiment, runs=runs, segments=((), ()))
-    compared = model_selection.compare_on_motion(measured, static, alone)
-    assert compared is not None
+    compared = present(model_selection.compare_on_motion(measured, static, alone))
     return compared, alone
 
 
@@ -254,8 +251,7 @@ def test_models_on_a_moving_run(on_motion: tuple[Comparison, TrackingFit]) -> No
     keys = [(model, of) for of in (SYMMETRIC, APART) for model in (COULOMB, VISCOUS, STRIBECK, LUGRE)]
     rows = {key: row(compared, *key) for key in keys}
     found = {key: Candidate(np.full(compared.n, r.rms), r.parameters) for key, r in rows.items()}
-    judged = rank_models("moving runs", found, 1.0, 1.0, {}, replace(alone, parameters=blind), ())
-    assert judged is not None
+    judged = present(rank_models("moving runs", found, 1.0, 1.0, {}, replace(alone, parameters=blind), ()))
     assert not is_of(used(judged), LUGRE)
     assert reasons(judged, "the motion does not show LuGre's bristle")
     assert is_of(min(judged.rows, key=lambda r: r.bic), LUGRE)

@@ -23,6 +23,7 @@ from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout
 from bristle.questions.joint_report.static_figures import curves_to_use
 
+from ..conftest import present
 from ..names import parse
 from .conftest import curve, experiment_file, fitted, holds, moved, posed, tones, way, white
 
@@ -100,8 +101,7 @@ def test_filters_hold_outs_and_poorer_laws_of_moving_runs() -> None:
     """Each equation's kernel sums to one, and takes its samples from one segment only."""
     record = moving(starts=(0, 3000))
     problem, (time, _), dropped = from_records([record], ("both",), ("inertia",), 10)
-    smooth = problem.smooth
-    assert smooth is not None
+    smooth = present(problem.smooth)
     assert smooth @ np.ones(record.time.size) == pytest.approx(np.ones(smooth.shape[0]), abs=1e-12)
     dense = smooth.toarray()
     first, second = dense[:, :3000].any(axis=1), dense[:, 3000:].any(axis=1)
@@ -177,8 +177,7 @@ def test_a_short_run_is_fitted_with_what_it_has(tmp_path: Path) -> None:
     # a free exponent without points at constant velocity is held in the middle of its range, which is a caution; a given one is not
     for given, said in (("", ["1.41"]), (", fixed: {delta: 2.0}", [])):
         joint = identify_joint(measure(moving_file(tmp_path, f", law: free-exponent{given}")))
-        fit = joint.moving
-        assert fit is not None
+        fit = present(joint.moving)
         told = [w for w in fit.warnings if w.code == "shape-held"]
         assert [f"{w.numbers['value']:.3g}" for w in told] == said
         (p,) = curves_to_use(joint).values()
@@ -190,8 +189,7 @@ def test_a_short_run_is_fitted_with_what_it_has(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "long.csv", np.delete(rows, lost, axis=0), delimiter=",", header="t,v,T", comments="")
     joint = identify_joint(measure(file))
     assert joint.inputs[0].dropped == 20 + 150
-    assert joint.tracking is not None
-    assert holds(joint.tracking.parameters[parse("alpha_0")].interval, 0.25)
+    assert holds(present(joint.tracking).parameters[parse("alpha_0")].interval, 0.25)
 
 
 @pytest.mark.slow

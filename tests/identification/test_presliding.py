@@ -29,7 +29,8 @@ from bristle.model import law
 from bristle.model.parameters import Direction, Lugre
 from bristle.model.rollout import rollout
 
-from .conftest import G0, GRIPPER, bent, codes, ends_of, error_of, experiment_file, holds, known, value_of, white
+from ..conftest import present
+from .conftest import G0, GRIPPER, bent, codes, error_of, experiment_file, holds, known, value_of, white
 
 LEVEL = known(G0, 0.002 * G0)
 TIME = np.arange(0, 20, 0.01)
@@ -85,7 +86,7 @@ def test_slow_loading_tells_sigma_0_with_its_errors() -> None:
     quantum = 4 * float(np.ptp(np.asarray(run(0.0, 0.0).position)))
     fit = found(run(quantum, 0.5), quantum)
     for e in (fit.printed, fit.corrected, fit.edges, fit.samples):
-        low, high = ends_of(e.interval)
+        low, high = present(e.interval)
         assert e.value is None
         assert 0 < low < GRIPPER.sigma_0
         assert high == np.inf
@@ -151,8 +152,7 @@ def test_as_a_prior_it_scatters_as_students(freedom: float, share: float) -> Non
     own = found(run(2 * np.pi / 2**14, 0.3), 2 * np.pi / 2**14)
     assert 1 < own.degrees_of_freedom < np.inf
     fit = replace(own, degrees_of_freedom=freedom)
-    prior = _stiffness(Presliding(fits={"+": fit}, breakaway={}), Direction("+"))
-    assert prior is not None
+    prior = present(_stiffness(Presliding(fits={"+": fit}, breakaway={}), Direction("+")))
     assert prior.value == pytest.approx(fit.sigma_0.value, rel=1e-12)
     assert prior.standard_error == pytest.approx(share * error_of(fit.sigma_0), rel=1e-12)
 
@@ -303,7 +303,7 @@ def test_profiles_of_slow_loading() -> None:
     low, value, high = (value_of(stiffness(own, x, "revolute")["edges"]) for x in levels)
     three = three_ways(own, level, "edges")
     longer = np.sign((low - value) - (value - high))
-    for low_end, high_end in map(ends_of, (three.profile, three.bootstrap)):
+    for low_end, high_end in map(present, (three.profile, three.bootstrap)):
         assert np.sign((high_end - value) - (value - low_end)) == longer
     # the presliding fit carries the recommended estimator's; the same seed draws the same bytes, another one others
     own, level = loadings(0), known(G0, 0.003 * G0)
@@ -318,7 +318,7 @@ def test_profiles_of_slow_loading() -> None:
     level = known(1.01 * float(late.torque[-1]) / REACH, 0.1 * G0)
     assert late.torque[0] > REACH * (level.value - level.standard_error)
     three = three_ways([late], level, "samples")
-    for low, high in map(ends_of, (three.covariance, three.profile)):
+    for low, high in map(present, (three.covariance, three.profile)):
         assert low < high
     # where counts hide the motion the profile is the lower bound, open above, with the reason; nothing is drawn
     own, level = loadings(0), known(G0, 0.01 * G0)
@@ -345,7 +345,7 @@ def test_errors_of_g0_that_are_small_or_missing() -> None:
         own, level = loadings(3), known(G0, 0.003 * G0)
         three, value = three_ways(own, level, way), value_of(stiffness(own, level, "revolute")[way])
         assert (np.diff(three.curve[0]) > 0).all()
-        assert np.interp(ends_of(three.profile), *three.curve) == pytest.approx([1.0, 1.0], abs=1e-3)
+        assert np.interp(present(three.profile), *three.curve) == pytest.approx([1.0, 1.0], abs=1e-3)
         assert np.interp(value, *three.curve) == pytest.approx(0.0, abs=1e-3)
     # where nothing tells how well g0 is known, the profile is the one at that g0, and no fault of ours
     for way in WAYS:
@@ -362,7 +362,7 @@ def test_a_profile_ends_where_the_least_over_g0_is_the_threshold(share: float) -
     own, error = loadings(1), share * G0
     three = three_ways(own, known(G0, error), "edges")
     freedom = by_edges([of_loading(x, G0) for x in own])[2]
-    for end in ends_of(three.profile):
+    for end in present(three.profile):
 
         def least(x: float, end: float = end) -> float:
             u, e, _ = by_edges([of_loading(one, G0 + x * error) for one in own])
@@ -448,7 +448,7 @@ def test_stiffness_of_a_softening_joint(tmp_path: Path, monkeypatch: pytest.Monk
     level = known(G0, 0.01 * G0)
     fit = identify_presliding(records, {"+": level}, None, FitOptions(), COUNTS[1], "revolute").fits["+"]
     assert "softens" in codes(fit.warnings)
-    low, high = ends_of(fit.sigma_0.interval)
+    low, high = present(fit.sigma_0.interval)
     assert all(low <= row.sigma_0 <= high for row in fit.amplitudes)
     assert error_of(fit.sigma_0) >= (high - low) / 4
     assert fit.uncertainty["sigma_0"].bootstrap is None
@@ -462,11 +462,11 @@ def test_stiffness_of_a_softening_joint(tmp_path: Path, monkeypatch: pytest.Monk
     fit = identify_presliding(records, {}, None, FitOptions(), quantum, "revolute").fits["+"]
     assert fit.sigma_0.value is None
     said = {w.numbers["least"] for w in fit.sigma_0.warnings if w.code == "within-noise"}
-    assert said == {ends_of(fit.sigma_0.interval)[0]}
+    assert said == {present(fit.sigma_0.interval)[0]}
     # holds of ten deflections have settled, also where counts make the estimated velocity change its sign: alpha_1 is
     # within its interval
     joint = bristle.identify(logs(tmp_path, 2 * np.pi / 2**12, 10.0)).joints[0]
-    low, high = ends_of(of(joint).parameters["alpha_1"].interval)
+    low, high = present(of(joint).parameters["alpha_1"].interval)
     assert low < SOFT.alpha_1 < high < low + 0.1 * SOFT.alpha_1
     # levels and stiffness are the truth's within their intervals, v_s to 2 %; holds as they are give a peak whose interval misses it
     file = logs(tmp_path)
@@ -474,11 +474,10 @@ def test_stiffness_of_a_softening_joint(tmp_path: Path, monkeypatch: pytest.Monk
     for name in ("alpha_0", "alpha_1", "alpha_2"):
         assert holds(of(joint).parameters[name].interval, getattr(SOFT, name)), name
     assert of(joint).parameters["v_s"].value == pytest.approx(SOFT.v_s, rel=0.02)
-    assert joint.presliding is not None
-    for fit in joint.presliding.fits.values():
+    for fit in present(joint.presliding).fits.values():
         assert holds(fit.sigma_0.interval, SOFT.sigma_0)
     monkeypatch.setattr(identify, "without_settling", lambda *_: None)
-    assert ends_of(of(bristle.identify(file).joints[0]).parameters["alpha_1"].interval)[1] < SOFT.alpha_1
+    assert present(of(bristle.identify(file).joints[0]).parameters["alpha_1"].interval)[1] < SOFT.alpha_1
 
 
 @pytest.mark.parametrize("quantum", COUNTS)
@@ -511,7 +510,7 @@ def test_a_maxwell_slip_joint_softens(quantum: float) -> None:
     (bend,) = (w.numbers["bend"] for w in fit.warnings if w.code == "g0-at-least")
     low, high = (float(word) for word in bend.split() if word.startswith("0."))
     assert low <= G0 <= high < 1.2 * G0
-    low, high = ends_of(fit.sigma_0.interval)
+    low, high = present(fit.sigma_0.interval)
     assert low <= GRIPPER.sigma_0 <= high < 1.1 * low
     assert value_of(fit.sigma_0) > max(row.value for row in fit.amplitudes)
     own = fit.repeats["sigma_0"].by_run.values()

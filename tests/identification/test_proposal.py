@@ -22,7 +22,8 @@ from bristle.identification.static.set_up import BetterSetUp, SetUp, trial_of_mo
 from bristle.identification.static.solution import solve_static
 from bristle.model.parameters import SIGNED, Direction, Lugre, Pair
 
-from .conftest import GRIPPER, curve, experiment_file, moved, points_file, torque_of, white
+from ..conftest import present
+from .conftest import GRIPPER, curve, experiment_file, moved, points_file, white
 from .test_fit import segments_of
 
 RATE = 250.0
@@ -72,12 +73,11 @@ def test_directions_are_chosen_by_the_fit(tmp_path: Path, apart: float, which: s
     q = 0.6 * np.sin(2 * np.pi * 0.3 * t) + 0.4 * np.sin(2 * np.pi * 0.8 * t)
     sets = (Lugre(0.8 * x, 0.3 * x, 0.4 * x, 0.1, 400.0, 2.0) for x in (1.0, apart))
     run = moved(np.gradient(q, t), 1 / RATE, Pair(*sets), 0.01, inertia=0.05)
-    log = written(tmp_path / "log.csv", HEADER, t, np.degrees(q), torque_of(run) / 0.5)
+    log = written(tmp_path / "log.csv", HEADER, t, np.degrees(q), present(run.torque) / 0.5)
     text, _ = api.draft(log, told=MOTOR, folder=tmp_path)
     (tmp_path / "draft.yaml").write_text(text)
     found = bristle.identify(tmp_path / "draft.yaml")
-    tracking = found.joint().tracking
-    assert tracking is not None
+    tracking = present(found.joint().tracking)
     sided = {name.direction for name in tracking.parameters if name.name == "alpha_0"}
     assert sided == (set(SIGNED) if apart > 1 else {Direction.BOTH})
     assert f"directions: {which}" in found.text()
@@ -138,8 +138,7 @@ def test_logs_of_two_kinds_are_drafted_together(tmp_path: Path) -> None:
     text, _ = api.draft(*logs, told=told, folder=tmp_path)
     (tmp_path / "draft.yaml").write_text(text)
     e = load_experiment(tmp_path / "draft.yaml")
-    assert e.context.gear is not None
-    assert (e.joint.name, e.context.gear.ratio, e.inertia, e.fit.directions) == (
+    assert (e.joint.name, present(e.context.gear).ratio, e.inertia, e.fit.directions) == (
         "elbow", 2.0, PlusMinus(value=0.05, standard_error=0.01), "symmetric",
     )  # fmt: skip  # a list of values
     assert [(run.files, run.hold_out) for run in e.runs] == [
@@ -307,10 +306,9 @@ def better_set_up(folder: Path, record: Record, fit: str = "") -> BetterSetUp | 
 def test_the_term_that_is_missing_is_named(tmp_path: Path, load: str, size: float, fit: str, lines: str) -> None:
     """A load that the fit lacks is the one proposed, with the lines that ask for it, and the error that is left is the noise's."""
     record = motion(**{load: size})
-    better = better_set_up(tmp_path, record, fit)
-    assert better is not None
+    better = present(better_set_up(tmp_path, record, fit))
     assert better.lines == lines
-    assert better.error < 100 * 0.05 / np.sqrt(np.mean(torque_of(record) ** 2)) < 0.75 * better.asked_error
+    assert better.error < 100 * 0.05 / np.sqrt(np.mean(present(record.torque) ** 2)) < 0.75 * better.asked_error
 
 
 def test_nothing_is_proposed_where_nothing_is_missing(tmp_path: Path) -> None:

@@ -30,7 +30,8 @@ from bristle.identification.static.solution import solve_static
 from bristle.identification.static.uncertainty import parts_of_runs as parts_of_curves
 from bristle.model.parameters import Direction, Lugre, ParameterName
 
-from .conftest import G0, GRIPPER, by_name, codes, curve, ends_of, error_of, known, moved, tones, value_of, white
+from ..conftest import present
+from .conftest import G0, GRIPPER, by_name, codes, curve, error_of, known, moved, tones, value_of, white
 
 ALPHA_0, SIGMA_0 = ParameterName("alpha_0", Direction.BOTH), ParameterName("sigma_0", Direction.BOTH)
 
@@ -174,7 +175,7 @@ def test_curves_of_points_that_differ_hold_the_mean(speeds: Array) -> None:
         e, v_s = core.parameters[ALPHA_0], {ParameterName("v_s", Direction.BOTH)}
         x = clustered(*parts_of_curves(core, runs), core.parameters, core.freedom, v_s, independent=True)[ALPHA_0]
         assert list(x.by_run) == [name for name, _ in runs]
-        low, high = spreader(value_of(e), x.stretched, "alpha_0")(np.array(ends_of(e.interval)))
+        low, high = spreader(value_of(e), x.stretched, "alpha_0")(np.array(present(e.interval)))
         held.append(low < GRIPPER.alpha_0 < high)
     assert 0.88 <= np.mean(held) <= 0.99
     # runs whose stiffness differs by 10 % widen sigma_0 and say so; runs of one stiffness do not: the error of g0, common to all, is no

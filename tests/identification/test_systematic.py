@@ -14,7 +14,7 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.identification.curve import band
 from bristle.identification.dynamic.output_error import with_more_torque
 from bristle.identification.dynamic.problem import InitialState, residuals
-from bristle.identification.fits import Estimate, StaticFit, TrackingFit
+from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.results import Joint
 from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
@@ -24,7 +24,8 @@ from bristle.model.parameters import INERTIA, Lugre, Pair, ParameterName, least_
 from bristle.questions.joint_report.results_file import to_frame
 from bristle.simulation.bench import steady_points
 
-from .conftest import G0, GRIPPER, OTHER, codes, curve, ends_of, error_of, holds, known, value_of
+from ..conftest import present
+from .conftest import G0, GRIPPER, OTHER, codes, curve, error_of, holds, known, value_of
 from .test_output_error import MOTOR, STEP, drive, posed, values_of
 from .test_presliding import maxwell_slip, soft_loadings
 from .test_repeats import loading
@@ -67,18 +68,13 @@ def every(fits: Mapping[str, StaticFit]) -> list[tuple[str, str, Estimate]]:
     return [(d, name, e) for d, fit in fits.items() for name, e in fit.parameters.items()]
 
 
-def tracked(joint: Joint) -> TrackingFit:
-    assert joint.tracking is not None
-    return joint.tracking
-
-
 def of_stages(joint: Joint) -> list[tuple[str, str, str, Estimate]]:
     """Stage, direction, name and estimate of each parameter of static, presliding, moving and all runs."""
     assert joint.presliding is not None
     assert joint.joint_fit is not None
     found = [("static", d, name, e) for d, name, e in every(joint.static)]
     found += [("presliding", d, "sigma_0", fit.sigma_0) for d, fit in joint.presliding.fits.items()]
-    for stage, whole in (("tracking", tracked(joint)), ("joint", joint.joint_fit)):
+    for stage, whole in (("tracking", present(joint.tracking)), ("joint", joint.joint_fit)):
         found += [(stage, str(n.direction), n.name, e) for n, e in whole.parameters.items()]
     return found
 
@@ -126,7 +122,7 @@ def test_a_common_factor_is_one_of_every_parameter_but_v_s(exact_and_uncertain: 
         ways = [x.static[d].uncertainty[name] for x in (uncertain, exact)]
         intervals += [(getattr(ways[0], way), getattr(ways[1], way)) for way in WAYS]
         for wide, narrow in intervals:
-            below, above = (hypot(end - value_of(e), NORMAL * (s.systematic or 0.0)) for end in ends_of(narrow))
+            below, above = (hypot(end - value_of(e), NORMAL * (s.systematic or 0.0)) for end in present(narrow))
             assert wide == pytest.approx((max(value_of(e) - below, 0.0), value_of(e) + above), rel=1e-12)
         assert statistical(s) == pytest.approx(e.interval, rel=1e-9)
     for joint, after in ((exact, "lower"), (uncertain, "systematic")):
@@ -259,9 +255,9 @@ def test_of_a_voltage_every_stage_moves_as_a_refit_does(tmp_path: Path) -> None:
         after = other.static[d].parameters[name].value
         if e.value is not None and after is not None:
             assert list(e.shifts.values()) == pytest.approx([(after - e.value) / STEPPED], rel=2e-3)
-    assert INERTIA not in tracked(joint).parameters
+    assert INERTIA not in present(joint.tracking).parameters
     for parameter in map(ParameterName.parse, ("alpha_2+", "sigma_0-", "sigma_1+", "sigma_1-")):
-        e, moves = tracked(joint).parameters[parameter], tracked(other).parameters[parameter]
+        e, moves = present(joint.tracking).parameters[parameter], present(other.tracking).parameters[parameter]
         (shift,) = e.shifts.values()
         assert shift == pytest.approx((value_of(moves) - value_of(e)) / STEPPED, rel=0.15)
         assert parameter.name != "sigma_1" or shift > 3 * SHARE * value_of(e)

@@ -28,7 +28,7 @@ from bristle.questions.joint_report.report import report
 from bristle.questions.joint_report.sentences import known_to
 from bristle.questions.joint_report.text import fit_report
 
-from ..conftest import all_drawn
+from ..conftest import all_drawn, present
 from ..pages import page_text, report_text
 from .conftest import HOSTILE, gripper, listed, nothing_seen, only, sections_of, write_report
 from .moving import CORRELATED, DIFFER, IPOPT, NOT_SHOWN, UNSEEN, moving, tracked
@@ -315,8 +315,7 @@ def test_all_parameters_stand_first(tmp_path: Path) -> None:
         replace(moving("moved"), tracking=moved, joint_fit=None, accuracy=accuracy), averaged,
     ]  # fmt: skip  # a list
     of_friction = [(), ("of friction", "in held-out runs"), ("of friction", "in fitted runs")]
-    answer = report(joints, title="t", seed=0).sections[0].answer
-    assert answer is not None
+    answer = present(report(joints, title="t", seed=0).sections[0].answer)
     assert answer.whole == ("hold-out error", "compensation leaves", "curve")
     assert [x.whole[:2] for x in answer.things] == [
         (Cell("1.2 %"), Cell("5 %", of_friction[1])), (Cell(), Cell("2 %", of_friction[2])), (Cell(), Cell()), (Cell(), Cell()),
@@ -326,8 +325,7 @@ def test_all_parameters_stand_first(tmp_path: Path) -> None:
     assert [("held-out" in line, "within 0.5 %" in line, "of friction" in line) for line in lines] == [
         (False, False, False), (False, True, False), (False, False, False), (False, False, False), (False, False, False),
     ]  # fmt: skip  # a table
-    alone = report(joints[2:4], title="t", seed=0).sections[0].answer
-    assert alone is not None
+    alone = present(report(joints[2:4], title="t", seed=0).sections[0].answer)
     assert alone.whole == ("curve",)
     assert not any(words in alone.note for words in ("Hold-out", "leaves"))
     # words, unit and captions are those of a simulated position; nothing calls it a torque

@@ -13,7 +13,6 @@ import pytest
 from bristle.estimation.interval_comparison import they_differ
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.document import joints_of, parsed, validated, with_samples
-from bristle.identification.fits import TrackingFit
 from bristle.identification.results import Joint, adapter
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.wording import in_print
@@ -21,6 +20,7 @@ from bristle.questions.joint_report import results_file, tables
 from bristle.questions.joint_report.sentences import agreement
 from bristle.questions.joint_report.text import fit_report
 
+from ..conftest import present
 from ..names import named
 from ..sameness import held as as_lines
 from .conftest import TABLE_1, closed_cycle, loaded, nothing_seen, only, slow_fit
@@ -223,11 +223,6 @@ def test_tables_of_slow_loading(slow: Joint, joint: Joint) -> None:
     assert list(made["presliding"].columns) == list(tables.presliding([loaded()]).columns)
 
 
-def of(fit: TrackingFit | None) -> TrackingFit:
-    assert fit is not None
-    return fit
-
-
 def test_frame_gains_rows_and_last_columns(whole: Joint, joint: Joint) -> None:
     """The joint fit (without one, the moving runs) stands after the other stages, named in `source`; static fits alone have their old columns."""
     # `use` marks one row of each parameter, that of `chosen`
@@ -241,7 +236,7 @@ def test_frame_gains_rows_and_last_columns(whole: Joint, joint: Joint) -> None:
     assert old[-1] == "warnings"
     assert list(frame["source"]) == 2 * (4 * ["static"] + 2 * ["presliding"]) + 13 * ["joint"]
     assert list(frame["direction"])[12:] == 6 * ["+"] + 6 * ["-"] + ["shared"]
-    assert frame["value"].iloc[-1] == of(whole.joint_fit).parameters[ParameterName.parse("inertia")].value
+    assert frame["value"].iloc[-1] == present(whole.joint_fit).parameters[ParameterName.parse("inertia")].value
     alone = results_file.to_frame([replace(whole, joint_fit=None)])
     assert list(alone["source"])[12:] == 13 * ["tracking"]
     # a row per fit and parameter: error against the truth, whether the interval holds it, and what counts added
@@ -284,14 +279,14 @@ def test_table_1_and_the_stages_that_agree(whole: Joint, joint: Joint) -> None:
     assert list(before["source"]) == 2 * (4 * ["static"] + 2 * ["presliding"])
     # what the moving runs know of both directions together replaces a stage's value of each, and of each that of both
     together = {
-        ParameterName.parse(name): of(whole.joint_fit).parameters[ParameterName.parse(f"{name}+")]
+        ParameterName.parse(name): present(whole.joint_fit).parameters[ParameterName.parse(f"{name}+")]
         for name in TABLE_1["+"]._fields
     }
     of_both = replace(whole, joint_fit=tracked(parameters=together), tracking=None)
     assert list(tables.all_tables([of_both])["table_1"]["direction"]) == 6 * ["both"]
     static = replace(whole, static={"both": whole.static["+"]}, presliding=None)
     assert set(tables.all_tables([static])["table_1"]["source"]) == {"joint"}
-    half = replace(static, joint_fit=without(of(whole.joint_fit), "alpha_1-"), tracking=None)
+    half = replace(static, joint_fit=without(present(whole.joint_fit), "alpha_1-"), tracking=None)
     rows = tables.all_tables([half])["table_1"]
     assert list(rows[rows["parameter"] == "alpha_1"]["direction"]) == ["+", "-"]
     # it counts what agrees, names the largest difference and what cannot be compared; without comparisons it is empty

@@ -25,6 +25,7 @@ from bristle.questions.compensation.replay import replays
 from bristle.questions.joint_report.text import fit_report
 from bristle.simulation.joint_loop import of_experiment
 
+from ..conftest import present
 from ..sameness import held, of_kind, without_sentences
 
 KINOVA = """
@@ -128,8 +129,7 @@ def test_kinova_is_identified_as_it_is(known: Known) -> None:
 
 def moving_is_no_worse(joint: Joint, static: StaticFit) -> None:
     """The full LuGre fit explains the force as well as the static fit of the same data, in training and held out, and says what it cannot see."""
-    moving = joint.tracking
-    assert moving is not None
+    moving = present(joint.tracking)
     assert static.relative_error is not None
     assert moving.relative_error <= static.relative_error + 0.05
     assert moving.hold_out[0].relative_error <= static.hold_out[0].relative_error + 0.05
@@ -285,11 +285,9 @@ def test_servo_protocol(measured_data: Path, tmp_path: Path, known: Known) -> No
     # and the inverse regression and the secant are stiffer
     joint = known(SERVO)
     replayed(tmp_path, SERVO, joint, most=20.0)
-    fit = joint.tracking
-    assert fit is not None
+    fit = present(joint.tracking)
     assert fit.known[INERTIA] == pytest.approx(1.97e-4, rel=0.03)
-    slow = joint.presliding
-    assert slow is not None
+    slow = present(joint.presliding)
     assert slow.breakaway["+"].value == pytest.approx(0.0235, abs=0.0025)
     outliers = [str(warning.numbers["file"]) for warning in slow.warnings if warning.code == "outlier"]
     assert outliers
@@ -326,8 +324,7 @@ def test_servo_repeats(measured_data: Path, tmp_path: Path) -> None:
     # of a parameter whose runs do
     assert measured_data.is_dir()
     joint = identified(tmp_path, REPEATS)
-    fit = joint.tracking
-    assert fit is not None
+    fit = present(joint.tracking)
     inertia = fit.parameters[ParameterName.parse("inertia")]
     assert inertia.value == pytest.approx(1.97e-4, rel=0.03)
     assert inertia.interval is not None

@@ -18,6 +18,7 @@ from bristle.identification.robot.measured import against_urdf, measure_robot
 from simulated_arm import ArmLog, simulate_arm
 
 from ..bags import START, state, write_bag
+from ..conftest import present
 from ..data.experiments import assert_refused
 from .arms import NAMES, NO_PINOCCHIO, SIGNALS, document, load_robot, write
 
@@ -99,8 +100,7 @@ def test_orders_gravity_constants_and_masses(tmp_path: Path, log: ArmLog) -> Non
     assert constant.interval is not None
     assert constant.interval[0] <= true <= constant.interval[1]
     assert constant.interval[1] - constant.interval[0] < 0.01 * true
-    torque = elbow.runs[0].record.torque
-    assert torque is not None
+    torque = present(elbow.runs[0].record.torque)
     assert torque == pytest.approx(log.current[:, 2] * (constant.value or 0.0))
     assert list(elbow.runs[0].record.torque_shifts)
     # with every mass a fifth too small, the shoulder with its known constant says so, and the elbow's free constant is cautioned
@@ -116,8 +116,7 @@ def test_links_that_weigh_nothing_tell_no_constant(tmp_path: Path, log: ArmLog) 
     """Then the constant is not identifiable, and friction is a number of amperes."""
     joints = only("flange", torque_constant="free")
     (flange,) = measure_robot(robot_of(tmp_path, log, (r'mass value="0\.4"', 'mass value="1e-6"'), joints=joints))
-    assert flange.torque_constant is not None
-    assert flange.torque_constant.value is None
+    assert present(flange.torque_constant).value is None
     assert [w.code for w in flange.findings] == ["constant-unseen"]
     joint = identify_joint(flange)
     assert joint.kind == "revolute in A"
@@ -172,8 +171,7 @@ def test_friction_of_every_joint_is_found() -> None:
                 assert error <= 0.05 * truth
                 assert abs(e.value - truth) <= 0.05 * truth
                 inside, asked = inside + (e.interval[0] <= truth <= e.interval[1]), asked + 1
-        assert joint.moving is not None
-        assert [held.relative_error < 1.5 for held in joint.moving.hold_out] == [True]
+        assert [held.relative_error < 1.5 for held in present(joint.moving).hold_out] == [True]
         constant = joint.torque_constant
         assert (constant is not None) == known.free
         if constant is not None:
@@ -187,11 +185,9 @@ def test_friction_of_every_joint_is_found() -> None:
 
 def test_files_and_drafts_of_the_embedded_arm(tmp_path: Path) -> None:
     """The robot's file is what make.py writes, the logs are as long as the motion and within the URDF's limits, and all is small."""
-    spec = importlib.util.spec_from_file_location("make_arm", FOLDER / "make.py")
-    assert spec is not None
-    assert spec.loader is not None
+    spec = present(importlib.util.spec_from_file_location("make_arm", FOLDER / "make.py"))
     make = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(make)
+    present(spec.loader).exec_module(make)
     assert make.robot() == (FOLDER / "robot.yaml").read_text(encoding="utf-8")
     log = arm.simulate_arm(0, held_out=True)
     table = np.loadtxt(FOLDER / "held_out.csv", delimiter=",", skiprows=1)

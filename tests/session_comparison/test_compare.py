@@ -36,7 +36,7 @@ from bristle.questions.session_comparison.results import (
 )
 from bristle.simulation.bench import steady_points
 
-from ..conftest import TRUTH, experiment, run, speeds, tree
+from ..conftest import TRUTH, experiment, present, run, speeds, tree
 from ..pages import Elements, assert_tables_are_named, findings, page_text
 from ..sameness import held, without_sentences
 
@@ -334,8 +334,7 @@ def test_the_figure_shows_both_sessions_relative_to_the_first(kind: Any) -> None
     """Two markers per parameter, the first session's at zero, the second's at its difference in percent; no figure of nothing."""
     a, b = (session(plain({"alpha_0+": x, "alpha_2+": 4.0}, 0.1), kind=kind) for x in (2.0, 3.0))
     compared = compare(a, b)
-    figure = forest_figure(compared, "wrist")
-    assert figure is not None
+    figure = present(forest_figure(compared, "wrist"))
     (ax,) = figure.axes
     marks = sorted(float(line.get_xdata()[0]) for line in ax.lines if line.get_marker() in {"o", "s"})  # type: ignore[arg-type, index]
     assert marks == pytest.approx([0, 0, 0, 50])
@@ -432,11 +431,9 @@ def test_captions_and_legends(monkeypatch: pytest.MonkeyPatch) -> None:
     """Title, legend and axes of the figure do not touch: a few points lie between them, whatever the number of rows."""
     for count in (1, 12):
         values = dict.fromkeys([name + d for d in "+-" for name in Lugre._fields][:count], 2.0)
-        figure = forest_figure(compare(session(plain(values, 0.1)), session(plain(values, 0.1))), "wrist")
-        assert figure is not None
+        figure = present(forest_figure(compare(session(plain(values, 0.1)), session(plain(values, 0.1))), "wrist"))
         (ax,) = figure.axes
-        legend = ax.get_legend()
-        assert legend is not None
+        legend = present(ax.get_legend())
         figure.draw_without_rendering()
         box = legend.get_window_extent()
         heading = next(t for t in ax.get_children() if isinstance(t, Text) and t.get_text() == "wrist")
