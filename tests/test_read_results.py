@@ -317,7 +317,7 @@ def whole(fresh: Results) -> str:
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=150, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_a_damaged_file_is_read_or_refused(data: Any, whole: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     """Values of samples replaced, moved or left out, and texts cut: the file is read, and reports what it holds, or is one sentence."""

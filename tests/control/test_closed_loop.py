@@ -367,7 +367,7 @@ def test_sensitivity_beside_the_bristle_is_that_of_another_gain(names: tuple[str
         assert state.learnt.sensitivity[k] == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-4, abs=1e-10)
 
 
-@settings(max_examples=1000, deadline=None)
+@settings(max_examples=1000)
 @given(
     st.sampled_from(list(product(LAWS, STEPS))), st.lists(st.tuples(ANY, ANY, ANY), min_size=1, max_size=4),
     st.floats(0, 1e6), st.floats(1e-6, 10.0),

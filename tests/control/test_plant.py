@@ -64,7 +64,7 @@ EXPONENTIAL = ca.Function("exponential", [A_SYMBOL, H_SYMBOL], [exponential(A_SY
 negative = st.floats(-1e6, -1e-6)
 
 
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 @given(negative, negative, st.floats(-1e6, 1e6), st.floats(-1e3, 1e3), st.floats(1e-6, 1.0))
 def test_exponential_is_that_of_scipy(a: float, d: float, b: float, c: float, h: float) -> None:
     """The closed form equals SciPy's matrix exponential for real, complex and stiff stable matrices."""
@@ -94,7 +94,6 @@ def test_steady_sliding_is_a_fixed_point(pair: Pair[float], v: float) -> None:
     np.testing.assert_allclose(new, [0.2 + v * h, v, z], rtol=1e-10)
 
 
-@settings(deadline=None, max_examples=40)
 @given(st.sampled_from([1.0, 6.0, 1e3, 1e4, 1e5]), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
 def test_stick_gains_no_energy(sigma_0: float, stretch: float, kick: float) -> None:
     """Left alone in stick, kinetic plus bristle energy never grows from one 1 ms step to the next, however stiff the bristle."""
@@ -156,7 +155,6 @@ def test_steps_agree_with_radau_and_noise_is_as_asked() -> None:
         assert np.ptp(together.velocity[:, -1]) > 0
 
 
-@settings(deadline=None)
 @given(st.floats(-100, 100), st.floats(0, 10), st.floats(1e-6, 1))
 def test_reading_is_the_nearest_count(x: float, more: float, resolution: float) -> None:
     """A reading is a whole number of counts, at most half a count from the truth, reads as itself, and never falls while the joint rises."""

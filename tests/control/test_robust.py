@@ -132,7 +132,7 @@ def scaled(pair: Pair[float], share: float) -> Pair[float]:
 
 
 @pytest.mark.parametrize("name", ["lugre", "lugre-feedback"])
-@settings(max_examples=30, deadline=None, derandomize=True)
+@settings(max_examples=30)
 @given(st.lists(st.integers(-30_000, 30_000), min_size=1, max_size=60), st.floats(0.01, 100.0), st.integers(-6, 6))
 def test_a_share_of_all_parameters_is_that_share_of_the_torque(
     name: Name, speeds: list[int], share: float, power: int
@@ -258,7 +258,6 @@ def run(
     return out
 
 
-@settings(deadline=None, max_examples=50)
 @given(errors)
 def test_unlimited_output_is_21(values: list[float]) -> None:
     """Far from the limit, the output is K_p e + K_i sum(e) h + K_d (e - e_before) / h."""
@@ -267,7 +266,6 @@ def test_unlimited_output_is_21(values: list[float]) -> None:
     np.testing.assert_allclose([u for u, _ in run(values)], expected, rtol=1e-12, atol=1e-12)
 
 
-@settings(deadline=None, max_examples=50)
 @given(errors, st.floats(1e-3, 10))
 def test_integral_never_pushes_into_the_limit(values: list[float], limit: float) -> None:
     """The output stays within the limit; a sample whose output meets it with room to spare does not move the integral further that way."""

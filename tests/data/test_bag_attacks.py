@@ -25,7 +25,7 @@ from .experiments import assert_refused, refusal
 
 pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
 
-_QUICK = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+_QUICK = settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 _KEYS = [Key("header.stamp"), Key("position[b]")]
 _SUFFIX = {"sqlite3": ".db3", "mcap": ".mcap", "bag": ".bag"}
 _SECONDS = 10

@@ -21,7 +21,7 @@ from .experiments import assert_refused
 
 pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
 
-_QUICK = settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+_QUICK = settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 _STAMP = Key("/joint_states.header.stamp")
 _NAMES = ("shoulder", "elbow", "wrist")
 

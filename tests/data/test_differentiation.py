@@ -172,7 +172,7 @@ def inertia(record: Record, cutoff: float) -> float:
     return float(np.linalg.lstsq(np.column_stack(columns), y, rcond=None)[0][0])
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(length=st.floats(1e-3, 1e3), torque=st.floats(1e-3, 1e3), time=st.floats(1e-2, 1e2))
 def test_units_change_nothing(length: float, torque: float, time: float) -> None:
     """In other units of position and torque the cut-off is the same, and in another unit of time the same in that unit; so is the decimation."""

@@ -220,7 +220,7 @@ _values = st.recursive(
 )
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.dictionaries(st.sampled_from(_KEYS), _values, max_size=3))
 def test_any_values_are_refused_or_taken(tmp_path: Path, changes: dict[str, Any]) -> None:
     """No values at any key make the loader raise anything but InputError, in one line."""

@@ -323,7 +323,7 @@ _TEXTS = st.one_of(
 )
 
 
-@settings(max_examples=210, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=210, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.one_of(_TEXTS.map(lambda text: text.encode("utf-8", "surrogatepass")), st.binary(max_size=300)),
     st.sampled_from([b"\n", b"\r\n"]),

@@ -55,7 +55,7 @@ def record(folder: Path, gear: Any, **more: Any) -> Record:
 MOTOR = {"position": "motor", "velocity": "motor", "torque": "motor"}
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.floats(0.01, 1500), st.sampled_from([1, -1]), st.sampled_from(["i A current", "u V voltage", "taum N*m torque"])
 )

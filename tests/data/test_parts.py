@@ -41,7 +41,7 @@ def records(folder: Path, *runs: dict[str, Any], **more: Any) -> list[Record]:
 # parts of a file
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(2, N - 20), st.integers(20, N))
 def test_a_part_is_its_rows(tmp_path: Path, first: int, length: int) -> None:
     """`rows` takes the lines that it names, both ends included, `time` the same samples by their stamps; both are said, and none is dropped."""
@@ -177,7 +177,6 @@ def test_runs_of_several_files(tmp_path: Path) -> None:
 # a time of its own
 
 
-@settings(max_examples=50, deadline=None)
 @given(st.lists(st.floats(0.01, 1), min_size=3, max_size=30), st.floats(-2, 2), st.floats(-2, 2))
 def test_a_line_is_a_line_at_any_instants(steps: list[float], slope: float, start: float) -> None:
     """A signal that is a line in time is the same line on any other time, nan beyond its ends; a sample that is missing changes nothing."""

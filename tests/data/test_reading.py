@@ -28,7 +28,7 @@ from bristle.errors import InputError
 
 from .experiments import answers, assert_refused, refusal
 
-_QUICK = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+_QUICK = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 _finite = st.floats(allow_nan=False, allow_infinity=False)
 
 
@@ -214,7 +214,7 @@ def test_units_of_logs() -> None:
 _PARTS = [*"mkNs*/()^-+129e% °µΩQq0._éjJ", "rad", "**", "deg", "nan", "inf", "counts", "rev", "Hz", "pi"]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.lists(st.sampled_from(_PARTS), max_size=12).map("".join))
 def test_any_unit_is_taken_or_refused(unit: str) -> None:
     """No text makes the units raise anything but InputError, and what is taken is a finite size."""

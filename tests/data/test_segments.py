@@ -145,7 +145,7 @@ def test_the_standard_error_is_right_over_repetitions(rho: float) -> None:
     assert 0.8 < np.sqrt(np.mean(np.square(z))) < 1.2
 
 
-@settings(deadline=None, max_examples=4)
+@settings(max_examples=4)
 @given(st.tuples(*[st.floats(-4, 4)] * 3), st.sampled_from([1.0, -1.0]))
 def test_units_and_sign_change_no_decision(powers: tuple[float, float, float], sign: float) -> None:
     """Time, velocity and torque in any other units, and motion in the other direction, leave every cut and every decision as it was."""
@@ -164,7 +164,7 @@ RECORDS = [staircase(seed=3, hold=0.5, signs=(1,)), quantised(staircase(seed=4, 
 limits = st.tuples(st.floats(1e-9, 3.0), st.floats(1e-3, 0.999), st.floats(0.5, 4.0), st.floats(1e-9, 2.0))
 
 
-@settings(deadline=None, max_examples=6)
+@settings(max_examples=6)
 @given(st.sampled_from(RECORDS), limits, limits)
 def test_loosening_a_threshold_never_rejects(
     record: Record, one: tuple[float, float, float, float], two: tuple[float, float, float, float]

@@ -45,7 +45,6 @@ def cycle(turns: int = 3, share: float = 0.8) -> Record:
 
 
 @given(st.floats(0, 0.999), st.sampled_from([1.0, -1.0]), st.sampled_from([12, 14, 16]))
-@settings(deadline=None, max_examples=40)
 def test_edges_lie_on_the_true_displacement(phase: float, sign: float, bits: int) -> None:
     """Wherever the joint rests in a count, the torque at each edge is the one that brings it there, to a sample; and edges are one count apart."""
     quantum = 2 * np.pi / 2**bits
@@ -167,7 +166,7 @@ def test_a_torque_exceeded_without_sliding_is_no_breakaway() -> None:
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 1e-4, 1e-3]), st.floats(0, 10))
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_what_is_no_stiffness_is_absent(seed: int, quantum: float, noise: float) -> None:
     """Whatever a cycle is, noise, standstill and motion against the torque among it, a slope is positive and finite or absent."""
     # NumPy warns of nothing
@@ -183,7 +182,6 @@ def test_what_is_no_stiffness_is_absent(seed: int, quantum: float, noise: float)
 
 
 @given(st.floats(1e-7, 1e-2), st.integers(2, 60), st.integers(0, 5))
-@settings(deadline=None)
 def test_the_count_is_found_in_the_readings(quantum: float, levels: int, seed: int) -> None:
     """Whatever the count, readings on its grid show it, rounded to six digits as in a log; noise on no grid shows none."""
     rng = np.random.default_rng(seed)
@@ -194,7 +192,6 @@ def test_the_count_is_found_in_the_readings(quantum: float, levels: int, seed: i
 
 
 @given(st.floats(1e-30, 1.0))
-@settings(deadline=None)
 def test_a_low_pass_can_be_computed_or_is_refused(cutoff: float) -> None:
     """Any cut-off gives a finite signal that is no larger than a few times what went in, or one sentence about units."""
     record = cycle()

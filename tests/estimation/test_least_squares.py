@@ -122,7 +122,7 @@ def test_the_lowest_of_several_minima_is_kept() -> None:
     assert solve_from_starts(ended, [0.0, 1.0, 2.0], lambda posed, minimum: (posed, minimum)).reached == 2
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 10**6), free=st.integers(0, 3), bounded=st.integers(0, 4))
 def test_bounded_least_squares_is_lsq_linears(seed: int, free: int, bounded: int) -> None:
     """Any columns, with a bound of zero on some, in any order and scale: the same solution as scipy's lsq_linear, and no bound broken."""
@@ -152,7 +152,7 @@ def test_no_columns_have_an_empty_basis() -> None:
     assert lag_one(np.tile([1.0, -1.0], 50)) == pytest.approx(-0.99)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10**6))
 def test_costs_with_bounds_are_those_of_bounded_least_squares(seed: int) -> None:
     """Whatever the torques, so that any set of bounds is active, with gravity and without: each grid cost is that of the bounded solution there."""
@@ -228,7 +228,7 @@ def test_bootstrap_knows_skewness_priors_blocks_and_seeds() -> None:
 
 
 @given(st.floats(-6, 6), st.integers(0, 5))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_a_step_scales_with_its_parameter(power: float, seed: int) -> None:
     """Expressing a parameter in another unit changes its steps by that unit and nothing else, t not at all."""
     rng = np.random.default_rng(seed)
@@ -271,7 +271,6 @@ def ar1(rho: float, shape: tuple[int, ...], seed: int = 0) -> Array:
     return np.asarray(lfilter([1.0], [1.0, -rho], noise)[..., 500:])
 
 
-@settings(deadline=None, max_examples=50)
 @given(arrays(float, st.integers(1, 60), elements=st.floats(-1e6, 1e6)), st.floats(1e-3, 1e3), st.floats(-1e3, 1e3))
 @example(np.array([np.finfo(float).tiny, 0, 0, 0, 0, 0]), 1.0, 0.0)
 def test_inflation_is_bounded_and_ignores_sign(x: Array, scale: float, shift: float) -> None:
@@ -283,7 +282,6 @@ def test_inflation_is_bounded_and_ignores_sign(x: Array, scale: float, shift: fl
     assert inflation(np.full(x.size, scale + shift)) == 1.0
 
 
-@settings(deadline=None, max_examples=50)
 @given(arrays(float, st.integers(2, 60), elements=st.floats(-1e3, 1e3)))
 def test_autocorrelation_is_that_of_the_definition(x: Array) -> None:
     """The FFT gives the sums of products of the definition; lag zero is one, and no lag exceeds it."""

@@ -142,7 +142,7 @@ def test_planned_velocities_win_in_every_range(monkeypatch: pytest.MonkeyPatch) 
         assert usual <= judged.value(design(own, RUNS, aim).speeds) + 0.01
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(st.floats(0.0, 1.0), min_size=RUNS, max_size=RUNS))
 def test_no_other_runs_are_better(where: list[float]) -> None:
     """Any twelve speeds of the range have an information no larger, and an error of v_s no smaller, than those planned; averaged over v_s."""
@@ -157,7 +157,7 @@ def test_no_other_runs_are_better(where: list[float]) -> None:
 _PLANNED = {aim: design(problem(relative=0.3), RUNS, aim) for aim in ("all", "v_s")}
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(low=st.floats(0.02, 2.0), share=st.floats(1.5, 100.0), count=st.integers(4, 9))
 def test_runs_stay_within_their_range(low: float, share: float, count: int) -> None:
     """Every planned speed lies between the slowest and the fastest, and there are as many as were asked for."""
@@ -181,7 +181,7 @@ def played(velocities: list[float], limits: Limits, deflection: float) -> list[P
     return found
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     speeds=st.lists(st.tuples(st.floats(0.05, 1.0), st.sampled_from([-1, 1])), min_size=1, max_size=6),
     low=st.floats(-3.0, 3.0),
@@ -206,7 +206,7 @@ def test_references_respect_every_limit(
     assert all(abs(a.position[-1] - b.position[0]) <= 1e-9 for a, b in pairwise(found))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(speed=st.floats(0.02, 1.0), deflection=st.floats(1e-4, 0.01), hold=st.floats(0.5, 8.0))
 def test_every_run_is_averaged_as_long_as_asked(speed: float, deflection: float, hold: float) -> None:
     """A run's passes add up to the averaging time, each at exactly its speed after a run-in of eight deflections and 0.6 s."""
@@ -346,7 +346,7 @@ def relative(errors: Array) -> float:
     return float(np.linalg.norm(errors / VALUES))
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     st.lists(st.tuples(st.floats(1e-4, 5.0), st.floats(0.1, 8.0), st.floats(0.0, 6.3)), min_size=1, max_size=6),
     st.floats(1.5, 3.0),

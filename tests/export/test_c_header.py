@@ -341,7 +341,7 @@ def test_the_gradient_is_casadis(handed: Handed, built: Build) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(name=st.text(max_size=60) | st.sampled_from([*HOSTILE, "???/", "????"]))
 def test_no_name_leaves_its_comment(handed: Handed, name: str) -> None:
     """Whatever a joint is called, the header is printable ASCII, and without its comments the same but for identifiers and guards."""

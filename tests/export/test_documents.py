@@ -144,7 +144,7 @@ def test_documents_and_their_schema(handed: Handed, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(made())
 def test_any_joint_comes_back(joint: ExportedJoint) -> None:
     """Each number, name and sentence is the same again, whatever it is; the document satisfies its schema."""

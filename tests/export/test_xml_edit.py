@@ -3,7 +3,7 @@ from collections.abc import Iterator
 from xml.etree import ElementTree as Xml
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bristle.errors import InputError
@@ -80,7 +80,6 @@ def _alike(old: bytes, new: bytes) -> int:
     return next((k for k, (x, y) in pairs if x != y), min(len(old), len(new)))
 
 
-@settings(deadline=None)
 @given(ROOTS, st.data())
 def test_an_inserted_element_is_the_last_child_and_nothing_else_changes(content: bytes, data: st.DataObject) -> None:
     """The tree is the old one with the new child; all bytes are kept, but for the slash of a parent that closed itself."""
@@ -100,7 +99,6 @@ def test_an_inserted_element_is_the_last_child_and_nothing_else_changes(content:
     assert document.written() == content[: element.start] + b"<new/>" + content[element.end :]
 
 
-@settings(deadline=None)
 @given(ROOTS, st.data(), st.sampled_from(["name", "q", "fresh"]), TEXT)
 def test_only_the_attributes_that_are_set_change(content: bytes, data: st.DataObject, name: str, value: str) -> None:
     """The tree is the old one with that value; all bytes are kept, but for the value that it replaces."""
@@ -117,7 +115,6 @@ def test_only_the_attributes_that_are_set_change(content: bytes, data: st.DataOb
     assert blank(tree(result)) == blank(expected)
 
 
-@settings(deadline=None)
 @given(ROOTS)
 def test_what_is_not_edited_is_as_it_was(content: bytes) -> None:
     """Without edits the file is the same, and its tree is that of another parser."""
@@ -126,7 +123,6 @@ def test_what_is_not_edited_is_as_it_was(content: bytes) -> None:
     assert [x.attributes for x in elements(document.root)] == [x.attrib for x in tree(content).iter()]
 
 
-@settings(deadline=None)
 @given(st.text(max_size=60))
 def test_any_text_makes_a_sound_attribute_and_a_sound_comment(text: str) -> None:
     """An attribute gives the text back, but for what XML cannot hold; a comment holds no element, whatever the text."""

@@ -133,7 +133,7 @@ tables = st.lists(st.lists(texts, max_size=9), max_size=6)
 @given(
     header=st.lists(st.sampled_from([*CATALOG, "x", ""]), max_size=9), table=tables, separator=st.sampled_from(",;\t")
 )
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=200, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_no_text_breaks_a_catalog(tmp_path: Path, header: list[str], table: list[list[str]], separator: str) -> None:
     """Whatever a CSV file holds, it is rows that can be shown, or one InputError."""
     lines = [separator.join(line) for line in [header, *table]]
@@ -150,7 +150,7 @@ CELL = st.one_of(st.none(), st.integers(), st.floats(), st.binary(max_size=5), t
 
 
 @given(cells=st.tuples(CELL, CELL, CELL, CELL, CELL))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_no_cell_breaks_a_frame(cells: tuple[object, ...]) -> None:
     """Whatever the cells of a DataFrame hold, they are a row, or one InputError."""
     names = ("file", "unit", "session", "temperature", "load")

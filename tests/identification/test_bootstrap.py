@@ -42,7 +42,7 @@ def location(torque: Array) -> Regression:
     )  # fmt: skip  # a list of values
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10**6), count=st.integers(10, 40))
 def test_of_a_mean_it_is_the_textbooks(seed: int, count: int) -> None:
     """A mean: the interval is mean - t* s / sqrt(n) at the quantiles of (mean* - mean) / se* of the very draws; raised residuals cancel out."""
@@ -175,7 +175,7 @@ def assert_as_one_by_one(found: Batch) -> int:
     return at_bound
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10**6), noise=st.floats(5e-3, 0.03), start=st.floats(0.1, 0.6), count=st.integers(10, 30))
 @example(seed=724, noise=0.005859375, start=0.1015625, count=10)
 def test_a_batch_is_its_sets_one_by_one(seed: int, noise: float, start: float, count: int) -> None:

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -27,7 +27,6 @@ from bristle.model.rollout import rollout
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import TABLE_1
 
-FEW = settings(max_examples=40, deadline=None)
 PAIR = TABLE_1["gripper rotation"]
 P = PAIR.positive
 V = np.geomspace(0.15 * P.v_s, 0.8, 12)
@@ -116,7 +115,6 @@ def test_motion_jacobian_is_the_derivative_of_the_torque() -> None:
         info.matrix[0, 0] = 0.0
 
 
-@FEW
 @given(st.integers(1, 6), st.integers(0, 2**32 - 1))
 def test_covariance_is_the_inverse(size: int, seed: int) -> None:
     """Of any information that has an inverse, errors and correlation are those of the inverse, in any units."""

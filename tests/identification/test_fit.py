@@ -167,7 +167,6 @@ def named(velocity: Array, torque: Array, direction: str = "both") -> dict[str, 
     return dict(zip((n.name for n in problem.names), solve(problem, default_range(velocity)).theta, strict=True))
 
 
-@settings(max_examples=40, deadline=None)
 @given(positive, positive, positive, st.floats(0.3, 3.0))
 def test_noise_free_points_give_back_the_parameters(a0: float, a1: float, a2: float, reach: float) -> None:
     """Without noise the minimum of the profile is the truth, whatever the parameters, to 1e-5 relative (the profile is flat to rounding there)."""
@@ -177,7 +176,7 @@ def test_noise_free_points_give_back_the_parameters(a0: float, a1: float, a2: fl
     assert [found[n] for n in ("alpha_0", "alpha_1", "alpha_2", "v_s")] == pytest.approx(p[:4], rel=1e-5)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 10_000))
 def test_refined_minimum_is_below_every_value_of_the_plain_grid(seed: int) -> None:
     """The continuous minimum costs no more than any of the paper's 500 values of v_s."""
@@ -313,7 +312,7 @@ def any_theta(problem: Regression, seed: int) -> Array:
 
 
 @pytest.mark.parametrize("case", CASES)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10**6))
 def test_sums_of_squares_are_the_same_for_every_theta(case: str, seed: int) -> None:
     """Not at the minimum alone: for any parameters with v_s in the range the cost is that of all equations, to 1e-8 of the torque's square."""

@@ -66,7 +66,7 @@ def test_the_loading_curve_solves_the_law() -> None:
 
 
 @given(st.floats(0, 0.999), st.sampled_from([12, 14, 16]))
-@settings(deadline=None, max_examples=30)
+@settings(max_examples=30)
 def test_edges_are_exact_wherever_the_joint_rests(phase: float, bits: int) -> None:
     """Without noise the line through the count edges has slope sigma_0 for every rest position, to what one sample of the ramp moves."""
     fit = found(run(2 * np.pi / 2**bits, phase), 2 * np.pi / 2**bits)

@@ -105,7 +105,6 @@ def without_peak(velocity: Array, torque: Array, extra: dict[str, Array] | None 
 
 
 @given(seed=st.integers(0, 10**6), variance_inflation=st.floats(1.0, 3.0))
-@settings(max_examples=50, deadline=None)
 def test_without_a_peak_the_profile_is_the_students_interval(seed: int, variance_inflation: float) -> None:
     """A linear problem away from its bounds: every profile ends where Student's t with the covariance does, to 1e-9, extra regressors too."""
     rng = np.random.default_rng(seed)
@@ -121,7 +120,6 @@ def test_without_a_peak_the_profile_is_the_students_interval(seed: int, variance
 
 
 @given(seed=st.integers(0, 10**6))
-@settings(max_examples=40, deadline=None)
 def test_at_a_bound_the_profile_is_that_of_non_negative_least_squares(seed: int) -> None:
     """Where viscous friction is hardly there, intervals end at zero, or where non-negative least squares with one held costs the threshold."""
     rng = np.random.default_rng(seed)
@@ -145,7 +143,7 @@ def test_at_a_bound_the_profile_is_that_of_non_negative_least_squares(seed: int)
     start=st.floats(0.15, 0.7),
     viscous=st.sampled_from([1.0, 0.02, 0.0]),
 )
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_one_peak_ends_where_brute_force_does(seed: int, noise: float, start: float, viscous: float) -> None:
     """Over random noise and designs, with viscous friction and without: every end costs the threshold by brute force over v_s."""
     truth = GRIPPER._replace(alpha_2=viscous * GRIPPER.alpha_2)
@@ -295,7 +293,7 @@ def test_every_point_of_a_curve_is_brute_force(case: str) -> None:
 
 
 @given(seed=st.integers(0, 10**6), torque=st.floats(1e-3, 1e3), speed=st.floats(1e-3, 1e3))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_intervals_follow_units(seed: int, torque: float, speed: float) -> None:
     """In other units of torque and velocity the same parameters and intervals come out, converted: nothing has a scale of its own."""
     measured_torque = measured(GRIPPER, SPEEDS, 5e-4, seed)

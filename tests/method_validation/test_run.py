@@ -88,7 +88,7 @@ def both_ways(case: ValidationCase, torques: Array, count: int) -> tuple[Array, 
     return methods.plain(case, torques, count), np.stack(apart, axis=1)
 
 
-@settings(deadline=None, max_examples=12)
+@settings(max_examples=12)
 @given(
     design=st.integers(0, 2),
     noise=st.floats(1e-3, 0.1),
@@ -166,7 +166,7 @@ def test_starts_derivatives_coverage_and_rounding() -> None:
     assert found.floor == float(spread(grid[3]))
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 999), scale=st.floats(0.1, 10), shift=st.floats(-5, 5))
 def test_spread_is_a_standard_deviation(seed: int, scale: float, shift: float) -> None:
     """Of Gaussian values `spread` is their standard deviation; it scales with them, is not shifted, and one outlier in a thousand hardly moves it."""

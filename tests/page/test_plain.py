@@ -23,7 +23,7 @@ WORDS = st.text("abcdefgh(),.", min_size=1, max_size=12)
 
 
 @given(parts=st.lists(NUMBERS | WORDS, min_size=1, max_size=40), indent=st.integers(0, 8))
-@settings(deadline=None, max_examples=200)
+@settings(max_examples=200)
 def test_no_number_is_broken(parts: list[str], indent: int) -> None:
     """Every number stands in one line with its error and unit, no line is longer than 80, and no word is lost."""
     line = " " * indent + " ".join(parts)
@@ -38,7 +38,7 @@ def test_no_number_is_broken(parts: list[str], indent: int) -> None:
 @given(
     rows=st.lists(st.lists(NUMBERS | WORDS, min_size=1, max_size=7), min_size=1, max_size=8), indent=st.integers(0, 6)
 )
-@settings(deadline=None, max_examples=100)
+@settings(max_examples=100)
 def test_no_cell_of_a_table_is_broken(rows: list[list[str]], indent: int) -> None:
     """Each cell stands whole in a line of at most 80, in order."""
     lines = list(columns(rows, indent))

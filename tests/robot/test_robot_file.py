@@ -251,7 +251,7 @@ changes = st.lists(
 )
 
 
-@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=400, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(edits=changes)
 def test_changed_bytes_give_a_robot_or_a_sentence(tmp_path: Path, edits: list[tuple[int, int, bytes]]) -> None:
     """Whatever becomes of a good URDF: finite torques, or an InputError, and the interpreter lives."""

@@ -10,7 +10,7 @@ from typing import Any
 
 import casadi as ca
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bristle.errors import InputError
@@ -22,7 +22,6 @@ from bristle.simulation.edro import TABLE_1
 
 from ..conftest import run
 
-FEW = settings(max_examples=40, deadline=None)
 paper = cache(formulas)  # those of the paper's law, made once
 GRIPPER = TABLE_1["gripper rotation"].positive
 CALLS: dict[str, Callable[[float], float]] = {"abs": abs, "exp": math.exp, "sign": lambda x: float((x > 0) - (x < 0))}
@@ -78,7 +77,6 @@ deflections = st.floats(-2.0, 2.0)
 velocities = st.floats(-3.0, 3.0).filter(lambda v: abs(v) > 1e-3)
 
 
-@FEW
 @given(deflections, velocities, sets)
 def test_partial_derivatives_are_casadis(z: float, v: float, p: Lugre[float]) -> None:
     """Each printed derivative of T_f, as text and as LaTeX, has the value of CasADi's own function anywhere."""
@@ -97,7 +95,6 @@ def test_partial_derivatives_are_casadis(z: float, v: float, p: Lugre[float]) ->
             assert value(written, names | {"g": g}) == pytest.approx(whole, rel=1e-9, abs=1e-12)
 
 
-@FEW
 @given(velocities, sets)
 def test_steady_derivatives_are_casadis(v: float, p: Lugre[float]) -> None:
     """Each printed derivative of the steady torque has the value of CasADi's; those by sigma_0 and sigma_1 are zero."""
@@ -159,7 +156,6 @@ def grown(parts: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
     )  # fmt: skip  # a list of ways
 
 
-@FEW
 @given(st.recursive(leaves, grown, max_leaves=8), st.floats(0.5, 1.5), st.floats(0.5, 1.5))
 def test_any_expression_keeps_its_value(expression: Any, a: float, b: float) -> None:
     """Whatever is collected, reordered and written has the value of the CasADi expression, as text and as LaTeX."""
@@ -169,7 +165,6 @@ def test_any_expression_keeps_its_value(expression: Any, a: float, b: float) -> 
         assert value(written, {"a": a, "b": b}) == pytest.approx(exact, rel=1e-9, abs=1e-9)
 
 
-@FEW
 @given(st.recursive(leaves, grown, max_leaves=4), st.recursive(leaves, grown, max_leaves=4))
 def test_order_does_not_matter(first: Any, second: Any) -> None:
     """Sums and products are the same formula either way round, and what is taken off itself is nothing."""

@@ -51,7 +51,7 @@ from ..pages import assert_tables_are_named, page_text
 from ..pages import findings as captions_of
 from ..sameness import held, of_kind, without_sentences
 
-FEW = settings(max_examples=25, deadline=None)
+FEW = settings(max_examples=25)
 PAIR = TABLE_1["gripper rotation"]
 P = PAIR.positive
 PAPER = motion(1.0, 0.5)

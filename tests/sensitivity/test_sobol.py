@@ -242,7 +242,7 @@ def test_rms_torque_is_that_of_the_rollout(amplitude: float, frequency: float, p
         assert found == pytest.approx(np.sqrt(np.mean(whole**2)), rel=2e-4)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.floats(0.1, 10.0), st.floats(1e-3, 3.0), st.floats(0.05, 5.0))
 def test_rms_torque_has_degree_one(factor: float, amplitude: float, frequency: float) -> None:
     """T_f is of degree one in all parameters but v_s, and directions may be exchanged."""

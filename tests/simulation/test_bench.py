@@ -150,7 +150,7 @@ def test_motions_begin_at_rest_and_have_their_derivatives() -> None:
         assert r.position[-1] - r.position[0] == pytest.approx(travelled, abs=1e-12)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.floats(0.1, 2.0), st.floats(0.2, 3.0))
 def test_the_largest_slopes_are_those_that_are_stated(velocity: float, duration: float) -> None:
     """A hold's ramp and a move reach the largest velocity and acceleration that their constants give, and no more."""
