@@ -668,7 +668,7 @@ def test_new_drafts_a_file_that_loads(tmp_path: Path) -> None:
     assert not list((tmp_path / "other").iterdir())
 
 
-def test_version_sentences_and_help(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_version_help_and_colour(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """`--version` prints the package's version and nothing else."""
     assert run("--version") == Ran(0, f"{__version__}\n", "")
     # escapes stand for what a terminal would obey; a very long sentence keeps its beginning and its end, where it says what to do
@@ -696,17 +696,8 @@ def test_version_sentences_and_help(monkeypatch: pytest.MonkeyPatch) -> None:
         text = run(name, "--help").out
         assert "Usage: " in text
         assert f"Example: bristle {name}" in text
-
-
-class Tty(io.StringIO):
-    """A standard output that is a terminal."""
-
-    def isatty(self) -> bool:
-        return True
-
-
-def test_colour_is_the_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a terminal the severity has a colour, elsewhere and with NO_COLOR there is none; the text is the same, brackets included."""
+    # on a terminal the severity has a colour, elsewhere and with NO_COLOR there is none; the text is the same, brackets
+    # included
     for name in ("FORCE_COLOR", "COLORTERM", "TTY_COMPATIBLE", "NO_COLOR"):
         monkeypatch.delenv(name, raising=False)
     for term, more, coloured in (
@@ -722,10 +713,7 @@ def test_colour_is_the_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
         assert ("\x1b[33mcaution\x1b[0m" in shown.getvalue()) == coloured
         assert ("\x1b" in shown.getvalue()) == coloured
         assert re.sub(r"\x1b\[[0-9;]*m", "", shown.getvalue()) == plain
-
-
-def test_help_waits_for_no_library(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`bristle --help` imports none of the libraries that take seconds."""
+    # `bristle --help` imports none of the libraries that take seconds
     script = (
         "import sys; from bristle.__main__ import main; sys.argv = ['bristle', '--help']\n"
         "try: main()\n"
@@ -740,6 +728,13 @@ def test_help_waits_for_no_library(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.chdir(tmp_path)
     for file, called in (("wrist.yaml", "wrist"), ("june/results.json", "june"), ("a/b.json", "b")):
         assert output_folder(None, Path(file), "-adapt") == Path("reports") / f"{called}-adapt"
+
+
+class Tty(io.StringIO):
+    """A standard output that is a terminal."""
+
+    def isatty(self) -> bool:
+        return True
 
 
 def process(*arguments: object, streams: str = "", **environment: str) -> subprocess.CompletedProcess[str]:

@@ -27,7 +27,7 @@ from .sameness import held, without_sentences
 from .source import SOURCE, nodes, trees
 
 
-def test_findings_are_values() -> None:
+def test_findings_are_values_that_are_explained() -> None:
     """Equal and of one hash where code, message and numbers are, whatever it is about; it cannot be assigned to."""
     made, same = (Finding("single-run", CAUTION, "1 of 4.", {"reached": 1}, subject=x) for x in ((), ("static",)))
     other = Finding("single-run", CAUTION, "2 of 4.", {"reached": 2})
@@ -61,10 +61,7 @@ def test_findings_are_values() -> None:
     for kind, words in shown.items():
         (told,) = with_subjects((made,), {}, units_of(kind))
         assert str(told) == f"{name}: {words}"
-
-
-def test_every_code_has_a_paragraph() -> None:
-    """Each code that src makes is explained under its severity, in words without braces."""
+    # each code that src makes is explained under its severity, in words without braces
     made = dict(codes())
     assert {code for code, x in entries().items() if made.get(code) != x.severity} == set()
     assert made.keys() - entries().keys() == set()

@@ -212,7 +212,7 @@ def loading() -> tuple[Array, Array, Array]:
 
 
 def moved() -> tuple[Array, Array, Array]:
-    """Time, s, position, rad, and torque, N*m, of a moved that reverses."""
+    """Time, s, position, rad, and torque, N*m, of a motion that reverses."""
     t = np.arange(0, 8, STEP)
     v = 0.6 * np.sin(2.0 * t) + 0.3 * np.sin(5.3 * t)
     q = STEP * np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2)])
@@ -241,7 +241,7 @@ def of_files(tmp_path_factory: pytest.TempPathFactory) -> bristle.Results:
     return bristle.identify(folder / "e.yaml")
 
 
-Fits = tuple[bristle.Fit, bristle.Fit, bristle.Fit]  # of of_points, of slow loading and of a moved
+Fits = tuple[bristle.Fit, bristle.Fit, bristle.Fit]  # of points, of slow loading and of a motion
 
 
 @pytest.fixture(scope="module")
@@ -275,7 +275,7 @@ def test_arrays_give_what_files_give(of_files: bristle.Results, fits: Fits) -> N
     assert dynamic.friction([0.5]) == pytest.approx(bristle.friction([0.5], P), rel=0.01)
     v = 0.3 * np.sin(np.arange(1000) * 0.01)
     assert bristle.simulate(v, 0.01, dynamic) == pytest.approx(bristle.simulate(v, 0.01, P), abs=0.02 * P.alpha_0)
-    # of_points show no bristle, and slow loading no friction vs velocity: a sentence each
+    # points show no bristle, and slow loading no friction vs velocity: a sentence each
     static, _, _ = fits
     slow = bristle.fit_presliding(*loading())
     with pytest.raises(InputError, match="simulate: sigma_0, sigma_1 of direction"):
@@ -286,7 +286,7 @@ def test_arrays_give_what_files_give(of_files: bristle.Results, fits: Fits) -> N
         bristle.simulate([0.1, 0.2], 0, P)
 
 
-def test_a_motion_has_each_interval_where_it_is_asked_for(fits: Fits) -> None:
+def test_motions_of_arrays_have_intervals_and_a_compensator(fits: Fits) -> None:
     """By covariance always; by profile and bootstrap with `uncertainty`; a sentence without."""
     *_, found = fits
     with pytest.raises(InputError, match="no interval by profile was made"):
@@ -303,6 +303,27 @@ def test_a_motion_has_each_interval_where_it_is_asked_for(fits: Fits) -> None:
         assert (ax.get_xlabel(), ax.get_ylabel()) == (label, "Torque (N·m)")
         assert all(name in repr(found) for name in found.params)
         assert "<svg" in found._repr_html_()
+    # step by step it gives the torque of the compiled one, follows friction, and adapts to a joint with more of it;
+    # reset begins anew
+    static, _, dynamic = fits
+    comp, still = dynamic.compensator(gamma=20.0), dynamic.compensator(law=None)
+    state, step = initial_state(comp.compensator, comp.parameters), compiled(comp.compensator)
+    for _ in range(500):
+        state, expected = step(state, Reference(0.0, 0.3, 0.0), Measurement(-1e-3, 0.3), 1e-3)
+        torque, unlearnt = comp.step(1e-3, (0.0, 0.3), -1e-3, 0.3), still.step(1e-3, (0.0, 0.3), -1e-3, 0.3)
+        assert torque == expected
+    assert unlearnt == pytest.approx(float(dynamic.friction(0.3)), rel=1e-3)
+    assert torque > unlearnt
+    assert comp.gains.keys() == {"alpha_0", "alpha_2"}
+    assert min(comp.gains.values()) > 1
+    assert still.gains == {}
+    comp.reset()
+    assert set(comp.gains.values()) == {1.0}
+    assert comp.step(1e-3, (0.0, 0.3, 0.0), 0.0) == pytest.approx(comp.step(1e-3, (0.0, 0.3), 3e-4), rel=0.5)
+    with pytest.raises(InputError, match="dt: got 0"):
+        comp.step(0.0, (0.0, 0.3), 0.0)
+    with pytest.raises(InputError, match="bristle stiffness"):
+        static.compensator()
 
 
 def test_time_as_index_or_as_numbers() -> None:
@@ -343,26 +364,3 @@ def test_time_as_index_or_as_numbers() -> None:
         for times, positions in ((None, pd.Series(q, index=clock)), (pd.Series(clock), q)):
             found = bristle.find_segments(times, positions, T)
             assert found.velocity.to_numpy() == pytest.approx(plain.velocity.to_numpy(), rel=1e-6)
-
-
-def test_a_compensator_runs_and_learns(fits: Fits) -> None:
-    """Step by step it gives the torque of the compiled one, follows friction, and adapts to a joint with more of it; reset begins anew."""
-    static, _, dynamic = fits
-    comp, still = dynamic.compensator(gamma=20.0), dynamic.compensator(law=None)
-    state, step = initial_state(comp.compensator, comp.parameters), compiled(comp.compensator)
-    for _ in range(500):
-        state, expected = step(state, Reference(0.0, 0.3, 0.0), Measurement(-1e-3, 0.3), 1e-3)
-        torque, unlearnt = comp.step(1e-3, (0.0, 0.3), -1e-3, 0.3), still.step(1e-3, (0.0, 0.3), -1e-3, 0.3)
-        assert torque == expected
-    assert unlearnt == pytest.approx(float(dynamic.friction(0.3)), rel=1e-3)
-    assert torque > unlearnt
-    assert comp.gains.keys() == {"alpha_0", "alpha_2"}
-    assert min(comp.gains.values()) > 1
-    assert still.gains == {}
-    comp.reset()
-    assert set(comp.gains.values()) == {1.0}
-    assert comp.step(1e-3, (0.0, 0.3, 0.0), 0.0) == pytest.approx(comp.step(1e-3, (0.0, 0.3), 3e-4), rel=0.5)
-    with pytest.raises(InputError, match="dt: got 0"):
-        comp.step(0.0, (0.0, 0.3), 0.0)
-    with pytest.raises(InputError, match="bristle stiffness"):
-        static.compensator()

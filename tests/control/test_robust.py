@@ -170,7 +170,7 @@ def borne(options: LoopOptions, name: str, period: float) -> float:
     return float(said[1])
 
 
-def test_what_is_refused_and_what_is_borne() -> None:
+def test_what_controllers_bear_refuse_and_saturate_at() -> None:
     """A period of 0.1 s on the gripper with the paper's PID: what was got, how fast it grows, what it bears, what to do."""
     with pytest.raises(
         ValueError,
@@ -205,6 +205,25 @@ def test_what_is_refused_and_what_is_borne() -> None:
     np.testing.assert_array_equal(every, alone)
     with pytest.raises(ValueError, match=r"^case 2: "):
         refuse_long_period(BARE, cases, H)
+    # after a long saturation the output leaves its limit within a few samples of the error's change of sign; a wound-up
+    # one would not
+    gains, limit = Gains(1.0, 10.0, 0.0, 0.0), 1.0
+    outputs = [u for u, _ in run([2.0] * 5000 + [-0.1] * 5, gains, limit)]
+    assert outputs[4999] == limit
+    assert max(outputs[5000:]) < 0
+    # on an error that grows steadily the filtered derivative goes to its slope
+    h, slope = 1e-3, 0.5
+    _, memory = run([slope * h * (k + 1) for k in range(400)], Gains(0.0, 0.0, 1.0, 0.01), h=h)[-1]
+    assert memory.derivative == pytest.approx(slope, rel=1e-12)
+    # there T = K / layer (de/dt + slope e), which is (21) with K_d = K / layer and K_p = slope K_d; beyond, T = +-K
+    gains, layer = Sliding(K=2.0, slope=15.0, layer=10.0, filter_time=0.002), AT_REST
+    same, alike = Gains(K_p=3.0, K_i=0.0, K_d=0.2, filter_time=0.002), AT_REST
+    for error in 0.02 * np.sin(np.arange(30)):
+        T, layer = sliding(layer, float(error), 0.01, gains)
+        expected, alike = pid(alike, float(error), 0.01, same, 1e9)
+        assert float(T) == pytest.approx(float(expected), abs=1e-12)
+    for error, T in ((50.0, 2.0), (-50.0, -2.0)):
+        assert float(sliding(Memory(0.0, 0.0, error), error, 0.01, gains)[0]) == T
 
 
 @pytest.mark.parametrize("options", [BARE, replace(BARE, drive="voltage"), replace(BARE, delay=3)])
@@ -276,24 +295,3 @@ def test_integral_never_pushes_into_the_limit(values: list[float], limit: float)
         if abs(wanted) > limit:
             assert memory.integral * np.sign(wanted) <= before * np.sign(wanted) + 1e-15
         before = memory.integral
-
-
-def test_saturation_filter_and_layer() -> None:
-    """After a long saturation the output leaves its limit within a few samples of the error's change of sign; a wound-up one would not."""
-    gains, limit = Gains(1.0, 10.0, 0.0, 0.0), 1.0
-    outputs = [u for u, _ in run([2.0] * 5000 + [-0.1] * 5, gains, limit)]
-    assert outputs[4999] == limit
-    assert max(outputs[5000:]) < 0
-    # on an error that grows steadily the filtered derivative goes to its slope
-    h, slope = 1e-3, 0.5
-    _, memory = run([slope * h * (k + 1) for k in range(400)], Gains(0.0, 0.0, 1.0, 0.01), h=h)[-1]
-    assert memory.derivative == pytest.approx(slope, rel=1e-12)
-    # there T = K / layer (de/dt + slope e), which is (21) with K_d = K / layer and K_p = slope K_d; beyond, T = +-K
-    gains, layer = Sliding(K=2.0, slope=15.0, layer=10.0, filter_time=0.002), AT_REST
-    same, alike = Gains(K_p=3.0, K_i=0.0, K_d=0.2, filter_time=0.002), AT_REST
-    for error in 0.02 * np.sin(np.arange(30)):
-        T, layer = sliding(layer, float(error), 0.01, gains)
-        expected, alike = pid(alike, float(error), 0.01, same, 1e9)
-        assert float(T) == pytest.approx(float(expected), abs=1e-12)
-    for error, T in ((50.0, 2.0), (-50.0, -2.0)):
-        assert float(sliding(Memory(0.0, 0.0, error), error, 0.01, gains)[0]) == T

@@ -196,7 +196,7 @@ def test_stamps_that_were_never_set_are_refused(tmp_path: Path) -> None:
     np.testing.assert_array_equal(_read(late, "header.stamp").columns[Key("header.stamp")], np.arange(100) / 1e9)
 
 
-def test_compressed_bags(tmp_path: Path) -> None:
+def test_compressed_and_split_bags(tmp_path: Path) -> None:
     """A bag with compressed chunks or messages, or of an older version, holds what the plain one does."""
     keys, states, plain = ("header.stamp", "position[wrist]", "effort[shoulder]"), _states(5000), None
     options: dict[str, list[dict[str, Any]]] = {
@@ -210,6 +210,18 @@ def test_compressed_bags(tmp_path: Path) -> None:
             plain = plain or found
             for key, column in plain.items():
                 np.testing.assert_array_equal(found[key], column)
+    # the files that metadata.yaml names follow one another, and rows are in the order in which messages were received
+    states = _states(30)
+    parts = [write_bag(_made(tmp_path / str(k)), "mcap", states[15 * k : 15 * k + 15]) for k in range(2)]
+    bag = _made(tmp_path / "both")
+    for k in range(2):
+        (bag / f"both_{k}.mcap").write_bytes((parts[k] / "mcap.mcap").read_bytes())
+    text = (parts[0] / "metadata.yaml").read_text()
+    (bag / "metadata.yaml").write_text(text.replace("- mcap.mcap", "- both_1.mcap\n  - both_0.mcap"))
+    whole = _read(write_bag(_made(tmp_path / "whole"), "mcap", states), "position[wrist]")
+    np.testing.assert_array_equal(
+        _read(bag, "position[wrist]").columns[Key("position[wrist]")], whole.columns[Key("position[wrist]")]
+    )
 
 
 @pytest.mark.parametrize("form", ["sqlite3", "mcap"])
@@ -224,21 +236,6 @@ def test_a_storage_file_alone_is_the_bag(tmp_path: Path, form: str) -> None:
     assert {tuple(table.columns[Key("position[elbow]")]) for table in tables} == {
         tuple(tables[0].columns[Key("position[elbow]")])
     }
-
-
-def test_a_bag_of_several_files_is_one_log(tmp_path: Path) -> None:
-    """The files that metadata.yaml names follow one another, and rows are in the order in which messages were received."""
-    states = _states(30)
-    parts = [write_bag(_made(tmp_path / str(k)), "mcap", states[15 * k : 15 * k + 15]) for k in range(2)]
-    bag = _made(tmp_path / "both")
-    for k in range(2):
-        (bag / f"both_{k}.mcap").write_bytes((parts[k] / "mcap.mcap").read_bytes())
-    text = (parts[0] / "metadata.yaml").read_text()
-    (bag / "metadata.yaml").write_text(text.replace("- mcap.mcap", "- both_1.mcap\n  - both_0.mcap"))
-    whole = _read(write_bag(_made(tmp_path / "whole"), "mcap", states), "position[wrist]")
-    np.testing.assert_array_equal(
-        _read(bag, "position[wrist]").columns[Key("position[wrist]")], whole.columns[Key("position[wrist]")]
-    )
 
 
 def _made(folder: Path) -> Path:

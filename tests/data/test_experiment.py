@@ -31,7 +31,7 @@ def written(text: str) -> dict[str, Any]:
     return keys | ({"signals": signals_with(**signals)} if signals else {})
 
 
-def test_everything_in_si(tmp_path: Path) -> None:
+def test_experiment_files_are_in_si_or_refused(tmp_path: Path) -> None:
     """Each quantity of the file arrives in SI, with the defaults for what is not given."""
     e = experiment(
         tmp_path, motor={"torque_constant": "350 mNm/A", "resistance": "2.1 ohm"}, inertia="0.0089 ± 0.0004 kg*m^2",
@@ -55,6 +55,37 @@ def test_everything_in_si(tmp_path: Path) -> None:
     assert (
         FitOptions(position_cutoff=40.0).position_cutoff == 40.0
     )  # outside a file, where no unit can be written wrongly
+    # each mistake in a file is one sentence that opens with the file and names the key and the fix
+    asks = [(partial(experiment, tmp_path, **written(text)), says) for text, says in _BAD.items()]
+    assert_refused(asks, str(tmp_path / "experiment.yaml"))
+    # malformed, hostile, huge and empty YAML is one short sentence within seconds, with the line where there is one
+    asks = []
+    for k, (text, says) in enumerate(_MALFORMED):
+        (tmp_path / f"{k}.yaml").write_text(text)
+        asks.append((partial(load_experiment, tmp_path / f"{k}.yaml"), says))
+    (tmp_path / "binary.yaml").write_bytes(b"\xff\x00")
+    paths = {"none.yaml": "no such file", ".": "is a folder", "binary.yaml": "not text"}
+    asks += [(partial(load_experiment, tmp_path / name), says) for name, says in paths.items()]
+    assert_refused(asks, str(tmp_path))
+    # names too long, with a NUL, or patterns that search for ever, and files with unprintable names, are one short sentence
+    for name in ("ramp\x1b[2J.csv", os.fsdecode(b"slow\xff.csv"), "a" * 120):
+        (tmp_path / name).write_text("t\n1\n")
+    says = {
+        "a" * 300: "runs: files 'aaa.* cannot be looked for", "a\0b.csv": r"'a\\x00b.csv' is not a file",
+        "**/a/**/b/**/*.csv": r"has \*\* more than once", "*" * 2000 + "x": r"has \*\* more than once",
+        "*a" * 60 + "b": "matches no file", "ramp*": r"file name 'ramp\\x1b\[2J.csv' holds U\+001B",
+        "slow*": r"file name 'slow\\udcff.csv' holds U\+DCFF",
+    }  # fmt: skip  # a list of values
+    read = {files: experiment(tmp_path, runs=[{"files": files, "experiment": "tracking"}]) for files in says}
+    assert_refused((partial(read_runs, read[files]), told) for files, told in says.items())
+    # what YAML cannot read is one sentence in a user's words: the line, what was got, what was expected, what to do; no word of the
+    # parser's
+    its_own = r"(?!.*(node|token|block|scalar|stream|mapping|constructor))"
+    asks = [
+        (partial(parse, text, "e.yaml"), f"^{its_own}e.yaml: {at}, column .*: got .*{says}")
+        for text, at, says in _SPELT
+    ]
+    assert_refused(asks)
 
 
 _BAD: dict[str, str] = {
@@ -126,40 +157,6 @@ _BAD: dict[str, str] = {
     "fit: {fixed: {alpha_0: 1 N*m, alpha_0+: 2 N*m}}": r"fit\.fixed: got both alpha_0 and alpha_0\+",
     "fit: {fixed: {alpha_0+-: 1 N*m}}": r"fit\.fixed: got 'alpha_0\+-'; expected one of",
 }
-
-
-def test_bad_files_are_refused_in_plain_words(tmp_path: Path) -> None:
-    """Each mistake in a file is one sentence that opens with the file and names the key and the fix."""
-    asks = [(partial(experiment, tmp_path, **written(text)), says) for text, says in _BAD.items()]
-    assert_refused(asks, str(tmp_path / "experiment.yaml"))
-    # malformed, hostile, huge and empty YAML is one short sentence within seconds, with the line where there is one
-    asks = []
-    for k, (text, says) in enumerate(_MALFORMED):
-        (tmp_path / f"{k}.yaml").write_text(text)
-        asks.append((partial(load_experiment, tmp_path / f"{k}.yaml"), says))
-    (tmp_path / "binary.yaml").write_bytes(b"\xff\x00")
-    paths = {"none.yaml": "no such file", ".": "is a folder", "binary.yaml": "not text"}
-    asks += [(partial(load_experiment, tmp_path / name), says) for name, says in paths.items()]
-    assert_refused(asks, str(tmp_path))
-    # names too long, with a NUL, or patterns that search for ever, and files with unprintable names, are one short sentence
-    for name in ("ramp\x1b[2J.csv", os.fsdecode(b"slow\xff.csv"), "a" * 120):
-        (tmp_path / name).write_text("t\n1\n")
-    says = {
-        "a" * 300: "runs: files 'aaa.* cannot be looked for", "a\0b.csv": r"'a\\x00b.csv' is not a file",
-        "**/a/**/b/**/*.csv": r"has \*\* more than once", "*" * 2000 + "x": r"has \*\* more than once",
-        "*a" * 60 + "b": "matches no file", "ramp*": r"file name 'ramp\\x1b\[2J.csv' holds U\+001B",
-        "slow*": r"file name 'slow\\udcff.csv' holds U\+DCFF",
-    }  # fmt: skip  # a list of values
-    read = {files: experiment(tmp_path, runs=[{"files": files, "experiment": "tracking"}]) for files in says}
-    assert_refused((partial(read_runs, read[files]), told) for files, told in says.items())
-    # what YAML cannot read is one sentence in a user's words: the line, what was got, what was expected, what to do; no word of the
-    # parser's
-    its_own = r"(?!.*(node|token|block|scalar|stream|mapping|constructor))"
-    asks = [
-        (partial(parse, text, "e.yaml"), f"^{its_own}e.yaml: {at}, column .*: got .*{says}")
-        for text, at, says in _SPELT
-    ]
-    assert_refused(asks)
 
 
 _FEW = "joint: {name: a}\nruns: [{files: a, experiment: ramp}]\n"
@@ -319,7 +316,7 @@ def test_drafts_of_usual_logs(tmp_path: Path) -> None:
     assert present(run.record.velocity)[0] == pytest.approx(1e-3)
 
 
-def test_counts_and_names_tell_the_unit(tmp_path: Path) -> None:
+def test_what_names_counts_and_options_tell_of_a_draft(tmp_path: Path) -> None:
     """Positions whose unit nothing says are in the one in which a turn has a power of two of counts; velocities go with them."""
     for unit, turn in (("rad", 2 * np.pi), ("rev", 1.0), ("deg", 360.0)):
         counts = np.round(4096 * _Q / (2 * np.pi)) / 4096 * turn
@@ -340,6 +337,37 @@ def test_counts_and_names_tell_the_unit(tmp_path: Path) -> None:
     for names, signal, column, others in _CHOSEN:
         found = guess_columns(names.split()).get(signal)
         assert (names, found and (found.column, found.others)) == (names, column and (column, others))
+    # an option without a signal, or without a value, is refused with what was expected; so are a signal told twice, and
+    # two drives
+    options = ("torque", "torque=", "speed=v", "=v", "")
+    asks = [(partial(told_by, [option], "--unit"), r"--unit: got .*; expected SIGNAL=") for option in options]
+    asks.append((partial(told_by, ["torque=a", "torque=b"], "--column"), "torque is told twice"))
+    asks.append((partial(told_by, ["torque=a", "current=b"], "--column"), "expected one of them"))
+    assert_refused(asks)
+    # what cannot be read cannot be drafted, nor what the experiment file could not name: one sentence
+    (tmp_path / "empty.csv").write_text("")
+    _csv(tmp_path / "a\nb.csv", "t,q", _T, _Q)
+    says = {"none.csv": "no such file", "empty.csv": "empty", "a\nb.csv": r"U\+000A"}
+    assert_refused((partial(draft_experiment, [tmp_path / name]), told) for name, told in says.items())
+    # quotes, colons, backslashes and letters beyond the basic plane in names of files and columns do not leave their place in the YAML
+    path = _csv(tmp_path / 'a"b: [c]\\n#.csv', 't [s],"pos_\U0001f600 [rad]","x: {y"', _T, _Q, _TAU)
+    hostile = "N*m, scale: 2}\n#"
+    text, _ = _draft(path, columns={"torque": "x: {y", "position": "1"})
+    assert read_runs(_load(tmp_path))[0].record.time.size == _T.size
+    assert '"pos_\\U0001F600 [rad]"' in text
+    with pytest.raises(InputError, match="is not known; expected a unit"):
+        _load(_draft(path, columns={"torque": "x: {y"}, units={"torque": hostile}) and tmp_path)
+    # a wide file gives a draft that can be loaded: what was found, and the first names; a name that repeats or is very long is never
+    # guessed
+    names = ["t [s]", "q [rad]", "tau [Nm]", *(f"c{k}" for k in range(3000))]
+    names += ["v" * 5000 + "[" * 5000, *["dq [rad/s]"] * 3000]
+    path = tmp_path / "wide.csv"
+    zeros = ",0" * (len(names) - 3)
+    path.write_text("\n".join([",".join(names), *(f"{k},{k**2},{1 - k}{zeros}" for k in range(3))]))
+    text, _ = _draft(path)
+    assert len(text) < 10_000
+    assert "velocity" not in text.split("signals:")[1]
+    assert _load(tmp_path).signals.torque is not None
 
 
 @pytest.mark.parametrize("suffix", [".mat", ".npz", ".parquet"])
@@ -382,36 +410,3 @@ _CHOSEN = [
     ("tau_cmd tau_meas", "torque", "tau_meas", 0), ("q1 q2 q3 q4 q5 q6", "position", "q1", 5), ("t q v tau", "velocity", "v", 0),
     ("t q v", "velocity", None, 0), ("target_moment actual_current", "torque", None, 0), ("v dq tau", "velocity", "dq", 0),
 ]  # fmt: skip  # a table
-
-
-def test_what_is_told_of_a_draft(tmp_path: Path) -> None:
-    """An option without a signal, or without a value, is refused with what was expected; so are a signal told twice, and two drives."""
-    options = ("torque", "torque=", "speed=v", "=v", "")
-    asks = [(partial(told_by, [option], "--unit"), r"--unit: got .*; expected SIGNAL=") for option in options]
-    asks.append((partial(told_by, ["torque=a", "torque=b"], "--column"), "torque is told twice"))
-    asks.append((partial(told_by, ["torque=a", "current=b"], "--column"), "expected one of them"))
-    assert_refused(asks)
-    # what cannot be read cannot be drafted, nor what the experiment file could not name: one sentence
-    (tmp_path / "empty.csv").write_text("")
-    _csv(tmp_path / "a\nb.csv", "t,q", _T, _Q)
-    says = {"none.csv": "no such file", "empty.csv": "empty", "a\nb.csv": r"U\+000A"}
-    assert_refused((partial(draft_experiment, [tmp_path / name]), told) for name, told in says.items())
-    # quotes, colons, backslashes and letters beyond the basic plane in names of files and columns do not leave their place in the YAML
-    path = _csv(tmp_path / 'a"b: [c]\\n#.csv', 't [s],"pos_\U0001f600 [rad]","x: {y"', _T, _Q, _TAU)
-    hostile = "N*m, scale: 2}\n#"
-    text, _ = _draft(path, columns={"torque": "x: {y", "position": "1"})
-    assert read_runs(_load(tmp_path))[0].record.time.size == _T.size
-    assert '"pos_\\U0001F600 [rad]"' in text
-    with pytest.raises(InputError, match="is not known; expected a unit"):
-        _load(_draft(path, columns={"torque": "x: {y"}, units={"torque": hostile}) and tmp_path)
-    # a wide file gives a draft that can be loaded: what was found, and the first names; a name that repeats or is very long is never
-    # guessed
-    names = ["t [s]", "q [rad]", "tau [Nm]", *(f"c{k}" for k in range(3000))]
-    names += ["v" * 5000 + "[" * 5000, *["dq [rad/s]"] * 3000]
-    path = tmp_path / "wide.csv"
-    zeros = ",0" * (len(names) - 3)
-    path.write_text("\n".join([",".join(names), *(f"{k},{k**2},{1 - k}{zeros}" for k in range(3))]))
-    text, _ = _draft(path)
-    assert len(text) < 10_000
-    assert "velocity" not in text.split("signals:")[1]
-    assert _load(tmp_path).signals.torque is not None

@@ -41,7 +41,7 @@ def even(record: Record) -> bool:
     )
 
 
-def test_records_and_even_samples_are_left_as_they_are() -> None:
+def test_even_records_and_friction_stay_as_they_are(tmp_path: Path) -> None:
     """The record itself is returned, and that of what was made even; stamps that are off by a hundredth of a sample are even."""
     record, v = moving(0)
     off = record.time + 0.01 * np.random.default_rng(0).uniform(-1, 1, v.size) / RATE
@@ -80,6 +80,27 @@ def test_records_and_even_samples_are_left_as_they_are() -> None:
     pair = partial(Record, file="a.csv", time=np.array([0.0, 1.0]))
     asks += [(partial(pair, velocity=np.array(v)), r"^a\.csv: velocity") for v in ([1.0], [1.0, np.inf])]
     assert_refused(asks)
+    # of a motion of which every second row or so was lost: the curve to 1 %. As written, its samples stay where they
+    # are
+    t = np.arange(0, 12, 0.002)
+    w, size, phase = (np.array([x]).T for x in ([0.23, 0.71, 1.3], [0.5, 0.2, 0.05], [1.0, 2.0, 3.0]))
+    w = 2 * np.pi * w
+    x = w * t + phase
+    q, v, a = (size * np.sin(x)).sum(0), (size * w * np.cos(x)).sum(0), -(size * w**2 * np.sin(x)).sum(0)
+    rng = np.random.default_rng(0)
+    T = rollout(v, 0.002, TRUTH).torque + INERTIA * a + 0.01 * rng.standard_normal(t.size)
+    kept = rng.random(t.size) > 0.5
+    write_log(tmp_path, t=t[kept], q=q[kept], tau=T[kept])
+    keys: dict[str, Any] = {"fit": {"regressors": ["inertia"]}, "simulated": True}
+    file = experiment(tmp_path, cleaning={"times": "auto"}, **keys).path
+    speeds = np.linspace(0.05, 2.0, 40)
+    true = bristle.friction(speeds, TRUTH)
+    results = bristle.identify(file)
+    found = results.model().friction(speeds)
+    assert "interpolated at even times (cleaning.times overrules)" in " ".join(brief_report(results.joints).split())
+    assert np.linalg.norm(found - true) < 0.01 * np.linalg.norm(true)
+    (run,) = measure(experiment(tmp_path, cleaning={"times": "as-written"}, **keys)).runs
+    assert "samples-uneven" not in {note.code for note in run.record.notes}
 
 
 @pytest.mark.parametrize("share", [0.02, 0.2, 0.5])
@@ -163,29 +184,6 @@ def bursts(record: Record, longest: int, share: float = 0.2) -> Record:
         kept[k : k + int(rng.integers(6, longest + 1))] = False
     time = record.time[kept]
     return replace(at(record, time), starts=(0, *(np.flatnonzero(np.diff(time) > 5.5 * record.step) + 1).tolist()))
-
-
-def test_friction_is_what_it_was(tmp_path: Path) -> None:
-    """Of a motion of which every second row or so was lost: the curve to 1 %. As written, its samples stay where they are."""
-    t = np.arange(0, 12, 0.002)
-    w, size, phase = (np.array([x]).T for x in ([0.23, 0.71, 1.3], [0.5, 0.2, 0.05], [1.0, 2.0, 3.0]))
-    w = 2 * np.pi * w
-    x = w * t + phase
-    q, v, a = (size * np.sin(x)).sum(0), (size * w * np.cos(x)).sum(0), -(size * w**2 * np.sin(x)).sum(0)
-    rng = np.random.default_rng(0)
-    T = rollout(v, 0.002, TRUTH).torque + INERTIA * a + 0.01 * rng.standard_normal(t.size)
-    kept = rng.random(t.size) > 0.5
-    write_log(tmp_path, t=t[kept], q=q[kept], tau=T[kept])
-    keys: dict[str, Any] = {"fit": {"regressors": ["inertia"]}, "simulated": True}
-    file = experiment(tmp_path, cleaning={"times": "auto"}, **keys).path
-    speeds = np.linspace(0.05, 2.0, 40)
-    true = bristle.friction(speeds, TRUTH)
-    results = bristle.identify(file)
-    found = results.model().friction(speeds)
-    assert "interpolated at even times (cleaning.times overrules)" in " ".join(brief_report(results.joints).split())
-    assert np.linalg.norm(found - true) < 0.01 * np.linalg.norm(true)
-    (run,) = measure(experiment(tmp_path, cleaning={"times": "as-written"}, **keys)).runs
-    assert "samples-uneven" not in {note.code for note in run.record.notes}
 
 
 G0, STIFFNESS, J = 0.5, 100.0, 0.05  # N*m, N*m/rad, kg*m**2: the joint bends by 5 mrad, of which a count is a hundredth

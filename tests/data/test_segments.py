@@ -128,6 +128,25 @@ def test_encoders_and_settling_hide_no_plateau() -> None:
             assert len(found) == (off is not None)
             for s in found:
                 assert s.torque == pytest.approx(friction(np.array([0.05]))[0], rel=off)
+    # one sample or a few give one rejected candidate or more, and no warning; without velocity and torque the sentence
+    # says what to do
+    for n in (1, 2, 5, 70):
+        time = np.linspace(0, 1e-3 * (n - 1), n)
+        record = Record(file="short.csv", time=time, velocity=np.zeros(n), torque=np.zeros(n))
+        found = find_segments(record, Thresholds())
+        assert found
+        assert not accepted(found)
+        assert "No segment" in nothing_left(found, (record,), Thresholds())
+    with pytest.raises(ValueError, match=r"bare\.csv.*under signals"):
+        find_segments(Record(file="bare.csv", time=np.arange(5.0)), Thresholds())
+    # where the velocity rings before it settles, nothing but the plateau counts, however the cut falls
+    time = np.arange(0, 6, 1 / RATE)
+    for seed in range(10):
+        noise = np.random.default_rng(seed).normal(size=(2, time.size))
+        ringing = 0.05 * np.exp(-(time - 1) / 0.15) * np.sin(2 * np.pi * 4 * time) * (time > 1)
+        v = np.interp(time, [0, 0.9, 1, 5, 5.1, 6], [0, 0, 1, 1, 0, 0]) + ringing + 1e-3 * noise[0]
+        record = Record(file="ring.csv", time=time, velocity=v, torque=friction(v) + NOISE * noise[1])
+        assert len(accepted(find_segments(record, Thresholds()))) == 1
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.8])
@@ -232,27 +251,6 @@ def test_the_message_names_the_unit_mistake(change: dict[str, float], thresholds
     assert "\n" not in message
     wrong = Finding("velocity-factor", CRITICAL, "The position moves 57.3 times as far.")
     assert str(wrong) in nothing_left(found, (replace(record, warnings=(wrong,)),), thresholds)
-
-
-def test_short_runs_are_candidates_too() -> None:
-    """One sample or a few give one rejected candidate or more, and no warning; without velocity and torque the sentence says what to do."""
-    for n in (1, 2, 5, 70):
-        time = np.linspace(0, 1e-3 * (n - 1), n)
-        record = Record(file="short.csv", time=time, velocity=np.zeros(n), torque=np.zeros(n))
-        found = find_segments(record, Thresholds())
-        assert found
-        assert not accepted(found)
-        assert "No segment" in nothing_left(found, (record,), Thresholds())
-    with pytest.raises(ValueError, match=r"bare\.csv.*under signals"):
-        find_segments(Record(file="bare.csv", time=np.arange(5.0)), Thresholds())
-    # where the velocity rings before it settles, nothing but the plateau counts, however the cut falls
-    time = np.arange(0, 6, 1 / RATE)
-    for seed in range(10):
-        noise = np.random.default_rng(seed).normal(size=(2, time.size))
-        ringing = 0.05 * np.exp(-(time - 1) / 0.15) * np.sin(2 * np.pi * 4 * time) * (time > 1)
-        v = np.interp(time, [0, 0.9, 1, 5, 5.1, 6], [0, 0, 1, 1, 0, 0]) + ringing + 1e-3 * noise[0]
-        record = Record(file="ring.csv", time=time, velocity=v, torque=friction(v) + NOISE * noise[1])
-        assert len(accepted(find_segments(record, Thresholds()))) == 1
 
 
 @pytest.mark.parametrize("name", ["triangle", "sine", "drift", "short hold", "rest", "stick-slip", "staircase"])

@@ -120,6 +120,15 @@ def test_the_lowest_of_several_minima_is_kept() -> None:
         return posed, Minimum(np.zeros(1), costs[start], np.full(100, 0.1), np.ones((100, 1)), 1, converged=True)
 
     assert solve_from_starts(ended, [0.0, 1.0, 2.0], lambda posed, minimum: (posed, minimum)).reached == 2
+    # nothing spans nothing, in silence
+    q, inverse = orthonormal(np.zeros((7, 0)))
+    assert (q.shape, inverse.shape) == ((7, 0), (0, 0))
+    # no sample, one sample and a constant have no correlation, and a standard error that is unknown or zero
+    assert autocorrelation(EMPTY).size == 0
+    assert lag_one(np.ones(1)) == lag_one(np.full(9, 0.1)) == 0.0
+    assert standard_error(np.ones(1)) is None
+    assert standard_error(np.full(50, 0.1)) == pytest.approx(0.0, abs=1e-15)
+    assert lag_one(np.tile([1.0, -1.0], 50)) == pytest.approx(-0.99)
 
 
 @settings(max_examples=60)
@@ -138,18 +147,6 @@ def test_bounded_least_squares_is_lsq_linears(seed: int, free: int, bounded: int
     assert (found >= lower).all()
     expected = lsq_linear(design, torque, (lower, np.inf), method="bvls", tol=1e-14).x
     assert found * scale == pytest.approx(expected, abs=1e-9)
-
-
-def test_no_columns_have_an_empty_basis() -> None:
-    """Nothing spans nothing, in silence."""
-    q, inverse = orthonormal(np.zeros((7, 0)))
-    assert (q.shape, inverse.shape) == ((7, 0), (0, 0))
-    # no sample, one sample and a constant have no correlation, and a standard error that is unknown or zero
-    assert autocorrelation(EMPTY).size == 0
-    assert lag_one(np.ones(1)) == lag_one(np.full(9, 0.1)) == 0.0
-    assert standard_error(np.ones(1)) is None
-    assert standard_error(np.full(50, 0.1)) == pytest.approx(0.0, abs=1e-15)
-    assert lag_one(np.tile([1.0, -1.0], 50)) == pytest.approx(-0.99)
 
 
 @settings(max_examples=30)
@@ -194,7 +191,7 @@ def test_correlated_noise_inflates_the_variance_of_a_mean() -> None:
         assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(np.std(x.mean(axis=1)), rel=0.12)
 
 
-def test_bootstrap_knows_skewness_priors_blocks_and_seeds() -> None:
+def test_bootstrap_knows_skewness_priors_blocks_and_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
     """The mean of exponential noise: bootstrap-t reaches farther up than down, as the truth lies."""
     x = np.random.default_rng(2).exponential(size=60)
     low, high = block_bootstrap(-np.ones((60, 1)), x - x.mean(), length=1, draws=8000).interval(0, 1.0)
@@ -225,22 +222,8 @@ def test_bootstrap_knows_skewness_priors_blocks_and_seeds() -> None:
     x = correlated(0.5, 500, 0)
     assert mean_of(x, seed=7).tobytes() == mean_of(x, seed=7).tobytes()
     assert mean_of(x, seed=7).tobytes() != mean_of(x, seed=8).tobytes()
-
-
-@given(st.floats(-6, 6), st.integers(0, 5))
-@settings(max_examples=20)
-def test_a_step_scales_with_its_parameter(power: float, seed: int) -> None:
-    """Expressing a parameter in another unit changes its steps by that unit and nothing else, t not at all."""
-    rng = np.random.default_rng(seed)
-    J, left = rng.standard_normal((200, 2)), rng.standard_normal(200)
-    unit = np.array([10.0**power, 1.0])
-    one, other = (block_bootstrap(j, left, length=5, draws=50, seed=seed) for j in (J, J * unit))
-    np.testing.assert_allclose(other.steps * unit, one.steps, rtol=1e-6, atol=1e-12)
-    np.testing.assert_allclose(other.studentised, one.studentised, rtol=1e-6, atol=1e-9)
-
-
-def test_of_a_mean_t_is_that_of_each_resample(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of three values with blocks of one, t is (mean* - mean) / (s* / sqrt(3)) of one of the ten resamples that there are, s* about its own mean."""
+    # of three values with blocks of one, t is (mean* - mean) / (s* / sqrt(3)) of one of the ten resamples that there
+    # are, s* about its own mean
     x = np.array([-2.0, 0.5, 1.5])
     samples = [np.array(one) for one in combinations_with_replacement(x, 3) if np.ptp(one) > 0]
     expected = np.array([-one.mean() / (one.std(ddof=1) / np.sqrt(3)) for one in samples])
@@ -260,6 +243,18 @@ def test_of_a_mean_t_is_that_of_each_resample(monkeypatch: pytest.MonkeyPatch) -
     np.testing.assert_allclose(same, errors, rtol=1e-12)
     np.testing.assert_allclose(np.cov(parts.steps.T), np.cov(whole.steps.T), rtol=0.1, atol=6e-4)
     assert len(np.unique(parts.steps[:, 0])) == 4000
+
+
+@given(st.floats(-6, 6), st.integers(0, 5))
+@settings(max_examples=20)
+def test_a_step_scales_with_its_parameter(power: float, seed: int) -> None:
+    """Expressing a parameter in another unit changes its steps by that unit and nothing else, t not at all."""
+    rng = np.random.default_rng(seed)
+    J, left = rng.standard_normal((200, 2)), rng.standard_normal(200)
+    unit = np.array([10.0**power, 1.0])
+    one, other = (block_bootstrap(j, left, length=5, draws=50, seed=seed) for j in (J, J * unit))
+    np.testing.assert_allclose(other.steps * unit, one.steps, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(other.studentised, one.studentised, rtol=1e-6, atol=1e-9)
 
 
 EMPTY = np.zeros(0)

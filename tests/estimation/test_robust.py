@@ -195,13 +195,6 @@ def test_each_group_as_scipy_has_it(p: np.ndarray, seed: int) -> None:
         np.testing.assert_allclose(least[k], own.min(), rtol=1e-12)
 
 
-def test_a_number_without_tests_has_no_evidence() -> None:
-    """A group that no test has is 1, and no test at all is no group."""
-    assert simes(np.array([0.01]), np.array([2])).tolist() == [1.0, 1.0, 0.01]
-    assert simes(np.zeros(0), np.zeros(0, dtype=int)).size == 0
-    assert false_discovery(np.zeros(0)).size == 0
-
-
 def scan(y: np.ndarray, variance: np.ndarray, baseline: int, freedom: float = np.inf) -> Steps:
     return step_scan(Levels(y, variance, np.zeros((*y.shape, 0)), np.zeros((0, 0))), baseline, freedom)
 
@@ -216,7 +209,7 @@ def test_two_places_by_the_bivariate_normal(c: float, rho: float) -> None:
     assert largest_p(np.array([c]), before, after)[0] == pytest.approx(1 - both, rel=2e-4)
 
 
-def test_p_values_hold_without_a_step() -> None:
+def test_p_values_without_a_step_and_without_tests() -> None:
     """In 1e5 series without a step, of unequal variances and lengths, p falls below a level no more often than that, and hardly less often."""
     rng = np.random.default_rng(0)
     variance = rng.uniform(0.5, 4.0, (100_000, 9))
@@ -243,6 +236,10 @@ def test_p_values_hold_without_a_step() -> None:
     assert wide.error[0] == pytest.approx(np.sqrt(1 / 5 + 1 / 3 + 4.0))
     same = step_scan(Levels(y, variance, np.ones((1, 8, 1)), np.array([[4.0]])), 3, np.inf)
     assert same.error[0] == pytest.approx(np.sqrt(1 / 5 + 1 / 3))
+    # a group that no test has is 1, and no test at all is no group
+    assert simes(np.array([0.01]), np.array([2])).tolist() == [1.0, 1.0, 0.01]
+    assert simes(np.zeros(0), np.zeros(0, dtype=int)).size == 0
+    assert false_discovery(np.zeros(0)).size == 0
 
 
 @given(st.integers(3, 9), st.floats(-5, 5).filter(lambda x: abs(x) > 0.5), st.integers(0, 2**32))

@@ -135,8 +135,8 @@ def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
     better[gripper.free[0]] /= 1.2
     better[gripper.free[1]] /= 1.05
     told = replace(gripper, errors_of_measured=better)
-    (said,) = (w for w in told.warnings if w.code == "motion-worse")
-    assert said.numbers["names"] == (gripper.start.names[gripper.free[0]],)
+    (worse,) = (w for w in told.warnings if w.code == "motion-worse")
+    assert worse.numbers["names"] == (gripper.start.names[gripper.free[0]],)
     alone = replace(gripper, errors_of_measured=None)
     assert "motion-worse" not in {w.code for w in alone.warnings}
     # for its own parameter each design is the best, what is known included: beside that for all, and evenly and log-spaced runs
@@ -153,6 +153,34 @@ def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
     assert scatter(fit) == pytest.approx((1.0, 1.0), rel=0.02)
     few = replace(fit, n=5, residuals=residuals[:5], rms=0.3)
     assert scatter(few) == pytest.approx((0.3 * 5**0.5,) * 2)
+    # errors, ratios, runs and limits in the captions are those of the plan: the widest, the most, the first and the
+    # last
+    then = relative(gripper, gripper.standard_errors["with motion"])
+    now = relative(gripper, gripper.standard_errors["now"])
+    widest = int(np.argmax(then))
+    numbers = [float(x) for x in re.findall(r"([\d.]+) %", said(gripper, "intervals"))]
+    assert numbers == pytest.approx([then[widest], now[widest]], rel=0.05)
+    for own, part in zip(gripper.velocities, said(gripper, "velocities").split("; "), strict=True):
+        assert f": {own.chosen.speeds.size} runs at {np.unique(own.chosen.speeds).size} speeds, " in part
+        assert f"{own.chosen.speeds.min():.3g} to {own.chosen.speeds.max():.3g} rad/s" in part
+    peak = float(np.abs(gripper.references[-1].velocity).max())
+    assert said(gripper, "motion").startswith(
+        f"Peak velocity {peak:.3g} rad/s, {gripper.limits.velocity:.3g} rad/s allowed"
+    )
+    assert said(gripper, "whole").startswith(
+        f"The plan takes {gripper.duration:.3g} s: 24 runs at constant velocity, 2 of"
+    )
+    # a parameter that the plan leaves open is named in place of the widest; one that it does not improve has the same error twice
+    errors = gripper.standard_errors["with motion"].copy()
+    errors[[0, 2]] = np.inf, 3 * gripper.start.estimate[2]
+    opened = replace(gripper, standard_errors={**gripper.standard_errors, "with motion": errors})
+    assert (
+        said(opened, "intervals") == "Standard error over 200 %, not identifiable, even after the plan: α₀ (+), α₂ (+)."
+    )
+    assert said(replace(opened, aim="sigma_0"), "intervals").count("% of σ₀") == 2
+    same = replace(gripper, standard_errors=dict.fromkeys(gripper.standard_errors, gripper.standard_errors["now"]))
+    numbers = re.findall(r"([\d.]+) %", said(same, "intervals"))
+    assert numbers[0] == numbers[1]
 
 
 def table_of(plan: Plan, name: str) -> pd.DataFrame:
@@ -360,7 +388,7 @@ def test_what_is_not_known_is_guessed_and_said(one_direction: Plan) -> None:
     assert all(np.isfinite(errors).all() for errors in (found.standard_errors["with motion"], found.start.estimate))
 
 
-def test_bad_input_is_refused(tmp_path: Path) -> None:
+def test_bad_input_and_interrupts_leave_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Exit code 2, one sentence that names what is wrong, and no file."""
     failed = []
     for options, arguments, named in (
@@ -403,10 +431,9 @@ def test_bad_input_is_refused(tmp_path: Path) -> None:
     assert held.size == 10
     assert held.min() >= 0.02
 
+    (tmp_path / "next.csv").unlink()
 
-def test_an_interrupt_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C while the motion is sought: exit code 130 and no file, whole or half."""
-
+    # Ctrl-C while the motion is sought: exit code 130 and no file, whole or half
     def interrupted(*_: object) -> None:
         """As a user presses Ctrl-C."""
         raise KeyboardInterrupt
@@ -419,13 +446,6 @@ def test_an_interrupt_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 NUMBER = re.compile(r"\d (%|s|runs|times|(rad|m)(/s)?|N(·m)?)(?![\w/])")
 """A number with its unit, or with what it counts."""
-
-
-@pytest.fixture(scope="module", autouse=True)
-def quick() -> Iterator[None]:
-    """Few motions are tried: what is tested holds for any number."""
-    with few_motions_tried():
-        yield
 
 
 def captions(plan: Plan) -> dict[str, str]:
@@ -442,6 +462,7 @@ def of_points(folder: Path, aim: str, *, both: bool, kind: str = "revolute", fit
     return bristle.plan(path, velocities=4, aim=aim)
 
 
+@pytest.mark.usefixtures("few_motions")
 @pytest.mark.parametrize(
     ("aim", "both", "kind", "fit"),
     [
@@ -469,40 +490,10 @@ def relative(plan: Plan, errors: Array) -> Array:
     return np.asarray(100 * errors / np.abs(plan.start.estimate))
 
 
-def test_findings_are_those_of_the_results(gripper: Plan) -> None:
-    """Errors, ratios, runs and limits in the captions are those of the plan: the widest, the most, the first and the last."""
-    then = relative(gripper, gripper.standard_errors["with motion"])
-    now = relative(gripper, gripper.standard_errors["now"])
-    widest = int(np.argmax(then))
-    numbers = [float(x) for x in re.findall(r"([\d.]+) %", said(gripper, "intervals"))]
-    assert numbers == pytest.approx([then[widest], now[widest]], rel=0.05)
-    for own, part in zip(gripper.velocities, said(gripper, "velocities").split("; "), strict=True):
-        assert f": {own.chosen.speeds.size} runs at {np.unique(own.chosen.speeds).size} speeds, " in part
-        assert f"{own.chosen.speeds.min():.3g} to {own.chosen.speeds.max():.3g} rad/s" in part
-    peak = float(np.abs(gripper.references[-1].velocity).max())
-    assert said(gripper, "motion").startswith(
-        f"Peak velocity {peak:.3g} rad/s, {gripper.limits.velocity:.3g} rad/s allowed"
-    )
-    assert said(gripper, "whole").startswith(
-        f"The plan takes {gripper.duration:.3g} s: 24 runs at constant velocity, 2 of"
-    )
-    # a parameter that the plan leaves open is named in place of the widest; one that it does not improve has the same error twice
-    errors = gripper.standard_errors["with motion"].copy()
-    errors[[0, 2]] = np.inf, 3 * gripper.start.estimate[2]
-    opened = replace(gripper, standard_errors={**gripper.standard_errors, "with motion": errors})
-    assert (
-        said(opened, "intervals") == "Standard error over 200 %, not identifiable, even after the plan: α₀ (+), α₂ (+)."
-    )
-    assert said(replace(opened, aim="sigma_0"), "intervals").count("% of σ₀") == 2
-    same = replace(gripper, standard_errors=dict.fromkeys(gripper.standard_errors, gripper.standard_errors["now"]))
-    numbers = re.findall(r"([\d.]+) %", said(same, "intervals"))
-    assert numbers[0] == numbers[1]
-
-
 OWN = {DRAG: "alpha_3", EXPONENT: "delta", OUTSIDE: "blunt"}
 
 
-@pytest.fixture(autouse=True, scope="module")
+@pytest.fixture(scope="module")
 def known() -> Iterator[None]:
     """The law from outside is known, and few motions are tried."""
     with registered(), pytest.MonkeyPatch.context() as patch:
@@ -512,7 +503,7 @@ def known() -> Iterator[None]:
 
 
 @pytest.fixture(scope="module", params=OWN)
-def plan(request: pytest.FixtureRequest) -> Plan:
+def plan(request: pytest.FixtureRequest, known: None) -> Plan:  # noqa: ARG001  # laws that are planned for
     return bristle.plan(motion(request.param))
 
 
@@ -542,33 +533,8 @@ def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
         spaced = (spaced_speeds(own, count, kind) for kind in ("log", "even"))
         for spread in (design(own, count, x.chosen.aim).speeds, *spaced):
             assert simulated_errors(own, spread) == pytest.approx(evaluate_design(own, spread).alone, rel=0.2)
-
-
-@pytest.mark.parametrize("plan", [OUTSIDE], indirect=True)
-def test_the_page_has_the_laws_own_parameter(plan: Plan, tmp_path: Path) -> None:
-    """Its symbol stands there, also of a law from outside."""
-    assert "β" in page_text(bristle.report_of(plan).write(tmp_path / "page"))
-
-
-@pytest.mark.parametrize("law", OWN)
-def test_runs_planned_for_the_laws_own_parameter_beat_spaced_ones(law: str) -> None:
-    """Ten runs that are c-optimal for it give it a smaller error than ten spaced ones, and than the D-optimal ones."""
-    own, k = problem(law), problem(law).names.index(OWN[law])
-    planned = design(own, 10, OWN[law])
-    others = [design(own, 10), *(evaluate_design(own, spaced_speeds(own, 10, kind)) for kind in ("log", "even"))]
-    assert planned.alone[k] < min(x.alone[k] for x in others)
-    # the derivative of steady torque by each parameter that is estimated is its central difference, to 1e-6
-    p, v = truth_of(law), np.geomspace(0.01, 1.2, 30)
-    found = static_jacobian(v, p)
-    for k, name in enumerate(problem(law).names):
-        x = getattr(p, name)
-        up, down = (bristle.friction(v, p._replace(**{name: x * (1 + h)})) for h in (1e-5, -1e-5))
-        difference = (up - down) / (2e-5 * x)
-        assert np.linalg.norm(difference - found[:, k]) <= 1e-6 * np.linalg.norm(found[:, k])
-
-
-def test_what_is_no_parameter_of_the_joints_law_is_refused() -> None:
-    """Before the law is known any law's parameter counts; then its own alone, and v_end never; it takes as many runs as parameters."""
+    # before the law is known any law's parameter counts; then its own alone, and v_end never; it takes as many runs as
+    # parameters
     check_plan(12, "alpha_3")
     for aim in ("v_end", "stiffness"):
         with pytest.raises(InputError, match="as what to plan for"):
@@ -589,3 +555,27 @@ def test_what_is_no_parameter_of_the_joints_law_is_refused() -> None:
     assert start.sets.positive._asdict()["delta"] == pytest.approx(np.sqrt(0.5 * 4.0))
     (shape,) = (x for x in start.assumptions if x.numbers.get("name") == "delta")
     assert str(shape).endswith("in the middle of where it is looked for.")
+
+
+@pytest.mark.parametrize("plan", [OUTSIDE], indirect=True)
+def test_the_page_has_the_laws_own_parameter(plan: Plan, tmp_path: Path) -> None:
+    """Its symbol stands there, also of a law from outside."""
+    assert "β" in page_text(bristle.report_of(plan).write(tmp_path / "page"))
+
+
+@pytest.mark.usefixtures("known")
+@pytest.mark.parametrize("law", OWN)
+def test_runs_planned_for_the_laws_own_parameter_beat_spaced_ones(law: str) -> None:
+    """Ten runs that are c-optimal for it give it a smaller error than ten spaced ones, and than the D-optimal ones."""
+    own, k = problem(law), problem(law).names.index(OWN[law])
+    planned = design(own, 10, OWN[law])
+    others = [design(own, 10), *(evaluate_design(own, spaced_speeds(own, 10, kind)) for kind in ("log", "even"))]
+    assert planned.alone[k] < min(x.alone[k] for x in others)
+    # the derivative of steady torque by each parameter that is estimated is its central difference, to 1e-6
+    p, v = truth_of(law), np.geomspace(0.01, 1.2, 30)
+    found = static_jacobian(v, p)
+    for k, name in enumerate(problem(law).names):
+        x = getattr(p, name)
+        up, down = (bristle.friction(v, p._replace(**{name: x * (1 + h)})) for h in (1e-5, -1e-5))
+        difference = (up - down) / (2e-5 * x)
+        assert np.linalg.norm(difference - found[:, k]) <= 1e-6 * np.linalg.norm(found[:, k])

@@ -224,7 +224,7 @@ def test_every_run_is_averaged_as_long_as_asked(speed: float, deflection: float,
         assert r.run == 3
 
 
-def test_acceleration_is_continuous() -> None:
+def test_motions_are_smooth_and_within_the_torque(monkeypatch: pytest.MonkeyPatch) -> None:
     """Between a velocity and the next the acceleration of a fine reference never jumps by more than a few percent of its peak."""
     hold = reference.passes(1.0, 1, 1e-3, replace(LIMITS, hold=0.5))[0]
     a = np.diff(reference.played(hold, 1e-4).velocity) / 1e-4
@@ -246,6 +246,29 @@ def test_acceleration_is_continuous() -> None:
     assert torque > J * np.abs(run.acceleration).max() / 2
     found = evaluate_motion(plain_lines(LIMITS), replace(PROBLEM, duration=2.0))
     assert found.errors == pytest.approx(covariance(PROBLEM.prior_information + other)[0], rel=1e-6)
+    # where it would take too much torque it is scaled down until it does not, and left as it is where it would not
+    weak = replace(PROBLEM, limits=replace(LIMITS, torque=0.04))
+    lines = plain_lines(LIMITS)
+    assert evaluate_motion(lines, weak).torque > 0.04
+    assert evaluate_motion(within_torque(lines, weak), weak).torque <= 0.04
+    strong = replace(PROBLEM, limits=replace(LIMITS, torque=1.0))
+    assert within_torque(lines, strong).amplitude.tolist() == lines.amplitude.tolist()
+    # its relative errors are smaller than those of a plain multisine, within the torque limit; the same each time; longer is better.
+    # Planned for sigma_1 alone, its two errors are smaller than when planned for all
+    monkeypatch.setattr(excitation, "TRIES", 10)
+    monkeypatch.setattr(excitation, "STEPS", 60)
+    calls: list[tuple[int, int]] = []
+    found = best_motion(PROBLEM, lambda _, done, total: calls.append((done, total)))
+    plain = evaluate_motion(within_torque(plain_lines(LIMITS), PROBLEM), PROBLEM)
+    assert relative(found.errors) < 0.98 * relative(plain.errors)
+    assert max(found.torque, plain.torque) <= LIMITS.torque
+    assert found.errors.tolist() == best_motion(PROBLEM).errors.tolist()
+    assert relative(evaluate_motion(found.lines, replace(PROBLEM, duration=8.0)).errors) < relative(found.errors)
+    assert calls == [(k, 70) for k in range(70)]
+    own = (5, 11)
+    one = best_motion(replace(PROBLEM, aims=own))
+    of_one, of_all = (relative(np.where(np.isin(range(13), own), x.errors, 0)) for x in (one, found))
+    assert of_one < of_all
 
 
 @pytest.mark.parametrize(("tag", "sign"), [("+", 1.0), ("-", -1.0)])
@@ -368,29 +391,3 @@ def test_a_motion_stays_within_its_limits(sines: list[tuple[float, float, float]
     assert course(played, LIMITS, duration, 0.01).position == pytest.approx(run.position, abs=1e-12)
     wanted = evaluate_motion(lines, replace(PROBLEM, duration=duration)).lines
     assert wanted.amplitude == pytest.approx(played.amplitude)
-
-
-def test_a_motion_is_scaled_down_to_the_torque_of_the_drive(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where it would take too much torque it is scaled down until it does not, and left as it is where it would not."""
-    weak = replace(PROBLEM, limits=replace(LIMITS, torque=0.04))
-    lines = plain_lines(LIMITS)
-    assert evaluate_motion(lines, weak).torque > 0.04
-    assert evaluate_motion(within_torque(lines, weak), weak).torque <= 0.04
-    strong = replace(PROBLEM, limits=replace(LIMITS, torque=1.0))
-    assert within_torque(lines, strong).amplitude.tolist() == lines.amplitude.tolist()
-    # its relative errors are smaller than those of a plain multisine, within the torque limit; the same each time; longer is better.
-    # Planned for sigma_1 alone, its two errors are smaller than when planned for all
-    monkeypatch.setattr(excitation, "TRIES", 10)
-    monkeypatch.setattr(excitation, "STEPS", 60)
-    calls: list[tuple[int, int]] = []
-    found = best_motion(PROBLEM, lambda _, done, total: calls.append((done, total)))
-    plain = evaluate_motion(within_torque(plain_lines(LIMITS), PROBLEM), PROBLEM)
-    assert relative(found.errors) < 0.98 * relative(plain.errors)
-    assert max(found.torque, plain.torque) <= LIMITS.torque
-    assert found.errors.tolist() == best_motion(PROBLEM).errors.tolist()
-    assert relative(evaluate_motion(found.lines, replace(PROBLEM, duration=8.0)).errors) < relative(found.errors)
-    assert calls == [(k, 70) for k in range(70)]
-    own = (5, 11)
-    one = best_motion(replace(PROBLEM, aims=own))
-    of_one, of_all = (relative(np.where(np.isin(range(13), own), x.errors, 0)) for x in (one, found))
-    assert of_one < of_all

@@ -307,8 +307,23 @@ def without_cogging(joint: ExportedJoint) -> ExportedJoint:
     return replace(joint, parameters=tuple(x for x in joint.parameters if x.parameter.name not in WAVES))
 
 
-def test_mujoco_has_it(cogs: ExportedJoint) -> None:
-    """What its actuators give at rest is what they give of the joint without, less the cogging; Python's friction moves the joint as they do."""
+def test_cogging_and_load_in_mujoco_and_elsewhere(cogs: ExportedJoint, handed: Handed) -> None:
+    """C, FMU and MJCF say nothing of cogging; Isaac and frictionloss name its parameters; a ripple of friction is nobody's."""
+    rippled = beside(cogs, ripple_sin_6=0.01)
+    for target, holds in (
+        (c_header.TARGET, True),
+        (fmu.TARGET, True),
+        (mjcf.TARGET, True),
+        (mjcf.FRICTIONLOSS, False),
+        (isaac.TARGET, False),
+    ):
+        artefact = target.write([rippled], Request())
+        left = [x.numbers["names"] for x in artefact.said if x.code == "export-leaves-out"]
+        assert ("cogging" in artefact.holds) == holds
+        assert [name for name in left[0] if name.startswith("cogging")] == ([] if holds else [*WAVES])
+        assert str(ParameterName("ripple_sin_6", Direction.SHARED)) in left[0]
+    # what its actuators give at rest is what they give of the joint without, less the cogging; Python's friction moves
+    # the joint as they do
     mujoco: Any = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
     from bristle.mujoco import Friction
 
@@ -341,30 +356,8 @@ def test_mujoco_has_it(cogs: ExportedJoint) -> None:
         ends.append(float(data.qpos[0]))
     assert ends[0] == pytest.approx(ends[1], rel=1e-6)
     assert abs(ends[0]) > 0.05
-
-
-def test_others_say_that_they_leave_it_out(cogs: ExportedJoint) -> None:
-    """C, FMU and MJCF say nothing of cogging; Isaac and frictionloss name its parameters; a ripple of friction is nobody's."""
-    rippled = beside(cogs, ripple_sin_6=0.01)
-    for target, holds in (
-        (c_header.TARGET, True),
-        (fmu.TARGET, True),
-        (mjcf.TARGET, True),
-        (mjcf.FRICTIONLOSS, False),
-        (isaac.TARGET, False),
-    ):
-        artefact = target.write([rippled], Request())
-        left = [x.numbers["names"] for x in artefact.said if x.code == "export-leaves-out"]
-        assert ("cogging" in artefact.holds) == holds
-        assert [name for name in left[0] if name.startswith("cogging")] == ([] if holds else [*WAVES])
-        assert str(ParameterName("ripple_sin_6", Direction.SHARED)) in left[0]
-
-
-def test_friction_rises_with_load_in_mujoco(handed: Handed) -> None:
-    """A joint that is pulled along, with a weight on it, brakes by its friction at that load, of which its alpha_0 has a part."""
-    mujoco: Any = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
-    from bristle.mujoco import Friction
-
+    # a joint that is pulled along, with a weight on it, brakes by its friction at that load, of which its alpha_0 has a
+    # part
     text = (
         '<mujoco><option timestep="0.001" gravity="0 0 -9.81"/><worldbody><body><joint name="wrist pitch" axis="0 1 0" armature="0.01"/>'
         '<inertial pos="0.1 0 0" mass="0.5" diaginertia="1e-9 1e-9 1e-9"/></body></worldbody></mujoco>'

@@ -119,7 +119,7 @@ def test_the_values_are_the_best_and_the_losses_are_those_of_the_formula(
         assert one.percent == pytest.approx(100 * np.linalg.norm(kept - true) / np.linalg.norm(true), rel=1e-12)
 
 
-def test_hostile_names_stay_names(handed: Handed) -> None:
+def test_hostile_names_and_joints_of_a_urdf(handed: Handed, slide: ExportedJoint) -> None:
     """Whatever a joint is called, the file has its numbers, one joint, and nothing that its name says; XML has U+FFFD for what it cannot hold."""
     (best,) = best_values([handed("wrist pitch")], Request(), "urdf")
     failed = []
@@ -141,10 +141,7 @@ def test_hostile_names_stay_names(handed: Handed) -> None:
         )
         failed += [(name, held)] * (not all(held))
     assert failed == []
-
-
-def test_a_urdf_of_joints_loads(handed: Handed, slide: ExportedJoint) -> None:
-    """A file whose numbers were changed does not pass."""
+    # a file whose numbers were changed does not pass
     joint = handed("wrist pitch")
     artefact = URDF_TARGET.write([joint], Request())
     spoilt = replace(artefact, content=artefact.content.replace(b'friction="0.06', b'friction="0.07'))

@@ -399,8 +399,16 @@ def test_the_command_line(client: Any, tmp_path: Path, monkeypatch: pytest.Monke
     assert "0 joint sessions identified, 11 unchanged, 0 failed" in seen_to.words
 
 
-def test_what_does_not_go_together_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Options and paths that cannot be: exit 2 and one sentence, before a cluster is started."""
+def test_a_client_is_checked(client: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is no client is refused, and so are options of a cluster of one's own beside a client."""
+    catalog = write_catalog(tmp_path / "c.csv", [{"file": "a.yaml", "unit": "r", "session": "2026-01-01"}])
+    with pytest.raises(InputError, match=r"expected a distributed\.Client"):
+        bristle.fleet(catalog, client="tcp://127.0.0.1:8786")
+    with pytest.raises(InputError, match="workers: is for a cluster of this machine"):
+        bristle.fleet(catalog, client=client, workers=2)
+    with client.as_current(), pytest.raises(InputError, match="memory: is for"):
+        bristle.fleet(catalog, memory="1 GiB")
+    # options and paths that cannot be: exit 2 and one sentence, before a cluster is started
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(cluster, "_WAIT", 1.0)
     write_catalog(tmp_path / "c.csv", [{"file": "a.yaml", "unit": "r", "session": "2026-01-01"}])
@@ -422,17 +430,6 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path, monkeypatch: pytes
     )
     ended = [(said, run("fleet", *options)) for options, said in cases]
     assert not [(said, ran) for said, ran in ended if ran.code != 2 or len(ran.said) != 1 or said not in ran.err]
-
-
-def test_a_client_is_checked(client: Any, tmp_path: Path) -> None:
-    """What is no client is refused, and so are options of a cluster of one's own beside a client."""
-    catalog = write_catalog(tmp_path / "c.csv", [{"file": "a.yaml", "unit": "r", "session": "2026-01-01"}])
-    with pytest.raises(InputError, match=r"expected a distributed\.Client"):
-        bristle.fleet(catalog, client="tcp://127.0.0.1:8786")
-    with pytest.raises(InputError, match="workers: is for a cluster of this machine"):
-        bristle.fleet(catalog, client=client, workers=2)
-    with client.as_current(), pytest.raises(InputError, match="memory: is for"):
-        bristle.fleet(catalog, memory="1 GiB")
 
 
 def test_progress_tells_rate_and_time(ran: Any, tmp_path: Path) -> None:

@@ -81,7 +81,7 @@ def test_what_wears_is_named_and_little_else() -> None:
         assert accusations <= 2, freedom
 
 
-def test_the_step_is_sized_and_placed_in_any_order(plain: Plain) -> None:
+def test_steps_are_placed_and_little_data_borrows(plain: Plain) -> None:
     """Of the joints that are found the step is at the worn session in most cases, and its interval mostly holds 15 %."""
     _, truth, found = plain
     hits = found.joints[[pair in worn(truth) for pair in zip(found.joints["unit"], found.joints["joint"], strict=True)]]
@@ -112,6 +112,30 @@ def test_the_step_is_sized_and_placed_in_any_order(plain: Plain) -> None:
     assert "coarse-velocity" in str(note)
     assert set(again.quality["code"]) == {"few-counts", "coarse-velocity"}
     assert (again.quality["percent"] == 100 * again.quality["joint_sessions"] / again.quality["of"]).all()
+    # a joint with one session is drawn to the type's mean more than those with eight: to between both, with a smaller
+    # error
+    frame, _, _ = plain
+    first = frame.loc[frame["unit"] == "robot-005", "session"].min()
+    few = findings(frame[(frame["unit"] != "robot-005") | (frame["session"] == first)].reset_index(drop=True))
+    rows = few.units[few.units["parameter"] == "alpha_0"]
+    one, rest = rows[rows["unit"] == "robot-005"], rows[rows["unit"] != "robot-005"]
+    assert (one["sessions"] == 1).all()
+    assert one["borrowed_percent"].min() > rest["borrowed_percent"].median()
+    both = one.merge(few.types[["type", "parameter", "direction", "mean"]], on=["type", "parameter", "direction"])
+    ends = np.sort(both[["mean", "value"]].to_numpy(float), axis=1)
+    assert ((ends[:, 0] <= both["shrunken"]) & (both["shrunken"] <= ends[:, 1])).all()
+    assert (both["shrunken_error"] < both["standard_error"]).all()
+    # a robot with 60 % more friction in all sessions is outside and has not changed; its own value is drawn in by little
+    frame, _ = fleet(SMALL._replace(worn=0.0), 4)
+    high = (frame["unit"] == "robot-007") & (frame["joint"] == "J1") & (frame["parameter"] == "alpha_0")
+    for name in ("value", "standard_error", "lower", "upper"):
+        frame[name] = frame[name].where(~high, 1.6 * frame[name])
+    found = findings(frame)
+    out = found.units[found.units["outside"]]
+    assert set(zip(out["unit"], out["joint"], out["parameter"], strict=True)) == {("robot-007", "J1", "alpha_0")}
+    assert set(found.joints.loc[found.joints["outside"], "unit"]) == {"robot-007"}
+    assert accused(found) == set()
+    assert (out["borrowed_percent"] < 5).all()
 
 
 def test_temperature_is_taken_off_where_it_is_logged_and_may_be_missing() -> None:
@@ -143,32 +167,6 @@ def test_temperature_is_taken_off_where_it_is_logged_and_may_be_missing() -> Non
     assert gaps["temperature"].isna().mean() > 0.03
     assert len(accused(found) & worn(truth)) > 0.6 * len(worn(truth))
     assert len(accused(found) - worn(truth)) <= 2
-
-
-def test_little_data_borrows_more(plain: Plain) -> None:
-    """A joint with one session is drawn to the type's mean more than those with eight: to between both, with a smaller error."""
-    frame, _, _ = plain
-    first = frame.loc[frame["unit"] == "robot-005", "session"].min()
-    few = findings(frame[(frame["unit"] != "robot-005") | (frame["session"] == first)].reset_index(drop=True))
-    rows = few.units[few.units["parameter"] == "alpha_0"]
-    one, rest = rows[rows["unit"] == "robot-005"], rows[rows["unit"] != "robot-005"]
-    assert (one["sessions"] == 1).all()
-    assert one["borrowed_percent"].min() > rest["borrowed_percent"].median()
-    both = one.merge(few.types[["type", "parameter", "direction", "mean"]], on=["type", "parameter", "direction"])
-    ends = np.sort(both[["mean", "value"]].to_numpy(float), axis=1)
-    assert ((ends[:, 0] <= both["shrunken"]) & (both["shrunken"] <= ends[:, 1])).all()
-    assert (both["shrunken_error"] < both["standard_error"]).all()
-    # a robot with 60 % more friction in all sessions is outside and has not changed; its own value is drawn in by little
-    frame, _ = fleet(SMALL._replace(worn=0.0), 4)
-    high = (frame["unit"] == "robot-007") & (frame["joint"] == "J1") & (frame["parameter"] == "alpha_0")
-    for name in ("value", "standard_error", "lower", "upper"):
-        frame[name] = frame[name].where(~high, 1.6 * frame[name])
-    found = findings(frame)
-    out = found.units[found.units["outside"]]
-    assert set(zip(out["unit"], out["joint"], out["parameter"], strict=True)) == {("robot-007", "J1", "alpha_0")}
-    assert set(found.joints.loc[found.joints["outside"], "unit"]) == {"robot-007"}
-    assert accused(found) == set()
-    assert (out["borrowed_percent"] < 5).all()
 
 
 def test_what_cannot_be_tested_says_why() -> None:

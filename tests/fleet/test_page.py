@@ -41,37 +41,60 @@ def table_rows(page: str, title: str) -> list[list[str]]:
     return [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row, re.DOTALL) for row in body.split("</tr>")[:-1]]
 
 
-def test_pages_of_a_large_fleet_are_at_most_three_megabytes(monkeypatch: pytest.MonkeyPatch) -> None:
-    """1200 joints with 8 parameters and directions, in 40 sessions, with reports' commands; a figure of 4 parameters in 10 000 sessions."""
-    monkeypatch.setattr(reports, "_DRAWN", 1)
-    large = report(plausible(200, 6, 40, ("alpha_0", "alpha_1", "alpha_2", "v_s"), failed=3000), "reports/plant")
-    assert len(large.html()) <= 1.5e6
-    for page in large.pages:
-        assert len(Report(large.title, page.sections, about="").html()) <= 1.5e6
-    long = plausible(2, 1, 10_000, ("alpha_0",))
-    rows = long.series[(long.series["unit"] == HOSTILE) & (long.series["direction"] == "+")]
-    course = figures.Course("alpha", rows, None)
-    files = dict[str, bytes]()
-    draw = partial(figures.joint_figure, "joint", rows["session"].iloc[0], 4 * [course], simulated=True)
-    drawn([Drawing(draw, "figure", "a joint")], files, lambda _: None)
-    assert len(files["figures/figure.svg"]) <= 5e5
-
-
-def test_hostile_names_stay_text(folder: Path, tmp_path: Path) -> None:
+def test_hostile_names_and_quality_on_pages(folder: Path, tmp_path: Path, found: Findings) -> None:
     """A name that ends a script and loads an image begins no tag, and stands in tables, headings and figures as it is."""
     for name in ("index", "units", "quality"):
         page = page_text(folder / f"{name}.html")
-        read = Elements(page)
-        assert not read.tags & {"img", "b"}
-        assert read.runs == set()
+        shown = Elements(page)
+        assert not shown.tags & {"img", "b"}
+        assert shown.runs == set()
         assert "&lt;/script&gt;&lt;img src=x" in page
     rows = table_rows(page_text(folder / "index.html"), "Joints, by rank")
     assert [row[1] for row in rows if "&lt;img" in row[1]]
     assert next(row[2] for row in rows if "Zelle" in row[2]).endswith("手首")
     # written again every file is the same
     again = report(plausible(units=8, failed=45), "out put").write(tmp_path / "page").parent
-    read = [{x.relative_to(top): x.read_bytes() for x in top.rglob("*") if x.is_file()} for top in (folder, again)]
-    assert read[0] == read[1]
+    files = [{x.relative_to(top): x.read_bytes() for x in top.rglob("*") if x.is_file()} for top in (folder, again)]
+    assert files[0] == files[1]
+    # the figure has cautions, critical warnings and failed sessions, and no notes; the table has all, with their
+    # entries
+    with (folder / "figures" / "quality.csv").open(encoding="utf-8") as file:
+        assert {line["series"] for line in csv.DictReader(file)} == {"clipped", "torque-drifts", "failed"}
+    page = page_text(folder / "quality.html")
+    assert {"too-short", "failed"} <= {re.sub("<.*?>", "", row[0]) for row in table_rows(page, "Warnings, the most")}
+    for code in ("clipped", "torque-drifts"):
+        assert f'href="#warning-{code}"' in page
+        assert f'<dt id="warning-{code}">' in page
+    # headline, SIMULATED, notes with their codes' entries, the ranked joints, and of the first what to think of new warnings
+    page = page_text(folder / "index.html")
+    assert "<strong>SIMULATED data.</strong>" in page
+    assert "of 16 joints changed, at a false discovery rate of 5 %" in page
+    for code in ("warned-since", "clipped", "torque-drifts"):
+        assert f'<dt id="warning-{code}">' in page
+    assert '<a class="code" href="#warning-warned-since">' in page
+    rows = table_rows(page, "Joints, by rank")
+    assert [row[0] for row in rows] == [str(k) for k in range(1, 17)]
+    assert rows[0][3] == "changed"
+    assert re.sub("\\s", " ", rows[0][5]) in {"α₀ (+)", "α₀ (−)"}
+    assert [row[8].count('href="#warning-') for row in rows if row[8]] == [2]
+    assert "They point at the log" in page
+    types = table_rows(page_text(folder / "units.html"), "Types, parameters and directions")
+    assert types[0][7].startswith(("-1.", "-0.9"))
+    failures = table_rows(page_text(folder / "quality.html"), "Sessions without a result")
+    assert failures[0][3] == "&lt;i&gt;file 0&lt;/i&gt;: ends in line 812; log it again"
+    # each table of the findings is a CSV file of its columns and rows, in which no text is a formula
+    assert_tables_are_named(folder)
+    frames = report(found).frames
+    assert set(frames) == {"joints", "changes", "units", "types", "quality", "warned", "failures"}
+    assert {path.stem for path in (folder / "tables").iterdir()} == set(frames)
+    for name, frame in frames.items():
+        read = list(csv.DictReader(io.StringIO((folder / "tables" / f"{name}.csv").read_text(encoding="utf-8"))))
+        assert len(read) == len(frame) == len(getattr(found, name))
+        assert list(read[0]) == list(frame.columns)
+        assert [row["joint"] for row in read] == list(frame["joint"]) if "joint" in frame else True
+    assert read[0]["file"] == "'=cut <off>.csv"
+    written = (folder / "tables" / "joints.csv").read_text(encoding="utf-8")
+    assert [float(row["percent"]) for row in csv.DictReader(io.StringIO(written))] == list(found.joints["percent"])
 
 
 def test_a_joint_is_drawn_as_it_was_found(found: Findings, folder: Path) -> None:
@@ -116,47 +139,6 @@ def test_a_joint_is_drawn_as_it_was_found(found: Findings, folder: Path) -> None
     low, high = figure.axes[0].get_ylim()
     assert low < rows["value"].min() < rows["value"].max() < high < 2 * rows["value"].max()
     assert all(np.isfinite(ax.get_ylim()).all() for ax in figure.axes)
-
-
-def test_quality_over_time_leaves_notes_out(folder: Path, found: Findings) -> None:
-    """The figure has cautions, critical warnings and failed sessions, and no notes; the table has all, with their entries."""
-    with (folder / "figures" / "quality.csv").open(encoding="utf-8") as file:
-        assert {line["series"] for line in csv.DictReader(file)} == {"clipped", "torque-drifts", "failed"}
-    page = page_text(folder / "quality.html")
-    assert {"too-short", "failed"} <= {re.sub("<.*?>", "", row[0]) for row in table_rows(page, "Warnings, the most")}
-    for code in ("clipped", "torque-drifts"):
-        assert f'href="#warning-{code}"' in page
-        assert f'<dt id="warning-{code}">' in page
-    # headline, SIMULATED, notes with their codes' entries, the ranked joints, and of the first what to think of new warnings
-    page = page_text(folder / "index.html")
-    assert "<strong>SIMULATED data.</strong>" in page
-    assert "of 16 joints changed, at a false discovery rate of 5 %" in page
-    for code in ("warned-since", "clipped", "torque-drifts"):
-        assert f'<dt id="warning-{code}">' in page
-    assert '<a class="code" href="#warning-warned-since">' in page
-    rows = table_rows(page, "Joints, by rank")
-    assert [row[0] for row in rows] == [str(k) for k in range(1, 17)]
-    assert rows[0][3] == "changed"
-    assert re.sub("\\s", " ", rows[0][5]) in {"α₀ (+)", "α₀ (−)"}
-    assert [row[8].count('href="#warning-') for row in rows if row[8]] == [2]
-    assert "They point at the log" in page
-    types = table_rows(page_text(folder / "units.html"), "Types, parameters and directions")
-    assert types[0][7].startswith(("-1.", "-0.9"))
-    failures = table_rows(page_text(folder / "quality.html"), "Sessions without a result")
-    assert failures[0][3] == "&lt;i&gt;file 0&lt;/i&gt;: ends in line 812; log it again"
-    # each table of the findings is a CSV file of its columns and rows, in which no text is a formula
-    assert_tables_are_named(folder)
-    frames = report(found).frames
-    assert set(frames) == {"joints", "changes", "units", "types", "quality", "warned", "failures"}
-    assert {path.stem for path in (folder / "tables").iterdir()} == set(frames)
-    for name, frame in frames.items():
-        read = list(csv.DictReader(io.StringIO((folder / "tables" / f"{name}.csv").read_text(encoding="utf-8"))))
-        assert len(read) == len(frame) == len(getattr(found, name))
-        assert list(read[0]) == list(frame.columns)
-        assert [row["joint"] for row in read] == list(frame["joint"]) if "joint" in frame else True
-    assert read[0]["file"] == "'=cut <off>.csv"
-    written = (folder / "tables" / "joints.csv").read_text(encoding="utf-8")
-    assert [float(row["percent"]) for row in csv.DictReader(io.StringIO(written))] == list(found.joints["percent"])
 
 
 def test_commands_and_links_of_reports(found: Findings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -204,7 +186,7 @@ def test_commands_and_links_of_reports(found: Findings, tmp_path: Path, monkeypa
     assert pages["index"].count("<figure") == 2
 
 
-def test_findings_of_nothing_are_a_page(tmp_path: Path) -> None:
+def test_pages_of_nothing_and_of_a_large_fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without a joint, a value or a warning there is a page that says so; it is written anew in its folder, but not over what is not bristle's."""
     output_folder.claim(tmp_path, output_folder.FLEET)
     for name, text in (("results/part-0.parquet", "data"), ("tables/joints.csv", "mine")):
@@ -234,6 +216,20 @@ def test_findings_of_nothing_are_a_page(tmp_path: Path) -> None:
     (types,) = [x.table for x in made.pages[0].sections if x.title == "Types"]
     assert types is not None
     assert len(types.cells.rows) == len(found.types) == 16
+    # 1200 joints with 8 parameters and directions, in 40 sessions, with reports' commands; a figure of 4 parameters in
+    # 10 000 sessions
+    monkeypatch.setattr(reports, "_DRAWN", 1)
+    large = report(plausible(200, 6, 40, ("alpha_0", "alpha_1", "alpha_2", "v_s"), failed=3000), "reports/plant")
+    assert len(large.html()) <= 1.5e6
+    for page in large.pages:
+        assert len(Report(large.title, page.sections, about="").html()) <= 1.5e6
+    long = plausible(2, 1, 10_000, ("alpha_0",))
+    rows = long.series[(long.series["unit"] == HOSTILE) & (long.series["direction"] == "+")]
+    course = figures.Course("alpha", rows, None)
+    files = dict[str, bytes]()
+    draw = partial(figures.joint_figure, "joint", rows["session"].iloc[0], 4 * [course], simulated=True)
+    drawn([Drawing(draw, "figure", "a joint")], files, lambda _: None)
+    assert len(files["figures/figure.svg"]) <= 5e5
 
 
 def text(found: Findings) -> str:

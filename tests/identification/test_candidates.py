@@ -430,7 +430,7 @@ def test_an_offset_is_not_said_of_what_is_none() -> None:
 # a torque that is none
 
 
-def test_noise_is_told_from_a_slow_torque() -> None:
+def test_noise_is_told_from_a_torque_and_from_a_wrong_sign(tmp_path: Path) -> None:
     """Noise, white or through a low pass, has nothing to do with a motion in at least 95 of 100 records; friction ten times below it has."""
     for level in (0.01, 10.0):
         t = np.arange(5000) / 500
@@ -452,10 +452,7 @@ def test_noise_is_told_from_a_slow_torque() -> None:
         slow = smoothed(Record(file="a", time=t), noise, 1.5)
         said = [loads_slowly(Record(file="a", time=t, torque=x, cutoff=2.0)) for x in (cycle, noise, slow)]
         assert said == [True, False, False]
-
-
-def test_noise_is_refused_as_noise_and_a_wrong_sign_as_a_wrong_sign(tmp_path: Path) -> None:
-    """The sentence about noise names its size and does not ask for scale: -1; that about a wrong sign does."""
+    # the sentence about noise names its size and does not ask for scale: -1; that about a wrong sign does
     (tmp_path / "wrist.yaml").write_text(experiment(), encoding="utf-8")
     own = load_experiment(tmp_path / "wrist.yaml")
     v, rng = speeds(both=False), np.random.default_rng(1)

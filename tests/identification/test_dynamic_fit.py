@@ -105,7 +105,7 @@ def test_without_noise_the_truth_comes_back(p: Lugre[float] | Pair[float], monke
     assert thinned.keys() == plain.keys()
 
 
-def test_intervals_hold_the_truth_and_widen_with_correlation() -> None:
+def test_intervals_hold_the_truth_and_follow_noise_and_priors() -> None:
     """Over forty repetitions with white noise, at least 87 % of the intervals of all seven parameters hold the truth."""
     hits = []
     for seed in range(40):
@@ -130,6 +130,27 @@ def test_intervals_hold_the_truth_and_widen_with_correlation() -> None:
     level = found.parameters[parse("alpha_0")]
     assert "only-sum-seen" in codes(level.warnings)
     assert level.value == pytest.approx(GRIPPER.alpha_0 + GRIPPER.alpha_1, rel=0.01)
+    # a prior as sure as the data moves an estimate about half of the way; a sure one all the way; and the error shrinks
+    problem = posed(record(noise=3e-4), decimation=5)
+    alone, v_s = fitted(problem), parse("v_s")
+    value, error = value_of(alone.parameters[v_s]), error_of(alone.parameters[v_s])
+    moves = []
+    for share in (1.0, 1e-3):
+        prior = Prior("static", (v_s,), np.array([value + 2 * error]), np.array([[1 / (share * error)]]))
+        found = fitted(replace(problem, priors=(prior,), sigma=alone.rms)).parameters[v_s]
+        assert error_of(found) < error
+        moves.append((value_of(found) - value) / (2 * error))
+    assert 0.25 < moves[0] < 0.75
+    assert moves[1] == pytest.approx(1.0, abs=0.02)
+    # of two runs, one ten times as noisy, the fit trusts the quiet one: its errors are near those of the quiet run alone
+    quiet, noisy = record(noise=2e-4, seed=1), replace(record(noise=2e-3, seed=2), file="noisy.csv")
+    together = dynamic_problem([quiet, noisy], ("both",), ("inertia",), 5, None)
+    both = fit_tracking(together, TRUTH, "revolute", search=False)
+    weights = [m.weight for m in both.problem.motions]
+    assert weights[0] == pytest.approx(10 * weights[1], rel=0.1)
+    alone = fitted(posed(quiet, decimation=5))
+    for name in map(parse, ("alpha_0", "sigma_0")):
+        assert error_of(both.fit.parameters[name]) < 1.1 * error_of(alone.parameters[name])
 
 
 def test_what_is_unseen_scarce_or_fixed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -212,30 +233,6 @@ def test_a_stiff_bristle_converges() -> None:
         said = [d for d in warnings if d.code in {"inertia-doubted", "torque-delayed"}]
         added = [float(str(d).split("with ")[1].split()[0]) for d in said]
         assert added == pytest.approx([(1 - factor) * J] * (factor > 1), rel=0.2)
-
-
-def test_a_prior_pulls_as_far_as_it_is_sure() -> None:
-    """A prior as sure as the data moves an estimate about half of the way; a sure one all the way; and the error shrinks."""
-    problem = posed(record(noise=3e-4), decimation=5)
-    alone, v_s = fitted(problem), parse("v_s")
-    value, error = value_of(alone.parameters[v_s]), error_of(alone.parameters[v_s])
-    moves = []
-    for share in (1.0, 1e-3):
-        prior = Prior("static", (v_s,), np.array([value + 2 * error]), np.array([[1 / (share * error)]]))
-        found = fitted(replace(problem, priors=(prior,), sigma=alone.rms)).parameters[v_s]
-        assert error_of(found) < error
-        moves.append((value_of(found) - value) / (2 * error))
-    assert 0.25 < moves[0] < 0.75
-    assert moves[1] == pytest.approx(1.0, abs=0.02)
-    # of two runs, one ten times as noisy, the fit trusts the quiet one: its errors are near those of the quiet run alone
-    quiet, noisy = record(noise=2e-4, seed=1), replace(record(noise=2e-3, seed=2), file="noisy.csv")
-    together = dynamic_problem([quiet, noisy], ("both",), ("inertia",), 5, None)
-    both = fit_tracking(together, TRUTH, "revolute", search=False)
-    weights = [m.weight for m in both.problem.motions]
-    assert weights[0] == pytest.approx(10 * weights[1], rel=0.1)
-    alone = fitted(posed(quiet, decimation=5))
-    for name in map(parse, ("alpha_0", "sigma_0")):
-        assert error_of(both.fit.parameters[name]) < 1.1 * error_of(alone.parameters[name])
 
 
 def counted(quantum: float, torque: Array, place: float = 0.0) -> Record:
@@ -344,7 +341,7 @@ def test_what_is_left_in_a_few_moments_is_named() -> None:
         assert moved_in([record(v=velocity)]) == directions
 
 
-def test_the_descent_respects_its_bounds() -> None:
+def test_descents_respect_bounds_and_find_minima() -> None:
     """Where the free minimum lies beyond a bound, the descent ends on the bound, at the least cost there; and it takes few steps when linear."""
     rng = np.random.default_rng(0)
     A, b = rng.standard_normal((30, 3)), rng.standard_normal(30)
@@ -365,22 +362,8 @@ def test_the_descent_respects_its_bounds() -> None:
         start = np.full(3, row), np.full((3, 1), slope)
         with pytest.raises(ValueError, match="the cost is not finite"):
             minimise(partial(lambda at, _: at, start), np.zeros(1), *box)
-
-
-@pytest.mark.parametrize(
-    "p", [GRIPPER, pytest.param(Pair(GRIPPER, OTHER), marks=pytest.mark.slow)], ids=["one set", "pair"]
-)
-def test_ipopt_finds_the_same(p: Lugre[float] | Pair[float]) -> None:
-    """The same problem as one CasADi chain solved by IPOPT ends at the same cost, with every parameter within a tenth of its standard error."""
-    run = record(p, 3e-4, v=V[:3000])
-    check = check_tracking(fit_tracking(posed(run, sides(p), 5), by_name(p), "revolute", search=False))
-    assert check.agrees
-    assert check.reached == check.starts
-    assert max(map(abs, check.difference_in_se.values())) < 0.1
-
-
-def test_minima_that_the_start_lost_are_found() -> None:
-    """From a start that is good in one direction and far off in the other, with others no better, the minimum of both is found."""
+    # from a start that is good in one direction and far off in the other, with others no better, the minimum of both is
+    # found
     problem = posed(record(Pair(GRIPPER, GRIPPER), 1e-5), ("+", "-"), 10)
     good = by_name(Pair(GRIPPER, GRIPPER))
     start = {n: x * (0.003 if (n.name, n.direction) == ("v_s", "-") else 1.0) for n, x in good.items()}
@@ -406,6 +389,18 @@ def test_minima_that_the_start_lost_are_found() -> None:
         assert whole.minimum.cost < 1e-3 * alone.minimum.cost
         for name, true in truth.items():
             assert whole.values[name] == pytest.approx(true, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    "p", [GRIPPER, pytest.param(Pair(GRIPPER, OTHER), marks=pytest.mark.slow)], ids=["one set", "pair"]
+)
+def test_ipopt_finds_the_same(p: Lugre[float] | Pair[float]) -> None:
+    """The same problem as one CasADi chain solved by IPOPT ends at the same cost, with every parameter within a tenth of its standard error."""
+    run = record(p, 3e-4, v=V[:3000])
+    check = check_tracking(fit_tracking(posed(run, sides(p), 5), by_name(p), "revolute", search=False))
+    assert check.agrees
+    assert check.reached == check.starts
+    assert max(map(abs, check.difference_in_se.values())) < 0.1
 
 
 def test_a_bristle_is_found_from_any_start_and_beside_what_is_fixed() -> None:

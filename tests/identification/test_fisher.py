@@ -88,7 +88,7 @@ def test_information_is_the_inverse_of_what_fits_show() -> None:
     assert {"alpha_0", "alpha_1"} in map(set, sums)
 
 
-def test_motion_jacobian_is_the_derivative_of_the_torque() -> None:
+def test_jacobians_of_motions_and_covariances_of_lines() -> None:
     """Each column is the central difference of the simulated torque, and an extra column is itself."""
     t = 1e-3 * np.arange(3001)
     v, a = 0.3 * np.cos(6 * t), -1.8 * np.sin(6 * t)
@@ -113,22 +113,7 @@ def test_motion_jacobian_is_the_derivative_of_the_torque() -> None:
     assert set(map(str, hardly.numbers["all"])) == {"b", "c"}
     with pytest.raises(ValueError, match="read-only"):
         info.matrix[0, 0] = 0.0
-
-
-@given(st.integers(1, 6), st.integers(0, 2**32 - 1))
-def test_covariance_is_the_inverse(size: int, seed: int) -> None:
-    """Of any information that has an inverse, errors and correlation are those of the inverse, in any units."""
-    rng = np.random.default_rng(seed)
-    matrix = gram(rng.normal(size=(size + 5, size)), 1.0)
-    units = 10 ** rng.uniform(-6, 6, size)
-    errors, correlation = covariance(matrix * np.outer(units, units))
-    inverse = np.linalg.inv(matrix)
-    np.testing.assert_allclose(errors * units, np.sqrt(np.diag(inverse)), rtol=1e-7)
-    np.testing.assert_allclose(correlation, inverse / np.sqrt(np.outer(np.diag(inverse), np.diag(inverse))), atol=1e-6)
-
-
-def test_covariance_of_a_straight_line_is_the_textbook_one() -> None:
-    """For a linear model the covariance is s**2 (X'X)**-1 in closed form, and equals linregress' standard errors."""
+    # for a linear model the covariance is s**2 (X'X)**-1 in closed form, and equals linregress' standard errors
     rng = np.random.default_rng(0)
     x = np.linspace(0, 1, 20)
     y = 1 + 2 * x + 0.1 * rng.standard_normal(20)
@@ -144,6 +129,18 @@ def test_covariance_of_a_straight_line_is_the_textbook_one() -> None:
     wide, freedom = uncertainty.covariance(design, 2.0, 4.0)
     assert wide == pytest.approx(4 * plain)
     assert freedom == pytest.approx(100 / 4 - 3)
+
+
+@given(st.integers(1, 6), st.integers(0, 2**32 - 1))
+def test_covariance_is_the_inverse(size: int, seed: int) -> None:
+    """Of any information that has an inverse, errors and correlation are those of the inverse, in any units."""
+    rng = np.random.default_rng(seed)
+    matrix = gram(rng.normal(size=(size + 5, size)), 1.0)
+    units = 10 ** rng.uniform(-6, 6, size)
+    errors, correlation = covariance(matrix * np.outer(units, units))
+    inverse = np.linalg.inv(matrix)
+    np.testing.assert_allclose(errors * units, np.sqrt(np.diag(inverse)), rtol=1e-7)
+    np.testing.assert_allclose(correlation, inverse / np.sqrt(np.outer(np.diag(inverse), np.diag(inverse))), atol=1e-6)
 
 
 def test_p_value_is_uniform_where_there_is_no_peak(speeds: Array) -> None:

@@ -46,7 +46,7 @@ def within(joint: Joint, **truth: float) -> None:
     assert wrong == {}
 
 
-def test_a_drive_of_unknown_gain_tells_ratios(tmp_path: Path) -> None:
+def test_unknown_gains_and_known_gravities(tmp_path: Path) -> None:
     """Its command alone: all is in rad of position error, as a share of kp, and its damping is in alpha_2; how to get N m is said."""
     log, kp = logged(tmp_path, "command", damping=0.4), EFFORTS["command"]
     joint = drafted(log)
@@ -69,31 +69,7 @@ def test_a_drive_of_unknown_gain_tells_ratios(tmp_path: Path) -> None:
     assert joint.kind == "revolute in A"
     assert "constant-unseen" in codes(joint.warnings)
     assert "chosen scale" not in joint.settings
-
-
-@pytest.mark.parametrize("signal", list(EFFORTS))
-def test_a_known_gravity_scales_it(tmp_path: Path, signal: str) -> None:
-    """With its torque, or a mass and where it is, all is in N m, its scale within three errors; an error of the gravity is in the intervals."""
-    log, scale = logged(tmp_path, signal), EFFORTS[signal]
-    exact = drafted(log, told=bristle.Told(gravity=f"{GRAVITY} N*m"))
-    within(exact, alpha_0=0.06, alpha_2=0.03, inertia=INERTIA)
-    told = exact.settings["chosen scale"]
-    found, error = (float(x) for x in told.split(" N*m/")[0].rsplit(" ", 3)[1::2])
-    assert abs(found - scale) <= 3 * error < 0.05 * scale
-    assert ("assumed exact" in told, "alpha_2 holds" in told) == (True, signal != "current")
-    kg = GRAVITY / 9.81 / 0.08
-    mass = drafted(log, told=bristle.Told(gravity=f"mass: {kg} +/- {0.05 * kg} kg, centre: 80 mm"))
-    within(mass, alpha_0=0.06, inertia=INERTIA)
-    for name in ("alpha_0", "inertia"):
-        estimate = tracked(mass)[name]
-        assert estimate.interval is not None
-        assert np.ptp(estimate.interval) > 0.19 * float(estimate.value or 0.0)
-    assert "assumed exact" not in mass.settings["chosen scale"]
-    assert "torque-uncertain" in codes([mass.torque_scale] if mass.torque_scale else [])
-
-
-def test_which_gravities_are_taken(tmp_path: Path) -> None:
-    """Beside a torque, constants of the motor, or points; of a joint that slides; without a centre: a sentence each."""
+    # beside a torque, constants of the motor, or points; of a joint that slides; without a centre: a sentence each
     log = logged(tmp_path, "current")
     text, _ = bristle.draft(log, told=bristle.Told(gravity="0.8 N*m"))
     whole = 'gravity: "0.8 N*m"'
@@ -134,6 +110,27 @@ def test_which_gravities_are_taken(tmp_path: Path) -> None:
         InputError, match="gravity makes no torque of yaw, which slides, or turns about a vertical axis"
     ):
         bristle.draft(log, told=bristle.Told(gravity=str(urdf), name="yaw"))
+
+
+@pytest.mark.parametrize("signal", list(EFFORTS))
+def test_a_known_gravity_scales_it(tmp_path: Path, signal: str) -> None:
+    """With its torque, or a mass and where it is, all is in N m, its scale within three errors; an error of the gravity is in the intervals."""
+    log, scale = logged(tmp_path, signal), EFFORTS[signal]
+    exact = drafted(log, told=bristle.Told(gravity=f"{GRAVITY} N*m"))
+    within(exact, alpha_0=0.06, alpha_2=0.03, inertia=INERTIA)
+    told = exact.settings["chosen scale"]
+    found, error = (float(x) for x in told.split(" N*m/")[0].rsplit(" ", 3)[1::2])
+    assert abs(found - scale) <= 3 * error < 0.05 * scale
+    assert ("assumed exact" in told, "alpha_2 holds" in told) == (True, signal != "current")
+    kg = GRAVITY / 9.81 / 0.08
+    mass = drafted(log, told=bristle.Told(gravity=f"mass: {kg} +/- {0.05 * kg} kg, centre: 80 mm"))
+    within(mass, alpha_0=0.06, inertia=INERTIA)
+    for name in ("alpha_0", "inertia"):
+        estimate = tracked(mass)[name]
+        assert estimate.interval is not None
+        assert np.ptp(estimate.interval) > 0.19 * float(estimate.value or 0.0)
+    assert "assumed exact" not in mass.settings["chosen scale"]
+    assert "torque-uncertain" in codes([mass.torque_scale] if mass.torque_scale else [])
 
 
 WEIGHT, J, COULOMB, VISCOUS = 0.695, 0.0225, 5e-3, 3e-4

@@ -204,8 +204,15 @@ def wrist(edro_results: Path) -> JointModel:
     return bristle.read_results(edro_results).model("wrist pitch")
 
 
-def test_every_way_to_its_friction_agrees(wrist: JointModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """`friction`, CasADi's steady torque, LuGre at the deflection where dz/dt = 0, and the table, at speeds of both signs."""
+def test_every_way_to_its_friction_agrees(tmp_path: Path, wrist: JointModel, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Points in one direction give no friction in the other, and no compensator, in one sentence."""
+    alone = bristle.identify(write(tmp_path, speeds(both=False))).model()
+    assert np.isnan(alone.friction(-0.1))
+    assert alone.friction(0.1) > 0
+    with pytest.raises(bristle.InputError, match="a compensator needs"):
+        alone.casadi()
+    # `friction`, CasADi's steady torque, LuGre at the deflection where dz/dt = 0, and the table, at speeds of both
+    # signs
     v = np.array([-1.0, -0.02, 0.01, 0.6])
     steady, torque = wrist.casadi().steady, wrist.casadi().torque
     np.testing.assert_allclose(wrist.friction(v), steady(v.reshape(1, -1)).full().ravel(), rtol=1e-12)
@@ -244,12 +251,3 @@ def test_every_way_to_its_friction_agrees(wrist: JointModel, tmp_path: Path, mon
         f"{file.read_text('utf-8')}fit: {{regressors: [quadratic], set_up: as-written}}\n", encoding="utf-8"
     )
     np.testing.assert_allclose(bristle.identify(file).model().friction(log.v), torque, rtol=0.02)
-
-
-def test_what_is_not_known_is_said(tmp_path: Path) -> None:
-    """Points in one direction give no friction in the other, and no compensator, in one sentence."""
-    alone = bristle.identify(write(tmp_path, speeds(both=False))).model()
-    assert np.isnan(alone.friction(-0.1))
-    assert alone.friction(0.1) > 0
-    with pytest.raises(bristle.InputError, match="a compensator needs"):
-        alone.casadi()

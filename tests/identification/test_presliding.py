@@ -50,21 +50,6 @@ def found(record: Record, quantum: float) -> PreslidingFit:
     return fit_presliding(loadings, LEVEL, None, "revolute")
 
 
-def test_the_loading_curve_solves_the_law() -> None:
-    """Along T(y) the bristle obeys (4) at vanishing velocity: dz/dy = 1 - sigma_0 z / g0, with T = sigma_0 z."""
-    T = np.linspace(0.01, 0.95, 50) * G0
-    h = 1e-6 * G0
-    slope = 2 * h / GRIPPER.sigma_0 / (bent(T + h) - bent(T - h))
-    rate = np.array([float(law.bristle_rate(t / GRIPPER.sigma_0, 1e-9, GRIPPER._replace(v_s=1.0))) / 1e-9 for t in T])
-    np.testing.assert_allclose(slope, rate, rtol=1e-6)
-    # of three runs, the one that breaks away at two thirds of the others is named; the median is that of the others
-    records = [slid("a.csv", G0), slid("b.csv", 0.65 * G0), slid("c.csv", 1.01 * G0)]
-    result = identify_presliding(records, {}, None, FitOptions(), None, "revolute")
-    assert result.breakaway["+"].value == pytest.approx(G0, rel=0.05)
-    assert str(next(d for d in result.warnings if d.code == "outlier")).startswith("b.csv is an outlier")
-    assert result.fits["+"].level_source.code in {"of-breakaway", "of-one-breakaway"}
-
-
 @given(st.floats(0, 0.999), st.sampled_from([12, 14, 16]))
 @settings(max_examples=30)
 def test_edges_are_exact_wherever_the_joint_rests(phase: float, bits: int) -> None:
@@ -109,6 +94,18 @@ def test_slow_loading_tells_sigma_0_with_its_errors() -> None:
     assert absent.value is None
     assert absent.warnings[0].code == "no-sigma-1"
     assert "no positive inertia is known" in absent.warnings[0].numbers["why"]
+    # along T(y) the bristle obeys (4) at vanishing velocity: dz/dy = 1 - sigma_0 z / g0, with T = sigma_0 z
+    T = np.linspace(0.01, 0.95, 50) * G0
+    h = 1e-6 * G0
+    slope = 2 * h / GRIPPER.sigma_0 / (bent(T + h) - bent(T - h))
+    rate = np.array([float(law.bristle_rate(t / GRIPPER.sigma_0, 1e-9, GRIPPER._replace(v_s=1.0))) / 1e-9 for t in T])
+    np.testing.assert_allclose(slope, rate, rtol=1e-6)
+    # of three runs, the one that breaks away at two thirds of the others is named; the median is that of the others
+    records = [slid("a.csv", G0), slid("b.csv", 0.65 * G0), slid("c.csv", 1.01 * G0)]
+    result = identify_presliding(records, {}, None, FitOptions(), None, "revolute")
+    assert result.breakaway["+"].value == pytest.approx(G0, rel=0.05)
+    assert str(next(d for d in result.warnings if d.code == "outlier")).startswith("b.csv is an outlier")
+    assert result.fits["+"].level_source.code in {"of-breakaway", "of-one-breakaway"}
 
 
 @pytest.mark.parametrize("u", [1e-6, 1e-3, 0.1, 0.38, 2.0])

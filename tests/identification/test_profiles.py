@@ -192,6 +192,24 @@ def test_profiles_at_bounds_and_ends() -> None:
         assert low <= solution.theta[-1] <= high
         open_, closed = open_ + unlimited, closed + (not unlimited)
     assert min(open_, closed) >= 2
+    # torque that pulls along the motion leaves friction nothing but zero: no parameter is free to be drawn, and none
+    # has ends
+    problem = moving_problem()
+    pulled = replace(
+        problem, torque=-problem.torque, linear=problem.linear[:, :-1], linear_names=problem.linear_names[:-1]
+    )
+    v_s_range = default_range(problem.velocity)
+    solution = solve(pulled, v_s_range)
+    solution = replace(solution, at_bound=tuple(pulled.names))
+    found = resample(pulled, solution, v_s_range, 40, covariance=np.zeros((0, 0)))
+    assert np.isnan(np.concatenate([found.low, found.high, found.draws.ravel()])).all()
+    assert found.draws.shape == (len(pulled.names), 40)
+    # an estimate at its bound has its own sentence, and one interval alone parts from none
+    (said,) = warnings(0.0, (0.0, 1.0), (0.0, 9.0), (0.0, 3.0), at_bound=True)
+    assert said.code == "intervals-at-bound"
+    assert [w.code for w in warnings(1.0, (0.0, 2.0), None, None, few=FIVE)] == ["no-bootstrap"]
+    assert warnings(1.0, (0.0, 2.0), None, None) == ()
+    assert warnings(1.0, (1.0, 1.0), (1.0, 1.0 + 1e-12), (1.0, 1.0)) == ()
 
 
 @pytest.mark.parametrize(("viscous", "seed"), [(1.0, 1), (0.0, 2)])
@@ -219,26 +237,6 @@ def moving_problem(seed: int = 0, samples: int = 2400) -> Regression:
     raw = from_points(velocity, torque, ("both",), {"inertia": inertia})
     smooth = sparse.csr_array(sparse.kron(sparse.eye_array(samples // 8), np.full((1, 8), 1 / 8)))
     return replace(raw, torque=smooth @ torque, linear=smooth @ raw.linear, smooth=smooth)
-
-
-def test_moving_data_with_every_parameter_at_its_bound_draw_none() -> None:
-    """Torque that pulls along the motion leaves friction nothing but zero: no parameter is free to be drawn, and none has ends."""
-    problem = moving_problem()
-    pulled = replace(
-        problem, torque=-problem.torque, linear=problem.linear[:, :-1], linear_names=problem.linear_names[:-1]
-    )
-    v_s_range = default_range(problem.velocity)
-    solution = solve(pulled, v_s_range)
-    solution = replace(solution, at_bound=tuple(pulled.names))
-    found = resample(pulled, solution, v_s_range, 40, covariance=np.zeros((0, 0)))
-    assert np.isnan(np.concatenate([found.low, found.high, found.draws.ravel()])).all()
-    assert found.draws.shape == (len(pulled.names), 40)
-    # an estimate at its bound has its own sentence, and one interval alone parts from none
-    (said,) = warnings(0.0, (0.0, 1.0), (0.0, 9.0), (0.0, 3.0), at_bound=True)
-    assert said.code == "intervals-at-bound"
-    assert [w.code for w in warnings(1.0, (0.0, 2.0), None, None, few=FIVE)] == ["no-bootstrap"]
-    assert warnings(1.0, (0.0, 2.0), None, None) == ()
-    assert warnings(1.0, (1.0, 1.0), (1.0, 1.0 + 1e-12), (1.0, 1.0)) == ()
 
 
 @pytest.mark.parametrize("prior", [False, True])

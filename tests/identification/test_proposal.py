@@ -238,6 +238,15 @@ def test_what_no_draft_can_be_made_of(tmp_path: Path) -> None:
         half.write_text(f"joint: {{name: a}}\nruns:\n{runs}\n")
         with pytest.raises(InputError):
             api.complete(half)
+    # two infinite positions in a row, of a sensor that lost its signal, are passed over without a warning of NumPy's
+    log = swung(tmp_path)
+    rows = log.read_text().splitlines()
+    for k in (700, 701):
+        time, _, current = rows[k].split(",")
+        rows[k] = f"{time},inf,{current}"
+    (tmp_path / "gap.csv").write_text("\n".join(rows) + "\n")
+    text, _ = api.draft(tmp_path / "gap.csv", told=MOTOR, folder=tmp_path)
+    assert "experiment: tracking" in text
 
 
 @pytest.mark.parametrize("runs", ["  - {files: log.csv}\n", "  - files: log.csv\n    load: none\n"])
@@ -257,18 +266,6 @@ def test_a_half_filled_file_gets_its_kinds(tmp_path: Path, runs: str) -> None:
     )
     bare = text.replace("experiment: tracking, ", "").replace("experiment: tracking\n    ", "")
     assert bare.startswith(half.read_text())
-
-
-def test_rows_that_are_not_finite_are_passed_over(tmp_path: Path) -> None:
-    """Two infinite positions in a row, of a sensor that lost its signal, are passed over without a warning of NumPy's."""
-    log = swung(tmp_path)
-    rows = log.read_text().splitlines()
-    for k in (700, 701):
-        time, _, current = rows[k].split(",")
-        rows[k] = f"{time},inf,{current}"
-    (tmp_path / "gap.csv").write_text("\n".join(rows) + "\n")
-    text, _ = api.draft(tmp_path / "gap.csv", told=MOTOR, folder=tmp_path)
-    assert "experiment: tracking" in text
 
 
 JOINT = Lugre(2.0, 1.0, 1.5, 0.1, 1.0, 0.0)
@@ -311,7 +308,7 @@ def test_the_term_that_is_missing_is_named(tmp_path: Path, load: str, size: floa
     assert better.error < 100 * 0.05 / np.sqrt(np.mean(present(record.torque) ** 2)) < 0.75 * better.asked_error
 
 
-def test_nothing_is_proposed_where_nothing_is_missing(tmp_path: Path) -> None:
+def test_what_is_proposed_of_clean_runs_and_of_drag(tmp_path: Path) -> None:
     """In forty runs without any other load, of both set-ups, none is proposed."""
     for seed in range(20):
         for fit in ("", "directions: symmetric"):
@@ -329,10 +326,7 @@ def test_nothing_is_proposed_where_nothing_is_missing(tmp_path: Path) -> None:
     assert not [s for s in range(300) if unexplained(left(0.0, seed=s), 20.0)]
     assert not unexplained(left(0.5), 10 * np.sqrt(400.0))
     assert not unexplained(left(0.5)[:7], 1.0)
-
-
-def test_drag_of_points_is_told(tmp_path: Path) -> None:
-    """Points with a drag that grows with the square of the speed ask for it; points without do not."""
+    # points with a drag that grows with the square of the speed ask for it; points without do not
     for quadratic in (0.0, 0.02):
         speeds = np.geomspace(0.15 * GRIPPER.v_s, 2.0, 24)
         v = np.concatenate([speeds, -speeds])

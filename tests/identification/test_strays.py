@@ -109,17 +109,6 @@ def test_strays_are_those_of_brute_force(monkeypatch: pytest.MonkeyPatch) -> Non
     assert find_strays(with_strays(1200, np.arange(0, 1200, 6), farthest=3000.0)).misfit
 
 
-def test_how_many_strays_there_can_be() -> None:
-    """Of few points two, if the rest has as many degrees of freedom as the law has parameters."""
-    for size, most in ((7, 0), (8, 1), (9, 1), (10, 2), (13, 2), (22, 2), (24, 3)):
-        v = np.geomspace(0.005, 1.0, size)
-        assert most_strays(from_points(v, v, ("+",))) == most
-    # an eighth of fewer than eight points is none: at most misfit is said, and no point is named where none can be told
-    for size in (4, 5, 6, 7, 8):
-        search = find_strays(from_points(SPEEDS[:size], torque(3, size), ("+",)))
-        assert len(search.rows) <= size // 8 or search.misfit
-
-
 @pytest.mark.skipif(DATA is None, reason="BRISTLE_DATA is not set: the measured logs are not part of the project")
 @pytest.mark.parametrize(
     ("joint", "sign", "lines"), [(1, 1, {3, 81}), (1, -1, {2}), (3, 1, {15, 25}), (3, -1, {14, 24, 84})]
@@ -311,3 +300,11 @@ def test_points_that_are_left_out_or_misfit(tmp_path: Path) -> None:
         (warning,) = of(ABOUT, fit)
         assert (warning.code, warning.severity, fit.n) == ("misfit", Severity.CAUTION, 22)
         assert warning.effect["torque"] == pytest.approx(fit.rms)
+    # of few points two, if the rest has as many degrees of freedom as the law has parameters
+    for size, most in ((7, 0), (8, 1), (9, 1), (10, 2), (13, 2), (22, 2), (24, 3)):
+        v = np.geomspace(0.005, 1.0, size)
+        assert most_strays(from_points(v, v, ("+",))) == most
+    # an eighth of fewer than eight points is none: at most misfit is said, and no point is named where none can be told
+    for size in (4, 5, 6, 7, 8):
+        search = find_strays(from_points(SPEEDS[:size], torque(3, size), ("+",)))
+        assert len(search.rows) <= size // 8 or search.misfit

@@ -219,10 +219,7 @@ def test_advice_follows_from_the_warnings(joint: Joint) -> None:
         assert not of_kind(next_measurements(replace(slow, **nothing)), "hold-back")
     bare = replace(whole, static=static, tracking=tracked(hold_out=()), joint_fit=None)
     assert of_kind(next_measurements(bare), "hold-back")
-
-
-def test_speeds_that_are_proposed(joint: Joint) -> None:
-    """Moving data pass through zero, but no advice asks for speeds near it; a range has room for five speeds."""
+    # moving data pass through zero, but no advice asks for speeds near it; a range has room for five speeds
     for outcome in (CONVERGED, NO_PEAK):
         own = moving(joint, outcome=outcome)
         fastest = float(own.static["+"].velocity.max())

@@ -141,6 +141,18 @@ def test_where_the_parts_of_a_loop_come_from(tmp_path: Path) -> None:
     factor = 2 * np.pi * 2 / FASTEST
     (said,) = of_kind(one.assumptions, "extrapolated")
     assert said.numbers["ratio"] == pytest.approx(factor)
+    # without gains K_p = J w**2, K_i = J w**3 / 5, K_d = 2 J w, w at most 30 rad/s; the reference has half of the
+    # fastest measured speed
+    for period, bandwidth in (("0.1 ms", 30.0), ("2 ms", 10.0)):
+        one = of_experiment(experiment(tmp_path, f"period: {period}"), joint())
+        w = bandwidth
+        assert one.gains == pytest.approx(Gains(J * w**2, 0.2 * J * w**3, 2 * J * w, 0.0))
+        assert one.frequency == 0.5
+        assert 2 * np.pi * one.frequency * one.amplitude == pytest.approx(0.5 * FASTEST, rel=0.05)
+    # K_p of zero, over which replays and rates are taken, and an empty start, are refused where the file is read
+    for bad in ("gains: {K_p: 0 N*m/rad}", "start: {}"):
+        with pytest.raises(ValueError, match=r"adapt\.(gains\.K_p|start): got"):
+            experiment(tmp_path, bad)
 
 
 @pytest.mark.parametrize(
@@ -162,20 +174,6 @@ def test_what_is_absent_is_derived_and_said(tmp_path: Path, absent: str, said: s
     numbers = value[:3] if isinstance(value, Gains) else np.atleast_1d(value)
     assert all(0 < x < np.inf for x in numbers)
     assert f"{float(numbers[0]):.3g}" in str(named)
-
-
-def test_derived_gains_and_what_is_refused(tmp_path: Path) -> None:
-    """Without gains K_p = J w**2, K_i = J w**3 / 5, K_d = 2 J w, w at most 30 rad/s; the reference has half of the fastest measured speed."""
-    for period, bandwidth in (("0.1 ms", 30.0), ("2 ms", 10.0)):
-        one = of_experiment(experiment(tmp_path, f"period: {period}"), joint())
-        w = bandwidth
-        assert one.gains == pytest.approx(Gains(J * w**2, 0.2 * J * w**3, 2 * J * w, 0.0))
-        assert one.frequency == 0.5
-        assert 2 * np.pi * one.frequency * one.amplitude == pytest.approx(0.5 * FASTEST, rel=0.05)
-    # K_p of zero, over which replays and rates are taken, and an empty start, are refused where the file is read
-    for bad in ("gains: {K_p: 0 N*m/rad}", "start: {}"):
-        with pytest.raises(ValueError, match=r"adapt\.(gains\.K_p|start): got"):
-            experiment(tmp_path, bad)
 
 
 @pytest.mark.parametrize("parameter", ["alpha_0", "alpha_2"])
