@@ -462,7 +462,6 @@ def of_points(folder: Path, aim: str, *, both: bool, kind: str = "revolute", fit
     return bristle.plan(path, velocities=4, aim=aim)
 
 
-@pytest.mark.usefixtures("few_motions")
 @pytest.mark.parametrize(
     ("aim", "both", "kind", "fit"),
     [
@@ -496,9 +495,7 @@ OWN = {DRAG: "alpha_3", EXPONENT: "delta", OUTSIDE: "blunt"}
 @pytest.fixture(scope="module")
 def known() -> Iterator[None]:
     """The law from outside is known, and few motions are tried."""
-    with registered(), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(excitation, "TRIES", 3)
-        patch.setattr(excitation, "STEPS", 12)
+    with registered(), few_motions_tried():
         yield
 
 
