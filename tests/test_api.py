@@ -98,8 +98,7 @@ def test_tables_and_single_joints_of_results(clean: Results, tmp_path: Path) -> 
     assert sum(isinstance(part, np.ndarray) for part in found) > 10
     with pytest.raises(ValueError, match="read-only"):
         clean.joints[0].static["+"].covariance[0, 0] = 0.0
-    # a results file of several joints gives the one that is named, as `bristle validate --joint` needs it, or says what
-    # there is
+    # of several joints a results file gives the one that is named, as `--joint` needs it, or says what there is
     (joint,) = clean.joints
     file = tmp_path / "results.json"
     file.write_text(Results(joints=(joint, replace(joint, name="elbow")), logs=clean.logs).to_json(), encoding="utf-8")
@@ -187,8 +186,7 @@ def test_static_parameters_are_found(results: Results) -> None:
             assert found["alpha_2"].value == pytest.approx(p.alpha_2, rel=0.02)
             assert max(map(abs, joint.crosscheck[d].difference_in_se.values())) < 0.01
     assert inside >= 26
-    # in at least 12 of 16 cases the interval of the edge-to-edge or the all-sample estimate holds the true sigma_0; sigma_1 is called a
-    # prior
+    # in 12 of 16 cases the interval of the edge-to-edge or all-sample estimate holds sigma_0; sigma_1 is a prior
     inside = 0
     for joint in results.joints:
         for d, p in joint.truth.items():

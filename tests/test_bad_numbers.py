@@ -185,8 +185,7 @@ def test_masked_values_and_long_units() -> None:
         for name, (_, expected) in wrong.items()
         if expected not in said[name] or "Error:" in said[name]
     }
-    # a power of many digits, or of powers, is refused at once, however it is written, and so is an error; one digit
-    # raised is read
+    # a power of many digits, or of powers, is refused at once, and so is an error; one digit raised is read
     powers = ("9⁹⁹⁹⁹⁹⁹⁹⁹", "((((((((9**9)**9)**9)**9)**9)**9)**9)**9)", "9⁻⁹⁹⁹⁹", "(2**9)**9*(2**9)**9")
     for text in (*(f"1 N*m*{power}" for power in powers), "1 kg*m**2 +/- 0 kg*m**2"):
         begun = time.monotonic()

@@ -696,8 +696,7 @@ def test_version_help_and_colour(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
         text = run(name, "--help").out
         assert "Usage: " in text
         assert f"Example: bristle {name}" in text
-    # on a terminal the severity has a colour, elsewhere and with NO_COLOR there is none; the text is the same, brackets
-    # included
+    # on a terminal the severity has a colour, elsewhere and with NO_COLOR none; the text is the same
     for name in ("FORCE_COLOR", "COLORTERM", "TTY_COMPATIBLE", "NO_COLOR"):
         monkeypatch.delenv(name, raising=False)
     for term, more, coloured in (

@@ -85,8 +85,7 @@ def test_imports_and_prints() -> None:
         if own is not None and not others <= {own, None}:
             found.append((path.relative_to(SOURCE).as_posix(), others - {own, None}))
     assert found == []
-    # in a question with a report.py only that, its sections and figures import what draws or makes a page, and nobody imports the report
-    # itself
+    # where a question has a report.py only that, sections and figures import what draws; nobody imports the report
     found = []
     for path in FILES:
         names = imported(path)

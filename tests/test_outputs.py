@@ -73,8 +73,7 @@ def test_an_output_that_cannot_be_is_refused_first(folder: Path, command: Sequen
 )  # fmt: skip  # a table
 def test_a_file_is_never_replaced(folder: Path, command: Sequence[str]) -> None:
     """Once edited, what bristle wrote is the user's, and so is whatever only looks like it."""
-    # a figure that is the very same is no change; a result or a draft that is there is refused before anything is
-    # computed
+    # the very same figure is no change; a result or draft that is there is refused before anything is computed
     path, drawn = folder / command[-1], command[0] == "inspect"
     assert run(*command).code == 0
     made = path.read_bytes()

@@ -99,8 +99,7 @@ def test_intervals_by_each_method(plain: bristle.Fit) -> None:
     for level, method in ((1.5, "covariance"), (0.99, "profile"), (0.9, "bootstrap"), (0.95, "guess")):
         with pytest.raises(InputError, match="expected"):
             plain.conf_int(level, method)  # type: ignore[arg-type]  # what is wrong
-    # without slow points there is no Stribeck term: nan, in parameters, intervals and the table, with a warning that
-    # says why
+    # without slow points there is no Stribeck term: nan in parameters, intervals and table, with a warning
     v, T = points()
     fast = np.abs(v) > 3 * TRUTH.v_s
     found = bristle.fit(v[fast], T[fast], directions="symmetric")

@@ -58,8 +58,7 @@ def test_errors_are_those_of_fig_8(rows: dict[tuple[str, float, bool], Errors]) 
         row, (without, left) = rows[name, 0.2, False], FIG_8[name]
         assert 1e3 * row.without == pytest.approx(without, rel=0.01)
         assert row.true / row.without == pytest.approx(left, rel=0.1)
-    # there friction compensation alone leaves more than 30 % of the error of elbow and base; with inertia feed-forward
-    # less than 2 %
+    # friction compensation alone leaves over 30 % of the error of elbow and base; inertia feed-forward under 2 %
     for name in ("elbow pitch", "base rotation"):
         plain, fed = rows[name, 0.5, False], rows[name, 0.5, True]
         assert plain.true > 0.3 * plain.without
@@ -83,8 +82,7 @@ def test_studies_show_what_the_paper_shows(rows: dict[tuple[str, float, bool], E
         np.testing.assert_array_equal(run.reference, one.sine(one.slow, 2 / one.slow).position)
     assert runs["with"].rms_error(5.0)[0] < 0.1 * runs["without"].rms_error(5.0)[0]
     assert not runs["without"].compensation.any()
-    # on the gripper the thinnest layer chatters at least ten times as much as the PID; the widest is the PD that the
-    # PID contains
+    # on the gripper the thinnest layer chatters at least ten times as much as the PID; the widest is the PID's PD
     bare, fed, wide, _, thin = compare_controllers(joint_loop())
     assert (bare.controller, fed.controller) == ("PID alone", "PID with LuGre feed-forward")
     assert thin.controller.startswith("sliding mode, layer")

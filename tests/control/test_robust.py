@@ -205,8 +205,7 @@ def test_what_controllers_bear_refuse_and_saturate_at() -> None:
     np.testing.assert_array_equal(every, alone)
     with pytest.raises(ValueError, match=r"^case 2: "):
         refuse_long_period(BARE, cases, H)
-    # after a long saturation the output leaves its limit within a few samples of the error's change of sign; a wound-up
-    # one would not
+    # after a long saturation the output leaves its limit within a few samples of the error's change of sign
     gains, limit = Gains(1.0, 10.0, 0.0, 0.0), 1.0
     outputs = [u for u, _ in run([2.0] * 5000 + [-0.1] * 5, gains, limit)]
     assert outputs[4999] == limit

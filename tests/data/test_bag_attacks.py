@@ -173,8 +173,7 @@ def test_bags_that_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     # chunks that are not what they claim, and records that end nowhere: each refused, soon, in one sentence
     read = [name for name, records in _broken() if _refusal(_mcap(tmp_path / "x.mcap", *records)) is None]
     assert not read
-    # many messages, each within bounds, are read no further than the file's size explains; a bag over the limit is refused before it is
-    # read
+    # many messages are read no further than the file's size explains; a bag over the limit is refused unread
     monkeypatch.setattr(storage, "_BYTES", 2**16)
     message = _message(b"\0\1\0\0" + bytes(8) + _text("x" * (2**16 - 1) + "\0") + bytes(16))
     chunk = _chunk(_packed(message, "zstd"), "zstd", len(message))

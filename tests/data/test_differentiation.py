@@ -61,8 +61,7 @@ def test_derivatives_of_segments() -> None:
     assert moved.notes[-1].code == "acceleration-from-velocity"
     with pytest.raises(ValueError, match="neither position nor velocity"):
         estimate_motion(replace(record, velocity=None), 5.0)
-    # three seconds at one place are no motion; a record of which all rests, as of one whose time is in another unit,
-    # stays as it is
+    # three seconds at one place are no motion; a record that rests throughout stays as it is
     t = np.arange(2000) / 100
     q = np.where(t < 8, np.sin(t), np.where(t < 13, np.sin(8.0), np.sin(t - 5)))
     record = Record(file="x", time=t, position=q, velocity=q, torque=q)

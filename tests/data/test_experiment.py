@@ -78,8 +78,7 @@ def test_experiment_files_are_in_si_or_refused(tmp_path: Path) -> None:
     }  # fmt: skip  # a list of values
     read = {files: experiment(tmp_path, runs=[{"files": files, "experiment": "tracking"}]) for files in says}
     assert_refused((partial(read_runs, read[files]), told) for files, told in says.items())
-    # what YAML cannot read is one sentence in a user's words: the line, what was got, what was expected, what to do; no word of the
-    # parser's
+    # what YAML cannot read is one sentence in a user's words: the line, what was got, what was expected, what to do
     its_own = r"(?!.*(node|token|block|scalar|stream|mapping|constructor))"
     asks = [
         (partial(parse, text, "e.yaml"), f"^{its_own}e.yaml: {at}, column .*: got .*{says}")
@@ -337,8 +336,7 @@ def test_what_names_counts_and_options_tell_of_a_draft(tmp_path: Path) -> None:
     for names, signal, column, others in _CHOSEN:
         found = guess_columns(names.split()).get(signal)
         assert (names, found and (found.column, found.others)) == (names, column and (column, others))
-    # an option without a signal, or without a value, is refused with what was expected; so are a signal told twice, and
-    # two drives
+    # an option without signal or value is refused; so are a signal told twice, and two drives
     options = ("torque", "torque=", "speed=v", "=v", "")
     asks = [(partial(told_by, [option], "--unit"), r"--unit: got .*; expected SIGNAL=") for option in options]
     asks.append((partial(told_by, ["torque=a", "torque=b"], "--column"), "torque is told twice"))
@@ -357,8 +355,7 @@ def test_what_names_counts_and_options_tell_of_a_draft(tmp_path: Path) -> None:
     assert '"pos_\\U0001F600 [rad]"' in text
     with pytest.raises(InputError, match="is not known; expected a unit"):
         _load(_draft(path, columns={"torque": "x: {y"}, units={"torque": hostile}) and tmp_path)
-    # a wide file gives a draft that can be loaded: what was found, and the first names; a name that repeats or is very long is never
-    # guessed
+    # a wide file's draft can be loaded: what was found, and the first names; repeated or long names are not guessed
     names = ["t [s]", "q [rad]", "tau [Nm]", *(f"c{k}" for k in range(3000))]
     names += ["v" * 5000 + "[" * 5000, *["dq [rad/s]"] * 3000]
     path = tmp_path / "wide.csv"

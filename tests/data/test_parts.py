@@ -214,8 +214,7 @@ def test_times_that_have_gaps_or_do_not_go_together(tmp_path: Path) -> None:
     says = r"points are pairs in rows, without time; leave out signals\.torque\.time"
     asks.append((partial(records, tmp_path, {"experiment": "points"}, signals=pairs), says))
     assert_refused(asks)
-    # a declared unit that differs from that of the row of units, or of brackets, is a caution with the line to write, unless a scale was
-    # given
+    # a unit unlike that of the row of units, or of brackets, is a caution with its line, unless a scale was given
     said = [("deg", 1.0, False), ("rad", 1.0, True), ("rad", -1.0, True), ("rad", 57.3, False), ("mdeg", 1.0, True)]
     for header in ("t,q,tau\ns,deg,Nm", "t [s],q [deg],tau (Nm)"):
         rows = "".join(f"{t},{q},{tau}\n" for t, q, tau in zip(T, Q, TAU, strict=True))

@@ -80,8 +80,7 @@ def test_even_records_and_friction_stay_as_they_are(tmp_path: Path) -> None:
     pair = partial(Record, file="a.csv", time=np.array([0.0, 1.0]))
     asks += [(partial(pair, velocity=np.array(v)), r"^a\.csv: velocity") for v in ([1.0], [1.0, np.inf])]
     assert_refused(asks)
-    # of a motion of which every second row or so was lost: the curve to 1 %. As written, its samples stay where they
-    # are
+    # a motion of which every second row is lost has its curve to 1 %; as written, its samples stay where they are
     t = np.arange(0, 12, 0.002)
     w, size, phase = (np.array([x]).T for x in ([0.23, 0.71, 1.3], [0.5, 0.2, 0.05], [1.0, 2.0, 3.0]))
     w = 2 * np.pi * w
@@ -251,16 +250,14 @@ def test_slow_loading_at_any_rate_is_presliding() -> None:
     q = np.cumsum(np.gradient(T) / (STIFFNESS * (1 - np.sign(np.gradient(T)) * T / G0)))
     found = stretches(log(67.0, np.gradient(q) * 67.0, q, T, velocity=False), "revolute")
     assert (found.kind, found.moving) == ("presliding", 0.0)
-    # of velocities held and two sines after them, the share that a ramp run leaves out is that of the sines; a tracking run leaves out
-    # nothing
+    # of held velocities with two sines after them a ramp run leaves out the sines; a tracking run nothing
     record = log(250.0, np.concatenate([held(250.0, np.geomspace(0.05, 1.5, 6)), swung(250.0, 13)]))
     does = stretches(record, "revolute")
     assert does.kind == "ramp"
     assert does.unused("ramp") == pytest.approx(13 / (13 + 26.4), abs=0.1)
     assert does.unused("tracking") == 0
     assert str(does) == "constant velocity 59%, other motion 41%"
-    # a slow cycle of torque that breaks the joint away in each direction is slow loading, though the second begins
-    # elsewhere
+    # a slow cycle of torque that breaks the joint away in each direction is slow loading, wherever the second begins
     rate, quarter = 500.0, np.linspace(0, 0.99 * G0, 5000)
     way = np.cumsum(np.gradient(quarter) / (STIFFNESS * (1 - quarter / G0)))
     slide = np.linspace(0, 1.0, 1500)

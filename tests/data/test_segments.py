@@ -128,8 +128,7 @@ def test_encoders_and_settling_hide_no_plateau() -> None:
             assert len(found) == (off is not None)
             for s in found:
                 assert s.torque == pytest.approx(friction(np.array([0.05]))[0], rel=off)
-    # one sample or a few give one rejected candidate or more, and no warning; without velocity and torque the sentence
-    # says what to do
+    # a few samples give a rejected candidate or more, and no warning; without velocity and torque a sentence
     for n in (1, 2, 5, 70):
         time = np.linspace(0, 1e-3 * (n - 1), n)
         record = Record(file="short.csv", time=time, velocity=np.zeros(n), torque=np.zeros(n))

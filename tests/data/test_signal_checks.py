@@ -322,8 +322,7 @@ def test_encoders_are_left_alone() -> None:
         record = Record(file="run.csv", time=np.arange(q.size) / RATE, position=q)
         found += [count_mismatch(record, signal, Context(resolution=r)) for r in (count, None)]
     assert len([d for d in found if d is not None]) <= 1
-    # without a declared count, degrees given as rad and rad given as degrees are told by a turn of 2**n counts; so declared, nothing is
-    # said
+    # without a declared count, degrees for rad and rad for degrees are told by a turn of 2**n counts; declared, not
     count = 2 * np.pi / 4096
     turns = np.round(np.sin(np.arange(4000) / 300) / count) * count
     for unit, other, factor in (("rad", "deg", 180 / np.pi), ("deg", "rad", np.pi / 180), ("rad", "rev", 0.5 / np.pi)):
@@ -395,8 +394,7 @@ def test_clean_torques_and_motions_are_left_alone() -> None:
             (found,) = check_torque(replace(record, torque=np.clip(present(record.torque), -limit, limit)), "points")
             assert found.code in codes
             assert found.numbers["limits"] == f"{limit:.4g} and -{limit:.4g}"
-    # of 200 motions, noisy ones and ones sampled at irregular instants that are logged among them, at most one has a
-    # warning
+    # of 200 motions, noisy or sampled at irregular instants that are logged, at most one has a warning
     left = []
     for seed in range(200):
         record, v = moving(seed, ("sines", "trapezia")[seed % 2])
@@ -440,8 +438,7 @@ def test_offsets_and_limits_of_a_torque() -> None:
                 np.maximum.accumulate(np.where(np.abs(cut) < limit, np.arange(cut.size), 0))
             ]
             assert kinds(replace(record, torque=cut, position=still), "presliding") == []
-    # three points with the largest torque to the last digit are clipped; of a torque that is rounded, or has no noise
-    # at all, none is
+    # three points with exactly the largest torque are clipped; of a rounded or noiseless torque none is
     for share in (0.7, 0.8):
         for seed in range(20):
             torque = present((record := table(seed)).torque)
@@ -475,8 +472,7 @@ def test_dead_zones_and_levels_of_a_torque() -> None:
                 velocity=np.where(still, 0.0, v[at]), torque=np.where(still, 0.0, torque[at]),
             )  # fmt: skip  # a list of values
             assert kinds(resting, "tracking") == []
-    # a torque that is rounded to a few levels is named with the level and how many there are, unless its noise is
-    # larger than one
+    # a torque of few levels is named with the level and their count, unless its noise is larger than one
     for levels in (8, 30):
         for seed in range(20):
             record = moving(seed)[0]
@@ -535,8 +531,7 @@ def test_jitter_and_lags_are_named_with_their_size() -> None:
             assert found.code == "sampled-irregularly"
             assert found.severity is Severity.CAUTION
             assert found.numbers["jitter"] == pytest.approx(share / np.sqrt(12), rel=0.15)
-    # one pole makes the lag that is said, to 10 % and a sample, and velocity is what to leave out; a delay and a lead
-    # alike
+    # one pole makes the lag that is said, to 10 % and a sample; velocity is to be left out; a delay and a lead alike
     for cutoff in (20.0, 3.0):
         for seed in range(20):
             record, v = moving(seed)

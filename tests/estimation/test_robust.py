@@ -122,8 +122,7 @@ def test_equal_values_and_values_with_nothing_in_common() -> None:
     fit = fit_differences(y + 0.15 * late, known, X, differences_of(owner), owner)
     assert abs(fit.coefficients[0] - 0.01) < 2 * np.sqrt(fit.covariance[0, 0])
     assert np.sqrt(fit.variance) == pytest.approx(0.03, rel=0.08)
-    # over ten decades the larger half keep their estimates; those with infinitely many degrees of freedom always do,
-    # and one alone
+    # over ten decades the larger half keep their estimates, as do infinite degrees of freedom, and one alone
     truth = 10.0 ** RNG.uniform(-10, 0, 500)
     found = drawn(truth, 8.0)
     steady, more = moderated(found, np.full(500, 8.0))

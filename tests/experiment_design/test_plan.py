@@ -96,8 +96,7 @@ def test_now_is_what_was_identified(gripper: Plan) -> None:
     )
     opened = replace(gripper, standard_errors={**gripper.standard_errors, "with motion": wide}).worth
     assert ": predicted alpha_0 not identifiable, v_s to +/- " in opened.message
-    # the table and the text have the error by noise, the viscous share, and both together as the promised one, which is
-    # what is added
+    # table and text have the error by noise, the viscous share, and both together as the promised error
     columns = ("by_noise", "viscous_share", "standard_error")
     for row, own in zip(
         table_of(gripper, "loading")[[*columns]].to_numpy(float).tolist(), gripper.loadings, strict=True
@@ -153,8 +152,7 @@ def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
     assert scatter(fit) == pytest.approx((1.0, 1.0), rel=0.02)
     few = replace(fit, n=5, residuals=residuals[:5], rms=0.3)
     assert scatter(few) == pytest.approx((0.3 * 5**0.5,) * 2)
-    # errors, ratios, runs and limits in the captions are those of the plan: the widest, the most, the first and the
-    # last
+    # captions have the plan's errors, ratios, runs and limits: the widest, the most, the first and the last
     then = relative(gripper, gripper.standard_errors["with motion"])
     now = relative(gripper, gripper.standard_errors["now"])
     widest = int(np.argmax(then))
@@ -325,8 +323,7 @@ def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("raster")
 def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     """The page, its figures and tables are written, with the references; each caption says a number with a unit at once, each table has a name."""
-    # a second run leaves the same. A file of references that has other bytes by then is not written over, and one
-    # sentence says so
+    # a second run leaves the same; references that have other bytes by then are not written over, which is said
     ran = planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--page", tmp_path / "page", "--for", "v_s")
     assert ran.code == 0, ran.err
     assert "for v_s" in ran.words
@@ -530,8 +527,7 @@ def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
         spaced = (spaced_speeds(own, count, kind) for kind in ("log", "even"))
         for spread in (design(own, count, x.chosen.aim).speeds, *spaced):
             assert simulated_errors(own, spread) == pytest.approx(evaluate_design(own, spread).alone, rel=0.2)
-    # before the law is known any law's parameter counts; then its own alone, and v_end never; it takes as many runs as
-    # parameters
+    # before the law is known any law's parameter counts, then its own alone, v_end never; it takes as many runs
     check_plan(12, "alpha_3")
     for aim in ("v_end", "stiffness"):
         with pytest.raises(InputError, match="as what to plan for"):

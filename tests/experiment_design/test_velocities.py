@@ -104,8 +104,7 @@ def test_planned_velocities_are_the_best() -> None:
     assert found.errors == pytest.approx(together.errors, rel=1e-6)
     assert (found.errors < found.alone).all()
     assert found.errors[3] < evaluate_design(own, design(problem(), 6, "v_s").speeds).errors[3]
-    # where v_s is known to a factor of two only, the averaged design is worse at the estimate, and better where v_s is
-    # half of it
+    # with v_s known to a factor of two, the averaged design is worse at the estimate, and better at half of it
     averaged, local = design(problem(relative=0.7), RUNS, "v_s"), design(problem(), RUNS, "v_s")
     there = errors_by_v_s(problem(), averaged.speeds, np.array([P.v_s, P.v_s / 2]))
     here = errors_by_v_s(problem(), local.speeds, np.array([P.v_s, P.v_s / 2]))
@@ -376,8 +375,7 @@ def relative(errors: Array) -> float:
 )
 def test_a_motion_stays_within_its_limits(sines: list[tuple[float, float, float]], duration: float) -> None:
     """Position, velocity and acceleration keep within their limits whatever is asked; it begins and ends at rest in the middle."""
-    # sines once scaled to the limits are not scaled again, keep their frequencies and phases, and give the course of
-    # those asked for
+    # scaled sines are not scaled again, keep frequencies and phases, and give the course of those asked for
     lines = Multisine(*np.array(sines).T)
     run = course(lines, LIMITS, duration, 0.01)
     assert LIMITS.position[0] <= run.position.min() <= run.position.max() <= LIMITS.position[1]

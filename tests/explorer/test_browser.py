@@ -283,8 +283,7 @@ def test_numbers_are_those_of_results(tab: Tab, edro: Explored) -> None:
 
 def test_cost_maps_are_made_beside_the_page(tab: Tab) -> None:
     """A worker computes each map; its progress is shown and said."""
-    # the page answers a slider within 200 ms meanwhile, which cancels the map, as another joint, direction, parameter
-    # or view does
+    # the page answers a slider within 200 ms meanwhile; that, another joint, direction or view cancels the map
     page = tab.page
     tab.show("identifiability")
     (worker,) = page.workers

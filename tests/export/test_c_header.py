@@ -129,8 +129,7 @@ def flagged(joint: ExportedJoint, compensator: Compensator, single: bool, built:
 @needs_gcc
 def test_no_flag_is_raised_within_the_ranges(handed: Handed, built: Build) -> None:
     """Parameters and inputs from everywhere in their stated ranges: no division by zero, nothing invalid, no overflow, no step refused."""
-    # the same of laws with terms, whatever their sign, and of a free exponent; and under loads, of the law with the
-    # largest
+    # so for laws with terms of any sign and a free exponent; and under loads, for the law with the largest
     joint, loaded = handed(), beside(handed(), **RISES[-1])
     cases = [*((joint, c, False) for c in (*ALL, *OF_ALL)), *((joint, c, True) for c in (*SINGLE, *OF_ALL))]
     cases += [
@@ -271,8 +270,7 @@ def test_it_fits_a_microcontroller(compensator: Compensator, handed: Handed, tmp
 @needs_gcc
 def test_what_stands_in_one_file(handed: Handed, tmp_path: Path) -> None:
     """Two joints share the code, whatever the numbers of their compensators; what would be taken for something else is an error with a sentence."""
-    # two compensators; two joints with one name and other numbers; -ffast-math; an observer that adapts in single
-    # precision
+    # two compensators; two joints of one name with other numbers; -ffast-math; an adaptive observer in single
     one, other = handed("wrist pitch"), handed("elbow pitch")
     headers = {
         "one.h": header(one, Compensator()),

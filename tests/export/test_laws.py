@@ -356,8 +356,7 @@ def test_cogging_and_load_in_mujoco_and_elsewhere(cogs: ExportedJoint, handed: H
         ends.append(float(data.qpos[0]))
     assert ends[0] == pytest.approx(ends[1], rel=1e-6)
     assert abs(ends[0]) > 0.05
-    # a joint that is pulled along, with a weight on it, brakes by its friction at that load, of which its alpha_0 has a
-    # part
+    # a joint pulled along with a weight on it brakes by its friction at that load, of which alpha_0 has a part
     text = (
         '<mujoco><option timestep="0.001" gravity="0 0 -9.81"/><worldbody><body><joint name="wrist pitch" axis="0 1 0" armature="0.01"/>'
         '<inertial pos="0.1 0 0" mass="0.5" diaginertia="1e-9 1e-9 1e-9"/></body></worldbody></mujoco>'

@@ -136,8 +136,7 @@ def test_what_is_written_and_merged_loads(handed: Handed, target: ExportTarget) 
     assert all(c.isprintable() or c == "\n" for c in artefact.content.decode())
     odd = handed("wrist pitch", name="NUL\0\x01")
     assert check(called(target), target.write([odd], Request()), [odd], Request())
-    # taken out again, what was inserted leaves the file as it was, byte by byte, and MuJoCo has the friction in spite of the file's
-    # defaults
+    # taken out again, the insertion leaves the file byte by byte; MuJoCo has the friction despite its defaults
     joint, request = handed("wrist pitch"), Request(into=ROBOT, into_name="arm.xml")
     artefact = target.write([joint], request)
     old, rest = ROBOT, artefact.content
@@ -160,8 +159,7 @@ TWICE = '<mujoco>\n<worldbody><body>\n<joint name="wrist pitch"/>{}\n<joint name
 @pytest.mark.parametrize("target", TARGETS)
 def test_what_cannot_be_merged_into_is_refused(handed: Handed, target: ExportTarget) -> None:
     """A missing joint, one that stands twice, one of another kind, a document type and another format: one sentence each."""
-    # into a model that holds LuGre already nothing is merged, which would count twice; frictionloss is written anew,
-    # and is the same
+    # into a model that holds LuGre nothing is merged, which would count twice; frictionloss is written anew
     joint = handed("wrist pitch")
     changes = {
         (b"'wrist pitch'", b"'wrist'"): "'wrist'",
@@ -258,8 +256,7 @@ def test_pairs_and_stiff_bristles(handed: Handed) -> None:
     euler = velocity(joint, 0.002, 2.0)
     for integrator in ("implicit", "implicitfast"):
         assert velocity(joint, 0.002, 2.0, integrator=integrator) == pytest.approx(euler, abs=1e-12)
-    # two links at 2 ms with bristles up to 1e8 times as stiff: nothing rings in stick, in whatever order frictions are
-    # applied
+    # two links at 2 ms, bristles up to 1e8 times as stiff: nothing rings in stick, whatever the order of frictions
     failed = []
     for case in product((1.0, 1e2, 1e4, 1e8), ((0, 1), (1, 0)), ("Euler", "implicitfast")):
         times, order, integrator = case

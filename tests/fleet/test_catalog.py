@@ -81,8 +81,7 @@ def test_a_catalog_is_read_and_called(tmp_path: Path, monkeypatch: pytest.Monkey
     assert row[:6] == (file, str(tmp_path / file), "r1", datetime(2026, 1, 1), "", "wrist")
     (absolute,) = read_catalog(f"{tmp_path}/logs/{{unit}}/{{session}}/?/*_{{type}}.yaml")
     assert absolute.file == str(tmp_path / row.file)
-    # a DataFrame and a Parquet file with dates and numbers give the rows that the same text does; what is missing is
-    # not given
+    # a DataFrame and a Parquet file with dates and numbers give the rows of the same text; what is missing stays so
     pytest.importorskip("pyarrow", reason="needs the extra fleet")
     times = pd.to_datetime(["2026-01-01", "2026-01-02T03:00"], format="ISO8601")
     columns = {"file": ["/a.yaml", "/b.yaml"], "unit": ["r1", "2"], "session": times, "temperature": [21.5, None]}
@@ -266,8 +265,7 @@ def test_rows_and_files_of_a_dataset(tmp_path: Path) -> None:
     mixed = results(keys).take(rng.permutation(150))
     other = dataset.parquet_of(dataset.assembled(sessions(keys).sample(frac=1, random_state=1), mixed))
     assert one == other
-    # the last dataset written is the one that is read, also by pandas; of a key that sessions share the results are
-    # known once
+    # the last dataset written is read, also by pandas; results of a key that sessions share are known once
     out, keys = str(tmp_path), [f"k{k}" for k in range(20)]
     for known in (keys, [*keys, "k20"]):
         dataset.write_dataset(out, dataset.assembled(sessions([*known, known[0]]), results(known)))

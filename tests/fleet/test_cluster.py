@@ -128,8 +128,7 @@ def finished(output: Path) -> int:
 @LINUX
 def test_what_is_killed_half_way_loses_nothing(logs: Path, alone: Tree, tmp_path: Path, client: Any) -> None:
     """A worker killed half-way: the same result. The scheduler: exit 2, what is finished stays, and a rerun goes on to the same result."""
-    # to another client, of which no task had begun, the same is told, without what is not there, and with nothing
-    # finished
+    # another client, of which no task had begun, is told the same, with nothing finished
 
     def killed(one: Any, output: Path) -> tuple[int, str]:
         """How a run ends of which this process is killed half-way, and what it says."""

@@ -112,8 +112,7 @@ def test_steps_are_placed_and_little_data_borrows(plain: Plain) -> None:
     assert "coarse-velocity" in str(note)
     assert set(again.quality["code"]) == {"few-counts", "coarse-velocity"}
     assert (again.quality["percent"] == 100 * again.quality["joint_sessions"] / again.quality["of"]).all()
-    # a joint with one session is drawn to the type's mean more than those with eight: to between both, with a smaller
-    # error
+    # a joint with one session is drawn to its type's mean more than those with eight, with a smaller error
     frame, _, _ = plain
     first = frame.loc[frame["unit"] == "robot-005", "session"].min()
     few = findings(frame[(frame["unit"] != "robot-005") | (frame["session"] == first)].reset_index(drop=True))

@@ -56,8 +56,7 @@ def test_hostile_names_and_quality_on_pages(folder: Path, tmp_path: Path, found:
     again = report(plausible(units=8, failed=45), "out put").write(tmp_path / "page").parent
     files = [{x.relative_to(top): x.read_bytes() for x in top.rglob("*") if x.is_file()} for top in (folder, again)]
     assert files[0] == files[1]
-    # the figure has cautions, critical warnings and failed sessions, and no notes; the table has all, with their
-    # entries
+    # the figure has cautions, critical warnings and failures, no notes; the table has all, with their entries
     with (folder / "figures" / "quality.csv").open(encoding="utf-8") as file:
         assert {line["series"] for line in csv.DictReader(file)} == {"clipped", "torque-drifts", "failed"}
     page = page_text(folder / "quality.html")
@@ -127,8 +126,7 @@ def test_a_joint_is_drawn_as_it_was_found(found: Findings, folder: Path) -> None
     page = page_text(folder / "index.html")
     verdicts = [row[-1] for row in table_rows(page[: page.index("figure-joint-2")], "All parameters of")]
     assert verdicts == ["yes", "yes", "no", "no"]
-    # a session without a value, an open interval, a parameter without a test or a number: each has a figure, and no
-    # axis is infinite
+    # no value, an open interval, no test or no number: each has a figure, and no axis is infinite
     rows = found.series.iloc[:8].copy()
     rows.loc[rows.index[3], ["value", "lower", "upper", "adjusted"]] = np.nan
     rows.loc[rows.index[4], "upper"] = np.inf
@@ -216,8 +214,7 @@ def test_pages_of_nothing_and_of_a_large_fleet(tmp_path: Path, monkeypatch: pyte
     (types,) = [x.table for x in made.pages[0].sections if x.title == "Types"]
     assert types is not None
     assert len(types.cells.rows) == len(found.types) == 16
-    # 1200 joints with 8 parameters and directions, in 40 sessions, with reports' commands; a figure of 4 parameters in
-    # 10 000 sessions
+    # 1200 joints, 8 parameters and directions, 40 sessions, with commands; a figure of 4 parameters in 10 000 sessions
     monkeypatch.setattr(reports, "_DRAWN", 1)
     large = report(plausible(200, 6, 40, ("alpha_0", "alpha_1", "alpha_2", "v_s"), failed=3000), "reports/plant")
     assert len(large.html()) <= 1.5e6

@@ -443,8 +443,7 @@ def test_noise_is_told_from_a_torque_and_from_a_wrong_sign(tmp_path: Path) -> No
             missed += not unrelated(v, torque + 0.1 * level, others)
             assert not unrelated(v, noise[7:] + 0.1 * level * np.sign(v), others)
         assert missed <= 5
-    # cycles of a slow torque, noisy ones too, are commanded, however little the position goes with them; noise, slow or
-    # white, is not
+    # cycles of a slow torque, noisy too, are commanded, however little the position follows; noise is not
     for reach in (0.8, 1.1, 1.3):
         t, rng = np.arange(20_000) / 500, np.random.default_rng(8)
         cycle = reach * np.interp(t % 20, [0, 5, 15, 20], [0, 1, -1, 0]) + 0.05 * rng.standard_normal(t.size)

@@ -205,8 +205,7 @@ def test_a_drive_that_is_told_what_to_follow_tells_friction(tmp_path: Path, late
 
 def test_what_a_drive_compares_its_commands_with(tmp_path: Path) -> None:
     """Measurements of the moment, or as old as the commands: the two differ by kp times the delay, which is all that data can say."""
-    # told which, also with a declared delay, the numbers are the joint's, or what they then are; untold, they are not
-    # to be used
+    # told which, also with a declared delay, the numbers are the joint's; untold, they are not to be used
     t, q, v, _ = motion()
     torque, kp, kd, late = clean() + white(t.size, 0.01), 40.0, 1.5, 0.008
     log = written(tmp_path / "log.csv", t=t, q=q, dq=v, q_des=np.interp(t + late, t, q + (torque + kd * v) / kp))

@@ -120,8 +120,7 @@ def test_intervals_hold_the_truth_and_follow_noise_and_priors() -> None:
     alpha_0 = parse("alpha_0")
     assert error_of(other.parameters[alpha_0]) > 3 * error_of(one.parameters[alpha_0])
     assert "correlated" in codes(other.warnings)
-    # with all speeds far below v_s only alpha_0 + alpha_1 is seen: alpha_1 and v_s have no value. alpha_0 is that sum, and a warning says
-    # so
+    # with all speeds far below v_s only alpha_0 + alpha_1 is seen, as alpha_0, which is said; alpha_1 and v_s are not
     found = fitted(posed(record(noise=1e-5, v=0.03 * GRIPPER.v_s * V)))
     for name in map(parse, ("alpha_1", "v_s")):
         assert found.parameters[name].value is None
@@ -225,8 +224,7 @@ def test_a_stiff_bristle_converges() -> None:
     assert (said.code, said.severity) == ("delay-or-presliding", Severity.CAUTION)
     assert "presliding" in str(said)
     assert "to the delay of" not in str(said)
-    # with the inertia fixed 5 % too high, a warning names it and what is to be added, and nothing else is blamed; with the right one none
-    # does
+    # an inertia fixed 5 % too high is named with what to add, and nothing else is blamed; the right one is not
     for factor in (1.0, 1.05):
         problem = dynamic_problem([record(noise=2e-4)], ("both",), (), 2, factor * J)
         warnings = fitted(problem, by_name(GRIPPER, None)).warnings
@@ -362,8 +360,7 @@ def test_descents_respect_bounds_and_find_minima() -> None:
         start = np.full(3, row), np.full((3, 1), slope)
         with pytest.raises(ValueError, match="the cost is not finite"):
             minimise(partial(lambda at, _: at, start), np.zeros(1), *box)
-    # from a start that is good in one direction and far off in the other, with others no better, the minimum of both is
-    # found
+    # from a start good in one direction and far off in the other, others no better, the minimum of both is found
     problem = posed(record(Pair(GRIPPER, GRIPPER), 1e-5), ("+", "-"), 10)
     good = by_name(Pair(GRIPPER, GRIPPER))
     start = {n: x * (0.003 if (n.name, n.direction) == ("v_s", "-") else 1.0) for n, x in good.items()}
@@ -379,8 +376,7 @@ def test_descents_respect_bounds_and_find_minima() -> None:
     whole = solve_dynamic(problem, {name: x * (1e-2 if name.name == "v_s" else 1.0) for name, x in truth.items()})
     for name, true in truth.items():
         assert whole.values[name] == pytest.approx(true, rel=0.02)
-    # from a start without Stribeck terms, whose v_s lies beyond all speeds, one descent ends without them, several find
-    # both
+    # from a start without Stribeck terms, v_s beyond all speeds, one descent ends without them, several find both
     for v_s in (0.3, 0.5):
         problem, truth = posed(record(Pair(GRIPPER, OTHER), 1e-5), ("+", "-"), 10), by_name(Pair(GRIPPER, OTHER))
         start = {name: {"alpha_1": 0.0, "v_s": v_s}.get(name.name, x) for name, x in truth.items()}

@@ -183,8 +183,7 @@ def test_profiles_that_restart_the_fit_or_stay_open() -> None:
     again, seen = profile_until_stable(first, lambda _: first)
     assert "still-lower" in codes(again.fit.warnings)
     assert np.isfinite(seen[A].interval).all()
-    # a run that is fast throughout: what is not identifiable has open or one-sided profiles with the reason, and
-    # nothing is NaN
+    # a run that is fast throughout: what is not identifiable has open profiles with the reason, nothing is NaN
     found = fitted(3e-3, 1, slow=2.0)
     unseen = {name for name, e in found.fit.parameters.items() if e.value is None}
     assert {parse("alpha_1"), parse("v_s")} <= unseen

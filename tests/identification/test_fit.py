@@ -72,8 +72,7 @@ def test_peaks_are_found_where_they_are(speeds: Array, gripper: Lugre[float]) ->
     assert fit.outcome.code == "static-no-stribeck"
     (refused,) = (warning for warning in fit.warnings if warning.code == "no-stribeck")
     assert refused.numbers["why"].code in {"bend", "like-noise"}
-    # a curve that rises at every speed still has its Stribeck term where the data show it: alpha_2 > 0.86 alpha_1 / v_s is no reason to
-    # drop it
+    # a curve that rises at every speed keeps a Stribeck term that the data show: alpha_2 > 0.86 alpha_1 / v_s is none
     p = gripper._replace(alpha_2=gripper.alpha_1 / gripper.v_s)
     assert (np.diff(curve(speeds, p)) > 0).all()
     fit = points(speeds, curve(speeds, p) + white(speeds.size, 2e-5, 6))

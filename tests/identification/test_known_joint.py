@@ -211,8 +211,7 @@ def test_every_way_to_its_friction_agrees(tmp_path: Path, wrist: JointModel, mon
     assert alone.friction(0.1) > 0
     with pytest.raises(bristle.InputError, match="a compensator needs"):
         alone.casadi()
-    # `friction`, CasADi's steady torque, LuGre at the deflection where dz/dt = 0, and the table, at speeds of both
-    # signs
+    # `friction`, CasADi's steady torque, LuGre at the deflection where dz/dt = 0, and the table, at both signs
     v = np.array([-1.0, -0.02, 0.01, 0.6])
     steady, torque = wrist.casadi().steady, wrist.casadi().torque
     np.testing.assert_allclose(wrist.friction(v), steady(v.reshape(1, -1)).full().ravel(), rtol=1e-12)

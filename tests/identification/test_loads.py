@@ -73,8 +73,7 @@ def test_a_constant_level_is_coulomb_friction(p: Lugre[float] | Pair[float]) -> 
 @pytest.mark.parametrize("z0", [None, 1e-4])
 def test_derivatives_by_a_level_are_those_of_differences(p: Lugre[float] | Pair[float], z0: float | None) -> None:
     """dT/dc of a level c . L is that of central differences, to 1e-8 of the largest."""
-    # of two different sets to 1e-4: where z changes sign within a step is not differentiated, for no parameter of a
-    # pair
+    # of two different sets to 1e-4: where z changes sign within a step is not differentiated
     near = 1e-8 if isinstance(p, Lugre) else 1e-4
     c = np.array([0.05, 0.03])
 
@@ -184,8 +183,7 @@ def test_names_of_loads_and_who_tells_them() -> None:
     found = clustered(["m"], parts, {"m": e}, 1999.0)["m"]
     assert found.widened * own == pytest.approx(np.std(x.mean(axis=1), ddof=1) / 2, rel=1e-9)
     assert list(found.by_run.values()) == pytest.approx(x.mean(axis=1).tolist())
-    # with (motor, links) the torque in sliding rises by the coefficient times the load; a load that is no number is
-    # refused
+    # with (motor, links) the torque in sliding rises by coefficient times load; a load that is no number is refused
     pair = Pair(P, P)
     run = RunningCompensator(Compensator(name="stribeck"), pair, rises={"gear_load": 0.1})
     bare, loaded = run.step(1e-3, (0.0, 0.3), 0.0), run.step(1e-3, (0.0, 0.3), 0.0, load=(3.0, -2.0))
@@ -223,8 +221,7 @@ def test_rows_with_the_drive_off_are_left_out(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_compensation_sees_the_load() -> None:
     """Along a reference the level is what gravity there raises it by, in model and plant; a replay with it leaves the noise alone."""
-    # without it the replay leaves four times as much, and the joint gains nothing by adaptation that it has not by the
-    # load
+    # without it the replay leaves four times as much; adaptation gains the joint nothing beyond the load
     file, found = geared("paper+link-load", 0.1, EXACT)
     measured = measure(file)
     loop = of_experiment(measured.experiment, found)

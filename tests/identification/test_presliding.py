@@ -500,8 +500,7 @@ def test_a_maxwell_slip_joint_softens(quantum: float) -> None:
         assert "g0-at-least" in codes(fit.warnings)
         assert holds(fit.sigma_0.interval, GRIPPER.sigma_0)
         assert fit.uncertainty["sigma_0"].profile == fit.sigma_0.interval
-    # up to 85 % of g0 without breakaway, g0 and sigma_0 lie inside narrow ranges; sigma_0 is above every secant, and those of the runs
-    # about it
+    # up to 85 % of g0, without breakaway, g0 and sigma_0 lie inside narrow ranges, sigma_0 above every secant
     records = runs(lugre, quantum, 3, 1, noise=0.005)
     fit = identify_presliding(records, {}, None, FitOptions(), quantum or None, "revolute").fits["+"]
     (bend,) = (w.numbers["bend"] for w in fit.warnings if w.code == "g0-at-least")

@@ -192,8 +192,7 @@ def test_profiles_at_bounds_and_ends() -> None:
         assert low <= solution.theta[-1] <= high
         open_, closed = open_ + unlimited, closed + (not unlimited)
     assert min(open_, closed) >= 2
-    # torque that pulls along the motion leaves friction nothing but zero: no parameter is free to be drawn, and none
-    # has ends
+    # torque that pulls along the motion leaves friction nothing but zero: none is free to be drawn or has ends
     problem = moving_problem()
     pulled = replace(
         problem, torque=-problem.torque, linear=problem.linear[:, :-1], linear_names=problem.linear_names[:-1]

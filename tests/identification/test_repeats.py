@@ -178,8 +178,7 @@ def test_curves_of_points_that_differ_hold_the_mean(speeds: Array) -> None:
         low, high = spreader(value_of(e), x.stretched, "alpha_0")(np.array(present(e.interval)))
         held.append(low < GRIPPER.alpha_0 < high)
     assert 0.88 <= np.mean(held) <= 0.99
-    # runs whose stiffness differs by 10 % widen sigma_0 and say so; runs of one stiffness do not: the error of g0, common to all, is no
-    # scatter
+    # runs whose stiffness differs by 10 % widen sigma_0, which is said; equal runs do not: the error of g0 is common
     level = known(G0, 1e-4)
     for shares in ((1.0, 1.1, 0.9, 1.05), (1.0, 1.0, 1.0, 1.0)):
         own = [loading(x * GRIPPER.sigma_0, f"run {k}", 2e-5, k) for k, x in enumerate(shares)]

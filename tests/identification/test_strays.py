@@ -183,8 +183,7 @@ def test_clean_points_say_nothing(tmp_path: Path) -> None:
     """Without strays there is no such warning, no other fit, and every point is fitted."""
     fit = static(points_file(tmp_path, SPEEDS, torques()))
     assert (of(ABOUT, fit), fit.strays, fit.n) == ([], (), 22)
-    # with `set_up: as-written` every point is fitted; the stray is named by its line, the fit without it beside; one that matters is
-    # critical
+    # as written every point is fitted; the stray is named by its line beside the fit without it, critical if it matters
     T = torques()
     T[20] += 20 * NOISE
     fit = static(points_file(tmp_path, SPEEDS, T, "set_up: as-written"))
@@ -216,8 +215,7 @@ def test_clean_points_say_nothing(tmp_path: Path) -> None:
     (then,) = of({"strays", "strays-matter"}, static(points_file(tmp_path / "b", SPEEDS, T, "set_up: as-written")))
     assert "leave `set_up: as-written` out" in then.numbers["advice"]
     assert of({"strays-left-out"}, static(points_file(tmp_path / "b", SPEEDS, T)))
-    # the same points with and without a standard error: five standard deviations of the others, but two of its own, are
-    # chance
+    # the same points with and without a standard error: five standard deviations, but two of its own, are chance
     T = torques()
     T[20] += 12 * NOISE
     found = []

@@ -141,8 +141,7 @@ def test_a_common_factor_is_one_of_every_parameter_but_v_s(exact_and_uncertain: 
     assert combined((0.1, 2.0), 1.0, 1.0, least_of("offset"))[0] < 0.0
     assert combined((0.1, 2.0), 1.0, 1.0, least_of("quadratic"))[0] < 0.0
     assert combined((-1.0, 2.0), 0.5, 1.0)[0] < -1.0
-    # of runs that differ chi-squared and errors are those without an error of K, which then widens what they widened,
-    # by all ways
+    # of runs that differ chi-squared and errors are those without an error of K, which then widens these, all ways
     rng, noise = np.random.default_rng(0), 1e-3 * GRIPPER.alpha_0
     laws = [GRIPPER._replace(alpha_0=x * GRIPPER.alpha_0) for x in (1.0, 1.05, 0.95)]
     torques = [curve(SPEEDS, law) + noise * rng.standard_normal(SPEEDS.size) for law in laws]
@@ -246,8 +245,7 @@ def test_of_a_voltage_every_stage_moves_as_a_refit_does(tmp_path: Path) -> None:
         hundredth = 0.01 * error_of(e)  # what counts add, and is subtracted, is not linear in K
         assert shift == pytest.approx(SHARE * e.value - viscous, rel=0.01, abs=hundredth), name
         assert e.systematic == abs(shift)
-    # with the inertia fixed the error of K goes elsewhere: the static fit moves exactly as a refit with another K, that of all parameters
-    # nearly
+    # with the inertia fixed the static fit moves exactly as a refit with another K, that of all parameters nearly
     fixed: dict[str, Any] = {"inertia": "0.0087 kg*m**2"}
     moved = K * (1 + STEPPED * SHARE)
     joint, other = (wrist(tmp_path, f"{x} N*m/A", ("tracking",), **fixed) for x in (f"{K} +/- {SHARE * K}", moved))

@@ -140,8 +140,7 @@ def moving_is_no_worse(joint: Joint, static: StaticFit) -> None:
 
 def test_emps_symmetric_gives_the_published_figures(known: Known, measured_data: Path, tmp_path: Path) -> None:
     """Mass, viscous, Coulomb and offset within 1 % of Janot, Gautier and Brunot (2019), who made the data."""
-    # there is no Stribeck peak. Relative errors are at most a little above theirs, 4.083 % and 5.982 % on the record
-    # with pulses
+    # no Stribeck peak; relative errors are at most a little above theirs, 4.083 % and 5.982 % with pulses
     joint = known(EMPS.replace("DIRECTIONS", "symmetric"))
     fit = joint.static["both"]
     moving_is_no_worse(joint, fit)

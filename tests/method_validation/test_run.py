@@ -209,8 +209,7 @@ def test_what_is_counted_of_grids_and_minima(validation: Validation) -> None:
         assert one.methods[REFINED].failed == 0.0
         assert one.resolution.error[-1] < one.resolution.error[0] / 10
     assert max(one.polish_shift for one in validation.cases[:2]) < 1e-3
-    # a start counts as outside where v_s, set free, leaves the range and the cost falls below the grid's; it does not count against the
-    # grid
+    # a start is outside where v_s, set free, leaves the range at a lower cost; it does not count against the grid
     case = case_of(WIDE)
     final = np.tile(case.theta[:, None], 5)
     final[3] = [*(np.array([0.5, 0.5, 0.9, 1.0]) * case.v_s_range[0]), 2 * case.v_s_range[1]]
@@ -264,8 +263,7 @@ def test_verdicts_hold_their_numbers(validation: Validation, monkeypatch: pytest
     without_sentences(monkeypatch)
     assert held([*map(verdict, validation.cases), overall(validation)]) == before[0]
     pd.testing.assert_frame_equal(validation.to_frame(), before[1])
-    # on a data set whose best v_s within the range is at its end, v_s set free ends outside at a lower cost, which is
-    # counted and said
+    # where the best v_s within the range is at its end, v_s set free ends outside at a lower cost: counted and said
     case = case_of(NONE_BELOW, 0.005)
     rng = np.random.default_rng([0, 4])
     torques = np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, 1).T)
@@ -353,8 +351,7 @@ def test_what_cannot_be_tried_is_skipped_and_said(
     jacobian = methods.jacobians(case, case.theta[:, None])[0]
     thinned = case.noise * np.sqrt(np.linalg.inv(jacobian.T @ jacobian)[3, 3])
     assert thinned == pytest.approx(joint.static["+"].parameters["v_s"].standard_error, rel=0.15)
-    # slow loading alone leaves nothing to check; one fitted direction is enough, the other being said to have nothing
-    # to try
+    # slow loading alone leaves nothing to check; one fitted direction is enough, the other has nothing to try
     few = static_fit("-", None)
     with pytest.raises(ValueError, match="got no ramp, points or tracking run that is fitted; add"):
         joint_cases(joint_of({}))
@@ -430,8 +427,7 @@ def test_figures_and_captions_say_what_was_found(validation: Validation) -> None
 @pytest.mark.usefixtures("raster")
 def test_the_page_holds_verdict_tables_and_figures(validation: Validation, tmp_path: Path) -> None:
     """The page says SIMULATED, escapes a hostile name, has each sentence, and its tables stand beside it as CSV, with every case and method."""
-    # each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is
-    # there
+    # each caption begins with a sentence that holds a number, and each table has a name and a CSV file
     page = page_text(bristle.report_of(validation).write(tmp_path / "out"))
     found = findings(page)
     said = [text for case in validation.cases for text in captions(case, "prismatic").values()]

@@ -137,8 +137,7 @@ def test_rollouts_jacobians_and_passivity_of_laws(chosen: Law) -> None:
     expected = evaluate(functions.torque_function(chosen), found.y[0], v, *p)[0]
     torque = rollout(v, h, p, z0=0.0).torque
     assert np.abs(torque - expected).max() <= 1e-4 * np.abs(expected).max()
-    # the derivative of T_f along a motion agrees with differences of rollouts, for one set and for a pair, in every
-    # parameter
+    # the derivative of T_f along a motion is that of differences of rollouts, for a set and a pair, in all parameters
     p, h = set_of(chosen), 1e-3
     v = 0.3 * np.sin(2 * np.pi * 2.5 * np.arange(300) * h)
     pair = Pair(p, p._replace(alpha_0=0.8 * p.alpha_0, v_s=1.2 * p.v_s))

@@ -34,8 +34,7 @@ def fast(t: NDArray[Any]) -> Any:
 
 def radau(velocity: Array, step: Array, p: Lugre[float], sigma_0: Array) -> Array:
     """Deflection from rest by SciPy's Radau at rtol 1e-10, for several stiffnesses at once: (n, len(sigma_0))."""
-    # the velocity is linear between samples; the integration restarts at each sample and at each zero crossing, so that
-    # it meets no kink
+    # the velocity is linear between samples; integration restarts at each sample and zero crossing, at no kink
 
     def decay(v: float) -> Any:
         return sigma_0 * abs(v) / (p.alpha_0 + p.alpha_1 * np.exp(-((v / p.v_s) ** 2)))
@@ -171,8 +170,7 @@ def test_rest_and_chunks(gripper: Lugre[float], monkeypatch: pytest.MonkeyPatch)
     one = Lugre(1.0, 0.0, 0.0, 1.0, 1.0, 0.0)
     for v, z0 in ((-1e-135, 6e-247), (-1e-3, 1e-300), (-1e-3, 5e-324)):
         assert rollout(np.array([0.0, v]), 1e-3, Pair(one, one), z0).z[-1] == pytest.approx(v / 2 * 1e-3, rel=1e-6)
-    # the result does not depend on how many samples are worked on at a time, and neither does continuing from the last
-    # z
+    # the result does not depend on how many samples are worked on at a time, nor on continuing from the last z
     v = fast(np.arange(800) * 2e-3)
     whole = rollout(v, 2e-3, gripper)
     for chunk in (1, 7, 799, 800):

@@ -67,8 +67,7 @@ def test_refuses_a_folder_that_is_not_its_own(tmp_path: Path) -> None:
     (tmp_path / "report" / "figures").symlink_to(tmp_path / "elsewhere")
     refused(tmp_path / "report", "in the way")
     assert list((tmp_path / "elsewhere").iterdir()) == []
-    # one that is forged, binary, cut off or points out of its folder is refused with what to do, and nothing is moved
-    # or removed
+    # one that is forged, binary, cut off or points elsewhere is refused with what to do; nothing is moved or removed
     names = (
         "../precious", f"{tmp_path}/precious", "a/../../precious", "./index.html", "..\\precious", "C:precious", output_folder.MARKER, ".", "\0",
         "", "\udcff\udcfe", "precious", "notes.txt", "figures/a.txt", "figures/a/b.svg", "Index.html", "ledger.parquet/x",
@@ -111,8 +110,7 @@ def test_no_page_replaces_that_of_another_question(tmp_path: Path) -> None:
     for name, page, claims in (("fleet", report, ()), ("report", OLD, output_folder.FLEET)):
         with pytest.raises(InputError, match="which another page would replace"):
             output_folder.replace_files(tmp_path / name, page, claims)
-    # the dataset of a fleet stays in its folder when the page is written; names of the user's cannot be claimed, nor
-    # through a link
+    # a fleet's dataset stays when the page is written; names of the user's cannot be claimed, nor through a link
     out = tmp_path / "out"
     output_folder.claim(out, output_folder.FLEET)
     (out / "tasks").mkdir()

@@ -148,8 +148,7 @@ LARGEST = 1_500_000  # bytes of all files together
 
 def test_friction_of_every_joint_is_found() -> None:
     """Coulomb and viscous friction of all joints, both directions: within 3 errors of the truth, and these below 5 %."""
-    # the Stribeck term is right too, or not identifiable; torque constants that were free are found; nothing critical
-    # is said
+    # the Stribeck term is right or not identifiable; free torque constants are found; nothing critical is said
     results = bristle.identify(FOLDER / "robot.yaml")
     assert tuple(joint.name for joint in results.joints) == NAMES
     inside, asked = 0, 0
@@ -206,8 +205,7 @@ def test_files_and_drafts_of_the_embedded_arm(tmp_path: Path) -> None:
     assert [run.hold_out for run in robot.joints[0].experiment.runs] == [False, True]
     assert any("held out" in sentence for sentence in said)
     assert not any("critical" in sentence or "goes better" in sentence for sentence in said)
-    # columns q0 ... q5 beside one another are the joints' in the order of the URDF; a torque is no current, so that no constant is asked
-    # for
+    # columns q0 ... q5 are the joints' in the order of the URDF; for a torque no constant is asked
     frame = pd.read_csv(LOGS[2])
     numbered = {f"q_{name}": f"position[{k}]" for k, name in enumerate(NAMES)}
     numbered |= {f"i_{name}": f"effort[{k}]" for k, name in enumerate(NAMES)}

@@ -92,8 +92,7 @@ def test_terms_and_equal_sets() -> None:
     box, notes = box_of(estimates)
     assert box == {ParameterName.parse("alpha_3"): (-0.1, 0.3), ParameterName.parse("delta"): (0.01, 2.0)}
     assert [x.code for x in notes] == ["box-cut"]
-    # a pair of equal sets has the torque and the derivatives of one set, but for where the bristle is found to change
-    # its side
+    # a pair of equal sets has the torque and derivatives of one, but for where the bristle changes its side
     at = SineMotion(1.0, 0.5)
     for p in (TRUTH, *map(truth_of, OWN)):
         one, both = local(p, at), local(bristle.Pair(p, p), at)

@@ -295,8 +295,7 @@ def test_which_joints_and_motions_can_be_explored(tmp_path: Path, known: Study, 
 
 def test_the_command_writes_a_page(folder: Path, known: Study, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The command prints what was found and writes index.html with a table and a figure of each kind."""
-    # each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is
-    # there
+    # each caption begins with a sentence that holds a number, and each table has a name and a CSV file
     whole = replace(known, sobol=SOBOL)
     monkeypatch.setattr(experiments, "study_sensitivity", lambda *_: whole)
     ran = run("sensitivity", folder / "e.yaml", "-o", folder / "out", "--samples", 0)

@@ -215,8 +215,7 @@ def test_rms_torque_and_loops_that_are_afforded(monkeypatch: pytest.MonkeyPatch)
     v = 2 * np.pi * 0.5 * np.cos(2 * np.pi * np.arange(2 * n + 1) / n)
     whole = rollout(v, 2 / n, p).torque[-n:]
     assert rms_torque(repeated(Pair(p, p)), 1.0, 0.5) == pytest.approx(np.sqrt(np.mean(whole**2)), rel=1e-3)
-    # with the default budget six parameters get 256 samples at the paper's reference; a long run gets the fewest, not
-    # none
+    # by default six parameters get 256 samples at the paper's reference; a long run gets the fewest, not none
     monkeypatch.undo()
     asked = [(6, 4000), (12, 4000), (6, 10**7), (1, 100)]
     assert [sobol._affordable(parameters, ticks) for parameters, ticks in asked] == [256, 128, 32, 16384]

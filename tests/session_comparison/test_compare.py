@@ -446,8 +446,7 @@ def test_captions_and_legends(monkeypatch: pytest.MonkeyPatch) -> None:
         assert heading.get_window_extent().y1 <= figure.bbox.y1
         assert box.y0 >= ax.get_window_extent().y1 - 1
 
-    # the largest change in percent of the first value with its error, in the unit where that is zero; else the largest
-    # difference
+    # the largest change in percent of the first value, in the unit where that is zero; else the largest difference
     def told(values: Mapping[str, float], kind: Any) -> Session:
         parameters = {
             n: Estimate(value=x, unit=unit(n[:-1], kind), standard_error=0.1, interval=(x - 0.196, x + 0.196))

@@ -192,8 +192,7 @@ PRINTED = """
 )
 def test_inertia_inverts_15(name: str, J: tuple[float, float]) -> None:
     """(15), sigma_1 = 0.2 sqrt(J sigma_0), inverts to J = (sigma_1 / 0.2)**2 / sigma_0."""
-    # the figures are that formula's for the sets of Table 1, in three digits; a joint's J is the mean of both
-    # directions
+    # the figures are that formula's for Table 1, in three digits; a joint's J is the mean of both directions
     pair = edro.TABLE_1[name]
     for p, expected in zip(pair, J, strict=True):
         one = edro.inertia(Pair(p, p))

@@ -62,8 +62,7 @@ def test_loops_of_table_2_and_of_files(tmp_path: Path) -> None:
         assert (one.amplitude, one.frequency, one.slow, one.period) == (1.0, 0.5, 0.2, 1e-3)
         assert len(one.draws) == known_joint.DRAWS
         assert one.assumptions
-    # `asked_parts` needs the file alone, and gives its compensator and its adaptation; rates that are not given are
-    # zero
+    # `asked_parts` gives the compensator and adaptation of a file alone; rates that are not given are zero
     compensator, adaptation = asked_parts(experiment(tmp_path, "law: total, parameters: [sigma_0, v_s, alpha_1]"))
     assert compensator.name == "lugre"
     assert adaptation.gamma == (0.0, 0.0, 0.0)
