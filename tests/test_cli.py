@@ -120,10 +120,6 @@ def both(one: Patch, two: Patch) -> Patch:
     return patch
 
 
-def untouched(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nothing is patched."""
-
-
 def bad(
     what: str,
     commands: Sequence[Sequence[str]],
@@ -131,7 +127,7 @@ def bad(
     spoilt: Mapping[str, str | None] | None = None,
     *,
     gone: Sequence[str] = (),
-    patch: Patch = untouched,
+    patch: Patch = lambda _: None,
 ) -> list[tuple[str, dict[str, str | None], Sequence[str], str, Patch]]:
     """One bad input, as it meets each of some commands.
 
@@ -538,16 +534,15 @@ def test_adapt_writes_the_same_twice(adapted: tuple[Path, Ran]) -> None:
     assert tree(folder / "out") == first
 
 
-def interrupted_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("bristle.api.identifying.identify_joint", _raiser(KeyboardInterrupt()))
-
-
-@pytest.mark.parametrize("patch", [interrupted_fit, full_disk(0, KeyboardInterrupt)], ids=["fitting", "writing"])
-def test_an_interrupt_is_130(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, patch: Patch) -> None:
+@pytest.mark.parametrize("patch", [None, full_disk(0, KeyboardInterrupt)], ids=["fitting", "writing"])
+def test_an_interrupt_is_130(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, patch: Patch | None) -> None:
     """Ctrl-C, while fitting or while writing, ends with 130, one word, no traceback, and nothing half-written."""
     path = write(tmp_path, FEW)
     before = tree(tmp_path)
-    patch(monkeypatch)
+    if patch:
+        patch(monkeypatch)
+    else:
+        monkeypatch.setattr("bristle.api.identifying.identify_joint", _raiser(KeyboardInterrupt()))
     ran = run("identify", path, "-o", tmp_path / "out.json")
     assert ran.code == 130
     assert ran.said == ["interrupted"]

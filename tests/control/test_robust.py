@@ -162,14 +162,6 @@ def test_a_reversal_onto_another_stiffness_makes_no_jump(name: Name, stiff: int,
 BARE = LoopOptions(compensator=Compensator(name="none"))
 
 
-def borne(options: LoopOptions, name: str, period: float) -> float:
-    """The period that the refusal names, s."""
-    with pytest.raises(ValueError, match="control period") as refused:
-        simulate(options, [case(name)], sine(100 * period, 0.1, period), period)
-    said = present(re.search(r"bears about (\S+) s", str(refused.value)))
-    return float(said[1])
-
-
 def test_what_controllers_bear_refuse_and_saturate_at() -> None:
     """A period of 0.1 s on the gripper with the paper's PID: what was got, how fast it grows, what it bears, what to do."""
     with pytest.raises(
@@ -231,7 +223,9 @@ def test_below_the_bound_it_runs_and_above_it_diverges(
     options: LoopOptions, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After a blow of a thousand breakaway torques, 0.9 of the named period brings the joint back; 1.2 of it, unrefused, loses it."""
-    named = borne(options, name, 0.5)
+    with pytest.raises(ValueError, match="control period") as refused:
+        simulate(options, [case(name)], sine(50.0, 0.1, 0.5), 0.5)
+    named = float(present(re.search(r"bears about (\S+) s", str(refused.value)))[1])
     monkeypatch.setattr(closed_loop, "refuse_long_period", lambda *_: None)
     ends = []
     for h in (0.9 * named, 1.2 * named):

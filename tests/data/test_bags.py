@@ -41,19 +41,14 @@ def _states(count: int, seed: int = 0) -> list[Message]:
     return [state(START + 10**6 * k, _NAMES, *rng.standard_normal((3, 3)).tolist()) for k in range(count)]
 
 
-def assert_read(bag: Path, joints: tuple[str, ...]) -> RawTable:
-    """Every column of some joints is what a loop over deserialised messages reads, bit by bit."""
-    places = [(field, joint) for joint in joints for field in ("position", "velocity", "effort")]
-    table = read_table(bag, [_STAMP, *(Key(f"/joint_states.{field}[{joint}]") for field, joint in places)])
-    plain = plain_loop(bag, "/joint_states", lambda message: [held(message, *place) for place in places])
-    np.testing.assert_array_equal(np.array(list(table.columns.values())[1:]).T, plain)
-    return table
-
-
 @pytest.mark.parametrize(("form", "count"), [("sqlite3", 300), ("mcap", 9000), ("bag", 300)])
 def test_a_bag_is_read_as_its_messages_are(tmp_path: Path, form: str, count: int) -> None:
     """Positions, velocities, efforts and stamps of joint states are those that rosbags deserialises, bit by bit, however many are read at once."""
-    table = assert_read(write_bag(tmp_path, form, _states(count)), _NAMES)
+    bag = write_bag(tmp_path, form, _states(count))
+    places = [(field, joint) for joint in _NAMES for field in ("position", "velocity", "effort")]
+    table = read_table(bag, [_STAMP, *(Key(f"/joint_states.{field}[{joint}]") for field, joint in places)])
+    plain = plain_loop(bag, "/joint_states", lambda message: [held(message, *place) for place in places])
+    np.testing.assert_array_equal(np.array(list(table.columns.values())[1:]).T, plain)
     assert table.rows == count
     np.testing.assert_array_equal(table.columns[_STAMP], np.arange(count) * 10**6 / 1e9)
     assert not table.notes
@@ -256,16 +251,13 @@ def test_joints_topics_and_columns_are_listed(tmp_path: Path) -> None:
     )
 
 
-def _moving(count: int = 400) -> list[Message]:
-    t = 0.01 * np.arange(count)
-    rows = np.column_stack([np.sin(t), np.cos(t), 2 * np.sign(np.cos(t)) + 0.5 * np.cos(t)])
-    return [state(START + 10**7 * k, ("elbow",), *([x] for x in row)) for k, row in enumerate(rows.tolist())]
-
-
 @pytest.mark.parametrize("form", FORMATS)
 def test_a_bag_of_one_joint_is_drafted_and_read(tmp_path: Path, form: str) -> None:
     """Joint states of one joint are drafted without help, stamps as the time; the draft loads, and reads the folder or file of the bag as it is."""
-    bag = write_bag(tmp_path, form, _moving())
+    t = 0.01 * np.arange(400)
+    rows = np.column_stack([np.sin(t), np.cos(t), 2 * np.sign(np.cos(t)) + 0.5 * np.cos(t)]).tolist()
+    messages = [state(START + 10**7 * k, ("elbow",), *([x] for x in row)) for k, row in enumerate(rows)]
+    bag = write_bag(tmp_path, form, messages)
     draft = draft_experiment([bag], folder=tmp_path)
     assert [line.split(",")[0] for line in draft.signals] == [
         'time: {column: "/joint_states.header.stamp"', 'position: {column: "/joint_states.position[elbow]"',

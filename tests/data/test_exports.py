@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bristle.data.columns import Key
-from bristle.data.experiment.draft import Draft, DraftedRun, Told, draft_experiment
+from bristle.data.experiment.draft import DraftedRun, Told, draft_experiment
 from bristle.data.experiment.load import load_experiment, read_runs
 from bristle.data.text_layout import text_layout
 from bristle.data.text_table import read_table
@@ -160,17 +160,12 @@ def test_drafts_of_exports_read(tmp_path: Path, name: str, told: dict[str, Any],
     """The draft of an export gives position and torque in SI, with the units that its header states, and says so; what it does not know is told."""
     (tmp_path / "log.csv").write_text(EXPORTS[name][0](), encoding="utf-8", newline="")
     draft = draft_experiment([tmp_path / "log.csv"], Told(torque_constant="0.5 N*m/A", **told), tmp_path)
-    record = read_runs(load_experiment(saved(draft, tmp_path)))[0].record
+    (tmp_path / "draft.yaml").write_text(draft.text([DraftedRun("tracking")]), encoding="utf-8")
+    record = read_runs(load_experiment(tmp_path / "draft.yaml"))[0].record
     np.testing.assert_allclose(present(record.position), np.radians(Q), atol=1e-6)
     np.testing.assert_allclose(present(record.torque), 0.5e-3 * I, atol=1e-5)
     np.testing.assert_allclose(np.diff(record.time), 1e-3, rtol=1e-6)
     assert all(any(sentence.startswith(words) for sentence in draft.guessed) for words in says)
-
-
-def saved(draft: Draft, folder: Path) -> Path:
-    path = folder / "draft.yaml"
-    path.write_text(draft.text([DraftedRun("tracking")]), encoding="utf-8")
-    return path
 
 
 def test_times_and_columns_of_channels(tmp_path: Path) -> None:

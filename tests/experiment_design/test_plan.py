@@ -450,15 +450,6 @@ def captions(plan: Plan) -> dict[str, str]:
     return {figure.name: figure.caption for section in report(plan).sections for figure in section.drawings}
 
 
-def of_points(folder: Path, aim: str, *, both: bool, kind: str = "revolute", fit: str = "") -> Plan:
-    path = write(folder, speeds(both=both))
-    text = path.read_text() + fit
-    if kind == "prismatic":
-        text = text.replace("{name: ", "{kind: prismatic, name: ").replace("rad/s", "m/s").replace("N*m", "N")
-    path.write_text(text)
-    return bristle.plan(path, velocities=4, aim=aim)
-
-
 @pytest.mark.parametrize(
     ("aim", "both", "kind", "fit"),
     [
@@ -470,7 +461,12 @@ def of_points(folder: Path, aim: str, *, both: bool, kind: str = "revolute", fit
 )
 def test_each_caption_begins_with_a_number(tmp_path: Path, aim: str, both: bool, kind: str, fit: str) -> None:
     """Of points in one direction, for one parameter, of a slide, of one law for both directions: each figure says a number with a unit at once."""
-    found = [*captions(of_points(tmp_path, aim, both=both, kind=kind, fit=fit)).values()]
+    path = write(tmp_path, speeds(both=both))
+    text = path.read_text() + fit
+    if kind == "prismatic":
+        text = text.replace("{name: ", "{kind: prismatic, name: ").replace("rad/s", "m/s").replace("N*m", "N")
+    path.write_text(text)
+    found = [*captions(bristle.plan(path, velocities=4, aim=aim)).values()]
     assert len(found) == 4
     assert all(NUMBER.search(finding) for finding in found), found
     assert not re.search("nan|inf|None|e[+-]0", " ".join(found))

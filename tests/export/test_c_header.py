@@ -3,7 +3,6 @@ import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 from itertools import cycle
 from pathlib import Path
 
@@ -343,15 +342,10 @@ def test_the_gradient_is_casadis(handed: Handed, built: Build) -> None:
 @given(name=st.text(max_size=60) | st.sampled_from([*HOSTILE, "???/", "????"]))
 def test_no_name_leaves_its_comment(handed: Handed, name: str) -> None:
     """Whatever a joint is called, the header is printable ASCII, and without its comments the same but for identifiers and guards."""
-    text, plain = header(replace(handed(), name=name), Compensator()), plain_header(handed)
+    text, plain = header(replace(handed(), name=name), Compensator()), header(handed(), Compensator())
     assert all(c == "\n" or 32 <= ord(c) < 127 for c in text)
     assert "??" not in text
     assert code_of(text) == code_of(plain)
-
-
-@cache
-def plain_header(handed: Handed) -> str:
-    return header(handed(), Compensator())
 
 
 def code_of(text: str) -> str:

@@ -23,7 +23,7 @@ from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.known_joint import chosen
 from bristle.identification.verdict import Trust
 from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName, Stribeck, unit
-from bristle.questions.export.artefact import Artefact, Request
+from bristle.questions.export.artefact import Request
 from bristle.questions.export.export import TARGETS, export_joints, target
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter, Origin, exported
 from bristle.questions.export.json_document import as_json, export_schema, joints_in, read_export, write_json
@@ -411,12 +411,6 @@ def robot(handed: Handed) -> list[ExportedJoint]:
     return [handed(name) for name in NAMES]
 
 
-def saved(folder: Path, artefact: Artefact) -> Path:
-    path = folder / artefact.name
-    path.write_bytes(artefact.content)
-    return path
-
-
 def test_documents_and_their_schema(handed: Handed, tmp_path: Path) -> None:
     """docs/export.schema.json is what `export_schema()` gives; BRISTLE_REGENERATE=1 rewrites it."""
     text = json.dumps(export_schema(), indent=2) + "\n"
@@ -444,7 +438,8 @@ def test_documents_and_their_schema(handed: Handed, tmp_path: Path) -> None:
     # every joint of the report comes back as it was, and the check says so; a name is a name, whatever it looks like
     joints = [*robot(handed), *(handed("wrist pitch", name=name) for name in HOSTILE)]
     artefact = write_json(joints, ASK)
-    assert read_export(saved(tmp_path, artefact)) == tuple(joints)
+    (tmp_path / artefact.name).write_bytes(artefact.content)
+    assert read_export(tmp_path / artefact.name) == tuple(joints)
     assert check_json(artefact, joints, ASK) == ("bristle-export/1: valid", "read back: equal to the last bit")
     assert check_json(artefact, joints[:2], ASK)[1] == "read back: NOT what was exported"
     # other schemas, missing parameters, impossible numbers and whatever else a file may hold: one sentence that names the file

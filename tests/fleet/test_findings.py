@@ -358,11 +358,6 @@ def pa_table(frame: pd.DataFrame) -> "pa.Table":
 DOC = (Path(__file__).parents[2] / "docs" / "fleet.md").read_text(encoding="utf-8")
 
 
-def row_of(table: str) -> str:
-    (found,) = re.findall(rf"^\| `{table}` \|[^|]*\|(.*)\|$", DOC, re.MULTILINE)
-    return str(found)
-
-
 def test_columns_of_the_dataset() -> None:
     """The document's table has every column of the dataset, in its order."""
     section = DOC[DOC.index("## The dataset") : DOC.index("## What it finds")]
@@ -372,5 +367,6 @@ def test_columns_of_the_dataset() -> None:
     # the document names the columns of every table of findings
     found = findings(fleet(FleetDesign(robots=6, joints=1, sessions=5))[0])
     names = ("joints", "changes", "types", "units", "quality", "warned", "failures", "series")
-    told = {table: set(re.findall(r"`(\w+)`", row_of(table))) for table in names}
+    rows = {x: re.findall(rf"^\| `{x}` \|[^|]*\|(.*)\|$", DOC, re.MULTILINE) for x in names}
+    told = {table: set(re.findall(r"`(\w+)`", row)) for table, (row,) in rows.items()}
     assert told == {table: set(getattr(found, table).columns) for table in names}

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 from bristle.arrays import Array
 from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
-from bristle.estimation.nonlinear import Minimum, minimise
+from bristle.estimation.nonlinear import minimise
 from bristle.findings import Finding, Severity
 from bristle.identification.dynamic import descent
 from bristle.identification.dynamic.claims import bristle_doubts
@@ -65,12 +65,6 @@ def shifted(values: Mapping[ParameterName, float], factor: float = 1.25) -> dict
     return {name: value * factor ** (1 if k % 2 else -1) for k, (name, value) in enumerate(values.items())}
 
 
-def spread_of(minimum: Minimum) -> Array:
-    """Standard errors of the scaled unknowns, were the residuals white."""
-    inverse = np.linalg.inv(minimum.jacobian.T @ minimum.jacobian)
-    return np.sqrt(np.diag(inverse) * minimum.cost / minimum.residuals.size)
-
-
 @SETS
 @pytest.mark.parametrize("decimation", [1, 10])
 def test_the_jacobian_is_that_of_differences(p: Lugre[float] | Pair[float], decimation: int) -> None:
@@ -101,7 +95,8 @@ def test_without_noise_the_truth_comes_back(p: Lugre[float] | Pair[float], monke
     thinned, other = fit(problem, start)
     assert other.steps < minimum.steps
     assert other.cost == pytest.approx(minimum.cost, rel=1e-9)
-    assert (np.abs(other.x - minimum.x) < 1e-2 * spread_of(minimum)).all()
+    variances = np.diag(np.linalg.inv(minimum.jacobian.T @ minimum.jacobian)) * minimum.cost / minimum.residuals.size
+    assert (np.abs(other.x - minimum.x) < 1e-2 * np.sqrt(variances)).all()
     assert thinned.keys() == plain.keys()
 
 

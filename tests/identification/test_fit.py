@@ -301,22 +301,17 @@ CASES = {
 SMALL = {name: reduced(problem, default_range(problem.velocity)) for name, problem in CASES.items()}
 
 
-def any_theta(problem: Regression, seed: int) -> Array:
-    """Parameters of any sign, each up to twice what makes its column as long as the torque; v_s in the range searched."""
-    rng, (low, high) = np.random.default_rng(seed), default_range(problem.velocity)
-    v_s = np.exp(rng.uniform(np.log(low), np.log(high), len(problem.peaks)))
-    design = problem.design(v_s)
-    scale = np.linalg.norm(problem.torque) / np.linalg.norm(design, axis=0)
-    return np.concatenate([2 * scale * rng.uniform(-1, 1, scale.size), v_s])
-
-
 @pytest.mark.parametrize("case", CASES)
 @settings(max_examples=20)
 @given(seed=st.integers(0, 10**6))
 def test_sums_of_squares_are_the_same_for_every_theta(case: str, seed: int) -> None:
     """Not at the minimum alone: for any parameters with v_s in the range the cost is that of all equations, to 1e-8 of the torque's square."""
     problem, few = CASES[case], SMALL[case]
-    theta = any_theta(problem, seed)
+    # parameters of any sign, each up to twice what makes its column as long as the torque
+    rng, (low, high) = np.random.default_rng(seed), default_range(problem.velocity)
+    v_s = np.exp(rng.uniform(np.log(low), np.log(high), len(problem.peaks)))
+    scale = np.linalg.norm(problem.torque) / np.linalg.norm(problem.design(v_s), axis=0)
+    theta = np.concatenate([2 * scale * rng.uniform(-1, 1, scale.size), v_s])
     expected, found = (float(np.sum(p.residuals(theta) ** 2)) for p in (problem, few))
     assert found == pytest.approx(expected, rel=1e-8, abs=1e-8 * float(problem.torque @ problem.torque))
 

@@ -71,14 +71,6 @@ def compared(parameter: str, difference: float | None, verdict: Finding, stage: 
     )  # fmt: skip  # as above
 
 
-def checked() -> Crosscheck:
-    """The same problem solved another way."""
-    return Crosscheck(
-        cost_grid=1.0, cost_full=1.0, starts=2, reached=2, parameters={ALPHA_0: 0.0194}, difference_in_se={ALPHA_0: 1e-6},
-        verdict=IPOPT,
-    )  # fmt: skip  # as above
-
-
 def without(fit: TrackingFit, *names: str) -> TrackingFit:
     """The fit where the motion does not show some parameters."""
     missing = {
@@ -96,7 +88,11 @@ def moving(name: str = "gripper rotation", file: str = "held.csv") -> Joint:
     alone = tracked(
         1.05, hold_out=held, warnings=(CORRELATED,), count_bias=named({"sigma_0+": -0.02, "sigma_0-": 1e-4})
     )
-    both = tracked(1.01, hold_out=held, starts=1, reached=1, relative_error=1.3, crosscheck=checked())
+    checked = Crosscheck(
+        cost_grid=1.0, cost_full=1.0, starts=2, reached=2, parameters={ALPHA_0: 0.0194}, difference_in_se={ALPHA_0: 1e-6},
+        verdict=IPOPT,
+    )  # fmt: skip  # as above
+    both = tracked(1.01, hold_out=held, starts=1, reached=1, relative_error=1.3, crosscheck=checked)
     return replace(
         loaded(name), tracking=without(alone, "alpha_1-"), joint_fit=both,
         consistency=(

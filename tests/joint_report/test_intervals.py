@@ -13,7 +13,7 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.curve import curve
-from bristle.identification.fits import RunScatter, StaticFit, Uncertainty
+from bristle.identification.fits import RunScatter, StaticFit
 from bristle.identification.results import Joint
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import from_points
@@ -43,12 +43,6 @@ def fits(
 
 def built(static: Mapping[str, StaticFit], kind: Kind = "revolute", name: str = "wrist") -> Joint:
     return Joint(name=name, kind=kind, inputs=(), segments=(), static=static, crosscheck={}, simulated=True)
-
-
-def changed(joint: Joint, name: str, **parts: tuple[float, float] | tuple[Finding, ...] | None) -> Joint:
-    fit = joint.static["+"]
-    own: Uncertainty = replace(fit.uncertainty[name], **parts)  # type: ignore[arg-type]
-    return replace(joint, static={"+": replace(fit, uncertainty={**fit.uncertainty, name: own})})
 
 
 SPEEDS = np.geomspace(0.0108, 0.8, 16)
@@ -131,7 +125,9 @@ def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: Kind) -
 def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path: Path, good: Joint) -> None:
     """An open end is written as infinity, a way that there is not as a dash; nowhere in page, CSV or JSON stands nan or None."""
     none = Finding("no-bootstrap", NOTE, "No bootstrap: <b>few</b> blocks are too few to resample.")
-    joint = changed(open_, "alpha_0", bootstrap=None, warnings=(none,))
+    fit = open_.static["+"]
+    own = replace(fit.uncertainty["alpha_0"], bootstrap=None, warnings=(none,))
+    joint = replace(open_, static={"+": replace(fit, uncertainty={**fit.uncertainty, "alpha_0": own})})
     table = sections_of(joint, "uncertainty.html")["Static"].table
     assert table is not None
     cells = {cell for row in table.cells.rows for cell in row}

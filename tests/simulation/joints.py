@@ -38,18 +38,13 @@ def values_of(pair: Pair[float], inertia: float | None = J) -> dict[str, float]:
     return own | ({} if inertia is None else {"inertia": inertia})
 
 
-def covariance_of(values: Mapping[str, float], share: float) -> Array:
-    """A covariance with standard errors of this share of the values, correlated at random."""
+def tracked(values: Mapping[str, float], share: float = 0.02, **changes: Any) -> TrackingFit:
+    """A fit of moving runs with these values, and standard errors of that share of them."""
+    # their covariance is correlated at random
     root = np.random.default_rng(1).standard_normal((len(values), 2 * len(values)))
     whole = root @ root.T
     error = share * np.array([*values.values()]) / np.sqrt(np.diag(whole))
     matrix: Array = whole * np.outer(error, error)
-    return matrix
-
-
-def tracked(values: Mapping[str, float], share: float = 0.02, **changes: Any) -> TrackingFit:
-    """A fit of moving runs with these values, and standard errors of that share of them."""
-    matrix = covariance_of(values, share)
     own = TrackingFit(
         parameters={
             (p := ParameterName.parse(name)): Estimate(value=x, unit=unit(p.name), standard_error=float(s))
