@@ -75,8 +75,7 @@ def test_a_part_that_fails_or_is_interrupted_ends_the_others(tmp_path: Path) -> 
     said = "a worker process was killed, perhaps for want of memory; take fewer --workers"
     with pytest.raises(OSError, match=said), sharing(2) as share:
         list(share(called, [partial(signal.raise_signal, signal.SIGKILL)] * 2))
-    # where a bare `except` of what is being imported takes Ctrl-C for a failure, nothing is written all the same; the
-    # next run is not asked
+    # where a bare `except` of an import takes Ctrl-C for a failure, nothing is written; the next run is not asked
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with interruptible():

@@ -302,8 +302,7 @@ def test_motions_of_arrays_have_intervals_and_a_compensator(fits: Fits) -> None:
         assert (ax.get_xlabel(), ax.get_ylabel()) == (label, "Torque (N·m)")
         assert all(name in repr(found) for name in found.params)
         assert "<svg" in found._repr_html_()
-    # step by step it gives the torque of the compiled one, follows friction, and adapts to a joint with more of it;
-    # reset begins anew
+    # step by step it gives the torque of the compiled one, follows friction, and adapts; reset begins anew
     static, _, dynamic = fits
     comp, still = dynamic.compensator(gamma=20.0), dynamic.compensator(law=None)
     state, step = initial_state(comp.compensator, comp.parameters), compiled(comp.compensator)

@@ -303,8 +303,7 @@ def test_feed_forward_loads_gains_and_refusals() -> None:
         off.append(float(np.abs(np.array(T) - rollout(v, h, PAIR, 0.0, level=level).torque).mean()))
     assert off[1] < 1e-3 * P.alpha_0
     assert off[1] / off[0] < 0.6
-    # sample by sample, the paper's compensator gives what `rollout` gives over the whole of the reference velocity, to
-    # the error of two steps
+    # sample by sample the paper's compensator gives what `rollout` gives of the whole velocity, to two steps' error
     v = motion()
     _, torque = follow(Compensator(), v)
     expected = rollout(v, H, PAIR, 0.0).torque

@@ -170,8 +170,7 @@ def test_what_controllers_bear_refuse_and_saturate_at() -> None:
         r"the loop bears about 0\.013 s: shorten the period, or lower the gains or the delay$",
     ):
         simulate(LoopOptions(), [case("base rotation"), case("gripper rotation")], sine(10.0, 0.5, 0.1), 0.1)
-    # every joint of Table 1 with the paper's PID at 1 kHz, by torque and by voltage, up to five periods late; and sliding mode at any
-    # period
+    # every joint of Table 1 with the paper's PID at 1 kHz, up to five periods late; sliding mode at any period
     cases = [case(name) for name in edro.TABLE_1]
     for delay in range(6):
         for options in (LoopOptions(delay=delay), LoopOptions(delay=delay, drive="voltage")):

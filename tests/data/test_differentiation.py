@@ -90,8 +90,7 @@ def test_the_filter_and_the_bandwidth_of_a_run() -> None:
     # the derivative of t**2 is 2 t inside, with irregular intervals too
     t = np.cumsum(np.random.default_rng(0).uniform(0.5, 1.5, 50))
     np.testing.assert_allclose(derivative(_record(t, t), t**2)[1:-1], 2 * t[1:-1])
-    # between the lines of a triangle's spectrum there is nothing: it ends where the highest of them falls into noise,
-    # not after the first
+    # a triangle's spectrum ends where the highest of its lines falls into noise, not after the first
     t = np.arange(0, 40, 1e-3)
     triangle = np.interp(t % 4, [0, 1, 3, 4], [0, 1, -1, 0])
     noise = 1e-3 * np.random.default_rng(0).standard_normal(t.size)
@@ -115,8 +114,7 @@ def test_the_filter_and_the_bandwidth_of_a_run() -> None:
     for count in (0.04, 0.08, 0.2):
         cutoff, why = of_motion(moving(200.0, 20.0, 0.0, 0.01, count))
         assert cutoff == pytest.approx(4 * why.numbers["motion"])
-    # a logged velocity with noise of its own, and a torque that was commanded: the inertia at the cut-off is right to 3 %, at six times it
-    # not
+    # logged velocity with noise, commanded torque: the inertia at the cut-off is right to 3 %, at six times it not
     run = moving(1000.0, 20.0, 0.0, 0.0)
     rng = np.random.default_rng(0)
     v = np.gradient(present(run.position), run.time)

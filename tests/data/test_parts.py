@@ -198,8 +198,7 @@ def test_times_that_have_gaps_or_do_not_go_together(tmp_path: Path) -> None:
     own = np.append(np.arange(10.0), 100 + np.arange(10.0))
     found = brought_to(np.array([8.5, 9.0, 50.0, 100.0, 100.5]), own, own, 5.0)
     np.testing.assert_array_equal(found, [8.5, 9.0, np.nan, 100.0, 100.5])
-    # a time that is missing, backward, of another unit or of another hour is one sentence; points, which are pairs,
-    # have none of their own
+    # a time that is missing, backward, of another unit or hour is one sentence; points have none of their own
     back, one = np.where(np.arange(N) == 300, 0.0, T), np.where(np.arange(N) == 300, 0.3, np.nan)
     log(tmp_path, back=back, late=T + 100, one=one, v=T)
     log(tmp_path, "log2.csv")

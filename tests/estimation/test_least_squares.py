@@ -110,8 +110,7 @@ def test_the_lowest_of_several_minima_is_kept() -> None:
     found = solve_from_starts(solve, [-1.5, 1.5, 50.0, 0.5], lambda posed, minimum: (posed, minimum))
     assert found.values["a"] == pytest.approx(1.0, abs=1e-3)
     assert (found.starts, found.reached) == (4, 2)
-    # a start whose cost is higher by less than a hundredth of a residual's variance has reached the lowest one,
-    # whatever the digits say
+    # a start whose cost is higher by under a hundredth of a residual's variance has reached the lowest one
     costs = {0.0: 1.0, 1.0: 1.0 + 0.9e-2 / 100, 2.0: 1.0 + 1.2e-2 / 100}
 
     def ended(start: float, _most: int, _lowest: float) -> tuple[LeastSquares[str], Minimum]:
@@ -222,8 +221,7 @@ def test_bootstrap_knows_skewness_priors_blocks_and_seeds(monkeypatch: pytest.Mo
     x = correlated(0.5, 500, 0)
     assert mean_of(x, seed=7).tobytes() == mean_of(x, seed=7).tobytes()
     assert mean_of(x, seed=7).tobytes() != mean_of(x, seed=8).tobytes()
-    # of three values with blocks of one, t is (mean* - mean) / (s* / sqrt(3)) of one of the ten resamples that there
-    # are, s* about its own mean
+    # of three values with blocks of one, t is (mean* - mean) / (s* / sqrt(3)) of a resample, s* about its own mean
     x = np.array([-2.0, 0.5, 1.5])
     samples = [np.array(one) for one in combinations_with_replacement(x, 3) if np.ptp(one) > 0]
     expected = np.array([-one.mean() / (one.std(ddof=1) / np.sqrt(3)) for one in samples])
@@ -232,8 +230,7 @@ def test_bootstrap_knows_skewness_priors_blocks_and_seeds(monkeypatch: pytest.Mo
     assert 200 < usual.size < 300
     assert np.abs(np.abs(usual)[:, None] - np.abs(expected)).min(axis=1).max() < 1e-9
     assert np.unique(np.round(usual, 9)).size == expected.size
-    # however few numbers are drawn at once: as many draws, all different, the same errors of the estimate, and the covariance s**2
-    # (J'J)**-1
+    # however few numbers are drawn at once: as many draws, all different, the same errors and covariance s**2 (J'J)**-1
     rng, n = np.random.default_rng(3), 200
     J, residuals = np.column_stack([np.ones(n), np.linspace(-1, 1, n)]), rng.standard_normal(n)
     whole, errors = residual_bootstrap(J, residuals, np.ones(n), draws=4000)

@@ -271,8 +271,7 @@ def test_the_score_test_is_a_linear_fit_and_tells_causes_first() -> None:
         assert scores(known, y, [columns])[0].p == 1.0
     assert scores(known[:4], y[:4], [y[:4, None]])[0].p == 1.0
     assert scores(known, y, [y[:, None]])[0].p < 1e-6
-    # of a cause and a column that goes along with it the cause alone, then a second cause; one that is refused leaves
-    # room for the next
+    # of a cause and a column that goes along with it the cause alone, then a second cause; a refused one leaves room
     rng, n = np.random.default_rng(5), 500
     cause, other, noise = rng.normal(size=(3, n))
     alike = cause + 0.3 * rng.normal(size=n)

@@ -256,8 +256,7 @@ def test_declared_and_undeclared_limits_are_said(measured: Measured, tmp_path: P
         assert named in " ".join(map(str, said)), asked
         assert bool(named) == bool(said), asked
 
-    # each has its kind and the value that the limits have: a note where runs showed it, a caution where it is a guess;
-    # a declared one has none
+    # each has its kind and value: a note where runs showed it, a caution where it is a guess; a declared one has none
     def said_of(found: Measured, asked: dict[str, object]) -> tuple[Limits, dict[str, Finding]]:
         options = found.experiment.plan.model_validate(asked)
         limits, said = limits_of(replace(found, experiment=found.experiment.model_copy(update={"plan": options})))

@@ -78,8 +78,7 @@ def test_planned_velocities_are_the_best() -> None:
     found = design(own, RUNS, "alpha_2")
     assert np.isfinite(found.errors[[0, 2]]).all()
     assert {*np.round(found.speeds, 9).tolist()} == {round(own.low, 9), round(own.high, 9)}
-    # Kiefer and Wolfowitz: with a multiple of four runs, n s'(v) F**-1 s(v) / noise**2 is at most 4 anywhere, and 4 at each speed that is
-    # run
+    # Kiefer and Wolfowitz: of 4 k runs n s'(v) F**-1 s(v) / noise**2 is at most 4 anywhere, and 4 at each speed run
     own = problem()
     found = design(own, RUNS)
     inverse = np.linalg.inv(static_information(found.speeds, P, own.noise))

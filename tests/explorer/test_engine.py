@@ -585,8 +585,7 @@ def test_a_loop_of_two_laws_is_refused_in_a_sentence(bent: bristle.Results, tmp_
 @pytest.mark.slow
 def test_a_page_of_several_laws_in_a_browser(several: Explorer, chromium: Any, tmp_path: Path) -> None:
     """Each joint has the sliders of its law, a refit restores its cost, the curve that bends down is dashed where it is held, which is said."""
-    # all of that on a phone; every view draws every joint without an error, and no figure is wider than a phone, nor
-    # than a wide screen
+    # on a phone too every view draws every joint without an error, and no figure is wider than the screen
     tab = Tab(chromium, several.write(tmp_path / "explore.html"), width=390)
     page = tab.page
     for k, (law, more) in enumerate((("", []), ("Lorentzian", ["alpha_3"]), ("flat-top", ["sharpness", "alpha_3"]))):

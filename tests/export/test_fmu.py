@@ -89,8 +89,7 @@ def test_check_holds_the_figures(handed: Handed, exported: Exported, wrist: Load
     assert float(re.findall(r"sliding: (\S+) of", python)[0]) <= 1e-12
     assert float(re.findall(r"Radau: (\S+) %", radau)[0]) <= 0.01
     assert float(re.findall(r"fmpy: (\S+) of", sources)[0]) <= 1e-12
-    # over 10 s at 1 ms with presliding, reversals and sliding: each joint within 1e-12 of its largest position and
-    # velocity; friction too
+    # over 10 s at 1 ms with presliding and reversals position, velocity and friction are within 1e-12 of the largest
     off = {}
     for name in edro.TABLE_1:
         joint = handed(name)

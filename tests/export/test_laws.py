@@ -322,8 +322,7 @@ def test_cogging_and_load_in_mujoco_and_elsewhere(cogs: ExportedJoint, handed: H
         assert ("cogging" in artefact.holds) == holds
         assert [name for name in left[0] if name.startswith("cogging")] == ([] if holds else [*WAVES])
         assert str(ParameterName("ripple_sin_6", Direction.SHARED)) in left[0]
-    # what its actuators give at rest is what they give of the joint without, less the cogging; Python's friction moves
-    # the joint as they do
+    # its actuators give at rest what they give without, less the cogging; Python's friction moves the joint as they do
     mujoco: Any = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
     from bristle.mujoco import Friction
 

@@ -158,8 +158,7 @@ def test_edits_follow_the_file_if_it_is_one() -> None:
     document.annotate(document.root, "ours: value 2")
     both = b"<a>\n  <!-- ours: mine -->\n  <!-- ours: value 2 -->\n</a>"
     assert document.written() == once.replace(b"value 1", b"value 2") == both
-    # document types, entities, other encodings and endless files are refused, with file and line; the deepest nesting
-    # that is taken is read
+    # document types, entities, other encodings and endless files are refused by line; the deepest nesting is read
     failed = []
     for why, content in SPOILT.items():
         with pytest.raises(InputError) as error:

@@ -118,8 +118,7 @@ def test_even_variances_are_called_uneven_at_about_the_rate_of_the_test() -> Non
             wild[grows] += variances_differ(left, velocity)
     assert wild[True] >= 18
     assert wild[False] <= 2
-    # where no column holds a constant, residuals need not sum to zero; their draws do, on average, so that the mean of draws is the
-    # estimate
+    # where no column holds a constant, residuals need not sum to zero; the mean of draws still is the estimate
     rng = np.random.default_rng(9)
     column, residuals = 0.5 + rng.standard_normal(20), 0.5 + rng.standard_normal(20)
     residuals -= column * (column @ residuals) / (column @ column)

@@ -127,8 +127,7 @@ def test_what_is_planted_is_told_with_its_size() -> None:
     assert told(x, np.ones(30), np.ones(30), np.ones(30)) == []
     assert told(np.zeros(30), x, x, x) == []
     assert told(x[:7], x[:7], x[:7], x[:7]) == []
-    # a ripple of 5 % of friction that the noise is far below changes friction by next to nothing; a direction that
-    # differs by as much does
+    # a ripple of 5 % of friction, far above the noise, moves friction hardly; a direction that differs so does
     rng = np.random.default_rng(7)
     position = np.linspace(0, 40, 4000)
     velocity = np.where(np.arange(4000) % 400 < 200, 1.0, -1.0) * (1 + 0.3 * np.sin(position))
@@ -493,8 +492,7 @@ def test_torques_of_noise_and_of_nothing_and_wrong_signs(tmp_path: Path) -> None
     for factor in (-1.0, -60.0):
         with pytest.raises(InputError, match=r"log\.csv moves -.* opposite sign of `scale` under signals\.velocity"):
             bristle.identify(logged(tmp_path, factor))
-    # points without any torque, or of one whose square is none, a stray apart, are fitted without a failure, and
-    # nothing is said of an offset
+    # points of no torque, or of one whose square is none, a stray apart, are fitted, and no offset is told
     for level in (0.0, 1e-162):
         speeds = np.geomspace(0.01, 1.0, 12)
         v = np.concatenate([speeds, -speeds])

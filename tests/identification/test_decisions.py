@@ -265,8 +265,7 @@ def test_strokes_that_show_no_peak(tmp_path: Path) -> None:
             n=63, outcome=Finding("converged", NOTE, "."), starts=1, reached=1, condition=1.0, velocity=np.concatenate([hold, rush, hold]),
         )  # fmt: skip  # a list of values
         assert slowest_shown([fit], 1.0) == pytest.approx(least)
-    # a sine of 20 mrad that goes half as fast as v_s: the curve is right to 5 %; alpha_1 and v_s are not claimed, nor
-    # an inertia below zero
+    # a sine half as fast as v_s: the curve is right to 5 %; alpha_1, v_s and an inertia below zero are not claimed
     t, size, w = np.arange(0, 20, 1 / 2000), 0.01, 2 * np.pi * 0.5
     v = size * w * np.cos(w * t)
     torque = bristle.simulate(v, 1 / 2000, TRUTH) - INERTIA * size * w**2 * np.sin(w * t)
@@ -281,8 +280,7 @@ def test_strokes_that_show_no_peak(tmp_path: Path) -> None:
     for name in ("alpha_1", "v_s"):
         assert (by_name[name].value, codes(by_name[name].warnings)) == (None, ["unseen-shape"])
     assert by_name["inertia"].value is None or by_name["inertia"].value > 0
-    # a triangle at one speed has two constant velocities, of which points tell nothing: as a motion it gives the friction at that speed to
-    # 2 %
+    # a triangle at one speed tells nothing as points; as a motion it gives the friction at that speed to 2 %
     t, speed = np.arange(0, 24, 1 / RATE), 0.02
     v = speed * np.tanh(40 * np.sin(2 * np.pi * t / 12))
     torque = bristle.simulate(v, 1 / RATE, TRUTH) + INERTIA * np.gradient(v, t)

@@ -331,8 +331,7 @@ def test_linear_models_are_least_squares_with_the_criteria_and_leave_one_out_by_
     tmp_path: Path, seed: int
 ) -> None:
     """For each linear model: rms by lstsq, BIC from the maximised Gaussian likelihood, hold-out from refits without each point."""
-    # a model with more terms leaves no more: Coulomb within Coulomb + viscous within Stribeck, each symmetric one
-    # within that per direction
+    # a model with more terms leaves no more: Coulomb, + viscous, Stribeck, each symmetric one within its per direction
     joint = points(tmp_path, GRIPPER, OTHER, seed)
     (compared,) = joint.models
     v = np.concatenate([MODEL_SPEEDS, -MODEL_SPEEDS])
@@ -478,8 +477,7 @@ def test_models_on_a_moving_run(on_motion: tuple[Comparison, TrackingFit]) -> No
     assert 1 < compared.effective < compared.n
     if done is best:
         assert compared.effective == pytest.approx(compared.n / inflation(alone.residuals))
-    # the criteria of two models differ by n' times the logarithm of their residuals' ratio, plus the terms of their parameters; n' =
-    # effective
+    # criteria of two models differ by n' times the logarithm of their residuals' ratio and their parameters' terms
     compared, _ = on_motion
     a, b = row(compared, VISCOUS, SYMMETRIC), row(compared, STRIBECK, SYMMETRIC)
     n = compared.effective

@@ -126,8 +126,7 @@ def test_filters_hold_outs_and_poorer_laws_of_moving_runs() -> None:
     by_hand = 100 * np.linalg.norm(other.residuals(theta)) / np.linalg.norm(other.torque)
     assert fit.hold_out[0].file == "other.csv"
     assert fit.hold_out[0].relative_error == pytest.approx(by_hand, rel=1e-9)
-    # where LuGre's fit knows friction, the static fit keeps its numbers and says which to use; beside one that knows
-    # none it is as it was
+    # where LuGre's fit knows friction, the static fit keeps its numbers and says which to use; else it is as it was
     run = moved(5.0 * tones(np.arange(0, 8, 1e-3)), 1e-3, noise=2e-4)
     lugre = fitted(posed(run, decimation=5))
     problem, _, _ = from_records([run], ("both",), ("inertia",), 5)

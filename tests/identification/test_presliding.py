@@ -169,8 +169,7 @@ def test_levels_and_displacements_that_tell_little() -> None:
         assert fit.level == pytest.approx(max(level, 0.85) * G0, rel=1e-3)
         assert fit.level in [warning.numbers["held"] for warning in fit.warnings if warning.code == "g0-at-least"]
         assert holds(fit.sigma_0.interval, GRIPPER.sigma_0)
-    # where g0 is said to be less than the first torque of a loading nothing is left to estimate from: no value, and the
-    # contradiction is named
+    # a g0 below the first torque of a loading leaves nothing to estimate from: no value, the contradiction is named
     for quantum in (0.0, 2 * np.pi / 2**14):
         loadings = find_loadings(run(quantum, 0.3), 1e3, quantum or None, None)
         fit = fit_presliding(loadings, known(1e-6 * G0, 1e-8 * G0), None, "revolute")
@@ -460,8 +459,7 @@ def test_stiffness_of_a_softening_joint(tmp_path: Path, monkeypatch: pytest.Monk
     assert fit.sigma_0.value is None
     said = {w.numbers["least"] for w in fit.sigma_0.warnings if w.code == "within-noise"}
     assert said == {present(fit.sigma_0.interval)[0]}
-    # holds of ten deflections have settled, also where counts make the estimated velocity change its sign: alpha_1 is
-    # within its interval
+    # holds of ten deflections have settled, though counts turn the estimated velocity: alpha_1 is within its interval
     joint = bristle.identify(logs(tmp_path, 2 * np.pi / 2**12, 10.0)).joints[0]
     low, high = present(of(joint).parameters["alpha_1"].interval)
     assert low < SOFT.alpha_1 < high < low + 0.1 * SOFT.alpha_1

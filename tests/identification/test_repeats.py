@@ -74,8 +74,7 @@ def test_the_scatter_is_the_root_of_the_reduced_chi_squared() -> None:
         before.append(abs(mean - 100) < 1.96 * e)
     assert 0.9 < np.mean(inside) < 0.98
     assert np.mean(before) < 0.55
-    # by the scatter and Student's t of k - 1 degrees; open ends stay open, none passes zero, and the estimate stays
-    # inside, also in logarithms
+    # by the scatter and Student's t of k - 1 degrees; open ends stay, none passes zero, the estimate stays inside
     e = Estimate(value=2.0, unit="N*m", standard_error=0.1, interval=(1.8, 2.2))
     reach = scattered().stretched
     spread = spreader(2.0, reach, "alpha_0")

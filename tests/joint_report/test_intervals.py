@@ -226,8 +226,7 @@ def test_advice_follows_from_the_warnings(joint: Joint) -> None:
             assert high >= 1.4 * low
         said = of_kind(next_measurements(own), "rise-not-shown")
         assert bool(said) == (outcome is NO_PEAK)
-    # every speed that is proposed is faster than each at which a run of its direction sticks and slips; those of the
-    # other do not matter
+    # every speed that is proposed is faster than each at which a run of its own direction sticks and slips
     for sticking in (0.0152, 0.0499, 0.101):
         kept = joint.segments[0]
         stuck = replace(kept, velocity=sticking, stick_slip=True)

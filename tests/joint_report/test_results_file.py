@@ -142,8 +142,7 @@ def test_the_file_and_the_printed_report_are_the_result(
     assert all("loadings" not in fit for fit in found["presliding"]["fits"].values())
     assert {"joint_fit/residuals", "presliding/fits/+/loadings", "static/+/profile"} <= samples.keys()
     assert samples["static/+/segments"][0] in {f"segments/{k}" for k in range(len(moved.segments))}
-    # kind, severity, sentence and numbers, with diagnostics, lists, NumPy's numbers, names and infinities among them; kind and numbers come
-    # back
+    # kind, severity, sentence and numbers of any kind stand in the file; kind and numbers come back
     name, inner = ParameterName("alpha_0", Direction.POSITIVE), Finding("cost-stays-low", CAUTION, "the cost stays low")
     said = they_differ(("above", "below"), (("profile", 0.5, math.inf), (str(name), np.float64(1), -math.inf)), inner)
     text = results_file.to_json(

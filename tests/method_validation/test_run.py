@@ -111,8 +111,7 @@ def test_many_plain_grids_are_those_of_each(design: int, noise: float, count: in
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_every_solver_solves_the_same_problem(sign: float) -> None:
     """Begun near the truth, every solver ends in the minimum of the refined grid, in either direction, and stays within its bounds."""
-    # on the model's own points, without noise, the refined grid and every solver, begun at half the truth, return the
-    # parameters behind them
+    # on the model's own points without noise, grid and every solver, begun at half the truth, return the truth
     case = case_of(WIDE, 0.02, sign)
     torque, exact = torques_of(case, 1)[:, 0], methods.modelled(case, case.theta[:, None])
     solution = static.solve(case.problem(torque), case.v_s_range)

@@ -192,8 +192,7 @@ def test_files_and_drafts_of_the_embedded_arm(tmp_path: Path) -> None:
     table = np.loadtxt(FOLDER / "held_out.csv", delimiter=",", skiprows=1)
     assert table == pytest.approx(np.column_stack([log.time, log.position, log.current]), abs=1e-4)
     assert sum(path.stat().st_size for path in FOLDER.iterdir() if path.is_file()) < LARGEST
-    # of the embedded arm the URDF and two logs give a file that loads: every joint, each column by the joint's name,
-    # the last log held out
+    # the arm's URDF and two logs give a file that loads: every joint, columns by its name, the last log held out
     text, said = bristle.draft(*LOGS, folder=FOLDER)
     assert 'position: {column: "q_{joint}", unit: rad}' in text
     assert 'current: {column: "i_{joint}", unit: A}' in text

@@ -160,8 +160,7 @@ def test_maps_limits_and_documented_figures() -> None:
         own = local(P, at)
         assert own.ranking[:2] == leading
         assert claimed(own.shares(), Lugre._fields) == (at == PAPER)
-    # where the amplitude is far below the bristle's reach and the motion slow, T = sigma_0 q. The share of sigma_0 is one, the others'
-    # nothing
+    # within the bristle's reach, moved slowly, T = sigma_0 q: the share of sigma_0 is one, the others' nothing
     shares = sensitivity_map(P, np.array([1e-6]), np.array([1e-3])).shares[0, 0]
     assert shares[4] == pytest.approx(1.0, abs=1e-3)
     assert np.delete(shares, 4).max() < 1e-3
@@ -267,8 +266,7 @@ def test_which_joints_and_motions_can_be_explored(tmp_path: Path, known: Study, 
     stopped = replace(measured, runs=(replace(measured.runs[0], record=still),))
     with pytest.raises(ValueError, match=r"the position is 1 throughout; expected runs that move, or plan\.position"):
         of_joint(stopped, joint)
-    # at the corners of what is accepted, and of the maps around them, every share is a finite number
-    # just beyond, the motion is refused
+    # at the corners of what is accepted and of its maps every share is finite; just beyond, the motion is refused
     limits, p = limits_of(measure(folder / "e.yaml"))[0], known.model.p
     (low, high), (slow, fast) = RANGE, FREQUENCIES
     speed = limits.velocity / (2 * np.pi)

@@ -224,8 +224,7 @@ def test_half_intervals_freedom_sets_and_many_tests() -> None:
     found = change(compare(*made), "alpha_0")
     assert found.z == pytest.approx(3 / np.sqrt(2))
     assert found.p == pytest.approx(2 * stats.t.sf(3 / np.sqrt(2), 6), rel=1e-9)
-    # the statistic is d' (C_a + C_b)**-1 d / k; along the direction that is seen well it finds what no parameter shows alone, and that is
-    # said
+    # the statistic d' (C_a + C_b)**-1 d / k finds what no parameter shows alone along the direction seen well: said
     a, b = correlated(0.0), correlated(1.5)
     compared = compare(session(a), session(b))
     d = np.array([0.15, 0.15])
@@ -416,8 +415,7 @@ def test_the_command_says_what_changed_and_writes_a_page(sessions: Files, tmp_pa
     assert b"nan" not in (first["tables/changes.csv"] or b"nan").lower()
     assert run("compare", *sessions, "-o", tmp_path / "out").code == 0
     assert tree(tmp_path / "out") == first
-    # its report has its frame as a table, is written by a path or a text, and begins in the terminal with the verdict;
-    # another result has none
+    # its report has its frame as a table, is written by path or text, begins with the verdict; others have none
     compared = compare(session(plain({"alpha_0": 2.0}, 0.1)), session(plain({"alpha_0": 3.0, "v_s": 1.0}, 0.1)))
     report = bristle.report_of(compared)
     pd.testing.assert_frame_equal(compared.to_frame(), report.frames["changes"])

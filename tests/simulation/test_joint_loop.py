@@ -140,8 +140,7 @@ def test_where_the_parts_of_a_loop_come_from(tmp_path: Path) -> None:
     factor = 2 * np.pi * 2 / FASTEST
     (said,) = of_kind(one.assumptions, "extrapolated")
     assert said.numbers["ratio"] == pytest.approx(factor)
-    # without gains K_p = J w**2, K_i = J w**3 / 5, K_d = 2 J w, w at most 30 rad/s; the reference has half of the
-    # fastest measured speed
+    # without gains K_p = J w**2, K_i = J w**3 / 5, K_d = 2 J w, w <= 30 rad/s; half of the fastest measured speed
     for period, bandwidth in (("0.1 ms", 30.0), ("2 ms", 10.0)):
         one = of_experiment(experiment(tmp_path, f"period: {period}"), joint())
         w = bandwidth
