@@ -34,7 +34,7 @@ def torque(seed: int, size: int = 22) -> Array:
 
 
 @pytest.mark.slow
-def test_clean_points_have_no_strays() -> None:
+def test_strays_are_rarely_named_in_clean_points_and_counted_in_many() -> None:
     """Of 100 clean sets at most 4 name a point: 1 % is what the test promises."""
     named = [find_strays(from_points(SPEEDS, torque(seed), ("+",))).rows for seed in range(100)]
     assert sum(map(bool, named)) <= 4
@@ -48,6 +48,23 @@ def test_clean_points_have_no_strays() -> None:
             T[places] += 10 * NOISE * rng.choice([-1, 1], None if neighbours else 2)
             found += set(places.tolist()) <= set(find_strays(from_points(SPEEDS, T, ("+",))).rows)
         assert found >= 95, neighbours
+    # sixty strays of 1500 points: their count is said, fifty are named, the rest is a number; the fit without all of
+    # them is that of the others
+    rows = np.arange(10, 1500, 25)
+    problem = with_strays(1500, rows)
+    found = bristle.fit(problem.velocity, problem.torque)
+    (told,) = (w for w in found.warnings if w.code in {"strays", "strays-matter"})
+    assert told.numbers["count"] == rows.size
+    assert len(told.numbers["points"]) == 51
+    assert "; and 10 more" in str(told)
+    fit = found.joint.static["+"]
+    assert len(fit.strays) == rows.size
+    rest = from_points(np.delete(problem.velocity, rows), np.delete(problem.torque, rows), ("+",))
+    alone = solve(rest, default_range(rest.velocity))
+    error = np.sqrt(np.diag(covariance(alone.jacobian, alone.cost)[0]))
+    for name, value, one in zip(rest.names, alone.theta.tolist(), error.tolist(), strict=True):
+        assert told.numbers[name.name] == pytest.approx(value, rel=1e-6)
+        assert f"{name.name} {value:.4g} +/- {one:.2g}" in str(told)
 
 
 def test_strays_are_those_of_brute_force(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -137,26 +154,6 @@ def with_strays(count: int, rows: NDArray[np.intp], seed: int = 0, farthest: flo
     v, T = points(count, seed)
     T[rows] += SCATTER * np.geomspace(12, farthest, rows.size) * (-1.0) ** np.arange(rows.size)
     return from_points(v, T, ("+",))
-
-
-@pytest.mark.slow
-def test_of_many_strays_fifty_are_named_and_the_others_counted() -> None:
-    """Sixty strays of 1500 points: their count is said, fifty are named, the rest is a number; the fit without all of them is that of the others."""
-    rows = np.arange(10, 1500, 25)
-    problem = with_strays(1500, rows)
-    found = bristle.fit(problem.velocity, problem.torque)
-    (told,) = (w for w in found.warnings if w.code in {"strays", "strays-matter"})
-    assert told.numbers["count"] == rows.size
-    assert len(told.numbers["points"]) == 51
-    assert "; and 10 more" in str(told)
-    fit = found.joint.static["+"]
-    assert len(fit.strays) == rows.size
-    rest = from_points(np.delete(problem.velocity, rows), np.delete(problem.torque, rows), ("+",))
-    alone = solve(rest, default_range(rest.velocity))
-    error = np.sqrt(np.diag(covariance(alone.jacobian, alone.cost)[0]))
-    for name, value, one in zip(rest.names, alone.theta.tolist(), error.tolist(), strict=True):
-        assert told.numbers[name.name] == pytest.approx(value, rel=1e-6)
-        assert f"{name.name} {value:.4g} +/- {one:.2g}" in str(told)
 
 
 SPEEDS = np.geomspace(0.005, 1.0, 22)
