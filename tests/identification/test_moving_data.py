@@ -11,8 +11,10 @@ from bristle.data import bandwidth
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.errors import InputError
+from bristle.identification.curve import friction_of, friction_points
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.identify import identify_joint
+from bristle.identification.known_joint import as_identified
 from bristle.identification.measured import measure
 from bristle.identification.moving_runs import decimator, longest_decimation
 from bristle.identification.static.crosscheck import full_fit
@@ -21,7 +23,6 @@ from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import from_records, with_prior
 from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout
-from bristle.questions.joint_report.static_figures import curves_to_use
 
 from ..names import parse
 from .conftest import curve, experiment_file, fitted, holds, moved, posed, tones, way, white
@@ -168,8 +169,11 @@ def test_a_short_run_is_fitted_with_what_it_has(tmp_path: Path) -> None:
         assert fit is not None
         told = [w for w in fit.warnings if w.code == "shape-held"]
         assert [f"{w.numbers['value']:.3g}" for w in told] == said
-        (p,) = curves_to_use(joint).values()
-        assert p.alpha_0 == fit.known[parse("alpha_0")]
+        # the report draws the values to use, and beside them friction along the motion, which the law explains
+        (shown,) = friction_points(joint)
+        left = shown.torque - friction_of(as_identified(joint), shown.velocity)
+        assert shown.velocity.size == fit.n
+        assert np.median(np.abs(left)) < 0.02 * np.median(np.abs(shown.torque))
     # a run of which rows are lost is fitted by the stretches that its filter fits into, the others counted, and finds the friction
     file = moving_file(tmp_path)
     rows = np.loadtxt(tmp_path / "long.csv", delimiter=",", skiprows=1)

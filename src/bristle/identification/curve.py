@@ -1,14 +1,16 @@
 """The fitted curve of friction vs velocity, and how far it is known: its 95 % band over the speeds that were measured."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.identification.fits import StaticFit, TrackingFit
-from bristle.identification.known_joint import KnownJoint, Source, chosen, known_joint, value_fits
+from bristle.identification.known_joint import KnownJoint, Source, as_identified, chosen, known_joint, value_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Accuracy, Joint
 from bristle.identification.second_opinion import SLOWEST, SecondOpinion, of_motion, of_points
@@ -100,6 +102,32 @@ def stated_curve(joint: Joint, v: Array) -> tuple[Array, Array]:
         return friction, np.full(v.size, np.inf)
     rest = np.sqrt(max(known.band**2 - known.statistical**2, 0.0)) / 100
     return friction, np.hypot(BIASED * half, rest * np.abs(friction))
+
+
+class FrictionPoints(NamedTuple):
+    """Measured friction of one direction, or of both, beside which the values to use are drawn."""
+
+    direction: Direction
+    velocity: Array
+    """(n,), rad/s."""
+    torque: Array
+    """The measured torque less the other fitted terms, (n,), N*m."""
+    segments: tuple[Segment, ...]
+    """Where each point at constant velocity comes from, (n,); empty for a motion."""
+
+
+def friction_points(joint: Joint) -> list[FrictionPoints]:
+    """The points at constant velocity, else every equation of the moving runs that the values come from, else of those of static fits."""
+    static = [(d, fit) for d, fit in joint.static.items() if d != Direction.SHARED]
+    points, fit, known = any(fit.segments for _, fit in static), joint.moving, as_identified(joint)
+    if fit is not None and fit in value_fits(joint) and fit.friction.size and not points:
+        v, torque = fit.velocity, fit.friction
+        sides = {d: v > 0 if d == "+" else v < 0 if d == "-" else v != 0 for d in known.directions or (Direction.BOTH,)}
+        shown = [FrictionPoints(d, v[side], torque[side], ()) for d, side in sides.items()]
+    else:
+        shown = [FrictionPoints(Direction(d), fit.velocity, fit.torque, fit.segments) for d, fit in static]
+    drag = drag_of(known)
+    return [x._replace(torque=x.torque + drag * x.velocity * np.abs(x.velocity)) for x in shown]
 
 
 def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accuracy | None:

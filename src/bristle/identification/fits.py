@@ -336,9 +336,9 @@ class TrackingFit:
     """Torque, N*m, or position, rad, (n,)."""
     residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     friction: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
-    """Measured friction, what is no friction taken off as the fit has it, N*m, (n,); empty where no level rises with load."""
+    """Measured friction, N*m, (n,): the measured torque less all other fitted terms; empty where the position is predicted."""
     load: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
-    """The load that it rises with, N*m, (n,); empty as `friction`."""
+    """The load that friction rises with, N*m, (n,); empty where it does not."""
     starts_of_runs: tuple[int, ...] = field(default=(0,), metadata=UNWRITTEN)
     """First equation of each segment between gaps."""
     late: tuple[float, float] = field(default=(0.0, np.inf), metadata=UNWRITTEN)

@@ -100,8 +100,8 @@ def fit_tracking(
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in solution.names if n in estimates)
     rows = equations_left(problem, solution)
-    friction, load = friction_and_load(problem, solution.values)
     torque = problem.quantity == "torque"  # of a simulated position, which drifts, nothing is said
+    friction, load = friction_and_load(problem, solution.values) if torque else (np.zeros(0), np.zeros(0))
     outcome = Finding("converged", NOTE, "The fit converged.")
     if not solution.minimum.converged:
         outcome = Finding("not-converged", CRITICAL, "The fit did not converge; it gives no estimates.")
@@ -127,7 +127,7 @@ def fit_tracking(
         names=free, covariance=solution.covariance[: len(free), : len(free)],
         fixed={**problem.fixed, **{name: solution.values[name] for name in unseen if name in solution.values}},
         time=problem.time, velocity=problem.velocity, measured=problem.measured, quantity=problem.quantity,
-        residuals=rows, friction=friction + rows if friction.size else friction, load=load,
+        residuals=rows, friction=friction + rows if torque else friction, load=load,
         starts_of_runs=problem.starts, late=left.late,
         windows=len(problem.motions) if problem.quantity == "position" else 0,
     )  # fmt: skip  # a list of values

@@ -416,10 +416,10 @@ def _frictions(problem: DynamicProblem, known: Values) -> Iterator[tuple[Motion,
 
 
 def friction_and_load(problem: DynamicProblem, values: Values) -> tuple[Array, Array]:
-    """Modelled friction of every equation, N*m, (n,), and the load that its level rises with, (n,); both empty where it does not."""
+    """Modelled friction of every equation, N*m, (n,), and the load that its level rises with, (n,), empty where it does not."""
     friction, carried = [np.zeros(0)], [np.zeros(0)]
     for m, T, level in _frictions(problem, {**problem.fixed, **values}):
+        friction.append(m.smoothed(T))
         if level is not None:
-            friction.append(m.smoothed(T))
             carried.append(m.smoothed(level[1]))
     return np.concatenate(friction), np.concatenate(carried)

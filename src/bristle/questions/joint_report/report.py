@@ -163,7 +163,7 @@ def _of_joint(joint: Joint, figures: _Figures) -> list[Section]:
         together = "; misses are not independent: the estimates of one direction come from the same data"
         more = together * bool(inside.mean() < 0.8)
         ended.append(("truth", f"{inside.sum()} of {len(inside)} true values lie inside their 95 % intervals{more}."))
-    drawn = static_sections.curve_and_residuals(joint, figures) if joint.static else ()
+    drawn = static_sections.curve_and_residuals(joint, figures) if "curve" in figures else ()
     course = moving_sections.course(joint, figures)
     critical = tuple(x for x in joint.all_warnings() if x.severity is CRITICAL)
     trusted: tuple[Said, ...] = (_mark(joint), *filter(None, (verdict(joint).reason,)))
