@@ -12,8 +12,8 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.estimation.score_test import Candidate, Score
 from bristle.findings import CAUTION, Finding, unit_of
-from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line, swings, turn_of
-from bristle.model.parameters import Kind, periodic, slides
+from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line, shows_gravity, turn_of
+from bristle.model.parameters import Kind, periodic
 
 _HARMONICS = 64  # most ripples looked for
 _FEW = 8  # equations, below which nothing is asked of them
@@ -33,7 +33,7 @@ def candidates(
     scaled = {name: 2 * (x - x.min()) / np.ptp(x) - 1 for name, x in signals.items() if x.size == n and np.ptp(x) > 0}
     rows = list[Candidate]()
     for name in ("quadratic", "gravity"):
-        possible = name != "gravity" or ("position" in scaled and not slides(kind) and swings([position]))
+        possible = name != "gravity" or ("position" in scaled and shows_gravity(kind, position))
         if possible and set(parameters).isdisjoint(REGRESSORS[name].names):
             columns = np.stack(list(load_columns((name,), signals.__getitem__, n).values()), axis=1)
             rows.append(Candidate(partial(_regressor, name, parameters), (columns,), is_friction=name == "quadratic"))

@@ -101,10 +101,10 @@ def regressors_of(parameters: Collection[str], kind: Kind) -> tuple[str, ...]:
     return (*plain, *dict.fromkeys(each))
 
 
-def swings(positions: Sequence[Array]) -> bool:
-    """Whether the way, rad, from one end of all positions to the other is long enough to show gravity."""
-    whole = np.concatenate(positions) if positions else np.zeros(0)
-    return bool(whole.size and np.ptp(whole) >= _SWING)
+def shows_gravity(kind: Kind, *positions: Array) -> bool:
+    """Whether positions, rad, of a joint that turns are far enough apart to show gravity."""
+    whole = np.concatenate([np.zeros(0), *positions])
+    return bool(not slides(kind) and whole.size and np.ptp(whole) >= _SWING)
 
 
 def needed(record: Record, name: str) -> Array:

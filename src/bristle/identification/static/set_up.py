@@ -23,14 +23,14 @@ from bristle.identification.moving_runs import (
     inertia,
     regressor_line,
     regressors,
-    swings,
+    shows_gravity,
     terms_of,
 )
 from bristle.identification.static.grid import subsets
 from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records
 from bristle.identification.static.strays import refit
-from bristle.model.parameters import of_curve, slides
+from bristle.model.parameters import of_curve
 
 _PARTS = 5  # held out in turn; ...
 _BLOCKS = 25  # ... of moving runs each is every fifth of so many stretches, for none to be a motion by itself
@@ -132,8 +132,7 @@ def trial_of_motion(experiment: Experiment, records: Sequence[Record]) -> Trial:
     known = {*(r.made_of for r in records), *(() if fixed is None else ("inertia",))}
     possible = [name for name, terms in REGRESSORS.items() if set(terms.needs) <= has]
     possible += [name for name in asked if name not in REGRESSORS]  # what repeats with the position is not tried
-    turns = not slides(experiment.joint.kind) and "position" in has
-    if not (turns and swings([np.asarray(r.position) for r in records])):
+    if not ("position" in has and shows_gravity(experiment.joint.kind, *(np.asarray(r.position) for r in records))):
         known.add("gravity")
     possible = [name for name in possible if name not in known]
     velocity = np.concatenate([np.zeros(1) if r.velocity is None else r.velocity for r in records])
@@ -149,7 +148,9 @@ def trial_of_motion(experiment: Experiment, records: Sequence[Record]) -> Trial:
 def trial_of_points(experiment: Experiment, points: Sequence[Segment]) -> Trial:
     """Of points at constant velocity; a part is every fifth of them in the order of speed."""
     ordered, sides, asked = sorted(points, key=lambda s: s.velocity), sides_of(points), point_regressors(experiment)
-    possible = ["offset", *(["gravity"] if all(s.position is not None for s in points) else []), "quadratic"]
+    at = np.array([s.position for s in points if s.position is not None])
+    gravity = at.size == len(points) and shows_gravity(experiment.joint.kind, at)
+    possible = ["offset", *["gravity"] * gravity, "quadratic"]
     possible += [name for name in asked if name not in REGRESSORS]
     return Trial(
         asked=SetUp(sides if experiment.fit.directions == "separate" else ("both",), asked),
