@@ -23,9 +23,9 @@ def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
 
     Position goes through a Butterworth low pass of order 4 with `cutoff`, Hz, or by a rule for it, forward and backward; a quintic spline
     through it gives both derivatives (central differences would lose 1.5 % of an acceleration at a thirtieth of the
-    sampling rate). A velocity that was logged stays as it is; the acceleration is then its derivative, after the same
-    filter. A cut-off at or above the Nyquist frequency is lowered to 0.8 of it. Segments between gaps shorter than 16
-    samples are left out of the record and counted.
+    sampling rate). A velocity that was logged stays as it is, but for its noise at rest (`without_noise_at_rest`); the
+    acceleration is then its derivative, after the same filter. A cut-off at or above the Nyquist frequency is lowered to
+    0.8 of it. Segments between gaps shorter than 16 samples are left out of the record and counted.
 
     Raises InputError where there is neither position nor velocity, or no segment is long enough.
     """
@@ -46,15 +46,32 @@ def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
         f"forward and backward, cut-off {used:.3g} Hz{why.message}; then the derivatives of a quintic spline."
     )
     numbers = {"cutoff": used, "why": why}
+    logged = None if record.velocity is None else without_noise_at_rest(record.velocity, smooth, used * record.step)
     note = Finding("motion-from-position" if estimated else "acceleration-from-velocity", NOTE, message, numbers)
     return replace(
         record,
-        velocity=derivative(record, smooth) if estimated else record.velocity,
+        velocity=derivative(record, smooth) if logged is None else logged,
         velocity_estimated=estimated,
         acceleration=derivative(record, smooth, 2 if estimated else 1),
         cutoff=used,
         notes=(*record.notes, note),
     )
+
+
+def without_noise_at_rest(velocity: Array, smooth: Array, cutoff: float) -> Array:
+    """A logged velocity, (n,), set to zero where it stays within its noise: at rest that noise would bend a bristle.
+
+    `smooth` is the same after a low pass with `cutoff`, cycles a sample.
+    """
+    # noise that the low pass leaves, by what it takes away
+    white = 1.4826 * float(np.median(np.abs(velocity - smooth))) * np.sqrt(2 * cutoff / (1 - 2 * cutoff))
+    # three standard deviations, and no more than a fiftieth of the fastest speed, which is a motion; for five periods of the cut-off
+    within = np.abs(smooth) < min(3 * white, 0.02 * float(np.abs(smooth).max()))
+    ends = np.flatnonzero(np.diff(within, prepend=False, append=False)).reshape(-1, 2)
+    still = velocity.copy()
+    for start, stop in ends[np.diff(ends, axis=1)[:, 0] * cutoff >= 5]:
+        still[start:stop] = 0.0
+    return still
 
 
 def usable(record: Record, cutoff: float) -> float:

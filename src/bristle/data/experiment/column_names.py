@@ -22,7 +22,9 @@ _NAMES = {
     "current": ("i", "iq", "current", "curr", "amps", "strom"),
     "voltage": ("u", "v_in", "voltage", "volt", "volts", "spannung"),
 }  # fmt: skip  # a list of words
-_WITH_UNIT = {"position": ("x", "y", "p", "enc", "encoder"), "velocity": ("v", "w"), "torque": ("f", "m"), "voltage": ("v",)}
+_WITH_UNIT = {
+    "position": ("x", "y", "p", "enc", "encoder"), "velocity": ("v", "w"), "torque": ("f", "m", "t"), "voltage": ("v",),
+}  # fmt: skip  # a list of words
 """Names that mean a signal where a unit of it follows."""
 _UNITS = {
     "time": {
