@@ -13,7 +13,7 @@ from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.known_joint import KnownJoint, Source, as_identified, chosen, known_joint, value_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Accuracy, Joint
-from bristle.identification.second_opinion import SLOWEST, SecondOpinion, of_motion, of_points
+from bristle.identification.second_opinion import SecondOpinion, of_motion, of_points
 from bristle.identification.systematic import NORMAL
 from bristle.identification.verdict import value_warnings
 from bristle.model.functions import steady_jacobian_function, steady_torque_function
@@ -220,7 +220,7 @@ def _withheld(fit: TrackingFit, v: Array) -> float:
 
 def _differs(joint: Joint, opinion: SecondOpinion, v: Array) -> tuple[float, float]:
     """How much the two differ over velocities (n,), and what both errors explain, percent of friction; where it moves both ways, of its odd part."""
-    v = v[(np.abs(v) > SLOWEST * opinion.top) & (np.abs(v) <= opinion.top)]
+    v = v[(np.abs(v) > opinion.slowest) & (np.abs(v) <= opinion.top)]
     (f, half), (other, error) = known_curve(joint, v), opinion.friction(v)
     if v.size and v.min() < 0 < v.max():
         (f_back, half_back), (other_back, error_back) = known_curve(joint, -v), opinion.friction(-v)

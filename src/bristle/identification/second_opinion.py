@@ -35,8 +35,9 @@ class SecondOpinion(NamedTuple):
     """The values without each of the blocks in turn, (k, p)."""
     held_out: float
     """Of the torque of blocks that were held out, percent."""
+    slowest: float
     top: float
-    """The greatest speed, rad/s, up to which it is one."""
+    """From which speed, rad/s, up to which it is one."""
     v_s: float
 
     def friction(self, v: Array) -> tuple[Array, Array]:
@@ -160,6 +161,7 @@ def _opinion(data: _Data) -> SecondOpinion | None:
         values=dict(zip(names, theta.tolist(), strict=True)),
         without=without,
         held_out=100 * float(np.sqrt(errors.mean() / size)) if size else float("inf"),
+        slowest=max(SLOWEST * top, float(np.abs(data.v).min())),
         top=top,
         v_s=best * top,
     )
