@@ -307,8 +307,9 @@ def test_drafts_of_usual_logs(tmp_path: Path) -> None:
     assert guessed == ("joint.kind: revolute, by the units",)
     # a position that jumps by a full turn in its unit is drafted with wraps, and comes back whole
     q = 3.0 * _T
-    for header, turn in (("t,q_rad,tau", 2 * np.pi), ("t,q_deg,tau", 360.0)):
-        _draft(_csv(tmp_path / "log.csv", header, _T, q * turn / (2 * np.pi) % turn, _TAU))
+    for header, turn in (("t,q_rad,tau", 2 * np.pi), ("t,q_deg,tau", 360.0), ("t,enc_ticks,tau", 1e9)):
+        log = _csv(tmp_path / "log.csv", header, _T, q * turn / (2 * np.pi) % turn, _TAU)
+        _draft(log, encoder_resolution="1e9 counts/rev" if turn == 1e9 else None)
         record = read_runs(_load(tmp_path))[0].record
         np.testing.assert_allclose(np.diff(present(record.position)), np.diff(q), atol=1e-9)
     # velocity and force alone are taken for points of a prismatic joint, and that is said

@@ -18,7 +18,7 @@ from bristle.estimation.covariance import student
 from bristle.estimation.score_test import MATTERS
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.comparison import APART, GAIN, SYMMETRIC, Comparison
-from bristle.identification.curve import accuracy_of, band, curve
+from bristle.identification.curve import LEAST, accuracy_of, band, curve
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
@@ -236,7 +236,8 @@ class _Decisions:
         if (fit := each.moving) is not None:
             # nan where the two differ by a constant alone, or by less than their bands: a better BIC is then of two bristles, about reversals
             # that no model describes; infinite where one of them is no friction, which leaves an offset
-            v, within = np.abs(fit.velocity)[fit.velocity != 0], [(fit.values(d), d) for d in DIRECTIONS]
+            speed, within = np.abs(fit.velocity), [(fit.values(d), d) for d in DIRECTIONS]
+            v = speed[speed > LEAST * speed.max()]
             both = [(curve(v, p.stribeck), band(v, fit, d)) for p, d in within if p is not None]
             bands = [half for _, half in both if half is not None]
             alike = len(bands) == len(DIRECTIONS) and bool(

@@ -20,7 +20,7 @@ from bristle.data.ros.read import bag_columns, joint_states, read_bag, time_colu
 from bristle.data.ros.storage import is_bag
 from bristle.data.text_layout import is_stamp, text_layout
 from bristle.data.text_table import is_text, naming, read_table
-from bristle.data.units import factor
+from bristle.data.units import factor, to_si
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.model.parameters import Kind
 from bristle.model.parameters import unit as unit_of
@@ -428,9 +428,10 @@ def _of_points(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> boo
 def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
     """Whether a position in its unit, or else in rad, jumps by a full turn in one of the files."""
     unit, scale = told.units.get("position") or guess.unit or "rad", told.scales.get("position", 1.0)
-    if unit.startswith("count"):  # which nothing here tells the size of
+    count = None if told.encoder_resolution is None else to_si(told.encoder_resolution, "rad")
+    if unit.startswith("count") and count is None:  # which nothing here tells the size of
         return False
-    turn = 2 * np.pi / abs(factor(unit, "rad", scale=scale))
+    turn = 2 * np.pi / abs(factor(unit, "rad", scale=scale, resolution=count))
     jumps = (np.abs(np.diff(_Log(file).values(guess))) for file in files)
     # 0.1 of a full turn: a jump of the position that is as close to one is a wrap
     return any(bool((np.abs(jump / turn - 1) < 0.1).any()) for jump in jumps)
