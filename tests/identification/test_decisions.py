@@ -317,7 +317,8 @@ def test_the_noise_of_a_logged_velocity_bends_no_bristle_at_rest(tmp_path: Path)
     t = np.arange(v.size) / 200
     torque = bristle.simulate(v, 1 / 200, TRUTH) + INERTIA * np.gradient(v, t) + white(v.size, 0.02)
     noisy = v + white(v.size, 0.004, 1)
-    still = without_noise_at_rest(noisy, smoothed(Record(file="log.csv", time=t), noisy, 25.0), 25.0 / 200, None)
+    record = Record(file="log.csv", time=t)
+    still = without_noise_at_rest(record, noisy, smoothed(record, noisy, 25.0), 25.0)
     assert (still[noisy != still] == 0.0).all()
     assert (v[noisy != still] == 0.0).mean() > 0.9
     joint = drafted(written(tmp_path / "log.csv", **{"t [s]": t, "v [rad/s]": noisy, "T [Nm]": torque}))

@@ -46,11 +46,7 @@ def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
         f"forward and backward, cut-off {used:.3g} Hz{why.message}; then the derivatives of a quintic spline."
     )
     numbers = {"cutoff": used, "why": why}
-    logged = (
-        None
-        if record.velocity is None
-        else without_noise_at_rest(record.velocity, smooth, used * record.step, record.position)
-    )
+    logged = None if record.velocity is None else without_noise_at_rest(record, record.velocity, smooth, used)
     note = Finding("motion-from-position" if estimated else "acceleration-from-velocity", NOTE, message, numbers)
     return replace(
         record,
@@ -62,21 +58,22 @@ def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
     )
 
 
-def without_noise_at_rest(velocity: Array, smooth: Array, cutoff: float, position: Array | None) -> Array:
+def without_noise_at_rest(record: Record, velocity: Array, smooth: Array, cutoff: float) -> Array:
     """A logged velocity, (n,), set to zero where it stays within its noise, and the position where it is: at rest that noise would bend a bristle.
 
-    `smooth` is the same after a low pass with `cutoff`, cycles a sample.
+    `smooth` is the same after a low pass with `cutoff`, Hz.
     """
-    # noise that the low pass leaves, by what it takes away; two counts of the position
-    white = 1.4826 * float(np.median(np.abs(velocity - smooth))) * np.sqrt(2 * cutoff / (1 - 2 * cutoff))
-    steps = np.zeros(1) if position is None else np.abs(np.diff(position))
-    stays = 2 * float(steps[steps > 0].min(initial=np.inf))
+    q, share = np.zeros(velocity.size) if record.position is None else record.position, cutoff * record.step
+    # noise that the low pass leaves, by what it takes away; the position between two counts
+    white = 1.4826 * float(np.median(np.abs(velocity - smooth))) * np.sqrt(2 * share / (1 - 2 * share))
+    steps = np.abs(np.diff(q))
+    count = 1.5 * float(steps[steps > 0].min(initial=np.inf))
     # three standard deviations, and no more than a fiftieth of the fastest speed, which is a motion; for five periods of the cut-off
     within = np.abs(smooth) < min(3 * white, 0.02 * float(np.abs(smooth).max()))
     ends = np.flatnonzero(np.diff(within, prepend=False, append=False)).reshape(-1, 2)
     still = velocity.copy()
-    for start, stop in ends[np.diff(ends, axis=1)[:, 0] * cutoff >= 5]:
-        if position is None or np.ptp(position[start:stop]) <= stays:
+    for start, stop in ends[np.diff(ends, axis=1)[:, 0] * share >= 5]:
+        if np.ptp(q[start:stop]) < count:
             still[start:stop] = 0.0
     return still
 
