@@ -39,7 +39,7 @@ def told(
     fit = Fitted(
         known, rest - known @ np.linalg.lstsq(known, rest)[0], np.full(2, 1e-6), np.ones(2, dtype=bool), friction
     )
-    return explained(fit, candidates(velocity, time, position, parameters, kind)).findings
+    return explained(fit, candidates(velocity, time, position, parameters, kind, 1)).findings
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_what_moves_nothing_is_a_note() -> None:
         rest = noise + 0.05 * shape
         rest = rest - known @ np.linalg.lstsq(known, rest)[0]
         fit = Fitted(known, rest, np.full(2, 0.1), np.ones(2, dtype=bool), 1.0)
-        found, *_ = explained(fit, candidates(velocity, EMPTY, position, (), "revolute")).findings
+        found, *_ = explained(fit, candidates(velocity, EMPTY, position, (), "revolute", 1)).findings
         said[found.code] = found.severity
     assert said == {"residual-ripple": NOTE, "directions-differ": CAUTION}
 

@@ -193,7 +193,8 @@ def _with_effect(fit: Fitted, added: Array, moved: Array, finding: Finding, *, i
     told = replace(finding, effect={"torque": torque, "errors": errors, **finding.effect})
     if little:
         return replace(told, severity=NOTE)
-    bends = f"friction by {100 * torque / fit.friction:.2g} %, and " if fit.friction else ""
-    given = "errors of the fit alone; those given are as much wider" if fit.widened else "of its errors"
-    said = f"It would move {bends}a parameter by {errors:.2g} {given}."
+    changes = [f"friction by {100 * torque / fit.friction:.2g} %"] if fit.friction else []
+    if errors >= 0.1:  # of an error: less says nothing
+        changes.append(f"a parameter by {errors:.2g} times its error{' without it' if fit.widened else ''}")
+    said = f"It would change {' and '.join(changes)}{'; the errors given include that' if fit.widened else ''}."
     return replace(told, message=f"{finding.message} {said}")

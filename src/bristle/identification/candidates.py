@@ -20,11 +20,11 @@ _FEW = 8  # equations, below which nothing is asked of them
 
 
 def candidates(
-    velocity: Array, time: Array, position: Array, parameters: Collection[str], kind: Kind
+    velocity: Array, time: Array, position: Array, parameters: Collection[str], kind: Kind, directions: int
 ) -> list[Candidate]:
     """The rows of n equations, in SI units; a signal that is not known is empty, and one that stands still says nothing.
 
-    `parameters` are names of what is fitted, of which no line asks for again.
+    `parameters` are names of what is fitted, and `directions` how many have a friction of their own: no line asks for these again.
     """
     n = velocity.size
     if n < _FEW:
@@ -38,8 +38,9 @@ def candidates(
             columns = np.stack(list(load_columns((name,), signals.__getitem__, n).values()), axis=1)
             rows.append(Candidate(partial(_regressor, name, parameters), (columns,), is_friction=name == "quadratic"))
     both = velocity.min() < 0 < velocity.max()
-    if both:
-        rows.append(Candidate(_directions, (np.stack([np.ones(n), np.abs(velocity)], axis=1),), is_friction=True))
+    if both:  # beside two frictions an offset shows at reversals alone
+        even = np.stack([np.ones(n), np.abs(velocity)], axis=1)
+        rows.append(Candidate(partial(_directions, directions), (even[:, : 3 - directions],), is_friction=True))
     if both and "time" in scaled:  # friction opposes motion, so a change of it has another sign in each direction
         change = _centred([scaled["time"], scaled["time"] ** 2]) * np.sign(velocity)[:, None]
         rows.append(Candidate(_wear, (change,), is_friction=True))
@@ -82,12 +83,14 @@ def _trend(over: str, found: Score, _: int) -> Finding:
     return Finding("residual-trend", CAUTION, message, {"over": over, "p": found.p, "share": found.share})
 
 
-def _directions(found: Score, _: int) -> Finding:
-    """A symmetric curve that is not: what it leaves is even in velocity."""
-    message = (
-        f"Friction differs between the directions (p = {found.p:.1g}): the difference explains {100 * found.share:.0f} % of the "
-        "residuals' variance. Fit the directions separately (directions: separate)."
-    )
+def _directions(count: int, found: Score, _: int) -> Finding:
+    """Of a symmetric curve that is not, or of two of which a part is an offset: what it leaves is even in velocity."""
+    if count == 1:
+        what, then = "Friction differs between the directions", "Fit the directions separately (directions: separate)."
+    else:
+        what = "Part of what alpha_0 differs by between the directions is an offset of the torque, or reversals are not LuGre's"
+        then = "The curve is known; the two alpha_0 and the bristle's parameters are less so."
+    message = f"{what} (p = {found.p:.1g}): it explains {100 * found.share:.0f} % of the residuals' variance. {then}"
     return Finding("directions-differ", CAUTION, message, {"p": found.p, "share": found.share})
 
 

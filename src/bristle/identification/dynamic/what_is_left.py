@@ -81,7 +81,7 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
 
     # rows of any fit, then those of a motion
     names = [*(name.name for name in problem.extra_names), *problem.given]
-    every = candidates(problem.velocity, problem.time, problem.position, names, kind)
+    every = candidates(problem.velocity, problem.time, problem.position, names, kind, len(problem.directions))
 
     def ask(tell: Callable[[Score, int], Finding | None], *columns: Sequence[Array], is_friction: bool = False) -> None:
         """Of alternatives, each a column per motion."""
@@ -156,13 +156,14 @@ def _delay(
     delay = beyond if alike else whole
     when, samples = "earlier" if delay > 0 else "later", abs(delay) / step
     numbers = {"seconds": abs(delay), "samples": samples, "when": when}
-    taken = f"taken {abs(delay):.2g} s ({samples:.2g} samples) {when}"
     if not alike:
         message = (
-            f"At reversals the torque looks as if {taken}: a delay, or presliding that these data do not resolve or tell "
-            "apart. Check the time stamps; longer strokes would tell them apart."
+            f"At reversals the torque looks {abs(delay):.2g} s ({samples:.2g} samples) {'late' if delay > 0 else 'early'}: a delay, or presliding "
+            f"that these data do not tell from one. If clocks differ, write `delay: {delay:.2g} s` for the torque's signal; else move over longer "
+            "strokes."
         )
         return Finding("delay-or-presliding", CAUTION, message, numbers)
+    taken = f"taken {abs(delay):.2g} s ({samples:.2g} samples) {when}"
     message = (
         f"The torque fits better when {taken}, which would explain {100 * apart.share:.0f} % of the residuals far from reversals: check the "
         f"time stamps, or add {delay:.2g} s to the delay of its signal and fit again (a voltage held until the next sample is half a "

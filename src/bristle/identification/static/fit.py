@@ -294,7 +294,8 @@ def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[F
         widened=False,
     )  # fmt: skip  # a list of values
     time, position = (x[order] if x.size == order.size else x for x in (where.time, where.position))
-    rows = candidates(velocity[order], time, position, [*(name.name for name in names), *problem.given], kind)
+    fitted = [*(name.name for name in names), *problem.given]
+    rows = candidates(velocity[order], time, position, fitted, kind, len(problem.directions))
     points = [where.segments[k] for k in order] if where.segments else []
     modelled = (problem.torque - core.solution.residuals)[measured][order]
     return explained(fit, [*rows, *_by_rows(points, modelled)]).findings
