@@ -240,7 +240,7 @@ def test_a_joint_has_the_sections_of_its_runs_alone(joint: Joint, tmp_path: Path
     assert "-presliding" not in text
     assert not re.search(r"rotation-{1,2}tracking", text)
     assert {p.name for p in (tmp_path / "figures").glob("*.svg")} == {
-        "fig1-stribeck.svg", "gripper-rotation-curve.svg", "gripper-rotation-profile.svg", "gripper-rotation-residuals.svg",
+        "paper-fig1-stribeck.svg", "gripper-rotation-curve.svg", "gripper-rotation-profile.svg", "gripper-rotation-residuals.svg",
         "gripper-rotation-small.svg",
     }  # fmt: skip  # a list of names
     assert "From static and slow runs alone" not in sections_of(joint, "joints.html")

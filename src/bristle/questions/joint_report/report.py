@@ -344,7 +344,7 @@ def _method() -> tuple[Section, ...]:
         f"{least} N·m, for vₛ = {FIG_1_V_S[1]} rad/s. Computed from (9), no data: α₀ = {FIG_1.alpha_0}, "
         f"α₁ = {FIG_1.alpha_1}, α₂ = {FIG_1.alpha_2} as in the paper; the three vₛ are assumed: the paper names none."
     )
-    shape = Drawing(stribeck_figure, "fig1-stribeck", "the steady-state curve", caption, paper="Fig. 1")
+    shape = Drawing(stribeck_figure, "paper-fig1-stribeck", "the steady-state curve", caption, paper="Fig. 1")
     return steps, Section("The shape of the curve", figure=shape), opened
 
 

@@ -78,6 +78,7 @@ def curve_figure(joint: Joint) -> Figure:
             at, force = (np.abs(v), torque * np.sign(v)) if magnitude else (v, torque)
             ax.plot(at, force, "o", color="black", markerfacecolor="none", markersize=11, label="stray, named")
     decimal_log(slow)
+    slow.set_ylim(bottom=max(0.0, slow.get_ylim()[0]))  # a torque against the motion is no friction
     whole.set(xlabel=axis("velocity", joint.kind), ylabel=axis("torque", joint.kind, "friction"))
     slow.set(xlabel=axis("velocity", joint.kind, "magnitude of"), ylabel=axis("torque", joint.kind, "magnitude of"))
     if whole.get_legend_handles_labels()[0]:
@@ -139,15 +140,17 @@ def _curves(ax: Axes, joint: Joint, points: FrictionPoints, *, magnitude: bool) 
             friction = curve(v, p) + drag * v * np.abs(v)
             return (np.abs(v), np.abs(friction)) if magnitude else (v, friction)
 
-        ax.plot(*drawn(sign * np.geomspace(slowest if magnitude else slowest / 50, 1.02 * fastest, 200)), look.line,
-                color=look.colour, label=f"_(9) {of}")  # fmt: skip
+        v = np.geomspace(slowest if magnitude else slowest / 50, 1.02 * fastest, 200)
+        low, high = (v[0], v[-1]) if stated is None else (0.99 * stated.slowest, 1.02 * stated.fastest)
+        ax.plot(*drawn(sign * v), ":", color=look.colour, linewidth=1.0, label=f"_(9) {of} not stated")
+        ax.plot(*drawn(sign * v[(v >= low) & (v <= high)]), look.line, color=look.colour, label=f"_(9) {of}")
         if bends_down(p):  # hatched, since nobody measured it
             ends, held = drawn(sign * getattr(p, FASTEST) * np.array([1.0, _BEYOND]))
             ax.plot(ends, held, ":", color=look.colour, linewidth=1.2, label=f"_held {of}")
             hatched: dict[str, Any] = {"facecolor": "none", "edgecolor": "#666666", "hatch": "//", "linewidth": 0}
             ax.axvspan(*sorted(ends.tolist()), **hatched, alpha=0.5, label=_once(ax, "not measured: held", of))
         if stated is not None and np.isfinite(stated.band):
-            v = sign * np.geomspace(stated.slowest, stated.fastest, 200)
+            v = sign * np.geomspace(stated.slowest, min(stated.fastest, 1.02 * fastest), 200)
             half = stated_curve(joint, v)[1]
             label = "95 % band" if half.max() > _SEEN * np.ptp(points.torque) else "95 % band (within the line)"
             x, y = drawn(v)

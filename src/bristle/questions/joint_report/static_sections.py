@@ -63,12 +63,17 @@ def curve(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing:
         caption = [sentence("; ".join(told))]
     if any(x.velocity.size > MOST_POINTS for x in shown):
         caption.append(f"At most {MOST_POINTS} points are drawn per direction.")
-    kinds = "fitted, with 95 % error bars; hollow: stick-slip; crosses: rejected; diamonds: held out; rings: strays"
-    points = kinds if any(x.segments for x in shown) else "measured, what else was fitted taken off"
-    how = (
-        f"Points: {points}. Lines: {'(9)' if joint.law == GAUSSIAN else 'the law'} with the values to use, and the 95 % "
-        "band that is stated of it. Below: magnitudes on a logarithmic axis."
-    )
+    kinds = {
+        "with 95 % error bars": any(x.segments for x in shown),
+        "hollow: stick-slip": any(s.stick_slip for x in shown for s in x.segments),
+        "crosses: rejected": any(not s.accepted for s in joint.segments),
+        "rings: strays": any(fit.strays for fit in joint.static.values()),
+        "what else was fitted taken off; those below the curve are of reversals and presliding": superseded(joint),
+    }
+    points = "; ".join(("measured", *(kind for kind, there in kinds.items() if there)))
+    band = "dotted where nothing is stated of it, and its 95 % band" if joint.accuracy else "without a band"
+    law = "Equation (9)" if joint.law == GAUSSIAN else "The law"
+    how = f"Points: {points}. Lines: {law} with the values to use, {band}. Below: magnitudes on a logarithmic axis."
     data = "" if superseded(joint) else "points"
     return figures["curve"]._replace(caption=" ".join(caption), how=how, data=data, paper="Fig. 4")
 
