@@ -1,7 +1,4 @@
-"""What a fit may lack, whatever it was fitted to: one row of a table each, for `explained` to try.
-
-A row is columns, a code, a sentence, and what to do.
-"""
+"""Terms that any fit may lack, as candidates for the score test `explained`."""
 
 from collections.abc import Collection, Sequence
 from functools import partial
@@ -22,10 +19,7 @@ _FEW = 8  # equations, below which nothing is asked of them
 def candidates(
     velocity: Array, time: Array, position: Array, parameters: Collection[str], kind: Kind
 ) -> list[Candidate]:
-    """The rows of n equations, in SI units; a signal that is not known is empty, and one that stands still says nothing.
-
-    `parameters` are names of what is fitted, of which no line asks for again.
-    """
+    """The candidates of n equations, SI; an unknown signal is empty. `parameters` are names that are fitted already."""
     n = velocity.size
     if n < _FEW:
         return []
@@ -53,10 +47,7 @@ def candidates(
 
 
 class _Waves(Sequence[Array]):
-    """Cosine and sine of so many harmonics of the range of positions, rad, (n,), from the second on: one period is a trend, or a spring.
-
-    Made when they are asked for, (n, 2) each.
-    """
+    """Cosine and sine of harmonics of the range of positions, rad, (n,), from the second on; (n, 2) each."""
 
     def __init__(self, position: Array, count: int) -> None:
         self.reach, self.turns, self.most = float(np.ptp(position)), 2 * np.pi * (position - position.min()), count
@@ -72,7 +63,7 @@ class _Waves(Sequence[Array]):
 
 
 def _centred(columns: Sequence[Array]) -> Array:
-    """Some columns, (n,) each, less their means: a constant is an offset, and no trend; (n, k)."""
+    """Columns, (n,) each, less their means, (n, k)."""
     X = np.stack(columns, axis=1)
     return np.asarray(X - X.mean(axis=0))
 
@@ -83,7 +74,7 @@ def _trend(over: str, found: Score, _: int) -> Finding:
 
 
 def _directions(found: Score, _: int) -> Finding:
-    """A symmetric curve that is not: what it leaves is even in velocity."""
+    """For a fit of one friction for both directions, whose misfit is then even in velocity."""
     message = (
         f"Friction differs between the directions (p = {found.p:.1g}): the difference explains {100 * found.share:.0f} % of the "
         "residuals' variance. Fit the directions separately (directions: separate)."
@@ -109,7 +100,7 @@ def _regressor(name: str, parameters: Collection[str], found: Score, _: int) -> 
 
 
 def _ripple(reach: float, parameters: Collection[str], kind: Kind, found: Score, which: int) -> Finding:
-    """Of a period that is a whole share of all positions, rad; with the lines that would fit it, where it is an order that is not fitted."""
+    """For a period that divides the range of positions, rad, with the lines that would fit it."""
     period = reach / (which + 2)
     order, fitted = round(turn_of(kind)[0] / period), {x[2] for name in parameters if (x := periodic(name))}
     asked = f"{regressor_line(('cogging',), parameters)}, orders: [{', '.join(map(str, sorted({*fitted, order})))}]"

@@ -1,4 +1,4 @@
-"""From what an experiment measured to everything found out about its joint: static, presliding and moving fits, models."""
+"""Identification of a joint from its measured runs."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -70,40 +70,35 @@ _OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
 def identify_joint(
     measured: Measured, *, crosscheck: bool = False, uncertainty: bool = False, progress: Progress | None = None
 ) -> Joint:
-    """Everything that an experiment tells of its joint, with intervals and warnings, cross-checked.
+    """Everything identified of a joint, with intervals and warnings.
 
-    Points at constant velocity give the static parameters where there are any, else the moving runs do, with their
-    regressors; slow runs give the presliding ones; moving runs give all, alone and with the other stages as priors.
-    With `crosscheck` the fit of the moving runs is solved by CasADi and IPOPT as well, which takes long; with
-    `uncertainty` its parameters get their intervals by profile and bootstrap too, as static and presliding ones always
-    do. `progress` is told of every step.
-
-    Raises InputError where no run can be fitted, saying which threshold ate what.
+    Static parameters come from points at constant velocity, else from moving runs; presliding ones from slow runs;
+    moving runs give all parameters, alone and with the other stages as priors. `crosscheck` solves the moving fit by
+    IPOPT as well (slow); `uncertainty` adds its intervals by profile and bootstrap. Raises InputError where no run can
+    be fitted.
     """
     return _Decisions(measured, progress).joint_of(crosscheck=crosscheck, uncertainty=uncertainty)
 
 
 class _Decisions:
-    """What is decided about a joint, one thing after the other: each is tried, identified anew, and kept if it is better."""
+    """The decisions about a joint in order: each is tried, the joint is fitted again, and the better fit is kept."""
 
     joint: Joint
 
     def __init__(self, measured: Measured, progress: Progress | None) -> None:
         self.measured, self.progress, self.asked_law = measured, progress, measured.experiment.fit.law
         self.told: dict[str, str] = {}
-        """What was chosen, and what overrules it, by its name among the settings."""
+        """Sentences on what was chosen, by setting."""
         self.doubts: tuple[Finding, ...] = ()
         self.laws: Comparison | None = None
-        """The laws side by side."""
         self.under: Comparison | None = None
-        """The same, where they chose the law of the fits."""
+        """The comparison that chose the law of the fits."""
         self.bic: dict[str, float] = {}
-        """Of one friction for both directions, and of one for each ..."""
         self.ended: Values | None = None
-        """... which ended there, of moving runs."""
+        """BIC by `SYMMETRIC` and `APART`, and where the moving fit per direction ended."""
 
     def joint_of(self, *, crosscheck: bool, uncertainty: bool) -> Joint:
-        """All decisions in their order."""
+        """The identified joint, after all decisions."""
         auto = self.measured.experiment.fit.directions == "auto"
         if auto:
             self._directions()
@@ -148,11 +143,11 @@ class _Decisions:
         return replace(joint, accuracy=accuracy_of(joint, measured, other)).with_subjects()
 
     def _again(self, measured: Measured, near: TrackingFit | Values | None = None) -> Joint:
-        """Identified anew, moving runs from where they ended, or from `near`."""
+        """The joint fitted again, moving runs from their last minimum or from `near`."""
         return self._identified(measured, self.under, self.joint.tracking if near is None else near)
 
     def _take(self, measured: Measured, most: float = np.inf) -> bool:
-        """Identified anew, and kept if the moving runs then leave so many times as much at most; whether it was."""
+        """Fit again; keep it if the moving runs' residuals are at most `most` times as large. Whether it was kept."""
         again, before = self._again(measured), self.joint.moving
         if most < np.inf and (before is None or again.moving is None or again.moving.rms > most * before.rms):
             return False
@@ -160,7 +155,7 @@ class _Decisions:
         return True
 
     def _directions(self) -> None:
-        """Of points by BIC; of moving runs that go both ways one friction, to begin with."""
+        """Choose directions of points by BIC; moving runs in both directions begin with one friction."""
         measured, bic = self.measured, dict[str, float]()
         points, training = measured.points(hold_out=False), measured.moving(hold_out=False)
         if points:
@@ -172,7 +167,7 @@ class _Decisions:
         self.bic, self.measured = bic, _with_directions(measured, "symmetric" if one else "separate")
 
     def _regressors(self) -> None:
-        """The regressors that explain most of what is left of parts held out; the file overrules."""
+        """Choose the regressors with the least error on held-out parts, unless the file names them."""
         experiment, fit, better = self.measured.experiment, self.measured.experiment.fit, None
         moving, points = self.measured.moving(hold_out=False), self.measured.points(hold_out=False)
         if fit.set_up == AS_WRITTEN or "regressors" in fit.model_fields_set or fit.predict != "torque":
@@ -190,7 +185,7 @@ class _Decisions:
         self.measured = with_options(self.measured, regressors=(*also, *better.set_up.regressors))
 
     def _law(self) -> None:
-        """The law asked for, or the one that the points choose; and the laws side by side on them."""
+        """Choose the law on the points, and compare the laws on them."""
         measured, fit = self.measured, self.measured.experiment.fit
         laws = laws_of_points(measured, fit.friction) if measured.points(hold_out=False) else None
         self.laws = laws
@@ -204,10 +199,7 @@ class _Decisions:
             self.measured, self.laws = with_options(measured, law=law), laws and laws.under(law)
 
     def _gravity(self) -> None:
-        """Moving runs with gravity, where it explains most of what a fit without it leaves.
-
-        A regression without a bristle, which chose the regressors, may leave so much at reversals that it does not see gravity.
-        """
+        """Add gravity where it explains half of the moving runs' residuals: the first regression may miss it."""
         fit, moving = self.measured.experiment.fit, self.joint.moving
         lacks = (w.numbers for w in (moving.warnings if moving else ()) if w.code == "lacks-a-term")
         share = next((x["share"] for x in lacks if x["term"] == "gravity"), 0.0)
@@ -220,7 +212,7 @@ class _Decisions:
             self.told["chosen regressors"] = told
 
     def _sides(self) -> None:
-        """Moving runs with a friction for each direction, where that has a clearly better BIC."""
+        """Take one friction per direction for moving runs where its BIC is clearly better."""
         measured, joint = self.measured, self.joint
         if joint.tracking is None:
             self.bic, self.ended = {}, None
@@ -251,10 +243,7 @@ class _Decisions:
             self.measured, self.joint = sided, each
 
     def _low_pass(self) -> None:
-        """Moving runs through the widest low pass that leaves no more than the spectra's own, where one leaves a tenth less.
-
-        The narrow one then took what the motion does: noise that a wider one lets in makes a fit leave more.
-        """
+        """Take a wider low pass if residuals fall by a tenth: the narrower one then filtered out part of the motion."""
         measured, alone, found = self.measured, self.joint.tracking, None
         experiment = measured.experiment
         if experiment.fit.position_cutoff is not None or alone is None or alone.quantity != "torque":
@@ -270,7 +259,7 @@ class _Decisions:
             self._take(found)
 
     def _law_of_motion(self, alone: TrackingFit) -> None:
-        """Moving runs under the law that they choose."""
+        """Choose the law on the moving runs."""
         every = self.asked_law == AUTO
         self.laws, ends = laws_of_motion(self.measured, alone, every=every)
         term = None if self.laws is None else term_that_pays(self.measured.experiment.fit, self.laws)
@@ -291,11 +280,7 @@ class _Decisions:
                 self.laws = laws or self.laws
 
     def _on_time(self) -> None:
-        """Moving runs without the delay of their torque, and what is said of it, and doubted.
-
-        A delay is told to first order, and taken where it is one of a log and the fit then leaves a tenth less. A drive that was told
-        what to follow has one: it is taken where the fit then leaves no more, with its interval.
-        """
+        """Take off a delay of the torque where residuals fall by a tenth; of commands wherever they do not grow."""
         signals, as_logged, late, moving = self.measured.experiment.signals, self.measured, 0.0, self.joint.moving
         told_by = next((name for name in (*DRIVE, *COMMANDS) if getattr(signals, name) is not None), None)
         declared = told_by is not None and "delay" in getattr(signals, told_by).model_fields_set
@@ -327,7 +312,7 @@ class _Decisions:
             )
 
     def _of_commands(self, late: float, error: float) -> None:
-        """What is said of a drive that acts so long before it was told, s, and doubted."""
+        """Report the delay of a drive that acts `late` s before its command, with its standard error, s."""
         measured = self.measured
         message = (
             f"The drive would act {late:.2g} s before it was told: its gains, their units, or the time stamps of its commands are wrong, "
@@ -351,7 +336,7 @@ class _Decisions:
         self.told["chosen delay"] = told
 
     def _feedback(self, late: float) -> tuple[Finding, ...]:
-        """Of a drive that may compare its commands with measurements of the moment: as old as these they are a friction of K_p times the delay."""
+        """A caution where a drive may use fresh measurements: old ones act as viscous friction, K_p times delay."""
         experiment, velocity = self.measured.experiment, [r.velocity for r in self.measured.moving(hold_out=False)]
         command, gain = experiment.signals.command, (experiment.motor_constants or ONE).at_joint().kp
         if command is None or command.fresh is not None or gain is None or late >= 0:
@@ -369,7 +354,7 @@ class _Decisions:
         return (Finding("feedback-unknown", CAUTION, message, {"lower": lower}, {"torque": lower * speed}),)
 
     def _models(self, joint: Joint) -> tuple[Comparison, ...]:
-        """Friction models side by side, on the points and on the moving runs."""
+        """Friction models compared on the points and on the moving runs."""
         static, alone, found = joint.static, joint.tracking, list[Comparison | None]()
         if points := self.measured.points(hold_out=False):
             found.append(compare_on_points(self.measured, static))
@@ -387,7 +372,7 @@ class _Decisions:
         crosscheck: bool = False,
         uncertainty: bool = False,
     ) -> Joint:
-        """Under one law, which `laws` may have chosen, without models side by side; moving runs begin at `near`."""
+        """The joint under one law, which `laws` may have chosen; the moving fit begins at `near`."""
         experiment, training = measured.experiment, _training(measured)
         points, stages = measured.points(hold_out=False), DynamicStages()
         static: dict[str, StaticFit] = {}
@@ -449,7 +434,7 @@ class _Decisions:
 
 
 def _with_directions(measured: Measured, directions: str) -> Measured:
-    """In these directions; an offset is a regressor where one friction serves both."""
+    """The same with these directions; one friction for both has an offset as regressor."""
     fit = measured.experiment.fit
     asked = (("inertia",) if measured.moving(hold_out=False) else ()) if fit.regressors is None else fit.regressors
     about = ("offset",) if directions == "symmetric" else ()
@@ -457,7 +442,7 @@ def _with_directions(measured: Measured, directions: str) -> Measured:
 
 
 def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
-    """What was chosen, why, and what overrules it."""
+    """The sentence on the chosen directions."""
     more = bic[APART] - bic[SYMMETRIC]
     took, left = ("each its own friction", "one") if apart else ("the same friction both ways", "two")
     if np.isnan(more):
@@ -470,7 +455,7 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
 
 
 def _offset_as_friction(joint: Joint) -> str:
-    """What an offset would be as friction of the two directions, where one friction serves both: no data tell the two apart."""
+    """The offset expressed as a difference of friction between the directions, which the data cannot exclude."""
     known = {(x.parameter.name, x.parameter.direction): x.estimate for x in chosen(joint)}
     level, offset = known.get(("alpha_0", Direction.BOTH)), known.get(("offset", Direction.SHARED))
     if level is None or offset is None or not (level.value and offset.value and offset.interval):
@@ -484,13 +469,13 @@ def _offset_as_friction(joint: Joint) -> str:
 
 
 def _brakes(values: Mapping[ParameterName, float]) -> bool:
-    """Whether v abs(v) is drag in every direction, and a load makes friction rise: what pushes is none."""
+    """Whether v abs(v) and a rise with load brake in every direction."""
     drag = law_named(WITH_DRAG).coefficients
     return all(x > 0 for name, x in values.items() if name.name in drag or of_load(name.name))
 
 
 def _training(measured: Measured) -> tuple[Record, ...]:
-    """The moving runs that are fitted. Raises InputError where there should be some, they contradict one another, or a torque is noise."""
+    """The moving runs to fit. Raises InputError if they are missing, contradictory, or their torque is noise."""
     experiment, training = measured.experiment, measured.moving(hold_out=False)
     for record in measured.slow:
         q, torque = record.position, record.torque
@@ -511,7 +496,7 @@ def _training(measured: Measured) -> tuple[Record, ...]:
 def _presliding(
     experiment: Experiment, slow: Sequence[Record], fit: Mapping[str, StaticFit] | TrackingFit
 ) -> Presliding:
-    """sigma_0 and sigma_1 from the slow runs, with g0 from the static fits, or from a fit of moving runs."""
+    """The presliding stage, with g0 from the static fits or from a fit of moving runs."""
     as_asked = experiment.fit.model == "coulomb-viscous"
     levels = {d: level for d in DIRECTIONS if (level := _breakaway_torque(fit, d, without_peak=as_asked)) is not None}
     J, of_file = experiment.inertia, Finding("of-experiment-file", NOTE, "the experiment file")
@@ -524,10 +509,7 @@ def _presliding(
 def _breakaway_torque(
     fits: Mapping[str, StaticFit] | TrackingFit, direction: str, *, without_peak: bool
 ) -> KnownValue | None:
-    """g0 = alpha_0 + alpha_1 of a direction, with the error that their covariance gives.
-
-    Where no Stribeck term was seen alpha_0 is a lower bound of it, or g0 itself where the experiment says that there is no peak.
-    """
+    """g0 = alpha_0 + alpha_1 of a direction with its error; without a Stribeck term alpha_0 is a lower bound of it."""
     moving = isinstance(fits, TrackingFit)
     fit = fits if isinstance(fits, TrackingFit) else fits.get(direction) or fits.get("both")
     if fit is None:

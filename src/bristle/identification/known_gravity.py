@@ -1,4 +1,4 @@
-"""What a joint measured whose torque is known as a voltage, a current or a position error alone, and whose gravity tells its scale."""
+"""Joints without a torque signal (volts, amperes, position error) whose known gravity gives the scale of the torque."""
 
 from dataclasses import replace
 
@@ -15,16 +15,15 @@ from bristle.identification.robot.links import link_scale, scale_beside_bristles
 from bristle.model.parameters import effort, effort_unit, unit
 
 _CONSTANTS = {"current": "torque_constant", "position error": "kp"}
-"""What of the motor makes a torque of an effort; a voltage has no one constant, for its back-EMF takes part of it."""
+"""Motor constant that turns an effort into torque; a voltage has none, because of its back-EMF."""
 _DAMPED = {"voltage": "what the motor damps by its back-EMF", "position error": "what the drive damps"}
-"""What viscous friction then holds beside its own."""
+"""What alpha_2 then also holds."""
 
 
 def measure_scaled(experiment: Experiment) -> Measured:
-    """What an experiment measured; where a known gravity scales its effort, in N*m.
+    """What an experiment measured, its effort scaled to N*m where a known gravity tells the scale.
 
-    Gravity is to a joint what the links are to that of a robot: a regressor of known size, whose scale is found. Raises
-    InputError as `measure`, and where a moving run has no position.
+    Raises InputError as `measure` does, and where a moving run has no position.
     """
     measured, gravity = measure(experiment), experiment.gravity
     if gravity is None:

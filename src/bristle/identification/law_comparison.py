@@ -1,19 +1,8 @@
-"""Friction laws on what was measured: fitted to the same equations, ranked, and what is said of them.
+"""Comparison of friction laws on points (by the grid) and on moving runs (by LuGre, from the end of the last fit).
 
-Each law has a Stribeck term in every direction. Points are solved on the grid; moving runs, in which a slow speed is
-seldom seen but in presliding, which a static law would take for its peak, by LuGre itself, from where the fit of the law
-in force ended. Both leave out five blocks of speed in turn: of motion equations, the bristle still passes all samples.
-
-The paper's law is left only for one whose BIC is lower by more than 10, and whose squared error over five blocks of
-speed, each left out in turn, is lower too: BIC alone takes up what the scatter looks like, an error at speeds that were
-left out alone what happens to lie at one end.
-
-A level that rises with the motor's torque makes a torque explain part of itself. The likelihood of T - f(T) has the
-factor 1 - df/dT in each equation, so BIC loses 2 n' mean(log(1 - df/dT)), and an error at what was left out is that of
-the torque which solves T = f(T): without both, such a law would win on noise.
-
-The average of a parameter over laws is by their weights; its variance is what each law leaves open, and how far it lies
-from the average.
+The paper's law is left only for one with a BIC lower by more than 10 and a lower error at left-out blocks of speed. A
+level that rises with the motor's torque makes a torque explain part of itself: the likelihood of T - f(T) has the
+factor 1 - df/dT, so BIC loses 2 n' mean(log(1 - df/dT)), and left-out errors are of the torque that solves T = f(T).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -74,21 +63,18 @@ _ENOUGH = 0.05  # of n' log(RSS), n' independent equations: a step that would lo
 _ROUGH = 4.0  # nodes between samples stand so many times farther apart than usual
 _BRISTLE = ("sigma_0", "sigma_1")
 _START = {"alpha_1": 0.1, "v_s": 0.1, "load": 0.03}
-"""Where a term begins that the law in force does not show: shares of alpha_0, of the fastest speed, and of the load."""
+"""Where terms begin that the law in force does not have: shares of alpha_0, of the fastest speed, of the load."""
 _DAMPING = (1e-8, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # added in turn to the squared length of each column, one
 _LEAST = 0.05  # of a change of the torque: that much of it is never made by the torque itself
 
 
 def laws_beside(in_force: Law) -> tuple[Law, ...]:
-    """The laws that are compared: those that compete, and the one in force."""
+    """The competing laws and the one in force."""
     return tuple({law.name: law for law in (*competing(), in_force)}.values())
 
 
 def laws_of_points(measured: Measured, in_force: Law) -> Comparison | None:
-    """The laws on the points of an experiment, those that belong to none left out; None where there are too few.
-
-    Raises InputError as the fit of points does.
-    """
+    """The laws compared on points, strays left out; None of too few. Raises InputError as the fit of points does."""
     asked = points.point_regressors(measured.experiment)
     others = [law for law in competing() if law != in_force]
     stray = points.strays_under_all(measured.experiment, measured.searches, others)
@@ -105,10 +91,10 @@ def laws_of_points(measured: Measured, in_force: Law) -> Comparison | None:
 def laws_of_motion(
     measured: Measured, alone: TrackingFit, *, every: bool
 ) -> tuple[Comparison | None, dict[str, Values]]:
-    """The laws on the moving runs, beside the fit of these under the law in force, and where the fit of each ended, by name.
+    """The laws compared on the moving runs, and where the fit of each ended, by name.
 
-    None where there are too few equations, or that fit is not about a torque. `every`: whether laws with other peaks are compared
-    although it shows no peak.
+    None where equations are too few or the fit is not of a torque. `every` compares other peaks even if the fit shows
+    none.
     """
     records = measured.moving(hold_out=False)
     if alone.quantity != "torque":
@@ -131,21 +117,19 @@ class _MovingLaw(NamedTuple):
     """A law fitted to moving runs."""
 
     name: str
-    """As `fit.law` takes it."""
     law: Law
     problem: DynamicProblem
     values: Mapping[Unknown, float]
     minimum: Minimum
-    """Over the scaled unknowns."""
     unknowns: Unknowns[Unknown]
 
     @property
     def effective(self) -> float:
-        """How many equations are independent."""
+        """Number of independent equations."""
         return self.minimum.residuals.size / inflation(self.minimum.residuals)
 
     def fitted(self, effective: float) -> Fitted:
-        """The same where so many equations are independent; what it predicts of blocks of speed is worked out when it is asked for."""
+        """As a `Fitted` with this number of independent equations."""
         residuals, names = self.minimum.residuals, self.problem.names
         free = seen(self.minimum.jacobian)
         freedom = residuals.size / max(effective, 1.0)
@@ -163,7 +147,7 @@ class _MovingLaw(NamedTuple):
         )
 
     def _not_itself(self) -> Array:
-        """The share of a change of each equation's torque that its own law does not make of it, (n,): one without a load."""
+        """1 - df/dT of each equation, (n,); one without a load."""
         of_all = (*self.problem.fixed.items(), *self.values.items())
         known = {n.name: x for n, x in of_all if isinstance(n, ParameterName)}
         rows = [
@@ -173,10 +157,9 @@ class _MovingLaw(NamedTuple):
         return np.maximum(np.concatenate(rows), _LEAST)
 
     def _blocks_left_out(self) -> LeftOut:
-        """Over blocks of speed, each predicted from all others.
+        """Left-out error over blocks of speed, by a damped Gauss-Newton step without each block.
 
-        The others' own minimum is one step of Gauss and Newton away from that of all, damped where it would leave them more;
-        the first equation of each motion is always among them, without which its deflection would be anything.
+        The first equation of each motion stays in, to determine its deflection.
         """
         x_all, _, residuals, jacobian, *_ = self.minimum
         problem, unknowns, share, total = self.problem, self.unknowns, self._not_itself(), 0.0
@@ -209,10 +192,7 @@ class _MovingLaw(NamedTuple):
 def _fitted_to_motion(
     experiment: Experiment, records: Sequence[Record], alone: TrackingFit, law: Law, load: tuple[str, ...] = ()
 ) -> _MovingLaw | None:
-    """LuGre of a law on moving runs, from where the fit of another ended; None where that shows nothing, or is too few equations.
-
-    What that fit held, its bristle and what the experiment fixes, is held here too; a Stribeck term is free in every direction.
-    """
+    """LuGre with another law, from the end of the last fit with its bristle held; None of too few equations."""
     sides, (fixed, _) = directions(experiment, records), inertia(experiment)
     asked = (*(name for name in regressors(experiment) if name not in LEVELS), *load)
     options = experiment.fit
@@ -249,7 +229,7 @@ def _fitted_to_motion(
 
 
 def law_warnings(laws: Comparison | None) -> tuple[Finding, ...]:
-    """That another law is clearly better than the one in force, with the line to write."""
+    """A caution where another law is clearly better than the one in force."""
     own = None if laws is None else next((row for row in laws.rows if row.in_force), None)
     if laws is None or own is None or laws.chosen is own:  # of a law with too few points its fit says so
         return ()
@@ -266,10 +246,9 @@ def law_warnings(laws: Comparison | None) -> tuple[Finding, ...]:
 
 
 def term_that_pays(fit: FitOptions, laws: Comparison) -> str | None:
-    """The law with the term that is taken beside the paper's peak, v abs(v) or a rise with load; None: no term is.
+    """The law with v abs(v) or a rise with load to take unasked beside the paper's peak; None: no term.
 
-    The file names no law, speeds that were left out are predicted better with it, by a twentieth with v abs(v) and by more than half
-    of the squares with a load, and BIC is lower by `GAIN`; of several the one of lowest BIC.
+    Its BIC is lower by `GAIN`, and its left-out error by `_WORTH`, or by `_MOSTLY` for a load; the file names no law.
     """
     paper, loads = laws.row(GAUSSIAN.name), dict.fromkeys((f"{GAUSSIAN.name}+{name}" for name in LOADS), _MOSTLY)
     worth = {**loads, **({} if "quadratic" in (fit.regressors or ()) else {WITH_DRAG: _WORTH})}
@@ -287,10 +266,9 @@ def term_that_pays(fit: FitOptions, laws: Comparison) -> str | None:
 def with_averages(
     static: dict[str, StaticFit], moving: TrackingFit | None, laws: Comparison | None
 ) -> tuple[dict[str, StaticFit], TrackingFit | None]:
-    """The fits under a law that the data chose; each estimate beside which other laws allow more says so.
+    """The fits, with a caution on estimates whose average over laws leaves their interval.
 
-    An average is of what was compared: a fit of other data, or without the Stribeck term that every compared law has, is
-    as it was.
+    Fits of other data, or without a Stribeck term, are unchanged.
     """
     if laws is None:
         return static, moving
@@ -306,7 +284,7 @@ def with_averages(
 
 
 def _told(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged]) -> dict[Name, Estimate]:
-    """Estimates, of which those say so beside which other laws allow more."""
+    """The estimates with that caution."""
     out = dict(estimates)
     for name, own in estimates.items():
         over = averaged.get(name)
@@ -325,10 +303,7 @@ def _told(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged])
 
 
 def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> Comparison | None:
-    """The laws that compete, and the one in force, on the same points, which `pose` makes the solves of a law of.
-
-    None where there are too few for any other than the paper's.
-    """
+    """The laws on points, which `pose` turns into the solves of a law; None where only the paper's can be fitted."""
     fitted, compete = list[Fitted](), competing()
     for law in laws_beside(in_force):
         problems = pose(law)
@@ -350,7 +325,7 @@ def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> 
 
 
 def _left_out(problems: Sequence[Regression]) -> LeftOut:
-    """Over blocks of speed, each predicted from the others."""
+    """Left-out error of points over blocks of speed."""
     total = 0.0
     for problem in problems:
         cost = 0.0
@@ -369,10 +344,9 @@ def _left_out(problems: Sequence[Regression]) -> LeftOut:
 
 
 def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | None:
-    """Fitted laws as rows, with the one that the data want; None where there is none beside the paper's.
+    """Fitted laws as a comparison with the chosen one, or None of the paper's alone; `in_force` is the law of the fits.
 
-    `in_force` names the law of the fits. Of moving runs errors at what is left out are worked out only where BIC prefers a law to the
-    paper's: for those laws, and the ones that they are compared with.
+    On moving runs left-out errors are evaluated only if BIC prefers some law to the paper's.
     """
     rows = rows_of(fitted, in_force) if fitted else ()
     paper = next((row for row in rows if row.name == GAUSSIAN.name), None)
@@ -400,7 +374,7 @@ def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | 
 
 
 def _sentence(rows: Sequence[Row], *, asked: bool) -> Finding:
-    """Which law the data want, and why; `asked`: whether it was worked out what the laws predict of what is left out."""
+    """Which law was chosen and why; `asked`: whether left-out errors were evaluated."""
     own = next(row for row in rows if row.name == GAUSSIAN.name)
     best = next(row for row in rows if row.chosen)
     if best is not own:
@@ -426,7 +400,7 @@ def _sentence(rows: Sequence[Row], *, asked: bool) -> Finding:
 
 
 def _averaged(fitted: Sequence[Fitted], rows: Sequence[Row]) -> Mapping[ParameterName, Averaged]:
-    """What nearly all laws have by weight, over those that the data allow."""
+    """alpha_0, alpha_1, alpha_2 averaged over the allowed laws; the variance includes that between laws."""
     pairs = ((x.known, row.weight) for x, row in zip(fitted, rows, strict=True))
     tables = [(known, weight) for known, weight in pairs if weight > _LIKELY]
     averaged = {}

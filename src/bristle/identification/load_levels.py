@@ -1,8 +1,4 @@
-"""Friction that rises with load: what a motion says of the load, and what the level rises by (`law.load_levels`).
-
-The motor's torque is the measured one, without what the decimation filter takes off; that of gravity and links is what
-their regressors make of the motion, so it moves with their coefficients, the weights.
-"""
+"""Load along moving runs, and the rise of the friction level with it (`law.load_levels`)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -30,18 +26,17 @@ class Load(NamedTuple):
     """The load along N samples."""
 
     levels: tuple[str, ...]
-    """Coefficients of the level's rise, m of them."""
     motor: Array
-    """Torque of the motor, N*m, (N,)."""
+    """Torque of the motor, N*m, (N,), without what the decimation filter takes off."""
     weights: tuple[str, ...]
-    """Coefficients of what gravity and links ask of the motor, k of them ..."""
+    """Coefficients of the torque of gravity and links, k of them."""
     columns: Array
-    """... what they multiply, (N, k) ..."""
+    """What they multiply, (N, k)."""
     known: Array
-    """... and what has none, N*m, (N,)."""
+    """Torque of the links without a coefficient, N*m, (N,)."""
 
     def at(self, samples: slice) -> "Load":
-        """That of some samples."""
+        """The load of some samples."""
         return self._replace(motor=self.motor[samples], columns=self.columns[samples], known=self.known[samples])
 
     def by(self, values: Mapping[str, float]) -> tuple[Array, Array]:
@@ -50,7 +45,7 @@ class Load(NamedTuple):
         return levels, -by_links[:, None, :] * self.columns.T
 
     def by_motor(self, values: Mapping[str, float]) -> Array:
-        """The derivative of the level by the motor's torque, (N,): what a measured torque explains of itself while sliding."""
+        """Derivative of the level by the motor's torque, (N,)."""
         _, _, by_motor = self._parts(values)
         return np.asarray(np.array([values[name] for name in self.levels]) @ by_motor)
 
@@ -63,20 +58,20 @@ class Load(NamedTuple):
 
 
 def levels_of(regressors: Sequence[str]) -> tuple[str, ...]:
-    """The coefficients of the level's rise among the parameters of some regressors."""
+    """Coefficients of the level's rise among some regressors."""
     asked = {name for regressor in regressors if regressor in LEVELS for name in terms_of(regressor).names}
     return tuple(name for name in _NAMES if name in asked)
 
 
 def load_is_known(records: Sequence[Record], regressors: Sequence[str]) -> bool:
-    """Whether something says what gravity and links do to the joint."""
+    """Whether the torque of gravity or links is known or fitted."""
     return not {"gravity", "links"}.isdisjoint(regressors) or any(r.link_torque is not None for r in records)
 
 
 def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load | None:
-    """The load of a moving run, (N,); None where no regressor asks for it.
+    """The load of a moving run; None unless a regressor asks for it.
 
-    Raises InputError where the load of the links is asked for and nothing says what it is.
+    Raises InputError where the load of the links is asked for and unknown.
     """
     from scipy import signal
 
@@ -106,7 +101,7 @@ def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load 
 def level_columns(
     record: Record, regressors: Sequence[str], decimation: int, weights: Mapping[str, float]
 ) -> dict[str, Array]:
-    """What multiplies each coefficient of the level's rise in sliding, by name, (N,); none where none is asked for."""
+    """What multiplies each coefficient of the level's rise in sliding, (N,), by name."""
     load = load_of(record, regressors, decimation)
     if load is None:
         return {}
@@ -117,9 +112,9 @@ def level_columns(
 def settled_weights(
     fitted: Callable[[Mapping[str, float]], Mapping[ParameterName, float]], start: Mapping[str, float] | None = None
 ) -> dict[str, float]:
-    """What gravity and links are where the level rises with their load: the weights that a fit with that load gives again.
+    """Coefficients of gravity and links, iterated until a fit under their load returns them.
 
-    `fitted` gives the parameters under a load of such weights, by name; `start` is where to begin; None: without a load.
+    `fitted` gives the parameters under such a load, by name; `start` is the first one, None: no load.
     """
     own = {name for regressor in _WEIGHTS for name in terms_of(regressor).names}
     weights = dict(start or {})
@@ -133,6 +128,6 @@ def settled_weights(
 
 
 def friction_rise(rises: Mapping[str, float], load: Array) -> Array:
-    """By how much the coefficients of a level, by name, raise it under a load of the kind that they are of, N*m, (n,) -> (n,)."""
+    """Rise of the level, N*m, (n,), by these coefficients under a load, N*m, (n,)."""
     rest = np.zeros_like(load)
     return load_level(rises, rest, load) if "link_load" in rises else load_level(rises, load, rest)

@@ -1,4 +1,4 @@
-"""Friction models fitted to the same equations, and which to use: Coulomb, viscous, Stribeck and LuGre, symmetric and per direction."""
+"""Comparison of friction models: Coulomb, viscous, Stribeck and LuGre, symmetric and per direction."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -39,37 +39,32 @@ from bristle.identification.static.set_up import sides_of
 from bristle.model.parameters import SIGNED
 
 COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck curve", "LuGre"
-"""Each with the terms of the one before: Coulomb and viscous friction; the steady curve (9), with alpha_1 and v_s;
-sigma_0 and sigma_1."""
+"""Nested models; the Stribeck curve (9) adds alpha_1 and v_s, LuGre sigma_0 and sigma_1."""
 _SAME = 2.0  # a difference in BIC below this is worth a bare mention
 _STEPS = 100
-"""Of the LuGre fit that no stage has done yet, at the most: one set of friction for directions that differ has a long way along a flat valley."""
+"""Most iterations of a LuGre fit: one friction for directions that differ converges slowly."""
 _WORTH = 0.05  # of BIC: less decides nothing about directions
 _DEPENDENT = 1e8  # condition number beyond which columns are told apart by rounding alone
 Model = tuple[str, str]
-"""A model, and in which directions."""
+"""Model and directions."""
 Pose = Callable[[tuple[str, ...], Sequence[str]], tuple[Regression, Sequence[Regression]]]
 """(directions, regressors) -> the equations to fit, and those to predict."""
 
 
 class Candidate(NamedTuple):
-    """A model fitted."""
+    """A fitted model."""
 
     residuals: Array
-    """(n,)."""
     parameters: int
     left_out: LeftOut = None
     settled: bool = True
-    """Whether its fit came to its end."""
+    """Whether its fit converged."""
     values: Values | None = None
-    """Of a LuGre model: where it ended."""
+    """Where a LuGre fit ended."""
 
 
 def compare_on_points(measured: Measured, static: Mapping[str, StaticFit]) -> Comparison | None:
-    """The models on points at constant velocity, where LuGre is its Stribeck curve (9); None where none can be fitted.
-
-    Without held-out points each point is predicted from all others, to first order: its residual over 1 - its leverage.
-    """
+    """The models on points, without LuGre, or None; errors are leave-one-out without held-out points."""
     points, held = (measured.points(hold_out=x) for x in (False, True))
 
     def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
@@ -84,13 +79,10 @@ def compare_on_points(measured: Measured, static: Mapping[str, StaticFit]) -> Co
 def compare_on_motion(
     measured: Measured, static: Mapping[str, StaticFit], alone: TrackingFit, apart: Values | None = None
 ) -> Comparison | None:
-    """The models on moving runs: every equation of all of them, with the same decimation and regressors; None where the position is predicted.
+    """The models on moving runs, with the same decimation and regressors; None where the position is predicted.
 
-    Symmetric models have the experiment's offset; two Coulomb terms take its part in those per direction. LuGre in the directions of the
-    experiment's fit is that fit, `alone`; in the others it is fitted here, from where that fit ended, or `apart`. `static` are fits of the
-    moving runs themselves; empty where other runs gave them, or `alone` is the one to use.
-
-    Raises InputError as the fits of moving runs do.
+    `alone` is LuGre in its own directions; in the others it is fitted from there, or from `apart`. `static` are fits of
+    the same runs. Raises InputError as the fits of moving runs do.
     """
     if alone.quantity != "torque":
         return None
@@ -121,7 +113,7 @@ def compare_on_motion(
 
 
 def asked_regressors(experiment: Experiment, directions: tuple[str, ...], *, moving: bool) -> tuple[str, ...]:
-    """What the models have beside friction: as the experiment asks; an offset only where one set of friction serves both directions."""
+    """Regressors of the models; an offset only where one friction serves both directions."""
     asked = regressors(experiment) if moving else point_regressors(experiment)
     if moving and experiment.fit.regressors is None and "offset" not in asked:
         asked = (*asked, "offset")
@@ -129,14 +121,14 @@ def asked_regressors(experiment: Experiment, directions: tuple[str, ...], *, mov
 
 
 def _variants(present: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
-    """Directions of the regression by what they are called."""
+    """Directions of the regression, by name."""
     return {SYMMETRIC: ("both",), APART: present} if len(present) == 2 else {ONE: present}
 
 
 def _static_models(
     experiment: Experiment, variants: Mapping[str, tuple[str, ...]], pose: Pose, *, moving: bool
 ) -> tuple[dict[Model, Candidate], tuple[Finding, ...], float]:
-    """The static models that there are equations enough for; which there are not; and the power of what is to be explained, (N*m)**2."""
+    """Fitted static models, a note on those with too few equations, and the power of the measured torque, (N*m)**2."""
     found, few, power = dict[Model, Candidate](), list[str](), 0.0
     for called, directions in variants.items():
         whole, held = pose(directions, asked_regressors(experiment, directions, moving=moving))
@@ -156,7 +148,7 @@ def _static_models(
 
 
 def _reduced(problem: Regression, model: str) -> Regression:
-    """The problem without what a model does not have."""
+    """The problem without terms that a model lacks."""
     if model == STRIBECK:
         return problem
     lost = {name for name in problem.linear_names if model != VISCOUS and name.name == "alpha_2"}
@@ -169,7 +161,7 @@ def _mean(errors: Sequence[float]) -> LeftOut:
 
 
 def _left_out_error(problem: Regression, residuals: Array, jacobian: Array) -> float:
-    """100 * norm(r / (1 - h)) / norm(T), percent, h the leverages; nan where a point determines a parameter alone."""
+    """Leave-one-out error, 100 * norm(r / (1 - h)) / norm(T), percent; nan at full leverage."""
     scale = np.linalg.norm(jacobian, axis=0)
     basis, values, _ = np.linalg.svd(jacobian / np.where(scale > 0, scale, 1.0), full_matrices=False)
     seen = basis[:, values > 1e-9 * values[0]]
@@ -186,9 +178,9 @@ def refitted(
     worth: float = 0.0,
     held: Sequence[Record] = (),
 ) -> Candidate:
-    """LuGre in other directions than those of the fit, from where that fit ended, or from values that are `near`.
+    """LuGre in other directions, from the end of the fit `alone` or from `near`.
 
-    It ends where the next step would lower BIC by less than `worth`; `held` are runs to predict.
+    Stops where a step lowers BIC by less than `worth`; `held` are runs to predict.
     """
     experiment, records = measured.experiment, measured.moving(hold_out=False)
     asked, (fixed, _) = asked_regressors(experiment, directions, moving=True), inertia(experiment)
@@ -211,7 +203,7 @@ def refitted(
 
 
 def _as_fitted(fit: TrackingFit) -> Candidate:
-    """LuGre in the directions of a fit: it is that fit, whose unknowns are the starts of its runs, too."""
+    """LuGre as fitted, with the deflections of its runs as unknowns."""
     return Candidate(
         fit.residuals, len(fit.names) + len(fit.starts_of_runs), _mean([h.relative_error for h in fit.hold_out])
     )
@@ -220,9 +212,9 @@ def _as_fitted(fit: TrackingFit) -> Candidate:
 def bic_of_directions(
     measured: Measured, alone: TrackingFit, each: TrackingFit | None = None
 ) -> tuple[dict[str, float], Values | None]:
-    """BIC of LuGre with one friction for both directions, as it was fitted, and with one for each; and where this one ended.
+    """BIC of LuGre by `SYMMETRIC` and `APART`, and where the fit per direction ended, if `each` does not give it.
 
-    With one for `each` as it was fitted, or else near the first. Neither where the runs go one way, or not the torque is predicted.
+    Empty where the runs go one way or the position is predicted.
     """
     if alone.quantity != "torque" or len(moved_in(measured.moving(hold_out=False))) < len(DIRECTIONS):
         return {}, None
@@ -246,10 +238,9 @@ def rank_models(
     alone: TrackingFit | None,
     left_out: tuple[Finding, ...],
 ) -> Comparison | None:
-    """The candidates, on the same equations, as rows, with the one to use; None where there is none.
+    """The comparison of candidates on the same equations; None without any.
 
-    `variance_inflation` is how many equations count as an independent one, `power` the sum of squares of what they explain, (N*m)**2;
-    `static` and `alone` are fits of these data, and `left_out` is not compared.
+    `variance_inflation` is equations per independent one, `power` the sum of squares of the measured torque, (N*m)**2.
     """
     if not candidates:
         return None
@@ -275,7 +266,7 @@ def rank_models(
 
 
 def _sentence(rows: Mapping[Model, Row], static: Mapping[str, StaticFit], *, kept: bool) -> Finding:
-    """Which to use and why."""
+    """Which model to use and why."""
     allowed = sorted((r for r in rows.values() if r.candidate), key=lambda r: r.bic)
     if not allowed:
         message = "None of the models with the terms that the fit supports can be fitted to so few points."

@@ -1,4 +1,4 @@
-"""Orders of cogging and of ripple: whether the positions resolve those asked for, and which ones the data show."""
+"""Orders of cogging and ripple: resolution of the positions, and which orders the data show."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -26,9 +26,9 @@ _AT_ONCE = 3  # orders that are found at most
 
 
 def with_periods(measured: Measured) -> Measured:
-    """The same with the orders of cogging and ripple that the data show, where the experiment asks for those, and a note of them.
+    """The same with the orders of cogging and ripple that the data show, if asked for, and a note on them.
 
-    Raises InputError where an order that is asked for is finer than the positions of the moving runs, or where there are none.
+    Raises InputError where a given order is finer than the positions of the moving runs.
     """
     experiment, training = measured.experiment, measured.moving(hold_out=False)
     asked = [name for name in PERIODIC if name in (experiment.fit.regressors or ())]
@@ -89,20 +89,18 @@ def with_periods(measured: Measured) -> Measured:
 
 
 def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tuple[int, ...]:
-    """The orders that explain most of what a fit leaves, three at most, one after the other; rising.
+    """The orders, three at most, that explain most of a fit's residuals; ascending.
 
-    Each is kept if its F test, beside all that is known and the others, is significant after correction for every order
-    tried each time. What the orders not chosen explain is noise: where it is more than white noise would let them, residuals
-    count for as many fewer.
+    Each passes an F test beside all others, corrected for all orders tried; the orders not chosen tell the noise.
 
     Args:
         known: columns of what is fitted, (n, p).
-        rest: what the fit leaves, (n,).
+        rest: residuals of the fit, (n,).
         columns: of each order tried, (n, k).
     """
 
     def beside(tried: Sequence[int], others: Sequence[int], inflated: float = 1.0) -> dict[int, Score]:
-        """What each order explains beside others."""
+        """The score of each order beside others."""
         basis = np.hstack([known, *(columns[x] for x in others)])
         return dict(zip(tried, scores(basis, rest, [columns[k] for k in tried], inflated), strict=True))
 
@@ -123,6 +121,6 @@ def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tup
 
 
 def _tried(experiment: Experiment, positions: Array, most: int) -> range:
-    """The orders of which the positions hold a period, up to a highest one."""
+    """Orders with a full period within the positions, up to a highest one."""
     (turn, _), reach = turn_of(experiment.joint.kind), float(np.ptp(positions))
     return range(max(int(np.ceil(turn / reach)), 1), min(most, _MOST) + 1) if reach > 0 else range(0)

@@ -1,4 +1,4 @@
-"""The set-up that logs ask for: which experiment each is of, which regressors pay, whether the directions differ."""
+"""Drafts of experiment files from logs: kind of each run, regressors, directions."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -36,15 +36,15 @@ _ANY: RunKind = "ramp"  # as which a run is read before it is known what it is: 
 def draft_of_logs(
     files: Sequence[Path], told: Told, folder: Path | None = None, progress: Progress | None = None
 ) -> tuple[str, tuple[str, ...]]:
-    """The text of an experiment file that runs as it is, for logs of one joint, and a sentence on each thing guessed.
+    """The text of an experiment file for logs of one joint, and a sentence on each guess.
 
     Args:
-        files: the logs, whose columns the first one shows; of a robot its URDF, then logs of all its joints.
-        told: what was not to be guessed.
-        folder: where the draft will be saved, as which files are named relative to it; None: beside the first.
+        files: the logs; of a robot its URDF, then logs of all joints.
+        told: what is not to be guessed.
+        folder: of the draft, for relative file names; None: that of the first file.
         progress: told of each step.
 
-    Raises InputError in one sentence where something needed cannot be guessed, or a file cannot be used as drafted.
+    Raises InputError where something needed cannot be guessed, or a file cannot be used.
     """
     tell = teller(progress, 3)
     tell("reading the logs")
@@ -92,11 +92,9 @@ def draft_of_logs(
 
 
 def completed(path: Path) -> tuple[str, str]:
-    """The text of an experiment file with what its runs ask for, and a sentence that says what was added, and why.
+    """The text of an experiment file with `experiment` of each run and better regressors added, and a sentence on it.
 
-    A run without `experiment` gets the one that its files are of; regressors and directions are tried as
-    `static.set_up` has it. What the file says of `fit` already is left to its author, and the line to write there is a
-    comment. Raises InputError where a file cannot be used.
+    An existing `fit` stays; the proposed line is added as a comment. Raises InputError where a file cannot be used.
     """
     text, kinds = _with_kinds(read_text(path), path)
     asked = experiment_of(text, path)
@@ -120,7 +118,7 @@ def _counted(kinds: Sequence[str]) -> str:
 
 
 def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path, directions: str | None) -> tuple[str, str]:
-    """The lines about the fit, with the directions where they were told, and a sentence that says why; both empty where nothing can be tried."""
+    """The `fit` line, with directions if told, and a sentence on why; both empty where nothing can be tried."""
     measured = measure(experiment_of(draft.text(runs), path))
     points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
     if moving:
@@ -147,7 +145,7 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path, directions: str |
 
 
 def _with_kinds(text: str, path: Path) -> tuple[str, str]:
-    """The text with `experiment` in each run that lacks it, what most of its files are of, and a sentence on them, empty where none does."""
+    """The text with the missing `experiment` of each run, and a sentence on them."""
     data = parse(text, str(path))
     entries = data.get("runs")
     runs = entries if isinstance(entries, list) else []

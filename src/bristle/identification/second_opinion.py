@@ -1,10 +1,8 @@
-"""What an engineer's own script says of the same records: friction as a regression over a ladder of set-ups.
+"""A second opinion on friction, independent of the fits: a robust regression over a ladder of set-ups.
 
-It shares nothing with the fits but the records, so what it gets wrong it gets wrong in another way. A zero-phase low
-pass at a multiple of the motion's own bandwidth; friction without a bristle, away from rest; a robust regression on
-every set-up of the ladder (one friction or one per direction; an offset; gravity; a peak, or v abs(v)), of which none
-has a friction that drives; blocks of the time, or whole runs, held out in turn; the simplest set-up within one standard
-error of the best; errors from the scatter between blocks.
+Zero-phase low pass; no bristle, samples away from rest; one friction or one per direction, with offset, gravity, peak
+or v abs(v), none of which may drive. Blocks are held out in turn; the simplest set-up within one standard error of the
+best is taken, with errors by the scatter between blocks.
 """
 
 from collections.abc import Sequence
@@ -27,20 +25,20 @@ SHAPES = ("", "peak", "quadratic")
 
 
 class SecondOpinion(NamedTuple):
-    """A friction curve, and how it was found."""
+    """A friction curve and its set-up."""
 
     set_up: tuple[str, ...]
     values: dict[str, float]
     without: Array
-    """The values without each of the blocks in turn, (k, p)."""
+    """Values without each block, (k, p)."""
     held_out: float
-    """Of the torque of blocks that were held out, percent."""
+    """Error on held-out blocks, percent of the torque."""
     top: float
-    """The greatest speed, rad/s, up to which it is one."""
+    """The largest speed, rad/s."""
     v_s: float
 
     def friction(self, v: Array) -> tuple[Array, Array]:
-        """At some velocities, rad/s, with the standard error from the scatter between blocks (jackknife), each (n,)."""
+        """Friction at velocities, rad/s, and its jackknife standard error, (n,) each."""
         columns = friction_columns(v, self.set_up, self.v_s)
         used = [list(self.values).index(name) for name in columns]
         X, k = np.stack(list(columns.values()), axis=1), len(self.without)
@@ -50,7 +48,7 @@ class SecondOpinion(NamedTuple):
 
 
 def friction_columns(v: Array, set_up: Sequence[str], v_s: float) -> dict[str, Array]:
-    """What multiplies each number of a friction, (n,)."""
+    """Columns of a friction by name, (n,) each."""
     sides = {"+": v > 0, "-": v < 0} if "separate" in set_up else {"": np.ones(v.size, dtype=bool)}
     shapes = {"coulomb": np.sign(v), "viscous": v}
     shapes |= {"peak": np.sign(v) * np.exp(-((v / v_s) ** 2))} if "peak" in set_up else {}
@@ -69,7 +67,7 @@ class _Data(NamedTuple):
 
 
 def of_motion(records: Sequence[Record]) -> SecondOpinion | None:
-    """The opinion on moving runs with position and torque; None where there is too little to form one."""
+    """The opinion on moving runs with position and torque; None of too little data."""
     parts = [part for number, record in enumerate(records) for part in _equations(record, number)]
     if not parts:
         return None
@@ -86,13 +84,13 @@ def of_motion(records: Sequence[Record]) -> SecondOpinion | None:
 
 
 def of_points(v: Array, torque: Array) -> SecondOpinion | None:
-    """The opinion on velocity-torque points, (n,): a block is every fifth in the order of speed."""
+    """The opinion on points, (n,); a block is every fifth by speed."""
     order = np.argsort(v)
     return _opinion(_Data(v[order], None, None, torque[order], np.arange(v.size) % 5))
 
 
 def _equations(record: Record, number: int) -> list[tuple[Array, ...]]:
-    """Velocity, acceleration, position, torque and number of the run, of each stretch without a gap, through the low pass."""
+    """Velocity, acceleration, position, torque and run number of each stretch between gaps, low-passed."""
     from scipy.signal import butter, sosfiltfilt
 
     found, step = list[tuple[Array, ...]](), record.step
@@ -175,7 +173,7 @@ def _columns(data: _Data, set_up: Sequence[str], v_s: float) -> tuple[list[str],
 
 
 def _solve(names: Sequence[str], X: Array, y: Array) -> Array:
-    """Robust least squares, in which no friction drives, (p,)."""
+    """Robust least squares with non-negative friction, (p,)."""
     free = [name.startswith(("offset", "gravity", "quadratic")) for name in names]
     size = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
     weight, theta = np.ones(y.size), np.zeros(len(names))

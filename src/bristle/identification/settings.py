@@ -1,4 +1,4 @@
-"""The settings of an identification, as the report states them."""
+"""The settings of an identification, for the report."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ _PEAK = {
 
 
 def settings_of(experiment: Experiment, asked_law: str, training: Sequence[Record]) -> dict[str, str]:
-    """Thresholds, cut-offs and options in force; `asked_law` is `fit.law` as the file has it, which may leave the choice to the data."""
+    """Thresholds, cut-offs and options in force; `asked_law` is `fit.law` as in the file."""
     fit = experiment.fit
     law, loads = fit.friction, fit.load
     rising = "".join(f", rising with the {name.replace('-', ' ')}" for name in loads)

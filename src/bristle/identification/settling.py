@@ -1,7 +1,7 @@
-"""What the holds of constant velocity had not settled of the bristle, found by running the joint along them as it was identified.
+"""Correction of holds in which the bristle had not settled.
 
-After a reversal the torque comes to steady friction as exp(-x / b) does over the way x, b = g / sigma_0: slow holds of a
-soft bristle are low before that, and a Stribeck fit of some speeds takes that up without a trace in what it leaves.
+After a reversal the torque reaches steady friction as exp(-x / b) over the way x, b = g / sigma_0, so slow holds of a
+soft bristle read low.
 """
 
 from dataclasses import replace
@@ -24,10 +24,9 @@ _FIRST = 100  # the first of so many parts of a log tells where its bristle begi
 
 
 def without_settling(measured: Measured, joint: Joint, before: Measured) -> Measured | None:
-    """The same with each point less what its hold had not settled of the bristle.
+    """The same with each point corrected by a simulation of its run; None where points stay as they were `before`.
 
-    None where points are then as they were `before`, or the bristle is not known. A run whose torque on the way to its holds, at their
-    speeds, is steady friction rather than what the bristle makes of it keeps its points.
+    A run keeps its points where steady friction explains the torque on the way to its holds better than the bristle.
     """
     known, sets, curves = {row.parameter: row.estimate.value for row in chosen(joint)}, [], []
     for d in SIGNED:

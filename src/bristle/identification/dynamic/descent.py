@@ -1,8 +1,4 @@
-"""The descent over the scaled unknowns of moving data, from one start or several.
-
-alpha_0, v_s and sigma_0 stand as logarithms, the others over a typical size. Starts are one from the other stages,
-softnesses of the bristle, and those that an end suggests.
-"""
+"""Starts and descent of moving fits; alpha_0, v_s and sigma_0 as logarithms, others over a typical size."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -49,7 +45,7 @@ _WORTH = 0.1  # a Stribeck term that noise alone would ask for less often than t
 def fit(
     problem: DynamicProblem, start: Values, most: int = 60, enough: float = 0.0
 ) -> tuple[dict[Unknown, float], Minimum]:
-    """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns; `enough` and InputError as of `minimise`."""
+    """Values by name at the minimum near a start, and the minimum; `enough` and InputError as of `minimise`."""
     posed, minimum = solved(problem, start, most, enough=enough)
     return posed.unknowns.values(minimum.x), minimum
 
@@ -57,7 +53,7 @@ def fit(
 def solved(
     problem: DynamicProblem, start: Values, most: int, lowest: float = np.inf, enough: float = 0.0
 ) -> tuple[LeastSquares[Unknown], Minimum]:
-    """The least-squares problem about a start, and its minimum near there; `lowest` and `enough` as in `minimise`."""
+    """The least-squares problem about a start, and its minimum; `lowest` and `enough` as in `minimise`."""
     posed = least_squares(problem, start)
     unknowns = posed.unknowns
     begin, bounds = unknowns.scaled(start), (unknowns.lower, unknowns.upper)
@@ -72,7 +68,7 @@ def solved(
 
 
 def thinned(problem: DynamicProblem, first: int = 0) -> DynamicProblem:
-    """A predicted torque at every 8th of many samples, from that one on, unsmoothed; else the problem as it is."""
+    """A predicted torque at every 8th of many samples, unsmoothed; other problems as they are."""
     if problem.quantity != "torque" or sum(m.time.size for m in problem.motions) < _LARGE:
         return problem
     names, at = ("time", "velocity", "torque", "extra", "measured"), slice(first, None, _EVERY)
@@ -84,7 +80,7 @@ def thinned(problem: DynamicProblem, first: int = 0) -> DynamicProblem:
 def polished(
     problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
 ) -> tuple[LeastSquares[Unknown], Minimum]:
-    """A minimum that ran out of steps, brought to its end, where that is lower."""
+    """A minimum that ran out of steps, continued."""
     if minimum.converged or minimum.residuals.size < FEWEST * minimum.x.size:
         return posed, minimum
     values = posed.unknowns.values(minimum.x)
@@ -97,12 +93,10 @@ def polished(
 
 
 def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
-    """The problem over its scaled unknowns about some values; the rows of priors come last.
+    """The problem over scaled unknowns about some values; priors are the last rows.
 
-    Typical sizes are those of the data, of z0 of the values `at`. What stands as a logarithm lies in the range that a motion
-    can show. None shows a v_s below 1e-4 of its fastest speed, nor one so near to it that the term is a bend over all
-    speeds; nor a bristle that bends by more than ten times the travel or less than a billionth of it; nor an alpha_1 far
-    above every torque, which would have held the joint. z0 lies within twice the typical deflection.
+    Bounds: v_s from 1e-4 of the fastest speed to where its term bends the whole curve; a bristle deflection from 1e-9
+    to 10 times the travel; alpha_1 within `_MOST`; z0 within twice the typical deflection.
     """
     torque, speed = max(float(np.abs(m.torque).max()) for m in problem.motions), problem.fastest
     travel = problem.travel or speed
@@ -141,11 +135,11 @@ def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
 
 
 def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluate:
-    """The residuals, priors included, and their Jacobian as functions of the scaled unknowns."""
+    """Residuals with priors, and their Jacobian, as functions of the scaled unknowns."""
     weight = problem.weight if any(m.weight != 1 for m in problem.motions) else None
 
     def evaluate(x: Array) -> tuple[Array, Array]:
-        """Residuals, (n,), and Jacobian, (n, p), at scaled unknowns, (p,); a single infinite residual where they overflow."""
+        """Residuals, (n,), and Jacobian, (n, p); one infinite residual on overflow."""
         with np.errstate(over="ignore", invalid="ignore"):
             natural = unknowns.natural(x)
             if not np.isfinite(natural).all() or (natural[unknowns.logarithmic] <= 0).any():
@@ -168,22 +162,18 @@ def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluat
 
 
 def logarithms(names: Iterable[ParameterName]) -> set[ParameterName]:
-    """Those that the descent sees as their logarithm."""
+    """Names that the descent treats as logarithms."""
     return {name for name in names if name.name in LOGARITHMIC}
 
 
 def equations_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
-    """Measured less modelled of every equation at the minimum, without its run's weight, N*m or rad, (n,)."""
+    """Unweighted residuals of all equations, N*m or rad, (n,)."""
     weight = problem.weight
     return solution.minimum.residuals[: weight.size] / weight
 
 
 def with_deflections(problem: DynamicProblem, start: Values) -> dict[Unknown, float]:
-    """A start with what each motion begins with.
-
-    The deflection that carries its first torque, within the steady one, and the first position. Where a motion goes on
-    from the one before, the deflection is that to which the estimated velocity has brought it.
-    """
+    """A start with initial states: the deflection that carries the first torque, or that of the motion before."""
     p, out, end = parameters(problem, start), dict(start), 0.0
     for k, m in enumerate(problem.motions):
         acting = p if isinstance(p, Lugre) else p[int(m.torque[0] < 0)]
@@ -198,7 +188,7 @@ def with_deflections(problem: DynamicProblem, start: Values) -> dict[Unknown, fl
 
 
 def without_deflections(values: Values) -> dict[ParameterName, float]:
-    """The values without the deflections at the start of each segment."""
+    """Without initial states."""
     return {name: value for name, value in values.items() if isinstance(name, ParameterName)}
 
 
@@ -210,14 +200,10 @@ def solve_dynamic(
     *,
     search: bool = True,
 ) -> MultistartSolution[Unknown]:
-    """The lowest minimum from `others` and from a start, and the covariance there.
+    """The lowest minimum from `others` and a start, with its covariance.
 
-    With `search` from softnesses of the bristle as well. Of two directions that each have their friction, one set for both is
-    searched for first, about an offset: it has half the unknowns, and where it ends is a start for the two. Where a direction
-    has no Stribeck term in the end, or one within its error, and the residuals ask for one, it is given the one that they ask
-    for: without it its v_s, and so its alpha_1, has no slope to follow.
-
-    Raises InputError where there is one window alone, whose error no other one tells.
+    `search` adds starts at several deflections, with one friction for both directions first, and starts with a Stribeck
+    term where the residuals ask for one. Raises InputError for a single window.
     """
     if problem.quantity == "position" and len(problem.motions) < _WINDOWS:
         raise InputError(
@@ -253,10 +239,7 @@ def solve_dynamic(
 
 
 def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
-    """Starts at deflections of the bristle that leave less than those beside them, from a count to a third of the travel.
-
-    All else descends a little from where the stiffer one ended: over sigma_0 the cost has many minima, and a descent finds the next.
-    """
+    """Starts at deflections from a count to a third of the travel that beat their neighbours, by short descents."""
     few = thinned(problem)
     sigma_0 = [n for n in few.friction_names if n.name == "sigma_0" and n not in few.fixed and n not in few.with_prior]
     if not sigma_0:
@@ -280,7 +263,7 @@ def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
 
 
 def _of_both(problem: DynamicProblem) -> DynamicProblem:
-    """The problem with one set of friction for both directions, about an offset, of which nothing but itself is told."""
+    """The problem with one friction for both directions about an offset."""
     motions, names = problem.motions, problem.extra_names
     if _OFFSET not in names:
         motions = tuple(replace(m, extra=np.column_stack([m.extra, np.ones(m.time.size)])) for m in motions)
@@ -296,14 +279,13 @@ def _of_both(problem: DynamicProblem) -> DynamicProblem:
 
 
 def carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
-    """Values of one problem by the names of another: one set for both directions, or the mean of two; 0 for what is not known.
+    """Values by the names of another problem: `both` or the mean of two (geometric if positive), 0 if unknown.
 
-    The mean is geometric where both are positive.
-    An offset and half the difference of the two Coulomb terms are the same thing, and become one another.
+    An offset becomes half the difference of the two alpha_0, and vice versa.
     """
 
     def value(name: str, direction: Direction) -> float:
-        """Its own, or of both directions, or between those of each."""
+        """Its own, of both directions, or the mean of both."""
         own = in_direction(known, name, direction)
         each = [x for d in SIGNED if (x := known.get(ParameterName(name, d))) is not None]
         if own is not None or not each:

@@ -1,4 +1,4 @@
-"""The fit of moving data: starts, intervals that know of correlated residuals, what the data do not see, hold-out runs."""
+"""The LuGre fit of moving runs, with intervals and warnings."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -66,7 +66,7 @@ _UNSEEN = 1e-2  # a direction whose singular value is this share of the largest 
 
 
 class DynamicSolution(NamedTuple):
-    """A fit, the problem as it was solved, with what is not shown fixed, every free value, and the minimum."""
+    """The fit, its problem, all free values and the minimum."""
 
     fit: TrackingFit
     problem: DynamicProblem
@@ -84,13 +84,10 @@ def fit_tracking(
     *,
     search: bool = True,
 ) -> DynamicSolution:
-    """All parameters of moving data with intervals and warnings.
+    """All parameters of moving runs with intervals and warnings.
 
-    `start` has LuGre parameters and extra regressors by name; `others` are starts before it, whole, as other fits ended, and with
-    `search` more are looked for, of which `progress` is told. `held` are hold-out runs by name, posed as the problem is; `kind` is the
-    joint's, for units.
-
-    Raises InputError where a start shows no dependence on any parameter.
+    `start` is by name, `others` are complete starts before it, `search` looks for more. `held` are hold-out problems by
+    name. Raises InputError where a start shows no dependence on any parameter.
     """
     problem, solution, dropped, shown = _settled(problem, start, others, progress, search=search)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
@@ -137,7 +134,7 @@ def fit_tracking(
 def _settled(
     problem: DynamicProblem, start: Values, others: Sequence[Values], progress: Progress | None, *, search: bool
 ) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Finding], dict[ParameterName, str]]:
-    """The problem with the weights that its runs ask for, its solution, why Stribeck terms are not in it, and what spoke against those shown."""
+    """The problem with its run weights, its solution, reasons of dropped Stribeck terms, and doubts on kept ones."""
     if problem.size < FEWEST * len(problem.names):  # of which nothing is estimated
         search, others = False, ()
     solution = solve_dynamic(problem, start, others, progress, search=search)
@@ -182,10 +179,10 @@ def _settled(
 def _not_shown(
     problem: DynamicProblem, solution: MultistartSolution[Unknown], shown: Mapping[ParameterName, str]
 ) -> dict[ParameterName, tuple[float, Finding]]:
-    """What the motion does not show of Stribeck terms but those `shown`, alpha_1 and v_s: what it is held at, and why.
+    """Stribeck parameters that the motion does not show, but those `shown`: value to hold, and the reason.
 
-    A term of no significance is none, and one that leaves alpha_0 unknown, or has v_s at the upper end of its range, is Coulomb
-    friction. One that is there, and whose size is not known, is no larger than Coulomb friction.
+    An insignificant term is held at zero; one without alpha_0, or with v_s at the fastest speed, is Coulomb friction;
+    one of unknown size is held at alpha_0.
     """
     if problem.stribeck == "stribeck":
         return {}
@@ -213,11 +210,7 @@ def _not_shown(
 
 
 def relative_error(problem: DynamicProblem, values: Values) -> float:
-    """100 * norm(measured - predicted) / norm(measured), percent, for runs that may not have been fitted.
-
-    Where the torque is predicted each motion starts in steady state. A simulated position is nothing without its start:
-    that of each window, and nothing else, is then fitted to it.
-    """
+    """100 * norm(measured - predicted) / norm(measured), percent; initial states are steady, of windows fitted."""
     known = without_deflections(values)
     whole = with_deflections(problem, known)
     if problem.quantity == "position":
@@ -235,10 +228,7 @@ def estimates_of(
     shown: Mapping[ParameterName, str],
     left: Left,
 ) -> dict[ParameterName, Estimate]:
-    """Each parameter but the deflections at the start; what the motion does not show has no value.
-
-    None has where the fit did not converge, or leaves more than there was.
-    """
+    """Each parameter's estimate; without a value where the motion does not show it, or the fit failed."""
     estimates = _estimates(solution._replace(scaled_errors=left.errors), kind)
     for name, why in dropped.items():
         estimates[name] = Estimate(value=None, unit=unit(name.name, kind), interval=(0.0, np.inf), warnings=(why,))
@@ -363,7 +353,7 @@ def search_findings(
 
 
 def seen_parameters(solution: MultistartSolution[Unknown]) -> list[int]:
-    """Columns of the parameters, starts of the motions apart, of which anything is seen."""
+    """Columns of parameters with an influence."""
     seen = np.flatnonzero(solution.scaled_errors < np.inf).tolist()
     return [k for k in seen if isinstance(solution.names[k], ParameterName)]
 
@@ -371,7 +361,7 @@ def seen_parameters(solution: MultistartSolution[Unknown]) -> list[int]:
 def hardly_seen_findings(
     solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName, Estimate]
 ) -> list[Finding]:
-    """The directions in parameter space that the data hardly see."""
+    """Directions in parameter space that the data hardly see."""
     keep, warnings = seen_parameters(solution), []
     jacobian = solution.minimum.jacobian[:, keep]
     _, values, directions = np.linalg.svd(jacobian / np.linalg.norm(jacobian, axis=0), full_matrices=False)
@@ -385,7 +375,7 @@ def hardly_seen_findings(
 
 
 def hardly_seen(members: Sequence[tuple[object, float]]) -> Finding:
-    """What data say of a direction that they hardly see; its members are names with their shares of it."""
+    """The finding on a hardly seen direction, from names and their shares."""
     if len(members) == 1:
         name = members[0][0]
         return Finding("hardly-seen", CAUTION, f"{name} is hardly identifiable from these data.", {"name": name})
@@ -407,7 +397,7 @@ OF_PHYSICS = frozenset({"not-passive", "curve-held", "odd-damping"})  # verdicts
 
 
 def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
-    """Passivity and damping in presliding, which need no data; none of what the motion does not show."""
+    """Findings on passivity and presliding damping."""
     warnings, J = [], values.get(INERTIA, problem.fixed.get(INERTIA))
     for d, lugre in sets_of(problem, values).items():
         if not is_passive(lugre) and not {ParameterName(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():

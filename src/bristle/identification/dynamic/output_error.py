@@ -1,13 +1,6 @@
-"""All parameters on moving data, the other way round: the motor is simulated, voltage (or torque) in, position out.
+"""The moving fit with a simulated motor: voltage (or torque) in, position out, in windows (multiple shooting).
 
-No velocity is needed.
-
-    J dv/dt = k_t (V - k_t v) / R - T_f - offset - gravity - quadratic v abs(v),   dz/dt by (4),   dy/dt = v
-
-A friction that is a little off makes a simulated position drift without bound, so the runs are cut into windows. Each
-begins at a position, a velocity and a deflection of its own, which are unknowns beside the parameters (multiple
-shooting). The plant's step is that of the closed loop; CasADi differentiates it, and the sensitivities are stepped
-beside the state.
+J dv/dt = k_t (V - k_t v) / R - T_f - offset - gravity - quadratic v abs(v), dz/dt by (4), dy/dt = v.
 """
 
 from collections.abc import Sequence
@@ -42,10 +35,10 @@ _MOST = 4  # steps of the plant between two samples, at most
 
 @dataclass(frozen=True, slots=True)
 class Simulated:
-    """The equations of windows: the plant from its start on, parameters apart."""
+    """The model of windows, simulated from their initial states."""
 
     motor: Motor[float]
-    """k_t and R where the drive is a voltage."""
+    """k_t and R of a voltage drive."""
     current: Current
     """`motor.current` under a voltage, `motor.current_for` under a torque."""
     law: Law = GAUSSIAN
@@ -53,7 +46,7 @@ class Simulated:
     def __call__(
         self, problem: DynamicProblem, known: Values, _: Sequence[dict[Unknown, Array]]
     ) -> list[tuple[Array, dict[Unknown, Array]]]:
-        """Of each window measured less simulated position, rad, (N,), and the derivatives of the latter by each unknown, (N,)."""
+        """Of each window measured less simulated position, rad, (N,), and the derivatives of the latter, (N,)."""
         windows = problem.motions
         directions, fields, states = problem.directions, fields_of(self.law), problem.initial_states
         # steps of the plant between two samples, seldom another number from step to step of the fit
@@ -95,13 +88,11 @@ def simulation(
     decimation: int,
     horizon: float | None = None,
 ) -> DynamicProblem:
-    """The problem that moving records, with position and voltage or torque, pose to the simulated motor.
+    """The problem of moving records, with position and voltage or torque, for the simulated motor.
 
-    `posed` is that of the torque, not decimated, the inertia among its regressors; `constants` are needed where the records have a
-    voltage. Over `decimation` samples of a window measured and simulated position are averaged to one equation. Windows are as long as
-    `horizon`, s; None: `HORIZON`, or half of a segment where that is less.
-
-    Raises InputError where a record has no position, or nothing tells the inertia.
+    `posed` is that of the torque, undecimated, with inertia; `constants` serve voltages. `decimation` samples are
+    averaged to one equation; windows are `horizon` s long. Raises InputError where a position or the inertia is
+    missing.
     """
     if INERTIA not in posed.extra_names:
         raise InputError(
@@ -147,7 +138,7 @@ def simulation(
 
 
 def with_more_torque(problem: DynamicProblem, constant: str, share: float) -> DynamicProblem:
-    """The simulated motor with its drive changed as by this share of a constant's standard error."""
+    """The problem with its drive changed by a share of a constant's standard error."""
     plant = problem.equations
     per = plant.motor.R / plant.motor.k_t if isinstance(plant, Simulated) else 1.0  # volts, or the torque itself
     moved = [
@@ -159,10 +150,7 @@ def with_more_torque(problem: DynamicProblem, constant: str, share: float) -> Dy
 
 @lru_cache(maxsize=16)
 def _chain(steps: int, every: int, current: Current, of: Law, windows: int) -> ca.Function:
-    """Steps of windows, with derivatives: (start, inputs, parameters) -> (1 + 3 + parameters, samples - 1), for each window.
-
-    The start is y, v, z and their derivatives, column by column; the outputs are y's, at every sample but the first.
-    """
+    """Simulated windows: (start, inputs, parameters) -> y and its derivatives at every sample but the first."""
     count = 2 * len(fields_of(of))
     free = count + len(LOADS)  # what the state is differentiated by: a pair of sets, and the loads
     x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", free + 2)

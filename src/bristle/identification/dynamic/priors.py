@@ -1,4 +1,4 @@
-"""All parameters from moving runs beside the other stages: starts and priors from them, and whether they agree."""
+"""The moving fit alone and with priors from other stages, and their consistency."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -50,14 +50,12 @@ Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
 
 
 class DynamicStages(NamedTuple):
-    """What moving runs tell, alone and beside the other stages; None, or empty, where there is no such thing."""
+    """Results of moving runs; None or empty where missing."""
 
     tracking: TrackingFit | None = None
-    """All parameters from the moving runs alone."""
     joint_fit: TrackingFit | None = None
-    """The same with what the other stages say as priors."""
+    """Moving runs alone, and with priors of the other stages."""
     consistency: tuple[Consistency, ...] = ()
-    """Each parameter of each stage beside these two."""
     presliding: Presliding | None = None
 
 
@@ -74,14 +72,11 @@ def fit_with_priors(
     uncertainty: bool = False,
     progress: Progress | None = None,
 ) -> DynamicStages:
-    """All parameters from moving runs: alone, with what the other stages say as priors, and how the two agree.
+    """All parameters from moving runs, alone and with priors of the other stages.
 
-    Of `held` runs the errors are told. `static_is_apart`: the static fits rest on other data than these runs; `load` makes the
-    presliding stage from fits that tell g0, and is None where there are no such runs. A fit of the same runs with another filter,
-    delay or law, or its values, is `near`: theirs begins there. With `crosscheck` the problem is solved by CasADi and IPOPT as well,
-    which takes long; with `uncertainty` each parameter gets its intervals by profile and bootstrap too.
-
-    Raises InputError where a run lacks a signal, or shows none of the parameters.
+    `static_is_apart`: the static fits are of other data; `load` makes the presliding stage; `near` is a fit of the same
+    runs, or its values, to begin at. `crosscheck` adds IPOPT (slow), `uncertainty` intervals by profile and bootstrap.
+    Raises InputError where a run lacks a signal or shows no parameter.
     """
     moving, options = directions(experiment, records), experiment.fit
     kind, by_torque = experiment.joint.kind, options.predict == "torque"
@@ -91,7 +86,7 @@ def fit_with_priors(
     def fitted(
         posed: DynamicProblem, *others: Values, search: bool = False
     ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
-        """The fit of a problem from some starts; its profiles, where they are asked for, may improve it."""
+        """The fit of a problem from some starts, and its profiles if asked for."""
         refit = partial(fit_tracking, posed, start, kind, tests, progress=progress)
         solved = refit(others=others, search=search)
         if not uncertainty:
@@ -99,7 +94,7 @@ def fit_with_priors(
         return profile_until_stable(solved, lambda end: refit(others=[end], search=False), progress)
 
     def finished(solved: DynamicSolution, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
-        """The fit without the bias of counts, where there are any, and with intervals three ways, where they are asked for."""
+        """The fit without encoder bias, and with intervals three ways if asked for."""
         fit = without_count_bias(solved, records, pose, count) if count else solved.fit
         return with_three_ways(solved, fit, profiles) if uncertainty else fit
 
@@ -147,7 +142,7 @@ def posed_and_start(
     static: Mapping[str, StaticFit],
     slow: Presliding | None,
 ) -> tuple[DynamicProblem, Mapping[ParameterName, float]]:
-    """The problem of the training runs, and where its fit begins."""
+    """The problem of the training runs, and its start."""
     whole = _problem(experiment, moving, records, {})
     # what the peak has beside v_s as the static fit found it, which motion hardly shows; else the middle of what is searched
     shape = dict[ParameterName, float]()
@@ -182,7 +177,7 @@ def posed_and_start(
 def _from(
     problem: DynamicProblem, near: TrackingFit | Values, start: Mapping[ParameterName, float]
 ) -> dict[ParameterName, float]:
-    """Where a fit of the same runs ended, and a start where it tells nothing."""
+    """The end of a fit of the same runs, completed by a start."""
     known = near.known if isinstance(near, TrackingFit) else without_deflections(near)
     told = carried(problem, known)
     return {**start, **{n: x for n, x in told.items() if n in start and (x or n.name not in LOGARITHMIC)}}
@@ -195,7 +190,7 @@ def _problem(
     fixed: Mapping[ParameterName, float],
     predict: str = "torque",
 ) -> DynamicProblem:
-    """The problem that some records pose; where it predicts the position the motor is simulated, whose inertia is a parameter, fixed or not."""
+    """The problem of some records; of a position with a simulated motor."""
     (known, _), options, asked = inertia(experiment), experiment.fit, regressors(experiment)
     count, law = _count(experiment, records), options.friction
     if predict == "torque":
@@ -208,7 +203,7 @@ def _problem(
 
 
 def _count(experiment: Experiment, records: Sequence[Record]) -> float:
-    """The encoder's count where the velocity is made of positions, rad; 0 where it is logged, or no count is seen."""
+    """The encoder count where velocity comes from positions, rad; 0 otherwise."""
     return resolution(experiment, records) if experiment.signals.velocity is None else 0.0
 
 
@@ -219,7 +214,7 @@ def _static_of(static: Mapping[str, StaticFit], direction: Direction) -> StaticF
 def _start(
     problem: DynamicProblem, static: Mapping[str, StaticFit], slow: Presliding | None
 ) -> dict[ParameterName, float]:
-    """A first guess of every parameter, from the stages where they have one."""
+    """First values of every parameter, from the stages if known."""
     torque = float(np.median([np.abs(m.torque).mean() for m in problem.motions]))
     speed, travel = problem.fastest, problem.travel
     shared = {n: e for fit in static.values() for n, e in fit.parameters.items()}
@@ -247,7 +242,7 @@ def _start(
 
 
 def _stiffness(slow: Presliding | None, direction: Direction) -> Estimate | None:
-    """sigma_0 from presliding of one direction, or of both by their inverse variances; its error is normal, and scatters as its own does."""
+    """sigma_0 from presliding of one direction, or of both, with a normal error."""
     fits = [fit for d, fit in slow.fits.items() if direction in (Direction.BOTH, d)] if slow else []
     known = [
         (fit.sigma_0.value, fit.sigma_0.standard_error**2 * _scatter(fit.degrees_of_freedom), fit.sigma_0.shifts)
@@ -270,7 +265,7 @@ def _value(e: Estimate | None, otherwise: float) -> float:
 def _priors(
     problem: DynamicProblem, experiment: Experiment, static: Mapping[str, StaticFit], slow: Presliding | None
 ) -> list[Prior]:
-    """What static, presliding and the experiment file say, as normal distributions."""
+    """Static, presliding and experiment file as normal distributions."""
     priors = []
     for d in problem.directions:
         fit = _static_of(static, d)
@@ -297,12 +292,12 @@ def _priors(
 
 
 def _scatter(freedom: float) -> float:
-    """By how much the variance of a Student distribution exceeds the square of its standard error."""
+    """Variance of Student's t over its squared standard error, n / (n - 2)."""
     return 1 + 2 / (freedom - 2) if freedom > 2 else 4.0  # n / (n - 2)
 
 
 def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit) -> tuple[Consistency, ...]:
-    """Each parameter of each stage beside the moving data alone and the joint fit."""
+    """Each parameter of each stage, compared with the moving runs."""
     rows = []
     # combined standard errors by which none of so many parameters differs by chance (normal, Bonferroni)
     count = sum(alone.parameters[name].value is not None for prior in priors for name in prior.names)

@@ -1,8 +1,4 @@
-"""What a fit of moving runs leaves: terms that it lacks (`score_test`), and what no column explains.
-
-Rows of a motion beside those of any fit: a torque logged early or late, one that drifts, friction that rises with load,
-another inertia than the one given, backlash.
-"""
+"""Terms that a moving fit lacks (`score_test`), and unexplained patterns of its residuals."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -50,20 +46,19 @@ _PHASE = 0.37  # where in a count the joint rests in a draw of what counting doe
 
 
 class Left(NamedTuple):
-    """What a fit leaves."""
+    """Analysis of a fit's residuals."""
 
     findings: list[Finding]
     errors: Array
-    """Scaled standard errors of its unknowns, (p,), with how far what was found moves each, and as much larger of the bristle as
-    more is left about reversals."""
+    """Scaled standard errors, (p,), with the effect of what was found; the bristle's widened by reversals."""
     friction: float = np.nan
     """Of the model, rms, N*m."""
     late: tuple[float, float] = (0.0, np.inf)
-    """By how much the torque was logged late, and its standard error, s."""
+    """Delay of the logged torque and its standard error, s."""
 
 
 def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: Kind) -> Left:
-    """What a fit lacks, to first order, and patterns of what it leaves that nothing tried explains; of a predicted torque alone."""
+    """Terms that a fit of the torque lacks, to first order, and patterns that remain."""
     errors = solution.scaled_errors.copy()
     if problem.quantity != "torque":
         return Left([], errors)
@@ -84,7 +79,7 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     every = candidates(problem.velocity, problem.time, problem.position, names, kind)
 
     def ask(tell: Callable[[Score, int], Finding | None], *columns: Sequence[Array], is_friction: bool = False) -> None:
-        """Of alternatives, each a column per motion."""
+        """Add a candidate with alternatives, each a column per motion."""
         every.append(Candidate(tell, [_equations(motions, x)[:, None] for x in columns], is_friction=is_friction))
 
     lag = [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)]
@@ -117,14 +112,14 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
 
 
 def known_and_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[Array, Array]:
-    """Derivatives of the equations by all that they tell, (n, p), and what the fit leaves of them, (n,)."""
+    """Derivatives of the equations by the unknowns with an influence, (n, p), and residuals, (n,)."""
     n = problem.size
     jacobian, rest = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
     return jacobian[:, solution.scaled_errors < np.inf], rest
 
 
 def columns_of(problem: DynamicProblem, regressors: Sequence[str]) -> Array:
-    """The columns of some regressors, as the equations weigh them, (n, k)."""
+    """Weighted columns of some regressors, (n, k)."""
     rows = []
     for m in problem.motions:
         signals = {"position": m.position, "velocity": m.velocity}
@@ -142,10 +137,7 @@ def _delay(
     found: Score,
     _: int,
 ) -> Finding | None:
-    """Whether the torque was logged early or late: all equations ask for it, and those far from reversals, or it may be presliding.
-
-    `made`, (n,), is what counts make of it.
-    """
+    """Delay of the torque, or presliding if only reversals ask for it; `made` is due to counts, (n,)."""
     far = _far_from_reversals(problem, solution)
     (apart,) = scores(fit.known[far], fit.rest[far], [(fit.weight * column)[far, None]])
     (whole, error), (beyond, its_error) = _without_counts(found, made), _without_counts(apart, made[far])
@@ -172,7 +164,7 @@ def _delay(
 
 
 def _without_counts(found: Score, made: Array) -> tuple[float, float]:
-    """The delay that some equations ask for, less the one that counts of the encoder make there, (n,), half of which is its error; both s."""
+    """Delay less the part due to counts (n,), half of which is its error; both s."""
     delay, error = float(found.sizes[0]), float(found.errors[0])
     if not (made.any() and np.isfinite(error) and delay):
         return delay, error
@@ -203,7 +195,7 @@ def _by_load(law: str, found: Score, _: int) -> Finding:
 
 
 def _shifted(problem: DynamicProblem, values: Values, torque: Sequence[Array], width: float) -> list[Array]:
-    """What a position that runs ahead by one, rad, does to the torque; it turns within a width of the largest speed."""
+    """Change of the torque per backlash, rad, that is passed within a width of the largest speed."""
     top = problem.fastest
     small, motions = _SMALL * max(float(np.ptp(m.position)) for m in problem.motions), []
     for m in problem.motions:
@@ -228,7 +220,7 @@ def _backlash(found: Score, _: int) -> Finding:
 
 
 def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
-    """A torque of which the same is missing wherever it is larger than that, and all where it is smaller."""
+    """A torque that misses a constant above it, and everything below."""
     missing = -float(found.sizes[0])
     message = (
         f"The torque reads hardly anything below {missing:.2g}{unit_of('torque')}, and as much too little above, which would explain "
@@ -240,7 +232,7 @@ def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
 
 
 def _saturates(read: float, largest: float, found: Score, which: int) -> Finding | None:
-    """A torque of which hardly anything is read beyond some size: nearly all readings, up to `read`, are no larger than that leaves them."""
+    """A torque that reads hardly more than some size; nearly all readings are below `read`."""
     top, missed = _TOPS[which] * largest, -float(found.sizes[0])
     left = top + (1 - 1 / _OF_ITSELF) * (largest - top)
     message = (
@@ -261,7 +253,7 @@ def _inertia(kind: Kind, found: Score, _: int) -> Finding:
 
 
 def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
-    """Whether what the fit leaves, (n,), is a pattern throughout, or much more about reversals than elsewhere, or most of it in a few equations."""
+    """A finding on residuals, (n,), that are a pattern, large at reversals, or concentrated in few equations."""
     from scipy.ndimage import minimum_filter1d
 
     correlation = lag_one(rows)
@@ -304,10 +296,9 @@ def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
 
 
 def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
-    """What counts add to the delay that each equation asks for, times the squares of its column beside all others, (n,).
+    """Delay that counts add to each equation, times the squares of its column, (n,).
 
-    Their noise in the acceleration a is in the residuals, -J a, and in a delay's column, -alpha_2 a - J da/dt: the regression finds a delay
-    of -J alpha_2 sum(a**2) / squares, which is none (errors in variables).
+    Noise of counts in the acceleration a biases the delay by -J alpha_2 sum(a**2) / squares (errors in variables).
     """
     inertia = solution.values.get(INERTIA, problem.fixed.get(INERTIA, 0.0))
     if not (problem.count and problem.cutoff and inertia):
@@ -326,12 +317,12 @@ def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknow
 
 
 def _equations(motions: Sequence[Motion], columns: Sequence[Array]) -> Array:
-    """A column per motion, (N,) each, as the fit's equations see it, without their weights, (n,)."""
+    """A column per motion, (N,) each, as unweighted equations, (n,)."""
     return np.concatenate([m.smoothed(c) for m, c in zip(motions, columns, strict=True)])
 
 
 def _far_from_reversals(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> NDArray[np.bool_]:
-    """Which equations see only samples at which the joint slides, (n,)."""
+    """Equations that see sliding samples alone, (n,)."""
     sets = sets_of(problem, solution.values).values()
     reach = _SLID * max((p.alpha_0 + p.alpha_1) / max(p.sigma_0, _LEAST) for p in sets)
     filtered = _FILTERED / problem.cutoff if problem.cutoff else 0.0

@@ -1,4 +1,4 @@
-"""sigma_0 and sigma_1 from slow loading below breakaway (3.2 of the paper), with breakaway, loops, and (15)."""
+"""sigma_0 and sigma_1 from slow loading below breakaway (3.2 of the paper), with breakaway and loops."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -40,8 +40,7 @@ _MOVES = 0.01  # ... and the share of its range from which that is said
 _OUTLIER = 0.2  # a breakaway torque this far from the median, relative, is named
 _SINGLE = 0.1  # standard error of a breakaway torque seen once, relative: a guess, said where it is used
 _CREEP = 1 / (ONSET - 1)
-"""Of a breakaway torque found by speed: how far above it g0 may lie. LuGre's creep is ONSET times as fast as at first where
-1 - T / g0 is one over ONSET; a joint that lets go at once slides there."""
+"""Share of a breakaway torque, found by speed, by which g0 may be higher, from LuGre's creep."""
 _SURE = 3.0  # standard errors of g0 above which a torque that was held contradicts it
 
 
@@ -53,12 +52,10 @@ def identify_presliding(
     resolution: float | None,
     kind: Kind,
 ) -> Presliding:
-    """Everything that presliding runs, with position and torque, show of a joint.
+    """The results of presliding runs with position and torque.
 
-    `levels` are g0 per direction, where other runs tell it; where none does, breakaway in these runs stands in, or else the largest
-    torque held, as a lower bound. The inertia, for (15), and the resolution, one encoder count, rad, may be unknown.
-
-    Raises InputError where a run holds no loading from zero torque, or slides from its start.
+    `levels` are g0 per direction; breakaway, or the largest torque held as a lower bound, stands in. Inertia and
+    resolution (one count, rad) may be None. Raises InputError where a run holds no loading from zero torque.
     """
     records = [r if r.cutoff else replace(r, cutoff=of_slow_loading(r)[0]) for r in records]
     found = find_all_loadings(records, resolution, options.breakaway_displacement)
@@ -93,11 +90,7 @@ def identify_presliding(
 def fit_presliding(
     loadings: Sequence[Loading], level: KnownValue, inertia: KnownValue | None, kind: Kind
 ) -> PreslidingFit:
-    """sigma_0 of one direction by four estimators, side by side, and sigma_1 by (15).
-
-    Of loadings of that direction, at least one, and its g0, a lower bound where its error is infinite; without an inertia sigma_1
-    is absent, with the reason.
-    """
+    """sigma_0 of one direction by four estimators, and sigma_1 by (15) if an inertia is known."""
     quantum, direction = max(loading.quantum for loading in loadings), loadings[0].direction
     pieces = [of_loading(loading, level.value) for loading in loadings]
     counts = sum(piece.edge_y.size for piece in pieces)
@@ -160,7 +153,7 @@ def fit_presliding(
 
 
 def _bounded(direction: str, level: KnownValue, by_bend: KnownValue) -> Finding:
-    """That g0 is a lower bound, and what the bend of the loadings leaves of it."""
+    """The caution that g0 is a lower bound."""
     bend, of = "", unit_of("torque")
     if by_bend.most < np.inf:
         bend = f", from {by_bend.value:.4g}{of} to {by_bend.most:.4g}{of} by the bend of LuGre's loading curve"
@@ -173,13 +166,13 @@ def _bounded(direction: str, level: KnownValue, by_bend: KnownValue) -> Finding:
 
 
 def with_damping(presliding: Presliding, inertia: KnownValue, kind: Kind) -> Presliding:
-    """The same with sigma_1 by (15) for an inertia that became known since."""
+    """The same with sigma_1 by (15) for another inertia."""
     fits = {d: replace(fit, sigma_1=_sigma_1(fit.sigma_0, inertia, kind)) for d, fit in presliding.fits.items()}
     return replace(presliding, fits=fits)
 
 
 def _breakaway(slid: Sequence[Loading], direction: str, kind: Kind) -> tuple[Estimate, list[Finding]]:
-    """The median breakaway torque of some loadings, and its outliers by name."""
+    """Median breakaway torque, and its outliers."""
     torque = np.array([loading.breakaway for loading in slid], dtype=float)
     middle, n = float(np.median(torque)), torque.size
     shifts = {name: middle * share for name, share in torque_shares(slid).items()}
@@ -203,7 +196,7 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: Kind) -> tuple[Est
 
 
 def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: float, creep: float) -> KnownValue:
-    """g0 from the breakaway of this direction, else of the other one if less was held, else at least the largest torque held."""
+    """g0 from breakaway in this direction, else in the other, else at least the largest torque held."""
     for d in (direction, "-" if direction == "+" else "+"):
         torque = breakaway[d].value if d in breakaway else None
         if torque is not None and (d == direction or held <= torque * (1 + creep)):
@@ -222,7 +215,7 @@ def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: flo
 
 
 def _moves_by_law(loop: Loop, fits: Mapping[str, PreslidingFit]) -> float:
-    """By how much of its range a cycle of a bristle of one stiffness ends away, as g0 differs between the directions; 0 where that is unknown."""
+    """Share of its range by which a cycle of LuGre ends away if g0 differs between directions; 0 if unknown."""
     ends, stiffness = (float(loop.torque.min()), float(loop.torque.max())), [fit.sigma_0.value for fit in fits.values()]
     known = [x for x in stiffness if x is not None]
     if len(known) < len(DIRECTIONS) or not all(max(map(abs, ends)) < fit.level for fit in fits.values()):
@@ -268,7 +261,7 @@ def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float], fits: Mapping
 
 
 def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: Kind) -> Estimate:
-    """(15): from an assumed damping ratio, no estimate, and without a standard error; with what errors of constants do to it."""
+    """sigma_1 by (15) from an assumed damping ratio, without a standard error."""
     known = inertia is not None and inertia.value > 0
     if inertia is None or not known or not sigma_0.value or sigma_0.value < 0:
         why = "no positive inertia is known: give inertia in the experiment file, or add moving runs"

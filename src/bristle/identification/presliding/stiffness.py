@@ -1,14 +1,8 @@
-"""The stiffness sigma_0 from slow loading, by four estimators.
+"""sigma_0 from slow loading by four estimators; U = -g0 log(1 - T / g0) = sigma_0 y, one encoder count is q.
 
-(14) as printed, its closed-form inverse, edge to edge, and all samples. While the joint loads slowly from zero torque,
-T = g0 (1 - exp(-sigma_0 y / g0)), so U = -g0 log(1 - T / g0) is sigma_0 times the displacement y. Where inside a count
-the joint rests is not known: only differences of y are. One encoder count is q.
-
-    printed      T1 / x1 at the first displacement x1 that is measured (14)
-    corrected    U1 / x1: exact where rest lies on a count edge
-    edges        the slope of U over y at the count edges, each loading with an intercept of its own
-    samples      one over the slope of y over U, all samples, time as the instrument: neither counts nor
-                 torque noise follow the time
+Printed: T1 / x1 at the first measured displacement x1 (14). Corrected: U1 / x1, exact where rest lies on a count edge.
+Edges: slope of U over y at the count edges, an intercept per loading. Samples: one over the slope of y over U, with
+time as instrument.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -39,25 +33,25 @@ _NONE = 1e-60  # a compliance below is rounding: no signal is smaller than 1e-20
 
 
 class KnownValue(NamedTuple):
-    """A quantity from elsewhere: g0 = alpha_0 + alpha_1, at which slow loading slides (N*m), or J (kg*m**2)."""
+    """g0 (N*m) or J (kg*m**2) from another stage."""
 
     value: float
     standard_error: float
-    """Infinite where the value is a lower bound."""
+    """Infinite for a lower bound."""
     source: Finding
     shifts: Mapping[str, float] = MappingProxyType({})
-    """As of an `Estimate`."""
+    """As in `Estimate`."""
     most: float = float("inf")
-    """Where the value is a lower bound: the largest that is not excluded."""
+    """Of a lower bound: the largest value allowed."""
 
     @property
     def is_bound(self) -> bool:
-        """Whether the value is a lower bound and no estimate."""
+        """Whether the value is a lower bound."""
         return bool(np.isinf(self.standard_error))
 
     @property
     def middle(self) -> "KnownValue":
-        """Itself; between a lower bound and the largest value, if there is one, that whose inverse is the mean of theirs."""
+        """The value; of a lower bound the harmonic mean with `most`."""
         value = 2 / (1 / self.value + 1 / self.most)
         error = (self.most - self.value) / (2 * student(np.inf))
         return self._replace(value=value, standard_error=error) if self.is_bound else self
@@ -65,7 +59,7 @@ class KnownValue(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A loading as the estimators take it."""
+    """A loading below REACH of g0."""
 
     time: Array
     y: Array
@@ -73,19 +67,17 @@ class Piece:
     edge_y: Array
     edge_U: Array
     weight: Array
-    """Of the edges: one over the variance of U at constant noise in T."""
+    """Of edges: one over the variance of U."""
 
 
 Estimator = Callable[[Sequence[Piece]], tuple[float, float, float]]
-"""sigma_0 from pieces, its standard error and its degrees of freedom."""
+"""sigma_0, its standard error and degrees of freedom from pieces."""
 
 
 def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dict[str, Estimate]:
-    """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`, from at least one loading.
+    """sigma_0 of one direction by `printed`, `corrected`, `edges`, `samples`; a lower bound if counts hide the motion.
 
-    A lower bound where counts hide the motion. Where g0 itself is a lower bound, sigma_0 falls as g0 rises, nearly in
-    proportion to 1 / g0: its interval reaches from that of the largest g0 to that of the bound, and it is that of the
-    middle.
+    Where g0 is a lower bound, the interval covers every larger g0 that is allowed.
     """
     if level.is_bound:
         most = min(level.most, _STRAIGHT * level.value)
@@ -97,7 +89,7 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
             return found
 
         def weakest(w: Finding) -> Finding:
-            """A lower bound that a warning names is that of the interval, the weakest over all g0."""
+            """The finding with the lower bound over all g0."""
             named = w.code == "within-noise"
             return _within_noise(w.numbers["edges"], ends[0], w.numbers["unit"]) if named else w
 
@@ -147,7 +139,7 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
 
 
 def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
-    """The estimate in the middle, with the interval that g0 anywhere between leaves, and what near and far warn of, each kind once."""
+    """The middle estimate with the union of the intervals and warnings of near and far."""
     other, told = {x.code: x for x in far.warnings}, list[Finding]()
     for one in near.warnings:
         both = (one, other.pop(one.code, one))
@@ -166,10 +158,7 @@ def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
 
 
 def printed_bias(u: Array) -> tuple[Array, Array, Array]:
-    """Relative bias of (14) for u = sigma_0 q / g0 > 0, of its shape: -0.5 is half of the truth.
-
-    Where rest lies on a count edge, (1 - exp(-u)) / u - 1; then its mean and its standard deviation over rest anywhere in it.
-    """
+    """Relative bias of (14) at u = sigma_0 q / g0: rest on a count edge; mean over rest positions; its spread."""
     on_edge = -np.expm1(-u) / u
     below = u < 1e-4  # where the differences below would be rounding
     safe = np.where(below, 1.0, u)
@@ -180,12 +169,12 @@ def printed_bias(u: Array) -> tuple[Array, Array, Array]:
 
 
 def unbent(torque: Array, g0: float) -> Array:
-    """U = sigma_0 y of slow loading to this torque, N*m."""
+    """U of slow loading to a torque, N*m."""
     return evaluate(functions.loading_displacement_function(), torque, g0, 1.0)[0]
 
 
 def of_loading(loading: Loading, g0: float) -> Piece:
-    """A loading below REACH of g0, N*m, as the estimators take it."""
+    """A loading below REACH of g0, N*m."""
     low = loading.torque < REACH * g0
     stop = low.size if low.all() else int(np.argmin(low))
     reached = float(loading.displacement[:stop].max(initial=0.0))
@@ -203,7 +192,7 @@ def of_loading(loading: Loading, g0: float) -> Piece:
 
 
 def by_level(estimator: Estimator, loadings: Sequence[Loading], level: KnownValue) -> float:
-    """How an estimate changes with g0, from it and those a little below and above, of which one may not exist."""
+    """Derivative of an estimate by g0."""
     width = max(1e-4 * level.value, min(level.standard_error, 0.1 * level.value))
     less, value, more = (estimator([of_loading(x, level.value + k * width) for x in loadings])[0] for k in (-1, 0, 1))
     steps = [x for x in (value - less, more - value) if np.isfinite(x)]
@@ -211,7 +200,7 @@ def by_level(estimator: Estimator, loadings: Sequence[Loading], level: KnownValu
 
 
 def _estimate(value: float, error: float, freedom: float, kind: Kind) -> Estimate:
-    """With its interval by Student's t; none where it is no stiffness."""
+    """With its interval by Student's t; without a value where it is no stiffness."""
     if not (0 < value < np.inf and np.isfinite(error)):
         message = "Not positive: the displacement does not increase with the torque."
         why = Finding("not-positive", CRITICAL, message)
@@ -224,7 +213,7 @@ def _estimate(value: float, error: float, freedom: float, kind: Kind) -> Estimat
 def _first_count(
     loadings: Sequence[Loading], pieces: Sequence[Piece], g0: float, quantum: float, kind: Kind, slope: float
 ) -> tuple[Estimate, Estimate, float]:
-    """(14) and its inverse, means over loadings, with intervals of any rest position and of noise; and the least sigma_0 that first counts allow."""
+    """(14) and its inverse, means over loadings, intervals for any rest position; and the least sigma_0 allowed."""
     T = first_torques(loadings, g0)
     if T.size == 0:
         none = Finding("nothing-below-g0", NOTE, "No displacement was measured below g0.")
@@ -255,7 +244,7 @@ def _first_count(
 
 
 def _rest_excludes(low: float, high: float, of: str) -> Finding:
-    """That what an estimate by the first count assumes lies outside of what the rest positions leave, in this unit."""
+    """A note that the first count's assumption contradicts the interval, in this unit."""
     message = (
         "No interval: it assumes that the joint moves a whole count to the first edge, and over the rest positions "
         f"of these loadings sigma_0 lies in [{low:.3g}, {high:.3g}] {of}, which excludes it."
@@ -264,29 +253,29 @@ def _rest_excludes(low: float, high: float, of: str) -> Finding:
 
 
 def first_torques(loadings: Sequence[Loading], g0: float) -> Array:
-    """Torque at the first count edge of each loading that has one below g0, N*m, (k,)."""
+    """Torque at the first count edge below g0 of each loading, N*m, (k,)."""
     return np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
 
 
 class Columns(NamedTuple):
-    """What an estimator regresses, of all loadings: y = slope x, each about its mean in its own loading, (n,)."""
+    """Regression y = slope x of all loadings, each about its mean, (n,)."""
 
     x: Array
     y: Array
     instrument: Array
     starts: list[int]
-    """The first row of each loading."""
+    """First row of each loading."""
 
 
 def _columns(parts: Sequence[tuple[Array, Array, Array]]) -> Columns:
-    """Of each loading's x, y and instrument."""
+    """From x, y and instrument of each loading."""
     starts = np.cumsum([0, *(x.size for x, *_ in parts)])[:-1].tolist()
     x, y, instrument = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Columns(x, y, instrument, starts)
 
 
 def edge_columns(pieces: Sequence[Piece]) -> Columns | None:
-    """U over y at the edges of each loading that has two or more, times the root of the weight; None without any."""
+    """U over y at count edges, weighted; None without two edges in a loading."""
     parts = []
     for p in pieces:
         if p.edge_y.size > 1:
@@ -297,17 +286,14 @@ def edge_columns(pieces: Sequence[Piece]) -> Columns | None:
 
 
 def sample_columns(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) -> Columns | None:
-    """Displacement over U of all samples, with time as the instrument, of displacements `shifted` if given; None without any."""
+    """Displacement over U of all samples with time as instrument, or None; `shifted` replaces y."""
     shown = [(p.U, p.y if shifted is None else shifted[k], p.time) for k, p in enumerate(pieces) if p.time.size]
     parts = [(U - U.mean(), y - y.mean(), t - t.mean()) for U, y, t in shown]
     return _columns(parts) if parts else None
 
 
 def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
-    """Slope of U over y at the count edges by weighted least squares, its standard error and degrees of freedom.
-
-    Infinite, with an infinite error, where no loading has two edges.
-    """
+    """Slope of U over y at count edges, standard error, degrees of freedom; infinite without two edges."""
     edges = edge_columns(pieces)
     if edges is None:
         return np.inf, np.inf, 1.0
@@ -322,10 +308,7 @@ def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
 
 
 def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) -> tuple[float, float, float]:
-    """One over the slope of y over U with time as the instrument, its standard error, and its degrees of freedom.
-
-    Infinite, with an infinite error, where the displacement does not change with the torque.
-    """
+    """One over the slope of y over U, standard error, degrees of freedom; infinite without displacement."""
     samples = sample_columns(pieces, shifted)
     if samples is None:
         return np.inf, np.inf, 1.0
@@ -347,7 +330,7 @@ ESTIMATORS: Mapping[str, Estimator] = {"edges": by_edges, "samples": by_samples}
 
 
 def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[float, float]:
-    """Mean error and standard deviation of the all-sample estimate over where in a count the joint rests, by counting what was fitted."""
+    """Bias and standard deviation of the all-sample estimate over rest positions in a count, by simulation."""
     values = []
     for phase in (np.arange(_PHASES) + 0.5) / _PHASES:
         rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # another one in each loading
@@ -359,7 +342,7 @@ def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[f
 
 
 def _within_noise(edges: str, least: float, of: str) -> Finding:
-    """That sigma_0 is bounded from below alone, in this unit."""
+    """A caution that sigma_0 is bounded from below alone, in this unit."""
     message = (
         f"The displacement stays within the encoder's noise ({edges} in the longest loading): sigma_0 is at least "
         f"{least:.3g} {of}; a finer encoder is needed for more."
@@ -368,7 +351,7 @@ def _within_noise(edges: str, least: float, of: str) -> Finding:
 
 
 def torque_shares(loadings: Sequence[Loading]) -> dict[str, float]:
-    """Relative change of the torque of some loadings per standard error of each constant: the mean, by their torque."""
+    """Relative change of the loadings' torque per standard error of each constant."""
     weight = [float(np.square(loading.torque).sum()) for loading in loadings]
     names = dict.fromkeys(name for loading in loadings for name in loading.shares)
     shares = {name: [loading.shares.get(name, 0.0) for loading in loadings] for name in names}
@@ -378,11 +361,7 @@ def torque_shares(loadings: Sequence[Loading]) -> dict[str, float]:
 def with_shifts(
     estimates: Mapping[str, Estimate], loadings: Sequence[Loading], level: KnownValue
 ) -> dict[str, Estimate]:
-    """The estimates of `stiffness` with what errors of constants do to them.
-
-    Where torque and g0 grow by one factor, so does sigma_0: a torque that grows by e does to it what g0 less by e does,
-    and e of its value beside. A g0 that is a lower bound is a torque of these loadings, and grows with them.
-    """
+    """The estimates with errors of constants: sigma_0 scales with torque and g0 together."""
     shares = torque_shares(loadings)
     constants = (*dict.fromkeys((*shares, *level.shifts)),)
     if not constants:

@@ -1,8 +1,7 @@
-"""Whether torque and displacement of slow loading turn at the same instant, as a bristle's do.
+"""Delay of the torque of slow loading: a bristle turns torque and displacement at the same time.
 
-A torque logged late turns later. About a turn the torque is one quartic of time on either side, which meet there. The
-displacement is a quadratic of LuGre's own (at vanishing speed) on either side, at the torque of a little later, of which
-the best delay is sought: scale and bend of either side are free, so that a joint that softens turns both at once too.
+About a turn the torque is a quartic on either side, and the displacement LuGre's own with its square, at the delayed
+torque.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,9 +45,9 @@ def turning_lag(
     options: FitOptions,
     resolution: float | None,
 ) -> list[Finding]:
-    """That the torque of presliding runs was logged late or early, where it is sure and changes sigma_0.
+    """A caution where the torque of presliding runs is late or early and this changes sigma_0.
 
-    `levels` are g0 per direction, N*m; `resolution` is one encoder count, rad; None: from the data.
+    `levels` are g0 per direction, N*m; `resolution` is one encoder count, rad, or None.
     """
     # how much later the torque turns, and the standard error of that, s, at each turn before which nothing slides
     lags = list[tuple[float, float]]()
@@ -99,7 +98,7 @@ def turning_lag(
 
 
 def _turns(record: Record) -> list[tuple[int, int, int, float]]:
-    """Of each turn of the low-passed torque the samples of the turn or end before, its own and the one after; 1 at a top, -1 at a bottom."""
+    """Samples of each turn of the torque and of its neighbours; 1 at a top, -1 at a bottom."""
     torque = np.asarray(record.torque)
     slow = smoothed(record, torque, record.cutoff) if record.cutoff < 0.5 / record.step else torque
     found = list[tuple[int, int, int, float]]()
@@ -113,7 +112,7 @@ def _turns(record: Record) -> list[tuple[int, int, int, float]]:
 
 
 def _lag(s: Array, T: Array, y: Array, g0: float) -> tuple[float, float]:
-    """The lag and its error, in sides, from times, in sides about the turn, torques and displacements towards the turn, (n,)."""
+    """The lag and its error, in sides, from times about the turn, torques and displacements, (n,)."""
     # the torque is a quartic of time before the turn, and one after it, which meet there
     rng, sides = np.random.default_rng(0), []
     for rows in (s < -_APART, s > _APART):
@@ -138,7 +137,7 @@ def _lag(s: Array, T: Array, y: Array, g0: float) -> tuple[float, float]:
     top = float(np.clip(min(np.polyval(x, turn) for x in (up, down)), -most, most))
 
     def shapes(delay: float) -> Array:
-        """Of the displacement, the torque so much later: a constant, and LuGre's own with its square on either side, (n, 5)."""
+        """Columns of the displacement at the delayed torque, (n, 5)."""
         before = s + delay < turn
         load = np.clip(np.where(before, np.polyval(up, s + delay), np.polyval(down, s + delay)), -most, top)
         rise, fall = (unbent(x * load, g0) - unbent(np.array(x * top), g0) for x in (1, -1))
@@ -147,7 +146,7 @@ def _lag(s: Array, T: Array, y: Array, g0: float) -> tuple[float, float]:
         return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), _TINY))
 
     def fitted(delay: float) -> Array:
-        """The displacements, with the torque so much later, (n,)."""
+        """The fitted displacement, (n,)."""
         columns = shapes(delay)
         return columns @ (inverse_gram(columns) @ (columns.T @ y))
 

@@ -1,9 +1,7 @@
-"""Many static data sets that share their velocities, in a few matrix products.
+"""Static fits of many data sets at the same velocities, in a few matrix products.
 
-Estimates and standard errors. What v_s changes - the Stribeck column and its slope, each off the linear columns, and
-their products with the data - is tabulated on a grid of log(v_s) once for all sets, and interpolated by polynomials
-through six neighbours. Each set then has a few small sums of its own. Tables and errors in closed form are for speed: a
-projection or a Jacobian for each set would take many times as long.
+The Stribeck column, its slope and their products with the data are tabulated over log(v_s) and interpolated by
+polynomials through six neighbours: a projection for each set would take many times as long.
 """
 
 from math import ceil
@@ -27,11 +25,7 @@ _TO_POLYNOMIAL = np.linalg.inv(np.vander(_NEIGHBOURS.astype(float), increasing=T
 
 
 class Tables(NamedTuple):
-    """What depends on v_s.
-
-    Of the Stribeck column s and its slope d by log(v_s), off the linear columns and relative to the length of s there.
-    So scaled, nothing vanishes where hardly a point is left within v_s, and polynomials hold over the whole range.
-    """
+    """Of the Stribeck column s and its slope d by log(v_s), off the linear columns, over the length of s there."""
 
     log_length: Array  # Logarithm of that length
     cross: Array  # s'd
@@ -44,7 +38,7 @@ class Batch:
     """Sets of torques at the same velocities, solved as `solve` does; one peak.
 
     Args:
-        problem: one of the sets; its torque is not looked at.
+        problem: one of the sets; its torque is ignored.
         torques: N*m, (n, sets).
         v_s_range: as in `solve`.
         grid: as in `solve`, >= 8.
@@ -56,7 +50,7 @@ class Batch:
     """J_s, (sets,)."""
 
     def __init__(self, problem: Regression, torques: Array, v_s_range: tuple[float, float], grid: int = GRID) -> None:
-        """Tabulate, and solve."""
+        """Tabulate and solve."""
         self.problem, self.torques, self.v_s_range, self.grid = problem, torques, v_s_range, grid
         self._step = np.log(v_s_range[1] / v_s_range[0]) / (grid - 1)
         projected = Projected(problem)
@@ -99,11 +93,7 @@ class Batch:
             self._x[k] = np.clip(np.log(one.theta[-1] / v_s_range[0]) / self._step, 0.0, last)
 
     def errors(self, *, robust: bool = False) -> Array:
-        """Standard errors from the exact Jacobian, as `uncertainty.covariance` has them, (p, sets).
-
-        inf where alpha_1 is zero. Robust ones allow for a variance that differs from point to point (HC3: each residual
-        over one less its leverage).
-        """
+        """Standard errors as `estimation.covariance` has them, HC3 if `robust`, (p, sets); inf for alpha_1 = 0."""
         if robust:
             blocks = np.array_split(np.arange(self.cost.size), ceil(self.torques.size / _IN_CACHE))
             return np.hstack([self._robust_errors(sets) for sets in blocks])

@@ -1,8 +1,4 @@
-"""The full nonlinear fit beside the grid: the same data by CasADi + IPOPT, all static parameters at once.
-
-Nothing of the grid is used but its range of v_s: the model is the law's own expression (9) on CasADi symbols, derivatives
-are exact, variables are scaled (v_s by its logarithm), and the starts are random with a fixed seed.
-"""
+"""The full nonlinear static fit by CasADi and IPOPT, a check of the grid, of which it uses the range of v_s."""
 
 from collections.abc import Mapping
 
@@ -27,10 +23,7 @@ OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}  # of IPOPT
 
 
 def full_fit(problem: Regression, v_s_range: tuple[float, float], starts: int = STARTS) -> list[Array]:
-    """All parameters of a static problem at once, by IPOPT, v_s within a range, rad/s.
-
-    theta, in the order of the problem's `names`, where each of `starts` >= 1 random starts ended.
-    """
+    """theta, in the order of `names`, at the end of each IPOPT run from random starts; v_s within a range, rad/s."""
     unknowns, (low, high) = unknowns_of(problem, v_s_range), np.log(v_s_range).tolist()
     x = ca.MX.sym("x", len(problem.names))
     # measured minus modelled torque in CasADi; where smoothed of fewer equations with the same sum of squares
@@ -67,7 +60,7 @@ def full_fit(problem: Regression, v_s_range: tuple[float, float], starts: int = 
 def crosscheck(
     problem: Regression, found: Solution, errors: Mapping[ParameterName, float | None], v_s_range: tuple[float, float]
 ) -> Crosscheck:
-    """The full fit beside what the grid found in a range of v_s, rad/s: costs, differences in the grid fit's standard errors, a verdict."""
+    """The full fit as a check of the grid's solution; `errors` are the grid fit's, v_s_range in rad/s."""
     ended = full_fit(problem, v_s_range)
     costs = [float(np.sum(problem.residuals(end) ** 2)) for end in ended]
     same = _SAME * min(costs) + 1e-12 * float(problem.torque @ problem.torque)

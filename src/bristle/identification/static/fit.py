@@ -1,4 +1,4 @@
-"""A static fit of points at constant velocity or of moving runs: the grid's answer with intervals, warnings, and what stands beside it."""
+"""Static fits of points or of moving runs, with intervals and warnings."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -59,16 +59,16 @@ _LOGARITHMIC = ("v_s",)  # what is compared, and widened, as its logarithm
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointInfo:
-    """What is known of each equation beside its velocity and torque."""
+    """Origin of each equation."""
 
     segments: tuple[Segment, ...] = ()
-    """The segment behind each point, (n,); empty for moving data."""
+    """Of each point, (n,); empty for moving data."""
     time: Array = field(default_factory=lambda: np.zeros(0))
     """s from the start of its run, (n,); empty where unknown."""
     position: Array = field(default_factory=lambda: np.zeros(0))
     """rad, (n,); empty where unknown."""
     search: PointSearch | None = None
-    """Which points do not belong to the law; None for moving data."""
+    """Strays; None for moving data."""
 
 
 def fit_static(
@@ -79,10 +79,9 @@ def fit_static(
     held: Sequence[tuple[str, Regression]] = (),
     runs: Sequence[tuple[str, Regression]] = (),
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Fit one static problem, with a peak in every direction, and everything that the report shows beside the fit.
+    """Fits and cross-checks of one static problem, by direction, and `shared` for what two directions share.
 
-    Hold-out runs, and runs that can be fitted apart, by name, are posed as the problem is, without its priors. Returns fits and
-    cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit `shared`.
+    `held` are hold-out runs, `runs` those to fit apart, by name, posed like the problem, without priors.
     """
     v_s_range = default_range(problem.velocity)
     # of a direction that was measured at one speed alone viscous friction is told from Coulomb's by others
@@ -141,7 +140,7 @@ def fit_static(
 def estimate_static(
     problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple[float, float] | None = None
 ) -> Mapping[str, Estimate]:
-    """The parameters of one direction alone with their intervals: what a study of many data sets repeats."""
+    """Estimates of one direction alone, for studies of many data sets."""
     core = solve_static(problem, options, kind, v_s_range)
     return {name.name: e for name, e in core.estimates.items()}
 
@@ -180,7 +179,7 @@ def _nothing(direction: str, problem: Regression, kind: Kind, where: PointInfo, 
 def _without_sticking(
     problem: Regression, core: StaticSolution, options: FitOptions, kind: Kind, sticks: NDArray[np.bool_]
 ) -> tuple[list[Finding], set[Direction]]:
-    """What is said of the fit without the points that stick and slip, a mask, (n,); and the directions whose Stribeck term rests on them."""
+    """A finding on the fit without sticking points, (n,), and the directions that lose their Stribeck term by it."""
     if not sticks.any():
         return [], set()
     rest = problem.rows(np.logical_not(sticks))
@@ -197,7 +196,7 @@ def _without_sticking(
 
 
 def report_strays(core: StaticSolution, search: PointSearch, options: FitOptions, kind: Kind) -> tuple[Finding, ...]:
-    """What is said of the points of a solve that do not belong to its law, and the fit without them, or with them where they are left out."""
+    """Findings on the strays of a solve, with the fit without them, or with them if they are left out."""
     side = search.sides[0] if len(search.sides) == 1 else ""
     named, resting = _listed(search, search.strays), _listed(search, search.resting)
     warnings = []
@@ -245,7 +244,7 @@ def report_strays(core: StaticSolution, search: PointSearch, options: FitOptions
 
 
 def _advice(search: PointSearch, options: FitOptions) -> str:
-    """What to do about strays that are not left out."""
+    """What to do about strays that stay in."""
     if not options.drops_strays:
         return "To leave out, leave `set_up: as-written` out."
     speed = np.abs([s.velocity for s in search.points])
@@ -267,7 +266,7 @@ def _points(count: int) -> str:
 
 
 def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[str, ...]:
-    """The first points by name, and how many there are beside them."""
+    """The first points by name, and the number of others."""
     named, rest = list[str](), len(rows) - _LISTED
     for k in rows[:_LISTED]:
         s = search.points[k]
@@ -280,7 +279,7 @@ def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[str, ...]:
 
 
 def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[Finding]:
-    """Terms that the fit lacks, to first order; points in the order of velocity, in which a misfit correlates them."""
+    """Terms that the fit lacks, to first order; points in the order of velocity."""
     problem, theta = core.problem, core.solution.theta
     measured = slice(problem.torque.size - problem.priors)
     velocity = problem.equation_velocity[measured]
@@ -301,7 +300,7 @@ def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[F
 
 
 def _by_rows(points: Sequence[Segment], torque: Array) -> list[Candidate]:
-    """That the torque, modelled, N*m, (n,), of given points goes with their rows, where their speeds go up and down in these."""
+    """A drift of the modelled torque, N*m, (n,), with the rows of given points whose speeds go up and down."""
     given = bool(points) and all(s.stop == s.start + 1 for s in points) and len({s.file for s in points}) == 1
     v, row = (np.array([getattr(s, name) for s in points], dtype=np.float64) for name in ("velocity", "start"))
     for side in (v > 0, v < 0):
@@ -334,7 +333,7 @@ def _static_fit(
     where: PointInfo,
     three: Mapping[ParameterName, Uncertainty],
 ) -> StaticFit:
-    """The part of a fit that belongs to one direction, to both, or to what two directions share; `three` are its intervals three ways."""
+    """The fit of one direction, of both, or of the shared parameters; `three` are intervals three ways."""
     problem, theta = core.problem, core.solution.theta
     two, velocity, residuals = len(problem.directions) == 2, problem.equation_velocity, problem.residuals(theta)
     rows = np.ones(residuals.size, dtype=bool)
@@ -382,10 +381,7 @@ def _static_fit(
 
 
 def refuse_opposing_points(experiment: Experiment, points: Sequence[Segment], asked: Sequence[str]) -> None:
-    """Raise InputError where the torque of points is noise, or opposes their velocity: of each direction, or of both about an offset.
-
-    Where gravity is asked for, which may outweigh friction, nothing is refused.
-    """
+    """Raise InputError if the torque of points is noise or opposes velocity (about an offset if `asked`)."""
     v, T = (np.array([getattr(s, name) for s in points]) for name in ("velocity", "torque"))
     for d, sign in DIRECTIONS.items() if not asked else ():
         own = v * sign > 0
@@ -397,9 +393,9 @@ def refuse_opposing_points(experiment: Experiment, points: Sequence[Segment], as
 
 
 def fit_points(measured: Measured, points: Sequence[Segment]) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Static parameters and the declared regressors from points at constant velocity: fits and cross-checks.
+    """Static fits and cross-checks of points at constant velocity.
 
-    Raises InputError where a regressor needs what points do not have, or torque opposes velocity.
+    Raises InputError where a regressor needs a signal that points lack, or torque opposes velocity.
     """
     experiment, asked = measured.experiment, point_regressors(measured.experiment)
     if "inertia" in (experiment.fit.regressors or ()) and not measured.moving(hold_out=False):  # which can tell it
@@ -429,7 +425,7 @@ def fit_points(measured: Measured, points: Sequence[Segment]) -> tuple[dict[str,
 
 
 def by_file(points: Iterable[Segment]) -> dict[str, list[Segment]]:
-    """The points of each run, in their order."""
+    """The points of each run, in order."""
     found = defaultdict[str, list[Segment]](list)
     for s in points:
         found[s.file].append(s)
@@ -439,10 +435,9 @@ def by_file(points: Iterable[Segment]) -> dict[str, list[Segment]]:
 def fit_moving(
     experiment: Experiment, records: Sequence[Record], held: Sequence[Record]
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Static parameters and the declared regressors from moving runs, by linear least squares with the grid.
+    """Static fits and cross-checks of moving runs, by linear least squares with the grid.
 
-    Fits and cross-checks. Raises InputError where a run lacks a signal, is too short, or its torque opposes its
-    velocity.
+    Raises InputError where a run lacks a signal or is too short.
     """
     fixed, prior = inertia(experiment)
     moving, asked = directions(experiment, records), regressors(experiment)
@@ -450,11 +445,11 @@ def fit_moving(
     def problem(
         chosen: Sequence[Record], weights: Mapping[str, float] | None
     ) -> tuple[Regression, tuple[Array, Array], int]:
-        """The regression of some records, time and position of each equation, samples dropped at ends."""
+        """The regression of some records, time and position of its equations, samples dropped at ends."""
         return from_records(chosen, moving, asked, experiment.fit.every, fixed, experiment.fit.friction, weights)
 
     def fitted(weights: Mapping[str, float]) -> Mapping[ParameterName, float]:
-        """By the grid, with gravity and links that weigh so much where the level rises with their load."""
+        """By the grid, with these coefficients of gravity and links."""
         one = problem(records, weights)[0]
         return one.named(solve(one, default_range(one.velocity)).theta)
 
@@ -472,11 +467,9 @@ def fit_moving(
 
 
 def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:
-    """The static fits of moving runs; where the fit of all parameters of the same runs knows their friction, their outcome says so.
+    """The static fits of moving runs, marked as superseded where LuGre fits the same runs.
 
-    A static law is LuGre's with a bristle that does not bend: the poorer model of the same runs, whose errors do not know what
-    presliding does to it. One fit gives a joint's values; what is said of the other is then no reason to doubt them. One that
-    estimated nothing says why, as before.
+    Presliding biases a static law, so its warnings do not count then.
     """
     if moving is None or all(e.value is None for name, e in moving.parameters.items() if name.name == "alpha_0"):
         return dict(static)
@@ -493,5 +486,5 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
 
 
 def is_superseded(fit: StaticFit) -> bool:
-    """Whether the fit of all parameters of the same runs is the one to use."""
+    """Whether the LuGre fit of the same runs is the one to use."""
     return fit.outcome.code == "static-superseded"

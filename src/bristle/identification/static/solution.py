@@ -1,4 +1,4 @@
-"""One static problem solved and judged: which Stribeck terms the data support, and an interval and warnings on each parameter."""
+"""A static problem solved: supported Stribeck terms, intervals, warnings."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -36,19 +36,19 @@ from bristle.model.parameters import Direction, Kind, ParameterName, unit
 UNTOUCHED = 0.34  # of the slowest speed: at a smaller v_s nothing is left of the term, and alpha_1 is invented
 _OPEN = Finding("interval-open", CAUTION, "No finite interval: the data allow it to the end of what is searched.")
 _THERE = {"peak-left-out", "bend", "one-speed", "v-s-down-to-zero", "v-s-up-to-any", "none-below-v-s"}
-"""Reasons to drop a term that is more than noise."""
+"""Reasons to drop a term that is not noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StaticSolution:
-    """A solved and judged problem."""
+    """A solved problem."""
 
     problem: Regression
     solution: Solution
     parameters: Mapping[ParameterName, Estimate]
-    """With the statistical error alone."""
+    """With statistical errors."""
     shifts: Mapping[str, Mapping[ParameterName, float]]
-    """By constant, the change of each parameter per standard error of it."""
+    """Change of each parameter per standard error of each constant."""
     names: tuple[ParameterName, ...]
     covariance: Array
     freedom: float
@@ -59,9 +59,9 @@ class StaticSolution:
     """Directions without a Stribeck term, with the reason."""
     profiled: StaticProfiles
     student: Mapping[ParameterName, tuple[float, float]]
-    """Intervals by the covariance, by name."""
+    """95 % intervals by Student's t."""
     beside: Mapping[ParameterName, Estimate]
-    """What the law has beside the problem's parameters: of the peak's shape, and the fastest speed."""
+    """Shape parameters of the peak, and the fastest speed of laws with terms."""
 
     @property
     def estimates(self) -> dict[ParameterName, Estimate]:
@@ -99,10 +99,7 @@ def beside(one: StaticSolution, other: StaticSolution) -> OtherPoints:
 def solve_static(
     problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple[float, float] | None = None
 ) -> StaticSolution:
-    """Solve, drop the Stribeck terms that the data do not support, and put an interval on each parameter.
-
-    With each interval go its warnings. `v_s_range`, rad/s, is from the problem's speeds, if not given.
-    """
+    """Solve, drop the Stribeck terms that the data do not support, and give each parameter an interval and warnings."""
     v_s_range = v_s_range or default_range(problem.velocity)
     problem = with_best_shape(problem, v_s_range)
     problem, solution, likelihood, dropped = _settled(problem, options, v_s_range)
@@ -153,7 +150,7 @@ def solve_static(
 def _beside(
     problem: Regression, of_shape: Mapping[str, tuple[float, float]], errors: Array, solution: Solution, kind: Kind
 ) -> dict[ParameterName, Estimate]:
-    """What the law has beside the problem's parameters, of each direction."""
+    """Parameters of the law beside the problem's, by direction."""
     beside = dict[ParameterName, Estimate]()
     for d in problem.directions:
         own = zip(of_shape.items(), problem.shape, errors.tolist(), strict=False) if d in problem.peaks else ()
@@ -173,10 +170,7 @@ def _beside(
 def _settled(
     problem: Regression, options: FitOptions, v_s_range: tuple[float, float]
 ) -> tuple[Regression, Solution, StaticProfiles, dict[Direction, Finding]]:
-    """The problem as it is fitted in the end, with its solution and profiles; solved again where these found a lower minimum.
-
-    And the directions that get no Stribeck term, each with the reason: it is not asked for, not supported, or not bounded.
-    """
+    """The final problem with solution and profiles, and the directions that lose their Stribeck term, with reasons."""
     not_asked = Finding("no-stribeck-asked", NOTE, "Not fitted: fit.law is coulomb-viscous.")
     asked, points, least = options.model == "coulomb-viscous", problem.torque.size, len(problem.names) + 1
     dropped, solution, judged = dict[Direction, Finding](), None, options.model != "stribeck"
@@ -207,7 +201,7 @@ def _settled(
 
 
 def _without_peak(problem: Regression, why_not: Callable[[int, Direction], Finding | None]) -> dict[Direction, Finding]:
-    """The directions that get no Stribeck term, each with the reason, as one has it."""
+    """The directions without a Stribeck term, with the reasons that `why_not` gives."""
     found = dict[Direction, Finding]()
     for k, direction in enumerate(problem.peaks):
         why = why_not(k, direction)
@@ -220,7 +214,7 @@ def _without_peak(problem: Regression, why_not: Callable[[int, Direction], Findi
 def _unbounded(
     problem: Regression, solution: Solution, likelihood: StaticProfiles, k: int, direction: Direction
 ) -> Finding | None:
-    """That the v_s of a peak has an end outside the range searched, or no speed below it."""
+    """Why v_s of a peak is not bounded within its range, or None."""
     low, high = likelihood.intervals[ParameterName("v_s", direction)]
     slowest, v_s = float(problem.speeds(direction).min()), float(problem.split(solution.theta)[1][k])
     if low == 0:
@@ -236,7 +230,7 @@ def _unbounded(
 
 
 def _unsupported(problem: Regression, solution: Solution, k: int, direction: Direction) -> Finding | None:
-    """That the Stribeck term of a peak is noise, or a bend over all speeds instead of a peak."""
+    """Why the Stribeck term of a peak is noise or no peak, or None."""
     projected, noise = Projected(problem), 1e-20 * float(problem.torque @ problem.torque)
     off, length = projected.off(solution.grid, k)
     gain = max(solution.base_costs[k] - solution.cost, 0.0)
@@ -264,7 +258,7 @@ def _unsupported(problem: Regression, solution: Solution, k: int, direction: Dir
 
 
 def _inflation(problem: Regression, solution: Solution) -> float:
-    """By how much correlated residuals inflate the variance; points stand alone."""
+    """Variance inflation by correlated residuals; 1 for points."""
     return inflation(solution.residuals) if problem.smooth is not None else 1.0
 
 
@@ -285,7 +279,7 @@ def _fit_warnings(
     profiles: Mapping[Direction, Profile],
     v_s_range: tuple[float, float],
 ) -> tuple[Finding, ...]:
-    """Each warning about a fit as a whole."""
+    """Warnings about a fit as a whole."""
     warnings = []
     low, high = v_s_range
     for direction, profile in profiles.items():

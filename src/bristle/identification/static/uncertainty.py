@@ -1,8 +1,4 @@
-"""The 95 % intervals of a static fit three ways, covariance, profile, bootstrap, and where they part; and what runs say, for `repeats`.
-
-The bootstrap draws points anew at the same velocities and fits them again by the whole grid; what is costly to fit goes
-by one step. v_s is stepped by its logarithm: an interval need be neither symmetric nor normal.
-"""
+"""Intervals of a static fit by covariance, profile and bootstrap; v_s as its logarithm."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -27,7 +23,7 @@ _DRAWN, _BEYOND = 61, 0.6  # values of v_s on its drawn profile, and how far bey
 
 
 def three_ways(solved: StaticSolution, v_s_range: tuple[float, float]) -> dict[ParameterName, Uncertainty]:
-    """The intervals of every parameter of a solved and judged problem, by its names."""
+    """Intervals of every parameter, by name."""
     n, names = solved.problem.torque.size, solved.problem.names
     spare = n - len(names)
     drawn = resample(solved.problem, solved.solution, v_s_range, covariance=solved.covariance)
@@ -68,13 +64,11 @@ def _curve(solved: StaticSolution, name: ParameterName, value: float) -> Array:
 
 
 class StaticDraws(NamedTuple):
-    """What draws do to p parameters, in their units."""
+    """Bootstrap of p parameters, in their units."""
 
     low: Array
-    """Lower ends of the 95 % intervals, (p,); -inf, or 0 for what is positive, where too many draws do not show the
-    parameter; nan: there is none."""
+    """Lower ends, (p,); -inf, or 0 if positive, where draws do not show the parameter; nan: no interval."""
     high: Array
-    """(p,)."""
     draws: Array
     """(p, b)."""
 
@@ -87,11 +81,10 @@ def resample(
     seed: int = SEED,
     covariance: Array | None = None,
 ) -> StaticDraws:
-    """Intervals of every parameter in the order of the problem's `names`, by so many `draws`, >= 40 (of moving data always as many).
+    """Bootstrap intervals of every parameter in the order of `names`.
 
-    Points of which each stands alone, with at most one peak, are fitted again, up to `MANY`; parameters of others go one
-    step of Gauss and Newton, those at a bound none, and none does where moving data leave too few blocks to draw: of these the
-    `covariance` of the parameters at no bound is needed.
+    Up to `MANY` points with one peak are refitted, others go one Gauss-Newton step; moving data need the `covariance`
+    of the parameters at no bound, and enough blocks.
     """
     keep = np.ones(len(problem.names), dtype=bool)
     alone = problem.smooth is None and len(problem.peaks) < 2 and not problem.shape
@@ -99,7 +92,7 @@ def resample(
         center, as_logarithm = solution.theta[:, None], problem.logarithmic[:, None]
 
         def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
-            """How far the grid's estimates lie off, and their errors, inf where nothing is seen of a parameter."""
+            """Distances of the estimates, and their errors."""
             torques = (problem.torque - solution.residuals)[:, None] + residuals
             if not problem.peaks:
                 theta, errors = bootstrap.linear_refit(problem.linear, torques, uneven)
@@ -136,7 +129,7 @@ def resample(
     best, logarithmic, floor = (each[keep, None] for each in (solution.theta, problem.logarithmic, problem.least))
 
     def moved(steps: Array) -> Array:
-        """All parameters moved by steps, (p, k); nan for what is not stepped."""
+        """All parameters moved by steps, (p, k); nan if not stepped."""
         out = np.full((keep.size, steps.shape[1]), np.nan)
         with np.errstate(over="ignore", invalid="ignore"):
             off = np.where(logarithmic, best * np.exp(steps), best + steps)
@@ -150,10 +143,7 @@ def resample(
 def parts_of_runs(
     core: StaticSolution, runs: Sequence[tuple[str, Regression]]
 ) -> tuple[list[ParameterName], dict[str, tuple[Array, Array]]]:
-    """The parameters at no bound, and of each run the derivative of its torques by these, (n, p), by log(v_s), and what it leaves, (n,).
-
-    One that has a prior is none of them: runs do not settle it.
-    """
+    """Parameters at no bound or prior, and each run's Jacobian by these (of log(v_s)), (n, p), and residuals, (n,)."""
     posed = {file: replace(one, peaks=core.problem.peaks) for file, one in runs}
     names, theta = core.problem.names, core.solution.theta
     free = [k for k, name in enumerate(names) if name not in core.solution.at_bound]
