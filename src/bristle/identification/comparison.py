@@ -97,13 +97,10 @@ class Fitted:
     name: str
     solves: Sequence[tuple[Array, int, float, float]]
     """Of each solve: residuals (n,), parameters, independent equations, power of the measured torque."""
-    itself: float = 0.0
-    """Subtracted from BIC where the law makes torque of the measured torque."""
+    itself: float = 0.0  # Subtracted from BIC where the law makes torque of the measured torque
     left_out: LeftOut = None
-    candidate: bool = True
-    """As in `Row`."""
-    predicts: Callable[[], LeftOut] = lambda: None
-    """The left-out error, evaluated only where it is needed."""
+    candidate: bool = True  # As in `Row`
+    predicts: Callable[[], LeftOut] = lambda: None  # The left-out error, evaluated only where it is needed
     known: Known = field(default_factory=dict)
 
     @property

@@ -28,7 +28,7 @@ _SHOWN = 300  # characters of a reason that are quoted
 
 @contextmanager
 def reading(path: Path) -> Iterator[Any]:
-    """A results file as parsed JSON; ValueErrors inside the with block become one InputError that names the file."""
+    """A results file as parsed JSON; bad content inside the with block raises one InputError that names the file."""
     data = read_at_most(path, LARGEST, "a results file")
     try:
         yield parsed(data.decode("utf-8"))

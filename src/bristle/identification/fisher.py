@@ -1,7 +1,4 @@
-"""Fisher information of torques measured with white noise, at planned velocities or along a planned motion.
-
-Covariance >= F**-1 (Cramer and Rao), F = J' J / noise**2, J = dT / dp.
-"""
+"""Fisher information F = J' J / noise**2, J = dT / dp, of torques with white noise; covariance >= F**-1."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -39,16 +36,12 @@ class Information:
     """What a measurement tells about some parameters."""
 
     names: tuple[ParameterName, ...]
-    point: Array
-    """Parameter values at which the model was linearised, (p,)."""
-    matrix: Array
-    """F, (p, p), in one over the parameters' units."""
+    point: Array  # Parameter values at which the model was linearised, (p,)
+    matrix: Array  # F, (p, p), in one over the parameters' units
     standard_errors: Array = field(init=False)
     """Lower bounds for any unbiased fit, (p,); infinite where the parameter is not seen."""
-    correlation: Array = field(init=False)
-    """Of the estimates, (p, p); zero where one of the two is not seen."""
-    unseen: tuple[Finding, ...] = field(init=False)
-    """Hardly seen directions in parameter space, worst first."""
+    correlation: Array = field(init=False)  # Of the estimates, (p, p); zero where one of the two is not seen
+    unseen: tuple[Finding, ...] = field(init=False)  # Hardly seen directions in parameter space, worst first
 
     def __post_init__(self) -> None:
         """Judge the matrix; copy and freeze every array."""

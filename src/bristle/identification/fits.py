@@ -209,9 +209,11 @@ class AmplitudeStiffness:
 
     kind: Literal["initial", "secant"]
     torque: Number
+    """N*m."""
     displacement: Number
+    """rad."""
     value: Number
-    """torque / displacement, N*m/rad; these in N*m and rad."""
+    """torque / displacement, N*m/rad."""
     standard_error: Number
     lugre: Number
     """That of LuGre's exponential with the initial stiffness, N*m/rad."""
@@ -243,6 +245,7 @@ class PreslidingFit:
     level_standard_error: Number
     """Infinite where g0 is a lower bound, the largest torque held."""
     level_source: Finding
+    """Origin of g0."""
     quantum: float
     """One count, rad; 0 where no counts are seen."""
     counts: int

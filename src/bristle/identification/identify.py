@@ -70,12 +70,10 @@ _OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
 def identify_joint(
     measured: Measured, *, crosscheck: bool = False, uncertainty: bool = False, progress: Progress | None = None
 ) -> Joint:
-    """Everything identified of a joint, with intervals and warnings.
+    """Everything identified of a joint, with intervals and warnings. Raises InputError where no run can be fitted.
 
-    Static parameters come from points at constant velocity, else from moving runs; presliding ones from slow runs;
-    moving runs give all parameters, alone and with the other stages as priors. `crosscheck` solves the moving fit by
-    IPOPT as well (slow); `uncertainty` adds its intervals by profile and bootstrap. Raises InputError where no run can
-    be fitted.
+    `crosscheck` solves the moving fit by IPOPT as well (slow); `uncertainty` adds its intervals by profile and
+    bootstrap.
     """
     return _Decisions(measured, progress).joint_of(crosscheck=crosscheck, uncertainty=uncertainty)
 

@@ -41,10 +41,7 @@ class JointModel:
     """Source of an inertia that was not fitted, or None."""
 
     def friction(self, velocity: ArrayLike) -> Array:
-        """Friction (9), N*m, drag included, at `velocity`, rad/s: 0 at rest, nan in an unknown direction.
-
-        Raises InputError where nothing is known of friction vs velocity.
-        """
+        """Friction (9), N*m, drag included, at `velocity`, rad/s: 0 at rest, nan in an unknown direction. Raises InputError."""
         known = known_joint(self.joint)
         if not known.directions:
             raise InputError("friction: nothing is known of friction vs velocity; fit points or a motion")

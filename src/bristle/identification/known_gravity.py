@@ -21,10 +21,7 @@ _DAMPED = {"voltage": "what the motor damps by its back-EMF", "position error": 
 
 
 def measure_scaled(experiment: Experiment) -> Measured:
-    """What an experiment measured, its effort scaled to N*m where a known gravity tells the scale.
-
-    Raises InputError as `measure` does, and where a moving run has no position.
-    """
+    """What an experiment measured, in N*m where a known gravity tells the scale. Raises InputError as `measure`."""
     measured, gravity = measure(experiment), experiment.gravity
     if gravity is None:
         return measured

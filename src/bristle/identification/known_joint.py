@@ -181,10 +181,8 @@ class KnownJoint:
     name: str
     law: Law = GAUSSIAN
     estimates: Mapping[ParameterName, Estimate]
-    given: Mapping[ParameterName, float]
-    """Fixed by the experiment file."""
-    held: Mapping[ParameterName, float]
-    """Values at which parameters that the moving runs do not show were held."""
+    given: Mapping[ParameterName, float]  # Fixed by the experiment file
+    held: Mapping[ParameterName, float]  # Values at which parameters that the moving runs do not show were held
 
     @property
     def directions(self) -> tuple[Direction, ...]:
@@ -228,10 +226,7 @@ class KnownJoint:
         return {name: x for name, x in values.items() if x is not None}
 
     def filled(self, direction: Direction, travel: float, J: float) -> Lugre[float]:
-        """A direction's full set: unknown sigma_0 by `DEFLECTION` of `travel` (rad), sigma_1 by (15) with J (kg*m**2).
-
-        Raises InputError where friction vs velocity is not known.
-        """
+        """A direction's set, unknown sigma_0 by `DEFLECTION` of `travel` (rad), sigma_1 by (15) with J (kg*m**2), or InputError."""
         self.check_law(direction)
         values, missing = self.values(direction), self.missing(direction)
         if "sigma_0" in missing:
@@ -291,10 +286,7 @@ def as_identified(joint: Joint) -> KnownJoint:
 
 
 def whole(joint: Joint) -> KnownJoint:
-    """What is known of a joint that can be compensated.
-
-    Raises InputError where friction is not known in a direction, or nothing of the bristle without a moving run.
-    """
+    """What is known of a joint that can be compensated. Raises InputError without friction in both directions or a bristle."""
     known = known_joint(joint)
     remedy = "; a compensator needs a tracking run, or ramp and presliding runs in both directions"
     known.check_law(*SIGNED, remedy=remedy)

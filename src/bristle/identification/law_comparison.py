@@ -2,7 +2,7 @@
 
 The paper's law is left only for one with a BIC lower by more than 10 and a lower error at left-out blocks of speed. A
 level that rises with the motor's torque makes a torque explain part of itself: the likelihood of T - f(T) has the
-factor 1 - df/dT, so BIC loses 2 n' mean(log(1 - df/dT)), and left-out errors are of the torque that solves T = f(T).
+factor 1 - df/dT, so BIC loses 2 n' mean(log(1 - df/dT)).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -91,11 +91,7 @@ def laws_of_points(measured: Measured, in_force: Law) -> Comparison | None:
 def laws_of_motion(
     measured: Measured, alone: TrackingFit, *, every: bool
 ) -> tuple[Comparison | None, dict[str, Values]]:
-    """The laws compared on the moving runs, and where the fit of each ended, by name.
-
-    None where equations are too few or the fit is not of a torque. `every` compares other peaks even if the fit shows
-    none.
-    """
+    """The laws on the moving runs (other peaks if `every` or one is shown), and where each fit ended, by name; None of too few."""
     records = measured.moving(hold_out=False)
     if alone.quantity != "torque":
         return None, {}
@@ -157,10 +153,7 @@ class _MovingLaw(NamedTuple):
         return np.maximum(np.concatenate(rows), _LEAST)
 
     def _blocks_left_out(self) -> LeftOut:
-        """Left-out error over blocks of speed, by a damped Gauss-Newton step without each block.
-
-        The first equation of each motion stays in, to determine its deflection.
-        """
+        """Left-out error over blocks of speed, by damped Gauss-Newton steps; each motion's first equation stays in."""
         x_all, _, residuals, jacobian, *_ = self.minimum
         problem, unknowns, share, total = self.problem, self.unknowns, self._not_itself(), 0.0
         first = [block.rows.start for block in problem.blocks]
@@ -266,10 +259,7 @@ def term_that_pays(fit: FitOptions, laws: Comparison) -> str | None:
 def with_averages(
     static: dict[str, StaticFit], moving: TrackingFit | None, laws: Comparison | None
 ) -> tuple[dict[str, StaticFit], TrackingFit | None]:
-    """The fits, with a caution on estimates whose average over laws leaves their interval.
-
-    Fits of other data, or without a Stribeck term, are unchanged.
-    """
+    """The fits, with a caution on estimates whose average over laws leaves their interval; fits of other data unchanged."""
     if laws is None:
         return static, moving
     if laws.data == "points":
@@ -344,10 +334,7 @@ def _left_out(problems: Sequence[Regression]) -> LeftOut:
 
 
 def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | None:
-    """Fitted laws as a comparison with the chosen one, or None of the paper's alone; `in_force` is the law of the fits.
-
-    On moving runs left-out errors are evaluated only if BIC prefers some law to the paper's.
-    """
+    """Fitted laws as a comparison with the chosen one, or None of the paper's alone; `in_force` is the law of the fits."""
     rows = rows_of(fitted, in_force) if fitted else ()
     paper = next((row for row in rows if row.name == GAUSSIAN.name), None)
     if paper is None or len(rows) < 2:

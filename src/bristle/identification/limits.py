@@ -26,24 +26,15 @@ _LEAST_LEFT = 0.1  # of a drive's torque, where the links ask for all of it
 class Limits:
     """What a plan keeps within; m, N in place of rad, N*m for a prismatic joint."""
 
-    position: tuple[float, float]
-    """rad."""
-    slowest: float
-    """Slowest constant velocity, rad/s."""
-    velocity: float
-    """rad/s."""
-    acceleration: float
-    """rad/s**2."""
-    torque: float
-    """Of the drive, N*m; inf where unknown."""
-    time: float | None
-    """s; None: unlimited."""
-    hold: float
-    """Duration of a hold, s."""
-    frequency: float
-    """Highest frequency of the tracking motion, Hz."""
-    rate: float
-    """Samples of the references per second, Hz."""
+    position: tuple[float, float]  # rad
+    slowest: float  # Slowest constant velocity, rad/s
+    velocity: float  # rad/s
+    acceleration: float  # rad/s**2
+    torque: float  # Of the drive, N*m; inf where unknown
+    time: float | None  # s; None: unlimited
+    hold: float  # Duration of a hold, s
+    frequency: float  # Highest frequency of the tracking motion, Hz
+    rate: float  # Samples of the references per second, Hz
 
     @property
     def travel(self) -> float:
@@ -52,10 +43,7 @@ class Limits:
 
 
 def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
-    """The limits of an experiment, and a finding for each that nobody declared.
-
-    Raises InputError where declared limits leave no speed or no time.
-    """
+    """The limits of an experiment, and a finding on each undeclared one. Raises InputError without a speed or time."""
     experiment, asked, kind = measured.experiment, measured.experiment.plan, measured.experiment.joint.kind
     points = [s for s in measured.points(hold_out=False) if not s.stick_slip]
     speeds, assumed = np.abs([s.velocity for s in points]), list[Finding]()

@@ -26,14 +26,10 @@ class Load(NamedTuple):
     """The load along N samples."""
 
     levels: tuple[str, ...]
-    motor: Array
-    """Torque of the motor, N*m, (N,), without what the decimation filter takes off."""
-    weights: tuple[str, ...]
-    """Coefficients of the torque of gravity and links, k of them."""
-    columns: Array
-    """What they multiply, (N, k)."""
-    known: Array
-    """Torque of the links without a coefficient, N*m, (N,)."""
+    motor: Array  # Torque of the motor, N*m, (N,), without what the decimation filter takes off
+    weights: tuple[str, ...]  # Coefficients of the torque of gravity and links, k of them
+    columns: Array  # What they multiply, (N, k)
+    known: Array  # Torque of the links without a coefficient, N*m, (N,)
 
     def at(self, samples: slice) -> "Load":
         """The load of some samples."""
@@ -69,10 +65,7 @@ def load_is_known(records: Sequence[Record], regressors: Sequence[str]) -> bool:
 
 
 def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load | None:
-    """The load of a moving run; None unless a regressor asks for it.
-
-    Raises InputError where the load of the links is asked for and unknown.
-    """
+    """The load of a moving run; None unless a regressor asks for it. Raises InputError where that of the links is unknown."""
     from scipy import signal
 
     levels, weighing = levels_of(regressors), [name for name in regressors if name in _WEIGHTS]
@@ -112,10 +105,7 @@ def level_columns(
 def settled_weights(
     fitted: Callable[[Mapping[str, float]], Mapping[ParameterName, float]], start: Mapping[str, float] | None = None
 ) -> dict[str, float]:
-    """Coefficients of gravity and links, iterated until a fit under their load returns them.
-
-    `fitted` gives the parameters under such a load, by name; `start` is the first one, None: no load.
-    """
+    """Coefficients of gravity and links, from `start` (None: no load) iterated until a fit under their load returns them."""
     own = {name for regressor in _WEIGHTS for name in terms_of(regressor).names}
     weights = dict(start or {})
     for _ in range(_MOST):

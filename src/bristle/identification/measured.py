@@ -95,10 +95,7 @@ class Measured:
 
 
 def measure(experiment: Experiment | Path | str) -> Measured:
-    """Read an experiment's runs and cut out constant velocities; too few of them for points are taken as a motion.
-
-    Raises InputError where a file cannot be read as declared.
-    """
+    """Read an experiment's runs and cut out constant velocities, or a motion if these are too few. Raises InputError."""
     experiment = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
     runs = read_runs(experiment)
     refuse_repeated(experiment, runs)
@@ -180,8 +177,7 @@ def through_wider(measured: Measured, factor: float) -> Measured:
 def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool = False) -> Measured:
     """The same with the torque of moving runs `late` s earlier; its error is added to those of the torque's constants.
 
-    With `final`, a drive that uses fresh measurements keeps these: only its commands move. Before that the delay counts
-    as viscous friction.
+    With `final`, a drive that uses fresh measurements keeps these, and its commands alone move.
     """
     command, motor = measured.experiment.signals.command, measured.experiment.motor_constants or ONE
     gains = {}

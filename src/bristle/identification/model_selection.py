@@ -57,10 +57,8 @@ class Candidate(NamedTuple):
     residuals: Array
     parameters: int
     left_out: LeftOut = None
-    settled: bool = True
-    """Whether its fit converged."""
-    values: Values | None = None
-    """Where a LuGre fit ended."""
+    settled: bool = True  # Whether its fit converged
+    values: Values | None = None  # Where a LuGre fit ended
 
 
 def compare_on_points(measured: Measured, static: Mapping[str, StaticFit]) -> Comparison | None:
@@ -81,8 +79,8 @@ def compare_on_motion(
 ) -> Comparison | None:
     """The models on moving runs, with the same decimation and regressors; None where the position is predicted.
 
-    `alone` is LuGre in its own directions; in the others it is fitted from there, or from `apart`. `static` are fits of
-    the same runs. Raises InputError as the fits of moving runs do.
+    `alone` is LuGre in its own directions; in the others it is fitted from there, or from `apart`. `static` fits the
+    same runs.
     """
     if alone.quantity != "torque":
         return None
@@ -178,10 +176,7 @@ def refitted(
     worth: float = 0.0,
     held: Sequence[Record] = (),
 ) -> Candidate:
-    """LuGre in other directions, from the end of the fit `alone` or from `near`.
-
-    Stops where a step lowers BIC by less than `worth`; `held` are runs to predict.
-    """
+    """LuGre in other directions, from `alone` or `near`, to steps worth less than `worth` of BIC; `held` are predicted."""
     experiment, records = measured.experiment, measured.moving(hold_out=False)
     asked, (fixed, _) = asked_regressors(experiment, directions, moving=True), inertia(experiment)
     given = {name.name for name in alone.known} - {name.name for name in alone.names if name in alone.known}
@@ -212,10 +207,7 @@ def _as_fitted(fit: TrackingFit) -> Candidate:
 def bic_of_directions(
     measured: Measured, alone: TrackingFit, each: TrackingFit | None = None
 ) -> tuple[dict[str, float], Values | None]:
-    """BIC of LuGre by `SYMMETRIC` and `APART`, and where the fit per direction ended, if `each` does not give it.
-
-    Empty where the runs go one way or the position is predicted.
-    """
+    """BIC of LuGre by `SYMMETRIC` and `APART` (`each`, or fitted here, with its end); empty for runs in one direction."""
     if alone.quantity != "torque" or len(moved_in(measured.moving(hold_out=False))) < len(DIRECTIONS):
         return {}, None
     try:
@@ -238,10 +230,7 @@ def rank_models(
     alone: TrackingFit | None,
     left_out: tuple[Finding, ...],
 ) -> Comparison | None:
-    """The comparison of candidates on the same equations; None without any.
-
-    `variance_inflation` is equations per independent one, `power` the sum of squares of the measured torque, (N*m)**2.
-    """
+    """The comparison of candidates, or None; `power` is the sum of squares of the measured torque, (N*m)**2."""
     if not candidates:
         return None
     n = next(iter(candidates.values())).residuals.size

@@ -40,8 +40,7 @@ class Regressor(NamedTuple):
     """A term that an experiment can ask for beside friction."""
 
     names: tuple[str, ...]
-    needs: tuple[str, ...] = ()
-    """Signals that its columns are made of."""
+    needs: tuple[str, ...] = ()  # Signals that its columns are made of
 
 
 REGRESSORS = {
@@ -117,10 +116,7 @@ def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]
 
 
 def load_columns(regressors: Sequence[str], signal: Callable[[str], Array], n: int) -> dict[str, Array]:
-    """Columns of some regressors by parameter (`law.load_terms`), (n,) each.
-
-    `signal` gives position, velocity, acceleration, rad and s, or link_torque, N*m, (n,), on demand.
-    """
+    """Columns of some regressors by parameter (`law.load_terms`), (n,) each; `signal` gives a signal by name, SI, (n,)."""
     needs = {what for regressor in regressors for what in terms_of(regressor).needs}
     signals = [signal(what) if what in needs else np.zeros(n) for what in _NEEDED]
     terms = dict(zip(LOADS, evaluate(load_terms_function(), *signals), strict=True))
@@ -189,11 +185,7 @@ def loads_slowly(record: Record) -> bool:
 def refuse_opposing(
     experiment: Experiment, velocity: Array, torque: Array, what: str, others: Array | None = None
 ) -> None:
-    """Raise InputError where the torque (n,) is unrelated to the motion, or opposes the velocity (n,).
-
-    With other causes of torque, `others` (n, k), it opposes only if Coulomb friction is negative by three standard
-    errors.
-    """
+    """Raise InputError where the torque (n,) is unrelated to the motion, or opposes the velocity beside `others` (n, k)."""
     refuse_noise(experiment, velocity, torque, what, others)
     opposes = velocity.size and float(velocity @ torque) < 0 and np.median(torque * np.sign(velocity)) < 0
     if opposes and others is not None:
@@ -283,10 +275,7 @@ def _of(record: Record, name: str, size: int = 0) -> Array:
 
 
 def known_torque(record: Record, inertia: float | None, regressors: Sequence[str]) -> Array | None:
-    """Torque of a fixed inertia and of a robot's links, N*m, (n,), or None.
-
-    Raises InputError where the inertia leaves nothing of the measured torque.
-    """
+    """Torque of a fixed inertia and of a robot's links, N*m, (n,), or None. Raises InputError for too large an inertia."""
     links = None if "links" in regressors else record.link_torque
     if inertia is None:
         return links

@@ -1,9 +1,4 @@
-"""Scatter of a parameter over several runs, against the interval of the fit of all.
-
-With estimates x_i, standard errors s_i and weighted mean m of k runs, chi2_red = sum ((x_i - m) / s_i)**2 / (k - 1); if
-significant at 1 %, the error is multiplied by its root (Birge, Phys. Rev. 40, 1932). Of one fit: the jackknife over
-runs.
-"""
+"""Scatter of a parameter over several runs, and errors widened by it (Birge, Phys. Rev. 40, 1932; jackknife)."""
 
 from collections.abc import Callable, Container, Hashable, Mapping, Sequence
 from dataclasses import replace
@@ -29,10 +24,7 @@ _ALONE = 10.0  # times the standard error of all runs without one run that alone
 def scatter_of(
     by_run: Mapping[str, float], errors: Array, freedoms: Array, error: float, freedom: float
 ) -> RunScatter | None:
-    """Scatter of one parameter over runs fitted apart, by file; None of fewer than two.
-
-    `errors` and `freedoms` of these estimates are (k,); `error` and `freedom` are of the fit of all.
-    """
+    """Scatter over runs fitted apart, by file, with their errors and freedoms, (k,), and those of the fit of all, or None."""
     count, x, weights = len(by_run), np.array(list(by_run.values())), errors**-2.0
     if count < 2 or not error:
         return None
@@ -207,10 +199,7 @@ def less(x: RunScatter, widened_by: float) -> RunScatter:
 def with_priors_beside(
     scatter: Mapping[ParameterName, RunScatter], alone: TrackingFit, joint: TrackingFit
 ) -> dict[ParameterName, RunScatter]:
-    """The scatter for a fit with priors: C_j becomes C_j + W (F C_a F - C_a) W', W = C_j C_a**-1.
-
-    C_a is the covariance of the runs alone, F the factors that widen it, C_j the joint covariance.
-    """
+    """The scatter for a fit with priors: C_j + W (F C_a F - C_a) W', W = C_j C_a**-1, C_a of the runs alone, F factors."""
     seen = [
         {name for name, x in zip(fit.names, fit.covariance.diagonal(), strict=True) if x > 0} for fit in (alone, joint)
     ]

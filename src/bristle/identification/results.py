@@ -66,8 +66,9 @@ class Accuracy:
     """How well friction is known over the measured speeds: percent of friction, root mean square."""
 
     slowest: Number
+    """rad/s."""
     fastest: Number
-    """Both rad/s."""
+    """rad/s."""
     band: Number
     """Half of the 95 % band: errors, findings and second opinion in quadrature."""
     statistical: Number

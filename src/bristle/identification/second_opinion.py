@@ -1,9 +1,4 @@
-"""A second opinion on friction, independent of the fits: a robust regression over a ladder of set-ups.
-
-Zero-phase low pass; no bristle, samples away from rest; one friction or one per direction, with offset, gravity, peak
-or v abs(v), none of which may drive. Blocks are held out in turn; the simplest set-up within one standard error of the
-best is taken, with errors by the scatter between blocks.
-"""
+"""A second opinion on friction, independent of the fits: a robust regression, the simplest of a ladder of set-ups."""
 
 from collections.abc import Sequence
 from itertools import pairwise, product
@@ -29,12 +24,9 @@ class SecondOpinion(NamedTuple):
 
     set_up: tuple[str, ...]
     values: dict[str, float]
-    without: Array
-    """Values without each block, (k, p)."""
-    held_out: float
-    """Error on held-out blocks, percent of the torque."""
-    top: float
-    """The largest speed, rad/s."""
+    without: Array  # Values without each block, (k, p)
+    held_out: float  # Error on held-out blocks, percent of the torque
+    top: float  # The largest speed, rad/s
     v_s: float
 
     def friction(self, v: Array) -> tuple[Array, Array]:

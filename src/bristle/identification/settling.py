@@ -1,8 +1,4 @@
-"""Correction of holds in which the bristle had not settled.
-
-After a reversal the torque reaches steady friction as exp(-x / b) over the way x, b = g / sigma_0, so slow holds of a
-soft bristle read low.
-"""
+"""Correction of holds in which the bristle had not settled, which it does as exp(-x sigma_0 / g) over the way x."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -24,10 +20,7 @@ _FIRST = 100  # the first of so many parts of a log tells where its bristle begi
 
 
 def without_settling(measured: Measured, joint: Joint, before: Measured) -> Measured | None:
-    """The same with each point corrected by a simulation of its run; None where points stay as they were `before`.
-
-    A run keeps its points where steady friction explains the torque on the way to its holds better than the bristle.
-    """
+    """The same with each point corrected by a simulation of its run; None where points stay as they were `before`."""
     known, sets, curves = {row.parameter: row.estimate.value for row in chosen(joint)}, [], []
     for d in SIGNED:
         fit = joint.static.get(d) or joint.static.get("both") or next(iter(joint.static.values()), None)

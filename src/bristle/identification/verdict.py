@@ -23,8 +23,7 @@ class Verdict(NamedTuple):
     """The verdict and its reason."""
 
     trust: Trust
-    reason: Finding | None
-    """The most important finding, or None."""
+    reason: Finding | None  # The most important finding, or None
 
 
 _BY_WEIGHT = (
@@ -51,10 +50,7 @@ _REPEATED = {
 
 
 def verdict(joint: Joint) -> Verdict:
-    """Whether to use the chosen values: friction is known as well as needed, and no finding about them is critical.
-
-    The reason is the most important critical finding, or what widens the band.
-    """
+    """Whether to use the chosen values: friction is known as well as needed, and no finding about them is critical."""
     found, rows = value_warnings(joint), chosen(joint)
     if all(row.estimate.value is None for row in rows):
         static, moving = (x.outcome for x in joint.static.values()), (x.outcome for x in moving_fits(joint).values())

@@ -84,10 +84,9 @@ def fit_tracking(
     *,
     search: bool = True,
 ) -> DynamicSolution:
-    """All parameters of moving runs with intervals and warnings.
+    """All parameters of moving runs with intervals and warnings; `search` looks for more starts than `others` and `start`.
 
-    `start` is by name, `others` are complete starts before it, `search` looks for more. `held` are hold-out problems by
-    name. Raises InputError where a start shows no dependence on any parameter.
+    `held` are hold-out problems by name. Raises InputError where a start shows no dependence on any parameter.
     """
     problem, solution, dropped, shown = _settled(problem, start, others, progress, search=search)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]

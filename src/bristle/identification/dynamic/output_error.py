@@ -1,7 +1,4 @@
-"""The moving fit with a simulated motor: voltage (or torque) in, position out, in windows (multiple shooting).
-
-J dv/dt = k_t (V - k_t v) / R - T_f - offset - gravity - quadratic v abs(v), dz/dt by (4), dy/dt = v.
-"""
+"""The moving fit with a simulated motor: voltage (or torque) in, position out, in windows (multiple shooting)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -37,10 +34,8 @@ _MOST = 4  # steps of the plant between two samples, at most
 class Simulated:
     """The model of windows, simulated from their initial states."""
 
-    motor: Motor[float]
-    """k_t and R of a voltage drive."""
-    current: Current
-    """`motor.current` under a voltage, `motor.current_for` under a torque."""
+    motor: Motor[float]  # k_t and R of a voltage drive
+    current: Current  # `motor.current` under a voltage, `motor.current_for` under a torque
     law: Law = GAUSSIAN
 
     def __call__(
@@ -88,11 +83,9 @@ def simulation(
     decimation: int,
     horizon: float | None = None,
 ) -> DynamicProblem:
-    """The problem of moving records, with position and voltage or torque, for the simulated motor.
+    """The problem of the simulated motor from that of the torque, `posed`; windows of `horizon` s, `decimation` averaged.
 
-    `posed` is that of the torque, undecimated, with inertia; `constants` serve voltages. `decimation` samples are
-    averaged to one equation; windows are `horizon` s long. Raises InputError where a position or the inertia is
-    missing.
+    Raises InputError where a position or the inertia is missing.
     """
     if INERTIA not in posed.extra_names:
         raise InputError(

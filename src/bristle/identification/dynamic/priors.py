@@ -53,8 +53,7 @@ class DynamicStages(NamedTuple):
     """Results of moving runs; None or empty where missing."""
 
     tracking: TrackingFit | None = None
-    joint_fit: TrackingFit | None = None
-    """Moving runs alone, and with priors of the other stages."""
+    joint_fit: TrackingFit | None = None  # Moving runs alone, and with priors of the other stages
     consistency: tuple[Consistency, ...] = ()
     presliding: Presliding | None = None
 
@@ -72,11 +71,10 @@ def fit_with_priors(
     uncertainty: bool = False,
     progress: Progress | None = None,
 ) -> DynamicStages:
-    """All parameters from moving runs, alone and with priors of the other stages.
+    """All parameters from moving runs, alone and with priors of the other stages. Raises InputError where a signal is missing.
 
     `static_is_apart`: the static fits are of other data; `load` makes the presliding stage; `near` is a fit of the same
     runs, or its values, to begin at. `crosscheck` adds IPOPT (slow), `uncertainty` intervals by profile and bootstrap.
-    Raises InputError where a run lacks a signal or shows no parameter.
     """
     moving, options = directions(experiment, records), experiment.fit
     kind, by_torque = experiment.joint.kind, options.predict == "torque"

@@ -1,7 +1,4 @@
-"""The moving problem: the measured velocity drives LuGre, which must explain the measured torque.
-
-T = T_f(v; alpha_0, alpha_1, alpha_2, v_s, sigma_0, sigma_1) + J dv/dt + offset + gravity.
-"""
+"""The moving problem: the measured velocity drives LuGre, which must explain the measured torque."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -44,28 +41,17 @@ class Motion:
     """A segment between gaps, or a simulated window, of N samples and n equations."""
 
     file: str
-    time: Array
-    """s from the start of its run, (N,)."""
-    velocity: Array
-    """rad/s, (N,)."""
-    torque: Array
-    """Measured, less a fixed inertia's, N*m, (N,)."""
-    extra: Array
-    """Columns of the extra regressors, (N, k)."""
-    smooth: sparse.csr_array | None
-    """The decimation filter, (n, N), or None."""
-    continues_previous: bool = False
-    """Whether it begins where the motion before it ends."""
-    weight: float = 1.0
-    """Factor on its residuals."""
-    measured: Array
-    """Measured torque, N*m, or position, rad, (N,)."""
-    drive: Array = field(default_factory=lambda: np.zeros(0))
-    """Of a window: voltage, V, or torque, N*m, (N,)."""
-    position: Array = field(default_factory=lambda: np.zeros(0))
-    """rad, (N,), or empty."""
-    coarsening: float = 1.0
-    """As in `rollout`."""
+    time: Array  # s from the start of its run, (N,)
+    velocity: Array  # rad/s, (N,)
+    torque: Array  # Measured, less a fixed inertia's, N*m, (N,)
+    extra: Array  # Columns of the extra regressors, (N, k)
+    smooth: sparse.csr_array | None  # The decimation filter, (n, N), or None
+    continues_previous: bool = False  # Whether it begins where the motion before it ends
+    weight: float = 1.0  # Factor on its residuals
+    measured: Array  # Measured torque, N*m, or position, rad, (N,)
+    drive: Array = field(default_factory=lambda: np.zeros(0))  # Of a window: voltage, V, or torque, N*m, (N,)
+    position: Array = field(default_factory=lambda: np.zeros(0))  # rad, (N,), or empty
+    coarsening: float = 1.0  # As in `rollout`
     shifts: Mapping[str, Array] = field(default_factory=dict)
     """Change of the torque per standard error of each constant, N*m, (N,)."""
     load: Load | None = None
@@ -94,13 +80,10 @@ class Motion:
 class Prior:
     """A normal distribution of some parameters from another stage."""
 
-    stage: str
-    """`static`, `presliding` or `experiment file`."""
+    stage: str  # `static`, `presliding` or `experiment file`
     names: tuple[ParameterName, ...]
-    value: Array
-    """(p,)."""
-    root: Array
-    """Inverse Cholesky factor of the covariance, (p, p): `root @ (x - value)` scatters by one."""
+    value: Array  # (p,)
+    root: Array  # Inverse Cholesky factor of the covariance, (p, p): `root @ (x - value)` scatters by one
     shifts: Mapping[str, Array] = field(default_factory=dict)
     """Change of `value` per standard error of each constant, (p,)."""
 
@@ -110,27 +93,18 @@ class DynamicProblem:
     """Nonlinear least squares of moving data."""
 
     motions: tuple[Motion, ...]
-    directions: tuple[Direction, ...]
-    """`both`, or those of + and - with motion."""
+    directions: tuple[Direction, ...]  # `both`, or those of + and - with motion
     extra_names: tuple[ParameterName, ...]
-    fixed: Mapping[ParameterName, float]
-    """Parameters that are not estimated."""
+    fixed: Mapping[ParameterName, float]  # Parameters that are not estimated
     law: Law = GAUSSIAN
     priors: tuple[Prior, ...] = ()
-    sigma: float = 1.0
-    """Scatter of the residuals, N*m: the weight of priors."""
-    quantity: Literal["torque", "position"] = "torque"
-    """What is predicted; residuals of a position are in rad."""
-    initial_states: tuple[str, ...] = ("z0",)
-    """Unknown initial states of each motion."""
-    count: float = 0.0
-    """Encoder count behind the velocity, rad, or 0."""
-    cutoff: float = 0.0
-    """Of the low pass of the motion, Hz, or 0."""
-    stribeck: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"
-    """As `fit.model`."""
-    given: tuple[str, ...] = ()
-    """As in `Regression`."""
+    sigma: float = 1.0  # Scatter of the residuals, N*m: the weight of priors
+    quantity: Literal["torque", "position"] = "torque"  # What is predicted; residuals of a position are in rad
+    initial_states: tuple[str, ...] = ("z0",)  # Unknown initial states of each motion
+    count: float = 0.0  # Encoder count behind the velocity, rad, or 0
+    cutoff: float = 0.0  # Of the low pass of the motion, Hz, or 0
+    stribeck: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"  # As `fit.model`
+    given: tuple[str, ...] = ()  # As in `Regression`
     equations: "Equations" = field(default_factory=lambda: equation_error)
 
     @property
@@ -241,10 +215,7 @@ def dynamic_problem(
     fixed: Mapping[ParameterName, float] | None = None,
     law: Law = GAUSSIAN,
 ) -> DynamicProblem:
-    """The problem of moving records; arguments as in `static.problem.from_records`.
-
-    Raises InputError where a record lacks a signal, is at rest, or a segment is too short for the filter.
-    """
+    """The problem of moving records, as `static.problem.from_records`. Raises InputError for missing signals or rest."""
     motions: list[Motion] = []
     names: tuple[str, ...] = ()
     for record in records:

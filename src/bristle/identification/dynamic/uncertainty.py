@@ -1,7 +1,4 @@
-"""Intervals of moving fits by covariance, profile and bootstrap, moved by the encoder bias; and errors of constants.
-
-A constant off by its standard error changes the residuals by dr, and the minimum by -(J'J)**-1 J' dr.
-"""
+"""Intervals of moving fits by covariance, profile and bootstrap, moved by the encoder bias; and errors of constants."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -121,7 +118,7 @@ def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tup
 
 
 def shifts_of(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float]]:
-    """Change of each free parameter per standard error of each constant, by constant."""
+    """Change of each free parameter, -(J'J)**-1 J' dr, per standard error of each constant, by constant."""
     problem, posed, minimum = solved.problem, solved.solution.posed, solved.solution.minimum
     held = [*(m.shifts for m in problem.motions), *(prior.shifts for prior in problem.priors)]
     constants = dict.fromkeys(constant for by in held for constant in by)

@@ -49,12 +49,9 @@ class Left(NamedTuple):
     """Analysis of a fit's residuals."""
 
     findings: list[Finding]
-    errors: Array
-    """Scaled standard errors, (p,), with the effect of what was found; the bristle's widened by reversals."""
-    friction: float = np.nan
-    """Of the model, rms, N*m."""
-    late: tuple[float, float] = (0.0, np.inf)
-    """Delay of the logged torque and its standard error, s."""
+    errors: Array  # Scaled standard errors, (p,), with the effect of what was found; the bristle's widened by reversals
+    friction: float = np.nan  # Of the model, rms, N*m
+    late: tuple[float, float] = (0.0, np.inf)  # Delay of the logged torque and its standard error, s
 
 
 def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: Kind) -> Left:
@@ -296,10 +293,7 @@ def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
 
 
 def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
-    """Delay that counts add to each equation, times the squares of its column, (n,).
-
-    Noise of counts in the acceleration a biases the delay by -J alpha_2 sum(a**2) / squares (errors in variables).
-    """
+    """Delay that counts add to each equation, (n,), times squares: -J alpha_2 a**2 by noise a of the acceleration."""
     inertia = solution.values.get(INERTIA, problem.fixed.get(INERTIA, 0.0))
     if not (problem.count and problem.cutoff and inertia):
         return np.zeros(problem.size)

@@ -1,8 +1,4 @@
-"""Stiffness against amplitude, and softening beyond LuGre's exponential.
-
-LuGre bends by y = U / sigma_0, U = -g0 log(1 - T / g0). Here y of loading k = rest_k + f(U), f piecewise linear with
-knots and f(0) = 0. It softens where U / y falls from first to last knot by more than chance.
-"""
+"""Stiffness against amplitude, and softening beyond LuGre's exponential: y = rest + f(U), f piecewise linear."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,9 +1,4 @@
-"""sigma_0 from slow loading by four estimators; U = -g0 log(1 - T / g0) = sigma_0 y, one encoder count is q.
-
-Printed: T1 / x1 at the first measured displacement x1 (14). Corrected: U1 / x1, exact where rest lies on a count edge.
-Edges: slope of U over y at the count edges, an intercept per loading. Samples: one over the slope of y over U, with
-time as instrument.
-"""
+"""sigma_0 from slow loading by four estimators; U = -g0 log(1 - T / g0) = sigma_0 y, one encoder count is q."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -36,13 +31,10 @@ class KnownValue(NamedTuple):
     """g0 (N*m) or J (kg*m**2) from another stage."""
 
     value: float
-    standard_error: float
-    """Infinite for a lower bound."""
+    standard_error: float  # Infinite for a lower bound
     source: Finding
-    shifts: Mapping[str, float] = MappingProxyType({})
-    """As in `Estimate`."""
-    most: float = float("inf")
-    """Of a lower bound: the largest value allowed."""
+    shifts: Mapping[str, float] = MappingProxyType({})  # As in `Estimate`
+    most: float = float("inf")  # Of a lower bound: the largest value allowed
 
     @property
     def is_bound(self) -> bool:
@@ -66,8 +58,7 @@ class Piece:
     U: Array
     edge_y: Array
     edge_U: Array
-    weight: Array
-    """Of edges: one over the variance of U."""
+    weight: Array  # Of edges: one over the variance of U
 
 
 Estimator = Callable[[Sequence[Piece]], tuple[float, float, float]]
@@ -75,10 +66,7 @@ Estimator = Callable[[Sequence[Piece]], tuple[float, float, float]]
 
 
 def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dict[str, Estimate]:
-    """sigma_0 of one direction by `printed`, `corrected`, `edges`, `samples`; a lower bound if counts hide the motion.
-
-    Where g0 is a lower bound, the interval covers every larger g0 that is allowed.
-    """
+    """sigma_0 of one direction by each estimator; a lower bound if counts hide the motion, its interval over all g0."""
     if level.is_bound:
         most = min(level.most, _STRAIGHT * level.value)
         each = (KnownValue(g0, 0.0, level.source) for g0 in (level.value, level.middle.value, most))
@@ -263,8 +251,7 @@ class Columns(NamedTuple):
     x: Array
     y: Array
     instrument: Array
-    starts: list[int]
-    """First row of each loading."""
+    starts: list[int]  # First row of each loading
 
 
 def _columns(parts: Sequence[tuple[Array, Array, Array]]) -> Columns:

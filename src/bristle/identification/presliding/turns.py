@@ -1,8 +1,4 @@
-"""Delay of the torque of slow loading: a bristle turns torque and displacement at the same time.
-
-About a turn the torque is a quartic on either side, and the displacement LuGre's own with its square, at the delayed
-torque.
-"""
+"""Delay of the torque of slow loading: a bristle turns torque and displacement at the same time."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -45,10 +41,7 @@ def turning_lag(
     options: FitOptions,
     resolution: float | None,
 ) -> list[Finding]:
-    """A caution where the torque of presliding runs is late or early and this changes sigma_0.
-
-    `levels` are g0 per direction, N*m; `resolution` is one encoder count, rad, or None.
-    """
+    """A caution where the torque is late or early and this changes sigma_0; `levels` are g0, N*m, resolution in rad."""
     # how much later the torque turns, and the standard error of that, s, at each turn before which nothing slides
     lags = list[tuple[float, float]]()
     for record in records:

@@ -1,7 +1,7 @@
 """Intervals of a presliding stiffness by covariance, profile and bootstrap-t.
 
-u is sigma_0, or its inverse for `samples`; x = (g0 - level) / its error. Profile: Q(u) = min over x of ((u - u(x)) /
-e(x))**2 + x**2 <= t**2. Bootstrap: blocks of edges or samples, each draw with its own g0 and rest position.
+u is sigma_0, or its inverse for `samples`; x = (g0 - level) / its error; Q(u) = min over x of ((u - u(x)) / e(x))**2 +
+x**2.
 """
 
 from collections.abc import Sequence

@@ -31,13 +31,10 @@ _SAMPLES = 4000  # samples by which orders are compared
 class LinkScale:
     """Scale of the links' torque in a joint's logged torque."""
 
-    scale: float
-    """Units of the logged torque per N*m."""
+    scale: float  # Units of the logged torque per N*m
     error: float
-    explained: float
-    """RMS explained by the links alone, in the logged unit."""
-    left: float
-    """RMS of the residuals."""
+    explained: float  # RMS explained by the links alone, in the logged unit
+    left: float  # RMS of the residuals
 
     @property
     def told(self) -> bool:
@@ -69,10 +66,7 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale:
 
 
 def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], found: LinkScale) -> LinkScale:
-    """The scale by the LuGre fit, where it is more precise and explains the runs better; else as found.
-
-    `experiment` has the links among its regressors, and its torque in the logged unit.
-    """
+    """The scale by the LuGre fit, with links as a regressor, where it is more precise and fits better; else as found."""
     if not found.scale:
         return found
     static, _ = fit_moving(experiment, records, ())
@@ -127,8 +121,7 @@ class Course:
     q: Array
     v: Array
     a: Array
-    torque: Array
-    """As logged."""
+    torque: Array  # As logged
     kinds: tuple[str, ...]
 
 

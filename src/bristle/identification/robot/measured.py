@@ -59,8 +59,7 @@ def measure_robot(
 ) -> tuple[Measured, ...]:
     """What each joint to identify measured; with a URDF also link torques, torque constants and plausibility checks.
 
-    `share` maps the joints, `only` is the one joint wanted, `constant` its torque constant if already found. Raises
-    InputError where a file cannot be used as declared.
+    `share` maps the joints, `only` is the one wanted, `constant` its known torque constant. Raises InputError.
     """
     parts = [part._replace(constant=constant) for part in _parts(robot, progress) if only in (None, part.name)]
     measured: list[Measured] = []
@@ -126,12 +125,10 @@ class _Part(NamedTuple):
 
     joint: JointOfRobot
     runs: tuple[Run, ...]
-    linked: bool
-    """Whether link torques are known."""
+    linked: bool  # Whether link torques are known
     link_inertia: float | None
     findings: tuple[Finding, ...]
-    constant: Estimate | None = None
-    """The torque constant, if already found."""
+    constant: Estimate | None = None  # The torque constant, if already found
 
     @property
     def name(self) -> str:

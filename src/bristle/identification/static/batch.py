@@ -1,8 +1,4 @@
-"""Static fits of many data sets at the same velocities, in a few matrix products.
-
-The Stribeck column, its slope and their products with the data are tabulated over log(v_s) and interpolated by
-polynomials through six neighbours: a projection for each set would take many times as long.
-"""
+"""Static fits of many data sets at the same velocities, from tables over log(v_s) interpolated by polynomials."""
 
 from math import ceil
 from typing import NamedTuple

@@ -61,14 +61,10 @@ _LOGARITHMIC = ("v_s",)  # what is compared, and widened, as its logarithm
 class PointInfo:
     """Origin of each equation."""
 
-    segments: tuple[Segment, ...] = ()
-    """Of each point, (n,); empty for moving data."""
-    time: Array = field(default_factory=lambda: np.zeros(0))
-    """s from the start of its run, (n,); empty where unknown."""
-    position: Array = field(default_factory=lambda: np.zeros(0))
-    """rad, (n,); empty where unknown."""
-    search: PointSearch | None = None
-    """Strays; None for moving data."""
+    segments: tuple[Segment, ...] = ()  # Of each point, (n,); empty for moving data
+    time: Array = field(default_factory=lambda: np.zeros(0))  # s from the start of its run, (n,); empty where unknown
+    position: Array = field(default_factory=lambda: np.zeros(0))  # rad, (n,); empty where unknown
+    search: PointSearch | None = None  # Strays; None for moving data
 
 
 def fit_static(
@@ -393,10 +389,7 @@ def refuse_opposing_points(experiment: Experiment, points: Sequence[Segment], as
 
 
 def fit_points(measured: Measured, points: Sequence[Segment]) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Static fits and cross-checks of points at constant velocity.
-
-    Raises InputError where a regressor needs a signal that points lack, or torque opposes velocity.
-    """
+    """Static fits and cross-checks of points. Raises InputError where a signal is missing or torque opposes velocity."""
     experiment, asked = measured.experiment, point_regressors(measured.experiment)
     if "inertia" in (experiment.fit.regressors or ()) and not measured.moving(hold_out=False):  # which can tell it
         raise InputError(
@@ -435,10 +428,7 @@ def by_file(points: Iterable[Segment]) -> dict[str, list[Segment]]:
 def fit_moving(
     experiment: Experiment, records: Sequence[Record], held: Sequence[Record]
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Static fits and cross-checks of moving runs, by linear least squares with the grid.
-
-    Raises InputError where a run lacks a signal or is too short.
-    """
+    """Static fits and cross-checks of moving runs, by the grid. Raises InputError where a signal is missing."""
     fixed, prior = inertia(experiment)
     moving, asked = directions(experiment, records), regressors(experiment)
 
@@ -467,10 +457,7 @@ def fit_moving(
 
 
 def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:
-    """The static fits of moving runs, marked as superseded where LuGre fits the same runs.
-
-    Presliding biases a static law, so its warnings do not count then.
-    """
+    """The static fits of moving runs, superseded where LuGre fits the same runs: presliding biases a static law."""
     if moving is None or all(e.value is None for name, e in moving.parameters.items() if name.name == "alpha_0"):
         return dict(static)
     found = dict(static)

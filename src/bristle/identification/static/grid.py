@@ -1,8 +1,4 @@
-"""Static fits by variable projection, (10)-(13): a grid over v_s with linear least squares inside.
-
-With the linear columns projected out (QR), a Stribeck column s leaves alpha_1 = s'r / s's and lowers the cost by
-(s'r)**2 / s's; the grid minimum is then refined to the continuous one.
-"""
+"""Static fits by variable projection, (10)-(13): a grid over v_s with linear least squares inside, then refined."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -39,21 +35,14 @@ _UNTOUCHED = 1e-200  # squared length of a peak's column off the others that tou
 class Solution:
     """A static problem solved at given v_s, or at its continuous minimum."""
 
-    theta: Array
-    """In the order of the problem's `names`."""
-    cost: float
-    """J_s (10)."""
+    theta: Array  # In the order of the problem's `names`
+    cost: float  # J_s (10)
     at_bound: tuple[ParameterName, ...]
-    residuals: Array
-    """Measured minus modelled torque, (n,)."""
-    jacobian: Array
-    """Exact derivative of the modelled torque by theta, (n, p)."""
-    base_costs: tuple[float, ...] = ()
-    """Cost without each peak."""
-    grid: Array = field(default_factory=lambda: np.zeros(0))
-    """v_s, rad/s, (k,)."""
-    profiles: tuple[Array, ...] = ()
-    """Cost on the grid per peak, minimised over all other parameters, (k,)."""
+    residuals: Array  # Measured minus modelled torque, (n,)
+    jacobian: Array  # Exact derivative of the modelled torque by theta, (n, p)
+    base_costs: tuple[float, ...] = ()  # Cost without each peak
+    grid: Array = field(default_factory=lambda: np.zeros(0))  # v_s, rad/s, (k,)
+    profiles: tuple[Array, ...] = ()  # Cost on the grid per peak, minimised over all other parameters, (k,)
 
 
 class Projected:
@@ -220,10 +209,7 @@ def subsets(items: Sequence[T]) -> list[tuple[T, ...]]:
 
 
 def default_range(velocity: Array) -> tuple[float, float]:
-    """The search range of v_s, rad/s: from a third of the slowest speed, where no point is touched, to the fastest.
-
-    Moving data: slower than a thousandth of the fastest is noise.
-    """
+    """The search range of v_s, rad/s: from a third of the slowest speed, where no point is touched, to the fastest."""
     speed = np.abs(velocity[velocity != 0])
     high = float(speed.max())
     low = max(float(speed.min()), 1e-3 * high) / 3

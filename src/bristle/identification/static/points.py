@@ -33,25 +33,16 @@ _ASLEEP = 0.85  # of alpha_0 of faster points: what is slow and has less does no
 class PointSearch:
     """The strays of one solve."""
 
-    sides: tuple[str, ...]
-    """Directions of the solve."""
+    sides: tuple[str, ...]  # Directions of the solve
     points: tuple[Segment, ...]
-    problem: Regression
-    """Of all points."""
-    strays: tuple[int, ...] = ()
-    """Sliding points off the law, the one that lowers the cost most first."""
-    resting: tuple[int, ...] = ()
-    """Slow points below breakaway."""
-    matter: bool = False
-    """Whether the curve moves without them."""
-    apart: bool = True
-    """Whether strays are few and isolated; others show a term that the law lacks."""
-    misfit: bool = False
-    """Whether there are more strays than allowed."""
-    deviations: Array
-    """Torque less that of the law, in standard deviations, (n,)."""
-    expected: Array
-    """Torque of the law, N*m, (n,)."""
+    problem: Regression  # Of all points
+    strays: tuple[int, ...] = ()  # Sliding points off the law, the one that lowers the cost most first
+    resting: tuple[int, ...] = ()  # Slow points below breakaway
+    matter: bool = False  # Whether the curve moves without them
+    apart: bool = True  # Whether strays are few and isolated; others show a term that the law lacks
+    misfit: bool = False  # Whether there are more strays than allowed
+    deviations: Array  # Torque less that of the law, in standard deviations, (n,)
+    expected: Array  # Torque of the law, N*m, (n,)
 
     @property
     def left_out(self) -> tuple[int, ...]:

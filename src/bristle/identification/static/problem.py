@@ -1,8 +1,4 @@
-"""Static problems as arrays, linear but for v_s and the `shape` of the law's peak, which is held: (9)-(12).
-
-T_ss = sum over directions of (alpha_0 sgn(v) + alpha_2 v + alpha_1 exp(-(v / v_s)**2) sgn(v)) + extra regressors; theta
-= (linear..., alpha_1 per peak, v_s per peak).
-"""
+"""Static problems as arrays, linear but for v_s and the `shape` of the law's peak, which is held: (9)-(12)."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -35,33 +31,23 @@ Tables = tuple[Array, ...]
 class Regression:
     """A static problem of n equations from N samples (n = N unless smoothed)."""
 
-    directions: tuple[Direction, ...]
-    """`both`, or those of + and - that were measured."""
-    peaks: tuple[Direction, ...]
-    """Directions with a Stribeck term."""
-    velocity: Array
-    """rad/s, (N,)."""
-    torque: Array
-    """N*m, (n,)."""
-    linear: Array
-    """Columns of the linear parameters but alpha_1, (n, m)."""
+    directions: tuple[Direction, ...]  # `both`, or those of + and - that were measured
+    peaks: tuple[Direction, ...]  # Directions with a Stribeck term
+    velocity: Array  # rad/s, (N,)
+    torque: Array  # N*m, (n,)
+    linear: Array  # Columns of the linear parameters but alpha_1, (n, m)
     linear_names: tuple[ParameterName, ...]
     """alpha_0, alpha_2 and the law's coefficients per direction, then the extra regressors."""
     law: Law = GAUSSIAN
-    shape: tuple[float, ...] = ()
-    """Parameters of the peak beside v_s."""
-    smooth: sparse.csr_array | None = None
-    """The decimation filter, (n, N)."""
+    shape: tuple[float, ...] = ()  # Parameters of the peak beside v_s
+    smooth: sparse.csr_array | None = None  # The decimation filter, (n, N)
     memory: dict[tuple[object, str, bytes, tuple[float, ...]], Tables] = field(default_factory=dict, repr=False)
     """Smoothed columns, which take long."""
-    priors: int = 0
-    """Number of the last equations that are priors."""
+    priors: int = 0  # Number of the last equations that are priors
     shifts: Mapping[str, Array] = field(default_factory=dict)
     """Change of `torque` per standard error of each constant, (n,)."""
-    given: tuple[str, ...] = ()
-    """Parameters that `torque` was made of, where the joint coasts."""
-    known: Array | None = None
-    """Torque taken off `torque` (a fixed inertia's), (n,)."""
+    given: tuple[str, ...] = ()  # Parameters that `torque` was made of, where the joint coasts
+    known: Array | None = None  # Torque taken off `torque` (a fixed inertia's), (n,)
     weights: Mapping[str, float] = field(default_factory=dict)
     """Assumed coefficients of gravity and links, where the level rises with load."""
 

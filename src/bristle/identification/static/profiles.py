@@ -1,7 +1,4 @@
-"""Exact profiles of the parameters of a static fit (`estimation.conditional_profile`, eta = log(v_s)).
-
-Moving data are first `reduced` to few equations. Shape parameters beside v_s are searched around the grid.
-"""
+"""Exact profiles of the parameters of a static fit (`estimation.conditional_profile`, eta = log(v_s))."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -43,14 +40,10 @@ _WITHIN = 5  # values between the ends of its interval at which the intervals of
 class StaticProfiles(NamedTuple):
     """Profiles of a solved problem."""
 
-    intervals: dict[ParameterName, tuple[float, float]]
-    """95 % intervals, by name."""
-    threshold: float
-    """The largest cost within an interval."""
-    problem: Regression
-    """The problem in few equations."""
-    linear: ConditionalProfiles
-    """Of the linear parameters, alpha_1 included."""
+    intervals: dict[ParameterName, tuple[float, float]]  # 95 % intervals, by name
+    threshold: float  # The largest cost within an interval
+    problem: Regression  # The problem in few equations
+    linear: ConditionalProfiles  # Of the linear parameters, alpha_1 included
 
     def curve(self, name: ParameterName, value: float, low: float, high: float) -> Array:
         """A linear parameter's profile, (2, k), to half a width beyond its interval."""
@@ -64,10 +57,7 @@ class StaticProfiles(NamedTuple):
 def profiled(
     problem: Regression, solution: Solution, variance_inflation: float = 1.0, threshold: float | None = None
 ) -> StaticProfiles:
-    """The profiles of a solution; `variance_inflation` is that of correlated residuals, `threshold` overrides its own.
-
-    v_s is open, 0 or inf, where its profile stays below the threshold to the end of the range, and alpha_1 with it.
-    """
+    """The profiles of a solution; v_s is open, 0 or inf, where its profile stays below the threshold, and alpha_1 with it."""
     if threshold is None:
         parameters = len(problem.names) + len(problem.shape)
         threshold = profile_threshold(solution.cost, problem.torque.size, parameters, variance_inflation)

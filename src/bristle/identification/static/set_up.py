@@ -52,10 +52,8 @@ class BetterSetUp:
 
     asked: SetUp
     set_up: SetUp
-    asked_error: float
-    """100 * norm(error) / norm(torque) on held-out parts, percent, as asked for ..."""
-    error: float
-    """... and with this set-up."""
+    asked_error: float  # 100 * norm(error) / norm(torque) on held-out parts, percent, as asked for ...
+    error: float  # ... and with this set-up.
 
     @property
     def lines(self) -> str:

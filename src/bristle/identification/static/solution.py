@@ -45,23 +45,18 @@ class StaticSolution:
 
     problem: Regression
     solution: Solution
-    parameters: Mapping[ParameterName, Estimate]
-    """With statistical errors."""
-    shifts: Mapping[str, Mapping[ParameterName, float]]
-    """Change of each parameter per standard error of each constant."""
+    parameters: Mapping[ParameterName, Estimate]  # With statistical errors
+    shifts: Mapping[str, Mapping[ParameterName, float]]  # Change of each parameter per standard error of each constant
     names: tuple[ParameterName, ...]
     covariance: Array
     freedom: float
     outcome: Finding
     warnings: tuple[Finding, ...]
     profiles: Mapping[Direction, Profile]
-    dropped: Mapping[Direction, Finding]
-    """Directions without a Stribeck term, with the reason."""
+    dropped: Mapping[Direction, Finding]  # Directions without a Stribeck term, with the reason
     profiled: StaticProfiles
-    student: Mapping[ParameterName, tuple[float, float]]
-    """95 % intervals by Student's t."""
-    beside: Mapping[ParameterName, Estimate]
-    """Shape parameters of the peak, and the fastest speed of laws with terms."""
+    student: Mapping[ParameterName, tuple[float, float]]  # 95 % intervals by Student's t
+    beside: Mapping[ParameterName, Estimate]  # Shape parameters of the peak, and the fastest speed of laws with terms
 
     @property
     def estimates(self) -> dict[ParameterName, Estimate]:
@@ -72,12 +67,9 @@ class StaticSolution:
 class OtherPoints(NamedTuple):
     """A fit of another choice of points, beside one."""
 
-    told: str
-    """Its values with their errors, and what it leaves."""
-    numbers: Mapping[str, float]
-    """Its values, by name."""
-    apart: float
-    """By how much it differs over the points of the other, N*m, rms."""
+    told: str  # Its values with their errors, and what it leaves
+    numbers: Mapping[str, float]  # Its values, by name
+    apart: float  # By how much it differs over the points of the other, N*m, rms
 
 
 def beside(one: StaticSolution, other: StaticSolution) -> OtherPoints:

@@ -1,9 +1,7 @@
 """Strays: points without which the refitted cost is lower by more than chance (F test), one after another.
 
-Where no single point is, pairs and threes are tried. At a given v_s the cost falls by r**2 / (1 - h), with leverage h,
-which is tried at every v_s of a grid; the best few are refitted (Cook and Weisberg, Residuals and Influence in
-Regression, 1982). More than an eighth of the points are a misfit of the law. Of more than a thousand points v_s is that
-of the fit.
+At a given v_s the cost falls by r**2 / (1 - h), with leverage h (Cook and Weisberg, Residuals and Influence in
+Regression, 1982); pairs and threes are tried where no single point is significant.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,10 +33,8 @@ _VANISHED = 1e-9  # a point with less than this share of itself off the fit's co
 class StraySearch(NamedTuple):
     """The strays of a problem."""
 
-    rows: tuple[int, ...]
-    """The one that lowers the cost most first."""
-    misfit: bool
-    """Whether there are more than allowed."""
+    rows: tuple[int, ...]  # The one that lowers the cost most first
+    misfit: bool  # Whether there are more than allowed
 
 
 def find_strays(problem: Regression) -> StraySearch:

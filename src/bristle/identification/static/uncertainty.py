@@ -66,11 +66,9 @@ def _curve(solved: StaticSolution, name: ParameterName, value: float) -> Array:
 class StaticDraws(NamedTuple):
     """Bootstrap of p parameters, in their units."""
 
-    low: Array
-    """Lower ends, (p,); -inf, or 0 if positive, where draws do not show the parameter; nan: no interval."""
+    low: Array  # Lower ends, (p,); -inf, or 0 if positive, where draws do not show the parameter; nan: no interval
     high: Array
-    draws: Array
-    """(p, b)."""
+    draws: Array  # (p, b)
 
 
 def resample(
@@ -81,11 +79,7 @@ def resample(
     seed: int = SEED,
     covariance: Array | None = None,
 ) -> StaticDraws:
-    """Bootstrap intervals of every parameter in the order of `names`.
-
-    Up to `MANY` points with one peak are refitted, others go one Gauss-Newton step; moving data need the `covariance`
-    of the parameters at no bound, and enough blocks.
-    """
+    """Bootstrap intervals in the order of `names`: up to `MANY` points are refitted, others go one Gauss-Newton step."""
     keep = np.ones(len(problem.names), dtype=bool)
     alone = problem.smooth is None and len(problem.peaks) < 2 and not problem.shape
     if alone and problem.torque.size <= MANY:
