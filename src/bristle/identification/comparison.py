@@ -13,14 +13,14 @@ from bristle.findings import Finding
 from bristle.model.parameters import ParameterName
 
 SYMMETRIC, APART = "symmetric", "per direction"
-ONE = "one direction"  # in which a model is called by its bare name
-GAIN = 10.0  # of BIC: very strong evidence (Kass and Raftery 1995), which another law, or a friction for each direction, needs
+ONE = "one direction"  # models are then named without it
+GAIN = 10.0  # of BIC: very strong evidence (Kass and Raftery 1995), required of another law or of two directions
 _BLOCKS = 5
 Data = Literal["points", "moving runs"]
 Known = Mapping[ParameterName, tuple[float, float, float]]
-"""Value, standard error and its degrees of freedom of each parameter that is at no bound."""
+"""Value, standard error and degrees of freedom of each parameter at no bound."""
 LeftOut = float | None
-"""100 * norm(error) / norm(measured), percent, of what was left out, predicted from the rest; None where that is too little."""
+"""100 * norm(error) / norm(measured), percent, of left-out data, predicted from the rest; None for too few."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -127,11 +127,6 @@ class RunScatter:
     by_run: Mapping[str, Number]
     """Estimate of each run, by file; jackknife pseudo-values where the runs were not fitted apart."""
 
-    @property
-    def significant(self) -> bool:
-        """Whether the runs differ by more than chance."""
-        return self.after < self.before
-
 
 @result
 class StaticFit:

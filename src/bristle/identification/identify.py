@@ -55,15 +55,13 @@ from bristle.model.laws.registry import AUTO, PAPER, law_named
 from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, of_load, unit
 from bristle.progress import Progress, step
 
-_WIDER, _LESS = (1.6, 2.5, 4.0), 0.9
-"""Times the low pass that the spectra choose, and what a fit leaves through the first of these where it took motion."""
-_LATEST = 0.05  # s: no log is later, and what asks for more is another term, as friction that rises with load
-_SHIFTS = 3  # times that a delay of the torque is looked for: each is told to first order
-_SURE, _FAR = 5.0, 3.0
-"""Standard errors: by which a drive is told to act before its commands, and by which viscous friction is not below zero."""
-_ROUNDS = 4  # times that holds are told what they had not settled, at the most
-_NOTHING = 1e-3  # of the torque: a Coulomb friction that is less is none
-_CHOICES = 2  # of a law by moving runs: of the load, and of the peak and terms beside it
+_WIDER, _LESS = (1.6, 2.5, 4.0), 0.9  # factors on the low pass, and the ratio of residuals that shows it was too narrow
+_LATEST = 0.05  # s: largest delay of a log; a larger one stands for another term, such as friction that rises with load
+_SHIFTS = 3  # most corrections of a delay, each of first order
+_SURE, _FAR = 5.0, 3.0  # standard errors of a delay before its command, and of negative viscous friction
+_ROUNDS = 4  # most corrections of holds for settling
+_NOTHING = 1e-3  # of the torque: less Coulomb friction is none
+_CHOICES = 2  # choices of a law by moving runs: the load, then peak and terms
 _OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
 
 
@@ -384,18 +382,11 @@ class _Decisions:
             static, checks = fit_moving(experiment, training, measured.moving(hold_out=True))
         if training:
             step(self.progress, "fitting the moving runs")
+            held, load = measured.moving(hold_out=True), partial(_presliding, experiment, measured.slow)
             stages = fit_with_priors(
-                experiment,
-                training,
-                measured.moving(hold_out=True),
-                static,
-                partial(_presliding, experiment, measured.slow) if measured.slow else None,
-                near,
-                static_is_apart=bool(points),
-                crosscheck=crosscheck,
-                uncertainty=uncertainty,
-                progress=self.progress,
-            )
+                experiment, training, held, static, load if measured.slow else None, near, static_is_apart=bool(points),
+                crosscheck=crosscheck, uncertainty=uncertainty, progress=self.progress,
+            )  # fmt: skip  # a list of values
             static = static if points else beside_moving(static, stages.tracking)
             fit = stages.joint_fit or stages.tracking
             J = fit.parameters.get(INERTIA) if fit else None
@@ -408,27 +399,20 @@ class _Decisions:
         if self.asked_law == AUTO:
             static, tracking = with_averages(static, stages.tracking, laws)
             stages = stages._replace(tracking=tracking)
-        return Joint(
-            name=experiment.joint.name,
-            kind=experiment.joint.kind,
-            inputs=tuple(
-                Input(file=r.file, sha256=r.sha256, rows=r.rows, dropped=r.dropped, notes=r.notes, labels=r.labels)
-                for r in (run.record for run in measured.runs)
-            ),
-            segments=tuple(s for candidates in measured.segments for s in candidates),
-            static=static,
-            crosscheck=checks,
-            **stages._asdict(),
-            warnings=tuple(_joint_warnings(measured, static)),
-            torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
-            travel=measured.travel,
-            torque_constant=measured.torque_constant,
-            link_inertia=None if has_own_unit(experiment.joint.kind) else measured.link_inertia,
-            truth=experiment.truth,
-            simulated=experiment.simulated,
-            assumptions=experiment.assumptions,
-            settings=settings_of(experiment, self.asked_law, training),
+        inputs = (
+            Input(file=r.file, sha256=r.sha256, rows=r.rows, dropped=r.dropped, notes=r.notes, labels=r.labels)
+            for r in (run.record for run in measured.runs)
         )
+        return Joint(
+            name=experiment.joint.name, kind=experiment.joint.kind, inputs=tuple(inputs),
+            segments=tuple(s for candidates in measured.segments for s in candidates), static=static,
+            crosscheck=checks, **stages._asdict(), warnings=tuple(_joint_warnings(measured, static)),
+            torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
+            travel=measured.travel, torque_constant=measured.torque_constant,
+            link_inertia=None if has_own_unit(experiment.joint.kind) else measured.link_inertia,
+            truth=experiment.truth, simulated=experiment.simulated, assumptions=experiment.assumptions,
+            settings=settings_of(experiment, self.asked_law, training),
+        )  # fmt: skip  # a list of values
 
 
 def _with_directions(measured: Measured, directions: str) -> Measured:
@@ -562,12 +546,9 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> Iterato
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
         tried = sum(s.velocity * DIRECTIONS[other] > 0 for candidates in measured.segments for s in candidates)
-        why = Finding("not-measured", CAUTION, "it was not measured")
-        if tried:
-            message = f"none of its {tried} candidate segments was kept"
-            why = Finding("none-kept", CAUTION, message, {"tried": tried})
+        why = f"none of its {tried} candidate segments was kept" if tried else "it was not measured"
         message = f"Direction {other} is not identified: {why}."
-        yield Finding("direction-unknown", CAUTION, message, {"direction": other, "why": why})
+        yield Finding("direction-unknown", CAUTION, message, {"direction": other, "tried": tried})
     # of kept segments, counted: each warning is listed with its segment
     told = {file for d in measured.warnings if d.code == "velocity-factor" for file in d.numbers["files"]}
     differ = sum(any(d.code == "position-differs" for d in s.warnings) for s in kept)
@@ -582,7 +563,4 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> Iterato
     if unused:
         message = f"Held-out presliding runs are not used: {', '.join(unused)}."
         yield Finding("held-out-unused", NOTE, message, {"files": unused})
-    if experiment.truth and not experiment.simulated:
-        message = "True parameters are given (truth), but the data are not declared simulated."
-        yield Finding("truth-undeclared", CAUTION, message)
     yield from point_warnings(measured, kept, static)

@@ -41,7 +41,10 @@ class JointModel:
     """Source of an inertia that was not fitted, or None."""
 
     def friction(self, velocity: ArrayLike) -> Array:
-        """Friction (9), N*m, drag included, at `velocity`, rad/s: 0 at rest, nan in an unknown direction. Raises InputError."""
+        """Friction (9) with drag, N*m, at `velocity`, rad/s: 0 at rest, nan in an unknown direction.
+
+        Raises InputError where nothing is known of friction vs velocity.
+        """
         known = known_joint(self.joint)
         if not known.directions:
             raise InputError("friction: nothing is known of friction vs velocity; fit points or a motion")

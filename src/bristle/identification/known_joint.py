@@ -226,7 +226,7 @@ class KnownJoint:
         return {name: x for name, x in values.items() if x is not None}
 
     def filled(self, direction: Direction, travel: float, J: float) -> Lugre[float]:
-        """A direction's set, unknown sigma_0 by `DEFLECTION` of `travel` (rad), sigma_1 by (15) with J (kg*m**2), or InputError."""
+        """A direction's set: unknown sigma_0 by `DEFLECTION` of `travel` (rad), sigma_1 by (15) with J (kg*m**2)."""
         self.check_law(direction)
         values, missing = self.values(direction), self.missing(direction)
         if "sigma_0" in missing:
@@ -286,7 +286,7 @@ def as_identified(joint: Joint) -> KnownJoint:
 
 
 def whole(joint: Joint) -> KnownJoint:
-    """What is known of a joint that can be compensated. Raises InputError without friction in both directions or a bristle."""
+    """What is known of a joint to compensate. Raises InputError without friction both ways, or a bristle."""
     known = known_joint(joint)
     remedy = "; a compensator needs a tracking run, or ramp and presliding runs in both directions"
     known.check_law(*SIGNED, remedy=remedy)

@@ -91,7 +91,7 @@ def laws_of_points(measured: Measured, in_force: Law) -> Comparison | None:
 def laws_of_motion(
     measured: Measured, alone: TrackingFit, *, every: bool
 ) -> tuple[Comparison | None, dict[str, Values]]:
-    """The laws on the moving runs (other peaks if `every` or one is shown), and where each fit ended, by name; None of too few."""
+    """The laws on the moving runs, other peaks with `every`, and where each fit ended, by name; None of too few."""
     records = measured.moving(hold_out=False)
     if alone.quantity != "torque":
         return None, {}
@@ -134,13 +134,10 @@ class _MovingLaw(NamedTuple):
         pairs = zip(compress(names, free), errors.tolist(), strict=True)
         itself = 2 * effective / residuals.size * float(np.log(self._not_itself()).sum())
         return Fitted(
-            name=self.name,
-            solves=[(residuals, len(names), effective, power_of(self.problem.measured))],
-            itself=itself,
-            candidate=self.law.name in {law.name for law in competing()},
-            predicts=self._blocks_left_out,
+            name=self.name, solves=[(residuals, len(names), effective, power_of(self.problem.measured))], itself=itself,
+            candidate=self.law.name in {law.name for law in competing()}, predicts=self._blocks_left_out,
             known={n: (self.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)},
-        )
+        )  # fmt: skip  # a list of values
 
     def _not_itself(self) -> Array:
         """1 - df/dT of each equation, (n,); one without a load."""
@@ -259,7 +256,7 @@ def term_that_pays(fit: FitOptions, laws: Comparison) -> str | None:
 def with_averages(
     static: dict[str, StaticFit], moving: TrackingFit | None, laws: Comparison | None
 ) -> tuple[dict[str, StaticFit], TrackingFit | None]:
-    """The fits, with a caution on estimates whose average over laws leaves their interval; fits of other data unchanged."""
+    """The fits, with a caution on estimates whose average over laws leaves their interval."""
     if laws is None:
         return static, moving
     if laws.data == "points":
@@ -334,7 +331,7 @@ def _left_out(problems: Sequence[Regression]) -> LeftOut:
 
 
 def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | None:
-    """Fitted laws as a comparison with the chosen one, or None of the paper's alone; `in_force` is the law of the fits."""
+    """Fitted laws as a comparison with the chosen one, or None of the paper's alone; `in_force` is the fits'."""
     rows = rows_of(fitted, in_force) if fitted else ()
     paper = next((row for row in rows if row.name == GAUSSIAN.name), None)
     if paper is None or len(rows) < 2:

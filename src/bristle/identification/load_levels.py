@@ -65,7 +65,7 @@ def load_is_known(records: Sequence[Record], regressors: Sequence[str]) -> bool:
 
 
 def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load | None:
-    """The load of a moving run; None unless a regressor asks for it. Raises InputError where that of the links is unknown."""
+    """The load of a moving run; None unless asked for. Raises InputError where that of the links is unknown."""
     from scipy import signal
 
     levels, weighing = levels_of(regressors), [name for name in regressors if name in _WEIGHTS]
@@ -82,13 +82,8 @@ def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load 
         sections, torque, motor = signal.butter(4, 0.8 / decimation, output="sos"), motor, motor.copy()
         for part in between_gaps(record):
             motor[part] = signal.sosfiltfilt(sections, torque[part], padlen=min(part.stop - part.start - 1, 15))
-    return Load(
-        levels=levels,
-        motor=motor,
-        weights=tuple(columns),
-        columns=np.column_stack(list(columns.values())) if columns else np.zeros((n, 0)),
-        known=np.zeros(n) if links is None else links,
-    )
+    weighed = np.column_stack(list(columns.values())) if columns else np.zeros((n, 0))
+    return Load(levels, motor, tuple(columns), weighed, np.zeros(n) if links is None else links)
 
 
 def level_columns(
@@ -105,7 +100,7 @@ def level_columns(
 def settled_weights(
     fitted: Callable[[Mapping[str, float]], Mapping[ParameterName, float]], start: Mapping[str, float] | None = None
 ) -> dict[str, float]:
-    """Coefficients of gravity and links, from `start` (None: no load) iterated until a fit under their load returns them."""
+    """Coefficients of gravity and links, iterated from `start` until a fit under their load returns them."""
     own = {name for regressor in _WEIGHTS for name in terms_of(regressor).names}
     weights = dict(start or {})
     for _ in range(_MOST):

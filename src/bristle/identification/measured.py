@@ -95,7 +95,7 @@ class Measured:
 
 
 def measure(experiment: Experiment | Path | str) -> Measured:
-    """Read an experiment's runs and cut out constant velocities, or a motion if these are too few. Raises InputError."""
+    """Read an experiment's runs and cut out constant velocities, or a motion if too few. Raises InputError."""
     experiment = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
     runs = read_runs(experiment)
     refuse_repeated(experiment, runs)
@@ -323,18 +323,10 @@ def _given_points(record: Record, slowest: float | None) -> tuple[Segment, ...]:
             reasons.append((Finding("saturated", NOTE, message),) if clipped[k] else ())
     return tuple(
         Segment(
-            file=record.file,
-            start=k,
-            stop=k + 1,
-            line=None if record.lines is None else int(record.lines[k]),
-            velocity=float(v),
-            torque=float(t),
-            standard_error=None,
-            accepted=not reasons[k],
-            reasons=reasons[k],
-            labels=record.labels,
-            position=None if record.position is None else float(record.position[k]),
+            file=record.file, start=k, stop=k + 1, line=None if record.lines is None else int(record.lines[k]),
+            velocity=float(v), torque=float(t), standard_error=None, accepted=not reasons[k], reasons=reasons[k],
+            labels=record.labels, position=None if record.position is None else float(record.position[k]),
             torque_shifts={name: float(shift[k]) for name, shift in record.torque_shifts.items()},
         )
         for k, (v, t) in enumerate(zip(velocity, torque, strict=True))
-    )
+    )  # fmt: skip  # a list of values

@@ -176,7 +176,7 @@ def refitted(
     worth: float = 0.0,
     held: Sequence[Record] = (),
 ) -> Candidate:
-    """LuGre in other directions, from `alone` or `near`, to steps worth less than `worth` of BIC; `held` are predicted."""
+    """LuGre in other directions, from `alone` or `near`, to steps worth less than `worth`; `held` are predicted."""
     experiment, records = measured.experiment, measured.moving(hold_out=False)
     asked, (fixed, _) = asked_regressors(experiment, directions, moving=True), inertia(experiment)
     given = {name.name for name in alone.known} - {name.name for name in alone.names if name in alone.known}
@@ -207,7 +207,7 @@ def _as_fitted(fit: TrackingFit) -> Candidate:
 def bic_of_directions(
     measured: Measured, alone: TrackingFit, each: TrackingFit | None = None
 ) -> tuple[dict[str, float], Values | None]:
-    """BIC of LuGre by `SYMMETRIC` and `APART` (`each`, or fitted here, with its end); empty for runs in one direction."""
+    """BIC of LuGre by `SYMMETRIC` and `APART` (`each`, or fitted here, with its end); empty for one direction."""
     if alone.quantity != "torque" or len(moved_in(measured.moving(hold_out=False))) < len(DIRECTIONS):
         return {}, None
     try:
@@ -240,13 +240,12 @@ def rank_models(
     kept, seen = "alpha_1" in shown or any(x is not None for x in peaks), "sigma_0" in shown
     fitted = [
         Fitted(
-            name=model if directions == ONE else f"{model}, {directions}",
+            name=model if directions == ONE else f"{model}, {directions}", left_out=c.left_out,
             solves=[(c.residuals, c.parameters, n / variance_inflation, power)],
-            left_out=c.left_out,
             candidate=seen if model == LUGRE else (model == STRIBECK) == kept,
         )
         for (model, directions), c in candidates.items()
-    ]
+    ]  # fmt: skip  # a list of values
     rows = rows_of(fitted)
     best = min((row for row in rows if row.candidate), key=lambda row: row.bic, default=None)
     rows = tuple(replace(row, chosen=row is best) for row in rows)
@@ -267,7 +266,7 @@ def _sentence(rows: Mapping[Model, Row], static: Mapping[str, StaticFit], *, kep
     if rest:
         gap = rest[0].bic - best.bic
         lowest = f"{lowest} ({'hardly worse: ' * (gap < _SAME)}{rest[0].name} has {gap:.1f} more)"
-    why: list[Finding | str] = [lowest]
+    why = [lowest]
     # what the fit does not support, and whether that it keeps the Stribeck term rests on points that stick and slip
     outcomes = {f.outcome.code for f in static.values()}
     shown = [r.bic for (model, _), r in rows.items() if model == STRIBECK]
@@ -276,9 +275,8 @@ def _sentence(rows: Mapping[Model, Row], static: Mapping[str, StaticFit], *, kep
         lower = f", though it would lower the BIC by {gain:.1f} (the fit's warnings say why)" if gain > 0 else ""
         why.append(f"the Stribeck term is not identifiable from these data, as the fit found{lower}")
     if kept and "static-stick-slip" in outcomes:
-        message = "but its Stribeck term rests on points that stick and slip"
-        why.append(Finding("peak-of-stick-slip", CAUTION, message))
+        why.append("but its Stribeck term rests on points that stick and slip")
     if any(model == LUGRE and not r.candidate for (model, _), r in rows.items()):
         why.append("the motion does not show LuGre's bristle")
-    message = f"Use {best.name}: {'; '.join(map(str, why))}."
+    message = f"Use {best.name}: {'; '.join(why)}."
     return Finding("use-model", NOTE, message, {"model": best.name, "why": tuple(why)})

@@ -23,16 +23,18 @@ from bristle.model.laws import registry
 from bristle.model.parameters import Kind, periodic, slides
 from bristle.model.vectorize import evaluate
 
-_PASSES, _MOSTLY = 0.3, 0.5
-"""A slow torque passes its mean less often, in periods of the cut-off (noise: 1.15), and has more of the variance."""
-_ROUGHER = 3.0  # times one less the correlation with the next sample: noise against a motion
-_EXPLAINED = 0.1  # of the variance of a torque that belongs to a motion, at the least
-_AT_REST = 0.01  # of the way: a direction in which less is gone is none
-_FEWEST = 4  # samples for each column, below which a relation cannot be tested
-ONE_RATE = 1.05  # ratio of two sampling intervals that count as one
-_SURELY = 3.0  # standard errors by which a torque surely opposes the velocity
-_SWING = 0.1  # rad: over less, gravity is a spring and a constant, as a bristle is that does not break away
-_DROWNS = 1e9  # times the measured torque: an inertia's torque this large leaves nothing of it in the last digits
+_PASSES, _MOSTLY = (
+    0.3,
+    0.5,
+)  # of a slow torque: most passes of its mean per cut-off period (noise: 1.15), least variance
+_ROUGHER = 3.0  # ratio of (1 - lag-one correlation) from which a torque is noise beside its motion
+_EXPLAINED = 0.1  # least share of the variance of a torque that its motion explains
+_AT_REST = 0.01  # of the total way: less in a direction is rest
+_FEWEST = 4  # samples per column, below which a relation is not tested
+ONE_RATE = 1.05  # ratio of sampling intervals that counts as one
+_SURELY = 3.0  # standard errors by which a torque opposes the velocity
+_SWING = 0.1  # rad: over less, gravity is not told from a spring and a constant
+_DROWNS = 1e9  # times the measured torque: a larger inertial torque leaves none of its digits
 DIRECTIONS = {"+": 1.0, "-": -1.0}
 
 
@@ -53,12 +55,11 @@ REGRESSORS = {
 LEVELS = {name: Regressor(coefficients) for name, coefficients in registry.LOADS.items()}
 """Loads by which the friction level rises: part of the law, fitted like regressors."""
 LOADS = tuple(name for regressor in REGRESSORS.values() for name in regressor.names)  # in the order of `law.load_terms`
-_NEEDED = ("position", "velocity", "acceleration", "link_torque")  # what `law.load_terms` is of, in its order
-_PER_METRE = "/m"  # at the end of an order that is of a joint that slides
-_ENDS = 5  # times the transients of a decimation, which a run has at the least
-_KERNEL_TAIL, _DIED_OUT = 1e-4, 1e-8
-"""Where the smoothing kernel is cut, relative to its peak, and where it has died out: ends of a segment within are dropped."""
-_PART = 0.02  # of the weights of an equation: samples that have less do not have part in it
+_NEEDED = ("position", "velocity", "acceleration", "link_torque")  # arguments of `law.load_terms`
+_PER_METRE = "/m"  # suffix of an order of a prismatic joint
+_ENDS = 5  # least length of a segment, in transients of the decimation filter
+_KERNEL_TAIL, _DIED_OUT = 1e-4, 1e-8  # of its peak: where the kernel is cut, and where its transient ends
+_PART = 0.02  # of the weights of an equation: samples with less do not count
 
 
 def terms_of(regressor: str) -> Regressor:
@@ -84,7 +85,7 @@ def turn_of(kind: Kind) -> tuple[float, str]:
 
 
 def declared(experiment: Experiment) -> tuple[str, ...] | None:
-    """The regressors that an experiment asks for, with their orders where these are known; None where it says nothing."""
+    """The regressors in the file, with orders where these are known; None where it has none."""
     asked, orders = experiment.fit.regressors, experiment.fit.orders
     return with_orders(asked, orders, experiment.joint.kind) if asked and isinstance(orders, tuple) else asked
 
@@ -116,7 +117,7 @@ def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]
 
 
 def load_columns(regressors: Sequence[str], signal: Callable[[str], Array], n: int) -> dict[str, Array]:
-    """Columns of some regressors by parameter (`law.load_terms`), (n,) each; `signal` gives a signal by name, SI, (n,)."""
+    """Columns of some regressors by parameter (`law.load_terms`), (n,) each, from signals by name, SI, (n,)."""
     needs = {what for regressor in regressors for what in terms_of(regressor).needs}
     signals = [signal(what) if what in needs else np.zeros(n) for what in _NEEDED]
     terms = dict(zip(LOADS, evaluate(load_terms_function(), *signals), strict=True))
@@ -185,7 +186,7 @@ def loads_slowly(record: Record) -> bool:
 def refuse_opposing(
     experiment: Experiment, velocity: Array, torque: Array, what: str, others: Array | None = None
 ) -> None:
-    """Raise InputError where the torque (n,) is unrelated to the motion, or opposes the velocity beside `others` (n, k)."""
+    """Raise InputError where the torque (n,) is noise, or opposes the velocity beside `others` (n, k)."""
     refuse_noise(experiment, velocity, torque, what, others)
     opposes = velocity.size and float(velocity @ torque) < 0 and np.median(torque * np.sign(velocity)) < 0
     if opposes and others is not None:
@@ -275,7 +276,7 @@ def _of(record: Record, name: str, size: int = 0) -> Array:
 
 
 def known_torque(record: Record, inertia: float | None, regressors: Sequence[str]) -> Array | None:
-    """Torque of a fixed inertia and of a robot's links, N*m, (n,), or None. Raises InputError for too large an inertia."""
+    """Torque of a fixed inertia and of a robot's links, N*m, (n,). Raises InputError for too large an inertia."""
     links = None if "links" in regressors else record.link_torque
     if inertia is None:
         return links

@@ -26,7 +26,7 @@ _AT_ONCE = 3  # orders that are found at most
 
 
 def with_periods(measured: Measured) -> Measured:
-    """The same with the orders that the data show, if asked for, and a note on them. Raises InputError for too fine an order."""
+    """The same with the orders that the data show, if asked for. Raises InputError for too fine an order."""
     experiment, training = measured.experiment, measured.moving(hold_out=False)
     asked = [name for name in PERIODIC if name in (experiment.fit.regressors or ())]
     if not asked:

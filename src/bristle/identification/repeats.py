@@ -24,7 +24,7 @@ _ALONE = 10.0  # times the standard error of all runs without one run that alone
 def scatter_of(
     by_run: Mapping[str, float], errors: Array, freedoms: Array, error: float, freedom: float
 ) -> RunScatter | None:
-    """Scatter over runs fitted apart, by file, with their errors and freedoms, (k,), and those of the fit of all, or None."""
+    """Scatter over runs fitted apart, with their errors and freedoms, (k,), and those of the fit of all."""
     count, x, weights = len(by_run), np.array(list(by_run.values())), errors**-2.0
     if count < 2 or not error:
         return None
@@ -152,12 +152,9 @@ def wider_estimate(e: Estimate, x: RunScatter, spread: Spread) -> Estimate:
     )
     numbers = {"runs": runs, "scatter": x.before, "widened": x.widened, "freedom": freedom, "farthest": farthest}
     why = Finding("runs-scatter", CAUTION, message, numbers)
-    return replace(
-        e,
-        standard_error=None if e.standard_error is None else e.standard_error * x.widened,
-        interval=_spread_pair(e.interval, spread),
-        warnings=(*_spread_warnings(e.warnings, spread), why),
-    )
+    error, told = e.standard_error, (*_spread_warnings(e.warnings, spread), why)
+    wider = None if error is None else error * x.widened
+    return replace(e, standard_error=wider, interval=_spread_pair(e.interval, spread), warnings=told)
 
 
 def wider_three(three: Uncertainty, spread: Spread) -> Uncertainty:
@@ -199,7 +196,7 @@ def less(x: RunScatter, widened_by: float) -> RunScatter:
 def with_priors_beside(
     scatter: Mapping[ParameterName, RunScatter], alone: TrackingFit, joint: TrackingFit
 ) -> dict[ParameterName, RunScatter]:
-    """The scatter for a fit with priors: C_j + W (F C_a F - C_a) W', W = C_j C_a**-1, C_a of the runs alone, F factors."""
+    """Scatter with priors: C_j + W (F C_a F - C_a) W', W = C_j C_a**-1, C_a of the runs alone, F factors."""
     seen = [
         {name for name, x in zip(fit.names, fit.covariance.diagonal(), strict=True) if x > 0} for fit in (alone, joint)
     ]

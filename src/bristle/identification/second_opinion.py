@@ -145,14 +145,8 @@ def _opinion(data: _Data) -> SecondOpinion | None:
     theta = _solve(names, X, data.torque)
     without = np.array([_solve(names, X[~out], data.torque[~out]) for out in outs])
     size = float(np.mean(data.torque**2))
-    return SecondOpinion(
-        set_up=set_up,
-        values=dict(zip(names, theta.tolist(), strict=True)),
-        without=without,
-        held_out=100 * float(np.sqrt(errors.mean() / size)) if size else float("inf"),
-        top=top,
-        v_s=best * top,
-    )
+    held_out = 100 * float(np.sqrt(errors.mean() / size)) if size else float("inf")
+    return SecondOpinion(set_up, dict(zip(names, theta.tolist(), strict=True)), without, held_out, top, best * top)
 
 
 def _columns(data: _Data, set_up: Sequence[str], v_s: float) -> tuple[list[str], Array]:

@@ -98,7 +98,7 @@ def crosschecked(
 def offset_or_friction(
     names: Sequence[Any], values: Mapping[Any, float], covariance: Array, freedom: float
 ) -> list[Finding]:
-    """A finding where the directions differ by a constant alone (Wald tests); `names` are in the order of the covariance."""
+    """A finding where the directions differ by a constant alone (Wald tests); `names` as in the covariance."""
     order = {name: k for k, name in enumerate(names)}
     pairs = [[ParameterName(name, d) for d in SIGNED] for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")]
     told = {name for name, k in order.items() if np.isfinite(covariance[k]).all()}

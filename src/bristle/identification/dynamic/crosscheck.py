@@ -15,7 +15,6 @@ from bristle.model import law
 from bristle.model.parameters import Lugre, ParameterName, fields_of, lugre_of, pair_of
 from bristle.model.time_refinement import Nodes, with_extra_nodes
 
-STARTS = 1
 _SEED = 0
 _APART = 0.2  # how far a start lies from the answer, as a share either way
 _SAME = 1e-4
@@ -30,9 +29,8 @@ def check_tracking(solved: DynamicSolution) -> Crosscheck:
     x = ca.MX.sym("x", len(unknowns.names))
     whole = solver("moving", x, _cost(solved, x) / (best or 1.0), **_OPTIONS)
     rng = np.random.default_rng(_SEED)
-    away = ({n: v * (1 + _APART * rng.uniform(-1, 1)) for n, v in values.items()} for _ in range(STARTS))
-    begun = [np.clip(unknowns.scaled(one), unknowns.lower, unknowns.upper) for one in away]
-    ended = ends(whole, unknowns, begun)
+    away = unknowns.scaled({n: v * (1 + _APART * rng.uniform(-1, 1)) for n, v in values.items()})
+    ended = ends(whole, unknowns, [np.clip(away, unknowns.lower, unknowns.upper)])
     costs = [float(np.sum(posed.evaluate(end)[0] ** 2)) for end in ended]
     errors = {name: e.standard_error for name, e in solved.fit.parameters.items() if e.standard_error}
     minima = [unknowns.values(end) for end in ended]

@@ -87,7 +87,7 @@ def without_count_bias(
 
 
 def between_counts(record: Record, resolution: float) -> Record:
-    """The record with the motion of the lowest cut-off that stays within resolution / sqrt(12), rad, rms, of its positions."""
+    """The record with the smoothest motion within resolution / sqrt(12), rad, rms, of its positions."""
     if record.position is None:
         return record
     position = np.asarray(record.position)

@@ -84,7 +84,7 @@ def fit_tracking(
     *,
     search: bool = True,
 ) -> DynamicSolution:
-    """All parameters of moving runs with intervals and warnings; `search` looks for more starts than `others` and `start`.
+    """All parameters of moving runs; `search` looks for more starts than `others` and `start`.
 
     `held` are hold-out problems by name. Raises InputError where a start shows no dependence on any parameter.
     """

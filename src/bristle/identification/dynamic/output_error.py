@@ -83,7 +83,7 @@ def simulation(
     decimation: int,
     horizon: float | None = None,
 ) -> DynamicProblem:
-    """The problem of the simulated motor from that of the torque, `posed`; windows of `horizon` s, `decimation` averaged.
+    """The problem of the simulated motor, from that of the torque, `posed`; windows of `horizon` s.
 
     Raises InputError where a position or the inertia is missing.
     """

@@ -71,7 +71,7 @@ def fit_with_priors(
     uncertainty: bool = False,
     progress: Progress | None = None,
 ) -> DynamicStages:
-    """All parameters from moving runs, alone and with priors of the other stages. Raises InputError where a signal is missing.
+    """All parameters from moving runs, alone and with priors of other stages. Raises InputError for missing signals.
 
     `static_is_apart`: the static fits are of other data; `load` makes the presliding stage; `near` is a fit of the same
     runs, or its values, to begin at. `crosscheck` adds IPOPT (slow), `uncertainty` intervals by profile and bootstrap.

@@ -215,7 +215,7 @@ def dynamic_problem(
     fixed: Mapping[ParameterName, float] | None = None,
     law: Law = GAUSSIAN,
 ) -> DynamicProblem:
-    """The problem of moving records, as `static.problem.from_records`. Raises InputError for missing signals or rest."""
+    """The problem of moving records, as `static.problem.from_records`. Raises InputError as that does."""
     motions: list[Motion] = []
     names: tuple[str, ...] = ()
     for record in records:

@@ -22,27 +22,30 @@ from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unkno
 from bristle.identification.moving_runs import load_columns
 from bristle.model.parameters import INERTIA, Kind, ParameterName, of_friction, unit
 
-_SURE, _ALIKE = 4.0, 3.3
-"""Standard errors from zero, beyond which all equations ask for a delay, and beyond which those far from reversals do: 5e-4 by chance."""
-_SLID = 5.0  # deflections g0 / sigma_0 after a reversal until a joint slides: exp(-5) is left of the way
-_FILTERED = 2.0  # periods of the position's cut-off before and after a reversal in which the low pass rounds it off
-_REACHED = 0.02  # an equation whose filter gives less weight to what is near a reversal is far from it
+_SURE, _ALIKE = (
+    4.0,
+    3.3,
+)  # standard errors of a delay in all equations, and in those far from reversals (5e-4 by chance)
+_SLID = 5.0  # deflections g0 / sigma_0 after a reversal from which a joint slides: exp(-5) is left
+_FILTERED = 2.0  # periods of the position's cut-off about a reversal in which the low pass rounds it off
+_REACHED = 0.02  # largest filter weight near a reversal of an equation far from it
 _LEAST = 1e-100  # of sigma_0: no division by zero
-_BURST, _TOP = 0.25, 0.01  # share of the squares that few equations may hold: 0.08 of normal noise, 0.16 of Laplace's
-_PATTERN = 0.9  # correlation of neighbours beyond which hardly any of what is left is noise: 1 - 0.9**2 at most
-_ENOUGH, _INDEPENDENT = 300, 30  # equations that tell it, and how many of them must be independent
-_TURNING, _BESIDE = 0.1, 2
-"""An equation is about a reversal where it is slower than this share of the rms speed, or one of two neighbours is, ..."""
-_TURNS_WORSE, _FEWEST = 2.0, 20
-"""... and so many of them may not leave more than so many times what the others do, rms: 1.0 to 1.1 times of clean runs."""
+_BURST, _TOP = (
+    0.25,
+    0.01,
+)  # share of squares in few equations that is a burst: 0.08 for normal noise, 0.16 for Laplace's
+_PATTERN = 0.9  # lag-one correlation of residuals that are a pattern: noise is 1 - 0.9**2 at most
+_ENOUGH, _INDEPENDENT = 300, 30  # least equations, and independent ones, to judge patterns
+_TURNING, _BESIDE = 0.1, 2  # of the rms speed: slower equations, and two neighbours each, are at a reversal
+_TURNS_WORSE, _FEWEST = 2.0, 20  # ratio of residuals at reversals (clean runs: 1.0 to 1.1), and least equations there
 _PLACES, _BETWEEN, _LARGE = 3, 0.2, 0.1  # places named, s between two, and their squares beside the largest
-_WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)  # of the largest speed, once through the backlash
-_ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())  # of the largest torque: half the width of a dead zone, ...
-_TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest torque: from where on a sensor or drive saturates
-_OF_ITSELF = 1.5  # ... which what is missing of the torque is, within such a factor
+_WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)  # of the largest speed, to pass the backlash
+_ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())  # of the largest torque: half the width of a dead zone
+_TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest torque: where a sensor or drive saturates
+_OF_ITSELF = 1.5  # factor within which the fitted size of a dead zone or saturation agrees with it
 _NEARLY_ALL, _MORE = 0.99, 1.1  # of the readings; and what noise adds to them
-_SMALL = 1e-5  # of the way: a shift of the position that changes the torque in proportion
-_PHASE = 0.37  # where in a count the joint rests in a draw of what counting does
+_SMALL = 1e-5  # of the way: a shift of the position with a proportional torque
+_PHASE = 0.37  # of a count: the rest position of a simulated counting
 
 
 class Left(NamedTuple):

@@ -66,7 +66,7 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale:
 
 
 def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], found: LinkScale) -> LinkScale:
-    """The scale by the LuGre fit, with links as a regressor, where it is more precise and fits better; else as found."""
+    """The scale by the LuGre fit with links as a regressor, where it is more precise and fits better."""
     if not found.scale:
         return found
     static, _ = fit_moving(experiment, records, ())

@@ -50,11 +50,13 @@ from bristle.model.parameters import (
     unit,
 )
 
-_ONE_SPEED = 1.25  # times the slowest speed: where the fastest is less, they are one
-_MANY, _MIXED = 10, 0.5
-"""Points of a direction whose torque may go with their rows, and the rank correlation of speed and row up to which that is no matter of speed."""
-_LISTED = 50  # points that a warning names; of more it says how many there are
-_LOGARITHMIC = ("v_s",)  # what is compared, and widened, as its logarithm
+_ONE_SPEED = 1.25  # ratio of fastest to slowest speed below which they count as one
+_MANY, _MIXED = (
+    10,
+    0.5,
+)  # least points of a direction, and largest rank correlation of speed and row, for a drift by rows
+_LISTED = 50  # most points named in a warning
+_LOGARITHMIC = ("v_s",)  # widened as logarithms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -389,7 +391,7 @@ def refuse_opposing_points(experiment: Experiment, points: Sequence[Segment], as
 
 
 def fit_points(measured: Measured, points: Sequence[Segment]) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Static fits and cross-checks of points. Raises InputError where a signal is missing or torque opposes velocity."""
+    """Static fits and cross-checks of points. Raises InputError for missing signals or opposing torque."""
     experiment, asked = measured.experiment, point_regressors(measured.experiment)
     if "inertia" in (experiment.fit.regressors or ()) and not measured.moving(hold_out=False):  # which can tell it
         raise InputError(

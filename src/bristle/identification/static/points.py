@@ -24,9 +24,9 @@ from bristle.identification.static.strays import all_but, find_strays, refit
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 
-_MOST, _NEIGHBOURS, _MOVES = 0.1, 3, 0.01
-"""Of the points: more than this are no strays, nor are so many in a row; of the curve: what moves it by less is none of its business."""
-_ASLEEP = 0.85  # of alpha_0 of faster points: what is slow and has less does not slide
+_MOST, _NEIGHBOURS = 0.1, 3  # largest share of strays, and number of neighbours that are no strays
+_MOVES = 0.01  # of the curve: strays that move it by less stay in
+_ASLEEP = 0.85  # of alpha_0 of faster points: slow points with less friction do not slide
 
 
 @result

@@ -240,12 +240,8 @@ def from_records(
     ]
     extra = {name: np.concatenate([of_record[name] for of_record in columns]) for name in columns[0]}
     shifts = {name: smooth @ shift for name, shift in torque_shifts(records).items()}
-    problem = replace(
-        _build(velocity, torque, directions, extra, smooth, law),
-        shifts=shifts,
-        weights=weights,
-        given=given_by(records),
-    )
+    built = _build(velocity, torque, directions, extra, smooth, law)
+    problem = replace(built, shifts=shifts, weights=weights, given=given_by(records))
     off = [x for r in records if (x := known_torque(r, inertia, regressors)) is not None]
     if off:
         known = smooth @ np.concatenate(off)

@@ -57,7 +57,7 @@ class StaticProfiles(NamedTuple):
 def profiled(
     problem: Regression, solution: Solution, variance_inflation: float = 1.0, threshold: float | None = None
 ) -> StaticProfiles:
-    """The profiles of a solution; v_s is open, 0 or inf, where its profile stays below the threshold, and alpha_1 with it."""
+    """The profiles of a solution; v_s, 0 or inf, is open where its profile stays below the threshold."""
     if threshold is None:
         parameters = len(problem.names) + len(problem.shape)
         threshold = profile_threshold(solution.cost, problem.torque.size, parameters, variance_inflation)

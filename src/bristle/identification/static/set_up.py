@@ -127,13 +127,12 @@ def trial_of_motion(experiment: Experiment, records: Sequence[Record]) -> Trial:
         known.add("gravity")
     possible = [name for name in possible if name not in known]
     velocity = np.concatenate([np.zeros(1) if r.velocity is None else r.velocity for r in records])
-    return Trial(
-        asked=SetUp(directions(experiment, records), asked),
-        sides=tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any()),
-        possible=possible,
-        pose=lambda sides: from_records(records, sides, possible, experiment.fit.every, fixed)[0],
-        blocks=_BLOCKS,
-    )
+    sides = tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())
+
+    def pose(sides: tuple[str, ...]) -> Regression:
+        return from_records(records, sides, possible, experiment.fit.every, fixed)[0]
+
+    return Trial(SetUp(directions(experiment, records), asked), sides, possible, pose, _BLOCKS)
 
 
 def trial_of_points(experiment: Experiment, points: Sequence[Segment]) -> Trial:
@@ -141,13 +140,8 @@ def trial_of_points(experiment: Experiment, points: Sequence[Segment]) -> Trial:
     ordered, sides, asked = sorted(points, key=lambda s: s.velocity), sides_of(points), point_regressors(experiment)
     possible = ["offset", *(["gravity"] if all(s.position is not None for s in points) else []), "quadratic"]
     possible += [name for name in asked if name not in REGRESSORS]
-    return Trial(
-        asked=SetUp(sides if experiment.fit.directions == "separate" else ("both",), asked),
-        sides=sides,
-        possible=possible,
-        pose=lambda sides: points_problem(ordered, sides, possible),
-        blocks=len(ordered),
-    )
+    own = SetUp(sides if experiment.fit.directions == "separate" else ("both",), asked)
+    return Trial(own, sides, possible, lambda sides: points_problem(ordered, sides, possible), len(ordered))
 
 
 def directions_of_points(experiment: Experiment, points: Sequence[Segment]) -> dict[str, float]:
@@ -223,11 +217,6 @@ def _products(problem: Regression, blocks: int) -> _Products:
     X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
     names = ["" if of_curve(name.name) else name.name for name in problem.linear_names]
     parts = [np.arange(y.size) * blocks // y.size % _PARTS == k for k in range(_PARTS)]
-    return _Products(
-        names=names + [""] * (X.shape[1] - len(names)),
-        gram=np.array([X[m].T @ X[m] for m in parts]),
-        moment=np.array([X[m].T @ y[m] for m in parts]),
-        power=np.array([y[m] @ y[m] for m in parts]),
-        norm=float(np.linalg.norm(problem.measured)),
-        n=y.size,
-    )
+    gram, moment = (np.array([X[m].T @ other[m] for m in parts]) for other in (X, y))
+    power, norm = np.array([y[m] @ y[m] for m in parts]), float(np.linalg.norm(problem.measured))
+    return _Products(names + [""] * (X.shape[1] - len(names)), gram, moment, power, norm, y.size)

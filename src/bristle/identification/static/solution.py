@@ -285,11 +285,6 @@ def _fit_warnings(
                 f"{high:.3g}{unit_of('velocity')}."
             )
             warnings.append(Finding("at-edge", CRITICAL, message, {"direction": direction, "low": low, "high": high}))
-        inner = np.r_[False, (profile.cost[1:-1] < profile.cost[:-2]) & (profile.cost[1:-1] < profile.cost[2:]), False]
-        inner &= np.abs(np.log(profile.v_s / profile.best)) > 2 * np.log(profile.v_s[1] / profile.v_s[0])
-        for v_s in profile.v_s[inner & (profile.cost <= profile.threshold)].tolist():
-            message = f"The cost has a second minimum{where} at v_s = {v_s:.3g}, below the 95 % threshold."
-            warnings.append(Finding("second-minimum", CAUTION, message, {"direction": direction, "v_s": v_s}))
         speeds = np.abs(problem.velocity) if direction == "both" else problem.speeds(direction)
         below, points = int(np.count_nonzero(speeds < profile.best)), speeds.size
         if below < 3:

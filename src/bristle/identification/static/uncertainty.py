@@ -79,7 +79,7 @@ def resample(
     seed: int = SEED,
     covariance: Array | None = None,
 ) -> StaticDraws:
-    """Bootstrap intervals in the order of `names`: up to `MANY` points are refitted, others go one Gauss-Newton step."""
+    """Bootstrap intervals in the order of `names`: few points are refitted, others go a Gauss-Newton step."""
     keep = np.ones(len(problem.names), dtype=bool)
     alone = problem.smooth is None and len(problem.peaks) < 2 and not problem.shape
     if alone and problem.torque.size <= MANY:
