@@ -1,7 +1,6 @@
-"""A level that may step once, after an unknown one of its observations: the likelihood-ratio scan, and what chance alone makes of it.
+"""Likelihood-ratio scan for one step of a level at an unknown observation, with Worsley's bound of its p-value.
 
-The largest of correlated |Z_k| has a p-value by Hunter's and Worsley's bound, the sum of P(|Z_k| > c) less that of
-P(|Z_k| > c, |Z_k+1| > c) (Worsley, Biometrika 70, 1983), which is close because Z_k is a Markov chain.
+P(max |Z_k| > c) <= sum P(|Z_k| > c) - sum P(|Z_k| > c, |Z_k+1| > c) (Worsley, Biometrika 70, 1983).
 """
 
 from typing import NamedTuple
@@ -17,33 +16,23 @@ _AT_ONCE = 200_000  # pairs of neighbours whose probability is computed at once
 
 
 class Steps(NamedTuple):
-    """The most significant step of each series."""
+    """The most significant step of each series, (m,)."""
 
-    after: NDArray[np.intp]
-    """Index of the first observation after it, (m,)."""
-    size: Array
-    """Mean after it less mean before, (m,)."""
-    error: Array
-    """Standard error of that, the step's place taken as known, (m,)."""
+    after: NDArray[np.intp]  # Index of the first observation after it
+    size: Array  # Mean after less mean before
+    error: Array  # Standard error at a known place
     z: Array
-    """(m,)."""
-    p: Array
-    """How often chance alone makes the largest of all steps as significant, (m,)."""
-    before: Array
-    """Mean before it, (m,)."""
+    p: Array  # p-value over all places
+    before: Array  # Mean before it
 
 
 class Levels(NamedTuple):
-    """Series of observations, a row each, padded at the end."""
+    """Series of observations, one per row, padded at the end."""
 
-    y: Array
-    """(m, n); what is no observation is anything."""
-    variance: Array
-    """(m, n); inf where there is none."""
-    regressors: Array
-    """What was taken off y, by coefficient, (m, n, p)."""
-    covariance: Array
-    """Of these coefficients, (p, p)."""
+    y: Array  # (m, n)
+    variance: Array  # (m, n); inf where padded
+    regressors: Array  # Subtracted from y by coefficient, (m, n, p)
+    covariance: Array  # Of these coefficients, (p, p)
 
 
 def step_scan(levels: Levels, baseline: int, freedom: float) -> Steps:
