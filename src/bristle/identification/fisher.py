@@ -90,14 +90,7 @@ def static_information(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair
 def motion_jacobian(
     velocity: Array, step: float | Array, p: Lugre[float] | Pair[float], extra: Mapping[Any, Array] | None = None
 ) -> Array:
-    """dT_f / dp along a motion through the bristle, (n, p + k), in the order of `names_of`, `extra` last.
-
-    Args:
-        velocity: rad/s at the samples, (n,).
-        step: time between samples, s: one number or (n - 1,).
-        p: one set, or a pair; the bristle begins in its steady deflection.
-        extra: derivatives by other parameters, (n,) each, by name, such as the acceleration for `inertia`.
-    """
+    """dT_f / dp along a motion, rad/s, (n,), through the bristle, (n, p + k), by `names_of`, `extra` (n,) last."""
     friction = of_estimated(cleared(rollout_jacobian(velocity, step, p).by_parameters), p)
     return np.column_stack([friction, *(extra or {}).values()])
 

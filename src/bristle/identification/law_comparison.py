@@ -236,10 +236,7 @@ def law_warnings(laws: Comparison | None) -> tuple[Finding, ...]:
 
 
 def term_that_pays(fit: FitOptions, laws: Comparison) -> str | None:
-    """The law with v abs(v) or a rise with load to take unasked beside the paper's peak; None: no term.
-
-    Its BIC is lower by `GAIN`, and its left-out error by `_WORTH`, or by `_MOSTLY` for a load; the file names no law.
-    """
+    """The law with v abs(v) or a rise with load, taken unasked for a better BIC and left-out error; None: no term."""
     paper, loads = laws.row(GAUSSIAN.name), dict.fromkeys((f"{GAUSSIAN.name}+{name}" for name in LOADS), _MOSTLY)
     worth = {**loads, **({} if "quadratic" in (fit.regressors or ()) else {WITH_DRAG: _WORTH})}
     if fit.set_up == AS_WRITTEN or "law" in fit.model_fields_set or paper is None or paper.left_out is None:

@@ -175,10 +175,7 @@ def through_wider(measured: Measured, factor: float) -> Measured:
 
 
 def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool = False) -> Measured:
-    """The same with the torque of moving runs `late` s earlier; its error is added to those of the torque's constants.
-
-    With `final`, a drive that uses fresh measurements keeps these, and its commands alone move.
-    """
+    """The same with torques `late` s earlier, and their error; `final` keeps measurements that a drive uses fresh."""
     command, motor = measured.experiment.signals.command, measured.experiment.motor_constants or ONE
     gains = {}
     if final and command is not None and command.fresh:

@@ -77,11 +77,7 @@ def compare_on_points(measured: Measured, static: Mapping[str, StaticFit]) -> Co
 def compare_on_motion(
     measured: Measured, static: Mapping[str, StaticFit], alone: TrackingFit, apart: Values | None = None
 ) -> Comparison | None:
-    """The models on moving runs, with the same decimation and regressors; None where the position is predicted.
-
-    `alone` is LuGre in its own directions; in the others it is fitted from there, or from `apart`. `static` fits the
-    same runs.
-    """
+    """The models on moving runs, LuGre from `alone` or `apart`; `static` fits the same runs. None of a position."""
     if alone.quantity != "torque":
         return None
     experiment, (records, held) = measured.experiment, (measured.moving(hold_out=x) for x in (False, True))

@@ -203,11 +203,7 @@ def refuse_opposing(
 
 
 def unrelated(velocity: Array, torque: Array, others: Array | None = None) -> bool:
-    """Whether a torque (n,) is noise: an F test at 1 % of sgn(v), v and `others`, (n, k).
-
-    A course over time, which has `others`, counts fewer samples where correlated, and is noise only if it is much
-    rougher than the motion and less than a tenth of it is explained.
-    """
+    """Whether a torque (n,) is noise: an F test at 1 % of sgn(v), v and, over time, `others`, (n, k)."""
     basis = np.column_stack([np.sign(velocity), velocity, *([] if others is None else [others])])
     if velocity.size < _FEWEST * basis.shape[1] or np.median(np.abs(torque - np.median(torque))) == 0:
         return False  # most of a torque that is one value over and over is not noise
@@ -292,10 +288,7 @@ def known_torque(record: Record, inertia: float | None, regressors: Sequence[str
 def decimator(
     segments: Sequence[Array], decimation: int, file: str, unknown: NDArray[np.bool_] | None = None
 ) -> tuple[sparse.csr_array, int]:
-    """The decimation filter as a matrix (equations, samples) for segments of these lengths, and samples lost at ends.
-
-    Equations with samples of `unknown` torque are left out. Raises InputError where every segment is too short.
-    """
+    """The decimation filter as a matrix (equations, samples) without `unknown` torques, and samples lost at ends."""
     lengths = np.concatenate(segments).astype(int)
     samples = int(lengths.sum())
     if decimation == 1:

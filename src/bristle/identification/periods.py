@@ -86,14 +86,9 @@ def with_periods(measured: Measured) -> Measured:
 
 
 def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tuple[int, ...]:
-    """The orders, three at most, that explain most of a fit's residuals; ascending.
+    """The orders, three at most, whose columns (n, k) explain a fit's residuals (n,) beside `known` (n, p).
 
     Each passes an F test beside all others, corrected for all orders tried; the orders not chosen tell the noise.
-
-    Args:
-        known: columns of what is fitted, (n, p).
-        rest: residuals of the fit, (n,).
-        columns: of each order tried, (n, k).
     """
 
     def beside(tried: Sequence[int], others: Sequence[int], inflated: float = 1.0) -> dict[int, Score]:

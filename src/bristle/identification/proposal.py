@@ -36,15 +36,9 @@ _ANY: RunKind = "ramp"  # as which a run is read before it is known what it is: 
 def draft_of_logs(
     files: Sequence[Path], told: Told, folder: Path | None = None, progress: Progress | None = None
 ) -> tuple[str, tuple[str, ...]]:
-    """The text of an experiment file for logs of one joint, and a sentence on each guess.
+    """The text of an experiment file for logs, of a robot its URDF first, and a sentence on each guess.
 
-    Args:
-        files: the logs; of a robot its URDF, then logs of all joints.
-        told: what is not to be guessed.
-        folder: of the draft, for relative file names; None: that of the first file.
-        progress: told of each step.
-
-    Raises InputError where something needed cannot be guessed, or a file cannot be used.
+    `told` is not guessed; file names are relative to `folder`. Raises InputError where something cannot be guessed.
     """
     tell = teller(progress, 3)
     tell("reading the logs")
@@ -92,10 +86,7 @@ def draft_of_logs(
 
 
 def completed(path: Path) -> tuple[str, str]:
-    """The text of an experiment file with `experiment` of each run and better regressors added, and a sentence on it.
-
-    An existing `fit` stays; the proposed line is added as a comment. Raises InputError where a file cannot be used.
-    """
+    """The text of an experiment file with missing kinds of runs and better regressors, and a sentence on it."""
     text, kinds = _with_kinds(read_text(path), path)
     asked = experiment_of(text, path)
     measured = measure(asked)

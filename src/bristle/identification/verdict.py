@@ -43,9 +43,7 @@ _BY_WEIGHT = (
 )
 WEIGHTIEST_FIRST = {code: place for place, code in enumerate(_BY_WEIGHT.split())}
 """Order of findings without a known effect; others follow as they arose."""
-_REPEATED = {
-    "unseen", "only-sum-seen", "converged-at-bound", "static-no-stribeck",
-}  # fmt: skip  # a list of values
+_REPEATED = {"unseen", "only-sum-seen", "converged-at-bound", "static-no-stribeck"}
 """Codes of a fit that repeat those of its values or directions."""
 
 

@@ -93,11 +93,7 @@ def polished(
 
 
 def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
-    """The problem over scaled unknowns about some values; priors are the last rows.
-
-    Bounds: v_s from 1e-4 of the fastest speed to where its term bends the whole curve; a bristle deflection from 1e-9
-    to 10 times the travel; alpha_1 within `_MOST`; z0 within twice the typical deflection.
-    """
+    """The problem over scaled unknowns about some values, within what a motion can show; priors are the last rows."""
     torque, speed = max(float(np.abs(m.torque).max()) for m in problem.motions), problem.fastest
     travel = problem.travel or speed
     known: Values = {**problem.fixed, **at}
@@ -200,11 +196,7 @@ def solve_dynamic(
     *,
     search: bool = True,
 ) -> MultistartSolution[Unknown]:
-    """The lowest minimum from `others` and a start, with its covariance.
-
-    `search` adds starts at several deflections, with one friction for both directions first, and starts with a Stribeck
-    term where the residuals ask for one. Raises InputError for a single window.
-    """
+    """The lowest minimum from `others`, a start and those of a `search`. Raises InputError for a single window."""
     if problem.quantity == "position" and len(problem.motions) < _WINDOWS:
         raise InputError(
             f"{problem.motions[0].file}: fit.predict: the moving runs make one window; expected at least {_WINDOWS}, whose "
@@ -279,10 +271,7 @@ def _of_both(problem: DynamicProblem) -> DynamicProblem:
 
 
 def carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
-    """Values by the names of another problem: `both` or the mean of two (geometric if positive), 0 if unknown.
-
-    An offset becomes half the difference of the two alpha_0, and vice versa.
-    """
+    """Values by the names of another problem: `both` or the mean of two; an offset is half their difference."""
 
     def value(name: str, direction: Direction) -> float:
         """Its own, of both directions, or the mean of both."""

@@ -37,12 +37,7 @@ Pose = Callable[[Sequence[Record], Mapping[ParameterName, float]], DynamicProble
 def without_count_bias(
     solved: DynamicSolution, records: Sequence[Record], pose: Pose, resolution: float
 ) -> TrackingFit:
-    """The fit with the bias of counts subtracted, and its scatter added to the standard errors.
-
-    The smooth motion is counted at several rest positions and fitted; the bias is the mean distance from the fit
-    without counts. `records` are the training runs, `pose` makes their problem with fixed parameters, `resolution` is
-    one count, rad.
-    """
+    """The fit with the bias of counts of `resolution`, rad, subtracted, its scatter added to the errors."""
     if any(r.position is None for r in records):
         return solved.fit
     rng, true = np.random.default_rng(_SEED), [between_counts(r, resolution) for r in records]

@@ -84,10 +84,7 @@ def fit_tracking(
     *,
     search: bool = True,
 ) -> DynamicSolution:
-    """All parameters of moving runs; `search` looks for more starts than `others` and `start`.
-
-    `held` are hold-out problems by name. Raises InputError where a start shows no dependence on any parameter.
-    """
+    """All parameters of moving runs from starts, more with `search`. Raises InputError where a start shows nothing."""
     problem, solution, dropped, shown = _settled(problem, start, others, progress, search=search)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
     left = what_is_left(problem, solution, kind)
@@ -178,11 +175,7 @@ def _settled(
 def _not_shown(
     problem: DynamicProblem, solution: MultistartSolution[Unknown], shown: Mapping[ParameterName, str]
 ) -> dict[ParameterName, tuple[float, Finding]]:
-    """Stribeck parameters that the motion does not show, but those `shown`: value to hold, and the reason.
-
-    An insignificant term is held at zero; one without alpha_0, or with v_s at the fastest speed, is Coulomb friction;
-    one of unknown size is held at alpha_0.
-    """
+    """Stribeck parameters that the motion does not show, but those `shown`: the value to hold, and the reason."""
     if problem.stribeck == "stribeck":
         return {}
     unknowns, doubts = solution.posed.unknowns, peak_doubts(problem, solution)

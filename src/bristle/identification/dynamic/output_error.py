@@ -83,10 +83,7 @@ def simulation(
     decimation: int,
     horizon: float | None = None,
 ) -> DynamicProblem:
-    """The problem of the simulated motor, from that of the torque, `posed`; windows of `horizon` s.
-
-    Raises InputError where a position or the inertia is missing.
-    """
+    """The problem of the simulated motor, from that of the torque. Raises InputError without position or inertia."""
     if INERTIA not in posed.extra_names:
         raise InputError(
             "fit.predict: position simulates the motor, which needs an inertia; give it as inertia, or among fit.regressors"

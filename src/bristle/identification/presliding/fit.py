@@ -52,11 +52,7 @@ def identify_presliding(
     resolution: float | None,
     kind: Kind,
 ) -> Presliding:
-    """The results of presliding runs with position and torque.
-
-    `levels` are g0 per direction; breakaway, or the largest torque held as a lower bound, stands in. Inertia and
-    resolution (one count, rad) may be None. Raises InputError where a run holds no loading from zero torque.
-    """
+    """The results of presliding runs; `levels` are g0 per direction. Raises InputError where a run loads nothing."""
     records = [r if r.cutoff else replace(r, cutoff=of_slow_loading(r)[0]) for r in records]
     found = find_all_loadings(records, resolution, options.breakaway_displacement)
     for record, of_record in zip(records, found, strict=True):

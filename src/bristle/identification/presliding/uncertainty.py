@@ -1,8 +1,4 @@
-"""Intervals of a presliding stiffness by covariance, profile and bootstrap-t.
-
-u is sigma_0, or its inverse for `samples`; x = (g0 - level) / its error; Q(u) = min over x of ((u - u(x)) / e(x))**2 +
-x**2.
-"""
+"""Intervals of a presliding stiffness: u is sigma_0, or its inverse for `samples`, x = (g0 - level) / its error."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

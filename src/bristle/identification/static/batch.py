@@ -31,14 +31,7 @@ class Tables(NamedTuple):
 
 
 class Batch:
-    """Sets of torques at the same velocities, solved as `solve` does; one peak.
-
-    Args:
-        problem: one of the sets; its torque is ignored.
-        torques: N*m, (n, sets).
-        v_s_range: as in `solve`.
-        grid: as in `solve`, >= 8.
-    """
+    """Sets of torques, N*m, (n, sets), at the same velocities, solved as `solve` does; one peak, `grid` >= 8."""
 
     theta: Array
     """In the order of the problem's `names`, (p, sets)."""

@@ -77,10 +77,7 @@ def fit_static(
     held: Sequence[tuple[str, Regression]] = (),
     runs: Sequence[tuple[str, Regression]] = (),
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Fits and cross-checks of one static problem, by direction, and `shared` for what two directions share.
-
-    `held` are hold-out runs, `runs` those to fit apart, by name, posed like the problem, without priors.
-    """
+    """Fits and cross-checks of one problem, by direction or `shared`; `held` to predict, `runs` to fit apart."""
     v_s_range = default_range(problem.velocity)
     # of a direction that was measured at one speed alone viscous friction is told from Coulomb's by others
     lost = set[ParameterName]()

@@ -196,12 +196,26 @@ def from_points(
     velocity: Array,
     torque: Array,
     directions: tuple[str, ...],
-    extra: dict[str, Array] | None = None,
+    extra: Mapping[str, Array] | None = None,
     shifts: Mapping[str, Array] | None = None,
     law: Law = GAUSSIAN,
+    smooth: sparse.csr_array | None = None,
 ) -> Regression:
     """The problem (12) for points, rad/s and N*m, (n,), with extra columns and `shifts` by name."""
-    return replace(_build(velocity, torque, directions, extra or {}, None, law), shifts=shifts or {})
+    names, shapes = ("alpha_0", "alpha_2", *law.coefficients), evaluate(linear_shapes_function(law), velocity)
+    friction, sides, extra = dict[ParameterName, Array](), tuple(map(Direction, directions)), extra or {}
+    for direction in sides:
+        mask = None if len(sides) == 1 else _moves(velocity, direction)
+        for name, shape in zip(names, shapes, strict=True):
+            friction[ParameterName(name, direction)] = shape if mask is None else mask * shape
+    columns = np.array([*friction.values(), *extra.values()]).T
+    if smooth is not None:
+        columns, torque = smooth @ columns, smooth @ torque
+    return Regression(
+        directions=sides, peaks=sides, velocity=velocity, torque=torque, linear=columns,
+        linear_names=(*friction, *(ParameterName(name, Direction.SHARED) for name in extra)), law=law,
+        shape=tuple(own.middle for own in law.peak.own), smooth=smooth, shifts=shifts or {},
+    )  # fmt: skip  # a list of values
 
 
 def from_records(
@@ -240,8 +254,8 @@ def from_records(
     ]
     extra = {name: np.concatenate([of_record[name] for of_record in columns]) for name in columns[0]}
     shifts = {name: smooth @ shift for name, shift in torque_shifts(records).items()}
-    built = _build(velocity, torque, directions, extra, smooth, law)
-    problem = replace(built, shifts=shifts, weights=weights, given=given_by(records))
+    built = from_points(velocity, torque, directions, extra, shifts, law, smooth)
+    problem = replace(built, weights=weights, given=given_by(records))
     off = [x for r in records if (x := known_torque(r, inertia, regressors)) is not None]
     if off:
         known = smooth @ np.concatenate(off)
@@ -266,32 +280,6 @@ def with_prior(
         shifts={name: np.append(shift, 0.0) for name, shift in problem.shifts.items()},
         linear=np.vstack([problem.linear, row]), smooth=sparse.csr_array(sparse.vstack([smooth, blank])), memory={},
         priors=problem.priors + 1,
-    )  # fmt: skip  # a list of values
-
-
-def _build(
-    velocity: Array,
-    torque: Array,
-    directions: tuple[str, ...],
-    extra: dict[str, Array],
-    smooth: sparse.csr_array | None,
-    law: Law,
-) -> Regression:
-    one = len(directions) == 1
-    names, shapes = ("alpha_0", "alpha_2", *law.coefficients), evaluate(linear_shapes_function(law), velocity)
-    friction: dict[ParameterName, Array] = {}
-    sides = tuple(map(Direction, directions))
-    for direction in sides:
-        mask = None if one else _moves(velocity, direction)
-        for name, shape in zip(names, shapes, strict=True):
-            friction[ParameterName(name, direction)] = shape if mask is None else mask * shape
-    columns = np.array([*friction.values(), *extra.values()]).T
-    if smooth is not None:
-        columns, torque = smooth @ columns, smooth @ torque
-    return Regression(
-        directions=sides, peaks=sides, velocity=velocity, torque=torque, linear=columns,
-        linear_names=(*friction, *(ParameterName(name, Direction.SHARED) for name in extra)), law=law,
-        shape=tuple(own.middle for own in law.peak.own), smooth=smooth,
     )  # fmt: skip  # a list of values
 
 

@@ -129,7 +129,13 @@ def solve_static(
     reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
     ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
     warnings = _fit_warnings(problem, solution, intervals, profiles, v_s_range)
-    outcome = _outcome(problem, dropped)
+    outcome = Finding("static-converged", NOTE, "Converged.")
+    if dropped and not problem.peaks:
+        message = "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted."
+        outcome = Finding("static-no-stribeck", NOTE, message)
+        if all(reason.code in {"peak-left-out", "no-stribeck-asked"} for reason in dropped.values()):
+            message = "Coulomb and viscous friction alone are fitted, as fit.law asks."
+            outcome = Finding("static-as-asked", NOTE, message)
     return StaticSolution(
         problem=problem, solution=solution, parameters=parameters,
         shifts={constant: dict(zip(names, by.tolist(), strict=True)) for constant, by in moved.items()},
@@ -252,16 +258,6 @@ def _unsupported(problem: Regression, solution: Solution, k: int, direction: Dir
 def _inflation(problem: Regression, solution: Solution) -> float:
     """Variance inflation by correlated residuals; 1 for points."""
     return inflation(solution.residuals) if problem.smooth is not None else 1.0
-
-
-def _outcome(problem: Regression, dropped: Mapping[Direction, Finding]) -> Finding:
-    if dropped and not problem.peaks:
-        if all(reason.code in {"peak-left-out", "no-stribeck-asked"} for reason in dropped.values()):
-            message = "Coulomb and viscous friction alone are fitted, as fit.law asks."
-            return Finding("static-as-asked", NOTE, message)
-        message = "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted."
-        return Finding("static-no-stribeck", NOTE, message)
-    return Finding("static-converged", NOTE, "Converged.")
 
 
 def _fit_warnings(
