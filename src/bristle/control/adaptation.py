@@ -34,7 +34,7 @@ LAWS: tuple[Law, ...] = get_args(Law)
 Step = Literal["gradient", "normalised", "least-squares"]
 STEPS: tuple[Step, ...] = get_args(Step)
 _TYPESET = {"alpha_0", "alpha_2"}  # parameters for which (19) and (20) are defined
-_LARGEST = 1e150  # beyond this an input counts as no number, and nothing is learnt from it
+_LARGEST = 1e150  # larger inputs teach nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

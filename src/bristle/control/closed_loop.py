@@ -32,7 +32,7 @@ from bristle.errors import InputError
 from bristle.model.vectorize import bound, chained
 from bristle.workers import threads
 
-_CHUNK = 1000  # samples of every case in one CasADi call: what bounds the memory
+_CHUNK = 1000  # samples per CasADi call, which bounds memory
 Run = Callable[[int, int], ca.Function]  # (samples, cases) -> their control periods as one function
 
 

@@ -34,8 +34,8 @@ from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Pair
 
 _FAST = 1e3  # multiples of v_s at which the joint slides
-_LEAST = 1e-4  # growth in the period asked for, as a logarithm, that counts
-_HALVINGS, _BISECTIONS = 10, 10  # to find a shorter period that the loop bears, and then the longest
+_LEAST = 1e-4  # log growth per period that counts
+_HALVINGS, _BISECTIONS = 10, 10  # in the search for a stable period
 
 
 def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: float) -> None:

@@ -6,10 +6,10 @@ from scipy.fft import irfft, next_fast_len, rfft
 from bristle.arrays import Array
 from bristle.findings import CRITICAL, NOTE, Finding
 
-_WINDOW = 5.0  # Sokal's c: the sum is cut at the first lag of at least c integrated autocorrelation times
+_WINDOW = 5.0  # Sokal's c: the sum ends at c integrated autocorrelation times
 _FEW = 8
-_POOR = 0.15  # of the measured torque: a fit that leaves a larger pattern describes something else
-_CHANCE = 3.3  # white noise's share that is not in its differences exceeds this over sqrt(n) once in two thousand times
+_POOR = 0.15  # of the measured torque: largest acceptable pattern
+_CHANCE = 3.3  # over sqrt(n): share of white noise outside its differences, exceeded once in 2000 times
 
 
 def autocorrelation(x: Array) -> Array:

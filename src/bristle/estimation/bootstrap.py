@@ -25,16 +25,16 @@ from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import Name, projected
 
-DRAWS, REFITS = 2000, 1999  # draws of blocks, and of residuals that are fitted again: the interval's ends are draws
-_AT_ONCE = 4_000_000  # numbers drawn, or scores of blocks computed, at once, whatever the number of equations
-SHOWN = 500  # draws kept of each unknown, to be drawn
-_OVERLAP = 4  # cells in a block: blocks begin at each cell
-_CELLS = 2000  # at most; longer records have longer cells
-_TIMES = 4.0  # integrated autocorrelation times in a block, at least
+DRAWS, REFITS = 2000, 1999  # of blocks, and of refitted residuals, whose interval ends are draws
+_AT_ONCE = 4_000_000  # numbers drawn, or scores computed, at a time
+SHOWN = 500  # draws kept for figures
+_OVERLAP = 4  # cells per block
+_CELLS = 2000  # most cells
+_TIMES = 4.0  # least integrated autocorrelation times per block
 _SIX = np.sqrt(np.array([0.5, 1.0, 1.5]))
 _WEBB = np.concatenate([-_SIX, _SIX])  # mean 0, variance 1, third moment 0 (Webb 2014)
-_UNEVEN = 0.01  # significance at which variances differ
-_FULL = 1.0 - 1e-6  # a point with this leverage leaves no residual
+_UNEVEN = 0.01  # level of the test for uneven variance
+_FULL = 1.0 - 1e-6  # leverage without a residual
 
 Refit = Callable[[Array, bool], tuple[Array, Array]]
 """(added to the model, (n, sets); whether variances differ) -> steps off the estimate and errors, (p, sets) each."""

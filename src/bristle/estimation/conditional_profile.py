@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.estimation.profile_likelihood import BETTER
 
-_SLACK = 1e-9  # an unknown this far below its bound of zero, in standard errors, is at it
+_SLACK = 1e-9  # standard errors below zero that count as at the bound
 
 
 class Conditional(NamedTuple):

@@ -13,7 +13,7 @@ from bristle.estimation.levels import CONFIDENCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.nonlinear import LeastSquares, Minimum, projected
 
-SEEN = 1e-9  # of the longest column of the Jacobian: an unknown with a shorter one has no influence
+SEEN = 1e-9  # of the longest Jacobian column: shorter ones have no influence
 
 
 class Covariance(NamedTuple):

@@ -4,7 +4,7 @@ from math import log
 
 from bristle.arrays import Array
 
-_EXACT = 1e-24  # of the measured power: residuals below are rounding
+_EXACT = 1e-24  # of the measured power: smaller residuals are rounding
 
 
 def power_of(x: Array) -> float:

@@ -6,9 +6,9 @@ import numpy as np
 
 from bristle.findings import CAUTION, NOTE, Finding
 
-FEW = 8  # blocks below which a bootstrap has little to draw from, and gives no interval
-ENOUGH = 20  # blocks below which a bootstrap that parts from the other intervals is explained by them
-FACTOR = 1.5  # reaches to one side of an estimate that differ by more than this factor part
+FEW = 8  # least blocks of a bootstrap interval
+ENOUGH = 20  # blocks below which a different bootstrap is explained by them
+FACTOR = 1.5  # ratio of reaches from which intervals differ
 _ROUNDING = 1e-9
 Interval = tuple[float, float] | None
 

@@ -8,8 +8,8 @@ from scipy.optimize import nnls
 
 from bristle.arrays import Array
 
-_RANK = 1e-14  # below this reciprocal condition number columns count as dependent
-_INDEPENDENT = 1e-10  # a column this much of which, relative, is left by those before it counts as independent
+_RANK = 1e-14  # reciprocal condition number of dependent columns
+_INDEPENDENT = 1e-10  # relative length off the columns before from which a column is independent
 
 
 def least_squares(design: Array, torque: Array) -> Array:

@@ -12,8 +12,8 @@ from bristle.arrays import Array
 from bristle.estimation.levels import CONFIDENCE
 
 _LEVEL = (1 + CONFIDENCE) / 2
-_MANY = 1e3  # degrees of freedom that are as good as any number of them
-_SCATTER = (1e-6, 1e6)  # of log(s**2): below it all variances are one, above it they have nothing in common
+_MANY = 1e3  # degrees of freedom that count as infinite
+_SCATTER = (1e-6, 1e6)  # of log(s**2): limits between one variance and unrelated ones
 
 
 def normal_errors(error: Array, half: Array) -> Array:

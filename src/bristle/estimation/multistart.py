@@ -16,7 +16,7 @@ Start = TypeVar("Start")
 _STEPS = 60  # of a descent from a start
 SAME, _OF_VARIANCE = 1e-6, 1e-2
 """Costs closer than this share of them, or of a residual's variance, are the same minimum."""
-_NOTHING = 1e-20  # a cost below this is none
+_NOTHING = 1e-20  # smaller costs are zero
 
 
 class MultistartSolution(NamedTuple, Generic[Name]):

@@ -15,14 +15,14 @@ Evaluate = Callable[[Array], tuple[Array, Array]]
 """Scaled unknowns, (p,) -> residuals, (n,), and Jacobian, (n, p); not finite where impossible."""
 _DAMPING = 1e-4
 _MOST_DAMPING = 1e8
-_HARDLY_SEEN = 1e-8  # of the longest column: damping takes shorter ones for this long, to keep what is hardly seen near
-_SETTLED = 1e-6  # of the residuals' variance: steps end when the next would gain less, 1e-3 standard errors
-_FLAT = 1e-6  # out of steps, the cost has settled if the last lowered it by less: what still moves is not seen
+_HARDLY_SEEN = 1e-8  # of the longest column: damping treats shorter ones as so long
+_SETTLED = 1e-6  # of the residuals' variance: smaller gains end the steps, at 1e-3 standard errors
+_FLAT = 1e-6  # of the variance: a smaller last gain counts as converged when steps run out
 _SLOW, _CREEPS = 1e-2, 3
 """Steps also end where so many in a row lower the cost by less than this share of the variance each."""
-_HOPELESS = 4  # steps in a row that gain too little, after which a descent is given up:
-_STILL_ABOVE = 1.2  # it stays above this many times the lowest end known, ...
-_PROMISED = 3.0  # ... were all that is left to gain this many times what the step gained
+_HOPELESS = 4  # steps of too little gain in a row, after which a descent is given up
+_STILL_ABOVE = 1.2  # of the lowest cost known, that it stays above
+_PROMISED = 3.0  # times the step's gain, as all that is left to gain
 
 
 class Block(NamedTuple):

@@ -28,13 +28,13 @@ _OPEN = Finding(
     "No finite interval by the profile: with the other parameters re-optimised, every value on that side that a motion can show "
     "fits about as well.",
 )
-_TRIES, _BUDGET = 12, 40  # steps of a descent at one value, and evaluations on one side (five of a smooth profile)
-_SETTLED = 1e-3  # of d: a descent ends when a step would lower the cost by less
-_EXACT = 1e-3  # of its distance from the estimate: how near to the crossing an end is sought
-_STRAIGHT = 1e-2  # this near to one, the statistic's root is a line from the estimate on
+_TRIES, _BUDGET = 12, 40  # steps per value, and evaluations per side (five of a smooth profile)
+_SETTLED = 1e-3  # of d: smaller gains end a descent
+_EXACT = 1e-3  # of its distance from the estimate: tolerance of an end
+_STRAIGHT = 1e-2  # distance from one within which the root is linear
 BETTER = 1e-3  # of d: a cost this much below the fit's is a better optimum
-_FAR, _GROWTH = 6, 4.0  # how often an end that is not reached is sought farther away, and by what factor at most
-_STEEP = 1e3  # stands for the statistic's root where nothing can be computed
+_FAR, _GROWTH = 6, 4.0  # extensions of the search for an end, and the largest factor
+_STEEP = 1e3  # root where nothing can be computed
 
 
 class Profiled(NamedTuple):

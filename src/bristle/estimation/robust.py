@@ -19,7 +19,7 @@ SCALE_EFFICIENCY = 0.88  # of the variance's estimate with normal errors, at `SC
 _PASSES = 60
 _SETTLED = 1e-7
 _LEAST_VARIANCE = 1e-200
-_MANY = 20  # groups from which on the covariance is that of their scores, not of the model
+_MANY = 20  # least groups for a covariance by their scores
 
 
 def expected_square(bend: float) -> float:

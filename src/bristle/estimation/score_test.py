@@ -13,11 +13,11 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.findings import NOTE, Finding
 
-LEAST = 0.05  # of the squares that the fit leaves: a candidate that explains less is not worth a sentence
-MATTERS = 0.01  # of friction, rms, or a standard error of some parameter: a candidate that moves less is a note
+LEAST = 0.05  # of the residuals' squares: candidates that explain less are not reported
+MATTERS = 0.01  # of rms friction, or of a standard error: smaller effects are a note
 _MANY = 100
 """Equations from which correlated and uneven noise is estimated along a column."""
-_BESIDE, _RANK = 1e-6, 1e-10  # of its length: a column with less beside others is made of them; and known ones
+_BESIDE, _RANK = 1e-6, 1e-10  # relative length of a column beside known ones, and relative rank of these
 
 
 class Score(NamedTuple):

@@ -12,7 +12,7 @@ from scipy.special import log_ndtr, ndtr, ndtri_exp, roots_laguerre, stdtr
 from bristle.arrays import Array
 
 _NODES, _WEIGHTS = roots_laguerre(24)
-_AT_ONCE = 200_000  # pairs of neighbours whose probability is computed at once
+_AT_ONCE = 200_000  # pairs of neighbours at a time
 
 
 class Steps(NamedTuple):

@@ -12,8 +12,8 @@ from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line, swings, turn_of
 from bristle.model.parameters import Kind, periodic, slides
 
-_HARMONICS = 64  # most ripples looked for
-_FEW = 8  # equations, below which nothing is asked of them
+_HARMONICS = 64  # most ripples tried
+_FEW = 8  # equations below which nothing is tried
 
 
 def candidates(

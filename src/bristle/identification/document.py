@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 T = TypeVar("T")
-LARGEST = 100_000_000  # bytes of a results file, about two million equations; the embedded joints have a few millions
-_MOST = {"commas": 1_000_000, "objects": 200_000, "joints": 100, "parameters of a joint": 400}  # what else it may have
-_DIGITS = 18  # of a whole number: counts have fewer
-_SHOWN = 300  # characters of a reason that are quoted
+LARGEST = 100_000_000  # bytes of a results file, about two million equations
+_MOST = {"commas": 1_000_000, "objects": 200_000, "joints": 100, "parameters of a joint": 400}
+_DIGITS = 18  # of an integer: counts have fewer
+_SHOWN = 300  # characters of a quoted reason
 
 
 @contextmanager
@@ -49,7 +49,7 @@ def is_results(path: Path) -> bool:
         return b'"bristle-results/' in begun + file.read(LARGEST)  # one that is damaged is told so when it is read
 
 
-_BEGINNING = 4096  # bytes by which a file of another kind is told
+_BEGINNING = 4096  # bytes that tell another kind of file
 
 
 def parsed(text: str) -> Any:

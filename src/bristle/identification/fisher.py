@@ -24,11 +24,11 @@ from bristle.model.parameters import (
 from bristle.model.rollout import rollout_jacobian
 from bristle.model.vectorize import evaluate
 
-_SINGULAR = 1e-13  # of the largest eigenvalue, parameters in units of their own errors: what is below is none
-_MEMBER = 1e-5  # a parameter with this share of a direction that is not seen is not seen
-_NOTHING = 1e-100  # a derivative this small is none
-_HARDLY = 1e-3  # a direction is hardly seen where its eigenvalue is this share of the largest ...
-_PART = 0.3  # ... and these are its members: with this share of its largest
+_SINGULAR = 1e-13  # of the largest eigenvalue of the scaled F: smaller ones are zero
+_MEMBER = 1e-5  # share of an unseen direction that makes a parameter unseen
+_NOTHING = 1e-100  # smaller derivatives are zero
+_HARDLY = 1e-3  # of the largest eigenvalue: directions below are hardly seen
+_PART = 0.3  # of its largest share: members of a direction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

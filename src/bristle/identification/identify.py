@@ -31,7 +31,7 @@ from bristle.identification.law_comparison import (
     term_that_pays,
     with_averages,
 )
-from bristle.identification.measured import Measured, in_time, nothing_to_fit, through_wider, with_options
+from bristle.identification.measured import Measured, nothing_to_fit, with_options, with_wider_low_pass, without_delay
 from bristle.identification.model_selection import bic_of_directions, compare_on_motion, compare_on_points, refitted
 from bristle.identification.moving_runs import (
     DIRECTIONS,
@@ -48,7 +48,7 @@ from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint
 from bristle.identification.settings import settings_of
 from bristle.identification.settling import without_settling
-from bristle.identification.static.fit import beside_moving, fit_moving, fit_points, is_superseded
+from bristle.identification.static.fit import fit_moving, fit_points, is_superseded, reconcile_static
 from bristle.identification.static.set_up import directions_of_points, trial_of_motion, trial_of_points
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
@@ -246,7 +246,7 @@ class _Decisions:
             return
         sides = directions(experiment, measured.moving(hold_out=False))
         for factor in _WIDER:
-            wide = through_wider(measured, factor)
+            wide = with_wider_low_pass(measured, factor)
             left = refitted(wide, alone, sides).residuals
             if np.linalg.norm(left) > (1.0 if found else _LESS) * np.sqrt(left.size) * alone.rms:
                 break
@@ -278,13 +278,13 @@ class _Decisions:
     def _on_time(self) -> None:
         """Take off a delay of the torque where residuals fall by a tenth; of commands wherever they do not grow."""
         signals, as_logged, late, moving = self.measured.experiment.signals, self.measured, 0.0, self.joint.moving
-        told_by = next((name for name in (*DRIVE, *COMMANDS) if getattr(signals, name) is not None), None)
-        declared = told_by is not None and "delay" in getattr(signals, told_by).model_fields_set
+        source = next((name for name in (*DRIVE, *COMMANDS) if getattr(signals, name) is not None), None)
+        declared = source is not None and "delay" in getattr(signals, source).model_fields_set
         if declared or moving is None or as_logged.experiment.fit.set_up == AS_WRITTEN:
             return
         for _ in range(_SHIFTS):
             more, error = moving.late
-            if told_by not in COMMANDS:
+            if source not in COMMANDS:
                 found = (w for w in moving.warnings if w.code == "torque-delayed")
                 more = next((float(w.numbers["delay"]) for w in found), 0.0)
             elif abs(more) < error:
@@ -292,14 +292,14 @@ class _Decisions:
             if not more or abs(late + more) >= _LATEST:
                 break
             # once, for to interpolate smooths
-            if not self._take(in_time(as_logged, late + more), 1.0 if told_by in COMMANDS else _LESS):
+            if not self._take(without_delay(as_logged, late + more), 1.0 if source in COMMANDS else _LESS):
                 break
             late, moving = late + more, self.joint.moving or moving
         error = moving.late[1]
-        if late or (told_by in COMMANDS and np.isfinite(error)):  # an error of the delay is one of the torque
-            self._take(in_time(as_logged, late, error, final=True))
+        if late or (source in COMMANDS and np.isfinite(error)):  # an error of the delay is one of the torque
+            self._take(without_delay(as_logged, late, error, final=True))
         moving = self.joint.moving
-        if told_by in COMMANDS and moving is not None:
+        if source in COMMANDS and moving is not None:
             self._of_commands(late + moving.late[0], moving.late[1])
         elif late:
             how = "late" if late > 0 else "early"
@@ -387,7 +387,7 @@ class _Decisions:
                 experiment, training, held, static, load if measured.slow else None, near, static_is_apart=bool(points),
                 crosscheck=crosscheck, uncertainty=uncertainty, progress=self.progress,
             )  # fmt: skip  # a list of values
-            static = static if points else beside_moving(static, stages.tracking)
+            static = static if points else reconcile_static(static, stages.tracking)
             fit = stages.joint_fit or stages.tracking
             J = fit.parameters.get(INERTIA) if fit else None
             if stages.presliding is not None and experiment.inertia is None and J is not None and J.value:

@@ -42,12 +42,12 @@ from bristle.model.parameters import (
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.vectorize import evaluate
 
-DRAWS = 60  # joints drawn from the covariance of the identified parameters
+DRAWS = 60  # joints drawn
 SEED = 0
 DEFLECTION = 1e-3
 """Assumed deflection in slow sliding over the joint's travel, where nothing shows the stiffness."""
-INERTIAL = 0.1  # torque of the largest acceleration where no inertia is known, as a share of alpha_0
-_MOST_MOVED = 5.0  # how far a logarithm is drawn from the estimate: what is known by less than that factor is not known
+INERTIAL = 0.1  # of alpha_0: torque of the largest acceleration, where no inertia is known
+_MOST_MOVED = 5.0  # largest move of a drawn logarithm
 
 
 class Source(StrEnum):

@@ -52,20 +52,20 @@ from bristle.model.parameters import INERTIA, ParameterName, in_direction
 Name = TypeVar("Name")
 
 WITH_DRAG = "gaussian+quadratic"  # the paper's law with v abs(v)
-_WORTH = 1.05  # times by which a term has to lower the error at speeds that were left out, to be taken unasked
-_MOSTLY = float(np.sqrt(2))  # the same of a load, which a torque that is logged late imitates
+_WORTH = 1.05  # ratio of left-out errors by which a term is taken unasked
+_MOSTLY = float(np.sqrt(2))  # the same of a load, which a delayed torque imitates
 _STICKS_OUT = 0.1  # of an interval's width
-_SPREAD = 0.95  # a law with less than this of the weights is not the only one that the data allow
-_AVERAGED = ("alpha_0", "alpha_1", "alpha_2")  # what means the same in every law: v_s does not
-_LIKELY = 1e-3  # a law with a smaller weight does not move an average
-_STEPS = 40  # of each fit, at the most
-_ENOUGH = 0.05  # of n' log(RSS), n' independent equations: a step that would lower it by less ends a fit
-_ROUGH = 4.0  # nodes between samples stand so many times farther apart than usual
+_SPREAD = 0.95  # of the weights: a law with less is not alone
+_AVERAGED = ("alpha_0", "alpha_1", "alpha_2")  # parameters with one meaning in every law
+_LIKELY = 1e-3  # least weight in an average
+_STEPS = 40  # most iterations of a fit
+_ENOUGH = 0.05  # of n' log(RSS): a smaller gain ends a fit
+_ROUGH = 4.0  # factor on the distance of nodes
 _BRISTLE = ("sigma_0", "sigma_1")
 _START = {"alpha_1": 0.1, "v_s": 0.1, "load": 0.03}
 """Where terms begin that the law in force does not have: shares of alpha_0, of the fastest speed, of the load."""
-_DAMPING = (1e-8, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # added in turn to the squared length of each column, one
-_LEAST = 0.05  # of a change of the torque: that much of it is never made by the torque itself
+_DAMPING = (1e-8, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # tried in turn, for columns of unit length
+_LEAST = 0.05  # of 1 - df/dT
 
 
 def laws_beside(in_force: Law) -> tuple[Law, ...]:
@@ -132,14 +132,14 @@ class _MovingLaw(NamedTuple):
         matrix, own_freedom = covariance(self.minimum.jacobian[:, free], power_of(residuals), freedom)
         errors = np.sqrt(np.diag(matrix)) * np.abs(self.unknowns.slopes(self.minimum.x)[free])
         pairs = zip(compress(names, free), errors.tolist(), strict=True)
-        itself = 2 * effective / residuals.size * float(np.log(self._not_itself()).sum())
+        itself = 2 * effective / residuals.size * float(np.log(self._torque_independence()).sum())
         return Fitted(
             name=self.name, solves=[(residuals, len(names), effective, power_of(self.problem.measured))], itself=itself,
             candidate=self.law.name in {law.name for law in competing()}, predicts=self._blocks_left_out,
             known={n: (self.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)},
         )  # fmt: skip  # a list of values
 
-    def _not_itself(self) -> Array:
+    def _torque_independence(self) -> Array:
         """1 - df/dT of each equation, (n,); one without a load."""
         of_all = (*self.problem.fixed.items(), *self.values.items())
         known = {n.name: x for n, x in of_all if isinstance(n, ParameterName)}
@@ -152,7 +152,7 @@ class _MovingLaw(NamedTuple):
     def _blocks_left_out(self) -> LeftOut:
         """Left-out error over blocks of speed, by damped Gauss-Newton steps; each motion's first equation stays in."""
         x_all, _, residuals, jacobian, *_ = self.minimum
-        problem, unknowns, share, total = self.problem, self.unknowns, self._not_itself(), 0.0
+        problem, unknowns, share, total = self.problem, self.unknowns, self._torque_independence(), 0.0
         first = [block.rows.start for block in problem.blocks]
         size = np.sqrt((jacobian**2).sum(axis=0))
         free, measured = (size > 0) & (x_all > unknowns.lower) & (x_all < unknowns.upper), problem.measured
@@ -261,13 +261,13 @@ def with_averages(
         of_these = {d: fit for d, fit in static.items() if n == laws.n and "v_s" in fit.parameters}
         for d, fit in of_these.items():
             own = {name.name: x for name, x in laws.averaged.items() if name.direction == d}
-            static = {**static, d: replace(fit, parameters=_told(fit.parameters, own))}
+            static = {**static, d: replace(fit, parameters=_with_cautions(fit.parameters, own))}
     elif moving is not None and any(n.name == "v_s" for n in moving.parameters):
-        moving = replace(moving, parameters=_told(moving.parameters, laws.averaged))
+        moving = replace(moving, parameters=_with_cautions(moving.parameters, laws.averaged))
     return static, moving
 
 
-def _told(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged]) -> dict[Name, Estimate]:
+def _with_cautions(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged]) -> dict[Name, Estimate]:
     """The estimates with that caution."""
     out = dict(estimates)
     for name, own in estimates.items():

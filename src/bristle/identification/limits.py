@@ -13,13 +13,13 @@ from bristle.model.parameters import has_own_unit, unit
 HOLD = 3.0
 """Assumed duration of a hold, s, without measured ones; measured ones are clipped to `_HOLDS`, s."""
 _HOLDS = (1.0, 10.0)
-FREQUENCY = 10.0  # highest of the tracking motion where nothing is declared, Hz ...
-SAMPLES = 10.0  # ... with so many samples of its reference to a period at least
-_SLOW_SHARE = 0.02  # of the fastest speed: the slowest where no run at constant velocity shows one that does not stick
-_REACH = 0.5  # time from rest to the fastest speed where no moving run shows an acceleration, s
-_RARE = 99.0  # percentile of a measured signal that counts as its largest: beyond are transients and noise
+FREQUENCY = 10.0  # highest of the tracking motion by default, Hz
+SAMPLES = 10.0  # least samples of its reference per period
+_SLOW_SHARE = 0.02  # of the fastest speed: the slowest one by default
+_REACH = 0.5  # time from rest to the fastest speed by default, s
+_RARE = 99.0  # percentile that counts as the largest value: beyond are transients and noise
 
-_LEAST_LEFT = 0.1  # of a drive's torque, where the links ask for all of it
+_LEAST_LEFT = 0.1  # of a drive's torque, beside that of the links
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -16,10 +16,10 @@ from bristle.model.rollout import load_level
 from bristle.model.vectorize import evaluate
 
 _WEIGHTS = ("gravity", "links")  # regressors that are load
-_SETTLED, _MOST = 1e-9, 60  # of the largest weight, that a step moves them at most once they have settled; and steps
+_SETTLED, _MOST = 1e-9, 60  # relative tolerance of the weights, and most iterations
 _NAMES = tuple(dict.fromkeys(name for terms in LEVELS.values() for name in terms.names))
 """In the order of `law.load_levels`."""
-LINEAR = tuple(name for name in _NAMES if not name.endswith("squared"))  # those that multiply a load itself
+LINEAR = tuple(name for name in _NAMES if not name.endswith("squared"))  # coefficients of a load itself
 
 
 class Load(NamedTuple):

@@ -26,8 +26,8 @@ from bristle.identification.static.points import PointSearch, point_regressors, 
 if TYPE_CHECKING:
     import pandas as pd
 
-_STILL = 1e-12  # of the fastest point: a slower one is at rest, and its velocity rounding
-_ROUNDING = 1e-12  # of a position: what unwrapping makes of it
+_STILL = 1e-12  # of the fastest point: slower ones are at rest
+_ROUNDING = 1e-12  # of a position, by unwrapping
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +141,7 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
     fitted = [run.record for run in runs if run.kind == "tracking" and not run.hold_out]
     if fitted and experiment.fit.position_cutoff is None:
         widest = max(r.cutoff for r in fitted)
-        runs = tuple(_changed((run,), lambda r: _through(r, widest))[0] if run.hold_out else run for run in runs)
+        runs = tuple(_changed((run,), lambda r: _refiltered(r, widest))[0] if run.hold_out else run for run in runs)
     every, moving = experiment.fit.decimation or 1, [run.record for run in runs if run.kind == "tracking"]
     if experiment.fit.decimation is None and moving:
         longest = min(int(np.diff([*r.starts, r.time.size]).max() / r.oversampled) for r in moving)
@@ -153,8 +153,8 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
         fits = np.diff([*record.starts, record.time.size]).max() >= shortest
         return without_short_segments(record, shortest, "decimated") if fits and record.velocity is not None else record
 
-    experiment, runs = _asking(experiment, decimation=every), _changed(runs, decimable)
-    return judged(Measured(experiment=experiment, runs=runs, segments=_included(experiment, runs)))
+    experiment, runs = _with_fit_options(experiment, decimation=every), _changed(runs, decimable)
+    return judged(Measured(experiment=experiment, runs=runs, segments=_cut_segments(experiment, runs)))
 
 
 def _changed(runs: Sequence[Run], change: Callable[[Record], Record]) -> tuple[Run, ...]:
@@ -162,19 +162,19 @@ def _changed(runs: Sequence[Run], change: Callable[[Record], Record]) -> tuple[R
     return tuple(replace(run, record=change(run.record)) if run.kind == "tracking" else run for run in runs)
 
 
-def _through(record: Record, cutoff: float) -> Record:
+def _refiltered(record: Record, cutoff: float) -> Record:
     """A moving run with its motion estimated again through another low pass, Hz."""
     kept = tuple(n for n in record.notes if n.code not in {"motion-from-position", "acceleration-from-velocity"})
     velocity = None if record.velocity_estimated else record.velocity
     return estimate_motion(replace(record, velocity=velocity, acceleration=None, notes=kept), cutoff)
 
 
-def through_wider(measured: Measured, factor: float) -> Measured:
+def with_wider_low_pass(measured: Measured, factor: float) -> Measured:
     """The same with the low pass of moving runs wider by a factor, at the same decimation."""
-    return replace(measured, runs=_changed(measured.runs, lambda r: _through(r, usable(r, factor * r.cutoff))))
+    return replace(measured, runs=_changed(measured.runs, lambda r: _refiltered(r, usable(r, factor * r.cutoff))))
 
 
-def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool = False) -> Measured:
+def without_delay(measured: Measured, late: float, error: float = 0.0, *, final: bool = False) -> Measured:
     """The same with torques `late` s earlier, and their error; `final` keeps measurements that a drive uses fresh."""
     command, motor = measured.experiment.signals.command, measured.experiment.motor_constants or ONE
     gains = {}
@@ -205,11 +205,11 @@ def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool 
 
 def with_options(measured: Measured, **options: object) -> Measured:
     """The same with other options under `fit`."""
-    experiment = _asking(measured.experiment, **options)
-    return judged(replace(measured, experiment=experiment, segments=_included(experiment, measured.runs)))
+    experiment = _with_fit_options(measured.experiment, **options)
+    return judged(replace(measured, experiment=experiment, segments=_cut_segments(experiment, measured.runs)))
 
 
-def _asking(experiment: Experiment, **options: object) -> Experiment:
+def _with_fit_options(experiment: Experiment, **options: object) -> Experiment:
     """The experiment with other options under `fit`, `model_fields_set` unchanged."""
     fit = experiment.fit.model_copy(update=options)
     fit.model_fields_set.intersection_update(experiment.fit.model_fields_set)
@@ -257,7 +257,7 @@ def _overlap(a: Record, b: Record) -> bool:
     return bool(np.abs(apart).max() <= _ROUNDING * max(np.abs(p).max(), np.abs(q).max()))
 
 
-def _included(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segment, ...], ...]:
+def _cut_segments(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segment, ...], ...]:
     """Candidate segments of each run, `fit.exclude` applied. Raises InputError where it names none."""
     segments: list[list[Segment]] = []
     for run in runs:

@@ -40,11 +40,11 @@ from bristle.model.parameters import SIGNED
 
 COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck curve", "LuGre"
 """Nested models; the Stribeck curve (9) adds alpha_1 and v_s, LuGre sigma_0 and sigma_1."""
-_SAME = 2.0  # a difference in BIC below this is worth a bare mention
+_SAME = 2.0  # difference in BIC that is hardly worth a mention
 _STEPS = 100
 """Most iterations of a LuGre fit: one friction for directions that differ converges slowly."""
-_WORTH = 0.05  # of BIC: less decides nothing about directions
-_DEPENDENT = 1e8  # condition number beyond which columns are told apart by rounding alone
+_WORTH = 0.05  # of BIC: the gain at which a fit per direction ends
+_DEPENDENT = 1e8  # condition number of dependent columns
 Model = tuple[str, str]
 """Model and directions."""
 Pose = Callable[[tuple[str, ...], Sequence[str]], tuple[Regression, Sequence[Regression]]]

@@ -15,14 +15,14 @@ from bristle.estimation.score_test import Score, scores
 from bristle.findings import NOTE, Finding
 from bristle.identification.dynamic.descent import solve_dynamic
 from bristle.identification.dynamic.priors import posed_and_start
-from bristle.identification.dynamic.what_is_left import columns_of, known_and_left
+from bristle.identification.dynamic.residual_analysis import columns_of, jacobian_and_residuals
 from bristle.identification.measured import Measured, with_loads, with_options
 from bristle.identification.moving_runs import directions, turn_of, with_orders
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import groups, point_regressors, points_problem
 
-_MOST = 200  # orders that are tried
-_AT_ONCE = 3  # orders that are found at most
+_MOST = 200  # orders tried
+_AT_ONCE = 3  # most orders found
 
 
 def with_periods(measured: Measured) -> Measured:
@@ -46,7 +46,7 @@ def with_periods(measured: Measured) -> Measured:
         return measured
     if training:
         problem, start = posed_and_start(experiment, directions(experiment, training), training, {}, None)
-        known, rest = known_and_left(problem, solve_dynamic(problem, start))
+        known, rest = jacobian_and_residuals(problem, solve_dynamic(problem, start))
         tried = _tried(experiment, problem.position, most)
         columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in tried}
     elif kept := measured.points(hold_out=False):  # half as many orders as points are tried

@@ -22,12 +22,12 @@ from bristle.model import functions
 from bristle.model.parameters import Direction, ParameterName
 from bristle.model.vectorize import evaluate
 
-_ENOUGH = 5  # points of a direction that show an order, or a drift
-_COPIES = 3  # points that repeat others, from which that is no chance
-_SWINGS = 0.15  # of its mean: a velocity that swings by less, rms, bends no torque
-_PHASES = 16  # of a sine, for the average over it
-_IN_ORDER = 0.9  # rank correlation of speed and order from which they cannot be told apart
-_SETTLES = 6  # the first of so many parts of a segment may still be settling
+_ENOUGH = 5  # points of a direction for an order or a drift
+_COPIES = 3  # copies that are no chance
+_SWINGS = 0.15  # of the mean velocity, rms: smaller swings do not matter
+_PHASES = 16  # of a sine, for averages
+_IN_ORDER = 0.9  # rank correlation of speed and time from which they are confounded
+_SETTLES = 6  # the first of so many parts of a hold is left out
 
 
 def point_warnings(measured: Measured, points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Finding]:

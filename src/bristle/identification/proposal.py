@@ -27,10 +27,10 @@ from bristle.identification.static import set_up
 from bristle.identification.static.fit import refuse_opposing_points
 from bristle.progress import Progress, teller
 
-_MIXED = 0.25  # of a run's motion: more of another experiment is said
-_BETWEEN = 0.5  # the same of a run that holds velocities, and has to get from one to the next
-_NOTHING = 100.0  # percent: an error of so much tells nothing
-_ANY: RunKind = "ramp"  # as which a run is read before it is known what it is: a velocity, no acceleration
+_MIXED = 0.25  # of a run's motion: more of another kind is reported
+_BETWEEN = 0.5  # the same of holds, which have moves between them
+_NOTHING = 100.0  # percent: a useless error
+_ANY: RunKind = "ramp"  # kind as which a run is read first: with velocity, without acceleration
 
 
 def draft_of_logs(

@@ -17,8 +17,8 @@ from bristle.model.parameters import ParameterName, least_of
 
 Key = TypeVar("Key", bound=Hashable)
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
-_FEWEST = 3  # runs: two tell too little of how runs scatter
-_ALONE = 10.0  # times the standard error of all runs without one run that alone tells the parameter
+_FEWEST = 3  # least runs for a jackknife
+_ALONE = 10.0  # ratio of standard errors without one run from which that run alone tells the parameter
 
 
 def scatter_of(
@@ -187,7 +187,7 @@ def _spread_warnings(warnings: Sequence[Finding], spread: Spread) -> tuple[Findi
     )
 
 
-def less(x: RunScatter, widened_by: float) -> RunScatter:
+def limit_widening(x: RunScatter, widened_by: float) -> RunScatter:
     """The scatter with its standard error widened at most by this."""
     share = (min(widened_by, x.widened) - 1) / (x.widened - 1) if x.widened > 1 else 1.0
     return replace(x, widened=1 + share * (x.widened - 1), stretched=1 + share * (x.stretched - 1))
@@ -209,4 +209,4 @@ def with_priors_beside(
     W = C_j @ inverse
     more = W @ (C_a * (np.outer(factor, factor) - 1)) @ W.T
     wider = np.sqrt(np.maximum(1 + more.diagonal() / C_j.diagonal(), 1.0)).tolist()
-    return {name: less(scatter[name], one) for name, one in zip(names, wider, strict=True) if name in scatter}
+    return {name: limit_widening(scatter[name], one) for name, one in zip(names, wider, strict=True) if name in scatter}

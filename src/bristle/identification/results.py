@@ -58,7 +58,7 @@ class Consistency:
         return self.verdict.severity is not Severity.NOTE
 
 
-NEED = 10.0  # percent of friction, to which it has to be known where nobody asks for more or less
+NEED = 10.0  # percent of friction: default of the required accuracy
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -257,5 +257,5 @@ def first_reason(error: Exception) -> str:
     return f"{one_line(where, _SHOWN)}: {one_line(first['msg'], _SHOWN)}"
 
 
-_WRONG = 1000  # wrong entries of which the first is looked for
-_SHOWN = 120  # characters of what is quoted
+_WRONG = 1000  # errors above which the first is not looked for
+_SHOWN = 120  # characters quoted

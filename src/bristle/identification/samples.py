@@ -14,7 +14,7 @@ from bristle.identification.results import Joint
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
-_FAR = 1e100  # of a sample, in any unit; its square still is a number
+_FAR = 1e100  # largest sample, in any unit: its square is finite
 
 
 def samples_of(joint: Joint) -> dict[str, Any]:

@@ -11,11 +11,11 @@ from scipy.optimize import lsq_linear
 from bristle.arrays import Array
 from bristle.data.record import Record
 
-BANDWIDTH, ABOVE = 0.999, 12.0  # share of the position's power below its bandwidth, and times that: the low pass
-SLOWEST, BLOCKS, SAMPLES = 0.03, 10, 4000  # of the greatest speed; blocks, of time where runs are few; equations
-SHARES = (0.03, 0.06, 0.12, 0.25)  # of the greatest speed: v_s of the peaks that are tried
+BANDWIDTH, ABOVE = 0.999, 12.0  # share of the position's power within its bandwidth, and the low pass over it
+SLOWEST, BLOCKS, SAMPLES = 0.03, 10, 4000  # of the greatest speed; blocks in time, of few runs; equations
+SHARES = (0.03, 0.06, 0.12, 0.25)  # of the greatest speed: v_s of the peaks tried
 HUBER, PASSES = 1.5, 5
-ALIKE = 50.0  # a condition number beyond which the columns of a set-up are not told apart
+ALIKE = 50.0  # condition number of set-ups whose columns are too similar
 SHAPES = ("", "peak", "quadratic")
 
 

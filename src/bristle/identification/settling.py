@@ -13,10 +13,10 @@ from bristle.model.parameters import SIGNED, Pair, in_direction, lugre_of
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 
-_MATTERS = 0.2  # of a point's standard error, as a median: what is less in all points is left as it is
-_NEAR = 0.1  # of a hold's speed: what is faster or slower by less is on the way to it
-_STRAIGHT = 2.0  # times the farthest that a hold's position is off its line: no farther off before, it moves as fast
-_FIRST = 100  # the first of so many parts of a log tells where its bristle begins
+_MATTERS = 0.2  # of a point's standard error: smaller corrections are not made
+_NEAR = 0.1  # of a hold's speed: range of the way to it that counts
+_STRAIGHT = 2.0  # of a hold's largest distance from its line: so straight a way before moves as fast
+_FIRST = 100  # one over the first part of a log, which tells the initial deflection
 
 
 def without_settling(measured: Measured, joint: Joint, before: Measured) -> Measured | None:

@@ -12,7 +12,7 @@ from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, uni
 from bristle.identification.fits import Crosscheck
 from bristle.model.parameters import SIGNED, Lugre, ParameterName
 
-_LEAST = 0.01  # of alpha_0: a smaller offset is not worth a sentence
+_LEAST = 0.01  # of alpha_0: smaller offsets are not reported
 
 UNRESOLVED = frozenset({
     "unseen-unconverged", "unseen-below-count", "unseen-no-reversal", "unseen-fast", "unseen-halves",

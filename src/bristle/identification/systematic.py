@@ -10,8 +10,8 @@ from bristle.model.parameters import least_of
 
 Key = TypeVar("Key")
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
-NORMAL = 1.96  # half-width of a 95 % interval of a normal distribution, in standard errors
-_ROUNDING = 1e-9  # of a value: a smaller change is none
+NORMAL = 1.96  # half-width of a normal 95 % interval, standard errors
+_ROUNDING = 1e-9  # of a value: smaller changes are zero
 
 
 def combined(interval: tuple[float, float], value: float, systematic: float, least: float = 0.0) -> tuple[float, float]:

@@ -10,11 +10,11 @@ from bristle.model.parameters import Pair, pair_of
 from bristle.model.time_refinement import Nodes, with_extra_nodes
 from bristle.model.vectorize import evaluate, scan
 
-SAMPLES = 200  # of a period, before nodes are added where the velocity is low
-_BLOCK = 400_000  # nodes of all joints worked on at a time: what bounds the memory
-_PASSES = 12  # over the sign of z, which tells the stiffness of a pair ...
-_STILL = 1e-12  # ... until z moves by no more than this share of its largest value
-_ELASTIC = 1e-14  # what a bristle forgets in a period is taken as no less: it starts from no deflection then
+SAMPLES = 200  # per period, before nodes at low speed
+_BLOCK = 400_000  # nodes of all joints at a time, which bounds memory
+_PASSES = 12  # most passes over the sign of z of a pair
+_STILL = 1e-12  # of the largest z: tolerance of the passes
+_ELASTIC = 1e-14  # least share that a bristle forgets in a period
 
 
 def rms_torque(joints: Pair[Array], amplitude: float, frequency: float, samples: int = SAMPLES) -> Array:

@@ -26,7 +26,7 @@ from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
 from bristle.simulation.references import Sine
 
-_BEYOND = 30.0  # a reference may be so many times as fast as what was measured
+_BEYOND = 30.0  # largest speed of a reference over the fastest measured
 _FREQUENCY = 0.5  # of the default reference, Hz
 _BESIDE = ("offset", "gravity", "quadratic")
 """Terms of the torque beside friction, inertia and links."""

@@ -16,7 +16,7 @@ from bristle.model.parameters import Lugre, ParameterName, fields_of, lugre_of, 
 from bristle.model.time_refinement import Nodes, with_extra_nodes
 
 _SEED = 0
-_APART = 0.2  # how far a start lies from the answer, as a share either way
+_APART = 0.2  # relative distance of the start from the answer
 _SAME = 1e-4
 """Relative difference in cost that counts as agreement: sign changes of z within a step are treated differently."""
 _OPTIONS = {"tol": 1e-9, "max_iter": 150, "hessian_approximation": "limited-memory", "limited_memory_max_history": 20}

@@ -26,20 +26,20 @@ from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Paramete
 from bristle.model.rollout import rollout
 from bristle.progress import Progress
 
-FEWEST = 2  # equations for each unknown, at the least: fewer estimate nothing
-LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")  # what the descent sees as its logarithm
+FEWEST = 2  # least equations per unknown
+LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")  # descended as logarithms
 _LARGE = 50_000  # samples from which a descent begins on a few of them
-_EVERY = 8  # those few are every 8th, ...
-_ROUGH = 10.0  # ... with nodes this many times farther apart, ...
-_NEAR = 0.1  # ... and end within about a third of their own standard errors
-_MORE = 200  # steps more, where the lowest of the ends ran out of them
-_RISES = 0.1  # of a load, that friction rises by: a typical size
-_MOST = 10.0  # of the largest torque: alpha_1 at most
-_RUNGS, _DESCENT = 8, 6  # deflections of the bristle that are tried, and steps of a descent at each
-_LOST = 10.0  # times the lowest cost, from which no descent begins
+_EVERY = 8  # samples per one of those few
+_ROUGH = 10.0  # factor on their distance of nodes
+_NEAR = 0.1  # of the variance: where their descent ends
+_MORE = 200  # additional steps for the lowest end
+_RISES = 0.1  # typical rise of friction per load
+_MOST = 10.0  # of the largest torque: limit of alpha_1
+_RUNGS, _DESCENT = 8, 6  # deflections tried, and steps at each
+_LOST = 10.0  # of the lowest cost: no descent begins above
 _OFFSET = ParameterName("offset", Direction.SHARED)
-_WINDOWS = 2  # of a simulated position, for the jackknife over them
-_WORTH = 0.1  # a Stribeck term that noise alone would ask for less often than this is worth a start
+_WINDOWS = 2  # least windows for the jackknife
+_WORTH = 0.1  # p-value of a Stribeck term that is worth a start
 
 
 def fit(
@@ -204,7 +204,7 @@ def solve_dynamic(
         )
     begins = [*others, with_deflections(problem, start)]
     if search and problem.quantity == "torque" and len(problem.directions) == len(SIGNED):
-        one = _of_both(problem)
+        one = _with_one_friction(problem)
         found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), progress=progress)
         both = carried(problem, {**one.fixed, **without_deflections(found.values)})
         begins.append(with_deflections(problem, {name: x for name, x in both.items() if name not in problem.fixed}))
@@ -254,7 +254,7 @@ def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
     return [end for k, end in enumerate(ends, 1) if costs[k] == min(costs[k - 1 : k + 2])]
 
 
-def _of_both(problem: DynamicProblem) -> DynamicProblem:
+def _with_one_friction(problem: DynamicProblem) -> DynamicProblem:
     """The problem with one friction for both directions about an offset."""
     motions, names = problem.motions, problem.extra_names
     if _OFFSET not in names:

@@ -23,14 +23,14 @@ from bristle.identification.fits import TrackingFit
 from bristle.identification.shared_findings import not_shown
 from bristle.model.parameters import ParameterName, of_friction
 
-REPETITIONS = 6  # rest positions inside a count at which the motion is measured again
-_STEPS = 8  # steps from the estimate to where counting moves it: what counts hide may take many more
-_EXACT = 0.03  # of a standard error, to which that place is found: six of them scatter by more
+REPETITIONS = 6  # rest positions in a count
+_STEPS = 8  # most steps of each fit
+_EXACT = 0.03  # of a standard error: tolerance of each fit
 _SEED = 0
-_LOST = 2.0  # times the residuals at the readings, which those at the smooth motion may have
-_UNSURE = 0.5  # of a standard error, by which the bias may change on the way to the truth
-_LADDER = 1.25  # between two cut-offs tried
-_SLOW = ("alpha_1", "v_s", "sigma_0", "sigma_1")  # what shows near reversals alone
+_LOST = 2.0  # ratio of residuals at the smooth motion and at the readings
+_UNSURE = 0.5  # of a standard error: largest change of the bias up to the truth
+_LADDER = 1.25  # ratio of successive cut-offs
+_SLOW = ("alpha_1", "v_s", "sigma_0", "sigma_1")  # seen near reversals alone
 Pose = Callable[[Sequence[Record], Mapping[ParameterName, float]], DynamicProblem]
 
 

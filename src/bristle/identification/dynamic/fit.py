@@ -42,7 +42,7 @@ from bristle.identification.dynamic.problem import (
     residuals,
     sets_of,
 )
-from bristle.identification.dynamic.what_is_left import Left, known_and_left, what_is_left
+from bristle.identification.dynamic.residual_analysis import ResidualAnalysis, analyse_residuals, jacobian_and_residuals
 from bristle.identification.fits import Estimate, HoldOut, TrackingFit
 from bristle.identification.shared_findings import (
     AT_BOUND,
@@ -57,12 +57,12 @@ from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import INERTIA, Kind, ParameterName, bends_down, least_of, of_friction, unit
 from bristle.progress import Progress
 
-_EDGE = 0.01  # in log(v_s): this near to the end of its range is at it
-_TRIES = 30  # steps that the start of a held-out window is given
-_BENT = 4.0  # times as large, beyond which the squares that are left without a term show one that bends the whole curve
-_UNEVEN = 1.5  # runs whose residuals differ by less than this factor count alike
-_NOTHING = 100.0  # percent: what no model at all would leave
-_UNSEEN = 1e-2  # a direction whose singular value is this share of the largest is not seen
+_EDGE = 0.01  # in log(v_s): distance from the end of its range
+_TRIES = 30  # steps for initial states of a held-out window
+_BENT = 4.0  # ratio of costs from which a term that bends the whole curve is kept
+_UNEVEN = 1.5  # ratio of run residuals from which runs are weighted
+_NOTHING = 100.0  # percent: the error of no model
+_UNSEEN = 1e-2  # of the largest singular value: directions below are hardly seen
 
 
 class DynamicSolution(NamedTuple):
@@ -87,7 +87,7 @@ def fit_tracking(
     """All parameters of moving runs from starts, more with `search`. Raises InputError where a start shows nothing."""
     problem, solution, dropped, shown = _settled(problem, start, others, progress, search=search)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
-    left = what_is_left(problem, solution, kind)
+    left = analyse_residuals(problem, solution, kind)
     estimates = estimates_of(problem, solution, kind, dropped, shown, left)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
@@ -218,7 +218,7 @@ def estimates_of(
     kind: Kind,
     dropped: Mapping[ParameterName, Finding],
     shown: Mapping[ParameterName, str],
-    left: Left,
+    left: ResidualAnalysis,
 ) -> dict[ParameterName, Estimate]:
     """Each parameter's estimate; without a value where the motion does not show it, or the fit failed."""
     estimates = _estimates(solution._replace(scaled_errors=left.errors), kind)
@@ -261,7 +261,7 @@ def estimates_of(
     J = estimates.get(INERTIA)
     if J is not None and J.interval is not None and J.interval[1] < 0:
         # by how much friction would change without it, rms, to first order
-        (known, _), seen = known_and_left(problem, solution), solution.scaled_errors < np.inf
+        (known, _), seen = jacobian_and_residuals(problem, solution), solution.scaled_errors < np.inf
         names = [name for name, is_seen in zip(solution.names, seen, strict=True) if is_seen]
         at, of = names.index(INERTIA), [isinstance(n, ParameterName) and of_friction(n.name) for n in names]
         made = known[:, at] * solution.minimum.x[seen][at]

@@ -23,11 +23,11 @@ from bristle.workers import threads
 
 _NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0)
 _LOADS = tuple(ParameterName(name, Direction.SHARED) for name in LOADS)
-HORIZON = 0.5  # length of the windows that are simulated, s; half of a segment where that is less
-_EQUATIONS = 4  # in a window, at the least: its position, velocity and deflection at the start are unknown
-_SHORTEST = 16  # samples in a window
-_RING = 1.0  # a step of the plant is at most this share of a radian of the bristle's ringing, sqrt(sigma_0 / J)
-_MOST = 4  # steps of the plant between two samples, at most
+HORIZON = 0.5  # length of a window, s, at most half of a segment
+_EQUATIONS = 4  # least equations per window, beside three initial states
+_SHORTEST = 16  # samples of a window
+_RING = 1.0  # largest step of the plant, in radians of the bristle's ringing, sqrt(sigma_0 / J)
+_MOST = 4  # most steps of the plant between samples
 
 
 @dataclass(frozen=True, slots=True)

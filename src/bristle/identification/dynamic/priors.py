@@ -42,9 +42,9 @@ from bristle.model.parameters import INERTIA, Direction, ParameterName, of_frict
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress
 
-_SURER = 1.5  # times: one stage knows a parameter better than another if its error is smaller by this
-_WORSE = 1.5  # times the relative error of the moving runs alone, beyond which the joint fit is doubted
-_BENDS = 0.01  # a start for the bristle's deflection where no stage gives one, as a share of the travel
+_SURER = 1.5  # ratio of errors from which one stage knows a parameter better
+_WORSE = 1.5  # ratio of relative errors from which the joint fit is doubted
+_BENDS = 0.01  # of the travel: deflection of the bristle at the start by default
 
 Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
 

@@ -301,7 +301,7 @@ def equation_error(
     """Of each motion measured less modelled torque, N*m, (N,), and the derivatives of the latter."""
     p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
     keys = problem.friction_names
-    for parts, raised, given in _together(problem, known):
+    for parts, raised, given in _rollout_groups(problem, known):
         size, (first, *others) = given["velocity"].size, parts
         every: tuple[Unknown, ...] = (*keys, InitialState("z0", first))
         own: dict[Unknown, Array] = {} if others else memory[first]  # a motion by itself has memory
@@ -317,7 +317,7 @@ def equation_error(
             yield m.torque - torque[at] - m.extra @ extra, slopes
 
 
-def _together(
+def _rollout_groups(
     problem: DynamicProblem, known: Values
 ) -> Iterator[tuple[dict[int, slice], tuple[ParameterName, ...], dict[str, Any]]]:
     """Groups of motions for one rollout: slices by motion, parameters of the level, arguments of `rollout`."""
@@ -363,7 +363,7 @@ def modelled(problem: DynamicProblem, values: Values) -> list[Array]:
 def _frictions(problem: DynamicProblem, known: Values) -> Iterator[tuple[Motion, Array, Array | None]]:
     """Each motion, its modelled friction, N*m, (N,), and its level as in `_level`."""
     p = parameters(problem, known)
-    for parts, _, given in _together(problem, known):
+    for parts, _, given in _rollout_groups(problem, known):
         level = given.pop("level")
         torque = rollout(parameters=p, level=None if level is None else level[0], **given).torque
         for k, at in parts.items():

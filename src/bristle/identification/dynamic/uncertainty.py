@@ -23,9 +23,9 @@ from bristle.model.parameters import ParameterName
 from bristle.progress import Progress
 
 _RESTARTS = 3
-_STEP = 1e-2  # of a standard error: by so much either way a constant is moved where the motor is simulated
+_STEP = 1e-2  # of a standard error of a constant, for differences
 
-Refit = Callable[[Values], DynamicSolution]  # fits again, also from a start with every unknown in it
+Refit = Callable[[Values], DynamicSolution]  # fits again from all unknowns
 
 
 def profile_until_stable(

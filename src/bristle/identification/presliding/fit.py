@@ -34,14 +34,14 @@ from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
 
-_FEW = 8  # count edges in a loading below which they are called few
-_MOVED = 3.0  # counts by which the end of a closed cycle has surely moved from its beginning, ...
-_MOVES = 0.01  # ... and the share of its range from which that is said
-_OUTLIER = 0.2  # a breakaway torque this far from the median, relative, is named
-_SINGLE = 0.1  # standard error of a breakaway torque seen once, relative: a guess, said where it is used
+_FEW = 8  # count edges per loading below which they are few
+_MOVED = 3.0  # counts by which the end of a cycle has moved
+_MOVES = 0.01  # least share of its range that is reported
+_OUTLIER = 0.2  # relative distance of an outlier from the median breakaway torque
+_SINGLE = 0.1  # assumed relative standard error of a single breakaway torque
 _CREEP = 1 / (ONSET - 1)
 """Share of a breakaway torque, found by speed, by which g0 may be higher, from LuGre's creep."""
-_SURE = 3.0  # standard errors of g0 above which a torque that was held contradicts it
+_SURE = 3.0  # standard errors of g0 above which a held torque contradicts it
 
 
 def identify_presliding(

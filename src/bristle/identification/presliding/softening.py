@@ -17,14 +17,14 @@ from bristle.identification.fits import AmplitudeStiffness
 from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading, unbent
 from bristle.model.parameters import Kind, unit
 
-_BLOCKS = 32  # means over so many stretches of each loading stand for its samples where there are no counts
-_KNOTS = (3, 6)  # at least, for with two a curve is not told from its chords; and at the most
-_PER_KNOT = 6  # points above one for each loading, for each knot
+_BLOCKS = 32  # means per loading without counts
+_KNOTS = (3, 6)  # least (two do not tell a curve from its chords) and most
+_PER_KNOT = 6  # least points per knot, beyond one per loading
 _VAGUE = 0.3  # relative standard error of a displacement above which there are fewer knots
 _SINGULAR = 1e8  # condition above which the points do not determine the line
-_GRID = 64  # values of 1 / g0 between which its ends are sought ...
-_STRAIGHT = 1e-6  # ... as shares of the bound's, down to one that bends nothing
-_SMALLEST = 0.05  # a fall beyond LuGre's smaller than this is none: viscous torque and filters cause as much
+_GRID = 64  # values of 1 / g0 between which ends are sought
+_STRAIGHT = 1e-6  # smallest 1 / g0 over the bound's, which bends nothing
+_SMALLEST = 0.05  # least fall beyond LuGre's: viscous torque and filters cause less
 
 
 class _Points(NamedTuple):

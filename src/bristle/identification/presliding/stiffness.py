@@ -19,12 +19,12 @@ from bristle.model import functions
 from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
 
-REACH = 0.8  # of g0: above, a little noise in T is much in log(1 - T / g0)
-LIMIT = 0.97  # of g0: noise may reach above REACH, but not to where U has no value
-_YIELDS = 3.0  # times below what the first count allows: an edge-to-edge stiffness of a joint that slides
-_STRAIGHT = 1e6  # times the largest torque held: a g0 that bends nothing, the other end of a lower bound
-_PHASES = 64  # where inside a count the joint may rest, for the spread that counts alone cause
-_NONE = 1e-60  # a compliance below is rounding: no signal is smaller than 1e-20 or larger than 1e20
+REACH = 0.8  # of g0: above, noise in T is amplified by log(1 - T / g0)
+LIMIT = 0.97  # of g0: noise above it is cut off, where U has no value
+_YIELDS = 3.0  # ratio below the first count's limit at which a joint slides
+_STRAIGHT = 1e6  # of the largest torque held: a g0 that bends nothing
+_PHASES = 64  # rest positions in a count, for the spread by counts
+_NONE = 1e-60  # a smaller compliance is rounding
 
 
 class KnownValue(NamedTuple):

@@ -16,21 +16,21 @@ from bristle.estimation.linear import inverse_gram
 from bristle.findings import CAUTION, Finding
 from bristle.identification.presliding.stiffness import by_samples, of_loading, unbent
 
-_SURE = 4.0  # standard errors from zero, beyond which it is said, ...
-_SHARE = 0.02  # ... and how much of sigma_0 it must change: less is not worth a sentence
+_SURE = 4.0  # standard errors of a reported lag
+_SHARE = 0.02  # least change of sigma_0 that is reported
 _ORDER = 5  # coefficients of the torque on each side
-_SIDE = 0.4  # of the time to the next turn: a side that is fitted
-_APART = 0.1  # of a side: next to a turn not fitted, since the low pass does not tell its time better
-_HELD = 4.0  # times the torque held back where its sides meet (two errors more), as a time: what it may do to a turn
-_BELOW = 1.05  # g0 over the torque of a turn, at the least
-_COUNTS = 8.0  # by which the joint moves on each side at the least: of fewer the turn is not told
-_PER_SIDE = 20  # samples on a side at the least
-_MOST = 2000  # samples about a turn, about: more are thinned
+_SIDE = 0.4  # of the time to the next turn: a fitted side
+_APART = 0.1  # of a side, next to the turn: not fitted, because the low pass distorts it
+_HELD = 4.0  # error of a turn's time per torque held back where the sides meet
+_BELOW = 1.05  # least ratio of g0 to the torque of a turn
+_COUNTS = 8.0  # least motion on each side, counts
+_PER_SIDE = 20  # least samples on a side
+_MOST = 2000  # samples about a turn; more are thinned
 _DRAWS = 100  # of the torque's coefficients, for the error of its turn
-_GRID = 601  # times at which it is sought
-_LOOKS = (0.4, 0.04, 0.004)  # sides about the last delay found in which it is sought, ...
-_LOOK = 21  # ... at so many
-_PIECE = 0.005  # of a side: a step of the derivative by the delay
+_GRID = 601  # times at which a turn is sought
+_LOOKS = (0.4, 0.04, 0.004)  # ranges of successive searches for the delay, in sides
+_LOOK = 21  # values per search
+_PIECE = 0.005  # of a side: step of the derivative by the delay
 _TINY = 1e-300  # no division by zero
 
 

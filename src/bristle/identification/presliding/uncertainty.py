@@ -22,15 +22,15 @@ from bristle.identification.presliding.stiffness import (
     of_loading,
     sample_columns,
 )
-from bristle.identification.repeats import less, scatter_of
+from bristle.identification.repeats import limit_widening, scatter_of
 
 SEED = 0
-_LEAST_FREEDOM = 4.0  # degrees of freedom from which a run says by itself how sure it is
-_NODES = 17  # values of g0 at which the estimator is evaluated; linear between them, ...
-_LOOKS = Looks(first=4001, near=2, again=0, drawn=4001)  # ... at so many, in one look
-_LEAST = 0.2  # of g0: what it may be at least
+_LEAST_FREEDOM = 4.0  # degrees of freedom from which a run states its own error
+_NODES = 17  # values of g0 of the estimator, linear between them
+_LOOKS = Looks(first=4001, near=2, again=0, drawn=4001)  # one look at so many
+_LEAST = 0.2  # of g0: its least value
 _CURVE = 41
-_BEYOND = 1.3  # how far the curve is drawn, in half-widths of the interval
+_BEYOND = 1.3  # drawn range, in half-widths of the interval
 
 
 class _Line(NamedTuple):
@@ -111,7 +111,7 @@ def stiffness_scatter(
     if found is None or not estimate.standard_error or not of_all:
         return None
     share = min(own / estimate.standard_error, 1.0)  # without what g0 adds
-    return less(found, float(np.sqrt(1 + share**2 * (found.widened**2 - 1))))
+    return limit_widening(found, float(np.sqrt(1 + share**2 * (found.widened**2 - 1))))
 
 
 def _line(loadings: Sequence[Loading], level: KnownValue, estimator: str, spread: float) -> _Line:

@@ -21,10 +21,10 @@ from bristle.identification.static.fit import estimate_static, fit_moving
 from bristle.identification.static.problem import from_records
 from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
-_SURELY = 3.0  # standard errors by which a number is surely not another
-_OFF = 0.1  # a scale of the links' torque that is off by less is within what masses of a URDF are
-_BETTER = 0.5  # by which another order lowers the sum of log(relative error) over the joints where it is the right one
-_SAMPLES = 4000  # samples by which orders are compared
+_SURELY = 3.0  # standard errors of a sure difference
+_OFF = 0.1  # smaller errors of the links' scale are within those of URDF masses
+_BETTER = 0.5  # fall of the sum of log(relative error) by which another order is right
+_SAMPLES = 4000  # by which orders are compared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

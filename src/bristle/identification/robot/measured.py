@@ -44,10 +44,10 @@ from bristle.model.parameters import unit
 from bristle.progress import Progress
 from bristle.workers import Share
 
-_BEYOND = 0.01  # rad or m: a position beyond a limit by more is none of that joint
-_PEAK, _NO_DRIVE = 1.5, 5.0  # of the effort that the URDF allows, perhaps the rated one: a peak, and what no drive has
-_LEAST = 0.05  # of a joint's torque: what the links may amount to, below which nothing is said
-_SAMPLES = 500  # samples over which the inertia of the links is averaged
+_BEYOND = 0.01  # rad or m beyond a limit that are reported
+_PEAK, _NO_DRIVE = 1.5, 5.0  # of the URDF's effort: a peak, and more than any drive has
+_LEAST = 0.05  # of a joint's torque: smaller link torques are not reported
+_SAMPLES = 500  # for the mean inertia of the links
 
 
 def measure_robot(

@@ -11,9 +11,9 @@ from bristle.arrays import Array
 from bristle.identification.static.grid import Projected, solve
 from bristle.identification.static.problem import Regression, log_grid
 
-GRID = 128  # values of v_s: more than in one fit, for minimum and errors are interpolated between them
-_IN_CACHE = 400_000  # residuals of sets, of which robust errors are computed at a time
-COARSE = 48  # as many are enough for the minimum alone
+GRID = 128  # values of v_s, more than for one fit, because results are interpolated
+_IN_CACHE = 400_000  # residuals per block of robust errors
+COARSE = 48  # values of v_s for the minimum alone
 _NEWTON = 4
 _NEIGHBOURS = np.arange(-2, 4)
 _TO_POLYNOMIAL = np.linalg.inv(np.vander(_NEIGHBOURS.astype(float), increasing=True))

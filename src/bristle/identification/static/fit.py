@@ -455,7 +455,7 @@ def fit_moving(
     return fit_static(training, experiment.fit, experiment.joint.kind, where, tests, runs)
 
 
-def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:
+def reconcile_static(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:
     """The static fits of moving runs, superseded where LuGre fits the same runs: presliding biases a static law."""
     if moving is None or all(e.value is None for name, e in moving.parameters.items() if name.name == "alpha_0"):
         return dict(static)

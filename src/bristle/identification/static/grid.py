@@ -20,15 +20,15 @@ from bristle.model.parameters import ParameterName
 
 T = TypeVar("T")
 _NONE = np.zeros(0, dtype=np.intp)
-_FLAT = 1e-10  # a Stribeck column this close to the others, relative, tells nothing
+_FLAT = 1e-10  # relative distance of a Stribeck column from the others below which it tells nothing
 GRID = 32  # values of v_s in the refined grid
 PLAIN_GRID = 500  # values of v_s in the paper's plain grid
-_TO_QUARTIC = np.linalg.inv(np.vander(np.arange(-2.0, 3.0)))  # from five equally spaced values, highest power first
-_BLOCK = 500  # values of v_s worked on at a time, of many sets
-_AT_ONCE = 4_000_000  # elements of the columns of one set, over values of v_s, worked on at a time
+_TO_QUARTIC = np.linalg.inv(np.vander(np.arange(-2.0, 3.0)))  # from five equally spaced values to coefficients
+_BLOCK = 500  # values of v_s at a time, for many sets
+_AT_ONCE = 4_000_000  # elements of columns over v_s at a time, for one set
 _STEPS = 20
-_SETTLED = 1e-12  # of the residuals' variance: a step that lowers the cost by less is not worth it
-_UNTOUCHED = 1e-200  # squared length of a peak's column off the others that touches no point
+_SETTLED = 1e-12  # of the residuals' variance: smaller gains end the steps
+_UNTOUCHED = 1e-200  # squared length below which a peak touches no point
 
 
 @dataclass(frozen=True, slots=True)

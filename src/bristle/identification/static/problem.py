@@ -22,7 +22,7 @@ from bristle.model.laws.parts import Law
 from bristle.model.parameters import INERTIA, Direction, ParameterName, least_of, of_curve
 from bristle.model.vectorize import evaluate
 
-_AT_ONCE = 1_000_000  # samples times values of v_s that are smoothed together
+_AT_ONCE = 1_000_000  # samples times values of v_s smoothed at a time
 Tables = tuple[Array, ...]
 """Columns over v_s, (n, k), one table per output of a function."""
 

@@ -24,17 +24,17 @@ _LOOKS = (
     Looks(first=25, near=7, again=5, drawn=33),
 )
 """Over how many v_s extremes are looked for, by the number of peaks."""
-_DRAWN = 61  # values of a parameter at which its profile is drawn
-_NEAR = 40  # values of v_s around the minimum at which its profile is drawn
-_BEYOND = 0.5  # how far beyond its interval, in widths of it
-_AROUND = (0.5, 2.0, 101)  # of two peaks, where the other v_s is searched, over its best: from, to, values
-_ROUNDING = 1e-13  # of what the linear columns leave of the torque: costs this near are the same
-_NODES = 1000  # velocities that stand for all of moving data
-_SLOWEST = 1e-7  # of the fastest speed: where they begin
-_FIRST = 7  # values even in their logarithm at which each parameter is tried first ...
-_STEPS = 14  # ... and at most so many more, between the neighbours of the best
-_SETTLED = 1e-4  # of its logarithm: a parameter that moves less is found
-_WITHIN = 5  # values between the ends of its interval at which the intervals of the others are worked out
+_DRAWN = 61  # values on a drawn profile
+_NEAR = 40  # values of v_s around the minimum on a drawn profile
+_BEYOND = 0.5  # drawn range beyond the interval, in widths
+_AROUND = (0.5, 2.0, 101)  # range of the other v_s of two peaks, over its best: from, to, values
+_ROUNDING = 1e-13  # of the torque off the linear columns: closer costs are equal
+_NODES = 1000  # velocities of a reduced problem
+_SLOWEST = 1e-7  # of the fastest speed: the slowest node
+_FIRST = 7  # logarithmic values of a shape parameter tried first
+_STEPS = 14  # most refinements between the neighbours of the best
+_SETTLED = 1e-4  # of its logarithm: tolerance of a shape parameter
+_WITHIN = 5  # values within its interval at which the others' intervals are evaluated
 
 
 class StaticProfiles(NamedTuple):

@@ -28,14 +28,14 @@ from bristle.identification.static.problem import Regression, from_records
 from bristle.identification.static.strays import refit
 from bristle.model.parameters import of_curve, slides
 
-_PARTS = 5  # held out in turn; ...
-_BLOCKS = 25  # ... of moving runs each is every fifth of so many stretches, for none to be a motion by itself
-_BENT = (0.03, 0.1, 0.3)  # shares of the fastest speed: v_s of the columns that stand in for the Stribeck term
-_CLEARLY = 0.75  # of the error of what was asked for: another set-up has to bring it below that, to be named
-_WORTH = 1.05  # times the error of the best set-up: one more parameter is not worth less
-_SPARE = 2  # equations per column, at the least
-_FREE = 4  # points more than parameters, with which BIC tells one friction from two
-_RANK = 1e-10  # of the largest eigenvalue: what is below is not told apart
+_PARTS = 5  # held out in turn
+_BLOCKS = 25  # stretches of moving runs, each part every fifth, so that none is a motion of one kind
+_BENT = (0.03, 0.1, 0.3)  # of the fastest speed: v_s of the columns in place of the Stribeck term
+_CLEARLY = 0.75  # ratio of errors below which another set-up is clearly better
+_WORTH = 1.05  # ratio of errors within which the smaller set-up is taken
+_SPARE = 2  # least equations per column
+_FREE = 4  # least points beyond the parameters for BIC
+_RANK = 1e-10  # of the largest eigenvalue: smaller ones count as zero
 
 
 @dataclass(frozen=True, slots=True)

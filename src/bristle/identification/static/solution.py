@@ -33,7 +33,7 @@ from bristle.identification.systematic import all_shifted
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
-UNTOUCHED = 0.34  # of the slowest speed: at a smaller v_s nothing is left of the term, and alpha_1 is invented
+_MIN_SPEED_RATIO = 0.34  # of the slowest speed: at a smaller v_s nothing is left of the term, and alpha_1 is invented
 _OPEN = Finding("interval-open", CAUTION, "No finite interval: the data allow it to the end of what is searched.")
 _THERE = {"peak-left-out", "bend", "one-speed", "v-s-down-to-zero", "v-s-up-to-any", "none-below-v-s"}
 """Reasons to drop a term that is not noise."""
@@ -64,7 +64,7 @@ class StaticSolution:
         return {**all_shifted(self.parameters, self.shifts), **self.beside}
 
 
-class OtherPoints(NamedTuple):
+class OtherFit(NamedTuple):
     """A fit of another choice of points, beside one."""
 
     told: str  # Its values with their errors, and what it leaves
@@ -72,7 +72,7 @@ class OtherPoints(NamedTuple):
     apart: float  # By how much it differs over the points of the other, N*m, rms
 
 
-def beside(one: StaticSolution, other: StaticSolution) -> OtherPoints:
+def beside(one: StaticSolution, other: StaticSolution) -> OtherFit:
     """Another fit of some of the points, as findings tell of it beside one."""
     posed = replace(one.problem, peaks=other.problem.peaks)
     moved = posed.residuals(other.solution.theta) - one.problem.residuals(one.solution.theta)
@@ -85,7 +85,7 @@ def beside(one: StaticSolution, other: StaticSolution) -> OtherPoints:
             numbers[text] = e.value
     error, now = (x.problem.relative_error(x.solution.theta) for x in (other, one))
     told = f"{', '.join(values)}; relative error {error:.2g} % instead of {now:.2g} %."
-    return OtherPoints(told, numbers, float(np.sqrt(np.mean(moved**2))))
+    return OtherFit(told, numbers, float(np.sqrt(np.mean(moved**2))))
 
 
 def solve_static(
@@ -252,7 +252,11 @@ def _unsupported(problem: Regression, solution: Solution, k: int, direction: Dir
         f"its v_s of {v_s:.3g}{of} would lie below a third of the slowest speed, {slowest:.3g}{of}, so the term would depend "
         "on that one speed (slower ones would decide)"
     )
-    return Finding("one-speed", NOTE, message, {"v_s": v_s, "slowest": slowest}) if v_s < UNTOUCHED * slowest else None
+    return (
+        Finding("one-speed", NOTE, message, {"v_s": v_s, "slowest": slowest})
+        if v_s < _MIN_SPEED_RATIO * slowest
+        else None
+    )
 
 
 def _inflation(problem: Regression, solution: Solution) -> float:

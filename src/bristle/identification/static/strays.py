@@ -21,13 +21,13 @@ from bristle.identification.static.problem import Regression, log_grid
 
 SHARE = 8
 """At most one stray in so many points, or two of few."""
-_GRIDS = {1: 96, 2: 24}  # values of v_s for each of so many peaks
-_LEVELS = {1: SIGNIFICANCE, 2: SIGNIFICANCE, 3: RARE}  # by how many are left out at once: of threes there are many
-SINGLY = 1000  # points up to which strays are left out, and looked at, one by one
-_ALIKE = 0.25  # of the largest fall of the cost: of many points, strays with as large a one are left out with it
-_TRIED = {1: None, 2: 200, 3: 24}  # by how many at once: of more points those that lower the cost most alone
-_REFITTED = 5  # of the points, pairs or threes that lower the cost most on the grid, so many are refitted
-_VANISHED = 1e-9  # a point with less than this share of itself off the fit's columns is fitted whatever its torque is
+_GRIDS = {1: 96, 2: 24}  # values of v_s by number of peaks
+_LEVELS = {1: SIGNIFICANCE, 2: SIGNIFICANCE, 3: RARE}  # by size of a set: there are many threes
+SINGLY = 1000  # points up to which strays are left out one by one
+_ALIKE = 0.25  # of the largest fall of the cost: of many points, others above it are left out together
+_TRIED = {1: None, 2: 200, 3: 24}  # most points that form sets of a size, by their single falls of the cost
+_REFITTED = 5  # sets that are refitted, of the largest falls on the grid
+_VANISHED = 1e-9  # share off the fit's columns below which a point is always fitted
 
 
 class StraySearch(NamedTuple):

@@ -17,9 +17,9 @@ from bristle.identification.static.solution import StaticSolution
 from bristle.model.parameters import ParameterName
 
 SEED = 0  # of the bootstrap
-MANY = 2_000  # points from which on one step does for the bootstrap: the law does not bend within such small errors
-_FEW = 8  # points beyond the parameters, below which they are few
-_DRAWN, _BEYOND = 61, 0.6  # values of v_s on its drawn profile, and how far beyond its interval, in widths of it
+MANY = 2_000  # points from which one step replaces a refit, because errors are small
+_FEW = 8  # points beyond the parameters below which they are few
+_DRAWN, _BEYOND = 61, 0.6  # values of v_s on a drawn profile, and its range beyond the interval, in widths
 
 
 def three_ways(solved: StaticSolution, v_s_range: tuple[float, float]) -> dict[ParameterName, Uncertainty]:

@@ -12,7 +12,7 @@ from bristle.model.laws.parts import Expression, Peak, ViscousTerm
 _V_S = 0.1  # the Stribeck velocity at which a peak is tried, rad/s
 _SPEEDS = np.concatenate([[0.0], _V_S * np.geomspace(1e-6, 1e4, 250)])
 _CLOSE = 1e-9
-_LEFT = 0.1  # of a peak at the highest of these speeds, at most: one with a slow tail falls by and by
+_LEFT = 0.1  # largest remainder of a peak at the highest speed
 
 
 def fault_of(part: Peak | ViscousTerm) -> str | None:

@@ -27,7 +27,7 @@ _PARTS: dict[str, Peak | ViscousTerm] = {
 }
 _COMPETE = {gaussian.PEAK.name, exponential.PEAK.name, lorentzian.PEAK.name, quadratic.TERM.name}
 """Choices of `auto`; the free exponent is fitted by name alone."""
-_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")  # what a parameter may be called: it is a name in C and MATLAB as well
+_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")  # names of parameters, valid in C and MATLAB
 _LOG = logging.getLogger(__name__)
 _looked: list[bool] = []  # not empty once installed packages have been asked for theirs
 

@@ -48,7 +48,7 @@ _SMALL = 1e-5  # of the way: a shift of the position with a proportional torque
 _PHASE = 0.37  # of a count: the rest position of a simulated counting
 
 
-class Left(NamedTuple):
+class ResidualAnalysis(NamedTuple):
     """Analysis of a fit's residuals."""
 
     findings: list[Finding]
@@ -57,11 +57,11 @@ class Left(NamedTuple):
     late: tuple[float, float] = (0.0, np.inf)  # Delay of the logged torque and its standard error, s
 
 
-def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: Kind) -> Left:
+def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: Kind) -> ResidualAnalysis:
     """Terms that a fit of the torque lacks, to first order, and patterns that remain."""
     errors = solution.scaled_errors.copy()
     if problem.quantity != "torque":
-        return Left([], errors)
+        return ResidualAnalysis([], errors)
     motions = problem.motions
     values: Values = {**problem.fixed, **solution.values}
     extra = np.array([values[name] for name in problem.extra_names])
@@ -70,7 +70,7 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     seen = solution.scaled_errors < np.inf
     of = [isinstance(n, ParameterName) and of_friction(n.name) for n in solution.names]
     size = float(np.sqrt(np.mean(_equations(motions, friction) ** 2)))
-    known, rest = known_and_left(problem, solution)
+    known, rest = jacobian_and_residuals(problem, solution)
     weight = problem.weight
     fit = Fitted(known, rest, solution.scaled_errors[seen], np.array(of, dtype=bool)[seen], size, weight)
 
@@ -108,10 +108,10 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     worse = next((float(f.numbers["ratio"]) for f in patterns if f.code == "reversals-left"), 1.0)
     errors[[isinstance(n, ParameterName) and n.name in BRISTLE for n in solution.names]] *= worse
     late_by = _without_counts(scores(known, rest, [(weight * late)[:, None]])[0], made)
-    return Left([*lacks.findings, *patterns], errors, size, late_by)
+    return ResidualAnalysis([*lacks.findings, *patterns], errors, size, late_by)
 
 
-def known_and_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[Array, Array]:
+def jacobian_and_residuals(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[Array, Array]:
     """Derivatives of the equations by the unknowns with an influence, (n, p), and residuals, (n,)."""
     n = problem.size
     jacobian, rest = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
