@@ -127,7 +127,7 @@ def gradient(
     if adaptation.law == "partial-theta":
         return tuple(slope * getattr(p, name) for slope, name in zip(slopes, adaptation.parameters, strict=True))
     if adaptation.law == "total":
-        # with dz/dp, of dz/d theta = p dz/dp: none of what does not enter z, nor of a parameter of zero, which a gain cannot change
+        # dz/dp = (dz/d theta) / p; zero for parameters outside z and parameters of zero
         enter = functions.step_parameters(p.law)
         values = {name: ca.if_else(getattr(p, name) == 0, 1.0, getattr(p, name)) for name in enter}
         parts = zip(slopes, learnt.sensitivity, adaptation.parameters, strict=True)

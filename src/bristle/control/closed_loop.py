@@ -121,7 +121,7 @@ def simulate(
     parts = [slice(*ends) for ends in pairwise(round(k * len(cases) / workers) for k in range(workers + 1))]
     for part in parts:
         run(_length(n), part.stop - part.start)  # built here: CasADi does so in one thread alone
-    with ThreadPoolExecutor(workers) as pool:  # CasADi leaves Python to the others while it runs
+    with ThreadPoolExecutor(workers) as pool:  # CasADi releases the interpreter
         ran = pool.map(lambda part: _logged(options, run, [x[part] for x in given], numbers[part]), parts)
         logs = np.concatenate(list(ran), axis=1)
     log = shaped(blank_log(options), iter(logs))
@@ -153,7 +153,7 @@ def _logged(options: LoopOptions, run: Run, given: Sequence[Array], numbers: Arr
 
 def _length(n: int) -> int:
     """Samples of a call."""
-    return min(_CHUNK, 10 * -(-n // 10))  # a round number, of which CasADi does ten at once
+    return min(_CHUNK, 10 * -(-n // 10))  # a multiple of ten, which CasADi evaluates together
 
 
 @lru_cache(maxsize=32)

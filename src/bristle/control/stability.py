@@ -51,7 +51,7 @@ def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: floa
         """Whether nothing grows in shorter periods, or no faster in time."""
         return growth(options, linear, shorter) <= _LEAST * shorter / period
 
-    # The longest periods up to this one that these bear, to a thousandth; zero where none is found.
+    # the longest stable periods up to this one, to a thousandth, or zero
     bearable = np.full(len(linear), period)
     for _ in range(_HALVINGS):
         bearable = np.where(borne(bearable), bearable, bearable / 2)
@@ -99,7 +99,7 @@ def _derivative(options: LoopOptions) -> ca.Function:
     by = ca.jacobian(new, before) + ca.mtimes(ca.jacobian(new, sent), ca.jacobian(now.sent, before))
     p, m = now.numbers.plant.positive, now.numbers.motor
     v = _FAST * p.v_s
-    if p.law.terms:  # which are known up to there alone
+    if p.law.terms:  # known up to there alone
         v = ca.fmin(v, getattr(p, FASTEST))
     T = law.steady_torque(v, p)
     current = (motor.current_for(T, v, m),) if options.inductance else ()

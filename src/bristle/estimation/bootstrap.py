@@ -55,7 +55,7 @@ class Resampled(NamedTuple):
         t, tail = self.studentised[:, which], (1 - CONFIDENCE) / 2
         if not self.rounded:
             least, most = np.quantile(t, [tail, 1 - tail])
-        else:  # a draw that shows nothing of an unknown may lie on either side
+        else:  # a draw without information counts on either side
             blind = ~np.isfinite(t)
             most = np.quantile(np.where(blind, np.inf, t), 1 - tail, method="higher")
             least = np.quantile(np.where(blind, -np.inf, t), tail, method="lower")
@@ -79,7 +79,7 @@ def residual_bootstrap(
     for first in range(0, draws, at_once := max(_AT_ONCE // n, 1)):
         size = (n, min(at_once, draws - first))
         noise = apart[:, None] * rng.choice(_WEBB, size) if wild else even[rng.integers(0, n, size)]
-        sets = noise if found else np.column_stack([residuals, noise])  # the estimate's own is the first of all
+        sets = noise if found else np.column_stack([residuals, noise])  # the estimate's own set comes first
         found.append(refit(sets, wild) if refit else linear_refit(jacobian, sets, wild))
     steps, errors = (np.hstack(parts) for parts in zip(*found, strict=True))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -165,7 +165,7 @@ def block_bootstrap(
     edges, of_segment = cells(residuals.size, starts, length)
     grams = np.array([Z[a:b].T @ J[a:b] for a, b in pairwise(edges.tolist())])
     scores = np.array([Z[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
-    # sums over the block that begins at each cell, and one over the number of blocks that hold each of its cells
+    # sums over the block from each cell, over the number of blocks with each cell
     sizes = np.bincount(of_segment)
     begin, cells_of = (np.cumsum(sizes) - sizes)[of_segment], sizes[of_segment]
     place, share = np.arange(of_segment.size) - begin, 1 / np.minimum(cells_of, _OVERLAP)
@@ -181,17 +181,17 @@ def block_bootstrap(
     times = weight * np.bincount(drawn.ravel(), minlength=draws * count).reshape(draws, count)
     gram = (times @ grams.reshape(count, -1)).reshape(draws, p, p) + prior_rows.T @ prior_rows
     inverse: Array = np.asarray(np.linalg.pinv(gram, hermitian=True), dtype=np.float64)
-    # centred, so that steps vanish where each block is drawn as often as any other
+    # centred: equal counts of all blocks give no step
     news = sigma * rng.standard_normal((draws, prior_rows.shape[0])) @ prior_rows
     steps = -np.einsum("bij,bj->bi", inverse, times @ scores - share @ scores + news)
-    # standard errors from the scores that blocks have left in each resample, whose squares count so often
+    # standard errors from the remaining scores of blocks in each resample
     squares, by_block, errors = times * weight * number / max(number - 1, 1), grams.transpose(1, 2, 0), list[Array]()
     for k in np.array_split(np.arange(draws), ceil(draws * scores.size / _AT_ONCE)):
         left = scores.T + (steps[k] @ by_block.reshape(p, -1)).reshape(-1, p, count)
         influence, by_priors = inverse[k] @ left, prior_rows @ inverse[k]
         variance = np.einsum("bic,bic,bc->bi", influence, influence, squares[k])
         errors.append(np.sqrt(variance + sigma**2 * np.einsum("bmi,bmi->bi", by_priors, by_priors)))
-    with np.errstate(over="ignore"):  # a resample without scatter: its step is infinitely many errors, or none
+    with np.errstate(over="ignore"):  # resamples without scatter
         studentised = steps / np.maximum(np.concatenate(errors), np.finfo(float).tiny)
     return Resampled(steps / size, studentised, number)
 

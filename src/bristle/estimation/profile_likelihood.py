@@ -164,14 +164,14 @@ class _Path:
         except _Stop:
             self.rough = True
             beyond = [x for x, root in self.roots.items() if (x - best) * side > 0 and root > 1]
-            return max(beyond, key=lambda x: abs(x - best), default=None)  # the nearer ones may only look so high
+            return max(beyond, key=lambda x: abs(x - best), default=None)  # nearer ones may be false
         return None
 
     def _root(self, value: float) -> float:
         """The root of the statistic at a scaled value."""
         if value not in self.roots:
             j, best = self.which, float(self.minimum.x[self.which])
-            # next to the value on the way from the estimate: what lies beyond may be in another valley
+            # start next to the value, on the side of the estimate, to stay in one valley
             inside = [point for point in self.points if 0 <= (point[0][j] - best) / (value - best) <= 1]
             x, gram = max(inside, key=lambda point: abs(float(point[0][j]) - best))
             tried = (self._solved(start, value) for start in (x + self._slope(x, gram) * (value - x[j]), x))

@@ -43,7 +43,7 @@ def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: in
     if excess(0.0) <= 0:
         return 0.0
     top = float(squares.max()) / times
-    while excess(top) > 0:  # where strays are most of all
+    while excess(top) > 0:  # mostly strays
         top *= 4
     return float(brentq(excess, 0.0, top, xtol=1e-12 * top, rtol=1e-8))
 

@@ -92,7 +92,7 @@ def _score(basis: Array, left: Array, columns: Array, inflated: float = 1.0) -> 
     share, rest = min(float(b @ b) / total, 1.0), left - directions @ b
     inverse = np.linalg.pinv(R)
     sizes[own] = inverse @ b / lengths[own]
-    # noise that is alike everywhere, and noise that differs along the column, and may be correlated there alone
+    # variances for even noise, and for noise that is uneven and correlated along the column
     most, one = np.inf if n >= _MANY else inflation(rest), float(rest @ rest)
     correlated = np.array([max(min(inflation(rest, d), most), inflated) for d in directions.T])
     freedom = (n - p) / float(correlated.max()) - k
@@ -100,7 +100,7 @@ def _score(basis: Array, left: Array, columns: Array, inflated: float = 1.0) -> 
         return Score(sizes, errors, 1.0, share, share * total)
     variance = one / (n - p - k) * correlated
     if n >= _MANY:
-        powers = n * np.var(directions * left[:, None], axis=0)  # as if there were nothing: few alone prove nothing
+        powers = n * np.var(directions * left[:, None], axis=0)  # under the null hypothesis
         uneven = powers * [max(inflation(x), inflated) for x in (directions * rest[:, None]).T]
         variance = np.maximum(variance, uneven * n / (n - p - k))
     errors[own] = np.sqrt(inverse**2 @ variance) / lengths[own]

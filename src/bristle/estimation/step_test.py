@@ -43,7 +43,7 @@ def step_scan(levels: Levels, baseline: int, freedom: float) -> Steps:
     weight = np.where(np.isfinite(levels.variance), 1 / levels.variance, 0.0)
     y = np.where(weight > 0, levels.y, 0.0)
     X = np.where(weight[..., None] > 0, levels.regressors, 0.0)
-    # weight before and after each place of a step, (m, n - baseline); none after it where a row has ended
+    # weights before and after each place of a step, (m, n - baseline), zero after the end of a row
     total = weight.cumsum(axis=1)
     before = total[:, baseline - 1 : -1]
     after = np.where(weight[:, baseline:] > 0, total[:, -1:] - before, 0.0)

@@ -34,11 +34,11 @@ def candidates(
     both = velocity.min() < 0 < velocity.max()
     if both:
         rows.append(Candidate(_directions, (np.stack([np.ones(n), np.abs(velocity)], axis=1),), is_friction=True))
-    if both and "time" in scaled:  # friction opposes motion, so a change of it has another sign in each direction
+    if both and "time" in scaled:  # a change of friction has the sign of the velocity
         change = _centred([scaled["time"], scaled["time"] ** 2]) * np.sign(velocity)[:, None]
         rows.append(Candidate(_wear, (change,), is_friction=True))
     for over, s in scaled.items():
-        if not (both and over == "velocity"):  # what is even in velocity is a difference of the directions
+        if not (both and over == "velocity"):  # even functions of velocity are covered by the directions
             rows.append(Candidate(partial(_trend, over), (_centred([s, s * s]),), is_friction=over == "velocity"))
     if "position" in scaled:
         waves = _Waves(position, min(n // 4, _HARMONICS))

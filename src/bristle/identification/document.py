@@ -32,7 +32,7 @@ def reading(path: Path) -> Iterator[Any]:
     data = read_at_most(path, LARGEST, "a results file")
     try:
         yield parsed(data.decode("utf-8"))
-    except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep, not as pydantic or we want it
+    except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep, or wrong content
         why = one_line(str(error) if isinstance(error, InputError) else first_reason(error), _SHOWN)
         raise InputError(
             f"{path}: is not a results file of schema bristle-results/3 ({why}); expected a results.json that bristle wrote"
@@ -46,7 +46,7 @@ def is_results(path: Path) -> bool:
         begun = file.read(_BEGINNING)
         if not begun.lstrip().startswith(b"{"):
             return False
-        return b'"bristle-results/' in begun + file.read(LARGEST)  # one that is damaged is told so when it is read
+        return b'"bristle-results/' in begun + file.read(LARGEST)  # damage is reported on reading
 
 
 _BEGINNING = 4096  # bytes that tell another kind of file

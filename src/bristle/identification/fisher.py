@@ -108,13 +108,13 @@ def gram(jacobian: Array, noise: float | Array) -> Array:
 
 def covariance(matrix: Array) -> tuple[Array, Array]:
     """Standard errors, (p,), infinite where nothing is seen, and correlations, (p, p), for information F, (p, p)."""
-    if not np.isfinite(matrix).all():  # beyond what numbers hold: nothing is said
+    if not np.isfinite(matrix).all():  # overflow
         return np.full(len(matrix), np.inf), np.eye(len(matrix))
     size = np.sqrt(np.diag(matrix))
     seen = size > 0
     values, vectors = np.linalg.eigh(_scaled(matrix, size))
     good = values > _SINGULAR * values.max(initial=0.0)
-    lost = (np.abs(vectors[:, ~good]) > _MEMBER).any(axis=1)  # a zero row is a direction of its own
+    lost = (np.abs(vectors[:, ~good]) > _MEMBER).any(axis=1)  # a zero row is a direction too
     inverse = (vectors[:, good] / values[good]) @ vectors[:, good].T
     spread = np.sqrt(np.diag(inverse))
     errors = np.where(lost, np.inf, spread / np.where(seen, size, 1.0))

@@ -19,6 +19,7 @@ from bristle.estimation.score_test import MATTERS
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.comparison import APART, GAIN, SYMMETRIC, Comparison
 from bristle.identification.curve import accuracy_of, band, curve
+from bristle.identification.dynamic.output_error import HORIZON
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
@@ -40,15 +41,17 @@ from bristle.identification.moving_runs import (
     moved_in,
     refuse_noise,
     refuse_opposing_runs,
+    regressors,
+    turn_of,
 )
 from bristle.identification.periods import with_periods
 from bristle.identification.point_checks import point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint
-from bristle.identification.settings import settings_of
 from bristle.identification.settling import without_settling
 from bristle.identification.static.fit import fit_moving, fit_points, is_superseded, reconcile_static
+from bristle.identification.static.grid import GRID, PLAIN_GRID
 from bristle.identification.static.set_up import directions_of_points, trial_of_motion, trial_of_points
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
@@ -63,6 +66,11 @@ _ROUNDS = 4  # most corrections of holds for settling
 _NOTHING = 1e-3  # of the torque: less Coulomb friction is none
 _CHOICES = 2  # choices of a law by moving runs: the load, then peak and terms
 _OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
+_PEAK = {
+    "auto": "a Stribeck peak where the data support it",
+    "coulomb-viscous": "no Stribeck peak",
+    "stribeck": "a Stribeck peak however unsure",
+}
 
 
 def identify_joint(
@@ -123,7 +131,7 @@ class _Decisions:
                 break
             self._take(settled)
         measured, joint = self.measured, self.joint
-        if joint.tracking is not None and (crosscheck or uncertainty):  # of what was decided, once
+        if joint.tracking is not None and (crosscheck or uncertainty):  # for the final set-up alone
             joint = self._identified(
                 measured, self.under, joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty
             )
@@ -222,8 +230,8 @@ class _Decisions:
         each = self._again(sided, self.ended)
         self.bic = bic = compared(each.tracking)[0]
         if (fit := each.moving) is not None:
-            # nan where the two differ by a constant alone, or by less than their bands: a better BIC is then of two bristles, about reversals
-            # that no model describes; infinite where one of them is no friction, which leaves an offset
+            # nan where the directions differ by a constant, or within their bands: the BIC then improves at reversals alone
+            # infinite where one of them has no friction
             v, within = np.abs(fit.velocity)[fit.velocity != 0], [(fit.values(d), d) for d in DIRECTIONS]
             both = [(curve(v, p.stribeck), band(v, fit, d)) for p, d in within if p is not None]
             bands = [half for _, half in both if half is not None]
@@ -270,7 +278,7 @@ class _Decisions:
             law = self.laws.chosen.name
             self.measured, self.laws = with_options(self.measured, law=law), self.laws.under(law)
             self.under, self.joint = self.laws, self._identified(self.measured, self.laws, ends[law])
-            # which peak and terms beside the load
+            # then peak and terms beside the load
             if self.measured.experiment.fit.load and self.joint.tracking is not None:
                 laws, ends = laws_of_motion(self.measured, self.joint.tracking, every=True)
                 self.laws = laws or self.laws
@@ -296,7 +304,7 @@ class _Decisions:
                 break
             late, moving = late + more, self.joint.moving or moving
         error = moving.late[1]
-        if late or (source in COMMANDS and np.isfinite(error)):  # an error of the delay is one of the torque
+        if late or (source in COMMANDS and np.isfinite(error)):  # its error is one of the torque
             self._take(without_delay(as_logged, late, error, final=True))
         moving = self.joint.moving
         if source in COMMANDS and moving is not None:
@@ -315,7 +323,7 @@ class _Decisions:
             "and so is friction."
         )
         early = Finding("acts-early", CRITICAL, message, {"early": late}, {"torque": np.inf})
-        half = max(r.step for r in measured.moving(hold_out=False)) / 2  # of a sample: rows are told apart no finer
+        half = max(r.step for r in measured.moving(hold_out=False)) / 2  # the resolution of rows
         self.doubts = (early,) if late > max(_SURE * error, half) else self._feedback(late)
         told, reach = "as the drive makes it of its commands", student(np.inf) * error
         if reach < _LATEST:
@@ -411,7 +419,7 @@ class _Decisions:
             travel=measured.travel, torque_constant=measured.torque_constant,
             link_inertia=None if has_own_unit(experiment.joint.kind) else measured.link_inertia,
             truth=experiment.truth, simulated=experiment.simulated, assumptions=experiment.assumptions,
-            settings=settings_of(experiment, self.asked_law, training),
+            settings=_settings(experiment, self.asked_law, training),
         )  # fmt: skip  # a list of values
 
 
@@ -564,3 +572,46 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> Iterato
         message = f"Held-out presliding runs are not used: {', '.join(unused)}."
         yield Finding("held-out-unused", NOTE, message, {"files": unused})
     yield from point_warnings(measured, kept, static)
+
+
+def _settings(experiment: Experiment, asked_law: str, training: Sequence[Record]) -> dict[str, str]:
+    """Thresholds, cut-offs and options in force; `asked_law` is `fit.law` as in the file."""
+    fit = experiment.fit
+    law, loads = fit.friction, fit.load
+    rising = "".join(f", rising with the {name.replace('-', ' ')}" for name in loads)
+    found = ", which the data chose (fit.law overrules)" if asked_law == AUTO or asked_law != fit.law else ""
+    settings = {
+        "law": f"{'+'.join((law.name, *loads))}{found}: {law.title}{rising}",
+        "directions": fit.directions,
+        "set-up": f"{fit.set_up}, {_PEAK[fit.model]}",
+        "grid": f"{GRID} values of v_s, even in log(v_s), refined to the continuous minimum",
+        "plain grid": f"{PLAIN_GRID} evenly spaced values of v_s",
+        "v_s range": "a third of the slowest speed to the fastest",
+    }
+    if isinstance(fit.orders, tuple):
+        _, turn = turn_of(experiment.joint.kind)
+        settings["orders"] = f"{', '.join(map(str, fit.orders)) or 'none'}, periods per {turn}"
+    if training:
+        cutoffs = dict.fromkeys(f"{f(r.cutoff for r in training):.3g}" for f in (min, max))
+        low_pass = f"{' to '.join(cutoffs)} Hz"
+        settings |= {
+            "position filter": f"4th-order Butterworth, zero phase, {low_pass}",
+            "decimation": f"one sample in {fit.every}, both sides through 0.8 of the new Nyquist frequency, zero phase",
+            "regressors": ", ".join(regressors(experiment)) or "none",
+        }
+        chosen = ["fit.position_cutoff"] if fit.position_cutoff is None else []
+        chosen += ["fit.decimation"] if "decimation" not in fit.model_fields_set else []
+        if chosen:
+            by = f"by the spectra, {' and '.join(chosen)} overrule{'s'[len(chosen) - 1 :]}"
+            settings["filters"] = (
+                f"low pass of {low_pass}, {f'one sample in {fit.every}' if fit.every > 1 else 'all samples'} ({by})"
+            )
+        if fit.predict == "position":
+            settings["moving runs"] = (
+                f"the motor simulated in windows of {HORIZON:g} s, and its position averaged over {fit.every} samples; "
+                "position filter and decimation serve the start alone"
+            )
+        if (known := experiment.inertia) is not None:
+            error = known.standard_error
+            settings["inertia"] = f"{known.value:g} {f'+/- {error:g} (prior)' if error else '(fixed)'}"
+    return settings

@@ -44,13 +44,13 @@ def measure_scaled(experiment: Experiment) -> Measured:
     if constant.value is None:
         return replace(measured, findings=(*measured.findings, *constant.warnings))
 
-    # The effort in N*m, with that error and the one of the gravity.
+    # the effort in N*m, with the errors of scale and gravity
     K, name = constant.value, _CONSTANTS.get(drive)
     relative = (gravity.standard_error or 0.0) / gravity.value
     error = float(np.hypot(constant.standard_error or 0.0, K * relative))
     known = PlusMinus(value=K, standard_error=error)
 
-    def scaled(signals: Signals) -> Signals:  # the torque in its effort, times that scale
+    def scaled(signals: Signals) -> Signals:  # torque = scale times effort
         told = {"unit": of, "scale": f"{K!r} +/- {error!r} {constant.unit}"}
         return signals.model_copy(update={"torque": signals.torque and signals.torque.model_copy(update=told)})
 

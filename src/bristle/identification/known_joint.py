@@ -103,11 +103,11 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
     curves = {d for name, d in shown if name == "alpha_0"}
     staged = list(stage_estimates(joint))
     static = {row.parameter.direction for row in staged if row.parameter.name == "alpha_0"}
-    # a shape that a motion does not show it took from a stage
+    # names fitted to the motion, and to points
     fitted = {FASTEST, *(row.parameter.name for row in moving)}
     beside = {row.parameter.name for row in staged if row.source is Source.STATIC and row.estimate.value is not None}
     rows = []
-    for row in moving:  # what was fitted beside a curve goes with it
+    for row in moving:  # regressors go with their curve
         name, d = row.parameter
         is_of_curve = of_curve(name)
         if (_within(d, curves) if is_of_curve else curves) or not (

@@ -198,7 +198,7 @@ def _fitted_to_motion(
     problem = replace(whole, fixed=known, motions=motions)
     if problem.size <= len(problem.names) + 1:
         return None
-    # the values of the other law; a small peak where it has none, no other term, an inertia above zero
+    # values of the other law, with a small peak if it has none, zero new terms, inertia >= 0
     began = alone.known
     start = {name: in_direction(began, *name) or 0.0 for name in (*problem.friction_names, *problem.extra_names)}
     for name in problem.friction_names:
@@ -212,7 +212,7 @@ def _fitted_to_motion(
     try:
         enough = _ENOUGH * alone.rms**2 * inflation(alone.residuals)
         posed, minimum = solved(problem, with_deflections(problem, start), _STEPS, enough=enough)
-    except InputError:  # a start that shows nothing is no reason to fail
+    except InputError:  # a start without influence: leave this law out
         return None
     values = posed.unknowns.values(minimum.x)
     return _MovingLaw("+".join((law.name, *load)), law, problem, values, minimum, posed.unknowns)
@@ -221,7 +221,7 @@ def _fitted_to_motion(
 def law_warnings(laws: Comparison | None) -> tuple[Finding, ...]:
     """A caution where another law is clearly better than the one in force."""
     own = None if laws is None else next((row for row in laws.rows if row.in_force), None)
-    if laws is None or own is None or laws.chosen is own:  # of a law with too few points its fit says so
+    if laws is None or own is None or laws.chosen is own:  # too few points are reported by the fit
         return ()
     best, before = laws.chosen, own.left_out
     gain, error = own.bic - best.bic, best.left_out
@@ -319,7 +319,7 @@ def _left_out(problems: Sequence[Regression]) -> LeftOut:
                 return None
             low, high = default_range(rest.velocity)
             slowest = float(np.abs(rest.velocity[rest.velocity != 0]).min())
-            if slowest < high:  # as the fit has it: without a speed below v_s a peak is invented
+            if slowest < high:  # as in the fit: a peak needs a speed below v_s
                 low = max(low, slowest)
             cost += power_of(problem.rows(part).residuals(solve(rest, (low, high)).theta))
         total += cost
@@ -338,7 +338,7 @@ def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | 
         {row.name for row in rows} if data == "points" else {*better, paper.name, in_force} if better else set[str]()
     )
     left_out = {x.name: x.predicts() if x.name in wanted else None for x in fitted}
-    # the law of lowest BIC among those that are clearly better than the paper's, which else stays
+    # the lowest BIC among laws clearly better than the paper's, else that
     least = left_out[paper.name]
     clearly = [
         row
@@ -388,7 +388,7 @@ def _averaged(fitted: Sequence[Fitted], rows: Sequence[Row]) -> Mapping[Paramete
     for name in dict.fromkeys(chain.from_iterable(table for table, _ in tables)):
         having = [(*table[name], weight) for table, weight in tables if name in table]
         value, error, freedom, shares = np.array(having).T
-        if name.name in _AVERAGED and shares.sum() > _SPREAD:  # a law in which it is at a bound may lack it
+        if name.name in _AVERAGED and shares.sum() > _SPREAD:  # missing where it is at a bound
             shares = shares / shares.sum()
             mean = float(shares @ value)
             own = float(shares @ np.sqrt(error**2 + (value - mean) ** 2))

@@ -88,7 +88,7 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
         torque = _rounded(_largest(measured.runs, "torque"))
         assumed.append(_assumed("torque", "Largest torque", torque, of, "the largest measured"))
     links = 0.0 if has_own_unit(kind) else _largest(measured.runs, "link_torque")
-    if torque and links:  # what they ask for is not there for friction and inertia
+    if torque and links:  # not available for friction and inertia
         message = (
             f"Of the torque limit {links:.3g} {of} are kept for the links, the most that they asked for in these runs; the other "
             "joints are planned to rest."

@@ -78,7 +78,7 @@ def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load 
             f"fit.law: {asked} needs what gravity does to the joint; add gravity under fit.regressors, or identify the joint in a robot"
         )
     columns, n, motor = extra_columns(weighing, record), record.time.size, needed(record, "torque")
-    if decimation > 1:  # without what the decimation filter takes off, segment by segment
+    if decimation > 1:  # through the decimation filter, segment by segment
         sections, torque, motor = signal.butter(4, 0.8 / decimation, output="sos"), motor, motor.copy()
         for part in between_gaps(record):
             motor[part] = signal.sosfiltfilt(sections, torque[part], padlen=min(part.stop - part.start - 1, 15))

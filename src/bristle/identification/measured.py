@@ -108,7 +108,7 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     if held >= FEWEST or not logged or {run.kind for run in runs if not run.hold_out} != {"ramp"}:
         return measured
 
-    # Constant velocities that are too few for points are a motion.
+    # too few constant velocities for points: taken as a motion
     moving = [x.model_copy(update={"experiment": "tracking"}) if x.experiment == "ramp" else x for x in experiment.runs]
     experiment = experiment.model_copy(update={"runs": tuple(moving)})
     message = f"Constant velocities held: {held}, too few for points; taken as a motion, of which all samples are used."
@@ -130,7 +130,7 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
     moving = [run.record for run in runs if run.kind == "tracking"]
     slowest = max((r for r in moving if r.time.size > 1), key=lambda r: r.step, default=None)
 
-    def beside_slowest(record: Record) -> Record:  # how much faster it was sampled its notes then say
+    def beside_slowest(record: Record) -> Record:  # with a note if it was sampled faster
         if slowest is None or not (ratio := slowest.step / record.step) > ONE_RATE or record.oversampled != 1:
             return record
         message = f"Sampled {ratio:.3g} times as fast as {slowest.file}: it is decimated by so much more, for equations as far apart."
@@ -253,7 +253,7 @@ def _overlap(a: Record, b: Record) -> bool:
     p, q = a.position, b.position
     if p is None or q is None:
         return (p is None) == (q is None)
-    apart = (p[of_a] - p[of_a[0]]) - (q[of_b] - q[of_b[0]])  # but for the turn in which each begins
+    apart = (p[of_a] - p[of_a[0]]) - (q[of_b] - q[of_b[0]])  # apart from whole turns
     return bool(np.abs(apart).max() <= _ROUNDING * max(np.abs(p).max(), np.abs(q).max()))
 
 

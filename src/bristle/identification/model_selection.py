@@ -89,13 +89,13 @@ def compare_on_motion(
         return training, [from_records([r], *options, training.weights)[0] for r in held]
 
     found, left, power = _static_models(experiment, variants, pose, moving=True)
-    # LuGre as it was fitted, and in the directions in which it was not
+    # LuGre as fitted, and in the other directions
     done = APART if any(name.direction in SIGNED for name in alone.parameters) else SYMMETRIC
     for called, directions in variants.items():
         if called == done or done not in variants:
             found[LUGRE, called] = _as_fitted(alone)
             continue
-        with suppress(InputError):  # a start that shows nothing is no reason to fail: then this one is left out
+        with suppress(InputError):  # a start without influence: left out
             near = apart if called == APART else None
             found[LUGRE, called] = one = refitted(measured, alone, directions, near, held=held)
             if not one.settled:
@@ -180,7 +180,7 @@ def refitted(
     def posed(chosen: Sequence[Record]) -> DynamicProblem:
         """The problem of some records, with what the experiment fixes."""
         whole = dynamic_problem(chosen, directions, asked, experiment.fit.every, fixed, law=experiment.fit.friction)
-        values = carried(whole, alone.known)  # what was given to the fit is held in other directions too
+        values = carried(whole, alone.known)  # given values are held in other directions too
         return replace(whole, fixed={name: x for name, x in values.items() if name.name in given})
 
     problem = posed(records)
@@ -209,7 +209,7 @@ def bic_of_directions(
     try:
         apart = each and _as_fitted(each)
         apart = apart or refitted(measured, alone, tuple(DIRECTIONS), worth=_WORTH)
-    except InputError:  # a start that shows nothing is no reason to fail
+    except InputError:  # a start without influence
         return {}, None
     both = {SYMMETRIC: _as_fitted(alone), APART: apart}
     effective = alone.residuals.size / inflation(min((x.residuals for x in both.values()), key=power_of))
@@ -263,7 +263,7 @@ def _sentence(rows: Mapping[Model, Row], static: Mapping[str, StaticFit], *, kep
         gap = rest[0].bic - best.bic
         lowest = f"{lowest} ({'hardly worse: ' * (gap < _SAME)}{rest[0].name} has {gap:.1f} more)"
     why = [lowest]
-    # what the fit does not support, and whether that it keeps the Stribeck term rests on points that stick and slip
+    # terms without support, and a Stribeck term from points that stick and slip
     outcomes = {f.outcome.code for f in static.values()}
     shown = [r.bic for (model, _), r in rows.items() if model == STRIBECK]
     if not kept and shown and "static-as-asked" not in outcomes:

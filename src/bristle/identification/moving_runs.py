@@ -23,10 +23,7 @@ from bristle.model.laws import registry
 from bristle.model.parameters import Kind, periodic, slides
 from bristle.model.vectorize import evaluate
 
-_PASSES, _MOSTLY = (
-    0.3,
-    0.5,
-)  # of a slow torque: most passes of its mean per cut-off period (noise: 1.15), least variance
+_PASSES, _MOSTLY = 0.3, 0.5  # of a slow torque: most passes of its mean per cut-off period (noise: 1.15), least share
 _ROUGHER = 3.0  # ratio of (1 - lag-one correlation) from which a torque is noise beside its motion
 _EXPLAINED = 0.1  # least share of the variance of a torque that its motion explains
 _AT_REST = 0.01  # of the total way: less in a direction is rest
@@ -206,7 +203,7 @@ def unrelated(velocity: Array, torque: Array, others: Array | None = None) -> bo
     """Whether a torque (n,) is noise: an F test at 1 % of sgn(v), v and, over time, `others`, (n, k)."""
     basis = np.column_stack([np.sign(velocity), velocity, *([] if others is None else [others])])
     if velocity.size < _FEWEST * basis.shape[1] or np.median(np.abs(torque - np.median(torque))) == 0:
-        return False  # most of a torque that is one value over and over is not noise
+        return False  # a mostly constant torque is not noise
     if velocity.size and velocity.min() < 0 < velocity.max():
         basis, torque = basis - basis.mean(axis=0), torque - torque.mean()
     basis = basis[:, np.ptp(basis, axis=0) + np.abs(basis).max(axis=0) > 0]
@@ -223,24 +220,24 @@ def unrelated(velocity: Array, torque: Array, others: Array | None = None) -> bo
 
 def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> None:
     """Raise InputError where torque and motion of moving runs are unrelated or opposed, or the velocity is wrong."""
-    if any(r.made_of for r in records):  # whose sign is that of the motion
+    if any(r.made_of for r in records):  # made from the motion
         return
     velocity, torque = (np.concatenate([_of(r, name) for r in records]) for name in ("velocity", "torque"))
-    # acceleration, gravity by the position and a robot's link torque, as far as they are known
+    # columns of inertia, gravity and links, where known
     asked, sizes = ("inertia", "gravity", "links"), [r.time.size for r in records]
     motions = (load_columns(asked, partial(_of, r, size=n), n) for r, n in zip(records, sizes, strict=True))
     others = np.concatenate([np.column_stack(list(columns.values())) for columns in motions])
-    if others[:, -1].any():  # what the links of a robot ask for outweighs friction, and has any sign
+    if others[:, -1].any():  # links may outweigh friction, with any sign
         basis = np.column_stack([np.sign(velocity), velocity, others])
         torque = torque - others[:, -1] * np.linalg.lstsq(basis, torque, rcond=None)[0][-1]
     said = [d for r in records for d in r.warnings]
     turned = merged(d for d in said if d.code == "velocity-factor" and d.numbers["ratio"] < 0)
-    if turned and float(velocity @ torque) < 0:  # the torque goes with the position: it is the velocity that is wrong
+    if turned and float(velocity @ torque) < 0:  # the velocity has the wrong sign
         raise InputError(f"{experiment.path.name}: {turned[0]}")
     try:
         refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole", others)
     except InputError as end:
-        if counts := merged(d for d in said if d.code == "whole-positions"):  # in which nothing moves as it did
+        if counts := merged(d for d in said if d.code == "whole-positions"):  # counts in place of positions
             raise InputError(f"{experiment.path.name}: {counts[0]}") from end
         raise
 

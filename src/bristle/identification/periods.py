@@ -31,7 +31,7 @@ def with_periods(measured: Measured) -> Measured:
     asked = [name for name in PERIODIC if name in (experiment.fit.regressors or ())]
     if not asked:
         return measured
-    # the highest order of which a typical step between two equations covers no more than half a period
+    # the highest order with at least two equations per period
     every = experiment.fit.every
     moved = [np.abs(np.diff(r.position[:: r.decimation(every)])) for r in training if r.position is not None]
     steps = np.concatenate([np.zeros(0), *moved])
@@ -49,8 +49,8 @@ def with_periods(measured: Measured) -> Measured:
         known, rest = jacobian_and_residuals(problem, solve_dynamic(problem, start))
         tried = _tried(experiment, problem.position, most)
         columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in tried}
-    elif kept := measured.points(hold_out=False):  # half as many orders as points are tried
-        (sides, points), *_ = groups(experiment, kept)  # what is shared comes from one solve
+    elif kept := measured.points(hold_out=False):  # orders up to half the number of points
+        (sides, points), *_ = groups(experiment, kept)  # one solve of both directions
         posed = points_problem(points, sides, point_regressors(experiment), experiment.fit.friction)
         theta = solve(posed, default_range(posed.velocity)).theta
         known, rest = posed.jacobian(theta), posed.residuals(theta)

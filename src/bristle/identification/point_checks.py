@@ -51,7 +51,7 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
         ranks = np.argsort(np.argsort(speeds))
         order = float(np.corrcoef(ranks, np.arange(len(speeds)))[0, 1]) if len(speeds) >= _ENOUGH else 0.0
         in_order |= {d: order} if abs(order) > _IN_ORDER else {}
-    # slope of the torque along the motion, N*m/s, the beginning of each apart, which may be settling; and durations, s
+    # slopes of the torque along the motion, N*m/s, without the beginning of each hold; durations, s
     slopes, durations = np.zeros((2, len(points)))
     for k, s in enumerate(points):
         record, part = records[s.file], slice(s.start + (s.stop - s.start) // _SETTLES, s.stop)

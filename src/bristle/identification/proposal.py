@@ -48,7 +48,7 @@ def draft_of_logs(
             raise InputError(
                 f"{files[0]}: {given[0]} is of one joint, and a robot has several; write it into the draft"
             )
-        # a robot's file, whose logs were read once, and what its log says against its URDF
+        # a robot's file, and findings of its logs against its URDF
         text, guessed = draft_robot(files[0], files[1:], told, folder)
         path = (folder or files[0].parent) / f"the draft for {files[0].name}"
         against: dict[str, list[str]] = {}

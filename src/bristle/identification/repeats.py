@@ -65,7 +65,7 @@ def clustered(
     grams = [X.T @ X for X, _ in scaled]
     moves = moved_without_each(inverse, grams, [X.T @ left for X, left in scaled]) / size
     errors = np.sqrt((count - 1) / count * (moves**2).sum(axis=0))
-    # of what a run alone tells, as the way back does of an offset, nothing is known without it, nor how runs scatter
+    # parameters that one run alone determines are left out
     without = (np.linalg.eigh(gram - of_run) for of_run in grams)
     apiece = np.array([(V**2 / np.maximum(w, 1e-12 * w[-1])).sum(axis=1) for w, V in without])
     told = np.all(apiece < _ALONE**2 * np.diag(inverse), axis=0).tolist()

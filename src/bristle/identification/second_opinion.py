@@ -70,7 +70,7 @@ def of_motion(records: Sequence[Record]) -> SecondOpinion | None:
     order = run if runs >= 6 else np.arange(v.size)
     block = order if 6 <= runs <= BLOCKS else order * BLOCKS // (order.max(initial=0) + 1)
     keep = np.abs(v) > SLOWEST * np.abs(v).max(initial=0.0)
-    made = {record.made_of for record in records}  # of which nothing is left to tell
+    made = {record.made_of for record in records}  # inertia or gravity that made the torque
     known_a, known_q = (None if name in made else x[keep] for name, x in (("inertia", a), ("gravity", q)))
     return _opinion(_Data(v[keep], known_a, known_q, torque[keep], block[keep]))
 
@@ -134,7 +134,7 @@ def _opinion(data: _Data) -> SecondOpinion | None:
     if not tried:
         return None
     _, least = min(tried, key=lambda x: float(x[1].mean()))
-    # the simplest whose error is within one standard error, over blocks, of the best
+    # the simplest within one standard error of the best over blocks
     within = [
         (set_up, errors)
         for set_up, errors in tried

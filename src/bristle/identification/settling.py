@@ -38,7 +38,7 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
             velocity, torque = np.array(record.velocity), np.empty(record.time.size)
             begins = {k: found[k].start for k in points}
             for k in points:
-                # without noise, which changes the sign in a slow hold: from where its position is as straight on
+                # constant from where the position is straight on, because noise changes the sign of slow velocities
                 s = found[k]
                 if record.position is not None:
                     line = record.position - s.velocity * record.time
@@ -58,7 +58,7 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
                 s = found[k]
                 (settled,) = evaluate(steady, s.velocity, *curves[s.velocity < 0])
                 off[k] = float(torque[s.start : s.stop].mean() - settled)
-                # how the torque comes to its mean, which no fit has seen, from the last reversal on where it has that speed
+                # approach of the torque to its mean since the last reversal, at the hold's speed
                 begun = slice(max(turns[turns <= begins[k]], default=0), s.stop)
                 near = np.abs(velocity[begun] - s.velocity) < _NEAR * abs(s.velocity)
                 left = record.torque[begun][near] - np.stack([torque[begun][near], np.full(near.sum(), settled)])

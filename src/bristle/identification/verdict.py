@@ -67,7 +67,7 @@ def verdict(joint: Joint) -> Verdict:
     if known is None:
         try:
             known_joint(joint)
-        except InputError as bad:  # a number that no joint has
+        except InputError as bad:  # an impossible number
             found = (*found, Finding("impossible-value", CRITICAL, f"{str(bad).partition(': ')[2]}."))
     cause, wide = (next((x for x in found if x.code in codes), None) for codes in (_CAUSES, _CAUSES | _WIDENS))
     if critical := [x for x in found if x.severity is Severity.CRITICAL]:
@@ -84,14 +84,14 @@ _CAUSES = {
 }  # fmt: skip  # a list of values
 _WIDENS = {"clipped-left-out", "runs-scatter", "torque-coarse", "torques-doubted"}
 """Codes that explain residuals, and those that explain wide errors."""
-_SIZES = {"unexplained", "misfit"}  # ... and those that say how much
+_SIZES = {"unexplained", "misfit"}  # codes that state the size of residuals
 
 
 def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) -> Finding:
     """The largest contribution to the width of the band."""
     of_findings = math.sqrt(max(known.band**2 - known.statistical**2 - known.apart**2 - known.sides**2, 0.0))
     largest = max(known.statistical, known.apart, known.sides, of_findings)
-    # what is lacking makes errors large, and opinions differ
+    # a missing term explains large errors and differing opinions
     if finding is not None and finding.effect.get("torque", 0.0) > 0 and known.sides != largest:
         return finding
     if known.apart == largest and cause is None:

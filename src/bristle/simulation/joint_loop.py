@@ -110,7 +110,7 @@ class JointLoop:
         v, level = motion.velocity, np.zeros_like(motion.position)
         curve = functions.steady_torque_function(self.model.law)
         own += np.where(v < 0, *(evaluate(curve, v, *p.stribeck)[0] for p in reversed(self.model)))
-        for _ in range(200):  # friction is part of its own load, and settles
+        for _ in range(200):  # friction is part of its own load: iterated
             before, level = level, load_level(self.carried.rises, own + level * np.sign(v), -gravity)
             if not np.isfinite(level).all():
                 break
@@ -204,7 +204,7 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         adaptation = _paced(adaptation, model.positive, gains.K_p, speed, assumed)
     total = replace(adaptation, law="total")
     diagnostic_law = None if adaptation.law == "total" else _paced(total, model.positive, gains.K_p, speed, [])
-    # The wrong model begins as given, or at the paper's shares of what is adapted, half of what the paper does not adapt.
+    # the wrong model starts as given, else at the paper's shares or one half
     shares = {name: asked.start.get(name, 0.5) for name in adaptation.parameters}
     start = asked.start if "start" in asked.model_fields_set else shares
     truth = truth_of(joint)

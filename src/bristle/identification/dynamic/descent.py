@@ -59,7 +59,7 @@ def solved(
     begin, bounds = unknowns.scaled(start), (unknowns.lower, unknowns.upper)
     few, between = thinned(problem), thinned(problem, _EVERY // 2)
     if few is not problem:
-        # a quick descent over a few of many samples, if samples between those like its end better than the start
+        # a quick descent over few samples, kept if it also fits samples between them
         with suppress(InputError):
             rough = unknowns.values(minimise(_evaluation(few, unknowns), begin, *bounds, most, _NEAR).x)
             left = [np.sum((between.measured - np.concatenate(modelled(between, x))) ** 2) for x in (rough, start)]
@@ -213,7 +213,7 @@ def solve_dynamic(
     solve, finish = partial(solved, problem), partial(polished, problem)
     best = solve_from_starts(solve, begins, finish, progress)
     while search:
-        added = dict[Unknown, float]()  # the Stribeck terms that the residuals ask for
+        added = dict[Unknown, float]()  # Stribeck terms asked for by the residuals
         errors = dict(zip(best.names, (best.scaled_errors * best.posed.unknowns.scale).tolist(), strict=True))
         for direction in problem.directions:
             alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))

@@ -131,10 +131,10 @@ def _settled(
     problem: DynamicProblem, start: Values, others: Sequence[Values], progress: Progress | None, *, search: bool
 ) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Finding], dict[ParameterName, str]]:
     """The problem with its run weights, its solution, reasons of dropped Stribeck terms, and doubts on kept ones."""
-    if problem.size < FEWEST * len(problem.names):  # of which nothing is estimated
+    if problem.size < FEWEST * len(problem.names):  # too few to estimate anything
         search, others = False, ()
     solution = solve_dynamic(problem, start, others, progress, search=search)
-    # weights that even out runs whose residuals scatter differently, by more than half
+    # weights for runs with different scatter
     _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
     by_run = np.repeat(run, [m.size for m in problem.motions])
     scatter = np.sqrt(np.bincount(by_run, equations_left(problem, solution) ** 2) / np.bincount(by_run))
@@ -150,17 +150,17 @@ def _settled(
         near = {name: value for name, value in without_deflections(solution.values).items() if name not in held}
         for name in (n for n, at in held.items() if n.name == "alpha_1" and not at):
             level, peak = name._replace(name="alpha_0"), solution.values[name]
-            if level in near and peak > near[level]:  # Coulomb friction that became a peak is Coulomb friction again
+            if level in near and peak > near[level]:  # a peak that took up Coulomb friction
                 near[level] += peak
         kinds = {why.code for _, why in more.values()}
         again = "unseen-bend" in kinds
         try:
             found = solve_dynamic(without, near, progress=progress, search=search and again)
-        except InputError:  # nothing to start from without it
+        except InputError:  # no start without it
             break
         if not found.minimum.converged:
             break
-        # the covariance tells less than the costs, where the law bends within the errors; a bend must explain most of what is left
+        # an F test of the costs, since the law bends within the errors; a bend must explain most of the cost
         ratio = found.minimum.cost / max(solution.minimum.cost, 1e-300)
         p = fdtrc(len(more), solution.freedom, solution.freedom / len(more) * max(ratio - 1, 0.0))
         if "unseen-wide" not in kinds and p < SIGNIFICANCE and (not again or ratio > _BENT):
@@ -251,7 +251,7 @@ def estimates_of(
     only_sum = Finding("only-sum-seen", NOTE, "Were v_s above these speeds, this would contain alpha_1.")
     estimates = warned(estimates, dict.fromkeys(bent & estimates.keys(), only_sum))
     errors = dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True))
-    # without a term that the residuals ask for, and that moves them by more than an error
+    # parameters that take up an omitted term by more than an error
     for direction in problem.directions:
         without = problem.fixed.get(ParameterName("alpha_1", direction)) == 0
         moved = asked.moved if without and (asked := asked_peak(problem, solution, direction)) else {}
@@ -260,7 +260,7 @@ def estimates_of(
     estimates = warned(estimates, dict.fromkeys(beside, TAKES_UP_PEAK))
     J = estimates.get(INERTIA)
     if J is not None and J.interval is not None and J.interval[1] < 0:
-        # by how much friction would change without it, rms, to first order
+        # rms change of friction without it, to first order
         (known, _), seen = jacobian_and_residuals(problem, solution), solution.scaled_errors < np.inf
         names = [name for name, is_seen in zip(solution.names, seen, strict=True) if is_seen]
         at, of = names.index(INERTIA), [isinstance(n, ParameterName) and of_friction(n.name) for n in names]

@@ -44,7 +44,7 @@ class Simulated:
         """Of each window measured less simulated position, rad, (N,), and the derivatives of the latter, (N,)."""
         windows = problem.motions
         directions, fields, states = problem.directions, fields_of(self.law), problem.initial_states
-        # steps of the plant between two samples, seldom another number from step to step of the fit
+        # steps of the plant between two samples, a power of two that rarely changes during the fit
         J, stiffest = known[INERTIA], max(value for name, value in known.items() if name.name == "sigma_0")
         longest = max(float(window.step.max()) for window in windows)
         wanted = longest * np.sqrt(stiffest / J) / _RING if J > 0 else _MOST
@@ -56,7 +56,7 @@ class Simulated:
         for k, window in enumerate(windows):
             alike.setdefault(window.time.size, []).append(k)
         simulated: dict[int, tuple[Array, dict[Unknown, Array]]] = {}
-        for size, chosen in alike.items():  # windows of one length go in one call
+        for size, chosen in alike.items():  # windows of one length in one call
             x0 = np.array([[known[InitialState(name, k)] for name in states] for k in chosen]).T
             start = np.vstack(
                 [x0, np.repeat(np.eye(3, 3 + 2 * len(fields) + len(LOADS)).T.reshape(-1, 1), len(chosen), axis=1)]
@@ -105,11 +105,11 @@ def simulation(
                 f"{record.file}: fit.predict: a window of {size} samples holds {size // every} equations of {every} samples; expected at least "
                 f"{_EQUATIONS}, more than it has unknowns at its start: lower fit.decimation, or measure longer"
             )
-        for first in range(0, whole.time.size, size):  # each of the same length, the last of what is left
+        for first in range(0, whole.time.size, size):  # equal windows, the last one shorter
             if whole.time.size - first < _SHORTEST:
                 break
             samples = slice(first, min(first + size, whole.time.size))
-            # means over blocks of samples, (blocks, samples); the last block takes what is left
+            # means over blocks of samples, (blocks, samples), the last one longer
             n = samples.stop - first
             block = np.minimum(np.arange(n) // every, max(n // every - 1, 0))
             means = sparse.csr_array(((1 / np.bincount(block))[block], (block, np.arange(n))))
@@ -142,7 +142,7 @@ def with_more_torque(problem: DynamicProblem, constant: str, share: float) -> Dy
 def _chain(steps: int, every: int, current: Current, of: Law, windows: int) -> ca.Function:
     """Simulated windows: (start, inputs, parameters) -> y and its derivatives at every sample but the first."""
     count = 2 * len(fields_of(of))
-    free = count + len(LOADS)  # what the state is differentiated by: a pair of sets, and the loads
+    free = count + len(LOADS)  # the state's derivatives: by a pair of sets and the loads
     x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", free + 2)
     by = ca.SX.sym("by", 3, 3 + free)
     # ((y, v, z), (drive, h), (pair, inertia and other loads, k_t, R)) -> (y, v, z) after h

@@ -96,12 +96,12 @@ def fit_with_priors(
         fit = without_count_bias(solved, records, pose, count) if count else solved.fit
         return with_three_ways(solved, fit, profiles) if uncertainty else fit
 
-    # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
+    # a static fit of the same runs is biased by presliding: then g0 comes from the moving fit
     slow = load(static) if load and static_is_apart else None
     problem, start = posed_and_start(experiment, moving, records, static, slow)
     tests = [(r.file, pose([r], problem.fixed)) for r in held]
     known = [with_deflections(problem, _from(problem, near, start))] if isinstance(near, TrackingFit) else []
-    if near is not None and not known:  # values of the same problem, beside which no other start is needed
+    if near is not None and not known:  # values of the same problem need no other start
         start = _from(problem, near, start)
     solved, profiles = fitted(problem, *known, search=by_torque and near is None)
     if crosscheck and by_torque:
@@ -142,13 +142,13 @@ def posed_and_start(
 ) -> tuple[DynamicProblem, Mapping[ParameterName, float]]:
     """The problem of the training runs, and its start."""
     whole = _problem(experiment, moving, records, {})
-    # what the peak has beside v_s as the static fit found it, which motion hardly shows; else the middle of what is searched
+    # shape parameters, hardly seen in motion: of the static fit, else the middle of their range
     shape = dict[ParameterName, float]()
     for d, own in product(whole.directions, whole.law.peak.own):
         fit = _static_of(static, d)
         shape[ParameterName(own.name, d)] = _value(fit.parameters.get(own.name) if fit else None, own.middle)
     fixed, known = {**whole.fixed, **shape}, (*whole.friction_names, *whole.extra_names)
-    if experiment.fit.model == "coulomb-viscous":  # v_s then multiplies nothing
+    if experiment.fit.model == "coulomb-viscous":  # v_s has no effect
         nothing = without_peak(whole.law)
         fixed |= {n: nothing[n.name] for n in whole.friction_names if n.name in nothing}
     for name, value in experiment.fit.fixed.items():  # a bare name stands for both directions
@@ -162,7 +162,7 @@ def posed_and_start(
     whole = replace(whole, fixed=fixed)
     if experiment.fit.predict == "torque":
         return whole, start
-    # a position takes long to simulate: begin where the velocity between the counts leads, with a peak where it shows none
+    # simulations are slow: begin at the fit of the velocity between counts, with a peak
     count = _count(experiment, records)
     smooth = [between_counts(r, count) for r in records] if count else records
     near = replace(_problem(experiment, moving, smooth, fixed), fixed=fixed)
@@ -234,7 +234,7 @@ def _start(
             "sigma_1": float(sigma_1),
         }
         out |= {ParameterName(name, d): value for name, value in first.items()}
-    if extra.get(INERTIA, 1.0) <= 0:  # a linear fit that knows no presliding may well find a negative one
+    if extra.get(INERTIA, 1.0) <= 0:  # negative inertia of a linear fit without presliding
         extra[INERTIA] = 1e-3 * torque / speed
     return out | extra
 
@@ -297,7 +297,7 @@ def _scatter(freedom: float) -> float:
 def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit) -> tuple[Consistency, ...]:
     """Each parameter of each stage, compared with the moving runs."""
     rows = []
-    # combined standard errors by which none of so many parameters differs by chance (normal, Bonferroni)
+    # limit of a normal difference (Bonferroni)
     count = sum(alone.parameters[name].value is not None for prior in priors for name in prior.names)
     limit = float(ndtri(1 - SIGNIFICANCE / (2 * max(count, 1))))
     for prior in priors:

@@ -247,7 +247,7 @@ def dynamic_problem(
                 )
             )  # fmt: skip  # a list of values
     fastest = dict[ParameterName, float]()
-    for d in map(Direction, directions) if law.terms else ():  # up to which speed a law with terms has been measured
+    for d in map(Direction, directions) if law.terms else ():  # fastest measured speeds
         along = (m.velocity * DIRECTIONS[d] if d in DIRECTIONS else np.abs(m.velocity) for m in motions)
         fastest[ParameterName(FASTEST, d)] = max(float(v.max()) for v in along)
     return DynamicProblem(
@@ -287,7 +287,7 @@ def residuals(problem: DynamicProblem, values: Values, chain: Array | None = Non
     for m, here, (rest, slope_of) in zip(problem.motions, blocks, by_motion, strict=True):
         seen = [name for name in slope_of if name in row_of]
         columns = [rest, *(slope_of[name] for name in seen)]
-        if m.smooth is not None:  # all at once: the matrix is read once
+        if m.smooth is not None:  # in one product, which is faster
             columns = list(np.asarray(m.smooth @ np.stack(columns, axis=1)).T)
         left[here] = columns[0]
         for name, column in zip(seen, columns[1:], strict=True):

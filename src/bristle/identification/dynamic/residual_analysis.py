@@ -22,18 +22,12 @@ from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unkno
 from bristle.identification.moving_runs import load_columns
 from bristle.model.parameters import INERTIA, Kind, ParameterName, of_friction, unit
 
-_SURE, _ALIKE = (
-    4.0,
-    3.3,
-)  # standard errors of a delay in all equations, and in those far from reversals (5e-4 by chance)
+_SURE, _ALIKE = 4.0, 3.3  # standard errors of a delay in all equations, and far from reversals (5e-4 by chance)
 _SLID = 5.0  # deflections g0 / sigma_0 after a reversal from which a joint slides: exp(-5) is left
 _FILTERED = 2.0  # periods of the position's cut-off about a reversal in which the low pass rounds it off
 _REACHED = 0.02  # largest filter weight near a reversal of an equation far from it
 _LEAST = 1e-100  # of sigma_0: no division by zero
-_BURST, _TOP = (
-    0.25,
-    0.01,
-)  # share of squares in few equations that is a burst: 0.08 for normal noise, 0.16 for Laplace's
+_BURST, _TOP = 0.25, 0.01  # share of squares in few equations: 0.08 for normal noise, 0.16 for Laplace's
 _PATTERN = 0.9  # lag-one correlation of residuals that are a pattern: noise is 1 - 0.9**2 at most
 _ENOUGH, _INDEPENDENT = 300, 30  # least equations, and independent ones, to judge patterns
 _TURNING, _BESIDE = 0.1, 2  # of the rms speed: slower equations, and two neighbours each, are at a reversal
@@ -74,7 +68,7 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
     weight = problem.weight
     fit = Fitted(known, rest, solution.scaled_errors[seen], np.array(of, dtype=bool)[seen], size, weight)
 
-    # rows of any fit, then those of a motion
+    # candidates of any fit, then those of motions
     names = [*(name.name for name in problem.extra_names), *problem.given]
     every = candidates(problem.velocity, problem.time, problem.position, names, kind)
 
@@ -88,7 +82,7 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
     grows = [T * ((m.time - m.time[0]) / np.ptp(m.time) - 0.5) for T, m in zip(torque, motions, strict=True)]
     ask(partial(_drift, size), grows, is_friction=True)
     weighs = [k for k, name in enumerate(names[: extra.size]) if name.startswith("gravity")]
-    if weighs and all(m.load is None for m in motions):  # what is known is friction under the load of these runs
+    if weighs and all(m.load is None for m in motions):  # only if friction does not rise with load in the model
         load = [np.abs(m.extra[:, weighs] @ extra[weighs]) * np.sign(m.velocity) for m in motions]
         ask(partial(_by_load, problem.law.name), load, is_friction=True)
     if INERTIA not in problem.names and INERTIA.name not in problem.given:
@@ -143,7 +137,7 @@ def _delay(
     (whole, error), (beyond, its_error) = _without_counts(found, made), _without_counts(apart, made[far])
     alike = beyond * whole > 0 and abs(beyond) > _ALIKE * its_error
     if abs(whole) < _SURE * error or (not alike and _SURE * its_error < abs(whole)):
-        return None  # sliding would have shown it
+        return None  # sliding excludes a delay
     step = float(np.median(np.concatenate([m.step for m in problem.motions])))
     delay = beyond if alike else whole
     when, samples = "earlier" if delay > 0 else "later", abs(delay) / step
@@ -300,7 +294,7 @@ def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknow
     inertia = solution.values.get(INERTIA, problem.fixed.get(INERTIA, 0.0))
     if not (problem.count and problem.cutoff and inertia):
         return np.zeros(problem.size)
-    noises = []  # acceleration that comes of counting the motion anew, with the joint resting elsewhere in a count, rad/s**2
+    noises = []  # acceleration due to counts at another rest position, rad/s**2
     for m in problem.motions:
         record, noise = Record(file=m.file, time=m.time), np.zeros(m.time.size)
         if m.position.size:
@@ -325,7 +319,7 @@ def _far_from_reversals(problem: DynamicProblem, solution: MultistartSolution[Un
     filtered = _FILTERED / problem.cutoff if problem.cutoff else 0.0
     far = []
     for m in problem.motions:
-        # samples less than a way after a reversal, or after the start, or a time before or after one
+        # samples close to a reversal or to the start, in way or time
         v, t = m.velocity, m.time
         way = np.concatenate([[0.0], np.cumsum(np.abs(v[1:] + v[:-1]) / 2 * m.step)])
         turns = np.append(np.insert(np.flatnonzero(np.diff(np.sign(v))) + 1, 0, 0), t.size)

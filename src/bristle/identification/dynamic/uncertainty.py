@@ -72,7 +72,7 @@ def _three(
     blocks: int,
 ) -> Uncertainty:
     """One parameter's intervals; `drawn` are ends and draws of the bootstrap."""
-    # the bias of counts is taken off, and what lies apart is spread as that widens the error; ends that are open stay
+    # the bias of counts is subtracted, distances spread with the error; open ends stay
     value, error = solved.values[name], solved.fit.parameters[name].standard_error
     limits = float(solved.solution.posed.unknowns.least[solved.problem.names.index(name)]), np.inf
     new, wider = value if e.value is None else e.value, e.standard_error / error if e.standard_error and error else 1.0

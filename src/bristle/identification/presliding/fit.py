@@ -93,14 +93,14 @@ def fit_presliding(
     best = "edges" if quantum > 0 else "samples"
     by_bend = with_most(loadings, level)
     estimates = stiffness(loadings, by_bend, kind)
-    hidden = estimates["edges"] is estimates["samples"]  # one lower bound stands for all
+    hidden = estimates["edges"] is estimates["samples"]  # one lower bound for all
     warnings = list(estimates["samples"].warnings) if hidden else []
     sigma_0 = estimates[best]
     bent = by_bend.middle if by_bend.most < np.inf else level
     amplitudes, softens = ((), None) if sigma_0.value is None else stiffness_by_amplitude(loadings, bent, kind)
     if softens is not None:
         warnings.append(softens)
-        if sigma_0.interval is not None:  # one that holds the sigma_0 of each amplitude too, where no single one holds
+        if sigma_0.interval is not None:  # widened to hold the sigma_0 of each amplitude
             ends = [*sigma_0.interval, *(x.sigma_0 for x in amplitudes)]
             error = max(sigma_0.standard_error or 0.0, (max(ends) - min(ends)) / (2 * student(np.inf)))
             sigma_0 = replace(sigma_0, standard_error=error, interval=(min(ends), max(ends)))
@@ -111,7 +111,7 @@ def fit_presliding(
             "breakaway."
         )
         warnings.append(Finding("few-counts", CAUTION, message, {"edges": counts, "loadings": len(loadings)}))
-    more = softens  # why the interval is more than a sigma_0 at a given g0 explains
+    more = softens  # why the interval is wider than one at a given g0
     if level.is_bound:
         warnings.append(bound := _bounded(direction, level, by_bend))
         more = softens or bound

@@ -62,7 +62,7 @@ def stiffness_by_amplitude(
 ) -> tuple[tuple[AmplitudeStiffness, ...], Finding | None]:
     """Stiffness of one direction by amplitude, and a finding if it softens beyond LuGre; empty of too few points."""
     points, line = _points(loadings, level.value), None
-    # even knots, as many as the points determine, each with some of them before it
+    # even knots, as many as the points determine, with some points before each
     most = float(points.T.max(initial=0.0))
     for count in range(min(_KNOTS[1], points.T.size // _PER_KNOT), _KNOTS[0] - 1, -1):
         knots = most * np.arange(1, count + 1) / count
@@ -82,7 +82,7 @@ def stiffness_by_amplitude(
             strict=True,
         )
     )  # fmt: skip  # one row, one line
-    by_level = 0.0  # what the error of g0 adds to that of the fall
+    by_level = 0.0  # error of the fall by g0
     if level.standard_error and not level.is_bound:
         width = min(level.standard_error, 0.1 * level.value)
         falls = [other.fall for s in (-1, 1) if (other := _line(points, knots, level.value + s * width)) is not None]

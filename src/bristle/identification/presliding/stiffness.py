@@ -86,7 +86,7 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
     pieces = [of_loading(loading, level.value) for loading in loadings]
     still = max((float(np.ptp(piece.y)) for piece in pieces if piece.y.size), default=0.0) == 0
     if still or (quantum > 0 and not any(piece.edge_y.size > 1 for piece in pieces)):
-        # what is left where the joint moves by no more than the encoder's noise
+        # a lower bound where the joint moves within the encoder's noise
         loaded = max((float(piece.U.max(initial=0.0)) for piece in pieces), default=0.0)
         crossed = max(piece.edge_y.size for piece in pieces)
         least = loaded / ((crossed + 1) * quantum) if quantum > 0 else 0.0
@@ -94,7 +94,7 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
         warnings = (_within_noise(crossings, least, of),)
         bound = Estimate(value=None, unit=of, interval=(least, float("inf")), warnings=warnings)
         return dict.fromkeys(("printed", "corrected", "edges", "samples"), bound)
-    # the last two with the uncertainty at given g0, and the one that g0 adds
+    # samples and edges, with the errors at given g0 and by g0
     value, error, freedom = by_samples(pieces)
     of_level = by_level(by_samples, loadings, level) * level.standard_error
     if quantum == 0:
@@ -108,7 +108,7 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
     if np.isinf(spread):
         message = "No estimate from all samples: at some rest positions inside a count they would show no motion."
         samples = Estimate(value=None, unit=samples.unit, warnings=(Finding("counts-hide", NOTE, message),))
-    elif samples.value is not None and abs(bias) > error:  # an interval that leaves the counts' bias out holds nothing
+    elif samples.value is not None and abs(bias) > error:  # an interval without the counts' bias would be wrong
         share = bias / value
         message = f"No interval: encoder counts bias this estimate by about {100 * share:.1f} %, more than its standard error."
         wrong = Finding("counts-bias", CAUTION, message, {"share": share})
@@ -148,7 +148,7 @@ def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
 def printed_bias(u: Array) -> tuple[Array, Array, Array]:
     """Relative bias of (14) at u = sigma_0 q / g0: rest on a count edge; mean over rest positions; its spread."""
     on_edge = -np.expm1(-u) / u
-    below = u < 1e-4  # where the differences below would be rounding
+    below = u < 1e-4  # the differences below would be rounding
     safe = np.where(below, 1.0, u)
     at = -np.expm1(-safe) / safe
     mean = np.where(below, 0.5 - u / 6, (1 - at) / safe)
@@ -169,7 +169,7 @@ def of_loading(loading: Loading, g0: float) -> Piece:
     edge = loading.edge_displacement <= reached
     T = np.minimum(loading.edge_torque[edge], LIMIT * g0)
     y, U = loading.edge_displacement[edge], unbent(T, g0)
-    # 1 - T / g0 from a line through the edges: from T itself, noise that raises U would also lower its weight
+    # weights from a line through the edges, because noise in T raises U and would lower its weight
     along = y / y[-1] if y.size else y
     line = np.polynomial.polynomial.polyfit(along, U, min(y.size - 1, 1), w=1 - T / g0) if y.size else np.zeros(1)
     return Piece(
@@ -208,7 +208,7 @@ def _first_count(
         absent = Estimate(value=None, unit=unit("sigma_0", kind), warnings=(none,))
         return absent, absent, 0.0
     U = unbent(T, g0)
-    # of a count, to the first edge: uniform, whose mean over some loadings is nearly normal
+    # distance to the first edge, in counts: uniform, its mean over loadings nearly normal
     half = min(CONFIDENCE / 2, 1.96 / float(np.sqrt(12 * T.size)))
     nearest, farthest = (1 - CONFIDENCE, 1.0) if T.size == 1 else (0.5 - half, 0.5 + half)
     edges = edge_columns(pieces)
@@ -288,7 +288,7 @@ def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
     slope = float(y @ U / (y @ y))
     score, freedom = y * (U - slope * y), y.size - len(starts) - 1
     variance_inflation = inflation(score)
-    # two edges and an intercept leave no residual to judge by: then the slope may be off by as much as itself
+    # two edges and an intercept leave no residual: the error is then the slope itself
     scattered = float(score @ score) * y.size / max(freedom, 1) * variance_inflation / float(y @ y) ** 2
     variance = scattered if freedom > 0 else slope**2
     return slope, float(np.sqrt(variance)), max(y.size / variance_inflation - len(starts) - 1, 1.0)
@@ -303,7 +303,7 @@ def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) 
     along = float(t @ U)
     compliance = float(t @ y) / along if along else 0.0
     rest = y - compliance * U
-    score = t * rest  # what scatters, correlated and of a variance that grows with the torque
+    score = t * rest  # correlated, with a variance that grows with the torque
     variance_inflation = inflation(score)
     freedom = max(y.size / variance_inflation - len(starts) - 1, 1.0)
     scatter = float(score @ score) * variance_inflation * y.size / max(y.size - len(starts) - 1, 1)
@@ -320,7 +320,7 @@ def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[f
     """Bias and standard deviation of the all-sample estimate over rest positions in a count, by simulation."""
     values = []
     for phase in (np.arange(_PHASES) + 0.5) / _PHASES:
-        rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # another one in each loading
+        rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # different for each loading
         shifted = [quantum * np.floor(p.U / (sigma_0 * quantum) + r) for p, r in zip(pieces, rest, strict=True)]
         values.append(by_samples(pieces, shifted)[0])
     if not np.isfinite(values).all():  # at some rest positions no sample would show any motion
@@ -354,7 +354,7 @@ def with_shifts(
     if not constants:
         return dict(estimates)
     moved = {c: level.shifts.get(c, 0.0) - level.value * shares.get(c, 0.0) for c in constants}
-    slopes: dict[str, float] = {}  # by g0, on which (14) as printed does not depend
+    slopes: dict[str, float] = {}  # by g0; (14) as printed does not depend on it
     if not level.is_bound:
         slopes = {name: by_level(estimator, loadings, level) for name, estimator in ESTIMATORS.items()}
         quantum, first = max(loading.quantum for loading in loadings), first_torques(loadings, level.value)

@@ -42,7 +42,7 @@ def turning_lag(
     resolution: float | None,
 ) -> list[Finding]:
     """A caution where the torque is late or early and this changes sigma_0; `levels` are g0, N*m, resolution in rad."""
-    # how much later the torque turns, and the standard error of that, s, at each turn before which nothing slides
+    # lag of the torque and its standard error, s, at each turn before which nothing slides
     lags = list[tuple[float, float]]()
     for record in records:
         own = [x for x in loadings if x.file == record.file]
@@ -106,7 +106,7 @@ def _turns(record: Record) -> list[tuple[int, int, int, float]]:
 
 def _lag(s: Array, T: Array, y: Array, g0: float) -> tuple[float, float]:
     """The lag and its error, in sides, from times about the turn, torques and displacements, (n,)."""
-    # the torque is a quartic of time before the turn, and one after it, which meet there
+    # the torque: two quartics of time, which meet at the turn
     rng, sides = np.random.default_rng(0), []
     for rows in (s < -_APART, s > _APART):
         powers = np.vander(s[rows], _ORDER)

@@ -110,7 +110,7 @@ def stiffness_scatter(
     found = scatter_of(dict(zip(alone, values.tolist(), strict=True)), errors, freedoms, own, freedom)
     if found is None or not estimate.standard_error or not of_all:
         return None
-    share = min(own / estimate.standard_error, 1.0)  # without what g0 adds
+    share = min(own / estimate.standard_error, 1.0)  # without the error of g0
     return limit_widening(found, float(np.sqrt(1 + share**2 * (found.widened**2 - 1))))
 
 
@@ -120,7 +120,7 @@ def _line(loadings: Sequence[Loading], level: KnownValue, estimator: str, spread
     def at(g0: float) -> tuple[float, float, float]:
         """u, e and degrees of freedom at one g0; nan without edges."""
         pieces = [of_loading(loading, g0) for loading in loadings]
-        value, error, freedom = ESTIMATORS[estimator](pieces)  # infinite by edges where no loading has two
+        value, error, freedom = ESTIMATORS[estimator](pieces)  # infinite without two edges
         if not np.isfinite(value):
             return np.nan, np.nan, 1.0
         by_edges = estimator == "edges"

@@ -42,7 +42,7 @@ class LinkScale:
         return self.explained > self.left and _SURELY * self.error < abs(self.scale)
 
 
-UNSEEN = LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)  # of links of which nothing tells
+UNSEEN = LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)  # without information
 
 
 def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale:
@@ -56,7 +56,7 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale:
         return UNSEEN
     estimate = estimate_static(problem, experiment.fit, experiment.joint.kind)["links"]
     value, error = estimate.value or 0.0, estimate.standard_error or np.inf
-    # RMS of the links' column beside all other columns, and of the torque beside all
+    # RMS of the links' column beside the others, and of the torque beside all
     links = next(k for k, name in enumerate(problem.linear_names) if name.name == "links")
     others = np.delete(problem.linear, links, axis=1)
     pairs = ((problem.linear[:, links], others), (problem.torque, problem.linear))

@@ -67,7 +67,7 @@ def measure_robot(
         if progress:
             progress(f"links of {part.name}", len(measured), len(parts))
         measured.append(done)
-    # a torque constant that was free is doubted where another joint, whose constant is known, doubts the masses
+    # a joint with a known constant that contradicts the masses makes fitted constants doubtful
     scales = ((m.experiment.joint.name, w) for m in measured for w in m.findings if w.code == "links-scale")
     for name, scale in [(name, w.numbers["scale"]) for name, w in scales][:1]:
         message = (
@@ -146,7 +146,7 @@ def _measured(part: _Part) -> Measured:
     findings, constant = list(part.findings), None
     if part.linked and part.joint.free:
         beside = in_own_unit(experiment, tuple(dict.fromkeys((*regressors(experiment), "links"))))
-        # it may be told by more than the links: then it is a regressor, and no constant; where the log is not as declared, nothing is told
+        # no refinement where the log contradicts the declared order or gravity
         wrong = any(f.code in {"joint-order", "gravity-direction"} for f in findings)
         refined = seen if wrong else scale_beside_bristles(beside, _training(runs), seen)
         constant = part.constant or torque_constant(refined if seen.told else seen, experiment.joint.kind)
@@ -242,7 +242,7 @@ def _of_all(
     own = together[file]
     first = next(iter(own.values()))
     q, v, a = by_file[file].at(first.time, robot.names)
-    torque = np.ones_like(q)  # of a joint that rests, or is not identified
+    torque = np.ones_like(q)  # for joints at rest or not identified
     for name, r in own.items():
         torque[:, robot.names.index(name)] = np.interp(first.time, r.time, np.asarray(r.torque))
     kinds = tuple(joint.experiment.joint.kind for joint in robot.joints)
@@ -260,6 +260,6 @@ def _of_all(
             if share > 100 * _LEAST:
                 found[name] = (Finding("links-not-removed", CRITICAL, message, {"share": share}),)
         return found
-    if len(own) < len(robot.names):  # an order of joints that do not all move and have a torque cannot be told
+    if len(own) < len(robot.names):  # an order needs all joints moving, with torques
         return {}
     return dict.fromkeys(robot.names, order_warnings(course, moved, robot.names, body, robot.gravity))

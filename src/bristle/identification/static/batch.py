@@ -59,7 +59,7 @@ class Batch:
         along, last = self._tables.along, grid - 1
         coarse = np.maximum(along, 0.0).argmax(axis=0)
         near = np.clip(coarse, 2, grid - 4) + _NEIGHBOURS[:, None]
-        # where the polynomial of each set, > 0, is highest, by Newton's method
+        # maximum of each set's polynomial, by Newton's method
         of_set = _TO_POLYNOMIAL @ np.take_along_axis(along, near, axis=0)
         slope, bend, t = polyder(of_set), polyder(of_set, 2), np.zeros(along.shape[1])
         for _ in range(_NEWTON):
@@ -70,12 +70,12 @@ class Batch:
         self._x = np.clip(near[2] + t, 0.0, last)
         at = self._at(self._x[:, None])
         peak = at.along[:, 0]
-        with np.errstate(over="ignore"):  # a column of vanishing length: that set is solved alone
+        with np.errstate(over="ignore"):  # vanishing columns: solved alone below
             linear, alpha_1 = projected.back(in_q) - at.inside[0, :, :, 0] * peak, peak * np.exp(-at.log_length[:, 0])
         self.theta = np.vstack([linear, alpha_1, v_s_range[0] * np.exp(self._step * self._x)])
         self.cost = np.maximum(np.einsum("ns,ns->s", rest, rest) - np.maximum(peak, 0.0) ** 2, 0.0)
         alone = (self.theta[:-1] <= problem.least[:-1, None]).any(axis=0) | ~inside_grid
-        # those at an end of the range, or at a bound, one by one
+        # sets at an end of the range or at a bound, one by one
         for k in np.flatnonzero(alone | ~np.isfinite(self.theta).all(axis=0)).tolist():
             one = solve(problem.with_torque(torques[:, k]), v_s_range, grid)
             self.theta[:, k], self.cost[k] = one.theta, one.cost

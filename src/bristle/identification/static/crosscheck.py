@@ -26,14 +26,14 @@ def full_fit(problem: Regression, v_s_range: tuple[float, float], starts: int = 
     """theta, in the order of `names`, at the end of each IPOPT run from random starts; v_s within a range, rad/s."""
     unknowns, (low, high) = unknowns_of(problem, v_s_range), np.log(v_s_range).tolist()
     x = ca.MX.sym("x", len(problem.names))
-    # measured minus modelled torque in CasADi; where smoothed of fewer equations with the same sum of squares
+    # residuals in CasADi, of moving data in reduced equations
     few = reduced(problem, v_s_range)
     value = dict(zip(few.names, natural(unknowns, x), strict=True))
     others = [k for k, name in enumerate(few.linear_names) if not of_curve(name.name)]
     extra = ca.vertcat(*(value[few.linear_names[k]] for k in others))
     residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, others]), extra)
     one, shape = static_of(few.law), dict(zip(few.law.shape_parameters[1:], few.shape, strict=True))
-    nothing = without_peak(few.law) | {"alpha_2": 0.0}  # of one speed alone
+    nothing = without_peak(few.law) | {"alpha_2": 0.0}  # for a single speed
     given = {**nothing, **shape, FASTEST: float(np.abs(few.velocity).max())}
     for direction in few.directions:
         fitted = {name: value[key] for name in one._fields if (key := ParameterName(name, direction)) in value}

@@ -51,10 +51,7 @@ from bristle.model.parameters import (
 )
 
 _ONE_SPEED = 1.25  # ratio of fastest to slowest speed below which they count as one
-_MANY, _MIXED = (
-    10,
-    0.5,
-)  # least points of a direction, and largest rank correlation of speed and row, for a drift by rows
+_MANY, _MIXED = 10, 0.5  # of a drift by rows: least points of a direction, largest rank correlation of speed and row
 _LISTED = 50  # most points named in a warning
 _LOGARITHMIC = ("v_s",)  # widened as logarithms
 
@@ -79,7 +76,7 @@ def fit_static(
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
     """Fits and cross-checks of one problem, by direction or `shared`; `held` to predict, `runs` to fit apart."""
     v_s_range = default_range(problem.velocity)
-    # of a direction that was measured at one speed alone viscous friction is told from Coulomb's by others
+    # a direction measured at one speed alone has no viscous friction of its own
     lost = set[ParameterName]()
     for d in problem.directions if problem.smooth is None else ():
         speeds = problem.speeds(d)
@@ -92,7 +89,7 @@ def fit_static(
     if too_few:
         return {d: _nothing(d, problem, kind, where, too_few) for d in problem.directions}, {}
     core = solve_static(problem, options, kind, v_s_range)
-    # the same parameters by other ways, and what is said of the whole
+    # other estimates of the same parameters, and warnings
     plain: dict[ParameterName, float] = {}
     if len(core.problem.peaks) == 1 and problem.smooth is None:
         plain = core.problem.named(plain_grid(core.problem, v_s_range)[2])
@@ -125,7 +122,7 @@ def fit_static(
             plain_grid={name.name: x for name, x in plain.items() if one or name.direction is d},
             strays=tuple(x for x in strays if DIRECTIONS.get(d, 0.0) * x.velocity >= 0),
         )  # fmt: skip  # a list of values
-        # as wide as the runs scatter, and then with the systematic errors
+        # widened by the scatter of runs, then by systematic errors
         own = {name.name: x for name, x in scatter.items() if one or name.direction is d}
         shifts = {c: {n.name: x for n, x in by.items() if one or n.direction is d} for c, by in core.shifts.items()}
         finished[d] = with_systematic(widened(fit, own, _LOGARITHMIC), shifts)
@@ -223,7 +220,7 @@ def report_strays(core: StaticSolution, search: PointSearch, options: FitOptions
     if dropped:
         message = f"{message}, left out: {'; '.join(named)}. With: {other.told} To keep, write `set_up: as-written` under fit."
         return (*warnings, Finding("strays-left-out", CAUTION, message, numbers))
-    # by more than a standard error, or one of the two is not identified
+    # moved by more than a standard error, or identified by one fit alone
     ours, theirs = ({n: e.value for n, e in x.parameters.items() if e.value is not None} for x in (core, second))
     errors = {n: core.parameters[n].standard_error or 0.0 for n in ours}
     alike = {n for n in ours.keys() & theirs.keys() if abs(ours[n] - theirs[n]) <= errors[n]}
@@ -337,7 +334,7 @@ def _static_fit(
     rows[rows.size - problem.priors :] = False
     names = [name for name in problem.names if not two or name.direction is part]
     parameters = {name.name: core.parameters[name] for name in names}
-    for name in names:  # what its three intervals say, unless it is at its bound
+    for name in names:  # warnings of the three intervals, unless at a bound
         one = parameters[name.name]
         if not any(warning.code == "at-bound" for warning in one.warnings):
             parameters[name.name] = replace(one, warnings=(*one.warnings, *three[name].warnings))
@@ -346,9 +343,9 @@ def _static_fit(
         names_lost = peak_parameters(problem.law)
         parameters |= {n: Estimate(value=None, unit=unit(n, kind), warnings=lost) for n in names_lost}
     parameters |= {name.name: e for name, e in core.beside.items() if name.direction is part}
-    whole = parameters.get("alpha_0")  # of what is shared there is none
+    whole = parameters.get("alpha_0")  # None for shared parameters
     if "alpha_2" not in parameters and whole is not None and whole.value is not None and whole.interval is not None:
-        # of one speed alone alpha_0 stands for all friction there, alpha_2 for none, with what is possible as their intervals
+        # at one speed alone alpha_0 holds all friction and alpha_2 none, with intervals of all splits
         speed, high = float(np.mean(problem.speeds(part))), whole.interval[1]
         message = (
             f"Friction is known at one speed alone, {speed:.3g}{unit_of('velocity')}: alpha_0 + alpha_2 v = {whole.value:.4g} +/- "
@@ -390,7 +387,7 @@ def refuse_opposing_points(experiment: Experiment, points: Sequence[Segment], as
 def fit_points(measured: Measured, points: Sequence[Segment]) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
     """Static fits and cross-checks of points. Raises InputError for missing signals or opposing torque."""
     experiment, asked = measured.experiment, point_regressors(measured.experiment)
-    if "inertia" in (experiment.fit.regressors or ()) and not measured.moving(hold_out=False):  # which can tell it
+    if "inertia" in (experiment.fit.regressors or ()) and not measured.moving(hold_out=False):
         raise InputError(
             f"{experiment.path.name}: fit.regressors: inertia needs acceleration, which constant-velocity points do not have; "
             "leave it out, or give the runs as experiment: tracking"
@@ -405,7 +402,7 @@ def fit_points(measured: Measured, points: Sequence[Segment]) -> tuple[dict[str,
         both = by_file(s for s in held if np.sign(s.velocity) in signs), by_file(group)
         tests, apart = ([(file, points_problem(s, sides, asked, law)) for file, s in of.items()] for of in both)
         runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
-        # a run of one point has no course over time
+        # times are of no use where every run is one point
         known = [[s.time for s in group] if len(apart) < len(group) else [None], [s.position for s in group]]
         time, position = (np.zeros(0) if None in x else np.array(x, dtype=float) for x in known)
         where = PointInfo(segments=group, time=time, position=position, search=searches.get(sides))

@@ -89,7 +89,7 @@ class Projected:
         costs = np.maximum(self.rest_cost - alpha_1 * along, 0.0)
         if not broken.size:
             return costs
-        # the least on any face that breaks no bound
+        # least cost over the faces that keep all bounds
         bounded = [name for name, low in zip(self.problem.linear_names, self.lower, strict=True) if np.isfinite(low)]
         costs[broken], shapes = np.inf, shapes[:, broken]
         for dropped in subsets(bounded)[1:]:
@@ -147,7 +147,7 @@ class Projected:
         along_0, along_1 = (self.rest @ off_0)[:, None], (self.rest @ off_1)[None, :]
         length_0, length_1 = length_0[:, None], length_1[None, :]
         across = off_0.T @ off_1
-        with np.errstate(invalid="ignore", divide="ignore"):  # where two peaks are one, and what follows is not taken
+        with np.errstate(invalid="ignore", divide="ignore"):  # for coinciding peaks, not used below
             determinant = length_0 * length_1 - across**2
             first = (along_0 * length_1 - along_1 * across) / determinant
             second = (along_1 * length_0 - along_0 * across) / determinant
@@ -241,7 +241,7 @@ def descended(problem: Regression, v_s: Sequence[float], v_s_range: tuple[float,
         return problem.residuals(theta), -problem.jacobian(theta) * unknowns.slopes(x)
 
     start = unknowns.scaled(problem.named(solve_at(problem, v_s).theta))
-    with suppress(InputError):  # where nothing depends on v_s, they stay
+    with suppress(InputError):  # without influence v_s stays
         start = minimise(linearised, start, unknowns.lower, unknowns.upper, settled=_SETTLED).x
     return solve_at(problem, unknowns.natural(start)[len(problem.names) - len(v_s) :].tolist())
 

@@ -95,7 +95,7 @@ def _search(sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence
     search = find_strays(problem.rows(all_but(n, resting)))
     strays = tuple(sliding[list(search.rows)].tolist())
     if not search.misfit and strays:
-        # of n points one is explained that is no further off than its own standard error lets expect
+        # points within the scatter of their own standard errors are no strays
         (residuals, _), sure = _from_the_law(problem, (*strays, *resting)), ndtri(1 - SIGNIFICANCE / (2 * n))
         strays = tuple(k for k in strays if not abs(residuals[k]) <= sure * (points[k].standard_error or 0.0))
     found = PointSearch(
@@ -108,7 +108,7 @@ def _search(sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence
     expected = problem.torque - residuals
     with_all = refit(problem.rows(found.sliding)).theta
     moved = (problem.torque - problem.residuals(with_all) - expected)[found.sliding]
-    # no three are neighbours in the order of velocity, nor one at an end, where nothing holds the law against it
+    # isolated: no three neighbours in order of velocity, none at an end
     among = np.pad(np.isin(np.argsort(problem.velocity), strays).astype(float), _NEIGHBOURS - 1, constant_values=1.0)
     apart = among.size < _NEIGHBOURS or np.convolve(among, np.ones(_NEIGHBOURS)).max() < _NEIGHBOURS
     return replace(
@@ -184,7 +184,7 @@ def groups(
         return ((("both",), tuple(points)),) if points else ()
     apart = [((d,), tuple(s for s in points if s.velocity * sign > 0)) for d, sign in DIRECTIONS.items()]
     present = [(sides, group) for sides, group in apart if group]
-    if point_regressors(experiment) and len(present) == 2:  # what both directions share comes from one solve
+    if point_regressors(experiment) and len(present) == 2:  # shared regressors need one solve
         return ((tuple(DIRECTIONS), tuple(points)),)
     return tuple(present)
 

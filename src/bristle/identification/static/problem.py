@@ -172,7 +172,7 @@ class Regression:
             return self._raw(function, v_s, direction)
         key = (function, direction, v_s.tobytes(), self.shape)
         if key not in self.memory:
-            # a few values of v_s at a time: N samples times k values need not stand in memory at once
+            # a few values of v_s at a time, to save memory
             parts = np.array_split(v_s, min(ceil(v_s.size * smooth.shape[1] / _AT_ONCE), v_s.size))
             by_v_s = [[np.asarray(smooth @ t) for t in self._raw(function, part, direction)] for part in parts]
             self.memory[key] = tuple(np.concatenate(columns, axis=1) for columns in zip(*by_v_s, strict=True))

@@ -50,7 +50,7 @@ class StaticProfiles(NamedTuple):
         j, wide = self.problem.names.index(name), high - low
         least = 0.0 if self.linear.bounded[j] else -np.inf
         ends = max(low - _BEYOND * wide, least), high + _BEYOND * wide
-        values = np.unique([np.linspace(value, end, _DRAWN // 2) for end in ends])  # a skewed one is steep to one side
+        values = np.unique([np.linspace(value, end, _DRAWN // 2) for end in ends])  # steep on one side if skewed
         return np.stack([values, self.linear.heights(j, values, _BEYOND)])
 
 
@@ -105,7 +105,7 @@ def drawn_profiles(
         costs = partial(projected.profile, peak=k, others=others(solution, len(problem.peaks), k))
         plain = len(problem.peaks) == 1 and problem.smooth is None
         plain_v_s = np.linspace(*v_s_range, PLAIN_GRID) if plain else solution.grid
-        # even in log(v_s), where the profile is below ten times the threshold's height
+        # even in log(v_s), below ten times the threshold
         grid, low = solution.grid, solution.profiles[k] <= solution.cost + 10 * (threshold - solution.cost)
         near = np.append(np.flatnonzero(low), np.searchsorted(grid, best))
         first, last = max(int(near.min()) - 1, 0), min(int(near.max()) + 1, grid.size - 1)

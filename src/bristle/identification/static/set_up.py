@@ -88,7 +88,7 @@ class Trial(NamedTuple):
         for sides in ways:
             problem = self.pose(sides)
             products, driven = _products(problem, self.blocks), _drives(problem)
-            # all that was asked for with any of what is possible beside; an offset where one friction serves both directions
+            # what was asked for with any possible regressors; offsets for one friction alone
             told, beside = (
                 [x for x in names if x != "offset" or sides == ("both",)] for names in (asked.regressors, self.possible)
             )
@@ -102,7 +102,7 @@ class Trial(NamedTuple):
         if first is None:
             return None
         best = min((errors for _, errors, _ in tried), key=lambda x: float(x @ x))
-        # within one standard error over the parts, or hardly more than the best
+        # within one standard error of the best over the parts, or hardly worse
         as_good = []
         for one in tried:
             more = one[1] ** 2 - best**2
@@ -121,7 +121,7 @@ def trial_of_motion(experiment: Experiment, records: Sequence[Record]) -> Trial:
     has |= {"link_torque"} if "links" in asked else set()  # else it is known, and no column
     known = {*(r.made_of for r in records), *(() if fixed is None else ("inertia",))}
     possible = [name for name, terms in REGRESSORS.items() if set(terms.needs) <= has]
-    possible += [name for name in asked if name not in REGRESSORS]  # what repeats with the position is not tried
+    possible += [name for name in asked if name not in REGRESSORS]  # periodic regressors are not tried, only kept
     turns = not slides(experiment.joint.kind) and "position" in has
     if not (turns and swings([np.asarray(r.position) for r in records])):
         known.add("gravity")

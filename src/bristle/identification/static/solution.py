@@ -110,7 +110,7 @@ def solve_static(
     doubted = {
         d for d, reason in dropped.items() if {reason.code, getattr(reason.numbers.get("why"), "code", None)} & _THERE
     }
-    # each parameter with its interval by the profile; the standard error is that of the exact Jacobian
+    # interval by the profile, standard error by the exact Jacobian
     errors, parameters = np.full(len(problem.names), np.nan), dict[ParameterName, Estimate]()
     errors[free] = np.sqrt(np.diag(covariance)[: free.sum()])
     for name, value, error in zip(problem.names, solution.theta.tolist(), errors.tolist(), strict=True):

@@ -47,11 +47,11 @@ def _curve(solved: StaticSolution, name: ParameterName, value: float) -> Array:
     reach = solved.student[name][1] - value
     open_ = not np.isfinite(high)
     high = value + 3 * reach if open_ else high
-    if not np.isfinite([low, high]).all():  # nothing bounds it on a side that could be drawn
+    if not np.isfinite([low, high]).all():  # unbounded on a side
         return np.zeros((2, 0))
     if name.name != "v_s":
         curve = solved.profiled.curve(name, value, low, high)
-        # open alpha_1 goes on as v_s does, but it is drawn within the range searched
+        # open alpha_1 is drawn within the range searched
         return curve[:, (curve[0] <= value) | (curve[1] <= 1)] if open_ else curve
     grid = solved.solution.grid
     low = low if low > 0 else max(float(grid[0]), value - 3 * reach)
@@ -116,7 +116,7 @@ def resample(
                 -J[:measured], left[:measured], priors=-J[measured:], sigma=sigma, seed=seed
             )
             errors = np.sqrt(np.diag(covariance)[: size.size]) / size
-        errors = errors[: size.size]  # what the shape has beside stands after them
+        errors = errors[: size.size]  # shape parameters come after them
     if problem.smooth is not None and drawn.blocks < interval_comparison.FEW:
         keep[:], errors = False, errors[:0]
     ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())]).reshape(-1, 2)
