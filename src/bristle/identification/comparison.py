@@ -117,7 +117,7 @@ def blocks_of_speed(velocity: Array) -> list[NDArray[np.bool_]]:
 
 
 def rows_of(fitted: Sequence[Fitted], in_force: str = "") -> tuple[Row, ...]:
-    """The models as rows, none of them chosen; `in_force` is the law of the fits."""
+    """The models as rows with weights (Burnham and Anderson, 2002), none chosen; `in_force` is the fits' law."""
     marks, rows = np.array([sum(bic(*x) for x in one.solves) - one.itself for one in fitted]), list[Row]()
     above = marks - marks.min()
     weights = np.exp(-above / 2) / np.exp(-above / 2).sum()

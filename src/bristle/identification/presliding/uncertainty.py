@@ -56,7 +56,11 @@ class _Line(NamedTuple):
 def stiffness_uncertainty(
     loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate, seed: int = SEED
 ) -> Uncertainty:
-    """Intervals of sigma_0 of one direction by `edges` or `samples`; of a lower bound its interval alone."""
+    """Intervals of sigma_0 by `edges` or `samples`; of a lower bound its interval alone.
+
+    By profile: Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2 <= t**2. By bootstrap-t: blocks, each with its own
+    g0.
+    """
     if estimate.value is None or not estimate.standard_error or estimate.value <= 0:
         return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, warnings=estimate.warnings)
     inverse = estimator == "samples"
