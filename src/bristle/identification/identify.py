@@ -91,15 +91,12 @@ class _Decisions:
 
     def __init__(self, measured: Measured, progress: Progress | None) -> None:
         self.measured, self.progress, self.asked_law = measured, progress, measured.experiment.fit.law
-        self.told: dict[str, str] = {}
-        """Sentences on what was chosen, by setting."""
+        self.told: dict[str, str] = {}  # what was chosen, by setting
         self.doubts: tuple[Finding, ...] = ()
         self.laws: Comparison | None = None
-        self.under: Comparison | None = None
-        """The comparison that chose the law of the fits."""
-        self.bic: dict[str, float] = {}
-        self.ended: Values | None = None
-        """BIC by `SYMMETRIC` and `APART`, and where the moving fit per direction ended."""
+        self.under: Comparison | None = None  # the comparison that chose the law of the fits
+        self.bic: dict[str, float] = {}  # by `SYMMETRIC` and `APART`
+        self.ended: Values | None = None  # where the moving fit per direction ended
 
     def joint_of(self, *, crosscheck: bool, uncertainty: bool) -> Joint:
         """The identified joint, after all decisions."""

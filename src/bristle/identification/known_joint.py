@@ -277,12 +277,10 @@ def as_identified(joint: Joint) -> KnownJoint:
     fixed = fit.fixed if fit is not None else {}
     static = {row.parameter for row in rows if row.source is Source.STATIC}
     return KnownJoint(
-        name=joint.name,
-        law=joint.law,
-        estimates={row.parameter: row.estimate for row in rows},
+        name=joint.name, law=joint.law, estimates={row.parameter: row.estimate for row in rows},
         given={name: x for name, x in fixed.items() if name not in shown},
         held={n: x for n, x in fixed.items() if n in shown and n not in static and (n != INERTIA or x > 0)},
-    )
+    )  # fmt: skip  # a list of values
 
 
 def whole(joint: Joint) -> KnownJoint:

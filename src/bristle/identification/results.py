@@ -195,16 +195,9 @@ class Joint:
 
 
 _SUBJECTS = {
-    "static": ("static",),
-    "crosscheck": ("cross-check",),
-    "presliding": ("presliding",),
-    "breakaway": ("breakaway",),
+    **{name: (name,) for name in ("static", "presliding", "breakaway", "sigma_1", "models", "laws")},
     **{name: ("sigma_0", name) for name in ("printed", "corrected", "edges", "samples")},
-    "sigma_1": ("sigma_1",),
-    "tracking": ("moving runs",),
-    "joint_fit": ("joint fit",),
-    "models": ("models",),
-    "laws": ("laws",),
+    **{"crosscheck": ("cross-check",), "tracking": ("moving runs",), "joint_fit": ("joint fit",)},
 }
 """Subjects of findings, by the field that holds them."""
 

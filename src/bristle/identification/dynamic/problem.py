@@ -331,14 +331,12 @@ def _rollout_groups(
             dict(zip(which, map(slice, begins.tolist(), stops.tolist()), strict=True)),
             raised,
             {
-                "velocity": np.concatenate([m.velocity for m in motions]),
-                "step": np.concatenate([x for m in motions for x in (m.step, [1.0])])[:-1],
+                "velocity": np.concatenate([m.velocity for m in motions]), "coarsening": motions[0].coarsening,
+                "step": np.concatenate([x for m in motions for x in (m.step, [1.0])])[:-1], "begins": begins,
                 "z0": np.array([known[InitialState("z0", k)] for k in which]),
-                "coarsening": motions[0].coarsening,
                 "level": None if levels[0] is None else np.hstack(levels),
-                "begins": begins,
             },
-        )
+        )  # fmt: skip  # a list of values
 
 
 def _level(motion: Motion, known: Values) -> tuple[Array | None, tuple[ParameterName, ...]]:

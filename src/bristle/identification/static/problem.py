@@ -294,10 +294,8 @@ def unknowns_of(problem: Regression, v_s_range: tuple[float, float]) -> Unknowns
     columns[columns == 0] = 1.0
     low, high = np.log(v_s_range)
     return Unknowns(
-        names=problem.names,
-        logarithmic=problem.logarithmic,
+        names=problem.names, logarithmic=problem.logarithmic, least=problem.least,
         scale=np.concatenate([torque / columns, np.full(peaks, torque), np.ones(peaks)]),
         lower=np.concatenate([problem.lower, np.zeros(peaks), np.full(peaks, low)]),
         upper=np.concatenate([np.full(columns.size + peaks, np.inf), np.full(peaks, high)]),
-        least=problem.least,
-    )
+    )  # fmt: skip  # a list of values
