@@ -197,7 +197,9 @@ class Joint:
 _SUBJECTS = {
     **{name: (name,) for name in ("static", "presliding", "breakaway", "sigma_1", "models", "laws")},
     **{name: ("sigma_0", name) for name in ("printed", "corrected", "edges", "samples")},
-    **{"crosscheck": ("cross-check",), "tracking": ("moving runs",), "joint_fit": ("joint fit",)},
+    "crosscheck": ("cross-check",),
+    "tracking": ("moving runs",),
+    "joint_fit": ("joint fit",),
 }
 """Subjects of findings, by the field that holds them."""
 
