@@ -35,7 +35,7 @@ from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.points import PointSearch, groups, point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records, with_prior
-from bristle.identification.static.solution import StaticSolution, beside, solve_static
+from bristle.identification.static.solution import StaticSolution, other_fit, solve_static
 from bristle.identification.static.strays import most_strays
 from bristle.identification.static.uncertainty import parts_of_runs, three_ways
 from bristle.identification.systematic import with_systematic
@@ -181,7 +181,7 @@ def _without_sticking(
         message = f"{message} Without them no fit is possible."
         return [Finding("stick-slip-points", CAUTION, message, numbers)], set()
     alone = solve_static(rest, options, kind)
-    other = beside(core, alone)
+    other = other_fit(core, alone)
     message = f"{message} Without: {other.told}"
     said = Finding("stick-slip-points", CAUTION, message, {**numbers, **other.numbers}, {"torque": other.apart})
     return [said], {*core.problem.peaks} - {*alone.problem.peaks}
@@ -214,7 +214,7 @@ def report_strays(core: StaticSolution, search: PointSearch, options: FitOptions
         return tuple(warnings)
     dropped, text = options.drops_strays and bool(search.left_out), core.problem.text
     second = solve_static(search.problem.rows(search.sliding if dropped else search.kept), options, kind)
-    other = beside(core, second)
+    other = other_fit(core, second)
     numbers |= {"count": len(search.strays), **other.numbers}
     message = f"{_points(len(search.strays))} off the law of the others"
     if dropped:

@@ -65,15 +65,15 @@ class StaticSolution:
 
 
 class OtherFit(NamedTuple):
-    """A fit of another choice of points, beside one."""
+    """A fit of another choice of points."""
 
     told: str  # Its values with their errors, and what it leaves
     numbers: Mapping[str, float]  # Its values, by name
     apart: float  # By how much it differs over the points of the other, N*m, rms
 
 
-def beside(one: StaticSolution, other: StaticSolution) -> OtherFit:
-    """Another fit of some of the points, as findings tell of it beside one."""
+def other_fit(one: StaticSolution, other: StaticSolution) -> OtherFit:
+    """The values of another fit of some of the points, compared with `one`, for findings."""
     posed = replace(one.problem, peaks=other.problem.peaks)
     moved = posed.residuals(other.solution.theta) - one.problem.residuals(one.solution.theta)
     values, numbers = list[str](), dict[str, float]()
