@@ -18,7 +18,7 @@ from bristle.identification.known_joint import as_identified
 from bristle.identification.measured import measure
 from bristle.identification.moving_runs import decimator, longest_decimation
 from bristle.identification.static.crosscheck import full_fit
-from bristle.identification.static.fit import PointInfo, beside_moving, fit_static
+from bristle.identification.static.fit import PointInfo, fit_static, reconcile_static
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import from_records, with_prior
 from bristle.model.parameters import Direction, Lugre, ParameterName
@@ -212,13 +212,13 @@ def test_a_poorer_law_of_the_same_runs_says_so_and_warns_of_nothing() -> None:
     lugre = fitted(posed(run, decimation=5))
     problem, _, _ = from_records([run], ("both",), ("inertia",), 5)
     static, _ = fit_static(problem, FitOptions(), "revolute", PointInfo())
-    fit = beside_moving(static, lugre)["both"]
+    fit = reconcile_static(static, lugre)["both"]
     assert fit.outcome.code == "static-superseded"
     assert fit.outcome.numbers["other"] == lugre.relative_error
     assert fit.parameters == static["both"].parameters
     assert fit.warnings == ()
     alpha_0 = lugre.parameters[parse("alpha_0")]
     blind = replace(lugre, parameters={parse("alpha_0"): replace(alpha_0, value=None)})
-    assert beside_moving(static, blind) == beside_moving(static, None) == static
+    assert reconcile_static(static, blind) == reconcile_static(static, None) == static
     nothing = {"both": replace(static["both"], relative_error=None)}
-    assert beside_moving(nothing, lugre) == nothing
+    assert reconcile_static(nothing, lugre) == nothing

@@ -1,7 +1,4 @@
-"""What a fit may lack, whatever it was fitted to: one row of a table each, for `explained` to try.
-
-A row is columns, a code, a sentence, and what to do.
-"""
+"""Terms that any fit may lack, as candidates for the score test `explained`."""
 
 from collections.abc import Collection, Sequence
 from functools import partial
@@ -15,16 +12,16 @@ from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line, shows_gravity, turn_of
 from bristle.model.parameters import Kind, periodic
 
-_HARMONICS = 64  # most ripples looked for
-_FEW = 8  # equations, below which nothing is asked of them
+_HARMONICS = 64  # most ripples tried
+_FEW = 8  # equations below which nothing is tried
 
 
 def candidates(
     velocity: Array, time: Array, position: Array, parameters: Collection[str], kind: Kind, directions: int
 ) -> list[Candidate]:
-    """The rows of n equations, in SI units; a signal that is not known is empty, and one that stands still says nothing.
+    """The candidates of n equations, SI; an unknown signal is empty.
 
-    `parameters` are names of what is fitted, and `directions` how many have a friction of their own: no line asks for these again.
+    `parameters` are names that are fitted already, `directions` how many directions have a friction of their own.
     """
     n = velocity.size
     if n < _FEW:
@@ -38,14 +35,14 @@ def candidates(
             columns = np.stack(list(load_columns((name,), signals.__getitem__, n).values()), axis=1)
             rows.append(Candidate(partial(_regressor, name, parameters), (columns,), is_friction=name == "quadratic"))
     both = velocity.min() < 0 < velocity.max()
-    if both:  # beside two frictions an offset shows at reversals alone
+    if both:  # with two frictions an offset shows at reversals only
         even = np.stack([np.ones(n), np.abs(velocity)], axis=1)
         rows.append(Candidate(partial(_directions, directions), (even[:, : 3 - directions],), is_friction=True))
-    if both and "time" in scaled:  # friction opposes motion, so a change of it has another sign in each direction
+    if both and "time" in scaled:  # a change of friction has the sign of the velocity
         change = _centred([scaled["time"], scaled["time"] ** 2]) * np.sign(velocity)[:, None]
         rows.append(Candidate(_wear, (change,), is_friction=True))
     for over, s in scaled.items():
-        if not (both and over == "velocity"):  # what is even in velocity is a difference of the directions
+        if not (both and over == "velocity"):  # even functions of velocity are covered by the directions
             rows.append(Candidate(partial(_trend, over), (_centred([s, s * s]),), is_friction=over == "velocity"))
     if "position" in scaled:
         waves = _Waves(position, min(n // 4, _HARMONICS))
@@ -54,10 +51,7 @@ def candidates(
 
 
 class _Waves(Sequence[Array]):
-    """Cosine and sine of so many harmonics of the range of positions, rad, (n,), from the second on: one period is a trend, or a spring.
-
-    Made when they are asked for, (n, 2) each.
-    """
+    """Cosine and sine of harmonics of the range of positions, rad, (n,), from the second on; (n, 2) each."""
 
     def __init__(self, position: Array, count: int) -> None:
         self.reach, self.turns, self.most = float(np.ptp(position)), 2 * np.pi * (position - position.min()), count
@@ -73,7 +67,7 @@ class _Waves(Sequence[Array]):
 
 
 def _centred(columns: Sequence[Array]) -> Array:
-    """Some columns, (n,) each, less their means: a constant is an offset, and no trend; (n, k)."""
+    """Columns, (n,) each, less their means, (n, k)."""
     X = np.stack(columns, axis=1)
     return np.asarray(X - X.mean(axis=0))
 
@@ -112,7 +106,7 @@ def _regressor(name: str, parameters: Collection[str], found: Score, _: int) -> 
 
 
 def _ripple(reach: float, parameters: Collection[str], kind: Kind, found: Score, which: int) -> Finding:
-    """Of a period that is a whole share of all positions, rad; with the lines that would fit it, where it is an order that is not fitted."""
+    """For a period that divides the range of positions, rad, with the lines that would fit it."""
     period = reach / (which + 2)
     order, fitted = round(turn_of(kind)[0] / period), {x[2] for name in parameters if (x := periodic(name))}
     asked = f"{regressor_line(('cogging',), parameters)}, orders: [{', '.join(map(str, sorted({*fitted, order})))}]"
