@@ -1,14 +1,13 @@
-"""Messages of a topic to numbers; rosbags parses their definition and deserialises them.
+"""Messages of a topic as numbers; rosbags parses their definition and deserialises them.
 
-rosbags makes code of a definition. So what it parsed is checked first: plain names, and few of everything; constants
-and defaults are left out, and definitions in IDL are not parsed.
+rosbags makes code of a definition. So what it parsed is checked first: plain names and few fields; constants and
+defaults are left out, and definitions in IDL are not parsed.
 """
 
 import re
 from array import array
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from keyword import iskeyword
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,30 +19,28 @@ from bristle.errors import InputError, short
 
 NO_STAMP = np.iinfo(np.int64).min  # in place of a stamp that a message does not have
 STAMPS = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
-BASE, MESSAGE, ARRAY, SEQUENCE = range(1, 5)  # how rosbags calls what a field is
-NAMES = ("name", "joint_names")  # fields that hold the names of joints, in the order of the message's other arrays
-_LONGEST, _DEEPEST, _MOST_FIELDS = 500_000, 30, 2000
-"""Characters of a definition; messages in messages; fields in all, texts and messages of fixed arrays counted: code is made of each."""
+BASE, MESSAGE, ARRAY, SEQUENCE = range(1, 5)  # kinds of fields, as in rosbags
+NAMES = ("name", "joint_names")  # fields with the names of joints, in the order of the message's other arrays
+_LONGEST, _MOST_FIELDS = 500_000, 2000  # characters of a definition; fields, with texts and messages of fixed arrays
 _NO_FIELD = "structure_needs_at_least_one_member"  # of an empty message, which takes a byte in CDR and none in ROS 1
 _MOST_ELEMENTS, _MOST_JOINTS = 10**7, 1000  # of an array of any length; joints that are listed
 _TYPE = re.compile(r"[A-Za-z]\w{0,99}(/[A-Za-z]\w{0,99}){1,3}", re.ASCII)
-_FIELD = re.compile(r"[A-Za-z]\w{0,99}", re.ASCII)
 
 
 class Topic(NamedTuple):
-    """A topic of one bag, with messages of one type."""
+    """A topic of one bag."""
 
     name: str
     kind: str  # type of its messages, as `sensor_msgs/msg/JointState`; empty where there are several
     encoding: str  # `cdr` or `ros1`, else it cannot be read
-    definition: str  # text of the message definition; empty: the file has none
+    definition: str  # text of the message definition; empty where the file has none
     is_idl: bool  # whether the definition is in IDL, which is not parsed
     numbers: frozenset[int]  # of its connections
     bag: Bag
 
 
 class NamedJoint(NamedTuple):
-    """In a path: the element of an array that a joint's name has among the names of the message."""
+    """In a path: the array element of a joint, by its place among the names of the message."""
 
     name: str
 
@@ -56,22 +53,20 @@ class Path(NamedTuple):
 
 
 class Messages(NamedTuple):
-    """All messages of a topic, in the order in which they were received, ns."""
+    """All messages of a topic, in the order in which they were received."""
 
-    received: NDArray[np.int64]
-    values: Mapping[Path, NDArray[Any]]
-    """The numbers at each path, message by message: nan where one has none; stamps in ns, else `NO_STAMP`."""
-    joints: tuple[str, ...]
-    """Names that were seen, in order."""
+    received: NDArray[np.int64]  # ns
+    values: Mapping[Path, NDArray[Any]]  # numbers, nan where missing; stamps in ns, `NO_STAMP` where missing
+    joints: tuple[str, ...]  # names, in the order in which they are first seen
 
 
 Types = Mapping[str, Mapping[str, Any]]
-"""Of each type its fields by name: what rosbags describes them by, (form, inner)."""
+"""The fields of each type by name, each as (form, inner) of rosbags."""
 
 
 @lru_cache(maxsize=64)
 def types_of(topic: Topic) -> Types:
-    """What a topic's messages are made of: as the bag defines it, else as its distribution of ROS 2, or the latest.
+    """The types in a topic's messages: as the bag defines them, else as its distribution of ROS 2, or the latest, does.
 
     Raises InputError where the definition cannot be parsed, a type is not known, or it could do harm.
     """
@@ -81,69 +76,49 @@ def types_of(topic: Topic) -> Types:
         )
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+    def refused(why: str) -> InputError:
+        return InputError(f"topic {topic.name}: its message definition {why}; {DAMAGED}")
+
     given: Mapping[str, Any] = {}
     if topic.definition and not topic.is_idl:
         if len(topic.definition) > _LONGEST:
-            raise InputError(f"topic {topic.name}: its message definition has over {_LONGEST} characters; {DAMAGED}")
+            raise refused(f"has over {_LONGEST} characters")
         with reading(f"message definition of topic {topic.name}", DAMAGED):
             given = get_types_from_msg(topic.definition, topic.kind)
     known = get_typestore({x.value: x for x in Stores}.get(f"ros2_{topic.bag.distribution}", Stores.LATEST)).fielddefs
-    types, sizes = dict[str, dict[str, Any]](), dict[str, int]()
-
-    def size_of(kind: str, depth: int) -> int:
-        """How many fields are in a type, which is put among the types."""
-        if kind in sizes:
-            return sizes[kind]
-        if depth > _DEEPEST:
-            raise InputError(
-                f"topic {topic.name}: its type {short(topic.kind)} nests messages over {_DEEPEST} deep; {DAMAGED}"
-            )
+    types, size, ahead = dict[str, dict[str, Any]](), 0, [topic.kind]
+    while ahead:
+        kind = ahead.pop()
         found = known.get(kind) if kind in STAMPS else given.get(kind) or known.get(kind)
         if found is None:
             why = "is defined in IDL, which is not read" if topic.is_idl else "is not defined in the bag"
-            raise InputError(
-                f"topic {topic.name}: its type {short(kind)} {why}, nor one of ROS 2's own; record with definitions (MCAP)"
-            )
-        fields, size = dict(found[1]), 1
-        odd = [f"the name {short(x)}" for x in fields if not _FIELD.fullmatch(x)]
-        odd += [] if _TYPE.fullmatch(kind) else [f"the name {short(kind)}"]
-        odd += ["one name twice"] if len(fields) < len(found[1]) else []
-        odd += ["an empty message"] if topic.encoding == "ros1" and depth and fields.keys() <= {_NO_FIELD} else []
-        if odd:
-            raise InputError(f"topic {topic.name}: its message definition has {odd[0]}, which is not read; {DAMAGED}")
+            own = "nor one of ROS 2's own; record with definitions (MCAP)"
+            raise InputError(f"topic {topic.name}: its type {short(kind)} {why}, {own}")
+        types[kind] = fields = dict(found[1])
+        empty = topic.encoding == "ros1" and kind != topic.kind and fields.keys() <= {_NO_FIELD}
+        if not _TYPE.fullmatch(kind) or len(fields) < len(found[1]) or empty:
+            raise refused(f"has an odd name, one name twice, or no field, in {short(kind)}")
         for form, inner in fields.values():
             element, count = inner if form in (ARRAY, SEQUENCE) else ((form, inner), 1)
-            several = form == ARRAY and not is_number(element)
-            size += (count if several else 1) * (size_of(element[1], depth + 1) if element[0] == MESSAGE else 1)
-            if size > _MOST_FIELDS or (form == ARRAY and not 0 < count < 2**31):
-                raise InputError(
-                    f"topic {topic.name}: its type {short(topic.kind)} has over {_MOST_FIELDS} fields, or an array of none; {DAMAGED}"
-                )
-        types[kind], sizes[kind] = fields, size
-        return size
-
-    size_of(topic.kind, 0)
+            size += count if form == ARRAY and not is_number(element) else 1
+            ahead += [element[1]] if element[0] == MESSAGE and element[1] not in types else []
+        if size > _MOST_FIELDS:
+            raise refused(f"has over {_MOST_FIELDS} fields")
     return types
 
 
 def is_number(part: Any) -> bool:
-    """Whether a part of a message is one number."""
+    """Whether a field is one number."""
     return bool(part[0] == BASE and part[1][0] != "string")
 
 
 def is_stamp(part: Any) -> bool:
-    """Whether a part of a message is a time: seconds and nanoseconds."""
+    """Whether a field is a time: seconds and nanoseconds."""
     return part[0] == MESSAGE and part[1] in STAMPS
 
 
-def names_in(fields: Mapping[str, Any]) -> str | None:
-    """The field that holds the names of joints; None where there is none."""
-    lists = (name for name in NAMES if name in fields and fields[name][0] == SEQUENCE)
-    return next((name for name in lists if fields[name][1][0][1][0] == "string"), None)
-
-
 def numbers_of(topic: Topic, paths: Sequence[Path]) -> Messages:
-    """The numbers of a topic at some paths. Raises InputError where there is no message, or one does not fit its definition."""
+    """The numbers of a topic at some paths. Raises InputError where it has no message, or one is not as defined."""
     from rosbags.typesys.store import Typestore
 
     types, received = types_of(topic), array("q")
@@ -153,7 +128,10 @@ def numbers_of(topic: Topic, paths: Sequence[Path]) -> Messages:
         store.get_msgdef(topic.kind)
     decode = store.deserialize_cdr if topic.encoding == "cdr" else store.deserialize_ros1
     columns: dict[Path, array[Any]] = {path: array("q" if path.is_stamp else "d") for path in paths}
-    names, seen, joints = names_in(types[topic.kind]), list[str](), dict[str, None]()
+    own = types[topic.kind]
+    lists = (name for name in NAMES if name in own and own[name][0] == SEQUENCE)
+    names = next((name for name in lists if own[name][1][0][1][0] == "string"), None)
+    seen, joints = list[str](), dict[str, None]()
     asked = {step for path in columns for step in path.steps if isinstance(step, NamedJoint)}
     places = {joint: _place(joint.name, seen) for joint in asked}
     for time, message in messages_of(topic.bag, topic.numbers, lambda raw: decode(raw, topic.kind)):
@@ -166,7 +144,7 @@ def numbers_of(topic: Topic, paths: Sequence[Path]) -> Messages:
             found: Any = message
             for step in path.steps:
                 if isinstance(step, str):
-                    found = getattr(found, step + "_" * iskeyword(step))
+                    found = getattr(found, step)
                     continue
                 place = places[step] if isinstance(step, NamedJoint) else step
                 found = found[place] if 0 <= place < len(found) else None
@@ -184,7 +162,7 @@ def numbers_of(topic: Topic, paths: Sequence[Path]) -> Messages:
 
 
 def _place(joint: str, names: Sequence[str]) -> int:
-    """Which element a joint is, by its name, or by its number where no joint is named by one; -1 where it is not there."""
+    """The element of a joint, by its name, or by its number where no name is one; -1 where there is none."""
     if joint in names:
         return names.index(joint)
     return int(joint) if joint.isdecimal() and len(joint) < 10 and not any(map(str.isdecimal, names)) else -1

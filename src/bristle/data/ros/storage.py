@@ -1,6 +1,6 @@
-"""The files of bags, by the readers of rosbags: one file, or a folder with metadata.yaml and the storage files that it names.
+"""Files and messages of ROS bags, read by rosbags.
 
-rosbags unpacks a chunk whole, whatever size it claims: a bag of strangers can take all memory that the process may have.
+rosbags unpacks a chunk whole, whatever size it claims: a bag from an untrusted source can fill the memory.
 """
 
 import hashlib
@@ -16,46 +16,41 @@ from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.errors import InputError, check_regular, short
 
 DAMAGED = "record it again, or repair it with the tools of ROS (ros2 bag reindex, mcap recover, rosbag reindex)"
-"""What to do about a damaged bag."""
 WHAT = "ROS bag that ended in order"
-_MOST, _RATIO, _BYTES = 2**33, 200, 2**23
-"""Bytes of messages that are read of one bag: so many, or so many times its size beyond the last."""
 METADATA = "metadata.yaml"
 MAX_BYTES = 2**34  # largest bag, bytes: it may hold much that is not read
+_MOST, _RATIO, _BYTES = 2**33, 200, 2**23  # bytes of messages that are read: _MOST, or _BYTES + _RATIO times the bag's
 _SUFFIXES = (".mcap", ".db3", ".bag")
-_MOST_FILES = 1000
-_HEAD = "rosbag2_bagfile_information"
 
 
 class Bag(NamedTuple):
     """One file, or a folder with metadata.yaml."""
 
     path: Path
-    files: tuple[Path, ...]  # its storage files
+    files: tuple[Path, ...]  # storage files
     distribution: str | None = None  # of ROS 2, where metadata.yaml names it
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path is that of a bag: .mcap, .db3, .bag, or a folder with metadata.yaml."""
+    """Whether a path is a bag: .mcap, .db3, .bag, or a folder with metadata.yaml."""
     return path.suffix.lower() in _SUFFIXES if not path.is_dir() else (path / METADATA).exists()
 
 
 def open_bag(path: Path) -> Bag:
-    """The files of a bag, each regular and, together, of at most `MAX_BYTES`. Raises InputError and OSError."""
+    """The files of a bag, together at most `MAX_BYTES`. Raises InputError and OSError."""
     bag = _of_folder(path) if path.is_dir() else Bag(path, (path,))
     try:
         import rosbags.typesys  # noqa: F401
     except ImportError as error:
         raise InputError("is a ROS bag, which needs rosbags; install it with pip install 'bristle[ros]'") from error
-    size = 0
     for file in bag.files:
         check_regular(file, file.name)
-        size += file.stat().st_size
         log = file.with_name(f"{file.name}-wal")
         if log.exists() and log.stat().st_size:
             raise InputError(
                 f"has messages in {log.name} that are not in it yet; close what writes it, or open it once with sqlite3"
             )
+    size = sum(file.stat().st_size for file in bag.files)
     if size > MAX_BYTES:
         raise InputError(f"is {size} bytes long, over the limit of {MAX_BYTES}; cut the bag into several runs")
     if size == 0:
@@ -63,8 +58,22 @@ def open_bag(path: Path) -> Bag:
     return bag
 
 
+def _of_folder(folder: Path) -> Bag:
+    """The bag of a folder. Raises InputError where metadata.yaml names no file in it, or a link out of it."""
+    about = parse(read_text(folder / METADATA), METADATA).get("rosbag2_bagfile_information")
+    names = about.get("relative_file_paths") if isinstance(about, dict) else None
+    if not isinstance(about, dict) or not isinstance(names, list) or not names:
+        raise InputError(f"{METADATA}: got relative_file_paths {short(names)}; expected the files of a ROS 2 bag")
+    files = tuple(dict.fromkeys(folder / Path(str(name)).name for name in names))  # rosbags takes the last part as well
+    for file in files:
+        if not file.exists() or file.resolve().parent != folder.resolve():
+            why = "is a link out of" if file.exists() else "is not in"
+            raise InputError(f"{METADATA}: file {short(file.name)} {why} the folder of the bag; copy it there")
+    return Bag(folder, files, str(about.get("ros_distro")))
+
+
 def digest_of(bag: Bag) -> str:
-    """SHA-256 of a bag's file; of a folder over its storage files, one after another, in the order of metadata.yaml."""
+    """SHA-256 of a bag's storage files, one after another, in the order of metadata.yaml."""
     digest = hashlib.sha256()
     for path in bag.files:
         with path.open("rb") as file:
@@ -72,36 +81,9 @@ def digest_of(bag: Bag) -> str:
     return digest.hexdigest()
 
 
-def _of_folder(folder: Path) -> Bag:
-    """The storage files that metadata.yaml names, all inside the folder, through no link either. Raises InputError.
-
-    The oldest bags name their own folder before a file, as it was called then.
-    """
-    about = parse(read_text(folder / METADATA), METADATA).get(_HEAD)
-    if not isinstance(about, dict):
-        raise InputError(f"{METADATA} holds no {_HEAD}; expected the folder of a ROS 2 bag")
-    names, distribution = about.get("relative_file_paths"), about.get("ros_distro")
-    if not isinstance(names, list) or not 0 < len(names) <= _MOST_FILES:
-        raise InputError(f"{METADATA}: got relative_file_paths {short(names)}; expected the names of the storage files")
-    files = dict[Path, None]()
-    for name in names:
-        path = Path(name) if isinstance(name, str) and "\0" not in name else Path()
-        known = not {*path.suffixes}.isdisjoint(_SUFFIXES[:2])
-        if not 0 < len(path.parts) < 3 or path.is_absolute() or ".." in path.parts or not known:
-            raise InputError(
-                f"{METADATA}: got the file {short(name)}; expected the name of a .mcap or .db3 file in the folder of the bag"
-            )
-        file = folder / path.name
-        if not file.exists() or file.resolve().parent != folder.resolve():
-            why = "is a link out of" if file.exists() else "is not in"
-            raise InputError(f"{METADATA}: file {short(path.name)} {why} the folder of the bag; copy it there")
-        files[file] = None
-    return Bag(folder, tuple(files), distribution if isinstance(distribution, str) else None)
-
-
 @contextmanager
 def opened(bag: Bag) -> Iterator[Any]:
-    """A reader of rosbags with the connections and the messages of a bag. Raises InputError where it cannot be read."""
+    """The rosbags reader of a bag. Raises InputError where it cannot be read."""
     from rosbags import rosbag1, rosbag2
 
     suffix, readers = bag.path.suffix.lower(), rosbag2.Reader.STORAGE_PLUGINS
@@ -115,15 +97,15 @@ def opened(bag: Bag) -> Iterator[Any]:
 
 
 def messages_of(bag: Bag, numbers: frozenset[int], decoded: Callable[[bytes], Any]) -> Iterator[tuple[int, Any]]:
-    """Receive time, ns, and what `decoded` makes of each message of some connections, by their numbers.
+    """Receive time, ns, and decoded message, of each message of some connections.
 
-    Raises InputError where it cannot be read, or the messages are far longer than its files.
+    Raises InputError where it cannot be read, or the messages are far longer than the bag's files.
     """
     left = min(_MOST, _BYTES + _RATIO * sum(file.stat().st_size for file in bag.files))
     with opened(bag) as reader:
         messages = reader.messages([c for c in reader.connections if c.id in numbers])
         while True:
-            with reading(WHAT, DAMAGED):  # some at a time, and times that are none are damage
+            with reading(WHAT, DAMAGED):  # a few at a time; a time that is no number is damage as well
                 some = [(index(time), decoded(raw), len(raw)) for _, time, raw in islice(messages, 64)]
             left -= sum(size for *_, size in some)
             if left < 0:
