@@ -26,11 +26,9 @@ Bound = float | Literal["inf", "-inf"]  # an infinite bound is a string: JSON ha
 class JsonForm:
     """What a value is in JSON, and the ways there and back: annotates a type, for pydantic."""
 
-    form: Any
-    """The type of what is written, or a function that gives it."""
+    form: Any  # the type of what is written, or a function that gives it
     write: Callable[[Any], Any]
-    read: Callable[[Any], Any]
-    """Of what satisfies the form; may raise ValueError."""
+    read: Callable[[Any], Any]  # of what satisfies the form; may raise ValueError
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """The schema of the form, with `read` after it is checked and `write` before it is written."""

@@ -25,47 +25,32 @@ class Record:
     holds a value that is not finite, or time does not increase.
     """
 
-    file: str
-    """Where it came from, relative to the experiment file."""
-    time: Array
-    """s, strictly increasing."""
-    position: Array | None = None
-    """rad, unwrapped."""
-    velocity: Array | None = None
-    """rad/s, as logged, or as estimated from position."""
-    velocity_estimated: bool = False
-    """Whether it is estimated."""
-    torque: Array | None = None
-    """N*m: torque of the drive, positive along positive velocity."""
+    file: str  # where it came from, relative to the experiment file
+    time: Array  # s, strictly increasing
+    position: Array | None = None  # rad, unwrapped
+    velocity: Array | None = None  # rad/s, as logged, or as estimated from position
+    velocity_estimated: bool = False  # whether it is estimated
+    torque: Array | None = None  # N*m: torque of the drive, positive along positive velocity
     torque_shifts: Mapping[str, Array] = field(default_factory=dict)
     """Change of the torque per standard error of each constant that it was computed with, N*m, (n,); of those without
     an error none."""
-    voltage: Array | None = None
-    """V, from which torque is computed by (8) once the velocity is known."""
-    acceleration: Array | None = None
-    """rad/s**2, estimated."""
+    voltage: Array | None = None  # V, from which torque is computed by (8) once the velocity is known
+    acceleration: Array | None = None  # rad/s**2, estimated
     made_of: Literal["", "gravity", "inertia"] = ""
     """Of which regressor the torque was made, where the joint coasts: nothing of that is left to find."""
     link_torque: Array | None = None
     """N*m: what the links of a robot ask of the joint, as computed from its URDF and the motion of all joints."""
     cutoff: float = 0.0
     """Of the low pass through which its motion was estimated, or the torque of slow loading is to go, Hz; 0: none."""
-    oversampled: float = 1.0
-    """How many times as fast as the slowest moving run of its experiment it was sampled."""
+    oversampled: float = 1.0  # how many times as fast as the slowest moving run of its experiment it was sampled
     starts: tuple[int, ...] = (0,)
     """First sample of each segment between gaps; nothing is ever differentiated, filtered or simulated across a gap."""
-    rows: int = 0
-    """Rows in the file."""
-    dropped: int = 0
-    """Rows of the file that are not in the record."""
-    sha256: str = ""
-    """Digest of the file's bytes."""
-    notes: tuple[Finding, ...] = ()
-    """What was counted, assumed and done."""
-    warnings: tuple[Finding, ...] = ()
-    """Where its signals contradict one another, or themselves."""
-    labels: Mapping[str, str] = field(default_factory=dict)
-    """Run-level labels: temperature, load."""
+    rows: int = 0  # rows in the file
+    dropped: int = 0  # rows of the file that are not in the record
+    sha256: str = ""  # digest of the file's bytes
+    notes: tuple[Finding, ...] = ()  # what was counted, assumed and done
+    warnings: tuple[Finding, ...] = ()  # where its signals contradict one another, or themselves
+    labels: Mapping[str, str] = field(default_factory=dict)  # Run-level labels: temperature, load
     lines: NDArray[np.intp] | None = None
     """Of a text file the line of each sample, from 1, (n,); None where that is not known."""
     filled: NDArray[np.bool_] | None = None

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import pandas as pd
 
-_FORMULA = re.compile(r"[=+\-@\t\r\n]")
-"""How a text begins that a spreadsheet may run as a formula."""
-_HARMLESS = re.compile(r"[+-]|[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-"""A direction, or a number."""
+_FORMULA = re.compile(r"[=+\-@\t\r\n]")  # how a text begins that a spreadsheet may run as a formula
+_HARMLESS = re.compile(r"[+-]|[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")  # a direction, or a number
 
 
 def to_csv(frame: "pd.DataFrame", float_format: str | None = None) -> str:

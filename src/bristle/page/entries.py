@@ -18,14 +18,10 @@ class Entry(NamedTuple):
     """The explanation of one code."""
 
     code: str
-    severity: str
-    """Several where it depends on what was found."""
-    meaning: str
-    """Empty where the finding itself says all."""
-    reason: str
-    """Why it has its severity."""
-    advice: str
-    """What to do about those of this reason."""
+    severity: str  # several where it depends on what was found
+    meaning: str  # empty where the finding itself says all
+    reason: str  # why it has its severity
+    advice: str  # what to do about those of this reason
 
 
 @cache

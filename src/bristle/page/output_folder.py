@@ -15,8 +15,7 @@ from bristle.workers import heed
 
 MARKER = ".bristle-manifest"
 """Marks a folder as bristle's and lists what bristle made in it, a relative path a line: only that is ever replaced or removed."""
-_LONGEST = 1_000_000
-"""Bytes that a marker may have."""
+_LONGEST = 1_000_000  # bytes that a marker may have
 _PAGE = re.compile(
     r"[a-z]+\.html|report\.zip|(results|timings)\.json|figures/[a-z0-9_-]+\.(svg|png|csv)|tables/[a-z0-9_-]+\.csv"
 )
@@ -25,8 +24,7 @@ RESULTS, TASKS, LEDGER, LOCK = FLEET = ("results", "tasks", "ledger.parquet", ".
 """What the dataset of a fleet is called. A marker may list nothing else than these and the files of a page."""
 _WHOLE = {"results.json": "a report", "ledger.parquet": "a fleet"}
 """What tells whose folder it is: no page of another question replaces that."""
-_FILES = ("index.html", "results.json", "timings.json", "report.zip")
-"""Files that most pages have."""
+_FILES = ("index.html", "results.json", "timings.json", "report.zip")  # files that most pages have
 
 
 def write_text(path: Path, text: str) -> None:

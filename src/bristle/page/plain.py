@@ -7,8 +7,7 @@ from itertools import zip_longest
 
 from bristle.page.wording import measured, span
 
-WIDTH = 80
-"""Columns of a terminal that nobody has made wider."""
+WIDTH = 80  # columns of a terminal that nobody has made wider
 _SIGNS = str.maketrans({"±": "+/-", "∞": "inf", "−": "-", "·": "*", "\N{NO-BREAK SPACE}": " "})
 _INTERVAL = re.compile(r"\[[^\[\]]{1,60}\]")
 _NUMBER = re.compile(

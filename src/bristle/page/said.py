@@ -15,8 +15,7 @@ class Link:
     """A link to a page of the report, or to a place in it."""
 
     text: str
-    href: str
-    """Relative; never a user's text."""
+    href: str  # relative; never a user's text
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +26,7 @@ class Mark:
     good: bool
 
 
-Said = str | Finding | Link | Mark
-"""A part of a line."""
+Said = str | Finding | Link | Mark  # a part of a line
 
 
 def said(parts: Said | tuple[Said, ...]) -> Markup:

@@ -19,8 +19,7 @@ from bristle.page.wording import shortened
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_SALT = "bristle"
-"""Also tells that the style is on: nobody else has it."""
+_SALT = "bristle"  # also tells that the style is on: nobody else has it
 _STYLE: Any = {  # matplotlib types each key singly
     "text.parse_math": False,  # a $ in a joint's name is a $
     "svg.fonttype": "none",  # text stays text: small, searchable, sharp
@@ -44,11 +43,9 @@ _STYLE: Any = {  # matplotlib types each key singly
 ON_LIGHT, ON_DARK = "#010101", "#fefefe"
 """Text on the cells of a map, which keep their colours on a dark page."""
 LINES = ("-", "--", ":")
-WIDTH = 5.8
-"""Inches; at this width text lands at about 14 px on a wide screen and 9 px on a phone."""
+WIDTH = 5.8  # inches; at this width text lands at about 14 px on a wide screen and 9 px on a phone
 DPI = 240
-_TICKS = 5
-"""Intervals of a linear axis, at most: more make a figure slower to draw, and no easier to read."""
+_TICKS = 5  # intervals of a linear axis, at most: more make a figure slower to draw, and no easier to read
 _MOST_TICKS = 8
 _STEPS_OF_DECADE = ((1.0, 1.5, 2.0, 3.0, 5.0, 7.0), (1.0, 2.0, 5.0), (1.0, 3.0), (1.0,))
 """Where a logarithmic axis may have its labels, the closest first."""
@@ -171,10 +168,8 @@ def render_as(figure: Figure, kind: str) -> bytes:
     return written.getvalue()
 
 
-_PLACES = re.compile(r"(?<=[\s\"',(])-?\d+\.\d{3,}(?=[\s\"',)])")
-"""A coordinate with more places than a screen shows."""
-_TAG = re.compile(r"<[^>]*>")
-"""Matplotlib writes no bare > into an attribute."""
+_PLACES = re.compile(r"(?<=[\s\"',(])-?\d+\.\d{3,}(?=[\s\"',)])")  # a coordinate with more places than a screen shows
+_TAG = re.compile(r"<[^>]*>")  # Matplotlib writes no bare > into an attribute
 _NAMED = re.compile(r'\sid="|url\(#|href="#')
 """Before an id, where it is given or used."""
 _ID = re.compile(r'\sid="([^"]*)"')
@@ -204,8 +199,7 @@ def inline(svg: bytes, prefix: str, label: str) -> str:
     return _SIZED.sub(lambda found: f'<svg role="img" aria-label="{label}" {found[1]}', text, count=1)
 
 
-MOST_POINTS = 600
-"""Points drawn per direction; denser data are thinned evenly, which the caption says."""
+MOST_POINTS = 600  # points drawn per direction; denser data are thinned evenly, which the caption says
 
 
 def thinned(n: int, most: int = MOST_POINTS) -> np.ndarray[tuple[int], np.dtype[np.intp]]:

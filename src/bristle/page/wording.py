@@ -9,10 +9,8 @@ from bristle.model.laws.parts import FASTEST
 from bristle.model.laws.registry import own_parameter, own_parameters
 from bristle.model.parameters import Kind, ParameterName, effort, periodic, unit
 
-MISSING = "–"
-"""What stands where there is no number."""
-WORK = "J"
-"""Unit of work, whatever the kind of joint."""
+MISSING = "–"  # what stands where there is no number
+WORK = "J"  # unit of work, whatever the kind of joint
 _SYMBOLS = {
     "alpha_0": "α₀",
     "alpha_1": "α₁",

@@ -157,14 +157,12 @@ _INDEPENDENT = 5.0  # fewest independent samples of velocity and torque
 class Thresholds(StrictModel):
     """What a constant-velocity segment must satisfy, as under `segments`. None: from the data's own noise floor."""
 
-    minimum_duration: Seconds | None = None
-    """Shortest segment that counts, s."""
+    minimum_duration: Seconds | None = None  # shortest segment that counts, s
     velocity_tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
     """Largest drift of the velocity over a segment, relative to its mean."""
     torque_limit: Annotated[float, quantity("torque"), Field(gt=0)] | None = None
     """Torque at which the drive saturates, N*m."""
-    minimum_velocity: Speed | None = None
-    """Slowest mean velocity that counts as motion, rad/s."""
+    minimum_velocity: Speed | None = None  # slowest mean velocity that counts as motion, rad/s
 
 
 def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Finding, ...]:

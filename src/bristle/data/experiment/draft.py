@@ -31,8 +31,7 @@ DRIVES = ("torque", "current", "voltage")
 """In the order in which they are taken: each needs one constant more than the one before."""
 STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}  # of joint states, by signal
 _OF_MOTOR = ("torque_constant", "resistance", "kp", "kd", "torque_limit")
-_TABLES = {".csv", ".txt", ".mcap", ".bag", ".db3", *READERS}
-"""Endings by which a word is a file."""
+_TABLES = {".csv", ".txt", ".mcap", ".bag", ".db3", *READERS}  # endings by which a word is a file
 _LISTED = 120  # letters of their names in a sentence
 _SHOWN = 200  # columns that the draft lists
 _STEPS = {"ms": 1.0, "us": 300.0, "ns": 3e5}

@@ -43,8 +43,7 @@ class Gear(StrictModel):
     position: Side | None = None
     velocity: Side | None = None
     torque: Side | None = None
-    current: Literal["motor"] = "motor"
-    """Current, and voltage, are always the motor's."""
+    current: Literal["motor"] = "motor"  # current, and voltage, are always the motor's
 
     def at_motor(self, signal: str) -> bool:
         """Whether a signal was logged on the motor's side."""

@@ -175,8 +175,7 @@ class Hung(StrictModel):
     """What hangs on a joint that turns, in place of the torque of its gravity."""
 
     mass: Annotated[PlusMinus, read_constant("kg")]
-    centre: Annotated[PlusMinus, read_constant("m")]
-    """How far its centre of mass is from the axis, which is horizontal."""
+    centre: Annotated[PlusMinus, read_constant("m")]  # how far its centre of mass is from the axis, which is horizontal
 
     @property
     def torque(self) -> PlusMinus:
@@ -232,8 +231,7 @@ def read_rows(value: object) -> object:
 class ExcludedRows(StrictModel):
     """Points or segments that are not fitted."""
 
-    file: Annotated[StrictStr, Field(min_length=1, max_length=4096)]
-    """As `bristle inspect` prints it."""
+    file: Annotated[StrictStr, Field(min_length=1, max_length=4096)]  # as `bristle inspect` prints it
     rows: Annotated[tuple[int, int], BeforeValidator(read_rows)]
     """As `bristle inspect` prints them, lines of a text file, else rows of data, from 1: 12 or 12-40; all that they touch are left out."""
 
@@ -299,8 +297,7 @@ class FitOptions(StrictModel):
     law: Annotated[StrictStr, AfterValidator(read_law)] = PAPER
     """Of the friction: the paper's, the one that the data choose (`auto`), one by its name, as `lorentzian+quadratic`, or
     `coulomb-viscous`."""
-    exclude: Annotated[tuple[ExcludedRows, ...], Field(max_length=1000)] = ()
-    """Points and segments that are left out."""
+    exclude: Annotated[tuple[ExcludedRows, ...], Field(max_length=1000)] = ()  # points and segments that are left out
     regressors: tuple[Regressor, ...] | None = None
     """None: those that the data ask for; as written, none for ramp and points, inertia (and offset, if symmetric) for tracking."""
     orders: Annotated[tuple[int, ...] | Literal["auto"] | None, BeforeValidator(read_orders)] = None
@@ -392,8 +389,7 @@ class PidGains(StrictModel):
     K_p: Annotated[float, quantity("K_p"), Field(gt=0)]
     K_i: Annotated[float, quantity("K_i"), Field(ge=0)] = 0.0
     K_d: Annotated[float, quantity("K_d"), Field(ge=0)] = 0.0
-    filter_time: Annotated[float, quantity("time"), Field(ge=0)] = 0.0
-    """Of the derivative, s."""
+    filter_time: Annotated[float, quantity("time"), Field(ge=0)] = 0.0  # of the derivative, s
 
 
 Name = Annotated[StrictStr, Field(min_length=1, max_length=40)]
@@ -403,14 +399,11 @@ Plain = Annotated[float, Field(allow_inf_nan=True)]  # a number without a unit, 
 class AdaptOptions(StrictModel):
     """The compensated loop and its adaptation; what is not given is taken from the joint, and said."""
 
-    amplitude: Annotated[float, quantity("position"), Field(gt=0)] | None = None
-    """Of the sinusoidal reference, rad."""
+    amplitude: Annotated[float, quantity("position"), Field(gt=0)] | None = None  # of the sinusoidal reference, rad
     centre: Annotated[float, quantity("position")] = 0.0
     """The position about which the reference swings, rad; it matters where friction rises with gravity's load."""
-    frequency: Hertz | None = None
-    """Of the reference of the adaptation, Hz; the other experiments have 0.4 of it."""
-    period: Seconds = 1e-3
-    """Of controller, compensator and adaptation, s."""
+    frequency: Hertz | None = None  # of the reference of the adaptation, Hz; the other experiments have 0.4 of it
+    period: Seconds = 1e-3  # of controller, compensator and adaptation, s
     gains: PidGains | None = None
     compensator: Name = "lugre"
     """Of the LuGre ones, which alone can adapt: lugre (by reference velocity), lugre-feedback, lugre-observer."""
@@ -420,12 +413,9 @@ class AdaptOptions(StrictModel):
     gamma: tuple[Plain, ...] | None = None
     """Learning rates, one for each of `parameters`, 1/(rad*s) times what makes a rate."""
     limits: tuple[Plain, Plain] | None = None
-    dead_zone: Plain | None = None
-    """rad."""
-    leakage: Plain | None = None
-    """1/s."""
-    forgetting: Plain | None = None
-    """1/s."""
+    dead_zone: Plain | None = None  # rad
+    leakage: Plain | None = None  # 1/s
+    forgetting: Plain | None = None  # 1/s
     start: Annotated[dict[Name, Annotated[float, Field(gt=0, le=100)]], Field(min_length=1)] = Field(
         default_factory=lambda: {"alpha_0": 0.3, "alpha_2": 0.5}
     )
@@ -456,22 +446,15 @@ class PlanOptions(StrictModel):
 
     position: tuple[Annotated[float, quantity("position")], Annotated[float, quantity("position")]] | None = None
     """Lowest and highest position, rad."""
-    velocity: Speed | None = None
-    """Fastest speed, rad/s."""
-    minimum_velocity: Speed | None = None
-    """Slowest constant speed at which the drive does not stick and slip, rad/s."""
-    acceleration: Annotated[float, quantity("acceleration"), Field(gt=0)] | None = None
-    """Largest, rad/s**2."""
-    torque: Annotated[float, quantity("torque"), Field(gt=0)] | None = None
-    """Largest of the drive, N*m."""
-    time: Seconds | None = None
-    """All of it, s; None: as long as it takes."""
-    hold: Seconds | None = None
-    """Time over which each constant velocity is averaged, s."""
+    velocity: Speed | None = None  # fastest speed, rad/s
+    minimum_velocity: Speed | None = None  # slowest constant speed at which the drive does not stick and slip, rad/s
+    acceleration: Annotated[float, quantity("acceleration"), Field(gt=0)] | None = None  # largest, rad/s**2
+    torque: Annotated[float, quantity("torque"), Field(gt=0)] | None = None  # largest of the drive, N*m
+    time: Seconds | None = None  # all of it, s; None: as long as it takes
+    hold: Seconds | None = None  # time over which each constant velocity is averaged, s
     frequency: Hertz | None = None
     """Highest of the tracking motion, Hz; None: 10 Hz, or less where that is too fast to be seen or written."""
-    rate: Annotated[float, quantity("Hz"), Field(gt=0, le=100_000)] = 100.0
-    """At which the references are written, Hz."""
+    rate: Annotated[float, quantity("Hz"), Field(gt=0, le=100_000)] = 100.0  # at which the references are written, Hz
 
     def _problems(self) -> Iterator[str]:
         if self.position is not None and not self.position[0] < self.position[1]:

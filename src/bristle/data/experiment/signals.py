@@ -142,8 +142,7 @@ def _as_column(value: object) -> object:
 class Signal(StrictModel):
     """One column: value in SI = logged value times unit times scale, which may have an error where it makes a torque."""
 
-    column: Column
-    """Name, or number counted from 0; in MAT and NPZ files a variable or a dotted path."""
+    column: Column  # name, or number counted from 0; in MAT and NPZ files a variable or a dotted path
     index: Index | None = None
     file: Annotated[StrictStr, Field(min_length=1, max_length=4096)] | None = None
     """Where it is logged in another file than the rest of the run."""
@@ -291,12 +290,9 @@ class Signals(StrictModel):
 class Cleaning(StrictModel):
     """What is done with rows that cannot be used; each is counted and reported."""
 
-    non_finite: Literal["drop", "refuse"] = "drop"
-    """Rows with inf, nan or nothing in a signal."""
-    duplicates: Literal["drop", "refuse"] = "drop"
-    """Rows with the time stamp of the row before."""
-    backward: Literal["drop", "refuse"] = "refuse"
-    """Rows with a time stamp before one that was seen."""
+    non_finite: Literal["drop", "refuse"] = "drop"  # rows with inf, nan or nothing in a signal
+    duplicates: Literal["drop", "refuse"] = "drop"  # rows with the time stamp of the row before
+    backward: Literal["drop", "refuse"] = "refuse"  # rows with a time stamp before one that was seen
     gap: Annotated[float, Field(gt=1)] = 5.0
     """An interval longer than this many median intervals is a gap; nothing is filtered across it."""
     times: Literal["auto", "as-written"] = "auto"

@@ -55,18 +55,15 @@ class RunFiles(StrictModel):
 
     files: Annotated[str | tuple[str, ...], PlainValidator(_read_files)]
     """Paths or globs, relative to the experiment file; ${NAME} stands for an environment variable."""
-    joined: StrictBool = False
-    """Whether the files are parts of one run, in this order; else each is a run of its own."""
+    joined: StrictBool = False  # whether the files are parts of one run, in this order; else each is a run of its own
     rows: Annotated[tuple[int, int], BeforeValidator(read_rows)] | None = None
     """The part of each run that is used, in the lines or rows that `bristle inspect` prints, from 1."""
-    time: TimeRange | None = None
-    """The same by time."""
+    time: TimeRange | None = None  # the same by time
     experiment: RunKind
     hold_out: StrictBool = False
     temperature: Label | None = None
     load: Label | None = None
-    signals: Signals | None = None
-    """Signals that differ from the experiment's."""
+    signals: Signals | None = None  # signals that differ from the experiment's
 
     @property
     def patterns(self) -> tuple[str, ...]:

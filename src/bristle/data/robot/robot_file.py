@@ -29,8 +29,7 @@ Pull = Annotated[float, Field(ge=-1e3, le=1e3)]  # of gravity in one direction, 
 class RobotDescription(StrictModel):
     """The arm, whose links' torque is known from its URDF."""
 
-    urdf: Annotated[StrictStr, Field(min_length=1, max_length=4096)]
-    """Path, relative to the file."""
+    urdf: Annotated[StrictStr, Field(min_length=1, max_length=4096)]  # path, relative to the file
     gravity: tuple[Pull, Pull, Pull] = (0.0, 0.0, -9.81)
     """m/s**2, in the frame of the base: of an arm that hangs, (0, 0, 9.81)."""
     payload: Payload | None = None
@@ -42,10 +41,8 @@ class JointEntry(StrictModel):
     name: Annotated[StrictStr, Field(min_length=1, max_length=200)]
     index: Annotated[StrictInt, Field(ge=0, lt=10_000)] | None = None
     """Which of the columns of each signal is its own, from 0; None: as it stands among the joints."""
-    torque_constant: StrictStr | None = None
-    """As under motor, or free."""
-    identify: StrictBool = True
-    """Whether its friction is asked for; its motion counts in any case."""
+    torque_constant: StrictStr | None = None  # as under motor, or free
+    identify: StrictBool = True  # whether its friction is asked for; its motion counts in any case
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

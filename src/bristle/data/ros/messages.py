@@ -60,8 +60,7 @@ class Messages(NamedTuple):
     joints: tuple[str, ...]  # names, in the order in which they are first seen
 
 
-Types = Mapping[str, Mapping[str, Any]]
-"""The fields of each type by name, each as (form, inner) of rosbags."""
+Types = Mapping[str, Mapping[str, Any]]  # the fields of each type by name, each as (form, inner) of rosbags
 
 
 @lru_cache(maxsize=64)
