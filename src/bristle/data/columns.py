@@ -96,8 +96,7 @@ def picked(source: Any, shape: tuple[int, ...], key: Key, *, rows_last: bool = F
 
 
 def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
-    """Values, (m,), sampled at times `own`, s, (m,), interpolated linearly at other times, s, (n,); nan beyond and in
-    gaps.
+    """Values, (m,), sampled at times `own`, s, (m,), linearly at other times, s, (n,); nan beyond them and in gaps.
 
     A value whose own time is not finite is no sample; an interval longer than `gap` median ones is a gap. Raises
     InputError where the own time runs backward, there are fewer than two samples, or none of the times lies between

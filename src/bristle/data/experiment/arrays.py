@@ -1,4 +1,4 @@
-"""Arrays in place of files: the experiment that they stand for, and its run, read as a file's columns are."""
+"""Arrays in place of files: their experiment and its run."""
 
 import hashlib
 from collections.abc import Mapping
@@ -18,9 +18,8 @@ from bristle.data.text_table import RawTable
 from bristle.errors import InputError, short
 from bristle.model.parameters import Kind, unit
 
-_HERE = Path("arrays")  # what results call the experiment file that is none
+_HERE = Path("arrays")  # in place of the experiment file, in results
 _CALLED: dict[RunKind, str] = {"points": "points", "ramp": "holds", "presliding": "slow loading", "tracking": "motion"}
-"""The same of the data file, by experiment."""
 
 
 def run_of_arrays(
@@ -33,11 +32,11 @@ def run_of_arrays(
 ) -> tuple[Experiment, Run]:
     """The experiment of one run whose signals are arrays, and the run.
 
-    Signals are anything that NumPy takes for n numbers, None where not measured, with units such as `deg/s` of those that
-    are not in SI; options are as under `fit` in an experiment file, and `more` other keys of it, where a number is in SI.
+    Signals are anything that NumPy takes for n numbers, None where not measured, with units such as `deg/s` of those
+    that are not in SI; options are as under `fit` in an experiment file, and `more` other keys of it, where a number is
+    in SI.
 
-    Raises InputError where a signal is not n finite numbers, the first row that is not named; where a unit is of no such
-    signal, or the kind or an option is unknown.
+    Raises InputError where a signal is not n finite numbers, or a unit, the kind or an option is unknown.
     """
     joint = {"name": "joint", "kind": kind}
     validate(JointDescription, joint, "joint", None)  # before units are asked of its kind
@@ -49,9 +48,8 @@ def run_of_arrays(
     sizes = {name: x.size for name, x in columns.items()}
     if len(set(sizes.values())) > 1:
         raise InputError(f"arrays differ in length: {', '.join(f'{name} has {n}' for name, n in sizes.items())}")
-    declared = {
-        name: {"column": name, "unit": units.get(name, "s" if name == "time" else unit(name, kind))} for name in columns
-    }
+    si = {name: "s" if name == "time" else unit(name, kind) for name in columns}
+    declared = {name: {"column": name, "unit": units.get(name, si[name])} for name in columns}
     data = {
         "path": _HERE,
         "joint": joint,
@@ -76,7 +74,7 @@ def run_of_arrays(
 def together(
     first: tuple[Experiment, tuple[Run, ...]], *others: tuple[Experiment, tuple[Run, ...]]
 ) -> tuple[Experiment, tuple[Run, ...]]:
-    """One experiment of the runs of several, with the options and the joint of the first; each run once, each name once."""
+    """The runs of several experiments as one, with the options and joint of the first; each run and each name once."""
     files, runs, names = list[Any](), list[Run](), set[str]()
     for experiment, own in (first, *others):
         for entry, run in zip(experiment.runs, own, strict=True):
@@ -92,18 +90,13 @@ def together(
 
 
 def seconds(index: Any) -> Any:
-    """The index of a series as time, s from its first entry where it is of dates or durations; None where it is none.
-
-    An index that counts rows is no time.
-    """
+    """The index of a series as time, from the first date; None where it counts rows or there is none."""
     index = getattr(index, "index", None)
-    if index is None or callable(index) or type(index).__name__ == "RangeIndex":
-        return None
-    return _in_seconds(index)
+    return None if callable(index) or type(index).__name__ == "RangeIndex" else _in_seconds(index)
 
 
 def _in_seconds(values: Any) -> Any:
-    """Dates and durations as s from the first one; all else as it is."""
+    """Dates and durations as s from the first one; other values unchanged."""
     if not hasattr(values, "dtype"):
         return values
     if getattr(values.dtype, "tz", None) is not None:  # instants, which NumPy knows without zones alone
@@ -124,12 +117,10 @@ def _column(name: str, values: Any) -> Array:
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} is not an array of numbers ({error}); expected n numbers") from error
     if column.ndim != 1:
-        raise InputError(
-            f"{name} has shape {column.shape}; expected (n,), as of one column of a data frame, frame[{name!r}]"
-        )
+        expected = f"expected (n,), as of one column of a data frame, frame[{name!r}]"
+        raise InputError(f"{name} has shape {column.shape}; {expected}")
     missing = np.flatnonzero(~np.isfinite(column))
     if missing.size:
-        raise InputError(
-            f"{name} is missing or not finite in {missing.size} of {column.size} rows, first in row {missing[0]} (from 0); leave these rows out"
-        )
+        rows = f"{missing.size} of {column.size} rows, first in row {missing[0]} (from 0)"
+        raise InputError(f"{name} is missing or not finite in {rows}; leave these rows out")
     return column
