@@ -1,4 +1,4 @@
-"""Whether position, logged velocity and time of a moving record go together: jumps, irregular sampling, a lag."""
+"""Checks of position, logged velocity and time of a moving record: jumps, irregular sampling, a lag."""
 
 from collections.abc import Iterator, Sequence
 
@@ -16,21 +16,20 @@ from bristle.findings import CAUTION, Finding
 SPANS = (1, 4, 16, 64, 256)  # samples over which travel is compared: noise hides a short one, a reversal a long one
 FEWEST = 20  # spans that tell a factor, or a lag
 _AROUND = 5  # samples on either side that tell the usual travel of one
-_JUMP = 10.0
-"""Its standard deviations, beyond which a step of the position is a jump: the noise of steps is no worse than that."""
+_JUMP = 10.0  # standard deviations of a step, beyond which it is a jump: noise of steps is no worse
 _NAMED = 4  # places in one sentence
 _HELD = 3  # times that a reading repeats, and more counts that it then catches up by than the motion makes in a sample
 _BESIDE = 20  # samples on either side of a held reading that tell its speed
 
 
 def shortened(names: list[str]) -> tuple[str, ...]:
-    """A few of them, and how many more."""
+    """A few of the names, and how many more there are."""
     more = len(names) - _NAMED
     return tuple(names) if more <= 1 else (*names[:_NAMED], f"and {more} more")
 
 
 def position_jumps(record: Record, signals: Signals, context: Context) -> Finding | None:
-    """Steps of the position in motion that neither speed nor time explains; under counted time those of lost samples."""
+    """The caution on steps of the position in motion that neither speed nor time explains, or on lost samples."""
     if record.position is None or record.time.size < 2 * BLOCK:
         return None
     count = smallest_step(record.position)
@@ -53,22 +52,24 @@ def position_jumps(record: Record, signals: Signals, context: Context) -> Findin
     if counted and all(samples > 0 for *_, samples in places):
         place = f"{where} (about {sum(n for *_, n in places):.1f} samples)"
         message = (
-            f"Samples are missing, or the encoder slipped: {place}{OTHER_PLACES}. The position jumps there by more than its speed explains, "
-            "while the time goes on: speeds from it, and the acceleration there, are wrong. Log the time of each sample, or split the log."
+            f"Samples are missing, or the encoder slipped: {place}{OTHER_PLACES}. The position jumps there by more than its "
+            "speed explains, while the time goes on: speeds from it, and the acceleration there, are wrong. Log the time of "
+            "each sample, or split the log."
         )
         return Finding("lost-samples", CAUTION, message, {"files": (place,)})
     largest = max((size for _, size, _ in places), key=abs)
     most = "up to " if len(places) > 1 else ""
     place = f"{where} (by {most}{abs(largest):.2g} {si('position', context)})"
     message = (
-        f"The position jumps: {place}{OTHER_PLACES}. Neither its speed nor the time explains it, as where an encoder slips, misses counts or "
-        "is reset: speeds from it, and the acceleration there, are wrong. Mend the encoder, or split the log there."
+        f"The position jumps: {place}{OTHER_PLACES}. Neither its speed nor the time explains it, as where an encoder slips, "
+        "misses counts or is reset: speeds from it, and the acceleration there, are wrong. Mend the encoder, or split the "
+        "log there."
     )
     return Finding("position-jumps", CAUTION, message, {"files": (place,)})
 
 
 def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, float, float]]:
-    """Where steps (n,), longer than those about them or intervals (n,) say, are jumps; by how much, and the travel of how many samples."""
+    """Places of jumps among steps (n,), over intervals (n,); by how much, and the travel of how many samples."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     windows = np.lib.stride_tricks.sliding_window_view(steps, _AROUND)
@@ -97,7 +98,7 @@ def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, floa
 
 
 def _rows(record: Record, signals: Signals, samples: Sequence[int]) -> tuple[str, list[int]]:
-    """What the file calls its rows, and the numbers of these samples: lines of a text file, else rows of data."""
+    """The word of the file for its rows, and the numbers of these samples: lines of text, else rows of data."""
     if record.lines is not None:
         return "line", [int(record.lines[k]) for k in samples]
     rate = None if signals.time is None else signals.time.rate
@@ -105,7 +106,7 @@ def _rows(record: Record, signals: Signals, samples: Sequence[int]) -> tuple[str
 
 
 def held_position(record: Record, signals: Signals) -> Finding | None:
-    """A reading that stays the same in the midst of a motion, and then catches up at once: it was not refreshed."""
+    """The caution on readings that repeat in the midst of a motion, and then catch up: they were not refreshed."""
     if record.position is None or record.time.size < 2 * BLOCK:
         return None
     found = list[tuple[int, int]]()
@@ -133,40 +134,43 @@ def held_position(record: Record, signals: Signals) -> Finding | None:
     samples = int(np.median([n for _, n in found]))
     share = 100 * sum(n for _, n in found) / record.position.size
     message = (
-        f"The position stays the same for {samples} samples of a motion and then catches up at once: {place}{OTHER_PLACES}, {share:.2g} % "
-        "of the samples. The reading was not refreshed: speeds from it, and the acceleration there, are wrong. Log each reading once, with the "
-        "time at which it was taken."
+        f"The position stays the same for {samples} samples of a motion and then catches up at once: {place}{OTHER_PLACES}, "
+        f"{share:.2g} % of the samples. The reading was not refreshed: speeds from it, and the acceleration there, are wrong. "
+        "Log each reading once, with the time at which it was taken."
     )
     return Finding("position-held", CAUTION, message, {"files": (place,), "samples": samples, "share": share})
 
 
 def irregular_sampling(record: Record) -> Finding | None:
-    """Noise of the position that is white and grows with the speed: of the instants of sampling, which no stamp tells."""
+    """The caution on white noise of the position that grows with the speed: of unknown instants of sampling."""
     about = jitter(record, record.time / record.step)
     if about < UNEVEN:
         return None
     message = (
-        f"The position of {record.file}{OTHER_FILES} is noisy in proportion to its speed, as if sampled {about:.2g} of a sample (standard "
-        "deviation) off its time: this takes away from the inertia. Log the time at which each sample was taken, in the loop of the controller."
+        f"The position of {record.file}{OTHER_FILES} is noisy in proportion to its speed, as if sampled {about:.2g} of a "
+        "sample (standard deviation) off its time: this takes away from the inertia. Log the time at which each sample was "
+        "taken, in the loop of the controller."
     )
     return Finding("sampled-irregularly", CAUTION, message, {"files": (record.file,), "jitter": about})
 
 
 def travels(record: Record, spans: Sequence[int] = SPANS) -> Iterator[tuple[Array, Array, Array]]:
-    """Travel of the position, of the integral of the logged velocity, and change of that over each of some spans of samples; nothing without both."""
+    """Travel of the position, of the integral of the logged velocity, and change of velocity, over spans of samples.
+
+    Nothing without both signals.
+    """
     if record.position is None or record.velocity is None or record.velocity_estimated:
         return
     area = np.concatenate([[0.0], np.cumsum((record.velocity[1:] + record.velocity[:-1]) / 2 * np.diff(record.time))])
     for span in spans:
         ends = [np.arange(s.start, s.stop, span) for s in between_gaps(record)]
-        moved, said, changed = (
-            np.concatenate([np.diff(x[k]) for k in ends]) for x in (record.position, area, record.velocity)
-        )
+        both = (record.position, area, record.velocity)
+        moved, said, changed = (np.concatenate([np.diff(x[k]) for k in ends]) for x in both)
         yield moved, said, changed
 
 
 def velocity_lag(record: Record) -> Finding | None:
-    """A logged velocity that is late, or early, against the position.
+    """The caution on a logged velocity that is late, or early, against the position.
 
     The integral of a velocity through one pole of time constant L is behind the position by L times its change; of one
     that is L late, to the first order. Regression over spans, with a factor and an offset beside it: noise of the
@@ -199,9 +203,9 @@ def velocity_lag(record: Record) -> Finding | None:
     )
     lag, samples, error = abs(lag), abs(lag) / record.step, error / record.step
     message = (
-        f"The logged velocity of {record.file}{OTHER_FILES} {lags} its position by {lag:.2g} s ({samples:.2g} samples, standard error "
-        f"{error:.2g}), as where it is {why}: friction at reversals and the inertia are wrong. Leave `velocity` out under signals to have it "
-        f"estimated from the position, or log {remedy}."
+        f"The logged velocity of {record.file}{OTHER_FILES} {lags} its position by {lag:.2g} s ({samples:.2g} samples, "
+        f"standard error {error:.2g}), as where it is {why}: friction at reversals and the inertia are wrong. Leave "
+        f"`velocity` out under signals to have it estimated from the position, or log {remedy}."
     )
     numbers = {"files": (record.file,), "lag": lag, "samples": samples, "error": error, "remedy": remedy}
     return Finding("velocity-lags", CAUTION, message, numbers)

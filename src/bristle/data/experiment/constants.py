@@ -131,8 +131,7 @@ def coasted(record: Record, coasting: Coasting, context: Context) -> Record:
 
 
 def hangs_at(record: Record, context: Context, effort: Array, *beside: Array) -> float:
-    """Position where a joint hangs, rad: zero of the sine in a regression of an effort on sin(q), cos(q), sgn(v), v,
-    more.
+    """Where a joint hangs, rad: zero of the sine in a regression of an effort on sin(q), cos(q), sgn(v), v and others.
 
     Raises InputError where the run has no position, or the joint slides.
     """
