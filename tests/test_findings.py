@@ -17,7 +17,7 @@ from bristle.findings import CAUTION, NOTE, Finding, Severity, unit_of, with_sub
 from bristle.identification.results import Joint
 from bristle.identification.verdict import WEIGHTIEST_FIRST
 from bristle.model.parameters import units_of
-from bristle.page.entries import entries
+from bristle.page.said import entries
 from bristle.questions.compensation.replay import replays
 from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.sentences import choice

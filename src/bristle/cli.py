@@ -568,7 +568,7 @@ def explain(code: str) -> None:
 
     Example: bristle explain lacks-a-term
     """
-    from bristle.page.entries import by_code, explanation
+    from bristle.page.said import by_code, explanation
 
     _tell(explanation(by_code(code)))
 
@@ -610,7 +610,7 @@ def _drafted(
     """
     from bristle.api.sources import load_text
     from bristle.data.binary_tables import is_json_log
-    from bristle.data.ros.storage import is_bag
+    from bristle.data.ros.bag import is_bag
 
     own = {"", ".yaml", ".yml", *([] if sources and is_json_log(sources[0]) else [".json"])}
     if sources and (sources[0].suffix.lower() not in own or is_bag(sources[0])):

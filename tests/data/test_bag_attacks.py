@@ -17,8 +17,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bristle.data.columns import Key
-from bristle.data.ros import storage
-from bristle.data.ros.messages import Topic, types_of
+from bristle.data.ros import bag as ros
+from bristle.data.ros.bag import Topic, types_of
 from bristle.data.text_table import read_table
 from bristle.errors import InputError
 
@@ -233,12 +233,12 @@ def test_records_that_are_broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert not read
     # many messages, each within bounds, are read no further than the file's size explains; a bag over the limit is refused before it is
     # read
-    monkeypatch.setattr(storage, "_BYTES", 2**16)
+    monkeypatch.setattr(ros, "_BYTES", 2**16)
     message = _message(b"\0\1\0\0" + bytes(8) + _text("x" * (2**16 - 1) + "\0") + bytes(16))
     chunk = _chunk(_packed(message, "zstd"), "zstd", len(message))
     path = _mcap(tmp_path / "x.mcap", _CHANNEL, *[chunk] * 500)
     assert "far more bytes than the file explains" in str(_refusal(path))
-    monkeypatch.setattr(storage, "MAX_BYTES", 1000)
+    monkeypatch.setattr(ros, "MAX_BYTES", 1000)
     assert "over the limit of 1000" in str(_refusal(path))
 
 
@@ -297,7 +297,7 @@ _GARBAGE = [
 def test_any_text_as_a_definition(text: str) -> None:
     """Whatever text stands as a definition, fields or one sentence come of it."""
     try:
-        types_of(Topic("/a", "a_msgs/msg/A", "cdr", text, False, frozenset([1]), storage.Bag(Path(), ())))
+        types_of(Topic("/a", "a_msgs/msg/A", "cdr", text, False, frozenset([1]), ros.Bag(Path(), ())))
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017  # or no error at all
 

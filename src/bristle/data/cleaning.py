@@ -146,8 +146,8 @@ def _drop_bad(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
     for name, values in rows.data.items():
         missing = ~np.isfinite(values)
         if missing.all():
-            why = f"no finite number in any of {table.rows} rows"
-            raise InputError(f"{name} holds {why}; name the column that was logged")
+            what = f"no finite number in any of {table.rows} rows"
+            raise InputError(f"{name} holds {what}; name the column that was logged")
         bad |= missing
     if bad.all() and cleaning.non_finite == "drop":
         raise InputError(f"no row of {table.rows} is finite in every signal; leave out a signal that was not logged")
@@ -156,8 +156,8 @@ def _drop_bad(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
     rows.drop(bad, why, refused * (cleaning.non_finite == "refuse"))
     off = rows.data.pop("enabled", np.ones(0)) == 0
     if off.any() and off.all():
-        why = f"enabled is 0 in all {off.size} rows: the drive was never on"
-        raise InputError(f"{why}; name another column, or leave enabled out")
+        what = f"enabled is 0 in all {off.size} rows: the drive was never on"
+        raise InputError(f"{what}; name another column, or leave enabled out")
     rows.off_before = np.cumsum(off) if off.any() else rows.off_before
     said = "left out {}: the drive is off there and the motor open, so its command is not a torque"
     rows.drop(off, Finding("rows-motor-off", NOTE, said))
@@ -235,7 +235,7 @@ def _take(rows: _Rows, name: str, signal: Signal, starts: tuple[int, ...]) -> No
     rows.data[name] = np.concatenate([np.interp(t + signal.delay, t, values) for t, values in parts])
     way = "earlier" if late else "later"
     message = f"{name.capitalize()} taken {delay:.4g} s {way} than logged: the declared delay."
-    rows.notes.append(Finding(f"taken-{way}", NOTE, message, {"delay": delay}))
+    rows.notes.append(Finding("taken-earlier" if late else "taken-later", NOTE, message, {"delay": delay}))
 
 
 def _enough(rows: _Rows) -> None:

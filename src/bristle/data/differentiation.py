@@ -160,8 +160,7 @@ def without_rests(record: Record) -> Record:
 
 
 def let_go(record: Record) -> Record:
-    """The record of a coasting joint from where it was let go to where it stopped: a hand that holds it is friction,
-    too.
+    """The record of a coasting joint from where it is let go to where it stops: a hand that holds it is friction, too.
 
     A rest at an end is where the joint stays within 0.002 of its travel for longer than it then takes to go 0.02 of it;
     a constant deceleration takes half as long.

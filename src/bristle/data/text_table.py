@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.binary_tables import READERS, read_binary
 from bristle.data.columns import Key, reading, seconds_of_stamps
+from bristle.data.ros.bag import is_bag
 from bristle.data.ros.read import read_bag
-from bristle.data.ros.storage import is_bag
 from bristle.data.text_layout import LONGEST, Layout, is_stamp, text_layout
 from bristle.errors import InputError, check_regular, short, short_list, unreadable
 from bristle.findings import CAUTION, Finding

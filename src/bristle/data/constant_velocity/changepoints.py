@@ -133,8 +133,7 @@ def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
 
 
 def _without_transient(torque: Array, s: CandidateSpan) -> CandidateSpan:
-    """A plateau from the least standard error of its mean torque on (White, 1997), in its first quarter or three
-    quarters."""
+    """A plateau from the least standard error of its mean torque on (White, 1997), in its first quarter or 3/4."""
     length = max((s.stop - s.start) // 64, 1)  # 64 parts of a plateau of which the first may be dropped
     count = (s.stop - s.start) // length
     t = torque[s.start : s.start + count * length].reshape(count, length).mean(axis=1)

@@ -148,7 +148,7 @@ def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresho
 
 
 def _settling(velocity: Array, cut: Sequence[CandidateSpan]) -> list[CandidateSpan | None]:
-    """The plateau that each candidate begins or ends: 3 times as long, speeds within 10 % up to it, over a third of it."""
+    """The plateau that each candidate begins or ends: 3 times as long, speeds within 10 % up to it, over 1/3 of it."""
     means = [float(np.mean(velocity[s.start : s.stop])) for s in cut]
     owner: list[CandidateSpan | None] = [None] * len(cut)
     for j, plateau in enumerate(cut):

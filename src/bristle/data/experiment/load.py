@@ -12,8 +12,7 @@ from bristle.data.cleaning import make_record
 from bristle.data.constant_velocity.acceptance import Thresholds
 from bristle.data.experiment import schema
 from bristle.data.experiment.constants import Constant, coasted, torque_constants, torque_shifts
-from bristle.data.experiment.gear import SIDED, Gear
-from bristle.data.experiment.signals import DRIVE, GAINS, Cleaning, Context, Signals, quantity, si
+from bristle.data.experiment.signals import DRIVE, GAINS, SIDED, Cleaning, Context, Gear, Signals, quantity, si
 from bristle.data.experiment.tables import RunFiles, Source, joined, keys_of, matches, part_of, read_columns, sources_of
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
 from bristle.data.record import Record

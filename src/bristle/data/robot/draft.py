@@ -8,8 +8,8 @@ from bristle.data.experiment.column_names import guess_columns
 from bristle.data.experiment.draft import DRIVES, SIGNALS, STATE_FIELDS, Told, is_there, quoted, relative
 from bristle.data.robot.robot_file import FREE
 from bristle.data.robot.urdf import Urdf, UrdfJoint, read_urdf
+from bristle.data.ros.bag import is_bag
 from bristle.data.ros.read import joint_states
-from bristle.data.ros.storage import is_bag
 from bristle.data.text_layout import text_layout
 from bristle.data.text_table import is_text, naming
 from bristle.errors import InputError, short_list

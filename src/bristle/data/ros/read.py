@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.columns import Key, bounded, brought_to, reading
-from bristle.data.ros import messages as ros
-from bristle.data.ros.messages import NO_STAMP, Messages, NamedJoint, Topic, Types, numbers_of, types_of
-from bristle.data.ros.storage import DAMAGED, WHAT, Bag, digest_of, open_bag, opened
+from bristle.data.ros import bag as ros
+from bristle.data.ros.bag import NO_STAMP, Bag, FieldPath, Messages, NamedJoint, Topic, Types, numbers_of, types_of
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.findings import NOTE, Finding
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 RECEIVED = "time"  # in place of a field: when a message was received
-STAMP = ros.Path(("header", "stamp"), is_stamp=True)
+STAMP = FieldPath(("header", "stamp"), is_stamp=True)
 _LONGEST = 1000  # characters of a column's name
 _STEP = re.compile(r"([A-Za-z]\w*)(?:\[([^\[\]]*)\])?(\.|$)")
 _LISTED = 60  # columns of a topic that are listed
@@ -31,7 +30,7 @@ class Target(NamedTuple):
     """What a column is: a path in the messages of a topic, or when they were received (None)."""
 
     topic: str
-    path: ros.Path | None
+    path: FieldPath | None
 
     @property
     def is_time(self) -> bool:
@@ -42,7 +41,7 @@ class Target(NamedTuple):
 def topics_of(bag: Bag) -> dict[str, Topic]:
     """The topics of a bag by name; the kind is empty where there are several. Raises InputError where it cannot be read."""
     topics: dict[str, Topic] = {}
-    with opened(bag) as reader, reading(WHAT, DAMAGED):
+    with ros.opened(bag) as reader, reading(ros.WHAT, ros.DAMAGED):
         connections = list(reader.connections)
     for c in connections:
         name = check_name(c.topic, "the topic")
@@ -83,7 +82,7 @@ def target_of(key: Key, topics: Mapping[str, Topic]) -> Target:
     return Target(name, None if received else _path(rest, key, topic, types))
 
 
-def _path(text: str, key: Key, topic: Topic, types: Types) -> ros.Path:
+def _path(text: str, key: Key, topic: Topic, types: Types) -> FieldPath:
     """The path in a message that a name means, to a number or a stamp, checked against the message's type."""
     part: Any = (ros.MESSAGE, topic.kind)
     steps, at = list[str | int | NamedJoint](), 0
@@ -115,7 +114,7 @@ def _path(text: str, key: Key, topic: Topic, types: Types) -> ros.Path:
             steps.append(NamedJoint(inner) if by_name else int(inner))
             part = part[1][0]
     if ros.is_stamp(part) or ros.is_number(part):
-        return ros.Path(tuple(steps), is_stamp=ros.is_stamp(part))
+        return FieldPath(tuple(steps), is_stamp=ros.is_stamp(part))
     if part[0] == ros.MESSAGE:
         why = f"is not a number but a message with {short_list(types[part[1]])}; name one of these"
     elif part[0] == ros.BASE:
@@ -134,11 +133,11 @@ def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tu
 
     Raises InputError; needs the extra `ros`.
     """
-    bag = open_bag(path)
+    bag = ros.open_bag(path)
     topics = topics_of(bag)
     targets = {key: target_of(key, topics) for key in keys}
     if not targets:
-        return {}, digest_of(bag), ()
+        return {}, ros.digest_of(bag), ()
     names = list(dict.fromkeys(target.topic for target in targets.values()))
     times = list(dict.fromkeys(target for target in targets.values() if target.is_time))
     if len(names) > 1 and len(times) != 1:
@@ -150,7 +149,7 @@ def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tu
     base = next(iter([*times, *targets.values()]))
 
     # the clock of each of several topics: the stamps in its header, if the time is a stamp, else the receive times
-    clocks: dict[str, ros.Path | None] = {}
+    clocks: dict[str, FieldPath | None] = {}
     for name in names if len(names) > 1 else ():
         types = types_of(topics[name])
         header = types[topics[name].kind].get("header", ())
@@ -194,7 +193,7 @@ def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tu
             f"outside them, or in gaps longer than {_GAP} intervals, left empty."
         )
         notes.append(Finding("topics-interpolated", NOTE, message, {"rows": rows}))
-    return columns, digest_of(bag), tuple(notes)
+    return columns, ros.digest_of(bag), tuple(notes)
 
 
 def _seconds(stamps: NDArray[np.int64], origin: int) -> Array:
@@ -235,7 +234,7 @@ def joint_states(path: Path) -> tuple[str, tuple[str, ...]]:
 
     Raises InputError where there is no such topic, or there are several; needs the extra `ros`.
     """
-    topics = topics_of(open_bag(path))
+    topics = topics_of(ros.open_bag(path))
     states = [name for name, t in topics.items() if t.kind == JOINT_STATE]
     if len(states) != 1:
         raise InputError(
@@ -260,7 +259,7 @@ def bag_columns(path: Path) -> tuple[str, ...]:
                 yield from leaves(types, part[1], f"{name}.{field}", depth + 1)
 
     names = list[str]()
-    for topic in topics_of(open_bag(path)).values():
+    for topic in topics_of(ros.open_bag(path)).values():
         with suppress(InputError):  # of a topic that cannot be read, and may not be wanted
             names += list(leaves(types_of(topic), topic.kind, topic.name))[:_LISTED]
             joints = _joints(topic) if topic.kind == JOINT_STATE else ()
@@ -270,7 +269,7 @@ def bag_columns(path: Path) -> tuple[str, ...]:
 
 def time_column(path: Path, column: str) -> str:
     """The time of a column's topic: its stamps, or its receive times where it has none. Raises InputError."""
-    topics = topics_of(open_bag(path))
+    topics = topics_of(ros.open_bag(path))
     topic = target_of(Key(column), topics).topic
     with suppress(InputError):
         read_bag(path, [Key(f"{topic}.header.stamp")])
