@@ -1,4 +1,4 @@
-"""The array API, for notebooks: what `identify` does for files."""
+"""The array API, for notebooks: `identify` for arrays in place of files."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -191,9 +191,8 @@ def fit_dynamic(
     """
     priors = [priors] if isinstance(priors, Fit) else priors
     if not all(isinstance(x, Fit) for x in priors):
-        raise InputError(
-            f"priors: got {short(priors)}; expected what fit, fit_presliding or fit_dynamic gave, in a list"
-        )
+        expected = "what fit, fit_presliding or fit_dynamic gave, in a list"
+        raise InputError(f"priors: got {short(priors)}; expected {expected}")
     signals = _signals(t, position, torque, velocity)
     known = {} if inertia is None else {"inertia": inertia}
     own = _run_of("tracking", signals, units or {}, kind, {**_options_of(priors), **options}, **known)
@@ -244,10 +243,8 @@ def simulate(velocity: "ArrayLike", dt: float, of: Fit | Lugre[float] | Pair[flo
         for d in SIGNED:
             names = known.missing(d)
             if not known.has_law(d) or "sigma_0" in names or "sigma_1" in names:
-                what = ", ".join(names) or "friction vs velocity"
-                raise InputError(
-                    f"simulate: {what} of direction {d} is not known; fit a motion that shows it, or give a Lugre"
-                )
+                what = f"{', '.join(names) or 'friction vs velocity'} of direction {d}"
+                raise InputError(f"simulate: {what} is not known; fit a motion that shows it, or give a Lugre")
         make = lugre_of(known.law)
         of = Pair(*(make(*(known.values(d)[name] for name in fields_of(known.law))) for d in SIGNED))
     v = as_floats(velocity)
@@ -259,7 +256,7 @@ def simulate(velocity: "ArrayLike", dt: float, of: Fit | Lugre[float] | Pair[flo
 
 
 def _signals(t: Any, position: Any, torque: Any, velocity: Any) -> dict[str, Any]:
-    """By name. Raises InputError where there is no time."""
+    """Signals by name. Raises InputError where there is no time."""
     time = _seconds(position) if t is None else t
     if time is None:
         raise InputError("t: missing; give n times, or a series whose index is the time as position")
@@ -267,12 +264,12 @@ def _signals(t: Any, position: Any, torque: Any, velocity: Any) -> dict[str, Any
 
 
 def _options_of(others: Sequence[Fit]) -> dict[str, Any]:
-    """The directions and the law of the first of other fits of the same joint, taken where none are asked for."""
+    """Directions and law of the first of other fits of the same joint, unless others are asked for."""
     return others[0].measured.experiment.fit.model_dump(include={"directions", "law"}) if others else {}
 
 
 def _fitted(stage: Stage, own: tuple[Experiment, Run], others: Sequence[Fit] = (), *, uncertainty: bool = False) -> Fit:
-    """What a run and those of other fits give together, as one experiment."""
+    """The fit of a run together with those of other fits, as one experiment."""
     experiment, run = own
     runs = _together((experiment, (run,)), *((x.measured.experiment, x.measured.runs) for x in others))
     measured = measured_of(*runs)
@@ -280,11 +277,10 @@ def _fitted(stage: Stage, own: tuple[Experiment, Run], others: Sequence[Fit] = (
 
 
 def _of_frame(frame: Any, column: Any, name: str) -> Any:
-    """A column of a data frame. Raises InputError where it has none of that name."""
+    """A column of a data frame. Raises InputError where there is none of that name."""
     if not isinstance(column, str) or column not in frame.columns:
-        raise InputError(
-            f"{name}: got {short(column)}; expected one of the data frame's columns: {short_list(map(str, frame.columns))}"
-        )
+        there = short_list(map(str, frame.columns))
+        raise InputError(f"{name}: got {short(column)}; expected one of the data frame's columns: {there}")
     return frame[column].to_numpy()
 
 

@@ -1,4 +1,4 @@
-"""The questions that a user asks of logs, of experiments, and of what was identified from them."""
+"""The questions that a user asks of logs, of experiments, and of results."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 Answer = Comparison | Plan | SensitivityStudy | Study | Validation
-"""What questions give. The `report.py` beside each makes sections of it; it is imported only then, for it draws."""
+"""Results of questions; the `report.py` beside each makes sections of it, and is imported only then, for it draws."""
 
 
 def report(
@@ -80,7 +80,7 @@ def report(
         begun: dict[str, dict[str, Drawing]] = {}
 
         def draw(joint: Joint) -> None:
-            """Have the figures of a joint drawn while others are identified."""
+            """Draw the figures of a joint while others are identified."""
             begun[joint.name] = drawings(joint, share)
 
         results = identified(
@@ -314,8 +314,7 @@ def report_of(result: Answer | Fleet) -> "Report":
     if isinstance(result, Fleet):
         return result.report()
     if not isinstance(result, Answer):
-        raise InputError(
-            f"got a {type(result).__name__}; expected a result of adapt, compare, fleet, plan, sensitivity or validate"
-        )
+        expected = "a result of adapt, compare, fleet, plan, sensitivity or validate"
+        raise InputError(f"got a {type(result).__name__}; expected {expected}")
     made: Report = import_module(f"{type(result).__module__.rpartition('.')[0]}.report").report(result)
     return made

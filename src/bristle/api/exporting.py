@@ -1,4 +1,4 @@
-"""What identified joints are handed over as: C code, models for simulators, documents, and a page to play with."""
+"""Exports of identified joints: C code, models for simulators, documents, and an interactive page."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -84,7 +84,7 @@ def export(
 
 
 def exported_joints(known: Known, joint: str | None = None) -> tuple[ExportedJoint, ...]:
-    """What would be handed over of identified joints, or of one of them. Raises InputError as `export` does."""
+    """Identified joints, or one of them, as they are exported. Raises InputError as `export` does."""
     return _handed(known, joint, None)[2]
 
 
@@ -106,7 +106,7 @@ def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
 def _handed(
     known: Known, joint: str | None, progress: Progress | None
 ) -> tuple[Results, list[tuple[Joint, Experiment | None]], tuple[ExportedJoint, ...], tuple[Finding, ...]]:
-    """Results, the joints with their experiments as far as these are known, as they are handed over, and of several why some cannot be.
+    """Results, joints with their experiments as far as known, as they are exported, and why others cannot be.
 
     Raises InputError where none can.
     """
@@ -137,7 +137,7 @@ def _handed(
 def _compensator(
     results: Results, joint: Joint, experiment: Experiment | None, name: Any, law: Any, step: Any
 ) -> Compensator:
-    """As it is asked for, here or in the experiment file; its rates and the observer's gain are those of the joint's loop."""
+    """The compensator as asked for; its rates and the observer's gain are those of the joint's loop."""
     name = name or (experiment.adapt.compensator if experiment else None) or "lugre"
     if law is None and name != "lugre-observer":
         return Compensator(name=name)
@@ -180,7 +180,7 @@ def explore(
 
 
 def explorers(results: Results, share: Share) -> Iterator["Explorer | None"]:
-    """The one page of all joints, made by whoever shares the work; None where nothing is known of the friction over velocity."""
+    """The page of all joints, made by whoever shares the work; None where no friction over velocity is known."""
     return iter(share(_explorer, [_known(results)]))
 
 
@@ -201,7 +201,7 @@ def _known(results: Results, joint: str | None = None) -> _Known:
 
 
 def known_loop(results: Results, joint: Joint) -> JointLoop | str:
-    """The loop of an identified joint, the paper's own of the embedded ones, or the sentence why there is none."""
+    """The loop of an identified joint, the paper's for the embedded ones, or the reason why there is none."""
     try:
         experiment, folder = results.logs.experiment_of(joint)
         if folder != edro.datasets_folder() or joint.name not in edro.TABLE_1:
