@@ -1,4 +1,4 @@
-"""A table as CSV: the one way in which bristle writes one, safe to open in a spreadsheet."""
+"""Tables as CSV, safe to open in a spreadsheet."""
 
 import csv
 import io
@@ -27,14 +27,14 @@ def to_csv(frame: "pd.DataFrame", float_format: str | None = None) -> str:
 
 
 def cells(texts: Iterable[str]) -> str:
-    """Texts side by side as a row of CSV has them, each as in `to_csv`; without the end of the line."""
+    """A row of CSV of texts, each as in `to_csv`, without the end of the line."""
     row = io.StringIO()
     csv.writer(row, lineterminator="").writerow(map(plain, texts))
     return row.getvalue()
 
 
 def plain(value: Any) -> Any:
-    """A cell that no spreadsheet runs, and whose lines end as the writer knows to quote; what is no text stays."""
+    """A cell that no spreadsheet runs, with plain ends of lines; what is no text is returned as it is."""
     if not isinstance(value, str):
         return value
     formula = _FORMULA.match(value) and not _HARMLESS.fullmatch(value)

@@ -1,4 +1,4 @@
-"""Plain text for a terminal: 80 columns, in which no number is broken and what belongs to it stays beside it."""
+"""Plain text for a terminal: 80 columns, in which no number is broken or parted from its unit."""
 
 import re
 import textwrap
@@ -10,11 +10,10 @@ from bristle.page.wording import measured, span
 WIDTH = 80  # columns of a terminal that nobody has made wider
 _SIGNS = str.maketrans({"±": "+/-", "∞": "inf", "−": "-", "·": "*", "\N{NO-BREAK SPACE}": " "})
 _INTERVAL = re.compile(r"\[[^\[\]]{1,60}\]")
-_NUMBER = re.compile(
+_NUMBER = re.compile(  # blanks inside a number: about its error, after a comparison, before its unit
     r"(?<=[\d.]) (?=\+/-)|(?<=\+/-) (?=[\d.])|(?<=[=<>~]) (?=[-\d.])"
     r"|(?<=[\d.\])]) (?=%|1/|(?:N|A|V|J|C|s|m|ms|mm|Hz|kHz|rad|mrad|deg|kg|ohm|counts?)(?![\w-]))"
 )
-"""Blanks inside a number: about its sign of error, after a sign of comparison, and before its unit."""
 
 
 def pair(value: float | None, error: float | None) -> str:
@@ -33,9 +32,9 @@ def in_unit(value: str, si: str) -> str:
 
 
 def wrapped(lines: Iterable[str], width: int = WIDTH) -> Iterator[str]:
-    """Each line, broken where it is too long for the terminal: never inside a number, an interval or a word.
+    """Lines broken at 80 columns, never inside a number, an interval or a word.
 
-    What goes on stands two columns further in; a word that is longer than a line, as a path, stays whole.
+    Continued lines are indented by two more columns; a word that is longer than a line, as a path, stays whole.
     """
     for given in lines:
         line = given.replace("±", "+/-")
@@ -52,9 +51,9 @@ def wrapped(lines: Iterable[str], width: int = WIDTH) -> Iterator[str]:
 
 
 def columns(rows: Sequence[Sequence[str]], indent: int = 2, width: int = WIDTH) -> Iterator[str]:
-    """Rows of cells under one another; cells that do not fit into the width stand on a line of their own, whole.
+    """Rows of cells in columns, two blanks apart; cells that do not fit into the width stand whole on their own line.
 
-    Two blanks part the columns; a row may have fewer cells than others.
+    A row may have fewer cells than others.
     """
     widths = [max(map(len, cells)) for cells in zip_longest(*rows, fillvalue="")]
     for row in rows:

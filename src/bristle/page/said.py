@@ -16,7 +16,7 @@ from bristle.page.wording import direction, in_print
 
 
 class Entry(NamedTuple):
-    """The explanation of one code."""
+    """The explanation of a code."""
 
     code: str
     severity: str  # several where it depends on what was found
@@ -27,7 +27,7 @@ class Entry(NamedTuple):
 
 @cache
 def entries() -> Mapping[str, Entry]:
-    """All of them by code, as docs/warnings.md has them: under `### Critical: reason` the advice, then a paragraph `**code**: meaning` each."""
+    """All entries by code, as in docs/warnings.md: under `### Critical: reason` advice, then `**code**: meaning` each."""
     here = Path(__file__).resolve()
     places = here.parents[1] / "warnings.md", here.parents[3] / "docs" / "warnings.md"  # installed; in a checkout
     text = next(place for place in places if place.is_file()).read_text(encoding="utf-8")
@@ -43,7 +43,7 @@ def entries() -> Mapping[str, Entry]:
 
 
 def by_code(code: str) -> Entry:
-    """The entry of a code, in any case, with hyphens or underscores. InputError where there is none, with those that are near."""
+    """The entry of a code, in any case, with hyphens or underscores. Raises InputError where there is none."""
     asked, known = code.strip().strip("[]").lower().replace("_", "-"), entries()
     if asked not in known:
         near = get_close_matches(asked, known, n=3)
@@ -67,7 +67,7 @@ _LINKED = re.compile(rf'href="#{_ANCHOR}([a-z0-9-]+)"')
 
 
 def warned(said: object) -> Markup:
-    """A finding as a page has it: its message, then its code as a link to its entry; other text as it is."""
+    """A finding on a page: its message, then its code as a link to its entry; other text as it is."""
     if not isinstance(said, Finding):
         return escape(said)
     link = Markup('{} <a class="code" href="#{}{}">{}</a>')
@@ -75,12 +75,12 @@ def warned(said: object) -> Markup:
 
 
 def flagged(said: object) -> Markup:
-    """The same, without a link where it is a note."""
+    """`warned`, without a link where it is a note."""
     return escape(in_print(said)) if isinstance(said, Finding) and said.severity is Severity.NOTE else warned(said)
 
 
 def entries_linked(page: str) -> list[dict[str, object]]:
-    """What a page's template names of each entry that the page links to, the critical ones first."""
+    """The entries that a page links to, for its template, the critical ones first."""
     codes, found = set(_LINKED.findall(page)), []
     for x in (x for x in entries().values() if x.code in codes):
         texts = {"meaning": in_print(x.meaning), "advice": x.advice}
@@ -120,7 +120,7 @@ def said(parts: Said | tuple[Said, ...]) -> Markup:
 
 
 def with_places(findings: Iterable[Finding], word: Callable[[str], str] = direction) -> list[tuple[str, Finding]]:
-    """Each finding once, after all that it is about, each part of it by `word`: nothing where that is the whole."""
+    """Each finding once, after all its subjects, each part by `word`; empty where that is the whole."""
     found: dict[str, tuple[Finding, list[str]]] = {}
     for x in findings:
         found.setdefault(str(x), (x, []))[1].append(" ".join(map(word, x.subject)))

@@ -51,7 +51,7 @@ class RigidBody:
         return np.asarray(found[:, list(self.places)])
 
     def inertias(self, q: Array) -> Array:
-        """Inertia of the links at each joint while the others rest, kg*m**2 or kg, (n, joints): the diagonal of M(q)."""
+        """Inertia of the links at each joint while others rest, kg*m**2 or kg, (n, joints): the diagonal of M(q)."""
         zero, unit = np.zeros_like(q), np.eye(q.shape[1])
         still = self.torques(q, zero, zero)
         moved = [self.torques(q, zero, zero + e)[:, k] for k, e in enumerate(unit)]
