@@ -119,11 +119,11 @@ class Friction:
         return self._torque
 
     def apply(self, data: Any, torque: float = 0.0) -> None:
-        """Set `data.qfrc_applied` of the joint for the next step; call it right before each `mujoco.mj_step(model, data)`.
+        """Set `data.qfrc_applied` of the joint for the next step; call it right before each `mj_step(model, data)`.
 
         Args:
             data: `mujoco.MjData`, whose controls and forces on other joints are set.
-            torque: of your own on this joint, N*m: `data.qfrc_applied` of this joint is overwritten by this less friction and cogging.
+            torque: your own on this joint, N*m: its `data.qfrc_applied` is set to this less friction and cogging.
 
         A second call at the same `data.time` begins from where the first one did. It evaluates the model's forward
         dynamics once. Raises InputError where a time step was left out since the last call.

@@ -60,7 +60,7 @@ def sharing(workers: int, *modules: str) -> Iterator[Share]:
         try:
             yield pool.map
         except BaseException as error:
-            # A worker may end in the middle of a message: with no writer left, who reads it sees the end and waits no longer.
+            # a worker may end in the middle of a message: without a writer its reader waits no longer
             pool._result_queue._writer.close()  # type: ignore[attr-defined]  # no public way to it
             # The pool's own thread may meet futures that were cancelled with the work, which nobody has to hear of.
             hook, threading.excepthook = threading.excepthook, lambda _: None

@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 
 from bristle.errors import InputError
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
-from bristle.page.columns import to_csv
 from bristle.page.figure_data import csv_of
 from bristle.page.page import Drawing
+from bristle.page.plain import to_csv
 from bristle.page.report import Answer, Answered, Cell, Page, Report, Section, Table
 from bristle.page.said import Link, Mark, with_places
 

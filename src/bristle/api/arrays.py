@@ -40,7 +40,7 @@ def fit(
     kind: Kind = "revolute",
     **options: Any,
 ) -> Fit:
-    """Coulomb, Stribeck and viscous friction (9) from points of velocity and torque: what `identify` gives for a file of them.
+    """Coulomb, Stribeck and viscous friction (9) from points of velocity and torque, as `identify` finds it in a file.
 
     >>> import bristle
     >>> v = [-1.0, -0.6, -0.3, -0.15, -0.08, -0.04, -0.02, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0]
@@ -52,7 +52,7 @@ def fit(
     array([0.039])
 
     Args:
-        data: velocities, rad/s (m/s where prismatic), (n,); or a data frame, whose columns `velocity`, `torque` and `position` name.
+        data: velocities, rad/s (m/s where prismatic), (n,); or a data frame, whose columns the next arguments name.
         torque: of the drive, positive along positive velocity, N*m (N), (n,).
         velocity: the column of a data frame.
         position: rad (m), (n,), where gravity is among the regressors.
@@ -83,7 +83,7 @@ def find_segments(
     units: Mapping[str, str] | None = None,
     kind: Kind = "revolute",
 ) -> "pd.DataFrame":
-    """The stretches of a run at constant velocity, each a point for `fit`: those that are kept and those that are not, with the reasons.
+    """The stretches of a run at constant velocity, each a point for `fit`, accepted or rejected with the reasons.
 
     >>> import bristle, numpy as np
     >>> t = np.arange(0, 12, 0.002)
@@ -224,7 +224,7 @@ def friction(velocity: "ArrayLike", of: Fit | Lugre[float]) -> Array:
 
 
 def simulate(velocity: "ArrayLike", dt: float, of: Fit | Lugre[float] | Pair[float]) -> Array:
-    """Friction torque (3)-(5), N*m, (n,), along a velocity, rad/s, (n,), with samples `dt` s apart, the bristle bent as in steady sliding at first.
+    """Friction torque (3)-(5), N*m, (n,), along a velocity, rad/s, (n,), sampled each `dt` s, from steady sliding on.
 
     >>> import bristle, numpy as np
     >>> law = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0=6.0, sigma_1=0.02)

@@ -44,7 +44,7 @@ def export(
     step: str | None = None,
     progress: Progress | None = None,
 ) -> Export:
-    """What the next tool takes of an identified joint, and what it loses.
+    """An identified joint in the form of another tool, and what that loses.
 
     >>> import bristle
     >>> handed = bristle.export("wrist.yaml", "urdf")
@@ -56,14 +56,15 @@ def export(
         to: c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, matlab or latex.
         joint: the only one; None: all, where the target holds several.
         into: a URDF, an SDF or an MJCF file into which the values are merged; the file itself is not changed.
-        amplitude: of the sine for which the values of a target without LuGre are the best, rad or a quantity; None: up to the fastest measured speed.
+        amplitude: of the sine on which a target without LuGre is fitted, rad or a quantity; None: up to the fastest speed.
         frequency: of that sine, Hz or a quantity; None: 0.5 Hz.
-        compensator: that is printed as C; None: `adapt.compensator` of the experiment, or lugre, driven by the reference velocity.
+        compensator: that is printed as C; None: `adapt.compensator` of the experiment, or lugre.
         adapt: the law by which the C adapts; None: it does not.
         step: the step of that law; None: `adapt.step` of the experiment, or gradient.
         progress: told of every step.
 
-    Raises InputError in one sentence where a file cannot be used, a joint lacks what the target needs, or the target takes no such option.
+    Raises InputError in one sentence where a file cannot be used, a joint lacks what the target needs, or the target does
+    not have such an option.
     """
     target(to)
     if adapt is None and step is not None:
@@ -154,7 +155,7 @@ def _compensator(
 def explore(
     experiment: Known | None = None, *, joint: str | None = None, progress: Progress | None = None
 ) -> "Explorer":
-    """The friction model in the hand: one page that computes offline, with sliders for the parameters of each joint.
+    """An interactive page of the friction model that computes offline, with sliders for the parameters of each joint.
 
     >>> import bristle
     >>> page = bristle.explore("wrist.yaml")

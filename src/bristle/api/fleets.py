@@ -109,7 +109,7 @@ def fleet(
     begun: Callable[[str], object] = lambda _: None,
     progress: Progress | None = None,
 ) -> Fleet:
-    """Identify the joints of many units over many sessions on Dask, and find which changed, and which units differ from their type.
+    """Identify the joints of many units over many sessions on Dask; find which changed, and which units are unlike others.
 
     >>> import bristle, pandas as pd
     >>> from distributed import Client
@@ -123,12 +123,11 @@ def fleet(
     No joint was tested for a change; the notes say why.
 
     Args:
-        catalog: a CSV or Parquet file or a DataFrame with the columns file, unit, session and, as far as they are known, joint, type,
-            temperature (deg C), load and tags (`baseline` among these begins the joint anew); or a pattern such as
+        catalog: a CSV or Parquet file or a DataFrame with the columns file, unit, session and perhaps joint, type,
+            temperature (deg C), load and tags (`baseline` begins the joint anew); or a pattern such as
             `logs/{unit}/{session}/{type}.yaml`. Any of them may be a URL of fsspec.
         output: the folder of the dataset, or a URL of one: what it has is not identified again. None: nothing is kept.
-        client: a `distributed.Client`, or a context that gives one once the catalog is read; None: the one of this process, or else
-            a cluster of this machine.
+        client: a `distributed.Client`, or a context that gives one; None: that of this process, or a local cluster.
         workers: processes of that cluster; in a script they need `if __name__ == "__main__":` around the call.
         memory: of each of them, as `2 GiB`.
         verify: whether files are hashed anew whose size and time of modification are as they were.
@@ -137,8 +136,8 @@ def fleet(
         begun: called with the address of the cluster's dashboard, empty where it has none.
         progress: called with what is being done, how many steps are done, and how many there are.
 
-    Raises InputError in one sentence where the catalog, the output or the cluster cannot be used, or nothing at all could be identified, and
-    OSError where the output is full or the scheduler is lost; what was identified by then is not identified again.
+    Raises InputError in one sentence where the catalog, the output or the cluster cannot be used, or nothing could be
+    identified, and OSError where the output is full or the scheduler is lost; finished work is not done again.
     """
     from bristle.questions.fleet.findings import check_rate, findings
 

@@ -96,7 +96,7 @@ def identify(
         crosscheck: whether moving runs are fitted by CasADi and IPOPT as well, which takes long; the static fits always are.
         uncertainty: whether each parameter of moving runs gets its intervals by profile and bootstrap too; those of
             static and presliding fits always do.
-        need: percent of friction, to which it has to be known (95 %), for the values to be used, as 5 or "5%"; None: 10.
+        need: how well friction must be known (95 %) for the values to be used, percent, as 5 or "5%"; None: 10.
         workers: processes among which the joints are shared out; in a script more than one need
             `if __name__ == "__main__":` around the call.
 

@@ -202,7 +202,7 @@ def write_results(
 
 
 def read_results(path: Path | str) -> Results:
-    """What `identify` returned, from the `results.json` that was written of it, exact to the last bit; nothing is identified.
+    """What `identify` returned, from its `results.json`, exact to the last bit; nothing is identified.
 
     >>> import bristle
     >>> _ = bristle.report("wrist.yaml", folder="report")

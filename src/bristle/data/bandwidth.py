@@ -39,7 +39,7 @@ def of_motion(record: Record) -> tuple[float, Finding]:
         shown = _first(moves, own)
         return usable(record, max(least, _ABOVE * shown)), _by_motion(own, shown)
 
-    # where the inertia makes as much of the motion's noise as the effort has itself, white both; one that is commanded has none
+    # where the inertia makes as much of the motion's noise as the effort has, both white; a command has none
     drives, order = _shown(effort[part], record.step), 2 if record.velocity is None else 1
     shown = min(_first(moves, own), _first(drives, own))
     # 1e-6 of its power, below which the noise of an effort is that of none that was measured

@@ -66,7 +66,7 @@ def _json(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
         if not isinstance(data, list | dict):
             raise InputError(f"is not {_WHAT}; {_HOW}")
         records = isinstance(data, list) and all(isinstance(row, dict) for row in data)
-        # what a record lacks of the names of all is filled in, and a value takes far more memory than it does as a float
+        # missing names of a record are filled in, and a value takes far more memory than a float
         bounded(_MEMORY * len(data) * len(set[str]().union(*data)) if records else 0)
         frame = pd.json_normalize(data) if records else pd.DataFrame(data)
     bounded(frame.size)

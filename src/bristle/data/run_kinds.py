@@ -48,7 +48,7 @@ class Stretches:
     @property
     def kind(self) -> MovingKind:
         """What it does most."""
-        # 0.2 of a run: a presliding one loads for so long, and does hardly anything but load and slide, which a tracking run uses too
+        # a presliding run loads for 0.2 of its time, and hardly does anything but load and slide
         slides = self.loaded + self.broken + (self.held if len(self.speeds) < FEWEST else 0.0)
         if slides >= _LOADED * self._busy > 0 and self.loaded >= max(0.2 * self.total, self.held):
             return "presliding"
@@ -105,7 +105,7 @@ def stretches(record: Record, joint: JointKind) -> Stretches:
     # 0.02 of the fastest speed: what is slower, and not held, is at rest
     moving = (speed > 0.02 * speed.max(initial=0.0)) & ~steady & ~loaded
 
-    # above the breakaway torque of a joint that is loaded slowly, and so rests half of the time below it; one that moves passes
+    # sliding of a joint that is loaded slowly, and so rests half of the time below its breakaway torque
     broken, torques = np.zeros(n, dtype=bool), [x.breakaway for x in loadings if x.breakaway is not None]
     if torques and record.torque is not None:
         below = np.abs(record.torque) < max(torques)

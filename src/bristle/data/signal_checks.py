@@ -260,7 +260,7 @@ def held_position(record: Record, signals: Signals) -> Finding | None:
         moves = np.flatnonzero(steps)
         if not moves.size:
             continue
-        # 0.05 share of the steps of a position that its count is sought in: the smallest that occur are no smaller than it
+        # the count is the 0.05 quantile of steps: the smallest are no smaller
         count = float(np.quantile(np.abs(steps[moves]), 0.05))
         start, end, times = moves[:-1] + 1, moves[1:], np.diff(moves) - 1
         ok = (times >= _HELD) & (start >= _BESIDE) & (end + 1 + _BESIDE < position.size)

@@ -235,7 +235,7 @@ def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
             part = torque[first : turn + 1]
             sign = 1.0 if part.max() + part.min() > 2 * part[0] else -1.0
             most = float((sign * part).max())
-            # 0.9 of its largest torque: where a piece ends, so that a torque that is held belongs to it, and its fall does not
+            # a piece ends at 0.9 of its largest torque: a held torque belongs to it, its fall does not
             last = first + int(np.flatnonzero(sign * part >= most - (1 - 0.9) * abs(most))[-1])
             part = part[: last + 1 - first]
             before = np.flatnonzero(sign * part <= 0)
@@ -255,7 +255,7 @@ def _slides_at(
     if breakaway is not None:
         beyond = np.flatnonzero(displacement >= breakaway)
         return int(beyond[0]) if beyond.size else None
-    # 0.99 of its largest torque: up to where a piece is looked at for sliding, since a joint that slides stops as the torque falls
+    # sliding is sought up to 0.99 of the largest torque: a joint that slides stops as the torque falls
     top = int(np.flatnonzero(torque >= 0.99 * torque.max())[-1]) + 1
     onset = top
     while onset > 1:
@@ -284,7 +284,7 @@ def _held(smooth: Array, logged: Array) -> float:
 
 def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None, quantum: float) -> None:
     travel, largest = float(np.ptp(position)), float(torque.max())
-    # a run that has this share of its largest torque (second) within this share of its travel (first) slides, and does not load
+    # a run with 0.8 of its largest torque within 0.05 of its travel slides, and does not load
     share, level = 0.05, 0.8
     early = position - position[0] <= share * travel
     if slide is None and travel > 20 * quantum and travel > 0 and torque[early].max(initial=0.0) > level * largest:

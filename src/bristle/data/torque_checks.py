@@ -183,7 +183,7 @@ def _coarse(record: Record, kind: RunKind) -> Finding | None:
     if torque is None or record.voltage is not None or torque.size < _PARTS:
         return None
     step, reach = smallest_step(torque), float(np.ptp(torque))
-    # a torque of fewer levels than this, that stays at one from sample to sample more often than not, is rounded coarsely
+    # rounded coarsely: few levels, and more often than not the same one from sample to sample
     most, stays = 64, 0.5
     if not step or reach > most * step or np.mean(np.diff(torque) == 0) < stays:
         return None

@@ -18,7 +18,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator
 
 from bristle.arrays import Array, as_floats
-from bristle.page.columns import cells
+from bristle.page.plain import cells
 
 # labels that matplotlib gives; ours after an underscore name a series without a place in the legend
 _GIVEN = re.compile(r"_(child|container|nolegend_|image)\d*")

@@ -18,9 +18,9 @@ from bristle import __version__
 from bristle.errors import InputError
 from bristle.model.laws.registry import own_parameter
 from bristle.page import wording
-from bristle.page.columns import to_csv
 from bristle.page.figure_data import csv_of
 from bristle.page.output_folder import write_bytes
+from bristle.page.plain import to_csv
 from bristle.page.said import Link, entries_linked, flagged, said, warned, with_places
 from bristle.page.style import inline, render, render_as, styled
 from bristle.page.wording import FITS, METHODS, free

@@ -1,11 +1,17 @@
-"""Plain text for a terminal: 80 columns, in which no number is broken or parted from its unit."""
+"""Plain text: 80 columns for a terminal, in which no number is broken or parted from its unit, and CSV for a spreadsheet."""
 
+import csv
+import io
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
+from typing import TYPE_CHECKING, Any
 
 from bristle.page.wording import measured, span
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 WIDTH = 80  # columns of a terminal that nobody has made wider
 _SIGNS = str.maketrans({"±": "+/-", "∞": "inf", "−": "-", "·": "*", "\N{NO-BREAK SPACE}": " "})
@@ -64,3 +70,35 @@ def columns(rows: Sequence[Sequence[str]], indent: int = 2, width: int = WIDTH) 
                 line = " " * (2 * indent + 2)
             line += f"{cell:<{wide}}  "
         yield line.rstrip()
+
+
+_FORMULA = re.compile(r"[=+\-@\t\r\n]")  # how a text begins that a spreadsheet may run as a formula
+_HARMLESS = re.compile(r"[+-]|[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")  # a direction, or a number
+
+
+def to_csv(frame: "pd.DataFrame", float_format: str | None = None) -> str:
+    """A table as CSV.
+
+    A text that a spreadsheet could take for a formula gets an apostrophe before it; numbers and the directions + and -
+    stay.
+    """
+    safe = frame.rename(columns=_harmless)
+    for k in (k for k, kind in enumerate(frame.dtypes) if getattr(kind, "kind", "O") not in "biufc"):  # no numbers
+        safe.isetitem(k, [_harmless(x) for x in frame.iloc[:, k]])
+    text: str = safe.to_csv(index=False, lineterminator="\n", float_format=float_format)
+    return text
+
+
+def cells(texts: Iterable[str]) -> str:
+    """A row of CSV of texts, each as in `to_csv`, without the end of the line."""
+    row = io.StringIO()
+    csv.writer(row, lineterminator="").writerow(map(_harmless, texts))
+    return row.getvalue()
+
+
+def _harmless(value: Any) -> Any:
+    """A cell that no spreadsheet runs, with plain ends of lines; what is no text is returned as it is."""
+    if not isinstance(value, str):
+        return value
+    formula = _FORMULA.match(value) and not _HARMLESS.fullmatch(value)
+    return "'" * bool(formula) + value.replace("\r\n", "\n").replace("\r", "\n")

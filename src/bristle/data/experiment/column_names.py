@@ -116,7 +116,7 @@ def _fits(unit: str, signal: str) -> bool:
 
 def _readings(name: str, stated: str) -> list[_Reading]:
     """Signals that a name may mean, with the unit that the file states of it."""
-    # the name after the last dot or slash of a path, without an index, and the unit in brackets: `Torque[0] [Nm]` as (Torque, Nm)
+    # the last part of a path, without an index, and the unit in brackets: `Torque[0] [Nm]` as (Torque, Nm)
     bare = re.sub(r"\[\d+\]", "", name) if re.search(r"\w\[\d+\]", name) else name
     if re.fullmatch(r"/[\w./]+", bare):
         bare = bare.rsplit("/", 1)[-1]

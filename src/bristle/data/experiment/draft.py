@@ -128,7 +128,7 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
             )
     alone = len(files) == 1 and told.rate is None and "time" not in log.told
     if alone and (slower := _slower(log, beside)):
-        # at the times of the slower clock: what is drawn between its samples would be noise that is alike from row to row
+        # at the times of the slower clock: interpolation between its samples would correlate their noise
         moves: dict[str, str] = {x: f"{first}:{log.guesses[x].column}" for x in STATE_FIELDS if x in log.guesses}
         told = replace(told, columns={**moves, **told.columns}, name=told.name or _common(files))
         turned = draft_experiment([slower], told, folder)
