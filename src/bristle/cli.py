@@ -603,9 +603,8 @@ def _drafted(
         text, guessed = bristle.draft(*sources, told=told, folder=save and save.parent, progress=progress)
         return [load_text(text, save or sources[0].with_name(f"the draft for {sources[0].name}"))], text, guessed
     if save is not None or told != bristle.Told():
-        raise InputError(
-            "an experiment file, or none, was given with options of logs; write them into it, or give logs"
-        )
+        why = "an experiment file, or none, was given with options of logs"
+        raise InputError(f"{why}; write them into it, or give logs")
     return list(sources), "", ()
 
 

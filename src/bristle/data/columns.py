@@ -87,9 +87,8 @@ def picked(source: Any, shape: tuple[int, ...], key: Key, *, rows_last: bool = F
     if key.index is not None and (len(shape) != 2 or key.index >= shape[1]):
         raise InputError(f"column {key}: the array has shape {shape}; index counts the columns of a matrix from 0")
     if key.index is None and np.prod(shape, dtype=float) != max(shape):
-        raise InputError(
-            f"column {key} is a matrix of shape {shape}; say which column with index: 0 to {shape[-1] - 1}, or as in {key.column}[0]"
-        )
+        which = f"say which column with index: 0 to {shape[-1] - 1}, or as in {key.column}[0]"
+        raise InputError(f"column {key} is a matrix of shape {shape}; {which}")
     column = () if key.index is None else (key.index, slice(None)) if rows_last else (slice(None), key.index)
     with np.errstate(over="ignore", invalid="ignore"):  # of longer floats, which are then not finite
         return np.asarray(source[column], dtype=float).ravel()
@@ -119,10 +118,8 @@ def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
     inside = np.count_nonzero((own >= seen.min()) & (own <= seen.max())) if seen.size else 0
     if inside < 2 or not np.isfinite(onto).any():  # 2 samples of a signal with a time of its own that lie in a run
         rest = f"{seen.min():.6g} s to {seen.max():.6g} s" if seen.size else "nowhere"
-        raise InputError(
-            f"its own time, {own[0]:.6g} s to {own[-1]:.6g} s, has {inside} samples in that of the run, {rest}; "
-            "check the unit of each, and that both count since the same instant"
-        )
+        reaches = f"its own time, {own[0]:.6g} s to {own[-1]:.6g} s, has {inside} samples in that of the run, {rest}"
+        raise InputError(f"{reaches}; check the unit of each, and that both count since the same instant")
     return onto
 
 
@@ -188,10 +185,9 @@ def seconds_of_stamps(column: "pd.Series[str]", name: str) -> tuple[Array, int]:
         counted = dates.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)
     bad = np.flatnonzero(filled & (counted == _MISSING))
     if bad.size:
-        raise InputError(
-            f"row {bad[0] + 1} of column {name} holds {short(column.iloc[bad[0]])}, and unit iso was declared; expected a time "
-            "such as 2024-05-01T12:00:00.123Z, 01.05.2024 12:00:00 or 12:00:00.123, like the first, in 1678 to 2261"
-        )
+        got = f"row {bad[0] + 1} of column {name} holds {short(column.iloc[bad[0]])}, and unit iso was declared"
+        times = "2024-05-01T12:00:00.123Z, 01.05.2024 12:00:00 or 12:00:00.123"
+        raise InputError(f"{got}; expected a time such as {times}, like the first, in 1678 to 2261")
     if not filled.any():
         return np.full(text.size, np.nan), 0
     if _CLOCK.fullmatch(first):

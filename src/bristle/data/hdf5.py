@@ -53,9 +53,8 @@ def columns_of(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
 def _column(file: Any, key: Key, *, matlab: bool) -> Array:
     """One column as floats; the matrices of MATLAB are transposed."""
     if matlab and isinstance(key.column, str) and set(key.column) & set("{}()"):
-        raise InputError(
-            f"column {key} is in a cell or an array of structs, which of version 7.3 is not read; {_MATLAB_ADVICE}"
-        )
+        why = "is in a cell or an array of structs, which of version 7.3 is not read"
+        raise InputError(f"column {key} {why}; {_MATLAB_ADVICE}")
     dataset, field = _opened(file, key, "." if matlab else "/")
     for fault in _faults(dataset, field, key):
         raise InputError(f"column {key} {fault}")

@@ -67,9 +67,8 @@ def _walk(variables: dict[str, Any], path: str) -> Any:
             items = value.ravel(order="F") if isinstance(value, np.ndarray) else np.array([value], dtype=object)
             number = int(part[1:-1])
             if not 1 <= number <= items.size:
-                raise InputError(
-                    f"{seen} has {items.size} elements, counted from 1; element {number} is not among them"
-                )
+                why = f"{seen} has {items.size} elements, counted from 1"
+                raise InputError(f"{why}; element {number} is not among them")
             value, seen = items[number - 1], f"{seen}{part}"
             continue
         while isinstance(value, np.ndarray) and value.size == 1 and value.dtype == object:

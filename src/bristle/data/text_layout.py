@@ -68,9 +68,8 @@ def text_layout(path: Path) -> Layout:
         whole = not file.read(1)
     encoding = "utf-16" if sample[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     if encoding != "utf-16" and b"\0" in sample:
-        raise InputError(
-            "is not a text file; expected CSV text, or an ending that says what it is: .mat, .npz, .json, .parquet, .h5"
-        )
+        expected = "CSV text, or an ending that says what it is: .mat, .npz, .json, .parquet, .h5"
+        raise InputError(f"is not a text file; expected {expected}")
     try:
         text = sample.decode(encoding)
     except UnicodeDecodeError as error:
@@ -86,11 +85,8 @@ def text_layout(path: Path) -> Layout:
 @lru_cache(maxsize=256)  # a log is opened several times: to draft, to choose, to read
 def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
     comment = next((c for c in ("#", "%", "//") if any(line.lstrip().startswith(c) for line in lines)), None)
-    rows = [
-        (i, line)
-        for i, line in enumerate(lines)
-        if line.strip() and not (comment and line.lstrip().startswith(comment))
-    ]
+    commented = [bool(comment) and line.lstrip().startswith(comment or "") for line in lines]
+    rows = [(i, line) for i, line in enumerate(lines) if line.strip() and not commented[i]]
     told = _SEPARATOR.fullmatch(rows[0][1].strip(' "')) if rows else None
     rows = rows[1:] if told else rows
     if not rows:
@@ -108,8 +104,8 @@ def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
     named, stated = _header(above, width)
     note = _header_note(list(zip(numbers, above, strict=True)), named, width) if first else None
     if named is None and comment:
-        said = [line.lstrip() for line in lines[:skip] if line.lstrip().startswith(comment)]
-        above = [split(line.lstrip("#%/").strip(), delimiter) for line in said]
+        said = [line for line, is_comment in zip(lines[:skip], commented, strict=False) if is_comment]
+        above = [split(line.lstrip().lstrip("#%/").strip(), delimiter) for line in said]
         above = [row for row in above if len(row) == len([c for c in first if c]) > 1]
         named, stated = _header(above, width)
     names = () if named is None else tuple(above[named])
@@ -119,9 +115,7 @@ def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
     within = [found[2].strip() if found and found[1].strip() else "" for found in beside]
 
     # a comma in numbers is their decimal sign, but between commas only in quotes, where a thousand may be meant by it
-    commas = [
-        cell for row in table for cell in row if "," in cell and cell[0] not in "[(" and not _STAMP.fullmatch(cell)
-    ]
+    commas = [cell for row in table for cell in row if "," in cell and cell[0] not in "[(" and not is_stamp(cell)]
     thousands = delimiter == "," and all(re.fullmatch(r"[+-]?\d{1,3}(,\d{3})+", cell) for cell in commas)
     decimal = delimiter != "," or any(is_value(cell) for cell in commas)
     return Layout(
@@ -216,9 +210,8 @@ def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, 
     for line, row in cells[len(cells) if named is None else named + 1 :]:
         begins = next((is_value(cell) for cell in row if cell), False)
         if len(row) == width and begins and any(is_value(cell) and cell != "1" for cell in row if cell):
-            raise InputError(
-                f"line {line} stands between names and numbers, and is neither: {short(', '.join(row))}; correct or remove it"
-            )
+            why = f"line {line} stands between names and numbers, and is neither: {short(', '.join(row))}"
+            raise InputError(f"{why}; correct or remove it")
     if len(cells) < 2 and not any(is_value(cell) for _, row in cells for cell in row if cell):
         return None
     lines = ", ".join(f"{line} ({short(', '.join(row))})" for line, row in cells[:3])
@@ -233,14 +226,10 @@ def split(line: str, delimiter: str) -> list[str]:
         return [cell.strip() for cell in line.split(delimiter)]
     if delimiter == " ":
         return [cell.strip("\"'") for cell in line.split()]
-    before = csv.field_size_limit()
-    csv.field_size_limit(max(len(line), before))  # a line, which is no longer than `MAX_LINE`, may be one cell
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
     except csv.Error as error:
         raise InputError(f"is not a table of numbers ({error})") from error
-    finally:
-        csv.field_size_limit(before)
 
 
 def _fitness(lines: Sequence[str], delimiter: str) -> tuple[float, int]:
@@ -264,14 +253,12 @@ def _width(rows: Rows) -> int:
     usual = _usual([len(row) for row in rows])
     wide = next((k for k, row in enumerate(rows) if any(row[usual:])), None)
     if wide is not None:
-        raise InputError(
-            f"its rows differ in width: row {wide + 1} has {len(rows[wide])} columns; expected {usual} as in the others"
-        )
+        got = f"row {wide + 1} has {len(rows[wide])} columns"
+        raise InputError(f"its rows differ in width: {got}; expected {usual} as in the others")
     width = max(map(len, rows))
     if width > MAX_COLUMNS:
-        raise InputError(
-            f"has {width} columns, over the limit of {MAX_COLUMNS}; expected one row per sample, and a column per signal"
-        )
+        expected = "one row per sample, and a column per signal"
+        raise InputError(f"has {width} columns, over the limit of {MAX_COLUMNS}; expected {expected}")
     return width
 
 

@@ -63,9 +63,8 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
             table = RawTable(columns=columns, rows=0, sha256=digest, notes=notes)
         else:
             if path.is_dir():
-                raise InputError(
-                    "is a folder without metadata.yaml; expected a file, or a ROS 2 bag: ros2 bag reindex writes it"
-                )
+                expected = "a file, or a ROS 2 bag: ros2 bag reindex writes it"
+                raise InputError(f"is a folder without metadata.yaml; expected {expected}")
             check_regular(path, name)
             if (size := path.stat().st_size) > MAX_BYTES:
                 raise InputError(f"is {size} bytes long, over the limit of {MAX_BYTES}; cut it into several runs")
@@ -82,9 +81,8 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
                 raise InputError(f"column {stamps}: unit iso is for text; expected a unit such as s, ms or ns")
     lengths = {key: column.size for key, column in table.columns.items()}
     if len(set(lengths.values())) > 1:
-        raise InputError(
-            f"{name}: columns differ in length: {short_list(f'{k} has {n} rows' for k, n in lengths.items())}; name columns of one length"
-        )
+        sizes = short_list(f"{key} has {n} rows" for key, n in lengths.items())
+        raise InputError(f"{name}: columns differ in length: {sizes}; name columns of one length")
     rows = next(iter(lengths.values()), 0)
     if rows == 0 and keys:
         raise InputError(f"{name}: holds no row of numbers; expected a log with a row per sample")
@@ -139,10 +137,8 @@ def _read_text(path: Path, keys: Sequence[Key], digest: str) -> RawTable:
     times = [place for place in places.values() if place % 2 == 0] if layout.blocks else []
     for key, place in places.items():  # channels of a time and a value each have one time
         if len(times) == 1 and place % 2 and place - 1 != times[0] and not frame[place - 1].equals(frame[times[0]]):
-            raise InputError(
-                f"column {key} has a time of its own, column {place - 1}, which is not that of column {times[0]}; "
-                f"add time: {place - 1} to the signal"
-            )
+            why = f"has a time of its own, column {place - 1}, which is not that of column {times[0]}"
+            raise InputError(f"column {key} {why}; add time: {place - 1} to the signal")
     comma = [Finding("decimal-comma", CAUTION, "Numbers have a decimal comma.")] if layout.decimal == "," else []
     stamps = {key: seconds_of_stamps(frame[place], str(key)) for key, place in places.items() if key.stamps}
     numbers = {
@@ -185,18 +181,15 @@ def _place(key: Key, layout: Layout) -> int:
     if not found and key.index is not None:
         found = [k for k in _named(column, None, layout) if k in _of_lists(layout)]
     if len(found) > 1:
-        raise InputError(
-            f"several columns named {key}, columns {short_list(found)}, counted from 0; write a number, as in column: {found[1]}, "
-            f"or {short(f'{layout.names[found[1]]}#2')} for the second"
-        )
+        several = f"several columns named {key}, columns {short_list(found)}, counted from 0"
+        second = short(f"{layout.names[found[1]]}#2")
+        raise InputError(f"{several}; write a number, as in column: {found[1]}, or {second} for the second")
     if not found:
         advice = "; a column number is written without quotes" if column.isdigit() else ""
         raise InputError(f"no column named {key}; there are: {there}{advice}")
     if found[0] >= layout.width:
-        raise InputError(
-            f"the header names {short(column)} as column {found[0] + 1}, but its rows have {layout.width} columns; "
-            "expected a number in every column of every row"
-        )
+        why = f"the header names {short(column)} as column {found[0] + 1}, but its rows have {layout.width} columns"
+        raise InputError(f"{why}; expected a number in every column of every row")
     return found[0]
 
 
@@ -221,15 +214,13 @@ def _picked(column: "pd.Series[Any]", key: Key) -> "pd.Series[Any]":
     """One number of the lists in cells such as `[1.5, 2.5]`. Raises InputError where there is none."""
     which = (key.inside() or key).index
     if which is None:
-        raise InputError(
-            f"column {key} holds lists, as {short(column.iloc[0])}; say which of its numbers, as in {key.column}[0]"
-        )
+        remedy = f"say which of its numbers, as in {key.column}[0]"
+        raise InputError(f"column {key} holds lists, as {short(column.iloc[0])}; {remedy}")
     lists = column.astype(str).str.strip("[]() ").str.split(r"[,;\s]+", regex=True)
     picked = lists.map(lambda x: x[which] if which < len(x) else None)
     if (missing := np.flatnonzero(picked.isna())).size:
-        raise InputError(
-            f"row {missing[0] + 1} of column {key} holds {short(column.iloc[missing[0]])}; expected a list with a number {which}, from 0"
-        )
+        got = f"row {missing[0] + 1} of column {key} holds {short(column.iloc[missing[0]])}"
+        raise InputError(f"{got}; expected a list with a number {which}, from 0")
     return picked
 
 
@@ -252,7 +243,6 @@ def _numbers(column: "pd.Series[Any]", key: Key) -> Array:
                 advice = " without separators of thousands, which the log is exported with"
             elif is_stamp(held):
                 advice = ", and a column of dates or times of day has unit: iso"
-        raise InputError(
-            f"row {bad[0] + 1} of column {key} holds {short(held)}; expected a number{advice} (rows count from 1, after the header)"
-        )
+        got = f"row {bad[0] + 1} of column {key} holds {short(held)}"
+        raise InputError(f"{got}; expected a number{advice} (rows count from 1, after the header)")
     return np.asarray(numbers, dtype=float)

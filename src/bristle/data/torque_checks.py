@@ -154,8 +154,9 @@ def _dead_zone(record: Record, _: RunKind) -> Finding | None:
         return None
     zero = torque == 0
     # a dead zone takes at least 5e-4 of the samples, 4 of them, and 4 times as many as any other level
-    usual = np.unique(np.abs(torque[~zero]), return_counts=True)[1].max(initial=0)
-    if zero.sum() < max(5e-4 * torque.size, 4, _PILED * usual):
+    if zero.sum() < max(5e-4 * torque.size, 4):
+        return None
+    if zero.sum() < _PILED * np.unique(np.abs(torque[~zero]), return_counts=True)[1].max(initial=0):
         return None
     starts, stops = (np.flatnonzero(np.diff(np.pad(zero.astype(int), 1)) == sign) for sign in (1, -1))
     whole = (starts > 0) & (stops < torque.size)

@@ -155,8 +155,8 @@ _HEADINGS = {
     "standard_error": "standard error", "systematic": "systematic error", "error_percent": "error (%)", "inside": "inside?", "lower": "95 % from",
     "upper": "95 % to", "plain_grid": "plain grid",
     "difference_in_se": "difference (standard errors)", "grid": "refined grid",
-    "full": "full nonlinear fit", "relative_error": "relative error (%)", "relative_error_of_fit": "on its own data (%)",
-    "start": "from row", "stop": "to row", "from_median_percent": "from the median (%)", "recommended": "use it?",
+    "full": "full nonlinear fit", "relative_error": "relative error (%)",
+    "start": "from row", "stop": "to row", "recommended": "use it?",
     "of": "joint", "kind": "amplitude", "at_4_s": "at 4 s", "at_20_s": "at 20 s", "begun": "initialised at",
     "gains_of_1": "unexplained, gains of 1 (%)", "shares": "final ratios",
     "inertia_feed_forward": "inertia feed-forward", "adapted": "unexplained, adapted (%)",
@@ -178,9 +178,7 @@ _KINDS = {  # classes of the style sheet: long text, short text on one line, nam
 }  # fmt: skip  # a table of words
 
 
-_DIGITS = {"difference_in_se": 2, "difference": 2} | dict.fromkeys(
-    ("error_percent", "standard_error", "systematic", "from_median_percent"), 3
-)
+_DIGITS = {"difference_in_se": 2, "difference": 2} | dict.fromkeys(("error_percent", "standard_error", "systematic"), 3)
 
 
 def _cell(value: Any, column: str) -> str | Markup:

@@ -123,9 +123,8 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     for name, path in apart.items():
         beside[name] = _Log(path, replace(told, columns={name: told.columns[name]}, rate=None))
         if "time" not in beside[name].guesses:
-            raise InputError(
-                f"{path}: no column is named as the time, which a signal of another file needs; write it into the draft of bristle new"
-            )
+            why = "no column is named as the time, which a signal of another file needs"
+            raise InputError(f"{path}: {why}; write it into the draft of bristle new")
     alone = len(files) == 1 and told.rate is None and "time" not in log.told
     if alone and (slower := _slower(log, beside)):
         # at the times of the slower clock: interpolation between its samples would correlate their noise
@@ -372,39 +371,33 @@ def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
     asked = [name for name in there if name in told.columns or (name == "command" and "kp" in told.motor)]
     drive = "" if told.coasting else next(iter([*asked, *computable, *there]), None)
     if drive is None:
-        raise InputError(
-            f"{log.path}: no column is named as a torque, a current, a voltage or a command; name it, as in --column torque=NAME (of another "
-            f"file FILE:NAME) or command=NAME, or say --coasting (there are: {log.there})"
-        )
+        why = "no column is named as a torque, a current, a voltage or a command"
+        names = "--column torque=NAME (of another file FILE:NAME) or command=NAME, or say --coasting"
+        raise InputError(f"{log.path}: {why}; name it, as in {names} (there are: {log.there})")
     of_commands = [name for name in ("held", "fresh", "kp", "kd") if getattr(told, name) is not None]
     if of_commands and drive != "command":
         got = f"the log has a {drive}" if drive else "nothing drives the joint"
         remedy = "leave it out, or name --column command=NAME"
         raise InputError(f"{log.path}: --{of_commands[0]} is of commands, and {got}; {remedy}")
     if told.rate is not None and "time" in guesses:
-        raise InputError(
-            f"{log.path}: got --rate beside column {short(guesses['time'].column)}, which is the time; leave --rate out, or name the right "
-            "column, as in --column time=NAME"
-        )
+        got = f"got --rate beside column {short(guesses['time'].column)}, which is the time"
+        raise InputError(f"{log.path}: {got}; leave --rate out, or name the right column, as in --column time=NAME")
     return drive
 
 
 def _of_points(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> bool:
     """Whether a file holds velocity-torque pairs. Raises InputError where a log lacks time, or position and velocity."""
     if "position" not in guesses and "velocity" not in guesses:
-        raise InputError(
-            f"{log.path}: no column is named as a position or a velocity; name it, as in --column position=NAME --unit position=deg "
-            f"(there are: {log.there})"
-        )
+        names = "name it, as in --column position=NAME --unit position=deg"
+        why = f"no column is named as a position or a velocity; {names}"
+        raise InputError(f"{log.path}: {why} (there are: {log.there})")
     if told.rate is not None or "time" in guesses:
         return False
     # 1000 rows: where time is not logged, more than so many are a log, and no velocity-torque pairs
     if "velocity" in guesses and log.values(guesses["velocity"]).size <= 1000:
         return True
-    raise InputError(
-        f"{log.path}: no column is named as the time; name it, as in --column time=NAME --unit time=s, or give --rate '1 kHz' "
-        f"(there are: {log.there})"
-    )
+    names = "name it, as in --column time=NAME --unit time=s, or give --rate '1 kHz'"
+    raise InputError(f"{log.path}: no column is named as the time; {names} (there are: {log.there})")
 
 
 def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:

@@ -231,9 +231,8 @@ def read_law(name: str) -> str:
     try:
         law_named(law.replace(WITHOUT_PEAK, PAPER))
     except KeyError as error:
-        raise InputError(
-            f"got {short(name)}; expected {PAPER}, {AUTO}, {WITHOUT_PEAK}, or one of {error.args[0]}; a load last, +{' or +'.join(LOADS)}"
-        ) from None
+        why = f"got {short(name)}; expected {PAPER}, {AUTO}, {WITHOUT_PEAK}, or one of {error.args[0]}"
+        raise InputError(f"{why}; a load last, +{' or +'.join(LOADS)}") from None
     if load and law == AUTO:
         raise InputError(f"got {short(name)}; expected {AUTO} alone, which tries the loads as well, or a law by name")
     return name

@@ -186,9 +186,8 @@ def _copy(x: Xml.Element, into: Xml.Element, tag: str, defaults: Mapping[str, st
         text = default if child is None else child.get(key, default)
         cells, many = text.split(), len(default.split())
         if len(cells) != many:
-            raise InputError(
-                f"{short(name)}: got {short(text)}; expected {'three numbers' if many > 1 else 'a number'}"
-            )
+            why = f"{short(name)}: got {short(text)}"
+            raise InputError(f"{why}; expected {'three numbers' if many > 1 else 'a number'}")
         numbers = [_float(cell, f"{name}: {key}") for cell in cells]
         copied.set(key, " ".join(map(repr, numbers)))
         found += numbers

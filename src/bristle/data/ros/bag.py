@@ -63,9 +63,8 @@ def open_bag(path: Path) -> Bag:
         check_regular(file, file.name)
         log = file.with_name(f"{file.name}-wal")
         if log.exists() and log.stat().st_size:
-            raise InputError(
-                f"has messages in {log.name} that are not in it yet; close what writes it, or open it once with sqlite3"
-            )
+            why = f"has messages in {log.name} that are not in it yet"
+            raise InputError(f"{why}; close what writes it, or open it once with sqlite3")
     size = sum(file.stat().st_size for file in bag.files)
     if size > MAX_BYTES:
         raise InputError(f"is {size} bytes long, over the limit of {MAX_BYTES}; cut the bag into several runs")
@@ -174,9 +173,8 @@ def types_of(topic: Topic) -> Types:
     Raises InputError where the definition cannot be parsed, a type is not known, or it could do harm.
     """
     if topic.encoding not in ("cdr", "ros1"):
-        raise InputError(
-            f"topic {topic.name} has messages in {short(topic.encoding)}; expected cdr or ros1, as ROS writes them"
-        )
+        got = f"topic {topic.name} has messages in {short(topic.encoding)}"
+        raise InputError(f"{got}; expected cdr or ros1, as ROS writes them")
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     def refused(why: str) -> InputError:

@@ -90,16 +90,14 @@ def _path(text: str, key: Key, topic: Topic, types: Types) -> FieldPath:
     while at < len(text):
         match = _STEP.match(text, at)
         if match is None:
-            raise InputError(
-                f"column {key}: {short(text[at:])} is not a field; expected names with dots between, as position[elbow]"
-            )
+            expected = "names with dots between, as position[elbow]"
+            raise InputError(f"column {key}: {short(text[at:])} is not a field; expected {expected}")
         name, element, _ = match.groups()
         there = types[part[1]] if part[0] == ros.MESSAGE else {}
         if name not in there:
             received = f", or {topic.name}.{RECEIVED}, when messages were received" if name == "header" else ""
-            raise InputError(
-                f"column {key}: no field {short(name)} in {topic.name}; there are: {short_list(there)}{received}"
-            )
+            known = f"there are: {short_list(there)}{received}"
+            raise InputError(f"column {key}: no field {short(name)} in {topic.name}; {known}")
         part, at = there[name], match.end()
         steps.append(name + "_" * iskeyword(name))  # as rosbags calls it
         ends = [] if element is None else [(element, named)]
@@ -108,9 +106,8 @@ def _path(text: str, key: Key, topic: Topic, types: Types) -> FieldPath:
             if part[0] in (ros.BASE, ros.MESSAGE):
                 raise InputError(f"column {key}: {name} is not an array; leave [{inner[:60]}] out")
             if not by_name and not (inner.isdecimal() and len(inner) < 10):
-                raise InputError(
-                    f"column {key}: got [{inner[:60]}]; expected a number from 0, for these messages name no joints"
-                )
+                expected = "a number from 0, for these messages name no joints"
+                raise InputError(f"column {key}: got [{inner[:60]}]; expected {expected}")
             steps.append(NamedJoint(inner) if by_name else int(inner))
             part = part[1][0]
     if ros.is_stamp(part) or ros.is_number(part):
@@ -142,10 +139,8 @@ def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tu
     times = list(dict.fromkeys(target for target in targets.values() if target.is_time))
     if len(names) > 1 and len(times) != 1:
         got = f"the times of {short_list(t.topic for t in times)}" if times else "no stamp"
-        raise InputError(
-            f"signals come from the topics {short_list(names)}, with {got}; expected one time for all, as "
-            f"time: {{column: {names[0]}.header.stamp, unit: s}}"
-        )
+        expected = f"one time for all, as time: {{column: {names[0]}.header.stamp, unit: s}}"
+        raise InputError(f"signals come from the topics {short_list(names)}, with {got}; expected {expected}")
     base = next(iter([*times, *targets.values()]))
 
     # the clock of each of several topics: the stamps in its header, if the time is a stamp, else the receive times
@@ -207,10 +202,8 @@ def _stamps(time: Target, messages: Messages) -> NDArray[np.int64]:
         return messages.received
     stamps: NDArray[np.int64] = messages.values[time.path]
     if not stamps.any():
-        name = f"{time.topic}.{RECEIVED}"
-        raise InputError(
-            f"the stamps of {time.topic} are all zero; name the time as {name}, when its messages were received"
-        )
+        remedy = f"name the time as {time.topic}.{RECEIVED}, when its messages were received"
+        raise InputError(f"the stamps of {time.topic} are all zero; {remedy}")
     return stamps
 
 
@@ -221,12 +214,10 @@ def _refuse_empty(key: Key, target: Target, messages: Messages) -> None:
         return
     joint = next((x.name for x in (target.path.steps if target.path else ()) if isinstance(x, NamedJoint)), "")
     if joint and joint not in messages.joints and not joint.isdecimal():
-        raise InputError(
-            f"column {key}: no joint {short(joint)} in {target.topic}; there are: {short_list(messages.joints)}"
-        )
-    raise InputError(
-        f"column {key} is empty in all {found.size} messages of {target.topic}; leave it out, or name what was logged"
-    )
+        there = short_list(messages.joints)
+        raise InputError(f"column {key}: no joint {short(joint)} in {target.topic}; there are: {there}")
+    remedy = "leave it out, or name what was logged"
+    raise InputError(f"column {key} is empty in all {found.size} messages of {target.topic}; {remedy}")
 
 
 def joint_states(path: Path) -> tuple[str, tuple[str, ...]]:
