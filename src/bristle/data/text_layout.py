@@ -226,10 +226,14 @@ def split(line: str, delimiter: str) -> list[str]:
         return [cell.strip() for cell in line.split(delimiter)]
     if delimiter == " ":
         return [cell.strip("\"'") for cell in line.split()]
+    before = csv.field_size_limit()
+    csv.field_size_limit(max(len(line), before))  # a line, which is no longer than `MAX_LINE`, may be one cell
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
     except csv.Error as error:
         raise InputError(f"is not a table of numbers ({error})") from error
+    finally:
+        csv.field_size_limit(before)
 
 
 def _fitness(lines: Sequence[str], delimiter: str) -> tuple[float, int]:
