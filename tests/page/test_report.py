@@ -302,4 +302,4 @@ def test_numbers_stay() -> None:
     lines = [(p.name, line) for p in SOURCE.rglob("*.py") for line in p.read_text(encoding="utf-8").splitlines()]
     code = [(name, line) for name, line in lines if not line.strip().startswith(">>>")]  # examples are a user's
     found = {name for name, line in code if any(x in line for x in writers)}
-    assert sorted(found) == ["columns.py"]
+    assert sorted(found) == ["plain.py"]
