@@ -97,7 +97,9 @@ def check_folder(folder: Path, claims: Collection[str] = ()) -> set[str]:
     it, a folder in it that a page writes to, or the nearest existing one above cannot be written.
     """
     if os.path.lexists(folder) and not folder.is_dir():
-        what = "a symbolic link to no folder" if folder.is_symlink() else "a file" if folder.is_file() else "no folder"
+        what = (
+            "a symbolic link to no folder" if folder.is_symlink() else "a file" if folder.is_file() else "not a folder"
+        )
         raise InputError(f"{folder}: is {what}; a report needs a folder, name another one")
     made = set[str]()
     with _named(folder, "folder"):
