@@ -155,6 +155,7 @@ PLAUSIBLE: Mapping[str, st.SearchStrategy[Any]] = {
     "fit.directions": st.sampled_from(["separate", "symmetric"]),
     "fit.set_up": st.sampled_from(["auto", "as-written"]),
     "fit.law": st.sampled_from(["auto", "paper", "coulomb-viscous", "lorentzian+quadratic"]),
+    "fit.stray": st.sampled_from(["report", "drop"]),  # as earlier versions had it
     "fit.regressors": st.lists(st.sampled_from(["inertia", "offset", "gravity", "quadratic"]), max_size=4),
     "fit.exclude": st.tuples(st.sampled_from(["points.csv", "tracking.csv"]), st.sampled_from([2, "2", "2-5", "3-1", "0"])).map(
         lambda x: [{"file": x[0], "rows": x[1]}]
