@@ -5,7 +5,16 @@ from dataclasses import dataclass
 from math import hypot, inf
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, StrictStr, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ModelWrapValidatorHandler,
+    PrivateAttr,
+    StrictStr,
+    ValidationInfo,
+    model_validator,
+)
 
 from bristle.data import units
 from bristle.data.experiment.signals import Context, Gear, Hertz, Seconds, Speed, motor_si, quantity, si
@@ -240,6 +249,20 @@ def read_law(name: str) -> str:
 
 WITHOUT_PEAK = "coulomb-viscous"  # what `fit.law` takes in a peak's place: Coulomb and viscous friction alone
 AS_WRITTEN = "as-written"
+GONE = {
+    "loss": "points that do not belong to the law of the others are found, left out and named",
+    "stray": f"points off the law of the others are left out and named, unless fit.set_up: {AS_WRITTEN}",
+    "model": f"the peak is fitted where the data show one, always by fit.set_up: {AS_WRITTEN}, never by fit.law: {WITHOUT_PEAK}",
+    "v_s_range": "v_s is searched from a third of the slowest speed to the fastest",
+    "grid": "v_s has a grid of 32 values, and is refined from there",
+    "plain_grid": "the paper's grid has 500 values of v_s",
+    "velocity_cutoff": "the spectra choose the low pass of held speeds",
+    "presliding_cutoff": "the spectra choose the low pass of slow loading",
+    "moving_above": "the fit of all parameters describes slow motion as well",
+    "shared": "fit.directions: symmetric has both directions share all of friction",
+    "horizon": "the windows that are simulated are 0.5 s long, shorter in short runs",
+}
+"""Keys that `fit` had, and what holds in their place: files that have them are read, and told so."""
 
 
 PERIODIC = ("cogging", "ripple")
@@ -286,6 +309,27 @@ class FitOptions(StrictModel):
     """Low pass of position before it is differentiated, tracking runs, Hz; None: by each run's spectra."""
     decimation: Annotated[int, Field(ge=1, le=10_000)] | None = None
     """Samples of the slowest moving run per equation; None: as the spectra need."""
+    _gone: tuple[str, ...] = PrivateAttr(default=())
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _without_gone(cls, value: Any, handler: ModelWrapValidatorHandler["FitOptions"]) -> "FitOptions":
+        """Options of a file with keys of earlier versions: what they asked for, where something still does that."""
+        if not isinstance(value, dict) or not GONE.keys() & value.keys():
+            return handler(value)
+        kept = {key: x for key, x in value.items() if key not in GONE}
+        if value.get("model") == WITHOUT_PEAK:
+            kept.setdefault("law", WITHOUT_PEAK)
+        if value.get("stray") == "report" or value.get("model") == "stribeck":
+            kept.setdefault("set_up", AS_WRITTEN)
+        found = handler(kept)
+        found._gone = tuple(key for key in value if key in GONE)
+        return found
+
+    @property
+    def gone(self) -> tuple[str, ...]:
+        """Keys of `GONE` that the file has."""
+        return self._gone
 
     @property
     def model(self) -> Literal["auto", "coulomb-viscous", "stribeck"]:
