@@ -14,7 +14,7 @@ import typer.main
 
 import bristle
 from bristle import cli
-from bristle.page.entries import entries
+from bristle.page.said import entries
 
 pytest.importorskip("sphinx", reason="needs the extra docs")
 pytest.importorskip("myst_parser", reason="needs the extra docs")

@@ -17,9 +17,9 @@ from bristle.data.record import Record
 from bristle.findings import CAUTION, CRITICAL, Finding
 from bristle.identification.fits import Presliding
 from bristle.identification.results import Accuracy, Joint
-from bristle.page.entries import by_code
 from bristle.page.page import save_figure, symbol_html
 from bristle.page.report import Cell
+from bristle.page.said import by_code
 from bristle.page.style import inline, render_as, styled
 from bristle.page.wording import METHODS
 from bristle.questions.joint_report import figures, static_figures

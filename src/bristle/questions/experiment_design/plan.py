@@ -161,7 +161,7 @@ class Plan:
 
     def reference_csv(self) -> str:
         """The references that a controller plays, as CSV; what is not commanded is empty."""
-        from bristle.page.columns import to_csv
+        from bristle.page.plain import to_csv
 
         return to_csv(self.reference_frame(), "%.10g")
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from bristle.estimation.levels import NAMED
-from bristle.page.entries import entries
+from bristle.page.said import entries
 from bristle.questions.fleet.roster import Roster
 
 FAILED = "failed"  # the code of a session that was not identified

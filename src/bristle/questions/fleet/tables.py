@@ -8,8 +8,7 @@ from typing import Any
 import pandas as pd
 
 from bristle.model.parameters import Direction, ParameterName
-from bristle.page.entries import entries
-from bristle.page.said import Link
+from bristle.page.said import Link, entries
 from bristle.page.wording import MISSING, in_print, measured, number, pretty, shortened, slugs, span, symbol
 from bristle.questions.fleet.files import joined_path
 
