@@ -1,13 +1,10 @@
-"""The paper's experiments 3.3 to 5 in closed loop, for any joint: Figs 5 to 12 and Table 2.
-
-RMS errors leave out what precedes `SETTLE`, s, where the loop starts.
-"""
+"""The paper's experiments 3.3 to 5 in closed loop, for any joint: Figs 5 to 12 and Table 2."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
-from bristle.control.adaptation import Adaptation, laws_for
+from bristle.control.adaptation import laws_for
 from bristle.control.closed_loop import Trajectory, simulate
 from bristle.control.compensator import Compensator
 from bristle.control.control_period import Case, LoopOptions
@@ -15,8 +12,7 @@ from bristle.errors import InputError
 from bristle.simulation.joint_loop import JointLoop
 from bristle.simulation.references import stacked
 
-LONG, SETTLE, SHORT = 30.0, 10.0, 20.0
-"""s: a run of Fig. 8, from when on its error counts, and a run of the adaptation."""
+LONG, SETTLE, SHORT = 30.0, 10.0, 20.0  # s: a run of Fig. 8, the start of its RMS error, a run of the adaptation
 BARE = Compensator(name="none")
 
 
@@ -24,22 +20,14 @@ class Errors(NamedTuple):
     """A row of Fig. 8: RMS errors of one joint, rad, and torques, N*m."""
 
     joint: str
-    frequency: float
-    """Hz."""
-    inertia: bool
-    """Whether inertia feed-forward is added, to all four."""
-    without: float
-    """Without friction compensation."""
-    true: float
-    """LuGre feed-forward with the plant's own parameters."""
-    identified: float
-    """With the identified ones."""
-    adaptive: float
-    """With the identified ones to begin with, adapted."""
-    torque_without: float
-    """RMS of the torque asked for."""
-    torque_with: float
-    """The same with the identified parameters."""
+    frequency: float  # Hz
+    inertia: bool  # whether inertia feed-forward is added, to all four
+    without: float  # without friction compensation
+    true: float  # LuGre feed-forward with the plant's parameters
+    identified: float  # with the identified parameters
+    adaptive: float  # with adaptation, initialised at the identified parameters
+    torque_without: float  # RMS torque command without friction compensation
+    torque_with: float  # with the identified parameters
 
 
 def errors(loop: JointLoop) -> tuple[Errors, ...]:
@@ -51,7 +39,7 @@ def errors(loop: JointLoop) -> tuple[Errors, ...]:
     references = [loop.sine(f, LONG) for f in frequencies]
 
     def run(compensator: Compensator, cases: Sequence[Case], J: float) -> Trajectory:
-        """A compensator that feeds this inertia forward, with both references, for each pair of cases."""
+        """Both references for each pair of cases, with an inertia J fed forward."""
         options = LoopOptions(compensator=replace(compensator, inertia=J))
         return simulate(options, cases, stacked(references * (len(cases) // 2)), loop.period)
 
@@ -81,28 +69,24 @@ def followed(loop: JointLoop) -> dict[str, Trajectory]:
 
 
 class Factors(NamedTuple):
-    """A row of Table 2: one adapted parameter under one law, as a share of the plant's or, where they differ, the model's own."""
+    """A row of Table 2: one parameter adapted by one law, as a ratio to the model's value."""
 
     law: str
     parameter: str
     initial: float
-    early: float
-    """A fifth of the run after its start."""
+    early: float  # after a fifth of the run
     final: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Adapted:
-    """Figs 9 to 12 and Table 2: a start with wrong parameters, adapted by each law."""
+class Adapted(NamedTuple):
+    """Figs 9 to 12 and Table 2: adaptation from wrong parameters by each law."""
 
-    runs: Mapping[str, Trajectory]
-    """By law; `not adapted` without."""
+    runs: Mapping[str, Trajectory]  # by law, and `not adapted`
     factors: tuple[Factors, ...]
-    adaptation: Adaptation
 
 
 def adapted(loop: JointLoop) -> Adapted:
-    """The adaptation from the wrong start, by every law that can adapt the plan's parameters."""
+    """Adaptation from the wrong start, by every law that can adapt the parameters."""
     plan, reference = loop.adaptation, loop.sine(loop.frequency, SHORT)
     case = loop.case(model=loop.wrong_start(loop.model))
     laws = laws_for(plan.parameters)
@@ -117,4 +101,4 @@ def adapted(loop: JointLoop) -> Adapted:
         for name, theta in zip(plan.parameters, runs[law].theta[0], strict=True)
         for begun in [loop.start.get(name, 1.0)]
     ]
-    return Adapted(runs=runs, factors=tuple(factors), adaptation=plan)
+    return Adapted(runs, tuple(factors))

@@ -1,4 +1,4 @@
-"""Beyond the paper: where adaptation ends over rate, amplitude and frequency, drift, other controllers, uncertainty."""
+"""Studies beyond the paper: maps of the adapted values, drift, other controllers, parameter uncertainty."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,26 +16,23 @@ from bristle.questions.compensation import paper_experiments as paper
 from bristle.simulation.joint_loop import JointLoop
 from bristle.simulation.references import stacked
 
-GAMMAS = (1.0, 5.0, 10.0, 20.0, 50.0)  # rates of the maps, as multiples of a twentieth of the plan's
-FREQUENCIES = (0.25, 0.5, 1.0, 2.0, 4.0)
-AMPLITUDES = (0.1, 0.25, 0.5, 1.0, 2.0)  # of the maps, as multiples of the plan's
+GAMMAS = (1.0, 5.0, 10.0, 20.0, 50.0)  # learning rates of the maps, over a twentieth of the loop's
+FREQUENCIES = (0.25, 0.5, 1.0, 2.0, 4.0)  # of the maps, over the loop's
+AMPLITUDES = (0.1, 0.25, 0.5, 1.0, 2.0)
 
 
 class AdaptationMap(NamedTuple):
-    """Where the adapted parameters end, as shares of the model's: over rate and frequency, and over amplitude and frequency.
+    """Final values of the adapted parameters, as ratios to the model's."""
 
-    Learning rates, (k,), frequencies, Hz, (m,), and amplitudes, rad, (l,), give shares of (parameters, k, m) and (parameters, l, m).
-    """
-
-    gammas: Array
-    frequencies: Array
-    amplitudes: Array
-    by_gamma: Array
-    by_amplitude: Array
+    gammas: Array  # learning rates, (k,)
+    frequencies: Array  # Hz, (m,)
+    amplitudes: Array  # rad, (l,)
+    by_gamma: Array  # (parameters, k, m)
+    by_amplitude: Array  # (parameters, l, m)
 
 
 def map_adaptation(loop: JointLoop) -> AdaptationMap:
-    """How the adapted values move with rate, amplitude and frequency, after the length of a run of the adaptation."""
+    """Adapted values over learning rate, amplitude and frequency."""
     plan = loop.adaptation
     top = float(np.max(plan.gamma)) or 1.0
     gammas = top * np.array(GAMMAS) / 20.0
@@ -44,36 +41,32 @@ def map_adaptation(loop: JointLoop) -> AdaptationMap:
     begun = np.array([loop.start.get(name, 1.0) for name in plan.parameters])
 
     def ends(share: float, references: Sequence[Reference]) -> Array:
-        """The adapted shares after these references, at that share of the plan's rates, (parameters, references)."""
+        """Final ratios after these references, at a share of the loop's rates, (parameters, references)."""
         a = replace(plan, gamma=tuple(share * g for g in plan.gamma))
         options = LoopOptions(compensator=replace(loop.compensator, adaptation=a))
         run = simulate(options, [case] * len(references), stacked(references), loop.period)
         return np.asarray(begun[:, None] * run.theta[:, :, -1].T)
 
     by_amplitude = ends(1.0, [loop.sine(x, paper.SHORT, a) for a in A for x in f]).reshape(begun.size, A.size, f.size)
-    own = by_amplitude[:, AMPLITUDES.index(1.0)]  # the plan's own amplitude, at its own rates
+    own = by_amplitude[:, AMPLITUDES.index(1.0)]  # at the loop's amplitude and rates
     by_gamma = [own if g == top else ends(float(g) / top, [loop.sine(x, paper.SHORT) for x in f]) for g in gammas]
     return AdaptationMap(gammas, f, A, np.stack(by_gamma, axis=1), by_amplitude)
 
 
 class Drift(NamedTuple):
-    """A row: RMS errors while alpha_0 and alpha_2 rise by half over 30 s, rad."""
+    """RMS errors while alpha_0 and alpha_2 rise by half over 30 s, rad."""
 
     joint: str
     frequency: float
-    way: str
-    """`known` (the model drifts with the plant), `fixed`, or the adaptation."""
-    gamma: float
-    """Of the first adapted parameter; nan where nothing is adapted."""
+    way: str  # `known` (the model drifts with the plant), `fixed`, or the adaptation
+    gamma: float  # of the first adapted parameter; nan where nothing is adapted
     rms_error: float
-    over_known: float
-    """That over the one of the known model."""
-    largest_gain: float
-    """Farthest that a gain went from 1, as a factor; nan where nothing is adapted."""
+    over_known: float  # ratio to the error with the known model
+    largest_gain: float  # largest factor of a gain from 1; nan where nothing is adapted
 
 
 def drifts(loop: JointLoop) -> tuple[Drift, ...]:
-    """At the plan's frequency and at its slow one: known, fixed, adapted at a quarter of the plan's rates and at these, unprojected, normalised."""
+    """Both frequencies: known, fixed, adapted at a quarter of the rates and at all, without limits, normalised."""
     frequencies = (loop.slow, loop.frequency)
     reference = stacked([loop.sine(f, paper.LONG) for f in frequencies])
     rising: Array = np.linspace(1.0, 1.5, reference.position.shape[-1], dtype=np.float64)
@@ -99,7 +92,7 @@ def drifts(loop: JointLoop) -> tuple[Drift, ...]:
 
 
 class Controlled(NamedTuple):
-    """A row: one controller on the plan's fast sine; errors in rad, torque in N*m, its total variation in N*m/s, work at the joint in J."""
+    """One controller on the fast sine: errors in rad, torque in N*m, its total variation in N*m/s, work in J."""
 
     controller: str
     rms_error: float
@@ -110,9 +103,10 @@ class Controlled(NamedTuple):
 
 
 def compare_controllers(loop: JointLoop) -> tuple[Controlled, ...]:
-    """PID alone, with LuGre feed-forward, and sliding mode, which needs no model, with boundary layers in which it is PD of the same K_d or steeper.
+    """PID alone, with LuGre feed-forward, and sliding mode with three boundary layers.
 
-    Sliding mode has five times the torque that the reference needs, and the slope K_p / K_d.
+    Sliding mode has five times the torque that the reference needs, and the slope K_p / K_d; its widest layer is a PD
+    controller of the same K_d.
     """
     reference, gains = loop.sine(loop.frequency, paper.SHORT), loop.gains
     fastest, hardest = float(np.abs(reference.velocity).max()), float(np.abs(reference.acceleration).max())
@@ -136,26 +130,20 @@ def compare_controllers(loop: JointLoop) -> tuple[Controlled, ...]:
 
 
 class Band(NamedTuple):
-    """The tracking error with the identified model on joints that its covariance allows."""
+    """Tracking error with the identified model on joints drawn from its covariance."""
 
-    time: Array
-    """s, (n,)."""
-    lower: Array
-    """2.5 % of the joints have an error below this, rad, (n,)."""
-    upper: Array
-    """and 2.5 % one above this."""
-    actual: Array
-    """On the plant, rad, (n,)."""
-    rms: tuple[float, float, float]
-    """RMS error: 2.5 %, median and 97.5 % of the joints, rad."""
+    time: Array  # s, (n,)
+    lower: Array  # 2.5 % quantile of the joints' errors, rad, (n,)
+    upper: Array  # 97.5 % quantile
+    actual: Array  # on the plant, rad, (n,)
+    rms: tuple[float, float, float]  # RMS error: 2.5 %, median and 97.5 % of the joints, rad
     rms_actual: float
     joints: int
-    rms_systematic: tuple[float, float] | None = None
-    """RMS error: 2.5 % and 97.5 % of the joints that errors of constants alone allow, rad; None where there are no such errors."""
+    rms_systematic: tuple[float, float] | None = None  # 2.5 % and 97.5 % by errors of constants alone, rad
 
 
 def band(loop: JointLoop) -> Band | None:
-    """One period of the slow sine after the first, over joints drawn from covariance and errors of constants; None without a covariance."""
+    """The second period of the slow sine on joints drawn from the covariance; None without a covariance."""
     if not loop.draws:
         return None
     reference = loop.sine(loop.slow, 2 / loop.slow)

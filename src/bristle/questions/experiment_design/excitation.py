@@ -33,34 +33,24 @@ _GOOD = 0.97  # of each limit is used, for what lies between samples
 class MotionDesign:
     """A motion to track, and what it should tell."""
 
-    lines: Multisine
-    """As they are played: scaled to the limits."""
-    duration: float
-    """s."""
-    torque: float
-    """Largest of the drive that it takes, N*m."""
-    errors: Array
-    """Expected standard errors, what is known before included, (p,); inf where not seen."""
+    lines: Multisine  # as they are played: scaled to the limits
+    duration: float  # s
+    torque: float  # largest of the drive that it takes, N*m
+    errors: Array  # expected standard errors, what is known before included, (p,); inf where not seen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionProblem:
     """What a motion is judged by."""
 
-    sets: tuple[Pair[float] | Lugre[float], ...]
-    """The estimate, then what else the joint may be."""
+    sets: tuple[Pair[float] | Lugre[float], ...]  # the estimate, then what else the joint may be
     inertias: tuple[float, ...]
-    prior_information: Array
-    """Before it, (p, p)."""
-    noise: float
-    """Of an equation, N*m."""
-    step: float
-    """Time between equations, s."""
+    prior_information: Array  # before it, (p, p)
+    noise: float  # of an equation, N*m
+    step: float  # time between equations, s
     limits: Limits
-    duration: float
-    """s."""
-    aims: tuple[int, ...]
-    """Of which parameters the errors count."""
+    duration: float  # s
+    aims: tuple[int, ...]  # of which parameters the errors count
 
 
 def motion_problem(start: Start, limits: Limits, prior_information: Array, aim: str, duration: float) -> MotionProblem:

@@ -31,18 +31,13 @@ class LoadingDesign:
     """Slow loading of one direction."""
 
     direction: Direction
-    peak: float
-    """Torque where it turns, N*m."""
-    share: float
-    """Of g0."""
-    rise: float
-    """Time from zero to the peak, s."""
-    counts: float
-    """Encoder counts that the joint should move; inf: a count is not known."""
+    peak: float  # torque where it turns, N*m
+    share: float  # of g0
+    rise: float  # time from zero to the peak, s
+    counts: float  # encoder counts that the joint should move; inf: a count is not known
     viscous_share: float
     """Torque of sigma_1 and alpha_2 at the end of the rise, which the estimate neglects, as a share of its torque."""
-    noise_error: float
-    """Expected standard error of sigma_0 by noise alone, N*m/rad, of `CYCLES` rises; inf: not seen."""
+    noise_error: float  # expected standard error of sigma_0 by noise alone, N*m/rad, of `CYCLES` rises; inf: not seen
     error: float
     """The same with `viscous_share` times sigma_0 counted as an error beside it (root of the sum of squares),
     N*m/rad."""

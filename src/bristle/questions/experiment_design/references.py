@@ -37,8 +37,7 @@ class PlannedRun:
     """One run; position, rad, velocity, rad/s, and torque, N*m, have the shape (n,), n >= 1; what is not commanded is nan."""
 
     kind: Kind
-    run: int
-    """Its number, from 1; 0 for a move."""
+    run: int  # its number, from 1; 0 for a move
     position: Array
     velocity: Array
     torque: Array

@@ -50,28 +50,19 @@ _EQUATION = 0.01  # time between independent equations of a moving run where the
 class Start:
     """A joint as it is known before the next measurement."""
 
-    directions: tuple[Direction, ...]
-    """`+` and `-`, or `both` where they share one set."""
-    sets: Pair[float]
-    """Estimates, with a guess where nothing was seen."""
-    guessed: tuple[ParameterName, ...]
-    """Parameters that are guesses."""
+    directions: tuple[Direction, ...]  # `+` and `-`, or `both` where they share one set
+    sets: Pair[float]  # estimates, with a guess where nothing was seen
+    guessed: tuple[ParameterName, ...]  # parameters that are guesses
     names: tuple[ParameterName, ...]
     """Every parameter that is estimated: six of each direction, or as many as the law has, then inertia."""
-    estimate: Array
-    """Their values, (p,)."""
-    known: Array
-    """Information gained so far, (p, p)."""
+    estimate: Array  # their values, (p,)
+    known: Array  # information gained so far, (p, p)
     given: tuple[ParameterName, ...]
     """Parameters that are given as exact and not estimated: an inertia without a standard error."""
-    noise: Mapping[Direction, float]
-    """Standard error of the mean torque of a hold by direction, N*m."""
-    equation_noise: float
-    """What one equation of a moving run scatters by, correlation of its residuals included, N*m."""
-    equation_step: float
-    """Time between equations, s."""
-    resolution: float
-    """One encoder count, rad; 0: not known."""
+    noise: Mapping[Direction, float]  # standard error of the mean torque of a hold by direction, N*m
+    equation_noise: float  # what one equation of a moving run scatters by, correlation of its residuals included, N*m
+    equation_step: float  # time between equations, s
+    resolution: float  # one encoder count, rad; 0: not known
     assumptions: tuple[Finding, ...]
 
     @property

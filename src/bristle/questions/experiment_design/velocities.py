@@ -37,18 +37,12 @@ _V_S = Stribeck._fields.index("v_s")  # where it stands among the static paramet
 class DesignProblem:
     """What is known of one direction, and where it may be measured."""
 
-    p: Lugre[float]
-    """The estimate; sigma_0 and sigma_1 do not matter."""
-    nodes: Array
-    """What v_s may be, rad/s, (k,)."""
-    prior_information: Array
-    """Information gained already in the order of `names`, (4, 4)."""
-    noise: float
-    """Standard error of one run's mean torque, N*m, > 0."""
-    low: float
-    """Slowest speed, rad/s, > 0."""
-    high: float
-    """Fastest speed, rad/s, > low."""
+    p: Lugre[float]  # the estimate; sigma_0 and sigma_1 do not matter
+    nodes: Array  # what v_s may be, rad/s, (k,)
+    prior_information: Array  # information gained already in the order of `names`, (4, 4)
+    noise: float  # standard error of one run's mean torque, N*m, > 0
+    low: float  # slowest speed, rad/s, > 0
+    high: float  # fastest speed, rad/s, > low
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -64,14 +58,11 @@ class DesignProblem:
 class Design(NamedTuple):
     """Constant velocities to run, and what they should give."""
 
-    aim: str
-    """The parameter that it is c-optimal for, or `all`: D-optimal."""
-    speeds: Array
-    """One per run, rad/s, ascending, repeated where a speed is to be run again, (n,)."""
+    aim: str  # the parameter that it is c-optimal for, or `all`: D-optimal
+    speeds: Array  # one per run, rad/s, ascending, repeated where a speed is to be run again, (n,)
     errors: Array
     """Expected standard errors in the order of the problem's names, what is known already included; inf where not seen, (4,)."""
-    alone: Array
-    """The same of these runs alone."""
+    alone: Array  # the same of these runs alone
 
     @property
     def runs(self) -> list[tuple[float, int]]:

@@ -44,16 +44,12 @@ from bristle.page.wording import in_print, pretty, printable
 from bristle.questions.explorer.engine import loop_options
 from bristle.simulation.joint_loop import PAPER_ASSUMPTIONS, JointLoop, fastest_measured, one_way
 
-MOST_SAMPLES = 4000
-"""Of a measured run, at the most."""
-MOST_DRAWN = 300
-"""Samples of a loading or a loop, at the most."""
+MOST_SAMPLES = 4000  # of a measured run, at the most
+MOST_DRAWN = 300  # samples of a loading or a loop, at the most
 _PIECES = {"alpha_0": 4.0, "v_s": 10.0, "sigma_0": 10.0}
 """Sliders that are logarithmic, and up to what factor of the identified value they go."""
-_TIMES = 4.0
-"""Up to how many times the identified value the other sliders go, from zero, or to both sides of it."""
-_SHOWN = ("position", "velocity", "torque", "K_p", "K_i", "K_d")
-"""What the page has units of, beside the parameters."""
+_TIMES = 4.0  # up to how many times the identified value the other sliders go, from zero, or to both sides of it
+_SHOWN = ("position", "velocity", "torque", "K_p", "K_i", "K_d")  # what the page has units of, beside the parameters
 _FREQUENCY = 0.5
 """Hz, of a sine at the fastest measured speed: its acceleration and amplitude stand for what is not known."""
 
@@ -148,8 +144,7 @@ def _plans(loop: JointLoop | str) -> list[dict[str, Any]] | str:
     ]  # fmt: skip  # a list of values
 
 
-_Values = dict[str, dict[str, dict[str, Any]]]
-"""What is known of each parameter, by direction."""
+_Values = dict[str, dict[str, dict[str, Any]]]  # what is known of each parameter, by direction
 
 
 def _sets(joint: Joint, known: KnownJoint, travel: float, J: float) -> Iterator[dict[str, Any]]:

@@ -28,8 +28,7 @@ from bristle.questions.explorer import javascript
 from bristle.simulation.joint_loop import JointLoop
 from bristle.simulation.references import Sine
 
-DURATION, SETTLE = 20.0, 10.0
-"""s: a run in the loop, and from when on its error counts."""
+DURATION, SETTLE = 20.0, 10.0  # s: a run in the loop, and from when on its error counts
 _SETTINGS = (*OF_COMPENSATOR, *OF_ADAPTATION, "limits", "gamma")
 """What is a number of a compensator and its adaptation, in the order in which a control period takes them."""
 _LOGGED = ("position", "velocity", "deflection", "torque", "friction", "compensation")
@@ -41,8 +40,7 @@ class Way(NamedTuple):
 
     name: Name
     velocity: Velocity = "reference"
-    law: Law | None = None
-    """None: nothing adapts."""
+    law: Law | None = None  # None: nothing adapts
     step: Step = "gradient"
     parameters: tuple[str, ...] = ()
 

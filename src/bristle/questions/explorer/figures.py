@@ -37,16 +37,13 @@ class Panel(NamedTuple):
     height: int
     marks: Sequence[Mark]
     x_log: bool = False
-    shaded: Sequence[str] = ()
-    """Names of hatched regions, which the script places."""
+    shaded: Sequence[str] = ()  # names of hatched regions, which the script places
     spans: Mapping[str, Literal["width", "height"]] = {}  # never changed
     """Names of straight lines across the figure, and how each runs: width or height."""
     framed: bool = False
     """Whether the script sets the ranges, which then stay while a curve moves within them: a new range lays the figure out anew."""
-    follows: str = ""
-    """The figure whose x-axis this one shares."""
-    tips: bool = False
-    """Whether points tell their place when the pointer is over them."""
+    follows: str = ""  # the figure whose x-axis this one shares
+    tips: bool = False  # whether points tell their place when the pointer is over them
 
 
 _XY = {"x": "x", "y": "y"}

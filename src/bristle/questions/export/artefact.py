@@ -23,31 +23,24 @@ from bristle.questions.export.loss import LARGE, Loss, told
 class Request:
     """What is asked of an export beside the joints."""
 
-    into: bytes | None = None
-    """A model into which the values are merged, as it was read; None: a snippet."""
-    into_name: str = ""
-    """What that file is called."""
+    into: bytes | None = None  # a model into which the values are merged, as it was read; None: a snippet
+    into_name: str = ""  # what that file is called
     amplitude: float | None = None
     """Of the motion for which the values are the best, rad; None: up to the fastest measured speed."""
-    frequency: float | None = None
-    """Hz."""
-    compensator: Compensator = field(default_factory=Compensator)
-    """That is printed as C, with its adaptation."""
+    frequency: float | None = None  # Hz
+    compensator: Compensator = field(default_factory=Compensator)  # that is printed as C, with its adaptation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Artefact:
     """What one target takes."""
 
-    name: str
-    """Of the file, as it is called if no other name is asked for."""
+    name: str  # of the file, as it is called if no other name is asked for
     content: bytes
-    holds: str
-    """A sentence: what of the friction is in it."""
+    holds: str  # a sentence: what of the friction is in it
     losses: Mapping[str, tuple[Loss, ...]] = field(default_factory=dict)
     """Of each joint, motion by motion; none: nothing is lost."""
-    said: tuple[Finding, ...] = ()
-    """What else must be known of it, beside what is said of the joints."""
+    said: tuple[Finding, ...] = ()  # what else must be known of it, beside what is said of the joints
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,14 +48,10 @@ class ExportTarget:
     """A kind of artefact: who writes it, and of what."""
 
     write: Callable[[Sequence[ExportedJoint], Request], Artefact]
-    single: bool = False
-    """Whether it holds one joint."""
-    fitted: bool = False
-    """Whether its values are the best along a motion that can be asked for."""
-    merges: bool = False
-    """Whether it can be merged into a given model."""
-    loaded: bool = False
-    """Whether it has the load that friction rises with."""
+    single: bool = False  # whether it holds one joint
+    fitted: bool = False  # whether its values are the best along a motion that can be asked for
+    merges: bool = False  # whether it can be merged into a given model
+    loaded: bool = False  # whether it has the load that friction rises with
 
 
 def c_compiler() -> str | None:
@@ -103,13 +92,10 @@ class Equation(NamedTuple):
     """One of them."""
 
     name: str
-    latex: str
-    """Its left side."""
+    latex: str  # its left side
     unit: str
-    of: tuple[str, ...]
-    """What it is a function of beside the parameters: v, or z and v."""
-    expression: Expression
-    """Of symbols with these names and those of the parameters."""
+    of: tuple[str, ...]  # what it is a function of beside the parameters: v, or z and v
+    expression: Expression  # of symbols with these names and those of the parameters
 
 
 def equations(joint: ExportedJoint) -> Iterator[Equation]:

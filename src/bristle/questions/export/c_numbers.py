@@ -19,8 +19,7 @@ class _Number(NamedTuple):
 
     unit: str
     what: str
-    double: _Range = (-1e30, 1e30)
-    """Lowest and highest value, within which nothing overflows."""
+    double: _Range = (-1e30, 1e30)  # lowest and highest value, within which nothing overflows
     single: _Range | None = None
     """The same of a compensator that adapts in single precision, where that is narrower: its gradients are squared."""
 
@@ -74,8 +73,7 @@ class CField(NamedTuple):
     what: str
     low: str
     high: str
-    shown: str
-    """Its range, for a reader."""
+    shown: str  # its range, for a reader
 
 
 def identifier(joint: ExportedJoint) -> str:

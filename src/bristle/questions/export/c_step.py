@@ -37,22 +37,18 @@ class NamedFunction(NamedTuple):
     """A function of groups of numbers, each of which has a name."""
 
     function: ca.Function
-    inputs: tuple[tuple[str, ...], ...]
-    """The names of each input's elements."""
+    inputs: tuple[tuple[str, ...], ...]  # the names of each input's elements
     outputs: tuple[str, ...]
 
 
 class PrintedStep(NamedTuple):
     """A compensator as it is printed."""
 
-    fields: tuple[str, ...]
-    """The parameters of a set that it depends on."""
-    settings: tuple[str, ...]
-    """Its own numbers, beside those of the pair."""
+    fields: tuple[str, ...]  # the parameters of a set that it depends on
+    settings: tuple[str, ...]  # its own numbers, beside those of the pair
     memory: tuple[str, ...]
     inputs: tuple[str, ...]
-    start: NamedFunction
-    """(settings) -> memory at rest."""
+    start: NamedFunction  # (settings) -> memory at rest
     advance: NamedFunction
     """(pair, settings, memory, inputs) -> memory one control period later, of gains their changes, and the torque, N*m."""
     gradient: NamedFunction | None

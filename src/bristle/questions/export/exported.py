@@ -69,12 +69,9 @@ class ExportedParameter:
     parameter: ParameterName
     value: float
     unit: str
-    standard_error: Number | None
-    """None: there is none, as of what is given or assumed."""
-    interval: Interval | None
-    """95 %."""
-    source: str
-    """The fit that it comes from, as `static` or `joint`; `given` in the experiment file, or `assumed`."""
+    standard_error: Number | None  # None: there is none, as of what is given or assumed
+    interval: Interval | None  # 95 %
+    source: str  # the fit that it comes from, as `static` or `joint`; `given` in the experiment file, or `assumed`
 
     @property
     def assumed(self) -> bool:
@@ -92,14 +89,10 @@ class ExportedParameter:
 class Origin:
     """Where the numbers come from."""
 
-    bristle: str
-    """Version that exports."""
-    results_sha256: str | None
-    """Of the results.json that was exported; None: there is no such file."""
-    experiment: str | None
-    """Name of the experiment file."""
-    logs: Mapping[str, str]
-    """SHA-256 of each log, by its name."""
+    bristle: str  # version that exports
+    results_sha256: str | None  # of the results.json that was exported; None: there is no such file
+    experiment: str | None  # name of the experiment file
+    logs: Mapping[str, str]  # SHA-256 of each log, by its name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,23 +101,18 @@ class ExportedJoint:
 
     name: str
     kind: Kind
-    simulated: bool
-    """Whether it was identified from simulated data."""
+    simulated: bool  # whether it was identified from simulated data
     trust: Trust
-    reason: Finding | None
-    """Why not to trust it without care."""
+    reason: Finding | None  # why not to trust it without care
     parameters: tuple[ExportedParameter, ...]
     """The six of each direction (`both`, or + and -), or four where no bristle is known; then what is of no direction, as inertia or offset."""
     inertia: float | None
     """What the joint accelerates, kg*m**2: identified, or declared, with the links of a robot; None: nothing tells it."""
     rotor_inertia: float | None
     """The same without the links of a robot, kg*m**2: what a simulator that has the links takes as armature; None: nothing tells it."""
-    law: LawByName = GAUSSIAN
-    """Of the friction, without the load, whose coefficients are among the parameters."""
-    fastest: float
-    """The fastest measured speed, rad/s: up to there the model was identified."""
-    said: tuple[Finding, ...]
-    """What was assumed, and what of the values is doubtful, beside the reason."""
+    law: LawByName = GAUSSIAN  # of the friction, without the load, whose coefficients are among the parameters
+    fastest: float  # the fastest measured speed, rad/s: up to there the model was identified
+    said: tuple[Finding, ...]  # what was assumed, and what of the values is doubtful, beside the reason
     origin: Origin
 
     @property

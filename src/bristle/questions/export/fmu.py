@@ -65,12 +65,10 @@ class FmuVariable(NamedTuple):
     what: str
     unit: str
     causality: str
-    member: str
-    """In the C."""
+    member: str  # in the C
     low: float = -_LARGEST
     high: float = _LARGEST
-    start: float | None = None
-    """None: it is computed."""
+    start: float | None = None  # None: it is computed
     settable: str = _NEVER
 
     @property

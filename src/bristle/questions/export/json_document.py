@@ -31,8 +31,7 @@ class ExportDocument:
     """Identified joints, as they are handed over. A bound that is open is "inf" or "-inf"; what does not exist is null."""
 
     schema: Literal["bristle-export/1"] = SCHEMA
-    bristle: str
-    """Version that wrote it."""
+    bristle: str  # version that wrote it
     joints: tuple[ExportedJoint, ...]
 
 

@@ -56,8 +56,7 @@ class Loss(NamedTuple):
     """Of one model along one motion."""
 
     motion: StatedMotion
-    percent: float
-    """100 * rms(model - friction) / rms(friction)."""
+    percent: float  # 100 * rms(model - friction) / rms(friction)
 
 
 Friction = Callable[[Array, float], Array]  # (velocity (n,), step) -> torque (n,): rad/s, s, N*m
@@ -69,8 +68,7 @@ class OwnFriction:
 
     law: Law
     curves: tuple[Stribeck[float], Stribeck[float]]
-    pair: Pair[float] | None
-    """None: its bristle is not known."""
+    pair: Pair[float] | None  # None: its bristle is not known
     quadratic: float
 
     def __call__(self, v: Array, step: float) -> Array:
@@ -171,8 +169,7 @@ class SymmetricSet(NamedTuple):
     """What a simulator holds of a joint whose directions differ."""
 
     parameters: Lugre[float]
-    bias: float
-    """Constant torque, N*m, that is part of the friction: positive against positive motion."""
+    bias: float  # constant torque, N*m, that is part of the friction: positive against positive motion
 
     @property
     def friction(self) -> Friction:

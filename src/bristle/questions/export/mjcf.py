@@ -39,10 +39,8 @@ class MjcfHeld(NamedTuple):
     """What MuJoCo holds of a joint."""
 
     joint: ExportedJoint
-    alone: tuple[Loss, ...]
-    """Of the best symmetric set without a bias."""
-    symmetric: SymmetricSet
-    """With the bias: what is exported."""
+    alone: tuple[Loss, ...]  # of the best symmetric set without a bias
+    symmetric: SymmetricSet  # with the bias: what is exported
     lost: tuple[Loss, ...]
 
 

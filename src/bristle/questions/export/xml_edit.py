@@ -25,25 +25,17 @@ _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 class XmlElement:
     """An element as it stands in a file; two are the same only where they are one place of one file."""
 
-    tag: str
-    """As it is written, with its prefix."""
-    attributes: Mapping[str, str]
-    """Names as they are written; references resolved."""
+    tag: str  # as it is written, with its prefix
+    attributes: Mapping[str, str]  # names as they are written; references resolved
     children: list["XmlElement"] = field(default_factory=list)
     comments: list["XmlElement"] = field(default_factory=list)
     """Those right within it, as elements without a tag, whose attribute `text` is what they say."""
-    line: int
-    """On which it begins, from 1."""
-    start: int
-    """Byte of its `<`."""
-    told: int = 0
-    """Byte after its last attribute."""
-    opened: int = 0
-    """Byte after its start tag."""
-    closing: int = 0
-    """Byte of its end tag; `opened` where it closes itself."""
-    end: int = 0
-    """Byte after it."""
+    line: int  # on which it begins, from 1
+    start: int  # byte of its `<`
+    told: int = 0  # byte after its last attribute
+    opened: int = 0  # byte after its start tag
+    closing: int = 0  # byte of its end tag; `opened` where it closes itself
+    end: int = 0  # byte after it
 
     def find_all(self, tag: str = "") -> Iterator["XmlElement"]:
         """The elements of a tag, or all, depth first, in the order of the file: itself and those within."""
@@ -57,10 +49,8 @@ class XmlElement:
 class XmlDocument:
     """A file with its elements, and the edits that were asked for."""
 
-    content: bytes
-    """As it was read."""
-    what: str
-    """How the file is called in sentences."""
+    content: bytes  # as it was read
+    what: str  # how the file is called in sentences
     root: XmlElement
     _attributes: dict[XmlElement, dict[str, str]] = field(default_factory=dict)
     _inserted: dict[XmlElement, list[str]] = field(default_factory=dict)

@@ -21,8 +21,7 @@ from bristle.questions.fleet.survey import FleetInput, Surveyed, laid_out, surve
 class Identified(NamedTuple):
     """What was identified of a joint."""
 
-    rows: Sequence[Mapping[str, Any]]
-    """A row of the dataset for each value to use, with the columns that tell of it."""
+    rows: Sequence[Mapping[str, Any]]  # a row of the dataset for each value to use, with the columns that tell of it
     inputs: Mapping[str, str]  # SHA-256 of each log as it was read, by name
     reason: str = ""  # why there is no row
 

@@ -25,8 +25,7 @@ from bristle.page.wording import FITS, counted, number, printable, shortened
 from bristle.questions.joint_report.sentences import cost_change, held_out, known_to
 from bristle.questions.joint_report.tables import WAYS, interval_rows
 
-LINES = 3
-"""Of findings that are not critical."""
+LINES = 3  # of findings that are not critical
 _SOURCES = {Source.STATIC: "static fit", Source.PRESLIDING: "presliding"}
 
 

@@ -27,10 +27,8 @@ INTRO = (
     "moving runs that by covariance. Where the bounds differ by more than 1.5x, the last column says why."
 )
 _COLOURS = dict(zip(WAYS, ("#000000", "#0072B2", "#D55E00"), strict=True))
-_TOP = 2.4
-"""How high the profile is drawn, in thresholds."""
-_FEW = 20
-"""Points of a profile below which they are drawn as such, with a curve through them."""
+_TOP = 2.4  # how high the profile is drawn, in thresholds
+_FEW = 20  # points of a profile below which they are drawn as such, with a curve through them
 
 
 def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:

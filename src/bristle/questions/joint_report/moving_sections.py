@@ -23,12 +23,9 @@ from bristle.page.wording import FITS, MISSING, axis, counted, in_print, number,
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.sentences import biased, pair, reached
 
-SPAN = 3.0
-"""Longest piece of a run drawn over time, s."""
-MOST = 400
-"""Points of each kind drawn; denser data are thinned evenly, which the caption says."""
-_LEAD = 0.25
-"""How long before a reversal a piece may begin, s."""
+SPAN = 3.0  # longest piece of a run drawn over time, s
+MOST = 400  # points of each kind drawn; denser data are thinned evenly, which the caption says
+_LEAD = 0.25  # how long before a reversal a piece may begin, s
 _BANDS, _MARKERS, _LINES = ("#0072B2", "#D55E00", "#000000"), ("o", "s", "^"), ("-", "--", ":")
 _LOADS = {"link_load": "gravity and link", "motor_load": "motor", "gear_load": "gear"}
 """What each load is the torque of."""

@@ -10,8 +10,7 @@ from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import units_of
 
-WIDE = 0.15
-"""A standard error above this share of its value is called wide."""
+WIDE = 0.15  # a standard error above this share of its value is called wide
 
 
 def next_measurements(joint: Joint) -> tuple[Finding, ...]:

@@ -35,8 +35,7 @@ from bristle.page.wording import (
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.sentences import bias, choice, level, pair
 
-MOST_LOOPS = 3
-"""Closed cycles drawn; the others stand in the table, which the caption says."""
+MOST_LOOPS = 3  # closed cycles drawn; the others stand in the table, which the caption says
 _GREY = "#999999"
 _CURVES = {"printed": (":", "#D55E00"), "samples": ("--", "#0072B2"), "edges": ("-", "#000000")}
 """Line and colour of the methods that are drawn; the inverse of (14) would lie among them and show nothing new."""

@@ -10,8 +10,7 @@ from bristle.identification.verdict import value_warnings
 from bristle.model.parameters import Kind, ParameterName, effort, unit
 from bristle.page.wording import METHODS, measured, number
 
-BIASED = 0.1
-"""Of a standard error: what encoder counts add is named where it is more."""
+BIASED = 0.1  # of a standard error: what encoder counts add is named where it is more
 
 
 def known_to(joint: Joint, plus_minus: str = "±", *, beside: bool = False) -> str:

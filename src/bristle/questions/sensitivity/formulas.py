@@ -33,8 +33,7 @@ class Formulas:
     partial: dict[str, Formula]  # the derivative of T_f by each parameter at fixed z, and by `z`
     steady: dict[str, Formula]
     """The derivative of the steady torque by each parameter: the total one once the bristle has settled."""
-    printed: Formula | None
-    """The right-hand side of (19), without -gamma and e; None where the peak is not the paper's."""
+    printed: Formula | None  # the right-hand side of (19), without -gamma and e; None where the peak is not the paper's
 
     @property
     def printed_is(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What a comparison of two sessions says: verdicts, reasons, and what limits it."""
+"""Findings of a comparison of two sessions: its verdict, why parameters cannot be compared, and its limits."""
 
 from collections.abc import Iterator, Sequence
 
@@ -9,47 +9,35 @@ from bristle.identification.fits import Estimate
 from bristle.model.parameters import ParameterName
 from bristle.questions.session_comparison.results import Change, Session, SessionJoint, SetChange, alike, pairs, usable
 
-_ALIKE = 0.5  # shares that differ by less than this part of their mean are one share
+_ALIKE = 0.5  # relative changes whose range is less than this share of their mean count as one ratio
 NO_CHANGE = Finding("no-change", NOTE, "No change beyond the joint uncertainty.")
 
 
 def incomparable(joint: str, name: ParameterName, first: SessionJoint, second: SessionJoint, *, same: bool) -> Change:
     """A parameter that cannot be compared, with the reason; `same`: some stage has it in both sessions."""
-    a, b = (_any(session, name) for session in (first, second))
-    why = Finding("not-comparable", NOTE, f"Not comparable: {_why_not(name, first, second, same=same)}.")
-    unit = next((e.unit for e in (a, b) if e), "")
-    return Change(joint=joint, parameter=name, unit=unit, source="", first=a, second=b, verdict=why)
-
-
-def _any(session: SessionJoint, name: ParameterName) -> Estimate | None:
-    """What the first fit that knows it says of a parameter, or the first that names it."""
-    found = [fit.parameters[name] for fit in session.fits if name in fit.parameters]
-    return next((e for e in found if e.value is not None), found[0] if found else None)
-
-
-def _why_not(name: ParameterName, first: SessionJoint, second: SessionJoint, *, same: bool) -> str:
-    if not alike(name.name, first.law, second.law):
-        return "it means another thing in the law of each session"
-    told = {"first": _any(first, name), "second": _any(second, name)}
-    for which, session in (("first", first), ("second", second)):
-        if told[which] is None:
-            others = {n.name for fit in session.fits for n in fit.parameters}
-            if name.name in others:
-                return f"the {which} session has it in other directions; identify both with the same fit.directions"
-            return f"the {which} session does not have it"
-    unknown = [which for which, e in told.items() if e is None or e.value is None]
-    if not unknown and not same:
-        return "the sessions have it from different stages"
-    those = unknown or [which for which, e in told.items() if e is None or not usable(e)]
+    found: dict[str, Estimate | None] = {}
+    for which, session in (("first", first), ("second", second)):  # the first estimate with a value, or without one
+        own = [fit.parameters[name] for fit in session.fits if name in fit.parameters]
+        found[which] = next((e for e in own if e.value is not None), own[0] if own else None)
+    lacking = [which for which, e in found.items() if e is None]
+    unknown = [which for which, e in found.items() if e is None or e.value is None]
+    opened = [which for which, e in found.items() if e is None or not usable(e)]
+    those = unknown or opened
     where = f"the {those[0]} session" if len(those) == 1 else "both sessions"
-    return f"it is not identifiable in {where}" if unknown else f"its interval is open, or one-sided, in {where}"
-
-
-def verdict(c: Change, *, changed: bool) -> Finding:
-    """What became of one parameter."""
-    rose = (c.difference or 0.0) > 0
-    way = "Rose" if rose else "Fell"
-    return Finding("rose" if rose else "fell", NOTE, f"{way} beyond the joint uncertainty.") if changed else NO_CHANGE
+    why = f"it is not identifiable in {where}" if unknown else f"its interval is open, or one-sided, in {where}"
+    if not alike(name.name, first.law, second.law):
+        why = "it means another thing in the law of each session"
+    elif lacking:
+        names = {n.name for fit in (first if lacking[0] == "first" else second).fits for n in fit.parameters}
+        why = f"the {lacking[0]} session does not have it"
+        if name.name in names:
+            why = f"the {lacking[0]} session has it in other directions; identify both with the same fit.directions"
+    elif not unknown and not same:
+        why = "the sessions have it from different stages"
+    a, b = found.values()
+    unit = next((e.unit for e in (a, b) if e), "")
+    finding = Finding("not-comparable", NOTE, f"Not comparable: {why}.")
+    return Change(joint=joint, parameter=name, unit=unit, source="", first=a, second=b, verdict=finding)
 
 
 def sentence(changes: Sequence[Change], sets: Sequence[SetChange]) -> Finding:
@@ -88,7 +76,7 @@ def sentence(changes: Sequence[Change], sets: Sequence[SetChange]) -> Finding:
 
 
 def warnings(first: Session, second: Session, shared: Sequence[str], changes: Sequence[Change]) -> Iterator[Finding]:
-    """What limits the comparison."""
+    """The limits of a comparison: joints in one session, a scale of torque, shared data and constants, other models."""
     for which, session, other in (("first", first, second), ("second", second, first)):
         alone = tuple(name for name in session if name not in other)
         if alone:
