@@ -1,4 +1,4 @@
-"""A validation as figures: cost vs v_s, and each method's v_s."""
+"""Matplotlib figures of a validation: cost vs v_s, and each method's v_s."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ _LARGE = 3.0  # ratios beyond this are drawn on a logarithmic axis
 
 @styled
 def cost_figure(result: CaseResult, kind: Kind) -> Figure:
-    """Cost vs v_s, all else re-optimised, over its minimum, and where each method ends; beneath, plain grids near it."""
+    """Cost vs v_s, all else re-optimised, with the final values of each method; below, plain grids near the minimum."""
     figure = new_figure(6.4)
     figure.subplots_adjust(top=0.80, hspace=0.3)
     ax, near = figure.subplots(2, height_ratios=(3, 2))

@@ -15,19 +15,18 @@ from bristle.questions.method_validation.run import BOOTSTRAP_SETS, INTERVAL_SET
 from bristle.questions.method_validation.solvers import LMFIT
 from bristle.questions.method_validation.verdict import overall, verdict
 
-FEW = 6  # cases at most of which each has its own verdict in the text, and its own section on the page
+FEW = 6  # most cases of which each has a verdict in the text and a section on the page
 _WORDS = {
     " elsewhere": ", other minimum", "declined": "no estimate returned", "lower_beyond": "lower outside the range",
     "ipopt_lead": "IPOPT below the grid (relative)", f"plain_{PLAIN_GRID}_error": f"error of the plain grid of {PLAIN_GRID}",
-}  # fmt: skip  # a table
-"""What the page calls parts of the columns of tables."""
+}  # fmt: skip  # parts of columns, as the page calls them
 
 
 def report(validation: Validation) -> Report:
-    """The claim, each case where these are few, resolution and coverage."""
+    """The claim, each case, or of many those of the first set, then resolution and coverage."""
     case_set, claims, drawn = validation.case_set, overall(validation), validation.cases
     few = len(drawn) <= FEW
-    if not few:  # those of the first set at its highest noise
+    if not few:  # at its highest noise
         first = [x for x in drawn if x.case.label == drawn[0].case.label]
         drawn = tuple(x for x in first if x.case.noise == max(y.case.noise for y in first))
     local = min(LOCAL_SETS, validation.repetitions)
@@ -37,13 +36,19 @@ def report(validation: Validation) -> Report:
         f"{validation.seed}.{'' if LMFIT else ' lmfit is not installed and was not compared.'}"
     )
     sections = [Section("", findings=claims[:1]), Section("Verdict", text=how, findings=claims[1:], id="verdict")]
-    if case_set.skipped:
-        lines = tuple(f"{case_set.title} {direction}: {why.coded}" for direction, why in case_set.skipped.items())
-        skipped = tuple(case_set.skipped.items())
+    if skipped := tuple(case_set.skipped.items()):
+        lines = tuple(f"{case_set.title} {direction}: {why.coded}" for direction, why in skipped)
         sections.append(Section("Not validated", facts=skipped, lines=lines, form="part"))
     sections.append(Section("Assumed", findings=case_set.assumptions, lines=(), form="part"))
     names = slugs([f"{x.case.label} {x.case.design}".replace("(+)", "plus").replace("(-)", "minus") for x in drawn])
-    sections += [_of_case(x, case_set.kind, name, told=few) for name, x in zip(names, drawn, strict=True)]
+    for name, x in zip(names, drawn, strict=True):
+        case, said, torque = x.case, verdict(x), unit("torque", case_set.kind)
+        line = f"{case.label}, SIMULATED, {case.design}, noise {case.noise:.2g} {torque}:"
+        sections.append(Section(
+            case.label, about=f"{case.design}; noise {case.noise:.2g} {pretty(torque)}", findings=said,
+            figures=drawings(x, case_set.kind, name), lines=(line, *(f"  {one.flagged}" for one in said)) if few else (),
+            id=f"{name}--case",
+        ))  # fmt: skip  # a list of values
     if drawn:
         sections += _of_all(validation)
     return Report(
@@ -56,25 +61,8 @@ def report(validation: Validation) -> Report:
     )
 
 
-def _of_case(result: CaseResult, kind: Kind, name: str, *, told: bool) -> Section:
-    """The verdict on a case with its figures; the terminal has the verdict where it is `told`."""
-    case, said = result.case, verdict(result)
-    lines = (
-        f"{case.label}, SIMULATED, {case.design}, noise {case.noise:.2g} {unit('torque', kind)}:",
-        *(f"  {x.flagged}" for x in said),
-    )
-    return Section(
-        case.label,
-        about=f"{case.design}; noise {case.noise:.2g} {pretty(unit('torque', kind))}",
-        findings=said,
-        figures=drawings(result, kind, name),
-        lines=lines if told else (),
-        id=f"{name}--case",
-    )
-
-
 def _of_all(validation: Validation) -> list[Section]:
-    """The resolution that a plain grid needs, and every case as a table."""
+    """The resolution that a plain grid needs, all cases, and the coverage of intervals."""
     covered, bootstrapped = (min(sets, validation.repetitions) for sets in (INTERVAL_SETS, BOOTSTRAP_SETS))
     shown = "91 to 98 %" if covered >= 200 else "a less precise figure"
     cases = Table(
@@ -101,17 +89,15 @@ def _of_all(validation: Validation) -> list[Section]:
 
 
 def drawings(result: CaseResult, kind: Kind, file: str) -> tuple[Drawing, ...]:
-    """The figures of a case, their files called `file` and what they show: cost and methods."""
+    """The figures of a case, cost and methods; `file` begins the names of their files."""
     lost = f"vₛ is not identifiable in {in_percent(result.declined)} of the data sets. " * result.not_identifiable
     starts, truth, v = result.starts, result.case.truth.v_s, pretty(unit("v_s", kind))
     many = counted(starts.initial_v_s.size, "random start")
 
-    # From how many starts solvers miss the best minimum, and which of them do the most often.
+    # The minimum of the refined grid, and the starts from which the worst solver misses it, or a solver's lower cost.
     misses = {name: int(starts.in_other_minimum(name).sum()) for name in starts.solvers}
     missed = max(misses.values())
     worst = " and ".join(name for name, count in misses.items() if count == missed)
-
-    # Where the refined grid ends, and from how many starts the worst solver misses it, or which solver ends below it.
     lowest = min(starts.solvers, key=lambda name: float(starts.cost[name].min()))
     cost, at = starts.cost[lowest], f"at vₛ = {number(starts.best[-1], 3)} {v}"
     if starts.best_cost > cost.min() * (1 + SAME_COST):
@@ -150,7 +136,7 @@ def drawings(result: CaseResult, kind: Kind, file: str) -> tuple[Drawing, ...]:
 
 
 def resolution_said(validation: Validation) -> str:
-    """How many values a plain grid needs, or that those tried are too few."""
+    """The number of values that a plain grid needs, in a sentence."""
     needed = [x.resolution.enough for x in validation.resolvable]
     if not needed:
         return "vₛ is not identifiable in any case, so the resolution does not matter."
@@ -164,14 +150,14 @@ def resolution_said(validation: Validation) -> str:
 
 
 def _heading(column: str) -> str:
-    """A column's name as the page has it."""
+    """Heading of a column on the page."""
     for name, words in _WORDS.items():
         column = column.replace(name, words)
     return column.replace("_percent", " (%)").replace("_", " ")
 
 
 def _rounded(frame: pd.DataFrame) -> pd.DataFrame:
-    """Numbers to three digits, as text that stays a number."""
+    """A frame with numbers of three digits, and None for missing ones."""
     columns = frame.select_dtypes("float").columns
     frame[columns] = frame[columns].map(lambda x: float(f"{x:.3g}"))
     return frame.astype(object).where(frame.notna(), None)
