@@ -1,4 +1,4 @@
-"""The report of a sensitivity study: shares along the motion and over the map, information, Sobol indices, formulas."""
+"""The report of a sensitivity study."""
 
 from functools import partial
 
@@ -18,7 +18,7 @@ from bristle.questions.sensitivity.study import Expected, SensitivityStudy, find
 
 
 def report(study: SensitivityStudy) -> Report:
-    """What matters most, then each question of the study; the terminal has shares, other findings and assumptions after it."""
+    """The most important parameters, then each part of the study; the terminal has the shares before other findings."""
     found, map_ = findings(study), study.map
     amplitude, frequency = (x.ravel() for x in np.meshgrid(map_.amplitudes, map_.frequencies, indexing="ij"))
     shares = map_.shares.reshape(-1, len(map_.names))
@@ -39,8 +39,7 @@ def report(study: SensitivityStudy) -> Report:
         ),
     ]
     information = pd.concat([e.to_frame(study.kind) for e in study.expected], ignore_index=True)
-    for k, expected in enumerate(study.expected, 1):
-        sections.append(_measurement(study, expected, k, information))
+    sections += [_measurement(study, expected, k, information) for k, expected in enumerate(study.expected, 1)]
     if study.sobol is not None:
         sections += _indices(study, study.sobol)
     if study.formulas is not None:
@@ -60,7 +59,7 @@ def report(study: SensitivityStudy) -> Report:
 
 
 def _assumed(study: SensitivityStudy) -> Section:
-    """The motion, the parameters, and what is assumed of them."""
+    """The motion, the parameters, and what is assumed."""
     at, rows = study.motion, []
     for name, value in zip(names_of(study.model.p), values_of(study.model.p).tolist(), strict=True):
         lower, upper = in_direction(study.box, *name) or (None, None)
@@ -86,7 +85,7 @@ def _along_motion(study: SensitivityStudy) -> list[Section]:
     local, torque, word = study.local, pretty(unit("torque", study.kind)), effort(study.kind)
 
     def peak(samples: NDArray[np.intp]) -> tuple[str, str]:
-        """The parameter with the largest total derivative among samples; its size, and when."""
+        """The parameter with the largest total derivative among samples, and its size and time."""
         total = np.abs(local.total[samples])
         sample, which = np.unravel_index(total.argmax(), total.shape)
         size = f"{number(total[sample, which], 2)} {torque} at {number(local.time[samples][sample], 3)} s"
@@ -137,7 +136,7 @@ def _along_motion(study: SensitivityStudy) -> list[Section]:
 
 
 def _over_map(study: SensitivityStudy) -> list[Section]:
-    """Which parameter is first at each amplitude and frequency, and each share."""
+    """The parameter with the largest share at each amplitude and frequency, and all shares."""
     claim, shares = study.map.claim, study.map.shares
     first = Drawing(
         partial(figures.first_figure, study),
@@ -161,7 +160,7 @@ def _over_map(study: SensitivityStudy) -> list[Section]:
 
 
 def _measurement(study: SensitivityStudy, expected: Expected, k: int, information: pd.DataFrame) -> Section:
-    """What one measurement would tell: standard errors, and the correlation of two parameters that are seen."""
+    """Standard errors and correlations that one measurement would give."""
     info, of = expected.information, len(expected.information.names)
     seen = np.flatnonzero(np.isfinite(info.standard_errors))
     lost = f"{of - seen.size} of {of} parameters cannot be estimated (×)" if seen.size < of else ""
@@ -189,13 +188,13 @@ def _measurement(study: SensitivityStudy, expected: Expected, k: int, informatio
             f"{found}. Correlation of the estimates from {expected.what}; ×: not identifiable.",
         ),
         table=Table("information", f"Standard errors expected from {expected.what}", information, part),
-        lines=(),  # which the findings have
+        lines=(),  # the findings of the study tell it
         form="part",
     )
 
 
 def _indices(study: SensitivityStudy, sobol: Global) -> list[Section]:
-    """The Sobol indices, and the largest of all outputs."""
+    """The Sobol indices."""
     effects = [(effect, x) for x in sobol.outputs for effect in x.effects]
     bare = sum(not x.effects for x in sobol.outputs)
     lost = f"{bare} of {len(sobol.outputs)} outputs cannot be analysed" if bare else ""
