@@ -1,8 +1,8 @@
-"""What the estimates of a fleet tell: which joints changed, which units differ from their type, and how the quality of the data went.
+"""Findings of a fleet: joints that changed, units that differ from their type, and the quality of the data over time.
 
-A joint's p-value is Simes's over the step tests of all its parameters and directions; Benjamini and Hochberg's procedure over
-all joints of the fleet says which changed, and within one of these, at the rate times the share of joints that changed, which
-parameters did (Benjamini and Bogomolov, 2014). docs/fleet.md has the rest of the method.
+A joint's p-value is Simes's over the step tests of its parameters and directions. Benjamini and Hochberg's procedure over
+all joints says which changed, and within these, at the rate times the share of joints that changed, which parameters
+(Benjamini and Bogomolov, 2014). docs/fleet.md has the rest of the method.
 """
 
 from collections import Counter
@@ -23,14 +23,14 @@ from bristle.questions.fleet.quality import failures, new_warnings, quality, war
 from bristle.questions.fleet.quantities import COVARIATES, Adjusted, QuantityKey, adjusted, quantity_of
 from bristle.questions.fleet.roster import Roster, named_rows, roster
 
-RATE = 0.05  # of false discoveries among the joints that are said to have changed, on average
-BASELINE = 3  # first sessions of a joint, in which it is taken not to have changed
-_MOST = 10_000  # sessions of one joint
+RATE = 0.05  # of false discoveries among the joints that changed
+BASELINE = 3  # first sessions of a joint, without a change
+_MOST = 10_000  # most sessions of one joint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
-    """Tables of what was found: one row per joint, per test, and so on; docs/fleet.md lists their columns."""
+    """Tables of findings; docs/fleet.md lists their columns."""
 
     headline: Finding
     notes: tuple[Finding, ...]
@@ -53,7 +53,7 @@ class Findings:
 
 
 def check_rate(rate: float, baseline: int) -> None:
-    """Raises InputError where these are no options of findings."""
+    """Raise InputError where rate or baseline is out of range."""
     if not 0 < rate < 1:
         raise InputError(f"rate: got {rate:g}; expected a false discovery rate between 0 and 1, as 0.05")
     if not 1 <= baseline <= _MOST:
@@ -61,7 +61,7 @@ def check_rate(rate: float, baseline: int) -> None:
 
 
 def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) -> Findings:
-    """What a dataset of `bristle fleet` tells, at a false discovery rate, against so many first sessions. Raises InputError as `check_rate`."""
+    """Findings of a dataset, against the first `baseline` sessions of each joint. Raises InputError as `check_rate`."""
     check_rate(rate, baseline)
     whole, frame = frame, named_rows(frame)
     people, said = roster(frame, whole), list[Finding]()
@@ -73,7 +73,7 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     steps = changes.change_rows(tests, decided, frame)
     joints = changes.ranked(people, steps, decided)
     parts = np.split(decided.named, np.cumsum([x.which.size for x in tests], dtype=int))  # and an empty one at the end
-    # Of each joint of each quantity how many of its sessions are before a change that was named: all where there was none.
+    # Sessions of each joint of each quantity before a change that was named, or all.
     settled = [np.bincount(x.one.of.joint) for x in tests]
     for most, test, named in zip(settled, tests, parts, strict=False):
         most[test.which[named]] = test.steps.after[named]
@@ -113,14 +113,14 @@ _JOINTS = (
 
 
 def _quantities(frame: pd.DataFrame, people: Roster, said: list[Finding]) -> Iterator[Adjusted]:
-    """Each parameter in each direction of each type; `said` gets what is said of values that are left out."""
+    """Each parameter and direction of each type; notes on values that are left out are added to `said`."""
     where = np.flatnonzero(people.usable)
     columns = [
         "parameter", "direction", "source", "value", "standard_error", "lower", "upper", "value_unit", *COVARIATES,
     ]  # fmt: skip  # a list of names
     used = frame.iloc[where][columns].reset_index(drop=True)
     used["joint"], used["type"] = people.joint[where], people.table["type"].to_numpy()[people.joint[where]]
-    # The fit from which most values of a joint's parameter come: two fits may differ without any wear.
+    # Values of the fit from which most values of a joint's parameter come.
     series = ["joint", "parameter", "direction"]
     told = used[[*series, "source"]].astype(dict.fromkeys(("parameter", "direction", "source"), str))
     count_of = told.groupby([*series, "source"]).size().rename("count").reset_index()
@@ -159,8 +159,7 @@ _TYPES = (
         "mean", "mean_lower", "mean_upper", "spread_percent", "spread_lower", "spread_upper", "scatter_percent", "scatter_lower", "scatter_upper",
         "temperature_percent", "temperature_lower", "temperature_upper", "load_percent", "load_lower", "load_upper", "shift_percent", "shift_p",
     ), "float64")
-)  # fmt: skip  # a table
-"""Columns of the types, and their types."""
+)  # fmt: skip  # columns of the types, and their types
 
 
 def _types(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]]) -> pd.DataFrame:
@@ -192,7 +191,7 @@ def _ends(name: str, percent: float, lower: float, upper: float) -> dict[str, fl
 
 
 def _series(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]], frame: pd.DataFrame) -> pd.DataFrame:
-    """A row per joint, parameter, direction and session, with 95 % limits for one more before a change; none before a new baseline."""
+    """A row per joint, parameter, direction and session, with the 95 % limits of one more session before a change."""
     names = ["unit", "joint", "parameter", "direction", "session", "value", "lower", "upper", "value_unit"]
     parts = [np.zeros((3, 0))]
     for one, most in zip(every, settled, strict=True):

@@ -1,4 +1,4 @@
-"""What must be said of the findings of a fleet, as diagnostics."""
+"""Headline and notes of a fleet's findings."""
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any
@@ -9,16 +9,16 @@ from bristle.findings import CAUTION, NOTE, Finding, Severity
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.wording import counted
 from bristle.questions.fleet.changes import beyond_errors
-from bristle.questions.fleet.quality import codes_of, critical, most_common
+from bristle.questions.fleet.quality import codes_of, most_common, severity
 from bristle.questions.fleet.quantities import LEAST_FREEDOM, Adjusted
 from bristle.questions.fleet.roster import Roster
 
-_FEW = 10.0  # degrees of freedom below which the scatter between sessions is said to rest on few
+_FEW = 10.0  # degrees of freedom below which a note says that the scatter rests on few sessions
 _NAMED = 5  # steps that a sentence names
 
 
 def headline(joints: pd.DataFrame, rate: float) -> Finding:
-    """How many joints changed, and which the most clearly; `joints` are ranked."""
+    """The number of joints that changed, and the clearest of them; `joints` are ranked."""
     tested, changed = joints["adjusted_p"].notna(), joints[joints["changed"]]
     if not tested.any():
         return Finding("fleet-untested", NOTE, "No joint was tested for a change; the notes say why.")
@@ -35,9 +35,9 @@ def headline(joints: pd.DataFrame, rate: float) -> Finding:
 def notes(
     frame: pd.DataFrame, every: Sequence[Adjusted], joints: pd.DataFrame, left_out: Sequence[Finding], baseline: int
 ) -> tuple[Finding, ...]:
-    """All that is to be said of a dataset, its quantities and its ranked joints, cautions first; `left_out`: what was said of values already."""
+    """Notes on a dataset, its quantities and its ranked joints, cautions first; `left_out`: those on values left out."""
     said = []
-    # The shifts common to a type, of all its parameters in one sentence.
+    # Shifts common to a type, one sentence for all its parameters.
     shifted = [x for x in every if x.knots.size]
     for type_ in dict.fromkeys(x.of.key.type for x in shifted):
         own = [x for x in shifted if x.of.key.type == type_]
@@ -67,7 +67,7 @@ def notes(
         said.append(Finding("warned-since", CAUTION, message, {"count": len(warned), "codes": codes}))
     said += left_out
 
-    # The types whose scatter rests on few differences, once each.
+    # Types whose scatter rests on few differences.
     few = [x for x in every if LEAST_FREEDOM <= x.fit.freedom < _FEW]
     for type_ in dict.fromkeys(x.of.key.type for x in few):
         count = max(int((x.of.joint[1:] == x.of.joint[:-1]).sum()) for x in few if x.of.key.type == type_)
@@ -77,7 +77,7 @@ def notes(
         )
         said.append(Finding("scatter-of-few", CAUTION, message, {"type": type_, "count": count}))
 
-    # Joints that are not tested, and sessions and values that are in no finding.
+    # Joints that are not tested, and sessions and values that are left out.
     not_tested = joints[joints["untested"] != ""]
     if count := len(not_tested):
         short = int(not_tested["untested"].str.startswith("fewer").sum())
@@ -97,17 +97,16 @@ def notes(
         count, first = len(unused[keys].drop_duplicates()), unused["left_out"].iloc[0]
         message = f"{counted(count, 'joint session')} left out of the findings; the first: {first}"
         said.append(Finding("sessions-left-out", NOTE, message, {"count": count}))
-    # Values that are not used, and the warnings that they have most often.
     rows = frame[(frame["severity"] == "critical") & frame["value"].notna()]
     if len(rows):
-        codes = most_common(critical(codes_of(rows)["code"]))
+        codes = most_common(str(code) for code in codes_of(rows)["code"] if severity(code) == "critical")
         message = f"{counted(len(rows), 'value')} with a critical warning left out of the findings; the commonest: {', '.join(codes)}."
         said.append(Finding("values-critical", NOTE, message, {"count": len(rows), "codes": codes}))
     return tuple(sorted(said, key=lambda x: list(Severity).index(x.severity)))
 
 
 def anew(people: Roster) -> Iterator[Finding]:
-    """The joints that a tag begins anew."""
+    """The joints with a new baseline, by a tag."""
     every = people.table
     again = every[every["now"] & every.duplicated(["unit", "joint"], keep=False) & every["first"].notna()]
     if len(again):
@@ -120,7 +119,7 @@ def anew(people: Roster) -> Iterator[Finding]:
 
 
 def compared(every: Sequence[Adjusted], frame: pd.DataFrame, people: Roster) -> Iterator[Finding]:
-    """Of types whose scatter rests on few, what differs by the errors of the estimates alone."""
+    """Steps by the errors of the estimates alone, of types whose scatter rests on few sessions."""
     few = [x for x in every if x.tested and x.fit.freedom < _FEW]
     rows = beyond_errors(few, frame)
     for type_, own in rows.groupby("type", sort=False):
@@ -138,6 +137,6 @@ def compared(every: Sequence[Adjusted], frame: pd.DataFrame, people: Roster) -> 
 
 
 def _step(row: "Mapping[Hashable, Any] | pd.Series[Any]") -> str:
-    """One change, with its joint."""
+    """One step, with its joint."""
     name = ParameterName(row["parameter"], Direction(row["direction"]))
     return f"{row['unit']} {row['joint']}, {name} by {row['percent']:+.3g} % since {row['since']:%Y-%m-%d}"

@@ -1,7 +1,7 @@
-"""One parameter in one direction of all joints of a type: a common scale, what temperature, load and the calendar do to all, and what is left.
+"""One parameter in one direction of all joints of a type, adjusted for temperature, load and a shift common to the type.
 
-A value is its joint's level, plus what temperature, load and time do to every joint of the type, plus the scatter of a session,
-plus its own error. All is by logarithms where every value is positive, else in parts of the type's median.
+A value is the joint's level, plus the effects of temperature, load and time on every joint of the type, plus the scatter
+of a session, plus its own error: in logarithms where every value is positive, else in units of the type's median.
 """
 
 from dataclasses import dataclass
@@ -20,18 +20,18 @@ from bristle.estimation.robust import RobustFit, differences_of, fit_differences
 from bristle.estimation.step_test import Levels
 from bristle.questions.fleet.roster import Roster
 
-KNOTS = 12  # of the shift common to all joints over time, at the most
-PER_KNOT = 20  # differences between sessions for each
-LEAST_JOINTS = 10  # joints of a type from which on a common shift is told from a change of one
+KNOTS = 12  # most knots of the common shift over time
+PER_KNOT = 20  # differences between sessions per knot
+LEAST_JOINTS = 10  # least joints of a type for a common shift
 SHIFTED = 1e-3  # level of the test of a common shift, over all quantities of the fleet
-CLEAR = 2.0  # standard errors that the median of a parameter is from zero, for it to be compared
-LEAST_FREEDOM = 1.5  # degrees of freedom of the scatter between sessions, below which nothing is tested
-_FAR = 300.0  # of a logarithm: what is further out is no value of friction
+CLEAR = 2.0  # least median of a parameter that is compared, in standard errors
+LEAST_FREEDOM = 1.5  # least degrees of freedom of the scatter between sessions for a test
+_FAR = 300.0  # largest logarithm of a value
 COVARIATES = ("temperature", "load")
 
 
 class QuantityKey(NamedTuple):
-    """Which quantity it is."""
+    """Names of a quantity."""
 
     type: str
     parameter: str
@@ -43,15 +43,14 @@ class Quantity:
     """A parameter in a direction, of a type of joints; rows are sorted by joint and session."""
 
     key: QuantityKey
-    rows: NDArray[np.intp]  # which rows of the frame, (n,)
-    joint: NDArray[np.intp]  # its joint, numbered from 0 within the quantity, (n,)
-    joints: NDArray[np.intp]  # their numbers in the fleet, (m,)
-    now: NDArray[np.bool_]
-    """Whether no later baseline of the joint began; where one did, its sessions tell of the type's scatter, and are not judged, (m,)."""
+    rows: NDArray[np.intp]  # indices in the frame, (n,)
+    joint: NDArray[np.intp]  # joint of each row, numbered from 0 within the quantity, (n,)
+    joints: NDArray[np.intp]  # numbers of the joints in the fleet, (m,)
+    now: NDArray[np.bool_]  # whether no later baseline of the joint began, so that it is tested, (m,)
     y: Array  # value on the scale, (n,)
     known: Array  # its variance, (n,)
-    scale: float  # what one is on the scale, in the parameter's unit; 0: logarithms
-    covariates: Array  # less their medians, nan where not known, (n, c)
+    scale: float  # unit of the scale, in the parameter's unit; 0: logarithms
+    covariates: Array  # minus their medians, nan where not known, (n, c)
     names: tuple[str, ...]  # of the covariates, (c,)
     time: Array  # days since the first session, (n,)
     unit: NDArray[np.intp]  # the unit of each row, (n,)
@@ -62,12 +61,12 @@ class Quantity:
         return level * self.scale if self.scale else np.exp(np.clip(level, -_FAR, _FAR))
 
     def percent(self, difference: Array) -> Array:
-        """Differences on the scale, in percent; of logarithms of the value before, else of the type's median."""
+        """Differences on the scale in percent: of the value before, or of the type's median."""
         return 100 * (difference if self.scale else np.expm1(np.minimum(difference, _FAR)))
 
 
 def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], people: Roster) -> Quantity | None:
-    """The quantity of some rows, whose numbers in the whole frame are `where`; None where its values cannot be scaled."""
+    """The quantity of some rows, at the indices `where` of the frame; None where its median is not clear of zero."""
     joint, day = people.joint[where], people.day[where]
     order = np.lexsort((day, joint))
     columns = ("value", "standard_error", "lower", "upper")
@@ -92,14 +91,14 @@ def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], p
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Adjusted:
-    """A quantity without what its type has in common."""
+    """A quantity without the effects common to its type."""
 
     of: Quantity
     fit: RobustFit
-    regressors: Array  # what was taken off, (n, p)
-    known: Array  # variances with those of covariates that are not known, (n,)
-    knots: Array  # days between which the common shift is linear, (k,); none where there is no such shift
-    shift_p: float  # how often chance alone makes a common shift as significant; nan where it cannot be told
+    regressors: Array  # of the common effects, (n, p)
+    known: Array  # variances, with those of unknown covariates, (n,)
+    knots: Array  # days, of the piecewise linear common shift, (k,); empty without a shift
+    shift_p: float  # p-value of the common shift; nan where it was not tested
 
     @property
     def y(self) -> Array:
@@ -117,7 +116,7 @@ class Adjusted:
         return self.fit.freedom >= LEAST_FREEDOM and bool((self.variance > 0).all())
 
     def effect(self, name: str) -> tuple[float, float, float]:
-        """What a covariate does to the type, in percent per K or per unit of load, with its 95 % interval; nan where it is not known."""
+        """The effect of a covariate in percent per K or per unit of load, with its 95 % interval; nan if not known."""
         if name not in self.of.names:
             return nan, nan, nan
         k = self.of.names.index(name)
@@ -128,17 +127,17 @@ class Adjusted:
 
     @property
     def shift(self) -> Array:
-        """The shift common to all joints at the knots, on the scale, (k,): 0 at the first."""
+        """The common shift at the knots, on the scale, (k,): 0 at the first."""
         if not self.knots.size:
             return np.zeros(0)
         return np.concatenate([[0.0], self.fit.coefficients[len(self.of.names) :]])
 
 
 def adjusted(quantity: Quantity, tests: int) -> Adjusted:
-    """The quantity without what temperature and load do, and without a shift common to its joints where there is one.
+    """The quantity without the effects of temperature and load, and without a significant shift common to its joints.
 
-    A session without its temperature is in none of these fits; it has the median instead, and the variance that this leaves.
-    `tests`: quantities of the fleet, for each of which such a shift is looked for.
+    A session without temperature is in none of these fits; it gets the median and a larger variance.
+    `tests`: quantities of the fleet that are tested for a shift.
     """
     gaps = ~np.isfinite(quantity.covariates)
     covariates = np.where(gaps, 0.0, quantity.covariates)
@@ -150,7 +149,7 @@ def adjusted(quantity: Quantity, tests: int) -> Adjusted:
         days = np.unique(np.round(quantity.time))
         knots = days if days.size <= most else np.unique(np.quantile(quantity.time, np.linspace(0, 1, most)))
     if knots.size > 1:
-        # Functions linear between knots, each 1 at one of them and 0 at the others, without the first: (n, k - 1).
+        # Hat functions of the knots but the first, (n, k - 1).
         hats = np.stack([np.interp(quantity.time, knots, row) for row in np.eye(knots.size)[1:]], axis=1)
         both = np.concatenate([covariates, hats], axis=1)
         shifted = fit_differences(quantity.y, quantity.known, both, first, quantity.unit)
@@ -164,7 +163,7 @@ def adjusted(quantity: Quantity, tests: int) -> Adjusted:
 
 
 def _shift_p(fit: RobustFit, first: int) -> float:
-    """Wald's test that the coefficients from one on are all zero."""
+    """P-value of Wald's test that the coefficients from `first` on are zero."""
     b, cov = fit.coefficients[first:], fit.covariance[first:, first:]
     free = fit.freedom_of_coefficients - b.size + 1
     if free < 1 or not np.isfinite(cov).all():
@@ -177,7 +176,7 @@ def _shift_p(fit: RobustFit, first: int) -> float:
 
 
 def padded(one: Adjusted, most: NDArray[np.intp] | None = None) -> Levels:
-    """The joints' series, a row each; `most`: how many sessions of each joint, (m,), None: all."""
+    """The joints' series, a row each; `most`: number of sessions of each joint, (m,); None: all."""
     joint = one.of.joint
     place = np.arange(joint.size) - np.searchsorted(joint, joint)
     counts = np.bincount(joint)

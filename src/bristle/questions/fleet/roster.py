@@ -1,7 +1,4 @@
-"""The joints of a fleet, numbered: whose each row of a dataset is.
-
-A joint has a number for each of its baselines: a session with the tag `baseline` begins a new one.
-"""
+"""The joints of a fleet, numbered, one number per baseline: a session with the tag `baseline` begins a new one."""
 
 import re
 from dataclasses import dataclass
@@ -14,32 +11,31 @@ from bristle.arrays import Array
 
 _EPOCH = np.datetime64("1970-01-01", "us")
 _DAY = np.timedelta64(1, "D")
-_BEGINS = re.compile(r"(?:^|[\s,;])baseline(?=$|[\s,;])", re.IGNORECASE)
-"""Among the tags of a session, a word of its own: that its joint begins anew with it."""
+_BEGINS = re.compile(r"(?:^|[\s,;])baseline(?=$|[\s,;])", re.IGNORECASE)  # among the tags of a session
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Roster:
-    """Every joint of a dataset, once for each of its baselines."""
+    """Every joint of a dataset, once per baseline."""
 
     joint: NDArray[np.intp]  # number of the joint of each row, (rows,)
     unit: NDArray[np.intp]  # number of the unit of each row, (rows,)
     day: Array  # of each row's session, days, (rows,)
-    usable: NDArray[np.bool_]  # which rows have a value that findings may rest on, (rows,)
+    usable: NDArray[np.bool_]  # rows whose values the findings use, (rows,)
     table: pd.DataFrame
-    """A row per joint, in the order of their numbers: unit, joint, type, sessions, first, latest, file, now (whether no later baseline began)."""
+    """By number of the joint: unit, joint, type, sessions, first, latest, file, now (whether no later baseline began)."""
 
 
 def named_rows(frame: pd.DataFrame) -> pd.DataFrame:
-    """The rows of which it is known whose and of when they are; a failure may lack any of these."""
+    """The rows with unit, joint and session."""
     known = frame[["unit", "joint", "session"]].notna().all(axis=1)
     return frame if known.all() else frame[known].reset_index(drop=True)
 
 
 def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
-    """The joints of the named rows of a whole dataset. A joint has the type of its last row that is not left out.
+    """The joints of the named rows of a whole dataset; the type of a joint is that of its last row that is not left out.
 
-    A failed session of which no joint is known begins all joints of its unit anew, or those of its type, where it is marked.
+    A marked session without a known joint begins new baselines of all joints of its unit, or of its type.
     """
     unit = frame["unit"].astype("category").cat.codes.to_numpy(np.intp)
     name = frame["joint"].astype("category").cat.codes.to_numpy(np.intp)
@@ -47,7 +43,7 @@ def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
     day = (frame["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
     kept = frame["left_out"].isna().to_numpy()
     marks = [pd.DataFrame({"pair": pairs, "day": day, "marked": _marked(frame["tags"]) & kept})]
-    # Marks of sessions of which no joint is known, for each joint of their unit, and of their type where it is given.
+    # Marks of sessions without a known joint, for each joint of their unit, and of their type where it is given.
     unknown = whole[whole["joint"].isna() & whole["unit"].notna() & whole["session"].notna()]
     unknown = unknown[_marked(unknown["tags"])]
     if len(unknown):
@@ -60,7 +56,7 @@ def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
         marks.append(both.loc[own, ["pair", "day"]].assign(marked=True))
     marked = pd.concat(marks)
     begun = np.zeros(pairs.size, dtype=np.intp)
-    if marked["marked"].any():  # one of successive marked sessions is the baseline's first
+    if marked["marked"].any():  # the first of successive marked sessions begins the baseline
         sessions = marked.groupby(["pair", "day"])["marked"].any()
         before = sessions.groupby("pair").shift(fill_value=False)
         count = (sessions & ~before).groupby("pair").cumsum()
@@ -78,7 +74,7 @@ def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
     table["latest"] = frame["session"].to_numpy("datetime64[us]")[rows]
     table["file"] = frame["file"].astype(str).to_numpy()[rows]
     table["now"] = ~np.isin(every + 1, every) | (every % most == most - 1)
-    # With a value and an error, and nothing critical said of it, in a session that is not left out.
+    # Usable: with a value and an error, without a critical warning, in a session that is not left out.
     value, error = (frame[name].to_numpy(float) for name in ("value", "standard_error"))
     usable = np.isfinite(value) & np.isfinite(error) & (error > 0) & (frame["severity"] != "critical").to_numpy()
     usable = usable & (frame["failure"].isna() & frame["left_out"].isna()).to_numpy(bool)
@@ -86,7 +82,7 @@ def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
 
 
 def _marked(tags: "pd.Series[str]") -> NDArray[np.bool_]:
-    """Which tags begin a joint anew, (rows,)."""
+    """Rows whose tags begin a new baseline, (rows,)."""
     text = tags.astype("category")
     begins = np.array([_BEGINS.search(str(tag)) is not None for tag in text.cat.categories], dtype=bool)
     return np.append(begins, False)[text.cat.codes]
