@@ -1,4 +1,4 @@
-"""What an export gives: files, what the target holds, and what it loses."""
+"""Artefacts of an export: the file, what the target holds, and what it loses."""
 
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,46 +21,44 @@ from bristle.questions.export.loss import LARGE, Loss, told
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """What is asked of an export beside the joints."""
+    """Options of an export."""
 
-    into: bytes | None = None  # a model into which the values are merged, as it was read; None: a snippet
-    into_name: str = ""  # what that file is called
-    amplitude: float | None = None
-    """Of the motion for which the values are the best, rad; None: up to the fastest measured speed."""
+    into: bytes | None = None  # content of a model into which the values are merged; None: a new file
+    into_name: str = ""  # name of that model's file
+    amplitude: float | None = None  # of the motion of the fit, rad; None: up to the fastest measured speed
     frequency: float | None = None  # Hz
-    compensator: Compensator = field(default_factory=Compensator)  # that is printed as C, with its adaptation
+    compensator: Compensator = field(default_factory=Compensator)  # printed as C, with its adaptation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Artefact:
-    """What one target takes."""
+    """The file of one target."""
 
-    name: str  # of the file, as it is called if no other name is asked for
+    name: str  # default name of the file
     content: bytes
-    holds: str  # a sentence: what of the friction is in it
-    losses: Mapping[str, tuple[Loss, ...]] = field(default_factory=dict)
-    """Of each joint, motion by motion; none: nothing is lost."""
-    said: tuple[Finding, ...] = ()  # what else must be known of it, beside what is said of the joints
+    holds: str  # the part of the friction that it holds, in words
+    losses: Mapping[str, tuple[Loss, ...]] = field(default_factory=dict)  # of each joint, by motion; empty: none
+    said: tuple[Finding, ...] = ()  # further findings, beside those of the joints
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportTarget:
-    """A kind of artefact: who writes it, and of what."""
+    """A target of an export."""
 
     write: Callable[[Sequence[ExportedJoint], Request], Artefact]
     single: bool = False  # whether it holds one joint
-    fitted: bool = False  # whether its values are the best along a motion that can be asked for
+    fitted: bool = False  # whether its values are fitted along a motion, which can be chosen
     merges: bool = False  # whether it can be merged into a given model
-    loaded: bool = False  # whether it has the load that friction rises with
+    loaded: bool = False  # whether it holds friction that rises with load
 
 
 def c_compiler() -> str | None:
-    """Where this machine's C compiler is; None: there is none."""
+    """Path of this machine's C compiler, if any."""
     return shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
 
 def notes(joint: ExportedJoint, found: Sequence[Loss] = ()) -> Iterator[str]:
-    """What an artefact says of itself, a line each, unescaped: provenance, trust, parameters with intervals, what was assumed, and losses."""
+    """Lines of a comment in an artefact: provenance, trust, parameters with intervals, assumptions, losses."""
     origin = joint.origin
     yield f"joint {joint.name} ({joint.kind}), identified by bristle {origin.bristle}"
     if joint.law_name != GAUSSIAN.name:
@@ -84,25 +82,22 @@ def notes(joint: ExportedJoint, found: Sequence[Loss] = ()) -> Iterator[str]:
 
 
 def in_ascii(line: str) -> str:
-    """A line of such for a comment of a script: printable ASCII, the rest as Python escapes it."""
+    """A line in printable ASCII, with Python's escapes."""
     return ascii(one_line(line))[1:-1]
 
 
 class Equation(NamedTuple):
-    """One of them."""
+    """An equation of a friction law."""
 
     name: str
     latex: str  # its left side
     unit: str
-    of: tuple[str, ...]  # what it is a function of beside the parameters: v, or z and v
-    expression: Expression  # of symbols with these names and those of the parameters
+    of: tuple[str, ...]  # arguments beside the parameters: v, or z and v
+    expression: Expression  # of symbols of the arguments and parameters
 
 
 def equations(joint: ExportedJoint) -> Iterator[Equation]:
-    """What must be known of a law that is not the paper's; none of that.
-
-    `level` g(v), then `rate` dz/dt and `torque` T_f where the bristle is known, else `steady`, the friction vs velocity.
-    """
+    """The equations of a law other than the paper's: g(v), then dz/dt and T_f, or without a bristle T_ss."""
     if joint.law == GAUSSIAN:
         return
     one, torque, velocity = lugre_of(joint.law), unit("torque", joint.kind), unit("velocity", joint.kind)
@@ -126,9 +121,9 @@ def artefact_of(
     counted: Sequence[str] = (),
     armature: bool = False,
 ) -> Artefact:
-    """What a target takes; said are losses of more than 10 %, what is left out, and, of one that takes an armature, that there is none.
+    """The file of a target, with findings on large losses, on terms left out, and on a missing armature.
 
-    `ending` stands behind the name of the joints, `counted` are terms that the values stand for.
+    `ending`: of the file's name; `counted`: terms that the values include.
     """
     said = list[Finding]()
     for name, found in losses.items():
@@ -141,7 +136,7 @@ def artefact_of(
             numbers = {"joint": name, "target": target, "percent": tuple(x.percent for x in large)}
             said.append(Finding("export-loses", CAUTION, message, numbers))
     for joint in joints:
-        # torque that was identified beside the friction and the inertia, and that the values do not stand for
+        # Identified torques beside friction and inertia that the values do not include.
         held = {*fields_of(joint.law), INERTIA.name, "links", "torque_constant", *counted}
         if names := tuple(str(x.parameter) for x in joint.parameters if x.parameter.name not in held):
             message = (
@@ -157,5 +152,5 @@ def artefact_of(
 
 
 def slug(joints: Sequence[ExportedJoint]) -> str:
-    """What a file of these joints is called: the joint's name in plain letters, or `robot`."""
+    """Stem of a file name: the joint's name in plain letters, or `robot`."""
     return "robot" if len(joints) > 1 else plain(joints[0].name, "_", 50)

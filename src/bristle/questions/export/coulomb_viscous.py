@@ -1,4 +1,4 @@
-"""Coulomb and viscous friction, which is all that most simulators hold: the best values along a motion, what they lose, and where they are from."""
+"""Targets with Coulomb and viscous friction only: the best values along a motion, and their losses."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class CoulombViscous:
 
 
 def best_values(joints: Sequence[ExportedJoint], request: Request, target: str) -> tuple[CoulombViscous, ...]:
-    """Of each joint, along the motion that is asked for. Raises InputError where a joint's torque is known as a current alone."""
+    """The best values of each joint along the requested motion. Raises InputError as `in_newton`."""
     found = []
     for joint in (joint.in_newton(target) for joint in joints):
         motions = all_motions(joint, request.amplitude, request.frequency)
@@ -44,13 +44,13 @@ def target_of(
     *,
     armature: bool = False,
 ) -> ExportTarget:
-    """A target that takes the best values: `new` makes a file of them, `merge` puts those of a joint into a model of that kind and root.
+    """A target with the best values, which include v abs(v); other arguments as of `artefact_of`.
 
-    Its artefacts are as those of `artefact_of`; v abs(v) is among what the values stand for.
+    `new` makes a file of them; `merge` puts those of a joint into a `model`, of this kind and root element.
     """
 
     def write(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
-        """Raises InputError where a joint's torque is a current, or the file that is merged into is no such model or lacks the joint."""
+        """The artefact. Raises InputError as `in_newton`, and where the model to merge into lacks the joint."""
         found = best_values(joints, request, name)
         if request.into is None or merge is None:
             content = new(found)
@@ -66,7 +66,7 @@ def target_of(
 
 
 def comment_lines(one: CoulombViscous, holds: str) -> Iterator[str]:
-    """What stands beside the values, a line each that can be shown in a terminal; a comment's own marks are not escaped."""
+    """Lines of the comment beside the values."""
     kind, motion = one.joint.kind, one.motion
     yield (
         f"bristle: Coulomb {number(one.coulomb)} {unit('torque', kind)}, viscous {number(one.viscous)} {unit('alpha_2', kind)}: the least "

@@ -1,4 +1,4 @@
-"""An export as `bristle.export` returns it: it says what is lost, and writes its file."""
+"""An export as `bristle.export` returns it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -19,9 +19,8 @@ _PLACES = {
     "c": "c_header.TARGET", "mujoco": "mjcf.TARGET", "mujoco-frictionloss": "mjcf.FRICTIONLOSS", "fmu": "fmu.TARGET",
     "urdf": "axes.URDF", "sdf": "axes.SDF", "isaac": "isaac.TARGET", "json": "json_document.TARGET", "matlab": "matlab.TARGET",
     "latex": "latex.TARGET",
-}  # fmt: skip  # a table
-"""Where each target stands, in a module that is loaded when it is asked for."""
-TARGETS = tuple(_PLACES)  # what a joint can be exported to, in the order of docs/export.md
+}  # fmt: skip  # module, loaded when it is needed, and name of each target
+TARGETS = tuple(_PLACES)  # in the order of docs/export.md
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,11 +35,11 @@ class Export:
 
     @property
     def content(self) -> bytes:
-        """What the file holds."""
+        """Content of the file."""
         return self.artefact.content
 
     def text(self) -> str:
-        """What the target holds, what is lost, and what must be known of the values; as `bristle export` prints it."""
+        """What the target holds and loses, and findings on the values; as `bristle export` prints it."""
         names = ", ".join(joint.name for joint in self.joints)
         lines = [f"Export to {self.to}: {names}", f"  holds: {self.artefact.holds}"]
         for joint in self.joints:
@@ -59,9 +58,9 @@ class Export:
         return self.text()
 
     def write(self, path: Path | str | None = None) -> Path:
-        """Write the file; by default as the joint is called, where one is. Returns its path.
+        """Write the file, by default with the joint's name; returns its path.
 
-        Raises InputError where another file is there already, or it cannot be written; nothing is half-written.
+        Raises InputError where another file is there, or it cannot be written.
         """
         path = Path(self.artefact.name if path is None else path)
         write_bytes(path, self.content)
@@ -69,7 +68,7 @@ class Export:
 
 
 def target(name: str) -> ExportTarget:
-    """The target of a name. Raises InputError where there is none."""
+    """The target of this name. Raises InputError where there is none."""
     if name not in _PLACES:
         raise InputError(f"to: got {name!r}; expected one of {', '.join(TARGETS)}")
     module, _, own = _PLACES[name].partition(".")
@@ -80,9 +79,9 @@ def target(name: str) -> ExportTarget:
 def export_joints(
     joints: Sequence[ExportedJoint], to: str, request: Request, refused: tuple[Finding, ...] = ()
 ) -> Export:
-    """The joints as a target takes them; of several those that it takes, the others being named beside the `refused` ones.
+    """Export joints to a target; of several joints those that the target takes, with findings on the others.
 
-    Raises InputError where the target is unknown, holds one joint and several are given, merges into nothing, or a joint lacks what it needs.
+    Raises InputError where an option or the number of joints does not fit the target, or no joint has what it needs.
     """
     chosen = target(to)
     joints = joints if chosen.loaded else [x.without_load() for x in joints]
@@ -98,7 +97,7 @@ def export_joints(
     if request.into is not None and not chosen.merges:
         raise InputError(f"into: {to} is written as a file of its own; leave into out")
     kept, left_out = list(joints), list[Finding]()
-    for joint in joints if len(joints) > 1 else ():  # which of several does it take?
+    for joint in joints if len(joints) > 1 else ():
         try:
             chosen.write([joint], request)
         except InputError as error:
@@ -110,5 +109,5 @@ def export_joints(
 
 
 def joint_left_out(error: InputError) -> Finding:
-    """Of one of several joints, that it is not exported, and why."""
+    """A joint that is not exported, and why."""
     return Finding("export-joint-left-out", CAUTION, f"Left out: {error}", {"why": str(error)})

@@ -1,4 +1,4 @@
-"""Joint and friction as an FMU, FMI 2.0 for co-simulation: the printed C with the functions of FMI around it, and a linux64 binary of it."""
+"""Export of joint and friction as an FMU, FMI 2.0 for co-simulation: C sources, and a linux64 binary."""
 
 import hashlib
 import math
@@ -31,22 +31,19 @@ from bristle.questions.export.loss import Loss, all_motions, losses, lugre
 _FLAGS = (
     "-std=c99", "-O2", "-g0", "-fPIC", "-shared", "-fvisibility=hidden", "-fno-fast-math", "-ffp-contract=off",
     "-Wl,--build-id=none", "-Wl,-s",
-)  # fmt: skip  # a list of words
-"""Of the binary; the last two so that its bytes do not tell when and where it was made."""
+)  # fmt: skip  # of the binary; the last two make it reproducible
 _LARGEST = 1e30
-_STEP, _RANGE = 1e-3, (1e-6, 1e-2)
-"""Longest internal step, s: the default is no longer than that; between these it may be set."""
+_STEP, _RANGE = 1e-3, (1e-6, 1e-2)  # longest internal step, s: largest default, and range
 _SHARE = 50  # internal steps in the shorter one of the joint's two times
 _INERTIA = (1e-9, range_of("inertia")[1])
 _TORQUE = (-1e6, 1e6)
+# Phases in which a variable may be set.
 _ANY, _BEFORE, _NEVER = ("BR_INSTANTIATED | BR_INITIALISING | BR_STEPPING", "BR_INSTANTIATED | BR_INITIALISING", "0")
-"""Phases in which a variable may be set."""
 _BASE = {
     **{name: {name: 1} for name in ("rad", "s", "m", "kg", "A")},
     "N": {"kg": 1, "m": 1, "s": -2},
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
-}
-"""Exponents of the SI base units."""
+}  # exponents of the SI base units
 _PRODUCT = r"(?:1|[a-zA-Z]+(?:\*\*\d+)?)(?:\*[a-zA-Z]+(?:\*\*\d+)?)*"
 _UNIT = re.compile(rf"{_PRODUCT}(?:/{_PRODUCT})?")
 
@@ -59,13 +56,13 @@ _USE = (
 
 
 class FmuVariable(NamedTuple):
-    """A variable of the FMU; its value reference is its place."""
+    """A variable of the FMU; its value reference is its index."""
 
     name: str
     what: str
     unit: str
     causality: str
-    member: str  # in the C
+    member: str  # in C
     low: float = -_LARGEST
     high: float = _LARGEST
     start: float | None = None  # None: it is computed
@@ -73,7 +70,7 @@ class FmuVariable(NamedTuple):
 
     @property
     def variability(self) -> str:
-        """As FMI calls it."""
+        """FMI's variability."""
         if self.causality != "parameter":
             return "continuous"
         return "fixed" if self.settable == _BEFORE else "tunable"
@@ -107,8 +104,8 @@ def fmu_variables(joint: ExportedJoint) -> tuple[FmuVariable, ...]:
 def longest_step(joint: ExportedJoint) -> float:
     """Longest internal step, s: 1, 2 or 5 times a power of ten, and 1 ms at most.
 
-    No longer than a fiftieth of sqrt(J / sigma_0), a radian of the joint's oscillation in stick, and of J v_s / (alpha_0 + alpha_1), in which
-    friction at breakaway changes the velocity by v_s. Velocity is then within 0.001 % or so of the continuous equations (benchmarks/export_fmu.py).
+    At most a fiftieth of sqrt(J / sigma_0), a radian of the oscillation in stick, and of J v_s / (alpha_0 + alpha_1), in
+    which friction at breakaway changes the velocity by v_s: the velocity is within 0.001 % of the continuous equations.
     """
     J = _inertia(joint)
     times = [t for p in joint.pair for t in (math.sqrt(J / p.sigma_0), J * p.v_s / (p.alpha_0 + p.alpha_1))]
@@ -130,10 +127,7 @@ def _inertia(joint: ExportedJoint) -> float:
 
 
 def base_units(text: str) -> dict[str, int] | None:
-    """Exponents of the SI base units, rad among them, of a unit such as N*m*s/rad or kg*m**2.
-
-    None where a law from outside has a unit that FMI cannot tell: one of other units, or of broken powers.
-    """
+    """Exponents of the SI base units, and rad, of a unit such as N*m*s/rad; None of other units, as of a user's law."""
     if not _UNIT.fullmatch(text) or not {*re.findall("[a-zA-Z]+", text)} <= _BASE.keys():
         return None
     exponents: dict[str, int] = {}
@@ -145,7 +139,7 @@ def base_units(text: str) -> dict[str, int] | None:
 
 
 def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
-    """The files but the binary. The token is a hash of what it is made of, which the page is not."""
+    """The files without the binary. The token is a hash of all but the page."""
     variables = fmu_variables(joint)
     context: dict[str, object] = {
         "joint": joint.name,
@@ -161,7 +155,7 @@ def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
     }
 
     def files(token: str) -> dict[str, bytes]:
-        """As they are with that token."""
+        """Description and sources with this token."""
         places = {"modelDescription.xml": "modelDescription.xml", "sources/fmu.c": "fmu.c"}
         made = {place: filled(template, {**context, "token": token}) for place, template in places.items()}
         own = {place: (text.rstrip("\n") + "\n").encode() for place, text in made.items()}
@@ -177,7 +171,7 @@ def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
 
 
 def _page(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
-    """What the FMU says of itself, and the table beside it, by relative path."""
+    """The documentation page and its table, by relative path."""
     frame = pd.DataFrame(
         {
             "name": v.name, "unit": v.unit, "what": f"{v.what}, {v.causality}, {v.variability}",
@@ -221,10 +215,7 @@ _HOLDS = "the joint, its inertia and LuGre friction with both directions, as bri
 
 
 def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  # noqa: ARG001  # as targets are
-    """The FMU of one joint.
-
-    Raises InputError where its bristle or its inertia is not known, or a parameter is out of the range of the code.
-    """
+    """The FMU of one joint. Raises InputError without a bristle or an inertia, or where a parameter is out of range."""
     (joint,) = joints
     joint = joint.with_bristle("fmu")
     name = identifier(joint)

@@ -1,8 +1,7 @@
-"""Isaac Lab: a Python snippet with an `ImplicitActuatorCfg` for each joint, of static, dynamic and viscous friction and armature.
+"""Export to Isaac Lab: a Python snippet with an `ImplicitActuatorCfg` per joint.
 
-PhysX takes static and dynamic friction as efforts and viscous friction as effort by velocity from Isaac Sim 5.0 on; in 4.5 `friction` is a
-coefficient of the transmitted load, and the other two are not applied (docstrings of isaaclab.actuators.ActuatorBaseCfg and of PhysX's
-PxJointFrictionParams).
+From Isaac Sim 5.0 on PhysX takes static and dynamic friction as efforts and viscous friction as effort by velocity
+(docstrings of isaaclab.actuators.ActuatorBaseCfg and of PhysX's PxJointFrictionParams).
 """
 
 import re
@@ -25,7 +24,7 @@ _HEAD = """\
 
 
 def static_effort(one: CoulombViscous) -> float:
-    """The static effort, N*m: the mean of alpha_0 + alpha_1 over both directions, and not below the dynamic one, which PhysX refuses."""
+    """Static effort, N*m: alpha_0 + alpha_1, mean of both directions, and at least the dynamic one, as PhysX asks."""
     return max(sum(p.alpha_0 + p.alpha_1 for p in one.joint.curves) / 2, one.coulomb)
 
 
