@@ -59,7 +59,19 @@ def sections(study: Study, share: Share | None = None) -> tuple[Section, ...]:
     ablation = show(title, figures.ablation_figure, "ablation", caption, data="ablation")
     frames = study.tables()
     heading, *parts = *_opening(study), *_replays(study, frames, show), *_errors(study, show)
-    parts += [*_adaptation(study, frames, show), ablation, *_band(study, show)]
+    parts += [*_adaptation(study, frames, show), ablation]
+    if (band := study.band) is not None:
+        q, simulated, span = thousandths(study), study.loops[0].simulated, band.rms_systematic
+        (low, middle, high), actual = (f"{1e3 * x:.3g}" for x in band.rms), f"{1e3 * band.rms_actual:.3g}"
+        ends = " to ".join(f"{1e3 * x:.3g}" for x in span or ())
+        alone = f", of which the errors of constants alone make {ends} {q}" if span else ""
+        caption = (
+            f"RMS position error {middle} {q} with the identified model, in 95 % of cases from {low} to {high} {q}, on {band.joints} joints "
+            f"drawn from the identified covariance of friction and inertia{' and the errors of constants' * bool(span)} (seed {SEED}){alone}; "
+            f"on {'the true joint' if simulated else 'the joint as identified'} {actual} {q}."
+        )
+        title = "Effect of the parameters' uncertainty on the tracking error"
+        parts.append(show(title, figures.band_figure, "band", caption))
     return (heading, *(replace(x, form="part") for x in parts))
 
 
@@ -224,23 +236,6 @@ def _adaptation(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -
         "a smaller error until it chatters, which loads the drive and the gear.",
         table=Table("controllers", "Controllers", part=_part(study, frames["controllers"])),
     )
-
-
-def _band(study: Study, show: _Show) -> Iterator[Section]:
-    """The tracking error on joints drawn from the identified covariance, if there is one."""
-    band, q, simulated = study.band, thousandths(study), study.loops[0].simulated
-    if band is None:
-        return
-    (low, middle, high), actual = (f"{1e3 * x:.3g}" for x in band.rms), f"{1e3 * band.rms_actual:.3g}"
-    of_constants, span = " and the errors of constants" * bool(band.rms_systematic), band.rms_systematic or ()
-    ends = " to ".join(f"{1e3 * x:.3g}" for x in span)
-    alone = f", of which the errors of constants alone make {ends} {q}" if span else ""
-    caption = (
-        f"RMS position error {middle} {q} with the identified model, in 95 % of cases from {low} to {high} {q}, on {band.joints} joints drawn "
-        f"from the identified covariance of friction and inertia{of_constants} (seed {SEED}){alone}; on "
-        f"{'the true joint' if simulated else 'the joint as identified'} {actual} {q}."
-    )
-    yield show("Effect of the parameters' uncertainty on the tracking error", figures.band_figure, "band", caption)
 
 
 def _part(study: Study, frame: pd.DataFrame) -> pd.DataFrame:

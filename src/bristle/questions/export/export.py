@@ -17,7 +17,7 @@ from bristle.questions.export.loss import told
 
 _PLACES = {
     "c": "c_header.TARGET", "mujoco": "mjcf.TARGET", "mujoco-frictionloss": "mjcf.FRICTIONLOSS", "fmu": "fmu.TARGET",
-    "urdf": "axes.URDF", "sdf": "axes.SDF", "isaac": "isaac.TARGET", "json": "json_document.TARGET", "matlab": "matlab.TARGET",
+    "urdf": "axes.URDF", "sdf": "axes.SDF", "isaac": "coulomb_viscous.ISAAC", "json": "json_document.TARGET", "matlab": "matlab.TARGET",
     "latex": "latex.TARGET",
 }  # fmt: skip  # module, loaded when it is needed, and name of each target
 TARGETS = tuple(_PLACES)  # in the order of docs/export.md

@@ -184,7 +184,14 @@ def _best(
     own: OwnFriction, pair: Pair[float], fastest: float, motions: tuple[StatedMotion, ...], bias: bool
 ) -> SymmetricSet:
     """`best_symmetric`, cached: each joint of a robot is asked for alone and with the others."""
-    positive, negative = (_gaussian(p, fastest) for p in pair)
+    # Similar sets of the paper's law: the peak vanishes at the same speed, viscous friction is that at half the fastest one.
+    positive, negative = (
+        Lugre(*p[:6])._replace(
+            v_s=p.v_s * (p.law.peak.reach / gaussian.PEAK.reach),
+            alpha_2=max(float(law.viscous_rate(fastest / 2, p)), 0.0),
+        )
+        for p in pair
+    )
     if positive == negative and not own.quadratic and own.law == gaussian.GAUSSIAN:
         return SymmetricSet(positive, 0.0)
     mean = Lugre(*((p + n) / 2 for p, n in zip(positive, negative, strict=True)))
@@ -226,12 +233,6 @@ def _best(
         residuals, np.zeros(count), slopes, bounds=(-_REACH, _REACH), x_scale="jac", xtol=1e-10, ftol=1e-10
     )
     return held(np.asarray(solved.x, dtype=np.float64))
-
-
-def _gaussian(p: Lugre[float], fastest: float) -> Lugre[float]:
-    """A similar set of the paper's law: its peak vanishes at the same speed, viscous friction at half the fastest one."""
-    v_s = p.v_s * (p.law.peak.reach / gaussian.PEAK.reach)
-    return Lugre(*p[:6])._replace(v_s=v_s, alpha_2=max(float(law.viscous_rate(fastest / 2, p)), 0.0))
 
 
 def told(found: Sequence[Loss], joint: ExportedJoint) -> str:

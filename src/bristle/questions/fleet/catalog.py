@@ -62,21 +62,17 @@ def read_catalog(catalog: "str | Path | pd.DataFrame") -> list[CatalogRow]:
     `logs/{unit}/{session}/{type}.yaml`, whose fields match inside one part of a path; `*` and `**` as in globs. Files and
     patterns may be URLs of fsspec. Raises InputError where it cannot be read, or has wrong columns or no row.
     """
-    texts = _texts(catalog)
+    texts, shown = _texts(catalog), str(catalog) if isinstance(catalog, str | Path) else "catalog"
     if not texts.rows:
-        raise InputError(f"{_shown(catalog)}: holds no row; expected a row for each file of a unit's session")
+        raise InputError(f"{shown}: holds no row; expected a row for each file of a unit's session")
     if len(texts.rows) > MOST_ROWS:
-        raise InputError(f"{_shown(catalog)}: got {len(texts.rows)} rows; expected at most {MOST_ROWS}")
+        raise InputError(f"{shown}: got {len(texts.rows)} rows; expected at most {MOST_ROWS}")
     seen, rows = set[tuple[str, ...]](), []
     for k, row in enumerate(texts.rows):
         if row not in seen or k in texts.wrong:
             seen.add(row)
             rows.append(_row(dict(zip(CATALOG, row, strict=True)), texts.base, texts.wrong.get(k, "")))
     return rows
-
-
-def _shown(catalog: "str | Path | pd.DataFrame") -> str:
-    return str(catalog) if isinstance(catalog, str | Path) else "catalog"
 
 
 def _texts(catalog: "str | Path | pd.DataFrame") -> _Texts:
@@ -92,20 +88,16 @@ def _texts(catalog: "str | Path | pd.DataFrame") -> _Texts:
         raise InputError(
             f"{name}: {error.strerror or error}; expected a catalog: a CSV or Parquet file, or a pattern with {{unit}} and {{session}}"
         ) from error
-    if name.lower().endswith((".parquet", ".pq")):
-        return _of_frame(_parquet(data, name), name, base)
-    return _of_csv(data, name, base)
-
-
-def _parquet(data: bytes, name: str) -> "pd.DataFrame":
+    if not name.lower().endswith((".parquet", ".pq")):
+        return _of_csv(data, name, base)
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:  # what the file says of pandas is not believed
+    try:
         frame: pd.DataFrame = pq.read_table(io.BytesIO(data)).to_pandas(ignore_metadata=True)
-        return frame
     except (pa.ArrowException, ValueError, OSError) as error:
         raise InputError(f"{name}: is not a readable Parquet file ({one_line(str(error), 120)})") from error
+    return _of_frame(frame, name, base)
 
 
 def _of_csv(data: bytes, name: str, base: str) -> _Texts:

@@ -19,8 +19,7 @@ from bristle.estimation.covariance import student
 from bristle.estimation.multiple_tests import false_discovery, false_discovery_within, simes
 from bristle.estimation.robust import Population, population, without_each
 from bristle.estimation.step_test import Levels, Steps, step_scan
-from bristle.questions.fleet.quantities import Adjusted, padded
-from bristle.questions.fleet.roster import Roster
+from bristle.questions.fleet.quantities import Adjusted, Roster, padded
 
 COMPARED = 0.05  # false discovery rate of steps by the estimates' own errors alone
 LEAST_UNITS = 5  # least joints of a type for its mean and spread

@@ -20,8 +20,16 @@ from bristle.findings import CAUTION, NOTE, Finding
 from bristle.questions.fleet import changes
 from bristle.questions.fleet.notes import anew, compared, headline, notes
 from bristle.questions.fleet.quality import failures, new_warnings, quality, warned, warnings_begun
-from bristle.questions.fleet.quantities import COVARIATES, Adjusted, QuantityKey, adjusted, quantity_of
-from bristle.questions.fleet.roster import Roster, named_rows, roster
+from bristle.questions.fleet.quantities import (
+    COVARIATES,
+    Adjusted,
+    QuantityKey,
+    Roster,
+    adjusted,
+    named_rows,
+    quantity_of,
+    roster,
+)
 
 RATE = 0.05  # of false discoveries among the joints that changed
 BASELINE = 3  # first sessions of a joint, without a change

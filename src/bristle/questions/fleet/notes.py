@@ -10,8 +10,7 @@ from bristle.model.parameters import Direction, ParameterName
 from bristle.page.wording import counted
 from bristle.questions.fleet.changes import beyond_errors
 from bristle.questions.fleet.quality import codes_of, most_common, severity
-from bristle.questions.fleet.quantities import LEAST_FREEDOM, Adjusted
-from bristle.questions.fleet.roster import Roster
+from bristle.questions.fleet.quantities import LEAST_FREEDOM, Adjusted, Roster
 
 _FEW = 10.0  # degrees of freedom below which a note says that the scatter rests on few sessions
 _NAMED = 5  # steps that a sentence names

@@ -8,7 +8,7 @@ import pandas as pd
 
 from bristle.estimation.levels import NAMED
 from bristle.page.entries import entries
-from bristle.questions.fleet.roster import Roster
+from bristle.questions.fleet.quantities import Roster
 
 FAILED = "failed"  # the code of a session that was not identified
 _COUNT = ("caution", "critical")  # severities of warnings that concern the data

@@ -4,6 +4,7 @@ A value is the joint's level, plus the effects of temperature, load and time on 
 of a session, plus its own error: in logarithms where every value is positive, else in units of the type's median.
 """
 
+import re
 from dataclasses import dataclass
 from math import inf, nan
 from typing import NamedTuple
@@ -18,7 +19,6 @@ from bristle.estimation.covariance import student
 from bristle.estimation.moderation import normal_errors
 from bristle.estimation.robust import RobustFit, differences_of, fit_differences
 from bristle.estimation.step_test import Levels
-from bristle.questions.fleet.roster import Roster
 
 KNOTS = 12  # most knots of the common shift over time
 PER_KNOT = 20  # differences between sessions per knot
@@ -28,6 +28,83 @@ CLEAR = 2.0  # least median of a parameter that is compared, in standard errors
 LEAST_FREEDOM = 1.5  # least degrees of freedom of the scatter between sessions for a test
 _FAR = 300.0  # largest logarithm of a value
 COVARIATES = ("temperature", "load")
+_EPOCH = np.datetime64("1970-01-01", "us")
+_DAY = np.timedelta64(1, "D")
+_BEGINS = re.compile(r"(?:^|[\s,;])baseline(?=$|[\s,;])", re.IGNORECASE)  # among the tags of a session
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Roster:
+    """Every joint of a dataset, once per baseline."""
+
+    joint: NDArray[np.intp]  # number of the joint of each row, (rows,)
+    unit: NDArray[np.intp]  # number of the unit of each row, (rows,)
+    day: Array  # of each row's session, days, (rows,)
+    usable: NDArray[np.bool_]  # rows whose values the findings use, (rows,)
+    table: pd.DataFrame
+    """By number of the joint: unit, joint, type, sessions, first, latest, file, now (whether no later baseline began)."""
+
+
+def named_rows(frame: pd.DataFrame) -> pd.DataFrame:
+    """The rows with unit, joint and session."""
+    known = frame[["unit", "joint", "session"]].notna().all(axis=1)
+    return frame if known.all() else frame[known].reset_index(drop=True)
+
+
+def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
+    """The joints of the named rows of a whole dataset; the type of a joint is that of its last row that is not left out.
+
+    A marked session without a known joint begins new baselines of all joints of its unit, or of its type.
+    """
+    unit = frame["unit"].astype("category").cat.codes.to_numpy(np.intp)
+    name = frame["joint"].astype("category").cat.codes.to_numpy(np.intp)
+    pairs = unit * (int(name.max(initial=0)) + 1) + name
+    day = (frame["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
+    kept = frame["left_out"].isna().to_numpy()
+    marks = [pd.DataFrame({"pair": pairs, "day": day, "marked": _marked(frame["tags"]) & kept})]
+    # Marks of sessions without a known joint, for each joint of their unit, and of their type where it is given.
+    unknown = whole[whole["joint"].isna() & whole["unit"].notna() & whole["session"].notna()]
+    unknown = unknown[_marked(unknown["tags"])]
+    if len(unknown):
+        known = pd.DataFrame({"unit": frame["unit"].astype(str), "type": frame["type"].astype(str), "pair": pairs})
+        days = (unknown["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
+        names = unknown[["type"]].assign(unit=unknown["unit"].astype(str), day=days)
+        both = names.merge(known.drop_duplicates(), on="unit", suffixes=("_asked", ""))
+        asked = both["type_asked"]
+        own = asked.isna() | (asked.astype(str) == both["type"])
+        marks.append(both.loc[own, ["pair", "day"]].assign(marked=True))
+    marked = pd.concat(marks)
+    begun = np.zeros(pairs.size, dtype=np.intp)
+    if marked["marked"].any():  # the first of successive marked sessions begins the baseline
+        sessions = marked.groupby(["pair", "day"])["marked"].any()
+        before = sessions.groupby("pair").shift(fill_value=False)
+        count = (sessions & ~before).groupby("pair").cumsum()
+        begun = np.asarray(count.reindex(pd.MultiIndex.from_arrays([pairs, day])), dtype=np.intp)
+    most = int(begun.max(initial=0)) + 1
+    every, first, joint = np.unique(pairs * most + begun, return_index=True, return_inverse=True)
+    table = pd.DataFrame({key: frame[key].astype(str).to_numpy()[first] for key in ("unit", "joint")})
+    last = pd.DataFrame({"joint": joint, "day": np.where(kept, day, -np.inf)})
+    rows = last.sort_values(["joint", "day"], kind="stable").drop_duplicates("joint", keep="last").index.to_numpy()
+    table["type"] = frame["type"].astype(str).to_numpy()[rows]
+    seen = pd.DataFrame({"joint": joint, "session": frame["session"]})[kept]
+    visits = seen.drop_duplicates().groupby("joint")["session"]
+    table["sessions"] = visits.size().reindex(range(len(table)), fill_value=0).to_numpy(int)
+    table["first"] = visits.min().reindex(range(len(table))).to_numpy("datetime64[us]")
+    table["latest"] = frame["session"].to_numpy("datetime64[us]")[rows]
+    table["file"] = frame["file"].astype(str).to_numpy()[rows]
+    table["now"] = ~np.isin(every + 1, every) | (every % most == most - 1)
+    # Usable: with a value and an error, without a critical warning, in a session that is not left out.
+    value, error = (frame[name].to_numpy(float) for name in ("value", "standard_error"))
+    usable = np.isfinite(value) & np.isfinite(error) & (error > 0) & (frame["severity"] != "critical").to_numpy()
+    usable = usable & (frame["failure"].isna() & frame["left_out"].isna()).to_numpy(bool)
+    return Roster(joint=joint.astype(np.intp), unit=unit.astype(np.intp), day=day, usable=usable, table=table)
+
+
+def _marked(tags: "pd.Series[str]") -> NDArray[np.bool_]:
+    """Rows whose tags begin a new baseline, (rows,)."""
+    text = tags.astype("category")
+    begins = np.array([_BEGINS.search(str(tag)) is not None for tag in text.cat.categories], dtype=bool)
+    return np.append(begins, False)[text.cat.codes]
 
 
 class QuantityKey(NamedTuple):
@@ -153,26 +230,19 @@ def adjusted(quantity: Quantity, tests: int) -> Adjusted:
         hats = np.stack([np.interp(quantity.time, knots, row) for row in np.eye(knots.size)[1:]], axis=1)
         both = np.concatenate([covariates, hats], axis=1)
         shifted = fit_differences(quantity.y, quantity.known, both, first, quantity.unit)
-        p = _shift_p(shifted, covariates.shape[1])
+        # Wald's test that the coefficients of the shift are zero.
+        first_hat = covariates.shape[1]
+        b, cov = shifted.coefficients[first_hat:], shifted.covariance[first_hat:, first_hat:]
+        free = shifted.freedom_of_coefficients - b.size + 1
+        if free >= 1 and np.isfinite(cov).all() and (rank := int(np.linalg.matrix_rank(cov, hermitian=True))):
+            statistic = float(b @ np.linalg.pinv(cov, hermitian=True) @ b) / rank * free
+            p = float(fdtrc(rank, free, statistic / max(shifted.freedom_of_coefficients, 1.0)))
         if p < SHIFTED / max(tests, 1):
             fit, X = shifted, both
     if X is covariates:
         knots = np.zeros(0)
     spread = np.nanvar(quantity.covariates, axis=0) * fit.coefficients[: gaps.shape[1]] ** 2
     return Adjusted(of=quantity, fit=fit, regressors=X, known=quantity.known + gaps @ spread, knots=knots, shift_p=p)
-
-
-def _shift_p(fit: RobustFit, first: int) -> float:
-    """P-value of Wald's test that the coefficients from `first` on are zero."""
-    b, cov = fit.coefficients[first:], fit.covariance[first:, first:]
-    free = fit.freedom_of_coefficients - b.size + 1
-    if free < 1 or not np.isfinite(cov).all():
-        return nan
-    rank = int(np.linalg.matrix_rank(cov, hermitian=True))
-    if not rank:
-        return nan
-    statistic = float(b @ np.linalg.pinv(cov, hermitian=True) @ b) / rank * free / max(fit.freedom_of_coefficients, 1.0)
-    return float(fdtrc(rank, free, statistic))
 
 
 def padded(one: Adjusted, most: NDArray[np.intp] | None = None) -> Levels:

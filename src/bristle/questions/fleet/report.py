@@ -38,6 +38,24 @@ def report(found: Findings) -> Report:
         table=_table("joints", "Joints, by rank", found.joints, tables.in_joints(found.joints)),
         lines=(),
     )
+    of_units = (
+        Section(
+            "Which units differ from their type",
+            text=f"{outside} of {len(found.units)} values are outside their type. The shrunken value is the own one drawn to the "
+            "type's mean as far as it is uncertain; borrowed: the share of the mean in it. Of a joint that changed, these are its "
+            "sessions before the change.",
+            table=_table(
+                "units", "Values of units, those outside their type first", found.units, tables.in_units(found.units)
+            ),
+        ),
+        Section(
+            "Types",
+            text="Per type, parameter and direction: the mean of its units; their scatter about it, between units; the scatter of one joint "
+            "between sessions; and what temperature and load do, each with its 95 % interval. A common shift, the largest over time, is "
+            "taken off all joints of the type.",
+            table=_table("types", "Types, parameters and directions", found.types, tables.in_types(found.types)),
+        ),
+    )
     return Report(
         "Friction of a fleet",
         (
@@ -57,7 +75,7 @@ def report(found: Findings) -> Report:
         ),
         about=f"{counted(len(found.joints), 'joint')} over their sessions.",
         pages=(
-            Page("units.html", "Units and types", "which units differ from their type", tuple(_unit_sections(found))),
+            Page("units.html", "Units and types", "which units differ from their type", of_units),
             Page("quality.html", "Data quality", "warnings and failures over time", tuple(_quality_sections(found))),
         ),
         simulated="At least one session was not measured but simulated." if found.simulated else "",
@@ -130,7 +148,13 @@ def _course(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame
     ranked = [key for key in tested if key in of_quantity] or list(of_quantity)[:1]
     shown = [key for key in ranked if key in tested and tested[key].changed][:_PANELS] or ranked[:1]
     drawn = [(of_quantity[key], tested.get(key)) for key in shown]
-    courses = [figures.Course(_axis(next(rows_of(rows))), rows, step) for rows, step in drawn]
+    courses = []
+    for rows, step in drawn:
+        one = next(rows_of(rows))
+        axis = f"{label(one)} ({value_unit(one)})" if value_unit(one) else label(one)
+        courses.append(
+            figures.Course("\n".join((*filter(None, (PARAMETERS.get(str(one.parameter)),)), axis)), rows, step)
+        )
     name, first = f"{row.unit} {row.joint}", tested.get(shown[0])
     if first is None:
         finding = f"{label(next(rows_of(of_quantity[shown[0]])))}: not tested for a change."
@@ -150,30 +174,6 @@ def _course(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame
         "line: where its baseline began anew.",
         data="changes",
         simulated=found.simulated,
-    )
-
-
-def _axis(row: Any) -> str:
-    """Label of a parameter's axis."""
-    words, unit = PARAMETERS.get(str(row.parameter), ""), value_unit(row)
-    return "\n".join(filter(None, (words, f"{label(row)} ({unit})" if unit else label(row))))
-
-
-def _unit_sections(found: Findings) -> Iterator[Section]:
-    units, types = found.units, found.types
-    yield Section(
-        "Which units differ from their type",
-        text=f"{int(units['outside'].sum())} of {len(units)} values are outside their type. The shrunken value is the own one drawn to the "
-        "type's mean as far as it is uncertain; borrowed: the share of the mean in it. Of a joint that changed, these are its sessions "
-        "before the change.",
-        table=_table("units", "Values of units, those outside their type first", units, tables.in_units(units)),
-    )
-    yield Section(
-        "Types",
-        text="Per type, parameter and direction: the mean of its units; their scatter about it, between units; the scatter of one joint "
-        "between sessions; and what temperature and load do, each with its 95 % interval. A common shift, the largest over time, is "
-        "taken off all joints of the type.",
-        table=_table("types", "Types, parameters and directions", types, tables.in_types(types)),
     )
 
 

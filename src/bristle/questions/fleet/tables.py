@@ -89,18 +89,14 @@ def code_link(code: str) -> str | Link:
 def in_joints(joints: pd.DataFrame) -> pd.DataFrame:
     """The ranked joints."""
     return _printed({
-        "Rank": row.rank, "Unit": _user(row.unit), "Joint": _user(row.joint), "Finding": _finding(row),
+        "Rank": row.rank, "Unit": _user(row.unit), "Joint": _user(row.joint),
+        "Finding": f"{'changed' if row.changed else f'not tested: {row.untested}' if row.untested else 'no change found'}"
+        + "; outside its type" * bool(row.outside),
         "Change (%) [95 %]": _whole(change(row.percent, row.percent_lower, row.percent_upper)), "Parameter": _whole(label(row)),
         "Since": day(row.since), "Adjusted p": _p(row.adjusted_p), "New warnings": tuple(map(code_link, str(row.new_warnings).split())),
         "Sessions since": None if pd.isna(row.sessions_after) else int(row.sessions_after), "Type": _user(row.type),
         "File of the latest session": _user(row.file),
     } for row in rows_of(joints.head(MOST)))  # fmt: skip  # a table
-
-
-def _finding(row: Any) -> str:
-    """The finding of a joint in a few words."""
-    said = "changed" if row.changed else f"not tested: {row.untested}" if row.untested else "no change found"
-    return f"{said}; outside its type" if row.outside else said
 
 
 def in_steps(changes: pd.DataFrame) -> pd.DataFrame:

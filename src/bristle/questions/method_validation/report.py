@@ -50,7 +50,29 @@ def report(validation: Validation) -> Report:
             id=f"{name}--case",
         ))  # fmt: skip  # a list of values
     if drawn:
-        sections += _of_all(validation)
+        covered, bootstrapped = (min(sets, validation.repetitions) for sets in (INTERVAL_SETS, BOOTSTRAP_SETS))
+        shown = "91 to 98 %" if covered >= 200 else "a less precise figure"
+        cases = Table(
+            "cases",
+            "Solvers and plain grids by case",
+            part=_rounded(validation.to_frame().rename(columns=_heading)),
+            note="Noise in percent of α₀. No estimate returned: bristle reports vₛ as not identifiable, or gives it no finite interval. "
+            f"Other minimum: of {validation.starts} random starts. Lower outside the range: with vₛ free, they find a lower cost outside "
+            "the grid's range. IPOPT below the grid: by how much its cost is below the refined grid's within the range. Error of the "
+            f"plain grid of {PLAIN_GRID}: of vₛ, relative to its standard error; values needed: for an error of a tenth, of the grids tried.",
+        )
+        covers = Table(
+            "coverage",
+            "Coverage of the 95 % intervals",
+            part=_rounded(coverage(validation).rename(columns=_heading)),
+            note=f"Covariance and profile over {covered} data sets, bootstrap-t over {bootstrapped}, where vₛ is identifiable. With so many "
+            f"data sets, a true coverage of 95 % shows as {shown} in nineteen tables of twenty.",
+        )
+        sections += [
+            Section("How fine must a plain grid be?", text=resolution_said(validation), lines=(), id="all"),
+            Section("All cases", table=cases),
+            Section("Do the 95 % intervals cover the truth?", table=covers),
+        ]
     return Report(
         f"Validation of the grid search: {case_set.title}",
         tuple(sections),
@@ -59,33 +81,6 @@ def report(validation: Validation) -> Report:
         seed=validation.seed,
         tables={"cases": validation.to_frame(), **{f.__name__: f(validation) for f in (methods, coverage, resolution)}},
     )
-
-
-def _of_all(validation: Validation) -> list[Section]:
-    """The resolution that a plain grid needs, all cases, and the coverage of intervals."""
-    covered, bootstrapped = (min(sets, validation.repetitions) for sets in (INTERVAL_SETS, BOOTSTRAP_SETS))
-    shown = "91 to 98 %" if covered >= 200 else "a less precise figure"
-    cases = Table(
-        "cases",
-        "Solvers and plain grids by case",
-        part=_rounded(validation.to_frame().rename(columns=_heading)),
-        note="Noise in percent of α₀. No estimate returned: bristle reports vₛ as not identifiable, or gives it no finite interval. "
-        f"Other minimum: of {validation.starts} random starts. Lower outside the range: with vₛ free, they find a lower cost outside "
-        "the grid's range. IPOPT below the grid: by how much its cost is below the refined grid's within the range. Error of the "
-        f"plain grid of {PLAIN_GRID}: of vₛ, relative to its standard error; values needed: for an error of a tenth, of the grids tried.",
-    )
-    covers = Table(
-        "coverage",
-        "Coverage of the 95 % intervals",
-        part=_rounded(coverage(validation).rename(columns=_heading)),
-        note=f"Covariance and profile over {covered} data sets, bootstrap-t over {bootstrapped}, where vₛ is identifiable. With so many "
-        f"data sets, a true coverage of 95 % shows as {shown} in nineteen tables of twenty.",
-    )
-    return [
-        Section("How fine must a plain grid be?", text=resolution_said(validation), lines=(), id="all"),
-        Section("All cases", table=cases),
-        Section("Do the 95 % intervals cover the truth?", table=covers),
-    ]
 
 
 def drawings(result: CaseResult, kind: Kind, file: str) -> tuple[Drawing, ...]:
