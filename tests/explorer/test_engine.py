@@ -25,7 +25,7 @@ from bristle.model.parameters import Lugre, Pair, pair_of
 from bristle.model.printing import Term
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
-from bristle.questions.compensation.paper_experiments import LONG, SETTLE, SHORT
+from bristle.questions.compensation.experiments import LONG, SETTLE, SHORT
 from bristle.questions.explorer import engine
 from bristle.questions.explorer.data import explored
 from bristle.simulation import edro

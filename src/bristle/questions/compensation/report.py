@@ -15,7 +15,7 @@ from bristle.model.parameters import unit
 from bristle.page.page import Drawing, begun
 from bristle.page.report import Report, Section, Table
 from bristle.page.wording import in_print, number, pretty, symbol
-from bristle.questions.compensation import figures, paper_experiments
+from bristle.questions.compensation import experiments, figures
 from bristle.questions.compensation.study import WORSE, Study, adverse, outcomes_of, thousandths
 from bristle.workers import Share
 
@@ -177,12 +177,10 @@ def _errors(study: Study, show: _Show) -> Iterator[Section]:
 
 def _adaptation(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -> Iterator[Section]:
     """Table 2 and Figs 9 to 12: adaptation from wrong parameters; then maps, drift and other controllers."""
-    loop, settled = study.adapting, paper_experiments.SETTLE
+    loop, settled = study.adapting, experiments.SETTLE
     a, q = loop.adaptation, thousandths(study)
     initial = " and ".join(f"{share} {symbol(name)}" for name, share in loop.start.items())
-    laws = (
-        "four laws with dθ/dt = −γ G e" if a.step == "gradient" else f"the laws, their gradient G e by {a.step} steps"
-    )
+    laws = "four laws with dθ/dt = −γ G e" if a.step == "gradient" else f"the laws, gradient G e by {a.step} steps"
     own = "Ratios to the identified values. A gain that does not end at 1 compensates for what the model lacks, such as inertia."
     paper = "Ratios to the true values. The paper reports 0.84 and 1.05: the law with the right derivative converges to both, the printed one cannot."
     yield Section(

@@ -10,10 +10,9 @@ from bristle.findings import CAUTION, NOTE, Finding
 from bristle.model.parameters import unit
 from bristle.progress import Progress, teller
 from bristle.questions.compensation import ablation as ablating
-from bristle.questions.compensation import paper_experiments, parameter_studies
+from bristle.questions.compensation import experiments
 from bristle.questions.compensation.ablation import AblationRow
-from bristle.questions.compensation.paper_experiments import Adapted, Errors
-from bristle.questions.compensation.parameter_studies import AdaptationMap, Band, Controlled, Drift
+from bristle.questions.compensation.experiments import AdaptationMap, Adapted, Band, Controlled, Drift, Errors
 from bristle.questions.compensation.replay import Replay
 from bristle.simulation.edro import TABLE_2_ADAPTED
 from bristle.simulation.joint_loop import JointLoop, one_way
@@ -111,22 +110,21 @@ def begin_study(
     adapting = one_way(first) if paper else first
     of_first: dict[str, partial[Any]] = {  # the longest first
         "ablation": partial(ablating.ablate, first),
-        "adaptation_map": partial(parameter_studies.map_adaptation, adapting),
-        "band": partial(parameter_studies.band, first),
-        "adapted": partial(paper_experiments.adapted, adapting),
-        "controllers": partial(parameter_studies.compare_controllers, first),
-        "followed": partial(paper_experiments.followed, first),
+        "adaptation_map": partial(experiments.map_adaptation, adapting),
+        "band": partial(experiments.band, first),
+        "adapted": partial(experiments.adapted, adapting),
+        "controllers": partial(experiments.compare_controllers, first),
+        "followed": partial(experiments.followed, first),
     }
     of_each: dict[str, Callable[[JointLoop], tuple[Any, ...]]] = {
-        "errors": paper_experiments.errors,
-        "drifts": parameter_studies.drifts,
+        "errors": experiments.errors,
+        "drifts": experiments.drifts,
     }
     parts = list(of_first.items())
     parts += [(name, partial(run, loop)) for name, run in of_each.items() for loop in loops]
     results = iter(share(called, [run for _, run in parts]))
 
     def ended() -> Study:
-        """The finished study."""
         found: dict[str, Any] = dict.fromkeys(of_each, ())
         tell = teller(progress, len(parts))
         for name, _ in parts:

@@ -20,7 +20,6 @@ _APART, _ROW = 0.055, 0.085  # least distance of two counts in a row, and height
 
 
 def _panels(plan: Plan, height: float, count: int = 1, **how: Any) -> tuple[Figure, list[Axes]]:
-    """Panels under the name of the plan's joint."""
     return panels(height, plan.joint.name, plan.joint.simulated, count, **how)
 
 

@@ -83,9 +83,7 @@ def design_loading(
     )  # fmt: skip  # a list of values
 
 
-def loading_errors(
-    p: Lugre[float], g0_error: float, noise: float, count: float, rises: Array
-) -> tuple[Array, Array, Array]:
+def loading_errors(p: Lugre[float], g0_error: float, noise: float, count: float, rises: Array) -> tuple[Array, ...]:
     """Standard error of sigma_0 by noise and viscous share, of each rise and peak, (m, k); displacement at peaks, (k,)."""
     g0, noise = p.alpha_0 + p.alpha_1, noise / CYCLES**0.5
     scatter = np.array([[_stiffness_error(p, r * g0, g0_error, noise, count, rise) for r in PEAKS] for rise in rises])

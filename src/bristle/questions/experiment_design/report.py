@@ -76,7 +76,6 @@ def report(plan: Plan) -> Report:
 
 
 def _drawing(plan: Plan, draw: Callable[[Plan], Figure], label: str, caption: str, how: str) -> Drawing:
-    """A figure of the plan."""
     name = draw.__name__.removesuffix("_figure")
     return Drawing(partial(draw, plan), f"plan-{name}", label, f"{caption}.", how)
 
@@ -128,7 +127,6 @@ def _worth(plan: Plan) -> Section:
 
 
 def _of_velocities(plan: Plan) -> Section:
-    """The runs at constant velocity."""
     static, hold = plan.velocities[0], number(plan.limits.hold, 3)
     what = "c-optimal runs for one parameter alone"
     if static.chosen.aim == "all":
@@ -164,7 +162,6 @@ def _of_velocities(plan: Plan) -> Section:
 
 
 def _of_loading(plan: Plan) -> Section:
-    """Slow loading below breakaway."""
     torque, stiffness = (unit(x, plan.joint.kind) for x in ("torque", "sigma_0"))
     lines = []
     for load in plan.loadings:

@@ -62,7 +62,6 @@ def explored(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> d
 
 
 def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, Any]:
-    """The data of one joint."""
     fastest, slow = fastest_measured(joint), joint.presliding
     travel = joint.travel or fastest / (2 * np.pi * _FREQUENCY)
     level = max(known.values(d)["alpha_0"] for d in known.directions)
@@ -227,7 +226,6 @@ def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
 
 
 def _point(s: Any) -> dict[str, Any]:
-    """A segment or a stray."""
     return {"velocity": s.velocity, "torque": s.torque, "place": printable(f"{s.file} {s.where}")}
 
 
@@ -281,7 +279,6 @@ def _moving(fit: TrackingFit | None) -> dict[str, Any] | None:
 
 
 def _correlations(joint: Joint) -> Iterator[dict[str, Any]]:
-    """The correlation matrix of each fit."""
     fits: list[tuple[str, Sequence[str], Array]] = [
         (f"constant velocity {d}", fit.names, fit.covariance) for d, fit in joint.static.items() if fit.names
     ]

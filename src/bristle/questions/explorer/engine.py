@@ -166,7 +166,6 @@ def _of_law(law: FrictionLaw, ways: tuple[Way, ...]) -> str:
 
 
 def _constants(values: Mapping[str, Any]) -> list[str]:
-    """Values as constants of JavaScript."""
     return [f"const {name} = {json.dumps(value)};\n" for name, value in values.items()]
 
 
@@ -178,7 +177,6 @@ def _equations(law: FrictionLaw) -> list[ca.Function]:
     shape = [_symbol("v_s"), *(_symbol(f"own{k}") for k, _ in enumerate(law.peak.own))]
 
     def acting(z: Expression, v: Expression) -> Lugre[Any]:
-        """The acting set."""
         return kind(*functions.active_function(law)(z, v, *ca.vertsplit(q)))
 
     steady, (level, *viscous) = acting(v, v), functions.linear_shapes_function(law)(v)
@@ -228,7 +226,6 @@ def _loop(way: Way, k: int, law: FrictionLaw) -> tuple[ca.Function, ca.Function]
 
 
 def _symbol(name: str, size: int = 1) -> Expression:
-    """A column of symbols."""
     return ca.SX.sym(name, size)
 
 
@@ -251,7 +248,6 @@ def operation(code: int, operands: Sequence[Term]) -> Term:
 
 
 def _number(value: float) -> str:
-    """A constant, exactly."""
     text = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}.get(repr(value)) or repr(value).removesuffix(".0")
     return f"({text})" if text.startswith("-") else text
 
@@ -268,7 +264,6 @@ def printed(function: ca.Function, name: str) -> str:
     scalar = [function.numel_in(k) == 1 for k in range(function.n_in())]
 
     def operand(place: int, element: int) -> str:
-        """An argument, or an element of one."""
         return arguments[place] if scalar[place] else f"{arguments[place]}[{element}]"
 
     javascript = Language("JavaScript", operation, _number, lambda name, value: f"const {name} = {value.text};")

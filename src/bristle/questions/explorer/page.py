@@ -45,7 +45,6 @@ class Explorer:
         return Path(path)
 
     def __repr__(self) -> str:
-        """Names of the joints."""
         return f"Explorer({', '.join(map(repr, self.joints))}: {len(self.html)} characters)"
 
 

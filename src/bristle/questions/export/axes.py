@@ -9,9 +9,7 @@ from bristle.questions.export.coulomb_viscous import CoulombViscous, comment_lin
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named
 
-_HOLDS = (
-    "Coulomb friction and damping, the same in both directions; no Stribeck peak, no presliding, and no rotor inertia."
-)
+_HOLDS = "Coulomb friction and damping, the same in both directions; no Stribeck peak, presliding or rotor inertia."
 _HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 _PLACEHOLDERS = "{} are placeholders, so that this file loads; copy <dynamics> into your own {}, or export into that."
 _FAR = "1000"  # stands for no limit
@@ -134,7 +132,6 @@ def _note(one: CoulombViscous) -> str:
 
 
 def _values(one: CoulombViscous) -> dict[str, str]:
-    """Values of `<dynamics>` with all digits."""
     return {"damping": repr(one.viscous), "friction": repr(one.coulomb)}
 
 

@@ -160,7 +160,6 @@ def _lines(printed: NamedFunction, owners: Sequence[str], target: str | None) ->
     """Statements of a function whose inputs are members of the owners, and its outputs of the target, or an array."""
 
     def operand(place: int, element: int) -> str:
-        """A member of a struct, or an argument."""
         return owners[place] + printed.inputs[place][element]
 
     lines, outputs = c_code.printed(printed.function, operand)

@@ -55,7 +55,6 @@ def target_of(
     """
 
     def write(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
-        """The artefact. Raises InputError as `in_newton`, and where the model to merge into lacks the joint."""
         found = best_values(joints, request, name)
         if request.into is None or merge is None:
             content = new(found)

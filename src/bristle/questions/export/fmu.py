@@ -155,7 +155,6 @@ def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
     }
 
     def files(token: str) -> dict[str, bytes]:
-        """Description and sources with this token."""
         places = {"modelDescription.xml": "modelDescription.xml", "sources/fmu.c": "fmu.c"}
         made = {place: filled(template, {**context, "token": token}) for place, template in places.items()}
         own = {place: (text.rstrip("\n") + "\n").encode() for place, text in made.items()}

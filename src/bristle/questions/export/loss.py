@@ -95,7 +95,6 @@ def coulomb_viscous(coulomb: float, viscous: float) -> Friction:
     """Coulomb friction, N*m, and viscous friction, N*m*s/rad."""
 
     def torque(v: Array, step: float) -> Array:  # noqa: ARG001  # it has no memory
-        """Torque at each velocity."""
         by_coulomb, by_viscous = evaluate(functions.linear_shapes_function(), v)
         return coulomb * by_coulomb + viscous * by_viscous
 
@@ -210,7 +209,6 @@ def _best(
         return SymmetricSet(Lugre(*values), level * float(x[-1]) if level else 0.0)
 
     def residuals(x: Array) -> Array:
-        """Weighted torque errors of all motions."""
         p, constant = held(x)
         return np.concatenate([
             weight * (rollout(motion.velocity, motion.step, p, 0.0).torque[-T.size :] + constant - T)
@@ -218,7 +216,6 @@ def _best(
         ])  # fmt: skip  # one motion in a line
 
     def slopes(x: Array) -> Array:
-        """Derivatives of the residuals by x."""
         p, _ = held(x)
         rows = []
         for motion, T, weight in wanted:

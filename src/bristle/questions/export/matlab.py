@@ -38,7 +38,6 @@ def write_matlab(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
 
 
 def _identifier(text: str) -> str:
-    """A text as an identifier of MATLAB."""
     name = re.sub(r"\W+", "_", text, flags=re.ASCII).strip("_")[:_LONGEST]
     return name if name[:1].isalpha() and name not in _WORDS else f"joint_{name}"
 

@@ -136,6 +136,5 @@ def compared(every: Sequence[Adjusted], frame: pd.DataFrame, people: Roster) -> 
 
 
 def _step(row: "Mapping[Hashable, Any] | pd.Series[Any]") -> str:
-    """One step, with its joint."""
     name = ParameterName(row["parameter"], Direction(row["direction"]))
     return f"{row['unit']} {row['joint']}, {name} by {row['percent']:+.3g} % since {row['since']:%Y-%m-%d}"

@@ -49,7 +49,6 @@ def course(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing | None:
 
 
 def _name(joint: Joint) -> str:
-    """Name of the fit to use."""
     return FITS["tracking" if joint.joint_fit is None else "joint"]
 
 
@@ -113,7 +112,6 @@ def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
 
 
 def _said(joint: Joint, fit: TrackingFit) -> tuple[Said, ...]:
-    """One fit in words."""
     rms = f"{number(fit.rms, 3)} {pretty(unit(fit.quantity, joint.kind))}"
     windows = f", simulated in {fit.windows} windows" if fit.windows else ""
     said: list[Said] = [

@@ -44,7 +44,6 @@ def presliding(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
 
 
 def _stiffness(joint: Joint, slow: Presliding) -> Section:
-    """sigma_0 side by side, and each direction in words."""
     frame = tables.presliding([joint])
     frame.insert(3, "recommended", frame.pop("recommended"))
     notes = [
@@ -75,7 +74,6 @@ def _stiffness(joint: Joint, slow: Presliding) -> Section:
 
 
 def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawing]:
-    """The loadings and the closed cycles."""
     found = "; ".join(
         f"{direction(d)}: σ₀ = {measured(fit.sigma_0.value, fit.sigma_0.standard_error)} {pretty(fit.sigma_0.unit)}"
         for d, fit in slow.fits.items()
@@ -104,7 +102,6 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawi
 
 
 def _amplitudes(joint: Joint, slow: Presliding) -> Iterator[Section]:
-    """Stiffness vs amplitude."""
     frame = tables.stiffness([joint])
     if frame.empty:
         return

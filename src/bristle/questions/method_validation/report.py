@@ -145,7 +145,6 @@ def resolution_said(validation: Validation) -> str:
 
 
 def _heading(column: str) -> str:
-    """Heading of a column on the page."""
     for name, words in _WORDS.items():
         column = column.replace(name, words)
     return column.replace("_percent", " (%)").replace("_", " ")

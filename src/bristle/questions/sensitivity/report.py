@@ -59,7 +59,6 @@ def report(study: SensitivityStudy) -> Report:
 
 
 def _assumed(study: SensitivityStudy) -> Section:
-    """The motion, the parameters, and what is assumed."""
     at, rows = study.motion, []
     for name, value in zip(names_of(study.model.p), values_of(study.model.p).tolist(), strict=True):
         lower, upper = in_direction(study.box, *name) or (None, None)
@@ -194,7 +193,6 @@ def _measurement(study: SensitivityStudy, expected: Expected, k: int, informatio
 
 
 def _indices(study: SensitivityStudy, sobol: Global) -> list[Section]:
-    """The Sobol indices."""
     effects = [(effect, x) for x in sobol.outputs for effect in x.effects]
     bare = sum(not x.effects for x in sobol.outputs)
     lost = f"{bare} of {len(sobol.outputs)} outputs cannot be analysed" if bare else ""

@@ -19,15 +19,16 @@ from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.estimation.levels import NAMED
-from bristle.findings import NOTE, Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Estimate
 from bristle.identification.systematic import shifted, statistical
 from bristle.model.parameters import ParameterName, of_shape
 from bristle.questions.session_comparison import results
-from bristle.questions.session_comparison.explain import NO_CHANGE, incomparable, sentence, warnings
 
 _FEW = 4.0  # least degrees of freedom of the test of a set
 _MANY = 1e9  # stands for infinite degrees of freedom
+_ALIKE = 0.5  # relative changes whose range is less than this share of their mean count as one ratio
+NO_CHANGE = Finding("no-change", NOTE, "No change beyond the joint uncertainty.")
 
 
 def compare(first: results.Session, second: results.Session) -> results.Comparison:
@@ -106,9 +107,7 @@ def _changes(joint: str, first: results.SessionJoint, second: results.SessionJoi
         found = (fit.parameters[name].unit for x in (first, second) for fit in x.fits if name in fit.parameters)
         units = list(dict.fromkeys(found))
         if len(units) > 1:
-            raise InputError(
-                f"{joint}: {name} is in {units[0]} and in {units[1]}; compare results of one joint, in one unit"
-            )
+            raise InputError(f"{joint}: {name} is in {units[0]} and in {units[1]}; compare results in one unit")
         if known is None:
             yield incomparable(joint, name, first, second, same=bool(both))
         else:
@@ -206,3 +205,141 @@ def _scaled(fit: results.SessionFit, name: ParameterName) -> tuple[float, float]
     """The value that is compared, or its logarithm, and the derivative of that by the value."""
     value = fit.parameters[name].value or 0.0
     return (log(value), 1 / value) if _by_factor(name) and value > 0 else (value, 1.0)
+
+
+def incomparable(
+    joint: str, name: ParameterName, first: results.SessionJoint, second: results.SessionJoint, *, same: bool
+) -> results.Change:
+    """A parameter that cannot be compared, with the reason; `same`: some stage has it in both sessions."""
+    found: dict[str, Estimate | None] = {}
+    for which, session in (("first", first), ("second", second)):  # the first estimate with a value, or without one
+        own = [fit.parameters[name] for fit in session.fits if name in fit.parameters]
+        found[which] = next((e for e in own if e.value is not None), own[0] if own else None)
+    lacking = [which for which, e in found.items() if e is None]
+    unknown = [which for which, e in found.items() if e is None or e.value is None]
+    opened = [which for which, e in found.items() if e is None or not results.usable(e)]
+    those = unknown or opened
+    where = f"the {those[0]} session" if len(those) == 1 else "both sessions"
+    why = f"it is not identifiable in {where}" if unknown else f"its interval is open, or one-sided, in {where}"
+    if not results.alike(name.name, first.law, second.law):
+        why = "it means another thing in the law of each session"
+    elif lacking:
+        names = {n.name for fit in (first if lacking[0] == "first" else second).fits for n in fit.parameters}
+        why = f"the {lacking[0]} session does not have it"
+        if name.name in names:
+            why = f"the {lacking[0]} session has it in other directions; identify both with the same fit.directions"
+    elif not unknown and not same:
+        why = "the sessions have it from different stages"
+    a, b = found.values()
+    unit = next((e.unit for e in (a, b) if e), "")
+    finding = Finding("not-comparable", NOTE, f"Not comparable: {why}.")
+    return results.Change(joint=joint, parameter=name, unit=unit, source="", first=a, second=b, verdict=finding)
+
+
+def sentence(changes: Sequence[results.Change], sets: Sequence[results.SetChange]) -> Finding:
+    """The overall verdict."""
+    compared = [c for c in changes if c.changed is not None]
+    if not compared:
+        message = "Nothing can be compared: no parameter has a closed interval from the same stage in both sessions."
+        return Finding("nothing-compared", CAUTION, message)
+    moved = [c for c in compared if c.changed]
+    alone = {(c.joint, c.parameter) for c in moved}
+    silent = [x for x in sets if x.changed and alone.isdisjoint((x.joint, name) for name in x.names)]
+    several = len({c.joint for c in changes}) > 1
+    fits = tuple(f"{x.joint}, {x.source}" if several else x.source for x in silent)
+    left = len(changes) - len(compared)
+    rest = f" {left} more cannot be compared." if left else ""
+    if moved:
+        listed = []  # and by how many percent of the first session's value, where that is not zero
+        for c in moved:
+            by = ""
+            if c.percent is not None:
+                by = f" ({c.percent:+.1f} %)" if abs(c.percent) < 1e6 else f" ({c.percent:+.1e} %)"
+            listed.append(f"{f'{c.joint} ' * several}{c.parameter}{by}")
+        together = f" As a set, though none alone, so did those of the fit {'; '.join(fits)}." if fits else ""
+        message = f"{len(moved)} of {len(compared)} parameters changed beyond their joint uncertainty: {', '.join(listed)}.{together}{rest}"
+        percents = tuple((c.joint, str(c.parameter), c.percent) for c in moved)
+        numbers = {"compared": len(compared), "changes": percents, "fits": fits}
+        return Finding("parameters-changed", NOTE, message, numbers)
+    if fits:
+        message = (
+            f"None of {len(compared)} parameters changed beyond its joint uncertainty alone, but as a set those of "
+            f"{'; '.join(fits)} did: the friction changed, and which of them is not told apart.{rest}"
+        )
+        return Finding("only-sets-changed", NOTE, message, {"compared": len(compared), "fits": fits})
+    message = f"None of {len(compared)} parameters changed beyond its joint uncertainty.{rest}"
+    return Finding("none-changed", NOTE, message, {"compared": len(compared)})
+
+
+def warnings(
+    first: results.Session, second: results.Session, shared: Sequence[str], changes: Sequence[results.Change]
+) -> Iterator[Finding]:
+    """The limits of a comparison: joints in one session, a scale of torque, shared data and constants, other models."""
+    for which, session, other in (("first", first, second), ("second", second, first)):
+        alone = tuple(name for name in session if name not in other)
+        if alone:
+            message = f"Only the {which} session has {', '.join(alone)}: it cannot be compared."
+            yield Finding("in-one-session", CAUTION, message, {"names": alone})
+    for name in shared:
+        torques = [c for c in changes if c.joint == name and c.parameter.name in ("alpha_0", "alpha_2", "inertia")]
+        known = [
+            (c.difference or 0.0) / abs(c.first.value)
+            for c in torques
+            if c.changed is not None and c.first and c.first.value
+        ]
+        if len(known) > 2 and any(c.changed for c in torques) and np.ptp(known) < _ALIKE * abs(np.mean(known)):
+            message = (
+                f"{name}: friction and inertia changed by the same ratio; that may be the torque's scale (motor "
+                "constant, drive gain), not the friction."
+            )
+            yield Finding("torque-scale", NOTE, message)
+        yield from _warnings_of(name, first[name], second[name])
+
+
+def _warnings_of(joint: str, a: results.SessionJoint, b: results.SessionJoint) -> Iterator[Finding]:
+    same, files = len(set(a.inputs) & set(b.inputs)), max(len(set(a.inputs)), len(set(b.inputs)))
+    if same:
+        which = "all" if same == files else f"{same} of {files}"
+        message = (
+            f"{joint}: the sessions share data and are not independent: {which} of the files are the same in both. "
+            "Errors of differences are overstated, and changes missed."
+        )
+        yield Finding("files-shared", CAUTION, message, {"same": same, "files": files})
+    # The constants that torques were computed with.
+    of_a, of_b = ({c: 0 for fit in x.fits for e in fit.parameters.values() for c in e.shifts} for x in (a, b))
+    common, alone = tuple(c for c in of_a if c in of_b), tuple(sorted(of_a.keys() ^ of_b.keys()))
+    if common:
+        message = (
+            f"{joint}: {' and '.join(common)} is common to both sessions: its error moves both alike, "
+            "and does not widen their difference."
+        )
+        yield Finding("common-constants", NOTE, message, {"constants": common})
+    if alone:
+        message = f"{joint}: {' and '.join(alone)} belongs to one session only: its error widens the differences."
+        yield Finding("own-constants", NOTE, message, {"constants": alone})
+    yield from dict.fromkeys(x.torque_scale for x in (a, b) if x.torque_scale and not (common or alone))
+    if a.simulated != b.simulated:
+        yield Finding("one-simulated", CAUTION, f"{joint}: one session is SIMULATED, the other measured.")
+    if a.law != b.law:
+        message = (
+            f"{joint}: the first session has the friction law {a.law.name}, the second {b.law.name}, so only parameters "
+            "that mean the same in both are compared; to compare all, identify both sessions with one law, "
+            f"as `law: {b.law.name}` under fit."
+        )
+        yield Finding("laws-differ", CAUTION, message)
+    for pair in results.pairs(a, b):
+        source = pair.first.source
+        if pair.distrusted:
+            why = pair.distrusted.message
+            message = f"{joint}: the {source} fit is used only for what no other fit knows: {why}"
+            yield Finding("fit-distrusted", CAUTION, message)
+        known = [{n for n, e in fit.parameters.items() if e.value is not None} for fit in pair]
+        for which, more in (("first", known[0] - known[1]), ("second", known[1] - known[0])):
+            own = (n for n in more if results.alike(n.name, a.law, b.law))
+            terms = tuple(sorted(str(n) for n in own if n.name.startswith(("alpha", "offset"))))
+            if terms:
+                message = (
+                    f"{joint}: {', '.join(terms)} is known only in the {which} session, by its {source} fit: "
+                    "the two models differ, and so may the other parameters without any change of the joint."
+                )
+                yield Finding("models-differ", CAUTION, message, {"terms": terms})
