@@ -18,8 +18,7 @@ from bristle.page.page import Drawing, drawn
 from bristle.page.report import Report
 from bristle.questions.fleet import figures, tables
 from bristle.questions.fleet import report as reports
-from bristle.questions.fleet.findings import Findings, findings
-from bristle.questions.fleet.notes import headline
+from bristle.questions.fleet.findings import Findings, findings, headline
 from bristle.questions.fleet.report import report
 from bristle.questions.fleet.tables import change, day, estimate, probability, totals
 from simulated_fleet import FleetDesign, fleet_estimates, fleet_truth

@@ -1,17 +1,21 @@
 """The report of a validation: the claim, each case, the resolution that a plain grid needs, and coverage."""
 
 from functools import partial
+from typing import Any
 
+import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from bristle.identification.static.grid import PLAIN_GRID
 from bristle.model.parameters import Kind, unit
 from bristle.page.page import Drawing
 from bristle.page.report import Report, Section, Table
-from bristle.page.wording import counted, in_percent, number, pretty, slugs
-from bristle.questions.method_validation import figures
+from bristle.page.style import Look, decimal_log, new_figure, panels, styled, title
+from bristle.page.wording import axis, counted, in_percent, number, pretty, slugs
 from bristle.questions.method_validation.results import SAME_COST, CaseResult, Validation
-from bristle.questions.method_validation.run import BOOTSTRAP_SETS, INTERVAL_SETS, LOCAL_SETS, REFINED
+from bristle.questions.method_validation.run import BOOTSTRAP_SETS, INTERVAL_SETS, LOCAL_SETS, PLAIN_GRIDS, REFINED
 from bristle.questions.method_validation.solvers import LMFIT
 from bristle.questions.method_validation.verdict import overall, verdict
 
@@ -20,6 +24,12 @@ _WORDS = {
     " elsewhere": ", other minimum", "declined": "no estimate returned", "lower_beyond": "lower outside the range",
     "ipopt_lead": "IPOPT below the grid (relative)", f"plain_{PLAIN_GRID}_error": f"error of the plain grid of {PLAIN_GRID}",
 }  # fmt: skip  # parts of columns, as the page calls them
+SOLVERS = {
+    "IPOPT": Look("#0072B2", "o", "-"),
+    "SciPy TRF": Look("#D55E00", "s", "--"),
+    "lmfit": Look("#009E73", "^", ":"),
+}
+_LARGE = 3.0  # ratios beyond this are drawn on a logarithmic axis
 
 
 def report(validation: Validation) -> Report:
@@ -79,7 +89,7 @@ def report(validation: Validation) -> Report:
         about="Grids against full nonlinear fits.",
         simulated="Validation needs true values: all torques here are simulated from the models named below.",
         seed=validation.seed,
-        tables={"cases": validation.to_frame(), **{f.__name__: f(validation) for f in (methods, coverage, resolution)}},
+        tables={"cases": validation.to_frame(), "coverage": coverage(validation)},
     )
 
 
@@ -116,13 +126,13 @@ def drawings(result: CaseResult, kind: Kind, file: str) -> tuple[Drawing, ...]:
     )
     found = (
         (
-            "cost", partial(figures.cost_figure, result, kind), f"cost vs v_s of {label}",
+            "cost", partial(cost_figure, result, kind), f"cost vs v_s of {label}",
             f"{lost}{of_cost}. Cost of the first data set vs vₛ, all other parameters re-optimised, relative to the refined grid. "
             "Dashed: the 95 % threshold; the data allow any vₛ below it. Markers: three plain grids, the refined grid, and the "
             f"final values of {starts.initial_v_s.size} random starts of each solver.",
         ),
         (
-            "methods", partial(figures.methods_figure, result), f"v_s by each method of {label}",
+            "methods", partial(methods_figure, result), f"v_s by each method of {label}",
             f"{of_methods} Median error of vₛ with the width of the middle 68 % over the repetitions; right: how often each fails, "
             "that is, ends at a cost at which even the true model would be rejected.",
         ),
@@ -157,24 +167,6 @@ def _rounded(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.astype(object).where(frame.notna(), None)
 
 
-def methods(validation: Validation) -> pd.DataFrame:
-    """One row per case, method and parameter."""
-    rows = [
-        {
-            **result.which,
-            "method": method.name, "repetitions": method.repetitions, "parameter": name,
-            "truth": float(result.case.theta[k]), "bias": float(method.bias[k]), "spread": float(method.spread[k]),
-            "coverage_percent": 100 * float(method.coverage[k]), "failed_percent": 100 * method.failed,
-            "elsewhere_percent": None if method.other_minimum is None else 100 * method.other_minimum,
-            "seconds": method.seconds,
-        }
-        for result in validation.cases
-        for method in result.methods.values()
-        for k, name in enumerate(result.case.names)
-    ]  # fmt: skip  # a table
-    return pd.DataFrame(rows)
-
-
 def coverage(validation: Validation) -> pd.DataFrame:
     """One row per case and kind of interval: how often it covers, percent, by parameter."""
     rows = [
@@ -186,11 +178,76 @@ def coverage(validation: Validation) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def resolution(validation: Validation) -> pd.DataFrame:
-    """One row per case and plain grid: its error of v_s, and the statistical one."""
-    rows = [
-        {**result.which, "values": values, "error": float(error), "floor": result.resolution.floor}
-        for result in validation.cases
-        for values, error in zip(result.resolution.counts, result.resolution.error, strict=True)
-    ]
-    return pd.DataFrame(rows)
+@styled
+def cost_figure(result: CaseResult, kind: Kind) -> Figure:
+    """Cost vs v_s, all else re-optimised, with the final values of each method; below, plain grids near the minimum."""
+    figure = new_figure(6.4)
+    figure.subplots_adjust(top=0.80, hspace=0.3)
+    ax, near = figure.subplots(2, height_ratios=(3, 2))
+    curve, starts = result.cost_curve, result.starts
+    lowest, limit = starts.best_cost, curve.threshold / starts.best_cost
+    for part, label in ((ax, "cost (all else re-optimised)"), (near, None)):
+        part.plot(curve.v_s, curve.cost / lowest, "-", color="#000000", label=label)
+        part.axhline(limit, color="#666666", linestyle="--", linewidth=1, label="95 % region, below" if label else None)
+    for name in starts.solvers:
+        look = SOLVERS[name]
+        x, y = starts.final[name][-1], np.maximum(starts.cost[name] / lowest, 1.0)
+        ax.plot(x, y, look.marker, color=look.colour, mfc="none", alpha=0.75, label=f"{name}, from random starts")
+    for count, marker in {16: "v", 125: "x", PLAIN_GRID: "+"}.items():
+        at = curve.plain[count]
+        height = np.interp(at, curve.v_s, curve.cost) / lowest
+        for part, label in ((ax, f"plain grid of {count}"), (near, None)):
+            part.plot(at, height, marker, color="#CC79A7", markersize=9, mew=2, mfc="none", label=label)
+    for part, label in ((ax, "refined grid"), (near, None)):
+        part.plot(starts.best[-1], 1.0, "*", color="#E69F00", mec="#000000", markersize=12, label=label, zorder=1.5)
+    allowed = curve.v_s[curve.cost <= curve.threshold]
+    low, high = allowed.min(initial=starts.best[-1]), allowed.max(initial=starts.best[-1])
+    margin = 0.15 * (high - low) or 0.05 * high
+    near.set_xlim(low - margin, high + margin)
+    near.set_ylim(1 - 0.12 * (limit - 1), 1 + 1.15 * (limit - 1))
+    decimal_log(ax)
+    top = ax.get_ylim()[1]
+    if top > _LARGE:
+        ax.set_yscale("log")
+        wide = ax.dataLim.y1 > 500 * max(ax.dataLim.y0, 1e-300)  # with labels at powers of ten alone
+        ax.yaxis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0), numticks=12))
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
+        ax.yaxis.set_minor_locator(NullLocator())
+        ax.set_ylim(top**-0.06, top**1.05)
+    else:
+        ax.set_ylim(1 - 0.06 * (top - 1), top)
+    near.set_xlabel(axis("velocity", kind, "Stribeck"))
+    for part in (ax, near):
+        part.set_ylabel("Cost relative to\nthe refined grid")
+    title(ax, result.case.label, simulated=True)
+    ax.set_title(ax.get_title(loc="left"), loc="left", pad=8 + 13.5 * 5)  # above the five rows of the legend
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), ncols=2, frameon=False, borderaxespad=0.2, fontsize=8.5)
+    return figure
+
+
+@styled
+def methods_figure(result: CaseResult) -> Figure:
+    """Median error and spread of v_s by each method, relative to the truth."""
+    figure, (ax,) = panels(5.0, result.case.label, True)
+    figure.subplots_adjust(left=0.34)
+    rows, v_s = list(result.methods.values()), result.case.truth.v_s
+    # A method that fails in more than a fifth of the sets does not widen the axis.
+    reach = 100 * max(abs(m.bias[-1]) + m.spread[-1] for m in rows if m.failed <= 0.2) / v_s
+    edge: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "va": "center", "fontsize": 9}
+    for k, m in enumerate(rows):
+        colour = "#D55E00" if m.name == REFINED else "#666666" if m.name in PLAIN_GRIDS.values() else "#0072B2"
+        centre, half = 100 * m.bias[-1] / v_s, 100 * m.spread[-1] / v_s
+        if abs(centre) + half <= 1.1 * reach:
+            marker = "s" if m.name == REFINED else "o"
+            ax.errorbar(centre, k, xerr=half, fmt=marker, color=colour, capsize=3, markersize=5)
+        else:
+            x, side = (0.87, "right") if centre > 0 else (0.02, "left")
+            ax.annotate(f"off by {centre:.3g} %", (x, k), ha=side, color=colour, **edge)
+        ax.annotate(f"{100 * m.failed:.3g} %", (1.0, k), ha="right", **edge)
+    ax.annotate("fails", (1.0, -0.9), ha="right", **edge)
+    ax.axvline(0.0, color="#000000", linewidth=0.8)
+    ax.set_ylim(len(rows) - 0.5, -1.4)
+    ax.set_xlim(-1.1 * reach, 1.4 * reach)
+    ax.set_yticks(range(len(rows)), [m.name for m in rows])
+    ax.set_xlabel("Error of vₛ: median and spread (% of the truth)")
+    return figure

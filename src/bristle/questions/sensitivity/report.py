@@ -211,7 +211,4 @@ def _indices(study: SensitivityStudy, sobol: Global) -> list[Section]:
         f"{caption}. First-order and total Sobol indices with 95 % confidence intervals.",
     )
     said, table = sobol_sentences(sobol, study.kind), Table("sobol", "Sobol indices", sobol.to_frame(study.kind))
-    return [
-        Section("Sobol indices over the intervals", findings=said, figure=figure),
-        Section("As a table", table=table, form="folded"),
-    ]
+    return [Section("Sobol indices over the intervals", findings=said, figure=figure, table=table)]
