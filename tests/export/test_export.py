@@ -16,8 +16,7 @@ import pytest
 import bristle
 from bristle.identification.known_joint import chosen
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck
-from bristle.questions.export.artefact import Request
-from bristle.questions.export.export import TARGETS, export_joints, target
+from bristle.questions.export.export import TARGETS, Request, export_joints, target
 from bristle.questions.export.exported import Origin, exported
 from bristle.questions.export.loss import (
     all_motions,

@@ -23,7 +23,7 @@ from bristle.errors import InputError
 from bristle.model.parameters import Direction, Lugre
 from bristle.page.output_folder import zipped
 from bristle.questions.export import fmu
-from bristle.questions.export.artefact import Artefact, Request
+from bristle.questions.export.export import Artefact, Request
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.fmu import TARGET, base_units, fmu_binary, fmu_variables, longest_step
 from bristle.questions.export.loss import rms_percent

@@ -25,8 +25,7 @@ from bristle.model.laws.parts import FASTEST, Law, OwnParameter, Peak, ViscousTe
 from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.model.vectorize import evaluate
 from bristle.questions.export import c_header, coulomb_viscous, export, fmu, mjcf
-from bristle.questions.export.artefact import Request, equations
-from bristle.questions.export.export import TARGETS
+from bristle.questions.export.export import TARGETS, Request, equations
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.json_document import joints_in, read_export, write_json
 from bristle.questions.export.latex import write_latex

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from bristle.errors import InputError, short
 from bristle.model.parameters import slides
-from bristle.questions.export.artefact import slug
 from bristle.questions.export.coulomb_viscous import CoulombViscous, comment_lines, target_of
+from bristle.questions.export.export import slug
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named
 

@@ -20,9 +20,9 @@ from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import Pair, has_own_unit, lugre_of, slides, unit
 from bristle.page.wording import shortened
 from bristle.questions.export import c_code
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, notes
 from bristle.questions.export.c_numbers import c_field, digits, identifier, range_of, stem_of
 from bristle.questions.export.c_step import NamedFunction, PrintedStep, printed_joint, printed_step
+from bristle.questions.export.export import Artefact, ExportTarget, Request, artefact_of, notes
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import losses, lugre, stated_motions
 

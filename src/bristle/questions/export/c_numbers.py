@@ -6,8 +6,8 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law, OwnParameter
 from bristle.model.parameters import unit
 from bristle.page.wording import PARAMETERS
-from bristle.questions.export.artefact import slug
 from bristle.questions.export.c_code import escaped
+from bristle.questions.export.export import slug
 from bristle.questions.export.exported import ExportedJoint
 
 _Range = tuple[float, float]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from bristle.errors import one_line
 from bristle.model.parameters import unit
 from bristle.page.wording import number
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, in_ascii, notes
+from bristle.questions.export.export import Artefact, ExportTarget, Request, artefact_of, in_ascii, notes
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import Loss, StatedMotion, all_motions, best_coulomb_viscous, coulomb_viscous, losses
 from bristle.questions.export.xml_edit import XmlDocument, model_read

@@ -5,7 +5,7 @@ Parameters that are not identified are assumed only where a target needs them, a
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from bristle.identification.known_joint import (
     chosen,
     inertia_of,
     known_joint,
-    load_left_out,
     rises_among,
 )
 from bristle.identification.results import Joint
@@ -55,12 +54,6 @@ class ExportedParameter:
     def assumed(self) -> bool:
         """Whether it is not identified, and its value is assumed."""
         return self.source == "assumed"
-
-    @property
-    def cells(self) -> dict[str, Any]:
-        """Its fields in documents."""
-        columns = ("value", "unit", "standard_error", "interval", "source", "assumed")
-        return {name: getattr(self, name) for name in columns}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,10 +124,6 @@ class ExportedJoint:
     def law_name(self) -> str:
         """Name of the law and of the load by which friction rises, as of `fit.law`."""
         return with_load(self.law, self.rises)
-
-    def without_load(self) -> "ExportedJoint":
-        """The joint without load, with a finding on what that leaves out."""
-        return replace(self, said=(*load_left_out(self.rises, self.kind), *self.said))
 
     @property
     def has_bristle(self) -> bool:

@@ -21,10 +21,10 @@ from bristle.page.output_folder import zipped
 from bristle.page.page import encoded, tables_of
 from bristle.page.report import Report, Section, Table
 from bristle.page.wording import shortened
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, c_compiler, notes
 from bristle.questions.export.c_code import filled
 from bristle.questions.export.c_header import header
 from bristle.questions.export.c_numbers import identifier, range_of
+from bristle.questions.export.export import Artefact, ExportTarget, Request, artefact_of, c_compiler, notes
 from bristle.questions.export.exported import WAYS, ExportedJoint
 from bristle.questions.export.loss import Loss, all_motions, losses, lugre
 

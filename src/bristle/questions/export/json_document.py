@@ -15,7 +15,7 @@ from bristle.identification.document import check_most, parsed, schema_of, valid
 from bristle.identification.known_joint import fault_of
 from bristle.identification.results import first_reason
 from bristle.model.parameters import INERTIA, fields_of, of_friction, units_of
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
+from bristle.questions.export.export import Artefact, ExportTarget, Request, slug
 from bristle.questions.export.exported import ExportedJoint
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from bristle.model.formula import abbreviated, as_latex, formula_of, symbol_of
 from bristle.model.parameters import SIGNED, Direction, Lugre, of_friction
 from bristle.page.wording import FITS, measured, shortened, slugs, span
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, equations, in_ascii, notes, slug
+from bristle.questions.export.export import Artefact, ExportTarget, Request, equations, in_ascii, notes, slug
 from bristle.questions.export.exported import ExportedJoint
 
 _HOLDS = "each parameter, rounded to two digits of its standard error, with unit, 95 % interval and source"

@@ -14,7 +14,7 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import unit
 from bristle.model.printing import FUNCTIONS, Language, Term, statements
 from bristle.page.wording import slugs
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, equations, in_ascii, notes, slug
+from bristle.questions.export.export import Artefact, ExportTarget, Request, equations, in_ascii, notes, slug
 from bristle.questions.export.exported import WAYS, ExportedJoint
 
 _LONGEST = 50  # characters of an identifier; MATLAB takes 63
@@ -54,7 +54,8 @@ def _lines(joint: ExportedJoint, place: str) -> Iterator[str]:
     yield f"{place}.bristle = {_constant(joint.origin.bristle)};"
     yield f"{place}.results_sha256 = {_constant(joint.origin.results_sha256 or '')};"
     for one in joint.parameters:
-        fields = ", ".join(f"'{name}', {_constant(value)}" for name, value in one.cells.items())
+        columns = ("value", "unit", "standard_error", "interval", "source", "assumed")
+        fields = ", ".join(f"'{name}', {_constant(getattr(one, name))}" for name in columns)
         yield f"{place}.{WAYS[one.parameter.direction]}.{_identifier(one.parameter.name)} = struct({fields});"
     if joint.law != GAUSSIAN:
         yield f"{place}.law = {_constant(joint.law.name)};"

@@ -15,8 +15,8 @@ from bristle.errors import InputError, one_line, short
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import Lugre, slides, unit
 from bristle.page.wording import shortened
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, notes
 from bristle.questions.export.coulomb_viscous import CoulombViscous, comment_lines, target_of
+from bristle.questions.export.export import Artefact, ExportTarget, Request, artefact_of, notes
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import Loss, SymmetricSet, all_motions, best_symmetric, losses, told
 from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named, model_read
