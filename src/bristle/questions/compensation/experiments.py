@@ -38,10 +38,7 @@ class Errors(NamedTuple):
 
 
 def errors(loop: JointLoop) -> tuple[Errors, ...]:
-    """Fig. 8 at both frequencies of a joint, without and with inertia feed-forward.
-
-    Raises InputError where the loop diverges with the joint's compensator.
-    """
+    """Fig. 8 of a joint, without and with inertia feed-forward. Raises InputError where a loop diverges."""
     frequencies, own, found = (loop.slow, loop.frequency), loop.case(model=loop.plant), loop.case()
     references = [loop.sine(f, LONG) for f in frequencies]
 
@@ -193,11 +190,7 @@ class Controlled(NamedTuple):
 
 
 def compare_controllers(loop: JointLoop) -> tuple[Controlled, ...]:
-    """PID alone, with LuGre feed-forward, and sliding mode with three boundary layers.
-
-    Sliding mode has five times the torque that the reference needs, and the slope K_p / K_d; its widest layer is a PD
-    controller of the same K_d.
-    """
+    """PID alone, with LuGre feed-forward, and sliding mode of slope K_p / K_d with three boundary layers."""
     reference, gains = loop.sine(loop.frequency, SHORT), loop.gains
     fastest, hardest = float(np.abs(reference.velocity).max()), float(np.abs(reference.acceleration).max())
     steady = max(p.alpha_0 + p.alpha_1 + p.alpha_2 * fastest for p in loop.plant) + float(np.max(reference.level))

@@ -29,12 +29,10 @@ def report(study: Study) -> Report:
     names = [loop.name for loop in study.loops]
     return Report(
         f"Friction compensation of {names[0] if len(names) == 1 else f'{len(names)} joints'}",
-        sections(study),
-        about="LuGre feed-forward and its adaptation.",
+        sections(study), about="LuGre feed-forward and its adaptation.",
         simulated="The joint was not measured but simulated." if study.loops[0].simulated else "",
-        seed=SEED,
-        tables=study.tables(),
-    )
+        seed=SEED, tables=study.tables(),
+    )  # fmt: skip  # a list of values
 
 
 def sections(study: Study, share: Share | None = None) -> tuple[Section, ...]:

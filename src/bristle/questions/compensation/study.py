@@ -95,10 +95,7 @@ class Study:
 def study(
     loops: Sequence[JointLoop], replays: Sequence[Replay] = (), progress: Progress | None = None, *, paper: bool = False
 ) -> Study:
-    """Run the study; `paper`: with the paper's Table 2, for its own joints.
-
-    Raises InputError where a loop cannot be run, as one with too long a control period.
-    """
+    """Run the study, for its own joints as the `paper`. Raises InputError where a loop cannot be run."""
     return begin_study(loops, replays, progress, map, paper=paper)()
 
 

@@ -135,10 +135,7 @@ def within_torque(lines: Multisine, problem: MotionProblem) -> Multisine:
 
 
 def best_motion(problem: MotionProblem, progress: Progress | None = None) -> MotionDesign:
-    """The sum of sines with the least log of the sum of squared relative standard errors of `aims`, mean over `sets`.
-
-    The best of the plain and random ones, then random exchange of up to three amplitudes, frequencies or phases.
-    """
+    """The sum of sines with the least squared relative errors of `aims`, mean over `sets`, by random exchange."""
     rng, limits = np.random.default_rng(SEED), problem.limits
     # Of each sine log(speed amplitude), log(frequency) and phase, within these bounds.
     ends = (np.log([0.5 * limits.slowest, limits.velocity]), np.log([0.1, limits.frequency]), np.array([0, 2 * np.pi]))

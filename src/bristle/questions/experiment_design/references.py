@@ -66,10 +66,7 @@ def passes(velocity: float, run: int, deflection: float, limits: Limits) -> list
 
 
 def fastest(deflection: float, limits: Limits) -> float:
-    """Largest speed at which the travel leaves a hold of half of `limits.hold`, or of SHORTEST, rad/s.
-
-    Raises InputError where it is not above the slowest.
-    """
+    """Largest speed, rad/s, at which the travel leaves a hold. Raises InputError where it is not above the slowest."""
     speeds = np.geomspace(limits.slowest, limits.velocity, 400)
     least = max(SHORTEST, 0.5 * limits.hold)
     needed = [v * (run_in(v, deflection) + least + ramp_time(v, limits)) for v in speeds.tolist()]

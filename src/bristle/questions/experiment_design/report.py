@@ -49,14 +49,12 @@ def report(plan: Plan) -> Report:
     )
     kinds = Counter(kind for kind, _ in dict.fromkeys((r.kind, r.run) for r in plan.references))
     whole = _drawing(
-        plan,
-        figures.whole_figure,
-        f"all references of {name}",
+        plan, figures.whole_figure, f"all references of {name}",
         f"The plan takes {number(plan.duration, 3)} s: {kinds['ramp']} runs at constant velocity, {kinds['presliding']} of slow loading, "
         f"{counted(kinds['tracking'], 'tracking motion')}",
         f"References at {number(plan.limits.rate)} Hz: runs at constant velocity with the moves between them, slow loading by torque, and the "
         "tracking motion; dashed: position limits.",
-    )
+    )  # fmt: skip  # a list of values
     sections += [
         _worth(plan),
         Section("Limits", facts=limits),
@@ -90,12 +88,9 @@ def _worth(plan: Plan) -> Section:
     if unseen:
         found = f"Standard error over {CEILING:g} %, not identifiable, even after the plan: {_names(plan, unseen)}"
     figure = _drawing(
-        plan,
-        figures.intervals_figure,
-        f"errors of {plan.joint.name} before and after",
-        found,
+        plan, figures.intervals_figure, f"errors of {plan.joint.name} before and after", found,
         "Relative standard error of each parameter: now (squares), and as expected after velocities, loading and motion (circles).",
-    )
+    )  # fmt: skip  # a list of values
     errors = plan.standard_errors
     rows = [("", "estimate", *(stage.removeprefix("with ") for stage in errors))]
     for k in plan.free:
@@ -148,13 +143,11 @@ def _of_velocities(plan: Plan) -> Section:
         many, at = counted(len(x.velocities), "run"), counted(len(run), "speed")
         speeds.append(f"{direction(x.direction)}: {many} at {at}, {' to '.join(ends)} {pretty(si)}")
     chosen = _drawing(
-        plan,
-        figures.velocities_figure,
-        f"velocities to run on {plan.joint.name}",
+        plan, figures.velocities_figure, f"velocities to run on {plan.joint.name}",
         f"Constant velocities, {'; '.join(speeds)}",
         "Friction curve at the estimate with the speeds to run and, above, how often; grey: the plausible values of vₛ, over which the design "
         "is averaged; crosses: measured so far.",
-    )
+    )  # fmt: skip  # a list of values
     rows = [(x.direction, speed, count) for x in plan.velocities for speed, count in x.chosen.runs]
     frame = pd.DataFrame(rows, columns=["direction", "velocity", "runs"])
     runs = _table(plan, "velocities", "Constant velocities to run", frame, digits=None)
@@ -203,13 +196,11 @@ def _of_motion(plan: Plan) -> Section:
     ends = (np.abs(run.velocity).max(), run.position.min(), run.position.max())
     fastest, least, most = (number(float(end), 3) for end in ends)
     motion = _drawing(
-        plan,
-        figures.motion_figure,
-        f"tracking motion of {plan.joint.name}",
+        plan, figures.motion_figure, f"tracking motion of {plan.joint.name}",
         f"Peak velocity {fastest} {v}, {number(limits.velocity, 3)} {v} allowed; positions {least} to {most} {q}, "
         f"{' to '.join(number(x, 3) for x in limits.position)} {q} allowed",
         "Position and velocity of the motion; dashed: the velocity limit.",
-    )
+    )  # fmt: skip  # a list of values
     text = "A sum of sines within the limits, faded in and out, that minimises the relative standard errors."
     note = (
         "As played, scaled to the limits: amplitude · sin(2π frequency · time + phase), with time from the start of the motion, about "

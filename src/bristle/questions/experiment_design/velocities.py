@@ -88,9 +88,8 @@ class VelocityPlan:
 def plan_velocities(
     start: Start, direction: Direction, limits: Limits, count: int, aim: str, share: float
 ) -> VelocityPlan:
-    """The design of `count` runs of one direction; where both share a set, each speed is run back and forth.
+    """The design of `count` runs of one direction for an aim; `share`: of the plan's usual time.
 
-    An aim that constant velocities do not show counts as `all`; `share` is that of its time that the plan is cut to.
     Raises InputError where the drive's torque or the travel leaves no speeds to choose from.
     """
     p, passes = start.p(direction), 2 if direction is Direction.BOTH else 1

@@ -43,10 +43,7 @@ _FREQUENCY = 0.5  # Hz, of a sine at the fastest measured speed, for an unknown 
 
 
 def explored(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> dict[str, Any]:
-    """The data of some joints, with their samples and, by name, their loops or why there is none.
-
-    Raises InputError where no friction vs velocity is known of any of them.
-    """
+    """The data of some joints, and their loops or why there is none. Raises InputError where no friction is known."""
     known = [(joint, known_joint(joint)) for joint in joints]
     left_out = [joint.name for joint, one in known if not one.directions]
     if len(left_out) == len(joints):

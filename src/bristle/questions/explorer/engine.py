@@ -1,7 +1,4 @@
-"""The explorer's physics: one JavaScript constant, `bristle`, printed from CasADi functions for each friction law.
-
-engine.js holds the loops around these functions, and documents their arguments.
-"""
+"""The explorer's physics: one JavaScript constant, `bristle`, printed from CasADi functions around engine.js."""
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -69,10 +66,7 @@ class Way(NamedTuple):
 
 
 def script(loops: Sequence[JointLoop] = (), laws: Iterable[FrictionLaw] = (GAUSSIAN,)) -> str:
-    """JavaScript that defines `bristle`, and `module.exports` if there is a `module`, for some laws and loops.
-
-    Its closed loop runs these joints, the paper's, and others that differ from them in numbers alone.
-    """
+    """JavaScript that defines `bristle`, and exports it if there is a `module`, for some laws and loops."""
     ways: dict[FrictionLaw, dict[Way, None]] = {
         law: dict.fromkeys(_ways(Compensator(), Adaptation()).values())
         for law in (*laws, *(loop.model.law for loop in loops))

@@ -74,10 +74,7 @@ def _answer(x: Term) -> str:
 
 
 def printed(function: ca.Function, operand: Callable[[int, int], str]) -> Printed:
-    """Statements in C of a CasADi function, and expressions of its outputs; `operand`: (input, element) -> name in C.
-
-    Raises InputError where an operation has no counterpart.
-    """
+    """Statements in C of a CasADi function, and its outputs; `operand`: (input, element) -> name. Raises InputError."""
 
     def assignment(name: str, value: Term) -> str:
         return f"const {'int' if value.truth else 'br_real'} {name} = {value.text};"

@@ -133,10 +133,7 @@ def artefact_of(
     counted: Sequence[str] = (),
     armature: bool = False,
 ) -> Artefact:
-    """The file of a target, with findings on large losses, on terms left out, and on a missing armature.
-
-    `ending`: of the file's name; `counted`: terms that the values include.
-    """
+    """The file of a target, with findings on losses and on terms left out, except those `counted` in its values."""
     said = list[Finding]()
     for name, found in losses.items():
         if large := [x for x in found if x.percent > LARGE]:
@@ -203,10 +200,7 @@ class Export:
         return self.text()
 
     def write(self, path: Path | str | None = None) -> Path:
-        """Write the file, by default with the joint's name; returns its path.
-
-        Raises InputError where another file is there, or it cannot be written.
-        """
+        """Write the file, by default with the joint's name. Raises InputError where another file is there."""
         path = Path(self.artefact.name if path is None else path)
         write_bytes(path, self.content)
         return path

@@ -1,7 +1,4 @@
-"""An identified joint for export: one value of each parameter with interval and source, and findings on it.
-
-Parameters that are not identified are assumed only where a target needs them, and are marked as assumed.
-"""
+"""An identified joint for export: parameters with interval and source, assumed only where a target needs them."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

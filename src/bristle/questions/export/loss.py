@@ -146,10 +146,7 @@ def rms_percent(found: Array, true: Array) -> float:
 
 
 def best_coulomb_viscous(joint: ExportedJoint, motion: StatedMotion, *, viscous: bool = True) -> tuple[float, float]:
-    """Coulomb friction, N*m, and viscous friction, N*m*s/rad, by least squares along a motion, neither negative.
-
-    Without `viscous` the second is zero.
-    """
+    """Coulomb, N*m, and viscous friction, N*m*s/rad, or 0 without `viscous`, by least squares, none negative."""
     v, T = along(friction_of(joint), motion)
     columns = np.column_stack(evaluate(functions.linear_shapes_function(), v))
     kept = columns if viscous else columns[:, :1]

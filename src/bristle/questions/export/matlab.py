@@ -1,7 +1,4 @@
-"""Export to MATLAB and Octave: a script that assigns a struct of the parameters.
-
-A law other than the paper's has its equations as well, as anonymous functions by `model.printing`.
-"""
+"""Export to MATLAB and Octave: a script that assigns a struct of parameters, and equations of other laws."""
 
 import math
 import re

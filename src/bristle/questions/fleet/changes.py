@@ -145,10 +145,7 @@ def population_of(one: Adjusted, most: NDArray[np.intp]) -> Population[float] | 
 def unit_rows(
     quantities: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]], people: Roster, rate: float
 ) -> pd.DataFrame:
-    """A row per joint and quantity of the types whose spread is known; `settled`: sessions of each joint before it changed.
-
-    A joint is outside its type by the scatter of the others, at the false discovery rate over all joints.
-    """
+    """A row per joint and quantity of types with a known spread; `settled`: sessions before a joint's change."""
     parts, numbers, ps = [], [], []
     for one, most in zip(quantities, settled, strict=True):
         known = population_of(one, most)

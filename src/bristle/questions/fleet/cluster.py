@@ -87,11 +87,8 @@ def known_client(client: Client | None) -> Client | None:
 def local_client(workers: int | None = None, memory: str | None = None) -> Iterator[Client]:
     """A client of a cluster of this machine, with one thread per process, on loopback.
 
-    Args:
-        workers: processes; None: one per core.
-        memory: most memory of each, as `2 GiB`; None: its share of the machine's.
-
-    Raises InputError where the memory is no size, or the processes do not start.
+    `workers`: processes, by default one per core; `memory`: most of each, as `2 GiB`, by default its share. Raises
+    InputError where the memory is no size, or the processes do not start.
     """
     import dask
     import distributed
@@ -139,10 +136,7 @@ def _bytes_of(memory: str | None) -> int | None:
 
 @contextmanager
 def remote_client(scheduler: str, certificates: Mapping[str, str] | None = None) -> Iterator[Client]:
-    """A client of a scheduler, by its address; with certificates (`ca`, `cert`, `key`) by TLS.
-
-    Raises InputError where no scheduler answers, or a certificate cannot be used.
-    """
+    """A client of a scheduler, perhaps by TLS (`ca`, `cert`, `key`). Raises InputError where none answers."""
     from distributed import Client as DaskClient
 
     with quiet():

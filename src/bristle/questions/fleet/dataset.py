@@ -1,7 +1,4 @@
-"""The dataset of a fleet in Parquet: a row per unit, joint, session, direction and parameter.
-
-Tasks write files of their own, which then become one. Equal results give equal bytes.
-"""
+"""The dataset of a fleet in Parquet, with equal bytes for equal results, and the files of its tasks."""
 
 import io
 from collections.abc import Collection, Mapping, Sequence

@@ -151,10 +151,7 @@ def make_folder(folder: str) -> None:
 
 
 def claim_folder(folder: str, claims: Collection[str]) -> None:
-    """Mark a folder as bristle's, with these names in it.
-
-    Raises InputError where it is neither empty nor marked already, or holds one of the names that the marker does not list.
-    """
+    """Mark a folder as bristle's, with these names. Raises InputError where others' files are in the way."""
     if not is_remote(folder):
         claim(local_path(folder), claims)
         return

@@ -166,15 +166,12 @@ def _course(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame
     thinned = f" Of {count} sessions {figures.POINTS} are drawn." if count > figures.POINTS else ""
     return Drawing(
         partial(figures.joint_figure, name, row.first, courses, simulated=found.simulated),
-        f"joint-{row.rank}",
-        f"{shortened(name)} over {counted(int(row.sessions), 'session')}",
-        f"{finding}{thinned}",
+        f"joint-{row.rank}", f"{shortened(name)} over {counted(int(row.sessions), 'session')}", f"{finding}{thinned}",
         "Circles: values with 95 % intervals; diamonds: adjusted for temperature, load and common shift; shaded: the 95 % limits for one "
         "more session, from the sessions before the change; dashed: the level before and after the step; dotted line: the step; solid "
         "line: where its baseline began anew.",
-        data="changes",
-        simulated=found.simulated,
-    )
+        data="changes", simulated=found.simulated,
+    )  # fmt: skip  # a list of values
 
 
 def _quality_sections(found: Findings) -> Iterator[Section]:
@@ -186,13 +183,11 @@ def _quality_sections(found: Findings) -> Iterator[Section]:
         most = next(rows_of(whole[whole["code"] == grave[0]]))
         figure = Drawing(
             partial(figures.quality_figure, found.quality, codes, simulated=found.simulated),
-            "quality",
-            "percent of joint-sessions with a warning, over time",
+            "quality", "percent of joint-sessions with a warning, over time",
             f"{grave[0]} is the most frequent: {two_digits(most.percent)} % of {most.of} joint-sessions. Cautions, critical warnings and failed "
             "sessions in percent of each period's joint-sessions.",
-            data="quality",
-            simulated=found.simulated,
-        )
+            data="quality", simulated=found.simulated,
+        )  # fmt: skip  # a list of values
     none = "" if len(whole) else "\n\nNo session has a warning."
     yield Section(
         "Data quality",

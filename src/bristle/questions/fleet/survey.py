@@ -1,7 +1,4 @@
-"""Survey of a catalog's files: their inputs, by size, time of modification and SHA-256, and their joints.
-
-A file whose stamps are as in the ledger of the last run is not read again.
-"""
+"""Survey of a catalog's files: inputs, by size, time of modification and SHA-256, and joints."""
 
 import hashlib
 import json
@@ -190,10 +187,7 @@ def _matches(path: str, pattern: str) -> list[tuple[str, str]]:
 
 
 def laid_out(folder: Path, name: str, contents: Mapping[str, bytes]) -> Path:
-    """Write an experiment file of this name and its inputs into a folder; returns its path.
-
-    Raises InputError where a name leads out of the folder.
-    """
+    """Write an experiment file and its inputs into a folder. Raises InputError where a name leads out of it."""
     up = max((PurePosixPath(one).parts.count("..") for one in contents), default=0)
     base = folder.joinpath(*(["in"] * up))
     for one, data in contents.items():

@@ -65,12 +65,10 @@ def _stiffness(joint: Joint, slow: Presliding) -> Section:
         )
         facts.append((direction(fit.direction), (*said, *prior.warnings)))
     return Section(
-        "Stiffness",
-        text="" if slow.fits else "No σ₀: see below for what is missing.",
-        facts=tuple(facts),
+        "Stiffness", text="" if slow.fits else "No σ₀: see below for what is missing.", facts=tuple(facts),
         table=Table("presliding", "Stiffness by four methods", part=frame, note=" ".join(notes)),
         form="part",
-    )
+    )  # fmt: skip  # a list of values
 
 
 def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawing]:

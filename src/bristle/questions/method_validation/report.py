@@ -63,14 +63,12 @@ def report(validation: Validation) -> Report:
         covered, bootstrapped = (min(sets, validation.repetitions) for sets in (INTERVAL_SETS, BOOTSTRAP_SETS))
         shown = "91 to 98 %" if covered >= 200 else "a less precise figure"
         cases = Table(
-            "cases",
-            "Solvers and plain grids by case",
-            part=_rounded(validation.to_frame().rename(columns=_heading)),
+            "cases", "Solvers and plain grids by case", part=_rounded(validation.to_frame().rename(columns=_heading)),
             note="Noise in percent of α₀. No estimate returned: bristle reports vₛ as not identifiable, or gives it no finite interval. "
             f"Other minimum: of {validation.starts} random starts. Lower outside the range: with vₛ free, they find a lower cost outside "
             "the grid's range. IPOPT below the grid: by how much its cost is below the refined grid's within the range. Error of the "
             f"plain grid of {PLAIN_GRID}: of vₛ, relative to its standard error; values needed: for an error of a tenth, of the grids tried.",
-        )
+        )  # fmt: skip  # a list of values
         covers = Table(
             "coverage",
             "Coverage of the 95 % intervals",
@@ -84,13 +82,11 @@ def report(validation: Validation) -> Report:
             Section("Do the 95 % intervals cover the truth?", table=covers),
         ]
     return Report(
-        f"Validation of the grid search: {case_set.title}",
-        tuple(sections),
+        f"Validation of the grid search: {case_set.title}", tuple(sections),
         about="Grids against full nonlinear fits.",
         simulated="Validation needs true values: all torques here are simulated from the models named below.",
-        seed=validation.seed,
-        tables={"cases": validation.to_frame(), "coverage": coverage(validation)},
-    )
+        seed=validation.seed, tables={"cases": validation.to_frame(), "coverage": coverage(validation)},
+    )  # fmt: skip  # a list of values
 
 
 def drawings(result: CaseResult, kind: Kind, file: str) -> tuple[Drawing, ...]:

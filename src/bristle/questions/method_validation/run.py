@@ -52,11 +52,7 @@ def validate(
     seed: int = SEED,
     progress: Progress | None = None,
 ) -> results.Validation:
-    """Validate every case: grids over `repetitions` data sets, local solvers over the first `LOCAL_SETS` of them.
-
-    A local solver has one random start for each data set, and `starts` for the first one. Case k draws its noise and
-    its starts from the seed (seed, k).
-    """
+    """Validate every case: grids over all data sets, local solvers over `LOCAL_SETS`; seed of case k: (seed, k)."""
     found, tell = [], teller(progress, len(case_set.cases))
     for k, case in enumerate(case_set.cases):
         tell(f"validating {case.label}")

@@ -113,10 +113,7 @@ def _limits(measured: Measured) -> Limits:
 
 
 def of_gripper(measured: Measured, joint: Joint, amplitude: Asked = None, frequency: Asked = None) -> Request:
-    """The paper's gripper rotation (+) in both directions, with the intervals of its simulated logs.
-
-    Raises as `of_joint`.
-    """
+    """The paper's gripper rotation (+) in both directions, with intervals of simulated logs. Raises as `of_joint`."""
     subject = joint_loop.one_way(joint_loop.of_paper([joint])[0])
     default = (subject.amplitude, subject.frequency)
     moved = within(motion_of("revolute", amplitude, frequency, default), "revolute", _limits(measured))

@@ -167,16 +167,7 @@ def global_sensitivity(
 
     The outputs: RMS of T_f over a period of steady motion; breakaway torque alpha_0 + alpha_1, mean of both directions;
     RMS position error of the loop whose compensator has the model p while the plant is drawn, over the last of
-    `PERIODS` periods from rest, with fewer samples.
-
-    Args:
-        p: the nominal parameters, which hold where they are not in the box.
-        box: as of `box_of`.
-        subject: its loop and reference; its friction is not used.
-        samples: of torque and breakaway, as of `check_samples`.
-        seed: of the sampling and of the bootstrap, >= 0.
-        progress: called for every batch.
-
+    `PERIODS` periods from rest, with fewer samples. `box`: as of `box_of`; parameters that are not in it stay as in p.
     Raises InputError where SALib is not installed.
     """
     pair = Pair(p, p) if isinstance(p, Lugre) else p

@@ -32,10 +32,7 @@ NO_CHANGE = Finding("no-change", NOTE, "No change beyond the joint uncertainty."
 
 
 def compare(first: results.Session, second: results.Session) -> results.Comparison:
-    """Changes from `first` to `second` of the joints in both.
-
-    Raises InputError where no joint is in both, or a joint has another kind or a parameter another unit.
-    """
+    """Changes of the joints in both sessions. Raises InputError without such a joint, or for other kinds or units."""
     shared = [name for name in first if name in second]
     if not shared:
         listed = (", ".join(session) or "none" for session in (first, second))

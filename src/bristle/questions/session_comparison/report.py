@@ -89,12 +89,10 @@ def _of_joint(
         far = number(max((abs(c.z or 0.0) for c in known), default=None), 2)
         found = f"None of {of} changed beyond its joint uncertainty; differences are {far} standard errors at most."
     figure = Drawing(
-        partial(forest_figure, compared, joint),
-        f"{slug}-changes",
-        f"both sessions of {joint}",
+        partial(forest_figure, compared, joint), f"{slug}-changes", f"both sessions of {joint}",
         f"{found} Each parameter in both sessions with its 95 % interval, as a difference in percent from the first "
         "session's value. Shaded: changed beyond the joint uncertainty. Arrow: the interval extends beyond the axis.",
-    )
+    )  # fmt: skip  # a list of values
 
     changes, sets = (frame[frame["joint"] == joint] for frame in tables.values())
     comparable = changes[changes["source"] != ""]
