@@ -63,15 +63,11 @@ def motion_problem(start: Start, limits: Limits, prior_information: Array, aim: 
     # Samples may be finer than the equations, with the same information.
     step = min(start.equation_step, 1 / (SAMPLES * limits.frequency))
     return MotionProblem(
-        sets=tuple(map(start.at, drawn)),
-        inertias=tuple(float(x[-1]) for x in drawn),
-        prior_information=prior_information,
-        noise=start.equation_noise * float(np.sqrt(start.equation_step / step)),
-        step=step,
-        limits=limits,
-        duration=duration,
+        sets=tuple(map(start.at, drawn)), inertias=tuple(float(x[-1]) for x in drawn),
+        prior_information=prior_information, noise=start.equation_noise * float(np.sqrt(start.equation_step / step)),
+        step=step, limits=limits, duration=duration,
         aims=tuple(k for k, n in enumerate(start.names) if n not in start.given and aim in ("all", n.name)),
-    )
+    )  # fmt: skip  # a list of values
 
 
 def errors_of_measured(measured: Measured, problem: MotionProblem) -> Array | None:

@@ -205,21 +205,16 @@ def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
         k = thinned(profile.near_v_s.size, MOST_DRAWN)
         drawn = {"v_s": profile.near_v_s[k].tolist(), "cost": (profile.near_cost - other)[k].tolist()}
     return {
-        "direction": direction,
-        "velocity": v.tolist(),
-        "torque": torque.tolist(),
+        "direction": direction, "velocity": v.tolist(), "torque": torque.tolist(),
         "standard_error": errors if len(errors) == v.size else None,
         "stick_slip": [bool(s.stick_slip) for s in fit.segments],
         "place": [printable(f"{s.file} {s.where}") for s in fit.segments],
         "norm": 100 * left / fit.relative_error if fit.relative_error else float(np.linalg.norm(fit.torque)),
-        "rms": fit.rms,
-        "relative_error": fit.relative_error,
-        "cost": cost,
+        "rms": fit.rms, "relative_error": fit.relative_error, "cost": cost,
         "least": None if profile is None else profile.best_cost - other,
-        "threshold": None if profile is None else profile.threshold - other,
-        "profile": drawn,
+        "threshold": None if profile is None else profile.threshold - other, "profile": drawn,
         "strays": [_point(s) for s in fit.strays],
-    }
+    }  # fmt: skip  # a list of values
 
 
 def _point(s: Any) -> dict[str, Any]:
@@ -264,13 +259,9 @@ def _moving(fit: TrackingFit | None) -> dict[str, Any] | None:
     starts = [0, *(1 + np.flatnonzero((steps <= 0) | (steps > 2 * usual))).tolist()]
     return {
         "pair": {"law": fit.law.name, **{str(d): sets.get(d, one)._asdict() for d in SIGNED}},
-        "step": usual,
-        "time": fit.time[:n].tolist(),
-        "velocity": fit.velocity[:n].tolist(),
-        "residuals": fit.residuals[:n].tolist(),
-        "starts": [k for k in starts if k < n],
-        "norm": float(np.linalg.norm(fit.measured[:n])),
-        "equations": int(fit.velocity.size),
+        "step": usual, "time": fit.time[:n].tolist(), "velocity": fit.velocity[:n].tolist(),
+        "residuals": fit.residuals[:n].tolist(), "starts": [k for k in starts if k < n],
+        "norm": float(np.linalg.norm(fit.measured[:n])), "equations": int(fit.velocity.size),
         "relative_error": float(fit.relative_error) if n == fit.velocity.size else None,
     }  # fmt: skip  # a list of values
 

@@ -101,24 +101,17 @@ def loop_options(loop: JointLoop) -> dict[str, Any]:
     """Arguments of `bristle.closedLoop` as JSON: the joint under its own adaptation, from its wrong start."""
     compensator, adaptation = loop.compensator, loop.adaptation
     return {
-        "law": adaptation.law,
-        "laws": {law: way.key for law, way in _ways(compensator, adaptation).items()},
-        "plant": _by_direction(loop.plant),
-        "model": _by_direction(loop.model),
+        "law": adaptation.law, "laws": {law: way.key for law, way in _ways(compensator, adaptation).items()},
+        "plant": _by_direction(loop.plant), "model": _by_direction(loop.model),
         "start": {name: float(loop.start.get(name, 1.0)) for name in adaptation.parameters} | dict(loop.start),
-        "J": float(loop.J),
-        "gains": {name: float(x) for name, x in loop.gains._asdict().items()},
+        "J": float(loop.J), "gains": {name: float(x) for name, x in loop.gains._asdict().items()},
         "parameters": [*adaptation.parameters],
         "gamma": {law: [*loop.comparable_rates(law)] for law in laws_for(adaptation.parameters)},
         "limits": [*map(float, adaptation.limits)],
         **{name: float(getattr(compensator, name)) for name in OF_COMPENSATOR},
-        **{name: float(getattr(adaptation, name)) for name in OF_ADAPTATION},
-        "amplitude": float(loop.amplitude),
-        "frequency": float(loop.frequency),
-        "period": float(loop.period),
-        "duration": DURATION,
-        "settle": SETTLE,
-    }
+        **{name: float(getattr(adaptation, name)) for name in OF_ADAPTATION}, "amplitude": float(loop.amplitude),
+        "frequency": float(loop.frequency), "period": float(loop.period), "duration": DURATION, "settle": SETTLE,
+    }  # fmt: skip  # a list of values
 
 
 def _by_direction(pair: Pair[float]) -> dict[str, Any]:

@@ -139,17 +139,14 @@ def _code(compensator: Compensator, law: Law, rises: tuple[str, ...]) -> dict[st
     gradient = printed.gradient
     field = partial(c_field, adapts=compensator.adaptation is not None)
     parts: dict[str, Any] = {
-        "loaded": bool(rises),
-        "fields": [field(name, law) for name in printed.fields],
-        "parameters": [*map(field, printed.settings)],
-        "memory": [*map(field, printed.memory)],
-        "inputs": [*map(field, printed.inputs)],
-        "start": [*_lines(printed.start, ("p->",), "s->")],
+        "loaded": bool(rises), "fields": [field(name, law) for name in printed.fields],
+        "parameters": [*map(field, printed.settings)], "memory": [*map(field, printed.memory)],
+        "inputs": [*map(field, printed.inputs)], "start": [*_lines(printed.start, ("p->",), "s->")],
         "gains": [name for name in printed.memory if stem_of(name) == "theta"],
         "advance": [*_lines(printed.advance, ("p->", "p->", "s->", "in->"), "next->")],
         "gradient": [*_lines(gradient, ("p->", "p->", "s->"), None)] if gradient else [],
         "simulate": [*_lines(printed_joint(law), ("p->", "j->", ""), "j->")] if gradient else [],
-    }
+    }  # fmt: skip  # a list of values
     code = [line for name in ("start", "advance", "gradient", "simulate") for line in parts[name]]
     parts |= {"math": c_code.math_of(code), "units": {name: unit(name) for name in ("position", "velocity", "torque")}}
     digest = hashlib.sha256(repr(parts).encode()).hexdigest()

@@ -105,14 +105,11 @@ def printed_step(compensator: Compensator, of: Law = GAUSSIAN, rises: tuple[str,
         _, _, *by = functions.torque_sensitivity_function(p.law)(z, v, *acting)
         gradient = _named("gradient", groups, fields_of(of), by)
     return PrintedStep(
-        fields=tuple(name for name in fields_of(of) if name in read),
-        settings=tuple(settings),
-        memory=tuple(memory),
-        inputs=tuple(inputs),
-        start=_named("start", [(settings, s[used])], memory, begun),
+        fields=tuple(name for name in fields_of(of) if name in read), settings=tuple(settings), memory=tuple(memory),
+        inputs=tuple(inputs), start=_named("start", [(settings, s[used])], memory, begun),
         advance=_named("advance", [*groups, (inputs, w[given])], [*memory, "torque"], told),
         gradient=gradient,
-    )
+    )  # fmt: skip  # a list of values
 
 
 def _depends(out: Expression, by: Expression) -> list[int]:

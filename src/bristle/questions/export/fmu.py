@@ -142,17 +142,14 @@ def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
     """The files without the binary. The token is a hash of all but the page."""
     variables = fmu_variables(joint)
     context: dict[str, object] = {
-        "joint": joint.name,
-        "name": identifier(joint),
-        "tool": f"bristle {__version__}",
+        "joint": joint.name, "name": identifier(joint), "tool": f"bristle {__version__}",
         "description": f"{shortened(joint.name)}: joint and LuGre friction, {effort(joint.kind)} in"
         + (", identified from SIMULATED data" if joint.simulated else ""),
-        "cogging": bool(joint.cogging),
-        "variables": variables,
+        "cogging": bool(joint.cogging), "variables": variables,
         "first_parameter": [v.causality for v in variables].index("parameter"),
         "outputs": [k + 1 for k, v in enumerate(variables) if v.causality == "output"],
         "units": {v.unit: base_units(v.unit) for v in variables},
-    }
+    }  # fmt: skip  # a list of values
 
     def files(token: str) -> dict[str, bytes]:
         places = {"modelDescription.xml": "modelDescription.xml", "sources/fmu.c": "fmu.c"}
