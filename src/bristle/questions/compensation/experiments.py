@@ -1,4 +1,4 @@
-"""Experiments of a compensation study: the paper's 3.3 to 5, maps of the adapted values, drift, controllers, uncertainty."""
+"""Experiments of a compensation study: the paper's 3.3 to 5, maps of adapted values, drift, controllers, band."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -94,7 +94,7 @@ class Replay:
 
 
 def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, ...]:
-    """Replays of all tracking runs: by the loop's law from the identified and the wrong model, by its diagnostic law."""
+    """Replays of tracking runs: by the loop's law from the identified and the wrong model, by its diagnostic law."""
     held, _ = inertia(measured.experiment)
     known = {INERTIA: loop.J} | (joint.moving.known if joint.moving is not None else {})
     wrong = ", ".join(f"{share:g} {name}" for name, share in loop.start.items())

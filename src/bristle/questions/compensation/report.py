@@ -25,7 +25,7 @@ _Show = Callable[..., Section]  # `show` of `sections`
 
 
 def report(study: Study) -> Report:
-    """The whole study; the terminal has each error, the final value of each adapted parameter and each replay's verdict."""
+    """The whole study; the terminal has each error, each final adapted parameter and each replay's verdict."""
     names = [loop.name for loop in study.loops]
     return Report(
         f"Friction compensation of {names[0] if len(names) == 1 else f'{len(names)} joints'}",

@@ -44,7 +44,7 @@ class Study:
     replays: tuple[Replay, ...] = ()
 
     def to_frame(self) -> "pd.DataFrame":
-        """Fig. 8: a row per joint, frequency and inertia feed-forward; errors in rad (m) and as ratios, torques in N*m (N)."""
+        """Fig. 8: a row per joint, frequency and inertia feed-forward; errors in rad (m), torques in N*m (N)."""
         import pandas as pd
 
         rows = [(*x, *(share / x.without for share in (x.true, x.identified, x.adaptive))) for x in self.errors]

@@ -30,7 +30,7 @@ def percentage(error: float) -> str:
 
 @styled
 def velocities_figure(plan: Plan) -> Figure:
-    """The curve at the estimate, measured points, plausible v_s, and the velocities to run with their number of runs."""
+    """The curve at the estimate, measured points, plausible v_s, and the velocities to run, with their counts."""
     figure, axes = _panels(plan, 0.6 + 2.6 * len(plan.velocities), len(plan.velocities))
     for ax, velocities in zip(axes, plan.velocities, strict=True):
         p, problem, look = velocities.problem.p, velocities.problem, DIRECTION[velocities.direction]

@@ -84,7 +84,7 @@ def design_loading(
 
 
 def loading_errors(p: Lugre[float], g0_error: float, noise: float, count: float, rises: Array) -> tuple[Array, ...]:
-    """Standard error of sigma_0 by noise and viscous share, of each rise and peak, (m, k); displacement at peaks, (k,)."""
+    """Standard error of sigma_0 by noise, and viscous share, by rise and peak, (m, k); displacement at peaks, (k,)."""
     g0, noise = p.alpha_0 + p.alpha_1, noise / CYCLES**0.5
     scatter = np.array([[_stiffness_error(p, r * g0, g0_error, noise, count, rise) for r in PEAKS] for rise in rises])
     y, y_T = evaluate(functions.loading_displacement_function(), PEAKS * g0, g0, p.sigma_0)[:2]

@@ -250,7 +250,7 @@ def plan(
 
 
 def check_plan(velocities: int, aim: str, law: Law | None = None) -> None:
-    """Raise InputError where the number of velocities is out of range, or the aim is no parameter (of any law: None)."""
+    """Raise InputError where the number of velocities is out of range, or the aim is no parameter of a law."""
     static, aims = static_estimated_of(law or GAUSSIAN), (*estimated_of(law or GAUSSIAN), INERTIA.name)
     if not len(static) <= velocities <= _MOST:
         few = "four" if len(static) == len(Stribeck._fields) else len(static)

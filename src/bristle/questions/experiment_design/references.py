@@ -115,7 +115,7 @@ def samples_of(part: Hold | Move | SlowLoads, step: float) -> float:
 
 
 def played(part: Hold | Move | SlowLoads, step: float, start: float = 0.0, run: int = 0) -> PlannedRun:
-    """A hold, a move, or loads as a run with a number, sampled every step, s; `start`: initial position of a hold, rad."""
+    """A hold, a move, or loads as a run, sampled every step, s; `start`: initial position of a hold, rad."""
     time = np.arange(int(samples_of(part, step)), dtype=np.float64) * step
     if isinstance(part, Hold):
         return _driven("ramp", part.run, part.at(time, start))

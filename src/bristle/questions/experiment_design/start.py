@@ -28,7 +28,7 @@ from bristle.model.law import DAMPING_RATIO, viscous_rates
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName, unit
 
-# Guesses, as shares of alpha_0: Stribeck amplitude, viscous friction at the fastest speed, noise of a hold's mean torque.
+# Guesses over alpha_0: Stribeck amplitude, viscous friction at the fastest speed, noise of a hold's mean torque.
 _PEAK, _VISCOUS, _TORQUE = 0.1, 0.1, 0.02
 _EQUATION = 0.01  # time between independent equations without a moving run, s
 
@@ -195,7 +195,7 @@ def _named(direction: Direction) -> str:
 def _noises(
     measured: Measured, joint: Joint, sets: Mapping[Direction, Lugre[float]], limits: Limits, assumptions: list[Finding]
 ) -> tuple[dict[Direction, float], float, float]:
-    """Noise of a hold's mean torque by direction, of an equation of a moving run, N*m, and time between equations, s."""
+    """Noise of a hold's mean torque by direction and of an equation of a moving run, N*m, and step of equations, s."""
     T, moving = unit("torque", joint.kind), joint.moving
     noise = _scatters(joint, tuple(sets), assumptions) if measured.points(hold_out=False) else {}
     if moving is not None and moving.quantity == "torque":

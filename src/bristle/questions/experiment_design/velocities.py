@@ -135,7 +135,7 @@ def nodes_of(v_s: float, relative_error: float) -> Array:
 
 
 def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
-    """The best `count` runs (at least one per parameter) for a parameter or `all`, by exchange; near speeds are merged."""
+    """The best `count` runs (one per parameter or more) for a parameter or `all`, by exchange, near speeds merged."""
     grid = np.geomspace(problem.low, problem.high, CANDIDATES)
     criterion = _Criterion(problem, aim)
     rows = criterion.rows(grid)

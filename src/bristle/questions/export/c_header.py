@@ -38,7 +38,7 @@ def numbers_of(joint: ExportedJoint) -> Pair[float]:
 
 
 def top_speed(joint: ExportedJoint) -> float:
-    """Largest speed of the test vector, rad/s: half of the fastest measured one, or, of a law with terms, beyond v_end."""
+    """Largest speed of the test vector, rad/s: half of the fastest measured one; of a law with terms beyond v_end."""
     beyond = [getattr(p, FASTEST) for p in joint.curves] if joint.law.terms else []
     return min(1.2 * max(beyond), 0.9 * range_of("velocity")[1]) if beyond else 0.5 * joint.fastest
 

@@ -73,7 +73,7 @@ class ExportedJoint:
     trust: Trust
     reason: Finding | None  # why not to trust it without care
     parameters: tuple[ExportedParameter, ...]
-    """Six of each direction (`both`, or + and -), or four without a bristle; then those without a direction, as inertia."""
+    """Six of each direction (`both`, or + and -), four without a bristle; then those of no direction, as inertia."""
     inertia: float | None  # all that the joint accelerates, kg*m**2, with the links of a robot; None: not known
     rotor_inertia: float | None  # without the links of a robot, kg*m**2: the armature of a simulator; None: not known
     law: LawByName = GAUSSIAN  # of the friction without load
@@ -99,7 +99,7 @@ class ExportedJoint:
 
     @property
     def cogging(self) -> tuple[tuple[float, float, float], ...]:
-        """Waves: of each k, rad per rad (per m where the joint slides), and coefficients of sin(k q) and cos(k q), N*m."""
+        """Waves: k, rad per rad (per m where the joint slides), and coefficients of sin(k q) and cos(k q), N*m."""
         found: dict[int, dict[str, float]] = {}
         for x in self.parameters:
             if (of := parameters.periodic(x.parameter.name)) is not None and of[0] == "cogging":

@@ -11,22 +11,18 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import pandas as pd
-
 from bristle import __version__
 from bristle.control.compensator import Compensator
 from bristle.errors import InputError, one_line
 from bristle.model.parameters import SIGNED, effort, fields_of, unit
 from bristle.page.output_folder import zipped
-from bristle.page.page import encoded, tables_of
-from bristle.page.report import Report, Section, Table
 from bristle.page.wording import shortened
 from bristle.questions.export.c_code import filled
 from bristle.questions.export.c_header import header
 from bristle.questions.export.c_numbers import identifier, range_of
-from bristle.questions.export.export import Artefact, ExportTarget, Request, artefact_of, c_compiler, notes
+from bristle.questions.export.export import Artefact, ExportTarget, Request, artefact_of, c_compiler
 from bristle.questions.export.exported import WAYS, ExportedJoint
-from bristle.questions.export.loss import Loss, all_motions, losses, lugre
+from bristle.questions.export.loss import all_motions, losses, lugre
 
 _FLAGS = (
     "-std=c99", "-O2", "-g0", "-fPIC", "-shared", "-fvisibility=hidden", "-fno-fast-math", "-ffp-contract=off",
@@ -46,13 +42,6 @@ _BASE = {
 }  # exponents of the SI base units
 _PRODUCT = r"(?:1|[a-zA-Z]+(?:\*\*\d+)?)(?:\*[a-zA-Z]+(?:\*\*\d+)?)*"
 _UNIT = re.compile(rf"{_PRODUCT}(?:/{_PRODUCT})?")
-
-_USE = (
-    "A communication step is cut into equal internal steps, none longer than longest_step; the torque is held over it. The default longest_step is "
-    "a fiftieth of the shorter one of two times, of both directions: sqrt(inertia / sigma_0) and inertia v_s / (alpha_0 + alpha_1). A value out of "
-    "its range, a step of no length and a communication point that is not the end of the last step are refused, with the reason to the logger; "
-    "the instance stays as it was."
-)
 
 
 class FmuVariable(NamedTuple):
@@ -138,8 +127,8 @@ def base_units(text: str) -> dict[str, int] | None:
     return {base: n for base, n in exponents.items() if n}
 
 
-def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
-    """The files without the binary. The token is a hash of all but the page."""
+def _sources(joint: ExportedJoint) -> dict[str, bytes]:
+    """The files without the binary; the token is a hash of them."""
     variables = fmu_variables(joint)
     context: dict[str, object] = {
         "joint": joint.name, "name": identifier(joint), "tool": f"bristle {__version__}",
@@ -160,33 +149,7 @@ def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
     digest = hashlib.sha256()
     for name, content in sorted(files("").items()):
         digest.update(f"{name} {len(content)}\n".encode() + content)
-    return {
-        **files(f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"),
-        **{f"documentation/{place}": content for place, content in _page(joint, lost).items()},
-    }
-
-
-def _page(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
-    """The documentation page and its table, by relative path."""
-    frame = pd.DataFrame(
-        {
-            "name": v.name, "unit": v.unit, "what": f"{v.what}, {v.causality}, {v.variability}",
-            "range": "" if v.start is None else f"{v.low!r} to {v.high!r}", "start value": "" if v.start is None else repr(v.start),
-        }
-        for v in fmu_variables(joint)
-    )  # fmt: skip  # a table
-    report = Report(
-        f"{shortened(joint.name)}: joint and friction",
-        (
-            Section("Where the numbers are from", text="\n\n".join(one_line(x, 10_000) for x in notes(joint, lost))),
-            Section("Variables", table=Table("variables", "Every variable, its range and its start", frame)),
-            Section("Use", text=_USE),
-        ),
-        about=f"{_HOLDS[0].upper()}{_HOLDS[1:]}. FMI 2.0 for co-simulation: torque in; position, velocity, friction and the deflection z "
-        "of the bristle out.",
-        simulated="The joint was identified from simulated data." if joint.simulated else "",
-    )
-    return {"index.html": encoded(report.html()), **tables_of(report.frames)}
+    return files(f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}")
 
 
 def fmu_binary(sources: Mapping[str, bytes], name: str) -> bytes | str:
@@ -216,7 +179,7 @@ def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  #
     joint = joint.with_bristle("fmu")
     name = identifier(joint)
     lost = losses(joint, lugre(joint.pair), all_motions(joint)) if joint.quadratic else ()
-    files = _sources(joint, lost)
+    files = _sources(joint)
     binary = fmu_binary(files, name)
     form = f"as C sources alone: {binary!s}; fmpy compile makes the binary"
     if isinstance(binary, bytes):

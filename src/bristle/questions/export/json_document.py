@@ -75,7 +75,7 @@ def read_export(path: Path) -> tuple[ExportedJoint, ...]:
 
 
 def joints_in(text: str) -> tuple[ExportedJoint, ...]:
-    """The joints of a document in JSON. Raises InputError or ValueError where it is not of the schema, or impossible."""
+    """The joints of a document in JSON. Raises InputError or ValueError where it is not of the schema."""
     document = validated(parsed(text), document_adapter())
     check_most("joints", len(document.joints))
     if twice := [name for name, n in Counter(joint.name for joint in document.joints).items() if n > 1]:

@@ -180,7 +180,7 @@ def _best(
     own: OwnFriction, pair: Pair[float], fastest: float, motions: tuple[StatedMotion, ...], bias: bool
 ) -> SymmetricSet:
     """`best_symmetric`, cached: each joint of a robot is asked for alone and with the others."""
-    # Similar sets of the paper's law: the peak vanishes at the same speed, viscous friction is that at half the fastest one.
+    # Similar sets of the paper's law: the peak vanishes at the same speed, viscous friction as at half the fastest.
     positive, negative = (
         Lugre(*p[:6])._replace(
             v_s=p.v_s * (p.law.peak.reach / gaussian.PEAK.reach),

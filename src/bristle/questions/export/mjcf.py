@@ -178,7 +178,7 @@ def _example_model(bodies: Sequence[str], step: float, rest: str = "") -> bytes:
 
 
 def _joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
-    """The joint of this name in <worldbody>. Raises InputError where it is not there once, or cannot take the friction."""
+    """The joint of this name in <worldbody>. Raises InputError where it is not there, or cannot take the friction."""
     own = own_actuator(joint.name)
     actuators = [x for section in document.root.children if section.tag == "actuator" for x in section.children]
     if {x.attributes.get("name") for x in actuators} & {own, f"{own} bias", f"{own} cogging 1"}:

@@ -88,7 +88,7 @@ class XmlDocument:
         return self.insert_last(parent, comment(text))
 
     def replace(self, element: XmlElement, text: str) -> None:
-        """Replace an element or a comment by elements or comments. Raises InputError where the text is not well-formed."""
+        """Replace an element or a comment by a text. Raises InputError where it is not well-formed."""
         _check_fragment(text)
         self._replaced[element] = text
 

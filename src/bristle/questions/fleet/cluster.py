@@ -29,8 +29,8 @@ _LEAN = {
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 2**28,
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 2**28,
 }
-"""Workers keep the memory of freed arrays and have no profiler, which makes a task a tenth faster; and a process may take
-longer than Dask's 15 s to restart, after which it would be given up."""
+"""Workers keep the memory of freed arrays and have no profiler, which makes a task a tenth faster; and a process may
+take longer than Dask's 15 s to restart, after which it would be given up."""
 _LOGGERS = ("distributed", "tornado", "bokeh")
 _UNGUARDED = 'in a script, put the call of bristle.fleet below if __name__ == "__main__":, because the worker processes read the script as well'
 

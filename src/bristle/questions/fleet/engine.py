@@ -131,7 +131,7 @@ def run_fleet(
 
 @contextmanager
 def held(output: str) -> Iterator[None]:
-    """Mark the folder as bristle's and lock it for this run; a refused run without results leaves a new folder as it was.
+    """Mark the folder as bristle's and lock it for this run; a refused run without results restores a new folder.
 
     Raises InputError where the folder is neither empty nor marked as bristle's, or another run writes there.
     """
@@ -226,7 +226,7 @@ def _identified(
     *,
     sent: bool,
 ) -> tuple[set[str], dict[str, str]]:
-    """Identify the joints of `todo` and write their rows; returns keys done and failures to retry. Raises as `run_fleet`."""
+    """Identify the joints of `todo` and write their rows; returns keys done, and failures to retry."""
 
     def calls() -> Iterator[tuple[FleetTask, Identify]]:
         for key, path, joint in zip(todo.index, todo["path"], todo["name"], strict=True):

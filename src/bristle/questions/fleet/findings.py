@@ -226,7 +226,7 @@ def headline(joints: pd.DataFrame, rate: float) -> Finding:
 def notes(
     frame: pd.DataFrame, every: Sequence[Adjusted], joints: pd.DataFrame, left_out: Sequence[Finding], baseline: int
 ) -> tuple[Finding, ...]:
-    """Notes on a dataset, its quantities and its ranked joints, cautions first; `left_out`: those on values left out."""
+    """Notes on a dataset, its quantities and ranked joints, cautions first; `left_out`: those on values left out."""
     said = []
     # Shifts common to a type, one sentence for all its parameters.
     shifted = [x for x in every if x.knots.size]

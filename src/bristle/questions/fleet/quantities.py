@@ -1,4 +1,4 @@
-"""One parameter in one direction of all joints of a type, adjusted for temperature, load and a shift common to the type.
+"""A parameter in a direction of all joints of a type, adjusted for temperature, load and a shift common to the type.
 
 A value is the joint's level, plus the effects of temperature, load and time on every joint of the type, plus the scatter
 of a session, plus its own error: in logarithms where every value is positive, else in units of the type's median.
@@ -42,7 +42,7 @@ class Roster:
     day: Array  # of each row's session, days, (rows,)
     usable: NDArray[np.bool_]  # rows whose values the findings use, (rows,)
     table: pd.DataFrame
-    """By number of the joint: unit, joint, type, sessions, first, latest, file, now (whether no later baseline began)."""
+    """By number of the joint: unit, joint, type, sessions, first, latest, file, now (without a later baseline)."""
 
 
 def named_rows(frame: pd.DataFrame) -> pd.DataFrame:
@@ -52,7 +52,7 @@ def named_rows(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
-    """The joints of the named rows of a whole dataset; the type of a joint is that of its last row that is not left out.
+    """The joints of the named rows of a whole dataset; their type is that of their last row that is not left out.
 
     A marked session without a known joint begins new baselines of all joints of its unit, or of its type.
     """

@@ -64,7 +64,7 @@ def surveyed_of(text: str) -> Surveyed | None:
 
 
 def survey(path: str, known: Surveyed | None = None, *, verify: bool = False) -> Surveyed:
-    """Survey a file of a catalog and its inputs; `known` is the last run's survey, unless all is to be read again (`verify`)."""
+    """Survey a file of a catalog and its inputs; `known`: the last run's survey; `verify`: read all again."""
     try:
         if known is not None and not verify and not known.failure and files.stamp(path) == known.inputs[0].stamp:
             others = known.inputs[1:]  # nothing is read where all inputs have the same stamps

@@ -155,7 +155,7 @@ def window(fit: TrackingFit) -> slice:
 
 @styled
 def course_figure(joint: Joint) -> Figure | None:
-    """Measured and predicted torque (or position) vs time at the strongest reversals, and residuals; None without a fit."""
+    """Measured and predicted torque (or position) vs time at the strongest reversals; None without a fit."""
     fit = joint.moving
     if fit is None or not fit.time.size:
         return None

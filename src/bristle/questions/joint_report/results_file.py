@@ -39,7 +39,7 @@ def to_json(joints: Sequence[Joint], experiments: Sequence[WrittenExperiment] = 
 
 
 def to_frame(joints: Sequence[Joint]) -> "pd.DataFrame":
-    """One row per joint, direction, parameter and source: value, unit, standard_error, lower, upper, warnings (joined by `; `).
+    """One row per joint, direction, parameter and source: value, unit, standard_error, lower, upper, warnings.
 
     A missing value is nan, an open bound infinite. Where a constant has an error, there is `systematic`. With other fits
     than static ones, there are `source`, the stage of a row: `static`, `presliding`, `joint` (all runs at once) or

@@ -14,7 +14,7 @@ BIASED = 0.1  # least bias by encoder counts that is named, in standard errors
 
 
 def known_to(joint: Joint, plus_minus: str = "±", *, beside: bool = False) -> str:
-    """How well friction is known, over which speeds, and the error of the torque; `beside`: that error is told elsewhere."""
+    """How well friction is known, over which speeds, and the error of the torque, unless that is told `beside`."""
     known = joint.accuracy
     if known is None:
         told = any(row.parameter.name == "alpha_0" and row.estimate.value for row in chosen(joint))

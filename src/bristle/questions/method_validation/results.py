@@ -45,7 +45,7 @@ class GridResolution:
 
     @property
     def enough(self) -> int | None:
-        """The fewest of `counts` from which on the error is at most `FINE_ENOUGH` times the floor; None: more than all."""
+        """The fewest of `counts` from which on the error is at most `FINE_ENOUGH` times the floor, if any."""
         fine = self.error <= FINE_ENOUGH * self.floor
         first = next((k for k in range(fine.size) if fine[k:].all()), None)
         return None if first is None else self.counts[first]

@@ -1,4 +1,4 @@
-"""The joint and motion of a sensitivity study: a user's joint, or the paper's gripper; unknown parameters are assumed."""
+"""The joint and motion of a sensitivity study: a user's joint, or the paper's gripper, with assumed parameters."""
 
 from collections.abc import Mapping
 from dataclasses import replace

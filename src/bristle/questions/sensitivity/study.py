@@ -117,7 +117,7 @@ def check_samples(samples: int) -> None:
 def study_sensitivity(
     joint: Joint, request: Request, samples: int = SAMPLES, progress: Progress | None = None
 ) -> SensitivityStudy:
-    """Local, mapped and global sensitivity of a joint, and the information of measurements; `samples`: `check_samples`."""
+    """Local, mapped and global sensitivity of a joint, and information of measurements; `samples`: `check_samples`."""
     model, motion, loop = request
     tell = teller(progress, 3)
     tell("derivatives along the motion")

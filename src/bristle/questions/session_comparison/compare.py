@@ -142,7 +142,7 @@ def _systematic(a: Estimate, b: Estimate, by_a: float, by_b: float) -> dict[str,
 
 
 def _facing(e: Estimate, towards: float, freedom: float, *, log_scale: bool) -> float:
-    """Standard error by scatter alone, on the upper side of the estimate where `towards` is positive, else the lower."""
+    """Standard error by scatter alone, on the upper side where `towards` is positive, else on the lower."""
     value, error, (low, high) = e.value or 0.0, e.standard_error or 0.0, statistical(e) or (0.0, 0.0)
     if log_scale:
         error, half = error / value, log(high / value) if towards > 0 else log(value / low)

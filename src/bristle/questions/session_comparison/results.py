@@ -120,7 +120,7 @@ class Comparison:
     simulated: bool
 
     def to_frame(self) -> "pd.DataFrame":
-        """One row per joint and parameter: both values, their difference with its joint uncertainty, and the verdict."""
+        """One row per joint and parameter: both values, the difference with its joint uncertainty, and the verdict."""
         import pandas as pd
 
         numbers = (
@@ -224,7 +224,7 @@ def _named(name: str, direction: str) -> ParameterName:
 
 
 def _checked(e: Estimate) -> Estimate:
-    """The estimate without its findings. Raises InputError where its numbers are impossible or contradict one another."""
+    """The estimate without its findings. Raises InputError where its numbers are impossible or contradictory."""
     interval = None if e.interval is None else (_near(e.interval[0]), _near(e.interval[1]))
     if not all(x is None or x == 0 or 1 / _FAR < abs(x) < _FAR for x in (e.value, e.standard_error)):
         raise InputError(f"a value or standard error is beyond {_FAR:g}, or below {1 / _FAR:g}")
@@ -245,7 +245,7 @@ def _near(bound: float) -> float:
 
 
 def _covariance(fit: StaticFit | TrackingFit) -> Array:
-    """Covariance of the free parameters, nan where a number is too large. Raises InputError where its shape is another."""
+    """Covariance of the free parameters, nan where a number is too large. Raises InputError for another shape."""
     size = len(fit.names)
     if fit.covariance.shape != (size, size):
         raise InputError(f"a covariance is not of the {size} parameters that are free")
