@@ -95,7 +95,7 @@ class Study:
 def study(
     loops: Sequence[JointLoop], replays: Sequence[Replay] = (), progress: Progress | None = None, *, paper: bool = False
 ) -> Study:
-    """Run the study, for its own joints as the `paper`. Raises InputError where a loop cannot be run."""
+    """The study of some loops; `paper`: with its Table 2. Raises InputError where a loop cannot be run."""
     return begin_study(loops, replays, progress, map, paper=paper)()
 
 

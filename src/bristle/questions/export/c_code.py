@@ -74,7 +74,7 @@ def _answer(x: Term) -> str:
 
 
 def printed(function: ca.Function, operand: Callable[[int, int], str]) -> Printed:
-    """Statements in C of a CasADi function, and its outputs; `operand`: (input, element) -> name. Raises InputError."""
+    """Statements in C of a CasADi function, and its outputs; `operand`: (input, element) -> its name in C."""
 
     def assignment(name: str, value: Term) -> str:
         return f"const {'int' if value.truth else 'br_real'} {name} = {value.text};"
