@@ -178,7 +178,9 @@ def _adaptation(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -
     loop, settled = study.adapting, experiments.SETTLE
     a, q = loop.adaptation, thousandths(study)
     initial = " and ".join(f"{share} {symbol(name)}" for name, share in loop.start.items())
-    laws = "four laws with dθ/dt = −γ G e" if a.step == "gradient" else f"the laws, gradient G e by {a.step} steps"
+    laws = (
+        "four laws with dθ/dt = −γ G e" if a.step == "gradient" else f"the laws, their gradient G e by {a.step} steps"
+    )
     own = "Ratios to the identified values. A gain that does not end at 1 compensates for what the model lacks, such as inertia."
     paper = "Ratios to the true values. The paper reports 0.84 and 1.05: the law with the right derivative converges to both, the printed one cannot."
     yield Section(

@@ -9,7 +9,9 @@ from bristle.questions.export.export import slug
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named
 
-_HOLDS = "Coulomb friction and damping, the same in both directions; no Stribeck peak, presliding or rotor inertia."
+_HOLDS = (
+    "Coulomb friction and damping, the same in both directions; no Stribeck peak, no presliding, and no rotor inertia."
+)
 _HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 _PLACEHOLDERS = "{} are placeholders, so that this file loads; copy <dynamics> into your own {}, or export into that."
 _FAR = "1000"  # stands for no limit

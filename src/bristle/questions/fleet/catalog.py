@@ -171,7 +171,9 @@ def _of_pattern(pattern: str) -> _Texts:
         hint = f"did you mean {{{near[0]}}}? " if near else ""
         raise InputError(f"{pattern}: got {{{odd[0]}}}; {hint}expected {', '.join(f'{{{x}}}' for x in CATALOG[1:])}")
     if lacking:
-        raise InputError(f"{pattern}: has no {{{lacking[0]}}}; expected one such as logs/{{unit}}/{{session}}.yaml")
+        raise InputError(
+            f"{pattern}: has no {{{lacking[0]}}}; expected a pattern such as logs/{{unit}}/{{session}}.yaml"
+        )
     whole = pattern if is_remote(pattern) else str(Path(pattern).absolute())
     # As a regular expression, in which equal fields must agree.
     parts, seen = list[str](), set[str]()
@@ -195,7 +197,9 @@ def _of_pattern(pattern: str) -> _Texts:
             of = match.groupdict()
             rows.append((path.removeprefix(before), *(of.get(x, "") for x in CATALOG[1:])))
     if not rows:
-        raise InputError(f"{pattern}: matches no file; expected a path from here, with {{unit}} and {{session}}")
+        raise InputError(
+            f"{pattern}: matches no file; expected a path from where you are, with {{unit}} and {{session}}"
+        )
     return _Texts(rows, str(Path.cwd()), {})
 
 

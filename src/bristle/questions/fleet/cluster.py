@@ -206,7 +206,9 @@ def wait_for_worker(client: Client) -> None:
     try:
         client.wait_for_workers(1, timeout=_WAIT)
     except (DaskTimeoutError, TimeoutError) as error:
-        raise InputError(f"the scheduler has no worker after {_WAIT:.0f} s; start one: dask worker ADDRESS") from error
+        raise InputError(
+            f"the scheduler has no worker after {_WAIT:.0f} s; start one with dask worker ADDRESS"
+        ) from error
 
 
 def check_workers(client: Client) -> None:

@@ -67,7 +67,9 @@ def _system(name: str) -> Iterator[tuple[Any, str]]:
     except (OSError, InputError):
         raise
     except ImportError as error:
-        raise InputError(f"{name}: {one_line(str(error), 150)}; install it here and on the workers") from error
+        raise InputError(
+            f"{name}: {one_line(str(error), 150)}; install it on this machine and on the workers"
+        ) from error
     except ValueError as error:
         raise InputError(f"{name}: {one_line(str(error), 150)}; expected a path, or a URL that fsspec knows") from error
     except Exception as error:  # each library has exceptions of its own

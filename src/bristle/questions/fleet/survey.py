@@ -182,7 +182,9 @@ def _matches(path: str, pattern: str) -> list[tuple[str, str]]:
     whole = files.joined_path(folder, pattern)
     found = [whole] if files.exists(whole) else files.glob_of(whole)
     if not found:
-        raise InputError(f"{shown} matches no file; expected a path or glob from the folder of the experiment file")
+        raise InputError(
+            f"{shown} matches no file; expected a path or glob relative to the folder of the experiment file"
+        )
     return [(pattern if one == whole else one.removeprefix(f"{folder}/"), one) for one in found]
 
 

@@ -77,7 +77,9 @@ def _against_solvers(result: CaseResult) -> list[Finding]:
     deficit, shift = result.cost_deficit, result.polish_shift
     if deficit <= SAME_COST:
         many = starts.initial_v_s.size
-        message = f"From {many} random starts in the grid's bounds IPOPT never finds a cost below the refined grid's."
+        message = (
+            f"From {many} random starts within the grid's bounds IPOPT never finds a cost below the refined grid's."
+        )
         found.append(Finding("ipopt-never-lower", NOTE, message, {"starts": many}))
     else:
         message = f"IPOPT finds a cost below the refined grid's, by {deficit:.2g} relative; do not use the grid before the cause is known."

@@ -199,7 +199,9 @@ def global_sensitivity(
             if subject.frequency * subject.period > _COARSE:
                 raise InputError(f"{how}, which is more than {_COARSE:g} of the reference's")
             if _ticks(subject) > _LONGEST:
-                raise InputError(f"{how}, one loop takes {_ticks(subject)}; at most {_LONGEST} are simulated")
+                raise InputError(
+                    f"{how}, of which one loop would take {_ticks(subject)}; at most {_LONGEST} are simulated"
+                )
             errors = _batched(error, loop_points, _BATCH)
         except InputError as refused:
             return Finding("plants-refused", CAUTION, f"Not every plant drawn can be run: {refused}.")

@@ -104,7 +104,9 @@ def _changes(joint: str, first: results.SessionJoint, second: results.SessionJoi
         found = (fit.parameters[name].unit for x in (first, second) for fit in x.fits if name in fit.parameters)
         units = list(dict.fromkeys(found))
         if len(units) > 1:
-            raise InputError(f"{joint}: {name} is in {units[0]} and in {units[1]}; compare results in one unit")
+            raise InputError(
+                f"{joint}: {name} is in {units[0]} and in {units[1]}; compare results of one joint, in one unit"
+            )
         if known is None:
             yield incomparable(joint, name, first, second, same=bool(both))
         else:
