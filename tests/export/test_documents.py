@@ -15,7 +15,7 @@ from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.verdict import Trust
 from bristle.model.parameters import Direction, Kind, Lugre, ParameterName, unit
-from bristle.questions.export.artefact import Artefact, Request
+from bristle.questions.export.export import Artefact, Request
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter, Origin
 from bristle.questions.export.json_document import as_json, export_schema, joints_in, read_export, write_json
 from bristle.questions.export.latex import latex_text, write_latex

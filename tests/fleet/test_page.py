@@ -18,14 +18,13 @@ from bristle.page.page import Drawing, drawn
 from bristle.page.report import Report
 from bristle.questions.fleet import figures, tables
 from bristle.questions.fleet import report as reports
-from bristle.questions.fleet.findings import Findings, findings
-from bristle.questions.fleet.notes import headline
+from bristle.questions.fleet.findings import Findings, findings, headline
 from bristle.questions.fleet.report import report
 from bristle.questions.fleet.tables import change, day, estimate, probability, totals
 from simulated_fleet import FleetDesign, fleet_estimates, fleet_truth
 
 from ..pages import Elements, assert_tables_are_named, page_text
-from .plausible import EXOTIC, HOSTILE, empty, plausible
+from .plausible import HOSTILE, empty, plausible
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +36,7 @@ def found() -> Findings:
 @pytest.fixture(scope="module")
 def folder(found: Findings, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Its pages, with figures and tables."""
-    return report(found, "out put").write(tmp_path_factory.mktemp("fleet") / "page").parent
+    return report(found).write(tmp_path_factory.mktemp("fleet") / "page").parent
 
 
 def table_rows(page: str, title: str) -> list[list[str]]:
@@ -49,7 +48,7 @@ def table_rows(page: str, title: str) -> list[list[str]]:
 def test_pages_of_a_large_fleet_are_at_most_three_megabytes(monkeypatch: pytest.MonkeyPatch) -> None:
     """1200 joints with 8 parameters and directions, in 40 sessions, with reports' commands; a figure of 4 parameters in 10 000 sessions."""
     monkeypatch.setattr(reports, "_DRAWN", 1)
-    large = report(plausible(200, 6, 40, ("alpha_0", "alpha_1", "alpha_2", "v_s"), failed=3000), "reports/plant")
+    large = report(plausible(200, 6, 40, ("alpha_0", "alpha_1", "alpha_2", "v_s"), failed=3000))
     assert len(large.html()) <= 1.5e6
     for page in large.pages:
         assert len(Report(large.title, page.sections, about="").html()) <= 1.5e6
@@ -74,7 +73,7 @@ def test_hostile_names_stay_text(folder: Path, tmp_path: Path) -> None:
     assert [row[1] for row in rows if "&lt;img" in row[1]]
     assert next(row[2] for row in rows if "Zelle" in row[2]).endswith("手首")
     # written again every file is the same
-    again = report(plausible(units=8, failed=45), "out put").write(tmp_path / "page").parent
+    again = report(plausible(units=8, failed=45)).write(tmp_path / "page").parent
     read = [{x.relative_to(top): x.read_bytes() for x in top.rglob("*") if x.is_file()} for top in (folder, again)]
     assert read[0] == read[1]
 
@@ -166,22 +165,11 @@ def test_quality_over_time_leaves_notes_out(folder: Path, found: Findings) -> No
     assert [float(row["percent"]) for row in csv.DictReader(io.StringIO(written))] == list(found.joints["percent"])
 
 
-def test_reports_are_commands_until_they_are_there(
-    found: Findings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each joint has the command that makes its report in a shell, and a link once the report stands below the page."""
-    folders = tables.report_folders(found.joints)
-    assert len(set(folders.values())) == len(found.joints)
-    slug = folders["robot-006", EXOTIC]
-    assert re.fullmatch(r"[a-z0-9-]+-2026-07-20-0800", slug)
-    rows = table_rows(report(found, str(tmp_path), "/logs").html(), "Joints, by rank")
+def test_tables_and_figures_have_caps(found: Findings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each joint has the file of its latest session."""
+    rows = table_rows(report(found).html(), "Joints, by rank")
     (said,) = [row[-1] for row in rows if row[1] == "robot-006" and "Zelle" in row[2]]
-    assert said == f"bristle report &#39;/logs/logs/0010 ü.yaml&#39; -o {tmp_path}/reports/{slug}"
-    (tmp_path / "reports" / slug).mkdir(parents=True)
-    (tmp_path / "reports" / slug / "index.html").write_text("a report", encoding="utf-8")
-    rows = table_rows(report(found, str(tmp_path)).html(), "Joints, by rank")
-    links = [row[-1] for row in rows if not row[-1].startswith("bristle report")]
-    assert links == [f'<a href="reports/{slug}/index.html">report</a>']
+    assert said == "logs/0010 ü.yaml"
     # beyond the caps tables and figures hold the first ranks, the page says so, and the CSV files are whole
     monkeypatch.setattr(tables, "MOST", 12)
     monkeypatch.setattr(reports, "_DRAWN", 2)
@@ -197,23 +185,6 @@ def test_reports_are_commands_until_they_are_there(
         assert (tmp_path / "out" / "tables" / f"{of}.csv").read_bytes().count(b"\n") == count + 1
     assert "Figures show the first 2 of the 4 joints that changed" in pages["index"]
     assert pages["index"].count("<figure") == 2
-
-
-def test_commands_are_safe_in_a_shell() -> None:
-    """A file or folder that begins with a hyphen gets ./ before it, one with a quote stays one word; behind a URL there is none."""
-    joints = pd.DataFrame({"unit": ["a"], "joint": ["b"], "latest": [pd.NaT], "file": ["--it's; rm x.yaml"]})
-    (command,) = tables.report_commands(joints, "-out/").values()
-    assert command == "bristle report './--it'\"'\"'s; rm x.yaml' -o ./-out/reports/a-b"
-    (command,) = tables.report_commands(joints.assign(file="x.yaml"), "/out", "the logs").values()
-    assert command == "bristle report 'the logs/x.yaml' -o /out/reports/a-b"
-    assert tables.report_commands(joints.assign(file="s3://logs/x.yaml"), "out") == {}
-    # a robot's joints, measured in one file, have one folder, named by the robot; two robots that are called alike have two
-    rows = [("R 1", "J1", "r.yaml"), ("R 1", "J2", "r.yaml"), ("R-1", "J1", "s.yaml"), ("R 1", "J3", "t.yaml")]
-    joints = pd.DataFrame(rows, columns=["unit", "joint", "file"]).assign(latest=pd.Timestamp("2026-05-04 08:30"))
-    folders = tables.report_folders(joints)
-    assert folders["R 1", "J1"] == folders["R 1", "J2"] == "r-1-2026-05-04-0830"
-    assert folders["R 1", "J3"] == "r-1-j3-2026-05-04-0830"
-    assert folders["R-1", "J1"] == "r-1-j1-2026-05-04-0830"
 
 
 def test_findings_of_nothing_are_a_page(tmp_path: Path) -> None:

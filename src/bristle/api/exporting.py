@@ -20,8 +20,7 @@ from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.progress import Progress
 from bristle.questions.array_fit.fit import Fit
-from bristle.questions.export.artefact import Request
-from bristle.questions.export.export import Export, export_joints, joint_left_out, target
+from bristle.questions.export.export import Export, Request, export_joints, joint_left_out, target
 from bristle.questions.export.exported import ExportedJoint, Origin, exported
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import JointLoop, of_experiment, of_paper

@@ -45,8 +45,6 @@ class Fleet(NamedTuple):
     """Joint sessions without a result; each has a row with its sentence."""
     output: str | None
     """The folder of the dataset; None where none was asked for."""
-    base: str
-    """The folder that the catalog's files are relative to."""
 
     @property
     def counts(self) -> str:
@@ -59,14 +57,9 @@ class Fleet(NamedTuple):
         """Joints that changed."""
         return self.findings.changed
 
-    def report(self, folder: Path | str | None = None) -> "Report":
-        """The report, with links to reports of single joints in the `folder` where it will lie, else commands.
-
-        None: the folder of the dataset.
-        """
-        made: Report = import_module("bristle.questions.fleet.report").report(
-            self.findings, str(folder or self.output or ""), self.base
-        )
+    def report(self) -> "Report":
+        """The findings as sections."""
+        made: Report = import_module("bristle.questions.fleet.report").report(self.findings)
         return made
 
     def text(self) -> str:
@@ -82,7 +75,7 @@ class Fleet(NamedTuple):
         In a folder only what bristle made there before is replaced. Raises InputError where it cannot be used, with
         nothing half-written.
         """
-        report, there = self.report(folder), str(folder)
+        report, there = self.report(), str(folder)
         if not files.is_remote(there):
             return str(report.write(folder))
         with tempfile.TemporaryDirectory(prefix="bristle-") as place:
@@ -157,9 +150,8 @@ def fleet(
     step(progress, "comparing sessions")
     frame = run.table.to_pandas()
     found = findings(frame, rate, baseline)
-    base = next((x.path.removesuffix(x.file) for x in rows if x.path.endswith(f"/{x.file}")), "")
     where = None if output is None else str(output)
-    return Fleet(frame, found, run.identified, run.unchanged, run.failed, where, base)
+    return Fleet(frame, found, run.identified, run.unchanged, run.failed, where)
 
 
 def identified_joint(path: Path, joint: str) -> Identified:

@@ -170,7 +170,7 @@ _KINDS = {  # classes of the style sheet: long text, short text on one line, nam
         (
             "parameter", "unit", "direction", "of", "scheme", "law", "controller", "method", "fit", "source", "stage", "stage_value",
             "tracking_value", "joint_value", "model", "directions", "rows", "Since", "Session", "Finding",
-            "Report of the latest session", "covariance", "profile", "bootstrap", *FITS.values(), *(f"{fit}, 95 %" for fit in FITS.values()),
+            "File of the latest session", "covariance", "profile", "bootstrap", *FITS.values(), *(f"{fit}, 95 %" for fit in FITS.values()),
         ),
         "s",
     ),

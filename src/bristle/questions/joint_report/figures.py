@@ -26,7 +26,7 @@ _LABELS = {"small": "small curve", "tracking-velocity": "tracking over velocity"
 
 
 def drawings(joint: Joint, share: Share = map) -> dict[str, Drawing]:
-    """Each by its kind, which is its name here, without a caption; whoever shares the work begins to draw."""
+    """The figures by kind, without captions; they begin to be drawn by `share`."""
     found = {
         kind: Drawing(partial(draw, joint), kind, f"{_LABELS.get(kind, kind)} of {joint.name}")
         for kind, draw in DRAW.items()
