@@ -35,11 +35,11 @@ def curve(v: Array, p: Stribeck[float]) -> Array:
     return evaluate(steady_torque_function(p.law), v, *p)[0]
 
 
-def band(v: Array, fit: StaticFit | TrackingFit, direction: str = "") -> Array | None:
+def band(v: Array, fit: StaticFit | TrackingFit, direction: str = "", *, constants: bool = True) -> Array | None:
     """Half-width of the 95 % confidence band of the fitted curve at v, N*m; None where the covariance gives none.
 
     sqrt(j C j') times Student's t, with j the exact derivative of (9) with respect to the free parameters, by CasADi;
-    in quadrature with what the errors of constants do to the curve. Of moving runs, in a direction.
+    in quadrature with what the errors of `constants` do to the curve. Of moving runs, in a direction.
     """
     if isinstance(fit, StaticFit):
         p, sides = fit.values(), {fit.direction}
@@ -58,7 +58,7 @@ def band(v: Array, fit: StaticFit | TrackingFit, direction: str = "") -> Array |
     columns[_DRAG] = v * np.abs(v)
     j = np.array([columns[names[k].name] for k in keep])
     half = reach * np.sqrt(np.maximum(np.einsum("kn,kl,ln->n", j, covariance, j), 0.0))
-    moved = [shifts.get(names[k], {}) for k in keep]
+    moved = [shifts.get(names[k], {}) if constants else {} for k in keep]
     for constant in dict.fromkeys(c for shift in moved for c in shift):  # all parameters by one constant together
         half = np.hypot(half, NORMAL * np.array([shift.get(constant, 0.0) for shift in moved]) @ j)
     return np.asarray(half)
@@ -79,8 +79,8 @@ def drag_of(known: KnownJoint) -> float:
     return sum(e.value or 0.0 for name, e in known.estimates.items() if name.name == _DRAG)
 
 
-def known_curve(joint: Joint, v: Array) -> tuple[Array, Array]:
-    """`friction_of` an identified joint at some velocities, N*m, and half of its 95 % band, each (n,).
+def known_curve(joint: Joint, v: Array, *, constants: bool = True) -> tuple[Array, Array]:
+    """`friction_of` an identified joint at some velocities, N*m, and half of its 95 % band (`band`), each (n,).
 
     Both are nan in a direction of which no law is known, the band where it is not known how far. Raises InputError where a
     number of the joint is none that a joint can have.
@@ -90,7 +90,7 @@ def known_curve(joint: Joint, v: Array) -> tuple[Array, Array]:
     half = np.full(v.size, np.nan)
     for d, side in zip(SIGNED, (v > 0, v < 0), strict=True):
         fit = joint.moving if moving else joint.static.get(d) or joint.static.get(Direction.BOTH)
-        wide = band(v[side], fit, d) if fit is not None and known.has_law(d) else None
+        wide = band(v[side], fit, d, constants=constants) if fit is not None and known.has_law(d) else None
         half[side] = np.nan if wide is None else wide
     return friction_of(known, v), half
 
@@ -145,9 +145,8 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
         v = np.unique(along[along != 0])
     else:
         tops = [top for top in (along.max(initial=0.0), along.min(initial=0.0)) if top]
-        least = max(
-            (slowest_shown(fits, top) / top for top in tops), default=LEAST
-        )  # the same both ways, for one range is stated
+        # the same both ways, for one range is stated
+        least = max((slowest_shown(fits, top) / top for top in tops), default=LEAST)
         v = np.concatenate([np.zeros(0), *(np.linspace(least, 1, SPEEDS) * top for top in tops)])
     if not v.size:
         return None
@@ -159,7 +158,8 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     size = _rms(friction)
     if not size:
         return None
-    statistical = 100 * BIASED * _rms(np.where(np.isfinite(half), half, np.inf)) / size
+    exact = known_curve(joint, v, constants=False)[1]
+    statistical, alone = (100 * BIASED * _rms(np.where(np.isfinite(x), x, np.inf)) / size for x in (half, exact))
 
     # the second opinion, from what the values come from: points at constant velocity, else moving runs
     apart, points = 0.0, measured.points(hold_out=False)
@@ -187,7 +187,7 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     return Accuracy(
         slowest=float(np.abs(v).min()), fastest=float(np.abs(v).max()),
         band=float(np.linalg.norm([statistical, apart, sides, *effects])), statistical=statistical, apart=apart,
-        sides=sides, share=share,
+        sides=sides, share=share, constants=float(np.sqrt(statistical**2 - alone**2)) if alone < statistical < np.inf else 0.0,
         opinion=None if opinion is None else ", ".join(opinion.set_up) or "one friction for both directions",
     )  # fmt: skip  # a list of values
 

@@ -443,17 +443,24 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
 
 
 def _offset_as_friction(joint: Joint) -> str:
-    """The offset expressed as a difference of friction between the directions, which the data cannot exclude."""
+    """The offset as a difference of friction between the directions, or the reverse: the data cannot exclude either."""
     known = {(x.parameter.name, x.parameter.direction): x.estimate for x in chosen(joint)}
     level, offset = known.get(("alpha_0", Direction.BOTH)), known.get(("offset", Direction.SHARED))
-    if level is None or offset is None or not (level.value and offset.value and offset.interval):
-        return ""
-    low, high = offset.interval
-    if low <= 0 <= high or not MATTERS < abs(offset.value) / level.value < 1:
-        return ""
-    plus, minus = (level.value + sign * offset.value for sign in (1, -1))
-    friction = f"alpha_0 {plus:.3g} (+) and {minus:.3g} {unit('torque', joint.kind)} (-)"
-    return f"; its offset may as well be friction: {friction}; no data tell the two apart, and their sum is the same"
+    torque = unit("torque", joint.kind)
+    if level is not None and offset is not None and level.value and offset.value and offset.interval:
+        low, high = offset.interval
+        if not low <= 0 <= high and MATTERS < abs(offset.value) / level.value < 1:
+            plus, minus = (level.value + sign * offset.value for sign in (1, -1))
+            friction = f"alpha_0 {plus:.3g} (+) and {minus:.3g} {torque} (-)"
+            return f"; its offset may as well be friction: {friction}; no data tell the two apart, and their sum is the same"
+    one, other = (known.get(("alpha_0", Direction(d))) for d in DIRECTIONS)
+    gravity = ("gravity_cos", Direction.SHARED) in known  # an offset is part of it
+    if one is not None and other is not None and one.value and other.value and not gravity:
+        apart, common = (one.value - other.value) / 2, (one.value + other.value) / 2
+        if abs(apart) > max(np.hypot(one.standard_error or 0.0, other.standard_error or 0.0), MATTERS * common):
+            way = f"alpha_0 {common:.3g} both ways and an offset of {apart:.3g} {torque}"
+            return f"; {way} may as well be it: read the torque without load"
+    return ""
 
 
 def _brakes(values: Mapping[ParameterName, float]) -> bool:

@@ -81,6 +81,8 @@ class Accuracy:
     """Set-up of the second opinion, or None."""
     sides: Number = 0.0
     """Part due to the choice between one friction with an offset and one per direction."""
+    constants: Number = 0.0
+    """Part of `statistical` due to the errors of constants."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

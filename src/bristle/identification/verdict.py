@@ -74,7 +74,7 @@ def verdict(joint: Joint) -> Verdict:
         named = next((x for x in critical if x.code not in _SIZES), cause)
         return Verdict(Trust.DO_NOT_USE, named or critical[0])
     if known is not None and not known.band <= joint.need:
-        return Verdict(Trust.DO_NOT_USE, _largest(known, found[0] if found else None, wide))
+        return Verdict(Trust.DO_NOT_USE, _largest(joint, known, found[0] if found else None, wide))
     return Verdict(Trust.USE, None)
 
 
@@ -87,7 +87,7 @@ _WIDENS = {"clipped-left-out", "runs-scatter", "torque-coarse", "torques-doubted
 _SIZES = {"unexplained", "misfit"}  # codes that state the size of residuals
 
 
-def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) -> Finding:
+def _largest(joint: Joint, known: Accuracy, finding: Finding | None, cause: Finding | None) -> Finding:
     """The largest contribution to the width of the band."""
     of_findings = math.sqrt(max(known.band**2 - known.statistical**2 - known.apart**2 - known.sides**2, 0.0))
     largest = max(known.statistical, known.apart, known.sides, of_findings)
@@ -106,6 +106,10 @@ def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) ->
             "of friction. See whether the torque is zero where nothing loads the joint, or measure at more speeds in both directions."
         )
         return Finding("offset-or-friction", CAUTION, message, {"share": known.sides})
+    if known.statistical == largest and known.constants**2 > known.statistical**2 / 2:
+        made = " and ".join(joint.uncertain_constants)
+        message = f"Most of it is the error of {made}: measure that more closely."
+        return Finding("too-uncertain", CRITICAL, message, {"band": known.band, "constants": known.constants})
     message = (
         "These data tell friction no better. Measure for longer, at more speeds, or with less noise in the torque."
     )

@@ -157,7 +157,7 @@ def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding |
             f"Torque: every interval contains the error of {known}, which moves the parameters together; "
             f"its part is shown as systematic{rest}."
         )
-        return Finding("torque-uncertain", NOTE, message, {"constants": uncertain, "rest": rest})
+        return Finding("torque-uncertain", NOTE, message, {"constants": uncertain, "rest": rest, "exact": assumed})
     if not exact:
         return None
     first = exact[0]
@@ -168,7 +168,7 @@ def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding |
         f"Torque: assuming {assumed} exact: no interval contains that error, which is often the largest; "
         f"give it, as in {line} for 2 %."
     )
-    return Finding("torque-exact", NOTE, message, {"constants": exact})
+    return Finding("torque-exact", NOTE, message, {"constants": exact, "exact": assumed})
 
 
 def torque_shifts(

@@ -38,7 +38,8 @@ def brief_report(joints: Sequence[Joint]) -> str:
         lines += [*([""] if lines else []), *wrapped([trust])]
         if found.reason is not None:
             lines += _sentence(joint, found.reason)
-        lines += wrapped([*_curve(joint), *(f"  {about}: {printable(told)}" for about, told in decided(joint))])
+        told = (*friction_line(joint), *decided(joint))
+        lines += wrapped(f"  {about}: {printable(said)}" for about, said in told)
         lines += (*_values(joint), *_rest(joint, found.reason))
     return "\n".join([*lines, "", "What a code in brackets means: bristle explain CODE. Every fit: --full."]) + "\n"
 
@@ -58,7 +59,7 @@ def _code(reason: Finding | None) -> str:
     return "" if reason is None else f"[{reason.code}]"
 
 
-def _curve(joint: Joint) -> Iterator[str]:
+def friction_line(joint: Joint) -> Iterator[tuple[str, str]]:
     """Friction at the slowest and the fastest speed, with its band."""
     known, speed = joint.accuracy, unit("v_s", joint.kind)
     if known is None:
@@ -94,7 +95,7 @@ def _curve(joint: Joint) -> Iterator[str]:
             unclaimed = f", with the fit's {shape}, which are not identifiable one by one" * ("alpha_1" in shape)
             told.append(f"{' and '.join(dict.fromkeys(ends))}{f' ({d})' * bool(d)}{unclaimed}")
     law = f"{' + '.join(text for name, text in terms.items() if name in given)} = " * (joint.law_name == GAUSSIAN.name)
-    yield f"  friction: {law}{'; '.join(told)}"
+    yield "friction", f"{law}{'; '.join(told)}"
 
 
 def decided(joint: Joint) -> Iterator[tuple[str, str]]:
@@ -102,11 +103,10 @@ def decided(joint: Joint) -> Iterator[tuple[str, str]]:
     law = joint.settings.get("law", joint.law_name)
     if not law.startswith(f"{GAUSSIAN.name}:") and law != GAUSSIAN.name:
         yield "law", law
-    told = {"regressors": "chosen regressors"}
+    told = {"regressors": "chosen regressors", "directions": "chosen directions"}
     of_points = any(x.data == "points" for x in joint.models)  # else static fits are of moving runs, too
     if any(isinstance(fit, TrackingFit) or not of_points for fit in value_fits(joint)):
-        told |= {"scale": "chosen scale", "torque": "chosen delay"}
-        told |= {"directions": "chosen directions", "filters": "filters"}
+        told |= {"scale": "chosen scale", "torque": "chosen delay", "filters": "filters"}
         notes = [note for x in joint.inputs for note in x.notes]
         gaps = sum(note.numbers["gaps"] for note in notes if note.code == "gaps-bridged")
         made = [f"{gaps} gap{'s' * (gaps > 1)} bridged by the motion beside"] * bool(gaps)
@@ -143,8 +143,8 @@ def _values(joint: Joint) -> Iterator[str]:
     place = {name: k for k, name in enumerate(Lugre._fields)}
     for name in sorted(names, key=lambda x: ([*Direction].index(x.direction), place.get(x.name, len(place)), x.name)):
         row = rows.get(name)
-        if row is not None and (row.estimate.value is not None or _bounded(row.estimate)):
-            cells.append(_cells(row))
+        if row is not None and (row.estimate.value is not None or (states_errors(joint) and bounded(row.estimate))):
+            cells.append(_cells(row, stated=states_errors(joint)))
         elif name in fixed:
             value = in_unit(f"{fixed[name]:.6g}", unit(name.name, joint.kind))
             cells.append((str(name), value, "", "experiment file"))
@@ -165,13 +165,18 @@ def _values(joint: Joint) -> Iterator[str]:
         yield from wrapped([f"  {printable(said)}"])
 
 
-def _bounded(e: Estimate) -> bool:
+def bounded(e: Estimate) -> bool:
     """Whether an interval of a value from zero up is informative: an end is closed, and the ratio is at most 1e6."""
     low, high = e.interval or (0.0, inf)
     return (low > 0 or isfinite(high)) and not (low > 0 and 1e6 * low < high < inf)
 
 
-def _cells(row: Known) -> tuple[str, ...]:
+def states_errors(joint: Joint) -> bool:
+    """Whether the data tell how far its values are off; a curve without a stated error has none."""
+    return joint.accuracy is None or isfinite(joint.accuracy.band)
+
+
+def _cells(row: Known, *, stated: bool) -> tuple[str, ...]:
     e, source = row.estimate, _SOURCES.get(row.source) or FITS[row.source]
     one_speed = any(warning.code == "one-speed-only" for warning in e.warnings)
     if e.value is None or (one_speed and row.parameter.name == "alpha_2"):
@@ -179,6 +184,8 @@ def _cells(row: Known) -> tuple[str, ...]:
         if low == 0 and isfinite(high):  # consistent with zero
             return str(row.parameter), in_unit(f"< {high:.3g}", e.unit), "(95 %)", source
         return str(row.parameter), "not identifiable", in_unit(interval(e.interval), e.unit), source
+    if not stated:
+        return str(row.parameter), in_unit(number(e.value, 3), e.unit), "not stated", source
     if one_speed:  # only the sum is known
         return f"{row.parameter} + alpha_2 v", in_unit(pair(e.value, e.total_error), e.unit), "", source
     return str(row.parameter), in_unit(pair(e.value, e.total_error), e.unit), interval(e.interval), source

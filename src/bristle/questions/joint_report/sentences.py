@@ -2,7 +2,10 @@
 
 import math
 
+import numpy as np
+
 from bristle.findings import CAUTION, NOTE, Finding
+from bristle.identification.curve import stated_curve
 from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, StaticFit, TrackingFit
 from bristle.identification.known_joint import chosen, value_fits
 from bristle.identification.results import Joint
@@ -25,8 +28,19 @@ def known_to(joint: Joint, plus_minus: str = "±", *, beside: bool = False) -> s
     to = f"to {plus_minus} {number(known.band, digits)} % (95 %)" if math.isfinite(known.band) else "to no stated error"
     ends = dict.fromkeys(number(x, 2) for x in (known.slowest, known.fastest))
     speeds = f"{'from' if len(ends) > 1 else 'at'} {' to '.join(ends)} {unit('v_s', joint.kind)}"
-    if any(w.code == "commands-at-once" for w in value_warnings(joint)):
-        speeds += ", ASSUMED commands are not held between samples"
+    # where the band is widest beside friction
+    v = np.geomspace(known.slowest, known.fastest, 50)
+    friction, half = stated_curve(joint, np.concatenate([v, -v]))
+    shares = np.nan_to_num(100 * half / np.abs(friction)).reshape(2, -1).max(axis=0)
+    if known.band < shares.max() / 2 < math.inf:
+        at = number(float(v[shares.argmax()]), 2)
+        speeds += f", at worst {plus_minus} {number(float(shares.max()), 2)} % at {at} {unit('v_s', joint.kind)}"
+    assumed = ["commands are not held between samples"] * any(
+        w.code == "commands-at-once" for w in value_warnings(joint)
+    )
+    if joint.torque_scale is not None and (exact := joint.torque_scale.numbers.get("exact")):
+        assumed.append(f"{exact} exact")
+    speeds += f", ASSUMED {' and '.join(assumed)}" if assumed else ""
     held = held_out(joint)
     left = error_left(joint)
     if left is None or (beside and held is not None):
