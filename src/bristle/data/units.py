@@ -130,7 +130,7 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
         unit = "rpm"
     if counts := _COUNTS.match(unit.strip()):
         if resolution is None:
-            needs = "encoder_resolution, the size of one count, such as '4096 counts/rev'"
+            needs = "encoder_resolution (--encoder-resolution), the size of one count, such as '4096 counts/rev'"
             raise InputError(f"unit {short(unit)} needs {needs}")
         number *= resolution
         unit = target.split("/", maxsplit=1)[0] + unit.strip()[counts.end() :]

@@ -111,8 +111,7 @@ def _ripple(reach: float, parameters: Collection[str], kind: Kind, found: Score,
     order, fitted = round(turn_of(kind)[0] / period), {x[2] for name in parameters if (x := periodic(name))}
     asked = f"{regressor_line(('cogging',), parameters)}, orders: [{', '.join(map(str, sorted({*fitted, order})))}]"
     message = (
-        f"Residuals show a ripple vs position of period {period:.3g}{unit_of('position')} (p = {found.p:.1g}), which explains "
-        f"{100 * found.share:.0f} % of their variance."
+        f"A ripple vs position of period {period:.3g}{unit_of('position')} explains {100 * found.share:.0f} % of what is left (p = {found.p:.1g})."
         f"{f' If motor or gear repeat so, write {asked} under fit.' if order and order not in fitted else ''}"
     )
     return Finding("residual-ripple", CAUTION, message, {"period": period, "p": found.p, "share": found.share})
