@@ -98,7 +98,7 @@ _BAD: dict[str, str] = {
     "gravity: {mass: 1 kg, centre: -1 m}": r"gravity\.centre: got '-1 m'; expected greater than 0",
     "{signals.torque: null, signals.velocity_command: {column: 1, unit: rad/s}}": r"runs\.0: .* needs motor\.kd",
     "{signals.torque: null, signals.velocity_command: {column: 1, unit: rad/s, delay: 1 ms}}": "velocity_command: got a delay; expected",
-    "motor: {kp: 20 +/- 1 N*m/rad, kd: 1 +/- 0.1 N*m*s/rad}": r"motor\.kd: got an error; expected one of kp alone, which both gains share",
+    "motor: {kp: 20 +/- 1 N*m/rad, kd: 1 +/- 0.1 N*m*s/rad}": r"motor\.kd: got an error; expected an error of kp alone",
     "signals.torque: {column: 1, unit: N*m, scale: 35 N*m/V}": "expected unit: V, of which this scale makes N",
     "signals.velocity: {column: 1, unit: Hz}": r"signals\.velocity: unit 'Hz' is not a unit of rad/s",
     "signals.position: {column: 1, unit: counts}": r"needs encoder_resolution \(--encoder-resolution\)",

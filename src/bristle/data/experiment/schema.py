@@ -152,7 +152,7 @@ class MotorConstants(StrictModel):
         if self.torque_constant is None and self.gear is None and self.kp is None and self.kd is None:
             yield "motor.torque_constant: missing; add this key"
         if self.kp is not None and self.kd is not None and self.kd.standard_error is not None:
-            yield "motor.kd: got an error; expected one of kp alone, which both gains share: a drive's gains err together, by its torque constant"
+            yield "motor.kd: got an error; expected an error of kp alone: a drive's gains err together, by its torque constant"
 
     def at_joint(self) -> "MotorConstants":
         """The constants without a gear: k_t and a limit times abs(ratio), J and gains times its square."""
