@@ -32,7 +32,7 @@ from bristle.arrays import Array
 from bristle.model.parameters import Pair
 from bristle.mujoco import Friction
 from bristle.questions.export import mjcf
-from bristle.questions.export.artefact import Request
+from bristle.questions.export.export import Request
 from bristle.questions.export.exported import FREQUENCY, ExportedJoint
 from bristle.questions.export.loss import (
     StatedMotion,

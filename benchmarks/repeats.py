@@ -131,7 +131,7 @@ def table(found: list[Found]) -> None:
             share = partial(np.mean, dtype=float)
             inside = share([bool(e.interval and e.interval[0] <= TRUTH[n] <= e.interval[1]) for n, e, _ in own])
             before, after = (share([getattr(x, which) for *_, x in own]) for which in ("before", "after"))
-            wide = share([x.significant for *_, x in own])
+            wide = share([x.after < x.before for *_, x in own])
             print(
                 f"  {name or 'all'!s:<10}{len(own):>6}{wide:>9.1%}{before:>8.2f}{after:>7.2f}{inside:>9.1%}", flush=True
             )

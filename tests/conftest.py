@@ -30,7 +30,7 @@ from bristle.__main__ import main
 from bristle.arrays import Array
 from bristle.model.parameters import Lugre
 from bristle.page import page, style
-from bristle.questions.compensation import ablation, parameter_studies
+from bristle.questions.compensation import ablation, experiments
 from bristle.questions.experiment_design import excitation
 from bristle.simulation.bench import steady_points
 
@@ -255,7 +255,7 @@ def raster() -> Iterator[None]:
 def few_studies(monkeypatch: pytest.MonkeyPatch) -> None:
     """Loops of this test are tried under few circumstances, which is most of the time of `adapt`."""
     for name in ("GAMMAS", "AMPLITUDES"):
-        monkeypatch.setattr(parameter_studies, name, (1.0,))
+        monkeypatch.setattr(experiments, name, (1.0,))
     monkeypatch.setattr(ablation, "BITS", (14,))
     monkeypatch.setattr(ablation, "DELAYS", (0,))
 

@@ -31,7 +31,7 @@ from bristle.model.rollout import rollout
 from bristle.page import output_folder as report_files
 from bristle.page.plain import interval
 from bristle.page.wording import measured
-from bristle.questions.compensation import paper_experiments
+from bristle.questions.compensation import experiments
 from bristle.simulation.edro import TABLE_1
 
 from .conftest import FEW, TRUTH, Ran, experiment, present, run, speeds, table, tree, write
@@ -501,7 +501,7 @@ def adapted(
 ) -> tuple[Path, Ran]:
     """The folder of one moving run of which `bristle adapt` wrote into out, once for all tests here, and what it said."""
     for name, value in {"LONG": 4.0, "SETTLE": 1.0, "SHORT": 4.0}.items():
-        monkeypatch.setattr(paper_experiments, name, value)
+        monkeypatch.setattr(experiments, name, value)
     if not adaptations:
         folder = tmp_path_factory.mktemp("adapted")
         ran = run("adapt", placed(folder, whole_joint("frequency: 1 Hz")), "-o", folder / "out")

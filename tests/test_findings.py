@@ -15,7 +15,7 @@ from bristle.findings import CAUTION, NOTE, Finding, Severity, unit_of, with_sub
 from bristle.identification.results import Joint
 from bristle.identification.verdict import WEIGHTIEST_FIRST
 from bristle.model.parameters import units_of
-from bristle.page.entries import entries
+from bristle.page.said import entries
 from bristle.questions.compensation.replay import replays
 from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.sentences import choice
@@ -197,5 +197,5 @@ def test_no_sentence_decides_on_the_embedded_joints(monkeypatch: pytest.MonkeyPa
     assert held((*of_paper(second.joints), of_experiment(gripper, second.joints[0]))) == loops
     assert held((*advised(second.joints), *found(second))) == before
     assert {"unlimited-below", "alpha-2-wide", "bristle-open", "hold-back", "claim-on-map", "sobol-indices"} < kinds
-    assert [d.code for d in first.serious] == [d.code for d in second.serious]
+    assert [d.code for d in first.warnings] == [d.code for d in second.warnings]
     assert worded != [str(warning) for warning in second.warnings]

@@ -27,7 +27,7 @@ from bristle.model.laws import registry
 from bristle.model.motor import voltage
 from bristle.model.parameters import Motor
 from bristle.model.vectorize import evaluate
-from bristle.page.entries import entries
+from bristle.page.said import entries
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import TABLE_1
 

@@ -8,7 +8,7 @@ Each function says in lines what came out; a line that is `Failed` found the art
 from collections.abc import Sequence
 from importlib import import_module
 
-from bristle.questions.export.artefact import Artefact, Request
+from bristle.questions.export.export import Artefact, Request
 from bristle.questions.export.exported import ExportedJoint
 
 _BY_TARGET = {

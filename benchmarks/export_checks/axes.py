@@ -9,8 +9,8 @@ from pathlib import Path
 from xml.etree import ElementTree as Xml
 
 from bristle.errors import one_line
-from bristle.questions.export.artefact import Artefact, Request
 from bristle.questions.export.coulomb_viscous import best_values
+from bristle.questions.export.export import Artefact, Request
 from bristle.questions.export.exported import ExportedJoint
 from export_checks.common import NotInstalled, Values, compared, expected_values
 

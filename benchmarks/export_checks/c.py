@@ -13,10 +13,10 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.control.compensator import Compensator
 from bristle.errors import InputError
-from bristle.questions.export.artefact import Artefact, Request, c_compiler
 from bristle.questions.export.c_header import numbers_of, python_torque, top_speed
 from bristle.questions.export.c_numbers import identifier
 from bristle.questions.export.c_step import printed_step
+from bristle.questions.export.export import Artefact, Request, c_compiler
 from bristle.questions.export.exported import ExportedJoint
 from export_checks.common import NotInstalled, told_by
 

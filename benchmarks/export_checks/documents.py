@@ -10,10 +10,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from bristle.errors import one_line
-from bristle.questions.export.artefact import Artefact, Request
-from bristle.questions.export.coulomb_viscous import best_values
+from bristle.questions.export.coulomb_viscous import best_values, static_effort
+from bristle.questions.export.export import Artefact, Request
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.isaac import static_effort
 from bristle.questions.export.json_document import SCHEMA, as_json, export_schema, joints_in
 from export_checks.common import Failed, NotInstalled, told_by
 

@@ -24,8 +24,8 @@ from bristle.model.functions import cogging_function
 from bristle.model.parameters import Motor
 from bristle.model.vectorize import bound
 from bristle.page.output_folder import zipped
-from bristle.questions.export.artefact import Artefact, Request
 from bristle.questions.export.c_step import printed_joint
+from bristle.questions.export.export import Artefact, Request
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import rms_percent
 from export_checks.common import NotInstalled

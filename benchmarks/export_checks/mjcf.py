@@ -10,8 +10,8 @@ from bristle.arrays import Array
 from bristle.errors import one_line
 from bristle.model.parameters import slides, unit
 from bristle.page.wording import shortened
-from bristle.questions.export.artefact import Artefact, Request
 from bristle.questions.export.coulomb_viscous import best_values
+from bristle.questions.export.export import Artefact, Request
 from bristle.questions.export.exported import FREQUENCY, ExportedJoint
 from bristle.questions.export.loss import Friction, StatedMotion, all_motions, coulomb_viscous, friction_of, rms_percent
 from bristle.questions.export.mjcf import (

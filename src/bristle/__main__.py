@@ -1,6 +1,6 @@
-"""The process: the only argv, the only exit code, as `bristle` and as `python -m bristle`.
+"""The process `bristle`, or `python -m bristle`, and its exit code.
 
-0 a result was written, warnings included; 1 our own defect; 2 bad input; 3 critical warnings or cautions, with --strict; 130 interrupted.
+0 a result, 1 a defect of bristle, 2 bad input, 3 a joint that is not to be used, with --strict, 130 interrupted.
 """
 
 import sys

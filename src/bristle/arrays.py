@@ -1,4 +1,4 @@
-"""The array that every floor of the house hands to the next, the values that hold it, and their exact form in JSON, for pydantic.
+"""Arrays, the values that hold them, and their exact form in JSON, for pydantic.
 
 An open bound is "inf" or "-inf"; what does not exist is null, and nan where it is read back as a number.
 """
@@ -24,13 +24,11 @@ Bound = float | Literal["inf", "-inf"]  # an infinite bound is a string: JSON ha
 
 @dataclass(frozen=True, slots=True)
 class JsonForm:
-    """What a value is in JSON, and the ways there and back: annotates a type, for pydantic."""
+    """The form of a value in JSON, and the ways there and back: annotates a type, for pydantic."""
 
-    form: Any
-    """The type of what is written, or a function that gives it."""
+    form: Any  # the type of what is written, or a function that gives it
     write: Callable[[Any], Any]
-    read: Callable[[Any], Any]
-    """Of what satisfies the form; may raise ValueError."""
+    read: Callable[[Any], Any]  # of what satisfies the form; may raise ValueError
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """The schema of the form, with `read` after it is checked and `write` before it is written."""
@@ -42,7 +40,7 @@ class JsonForm:
 
 
 def to_bound(x: float) -> Bound | None:
-    """A number as JSON has it; null where it is none."""
+    """A number in JSON; null for nan."""
     return None if isnan(x) else "inf" if x == inf else "-inf" if x == -inf else float(x)
 
 
@@ -61,7 +59,7 @@ def _from_rows(rows: list[list[float | None]]) -> Floats:
 
 
 def _rows() -> Any:
-    """Rows of numbers, of which the first wrong one is told: a foreign file may have a million."""
+    """Rows of numbers; only the first error is reported: a foreign file may have a million."""
     from pydantic import FailFast
 
     return Annotated[list[Annotated[list[float | None], FailFast()]], FailFast()]
@@ -104,11 +102,11 @@ def _from_base64(x: WrittenArray) -> Floats:
 
 Array = Annotated[Floats, JsonForm(WrittenArray, _to_base64, _from_base64)]
 UNWRITTEN = MappingProxyType({"exclude": True})
-"""Metadata of a field that stands apart in the file, under `samples`: what has an entry per sample, or figures alone need."""
+"""Metadata of a field under `samples` in the file: an entry per sample, or for figures alone."""
 
 
 def sized(*shape: str) -> Mapping[str, Any]:
-    """Metadata of a field whose arrays have this shape: numbers, or names of one number in all fields of an object; `n?` may be 0."""
+    """Metadata of the shape of a field: numbers, or names of equal numbers in fields of an object; `n?` may be 0."""
     return MappingProxyType({"shape": shape})
 
 
@@ -118,12 +116,12 @@ def unwritten(*shape: str) -> Mapping[str, Any]:
 
 
 def as_floats(values: Any) -> Floats:
-    """A new array of floats; what a NumPy mask hides is nan, as a missing value is."""
+    """A new array of floats; values hidden by a NumPy mask are nan."""
     return np.asarray(np.ma.filled(np.ma.array(values, dtype=float, copy=True), np.nan))
 
 
 def freeze(value: "DataclassInstance") -> None:
-    """Replace every array in a frozen dataclass by a read-only copy; for use in its `__post_init__`."""
+    """Replace every array of a frozen dataclass by a read-only copy; for its `__post_init__`."""
     for item in fields(value):
         held = getattr(value, item.name)
         if isinstance(held, np.ndarray):

@@ -1,4 +1,4 @@
-"""The command line: its commands and options; what they print goes through `terminal`, and `__main__` ends the process."""
+"""The command line: its commands and options."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
@@ -33,53 +33,42 @@ app = typer.Typer(
 
 
 def given(metavar: str, meaning: str) -> Any:
-    """An argument, by what it is called in the usage."""
+    """An argument with its name in the usage."""
     return typer.Argument(metavar=metavar, help=meaning, show_default=False)
 
 
-def optional(none: str, file: str = "The experiment file") -> Any:
-    """The argument that is an experiment file, or none, which means what is said."""
-    return given("EXPERIMENT", f"{file}; none: {none}.")
-
-
 def output_path(text: str) -> Path:
-    """The path to write to; an empty one, as from an unset shell variable, is refused: it would be the current folder."""
+    """The path to write to. Refuses an empty one, as from an unset variable: it would be the current folder."""
     if not text:
         raise typer.BadParameter("got an empty path; name a file or a folder, or . for the folder you are in")
     return Path(text)
 
 
 def to(metavar: str, meaning: str, *names: str) -> Any:
-    """The option that names what to write: -o, or another."""
+    """The option of a path to write to: -o, or another."""
     return typer.Option(*(names or ("-o", "--output")), parser=output_path, metavar=metavar, help=meaning)
 
 
-def lands(what: str, thing: str = "page") -> Any:
-    """The option -o that says where a page lands, by default under reports/ by the experiment's name and what it is of."""
-    return to("DIR", f"Where the {thing} lands [default: reports/NAME{what}].")
-
-
 def asked(metavar: str, meaning: str, *names: str) -> Any:
-    """An option that takes one thing: a QUANTITY with its unit, a number N, a NAME; called as its parameter, or by these names."""
+    """An option with one value: a QUANTITY with its unit, a number N, a NAME; named as its parameter, or as given."""
     return typer.Option(*names, metavar=metavar, help=meaning)
 
 
 def flag(names: str, meaning: str) -> Any:
-    """An option that is there or not, or one of two."""
+    """An option without a value, or one of two."""
     return typer.Option(names, help=meaning, show_default=False)
 
 
 def per_signal(metavar: str, what: str) -> Any:
-    """An option about one signal, which may be given for several."""
+    """An option about one signal, which may be repeated."""
     signals = "time, position, velocity, torque, current, voltage, command or velocity_command"
     return asked(f"SIGNAL={metavar}", f"{what}; SIGNAL: {signals}.")
 
 
 FILE = given("EXPERIMENT", "The experiment file, YAML.")
+# options that mean the same in every command that has them and says nothing else
 COMMON: dict[str, Any] = {
-    "joint": typer.Option(
-        "--joint", metavar="NAME", help="Which joint, if the file describes a robot.", show_default=False
-    ),
+    "joint": asked("NAME", "Which joint, if the file describes a robot."),
     "uncertainty": flag("--uncertainty", "Intervals of moving runs by profile and bootstrap too, which takes a while."),
     "workers": typer.Option(
         "--workers", metavar="N", min=1, max=256, help="Processes that share the work [default: the cores]."
@@ -87,7 +76,7 @@ COMMON: dict[str, Any] = {
     "need": asked("PERCENT", "How well friction must be known (95 %) for the values to be used [default: 10%]."),
     "strict": flag("--strict", "Exit with 3 where a joint is not to be used."),
 }
-"""What options mean in every command that has them and says nothing else."""
+# options that describe logs, by name: type and help
 OF_LOGS: dict[str, tuple[Any, Any]] = {
     "column": (list[str], per_signal("COLUMN", "Its column, by name or by number from 0; of another file FILE:COLUMN")),
     "unit": (list[str], per_signal("UNIT", "Its unit, as deg or mA")),
@@ -109,13 +98,12 @@ OF_LOGS: dict[str, tuple[Any, Any]] = {
     "name": (str, asked("NAME", "The name of the joint.")),
     "hold_out": (list[Path], asked("LOG", "A log that is kept for validation; may be given again.")),
 }
-"""Options that describe logs, by name: type and help."""
 
 
 def command(**meant: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """A command of `app`; `meant`: what its arguments and options mean, by name.
+    """A command of `app`; `meant` are its arguments and options, by name.
 
-    One that takes `of_logs` has the options of `OF_LOGS` behind its own, and is given them there, by name.
+    One that takes `of_logs` has the options of `OF_LOGS` behind its own, and gets them there, by name.
     """
 
     def made(function: Callable[..., None]) -> Callable[..., None]:
@@ -160,7 +148,7 @@ _OF_LOGS = "as `bristle new` takes them; none: the embedded Ed-Ro (simulated)."
     sources=given(
         "EXPERIMENT|LOG...", f"Experiment files, of one joint or a robot each, or logs of a joint {_OF_LOGS}"
     ),
-    output=lands("", "report"),
+    output=to("DIR", "Where the report lands [default: reports/NAME]."),
     mailed=flag("--zip", "Write all of it as report.zip in the folder as well, to mail."),
 )
 def report(
@@ -264,16 +252,14 @@ def inspect(experiment: Path, joint: str | None = None, output: Path | None = No
         from bristle.questions.joint_report.static_figures import inspect_figure
 
         records = [recorded.record for recorded in measured.runs]
-        save_figure(
-            inspect_figure(records, [s for found in measured.segments for s in found], measured.experiment.joint.kind),
-            output,
-        )
+        segments = [segment for found in measured.segments for segment in found]
+        save_figure(inspect_figure(records, segments, measured.experiment.joint.kind), output)
         print_lines([f"Figure: {output}"], done=True)
 
 
 @command(
-    experiment=optional("a sweep over Table 1 (simulated, some minutes)"),
-    output=lands("-validate"),
+    experiment=given("EXPERIMENT", "The experiment file; none: a sweep over Table 1 (simulated, some minutes)."),
+    output=to("DIR", "Where the page lands [default: reports/NAME-validate]."),
     repetitions=asked("N", "Simulated data sets of each case."),
     starts=asked("N", "Random starts of each solver on one of them."),
     noise=asked("X", "Noise of a point over alpha_0 [default: the fit's own]."),
@@ -310,7 +296,10 @@ def validate(
         _finish(results, strict)
 
 
-@command(experiment=optional("the embedded Ed-Ro (simulated)"), output=lands("-adapt"))
+@command(
+    experiment=given("EXPERIMENT", "The experiment file; none: the embedded Ed-Ro (simulated)."),
+    output=to("DIR", "Where the page lands [default: reports/NAME-adapt]."),
+)
 def adapt(experiment: Path | None = None, joint: str | None = None, output: Path | None = None) -> None:
     """Simulate compensation and adaptation in closed loop.
 
@@ -326,7 +315,7 @@ def adapt(experiment: Path | None = None, joint: str | None = None, output: Path
 
 
 @command(
-    experiment=optional("the embedded Ed-Ro (simulated)", "The experiment file, or a results.json"),
+    experiment=given("EXPERIMENT", "The experiment file, or a results.json; none: the embedded Ed-Ro (simulated)."),
     output=to("FILE", "Where the page lands."),
 )
 def explore(experiment: Path | None = None, joint: str | None = None, output: Path = Path("explore.html")) -> None:
@@ -450,8 +439,8 @@ def fleet(
 
 
 @command(
-    experiment=optional("the paper's gripper rotation (+), simulated"),
-    output=lands("-sensitivity"),
+    experiment=given("EXPERIMENT", "The experiment file; none: the paper's gripper rotation (+), simulated."),
+    output=to("DIR", "Where the page lands [default: reports/NAME-sensitivity]."),
     amplitude=asked("QUANTITY", "Of the sinusoidal motion, with its unit [default: from the experiment]."),
     frequency=asked("QUANTITY", "Of the motion [default: from the experiment, or 0.5 Hz]."),
     samples=typer.Option(help="Of the Sobol indices, a power of two from 32 up; 0: leave them out."),
@@ -538,14 +527,11 @@ def new(logs: list[Path], output: Path | None = None, *, of_logs: Mapping[str, A
     with shown() as progress:
         if halves:
             if len(logs) > 1 or told != bristle.Told():
-                raise InputError(
-                    f"{halves[0]}: is completed by itself; give it alone, and write units and columns into it"
-                )
+                remedy = "give it alone, and write units and columns into it"
+                raise InputError(f"{halves[0]}: is completed by itself; {remedy}")
             if output is not None and output.parent.resolve() != halves[0].parent.resolve():
-                raise InputError(
-                    f"{output}: is in another folder than {halves[0]}, whose runs are named relative to it; "
-                    f"write it beside {halves[0].name}"
-                )
+                why = f"is in another folder than {halves[0]}, whose runs are named relative to it"
+                raise InputError(f"{output}: {why}; write it beside {halves[0].name}")
             text, said = bristle.complete(halves[0])
             sentences = [said]
         else:
@@ -568,13 +554,13 @@ def explain(code: str) -> None:
 
     Example: bristle explain lacks-a-term
     """
-    from bristle.page.entries import by_code, explanation
+    from bristle.page.said import by_code, explanation
 
     _tell(explanation(by_code(code)))
 
 
 def output_folder(output: Path | None, experiment: Path | None, what: str = "", *claims: str) -> Path:
-    """The folder asked for, or reports/ with the name of the file (of the folder of a results.json) and what it is of, which can be written."""
+    """The given folder, or reports/ with the name of the file or of the folder of a results.json. Raises InputError."""
     if output is None:
         name = "edro" if experiment is None else experiment.stem
         if experiment is not None and experiment.name == "results.json":
@@ -585,14 +571,14 @@ def output_folder(output: Path | None, experiment: Path | None, what: str = "", 
 
 
 def _tell(texts: Iterable[str]) -> None:
-    """Print what was found, in lines of 80 columns that break no number, in colour on a terminal."""
+    """Print results in lines of 80 columns that break no number, in colour on a terminal."""
     from bristle.page.plain import wrapped
 
     print_found(wrapped(line for text in texts for line in text.rstrip("\n").split("\n")))
 
 
 def _told(of_logs: Mapping[str, Any]) -> "Told":
-    """What the options say about logs. Raises InputError where one is not SIGNAL=VALUE of a signal."""
+    """The options about logs. Raises InputError where one is not SIGNAL=VALUE of a signal."""
     from bristle.data.experiment.draft import Told, told_by
 
     given = dict(of_logs)
@@ -604,22 +590,21 @@ def _told(of_logs: Mapping[str, Any]) -> "Told":
 def _drafted(
     sources: Sequence[Path], told: "Told", save: Path | None, progress: Any
 ) -> tuple[list[Any], str, tuple[str, ...]]:
-    """Experiment files as they are, or logs as the experiment that is drafted of them, its text, and what was guessed.
+    """Experiment files as they are, or the experiment drafted from logs, its text, and what was guessed.
 
-    Raises InputError where something is told of logs and there are none.
+    Raises InputError where options of logs are given without logs.
     """
     from bristle.api.sources import load_text
     from bristle.data.binary_tables import is_json_log
-    from bristle.data.ros.storage import is_bag
+    from bristle.data.ros.bag import is_bag
 
     own = {"", ".yaml", ".yml", *([] if sources and is_json_log(sources[0]) else [".json"])}
     if sources and (sources[0].suffix.lower() not in own or is_bag(sources[0])):
         text, guessed = bristle.draft(*sources, told=told, folder=save and save.parent, progress=progress)
         return [load_text(text, save or sources[0].with_name(f"the draft for {sources[0].name}"))], text, guessed
     if save is not None or told != bristle.Told():
-        raise InputError(
-            "an experiment file, or none, was given with options of logs; write them into it, or give logs"
-        )
+        why = "an experiment file, or none, was given with options of logs"
+        raise InputError(f"{why}; write them into it, or give logs")
     return list(sources), "", ()
 
 

@@ -1,4 +1,4 @@
-"""Findings: what a user must know beside a number, each made where it arises; a code is what a user looks up or code decides by."""
+"""Findings: what a user must know beside a number. Users look their codes up, and code decides by them."""
 
 import re
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ _UNITS = re.compile(_UNIT.format("([a-z_0-9]*)[+-]?"))
 
 
 def unit_of(quantity: str) -> str:
-    """What stands in a message for a space and the unit of a quantity, as `velocity`, or a parameter; nothing until the joint is known."""
+    """Placeholder in a message for a space and the unit of a quantity or parameter; empty until the joint is known."""
     return _UNIT.format(quantity)
 
 
@@ -40,7 +40,7 @@ def in_units(message: str, units: Mapping[str, str]) -> str:
 
 
 def _to_json(value: Any) -> Any:
-    """A list, a number or a word; whatever else by its text."""
+    """A list, a number or a word; the text of anything else."""
     match value:
         case tuple() | list() if not hasattr(value, "_fields"):
             return [_to_json(x) for x in value]
@@ -107,9 +107,10 @@ PLAIN = frozenset((float, int, bool, str, NoneType, np.ndarray, np.float64))  # 
 def with_subjects(
     value: Any, subjects: Mapping[str, tuple[str, ...]], units: Mapping[str, str], subject: tuple[str, ...] = ()
 ) -> Any:
-    """The same result, in which each finding knows its subject, the way to it from `subject` on, and has the joint's units, by quantity.
+    """The same result with findings that know their subject, the way from `subject` on, and the joint's units.
 
-    A field is a step of that way as `subjects` names it, an entry of a mapping by its key; a value with a `subject` of its own begins it anew.
+    A field is a step of that way as `subjects` names it, an entry of a mapping by its key; an object's own `subject`
+    resets the path.
     """
     if type(value) in PLAIN:  # most of what a result holds, which is soon done with
         return value
@@ -136,5 +137,5 @@ def with_subjects(
 
 
 def in_direction(direction: str) -> str:
-    """What names a direction inside a sentence; nothing where both directions are one."""
+    """A direction in a sentence; empty where both are one."""
     return f" in direction {direction}" if direction in {"+", "-"} else ""

@@ -34,7 +34,7 @@ _WORD = "bristle.mujoco"
 
 
 class _Passed(NamedTuple):
-    """A step that was predicted: deflection, rad, and velocity, rad/s, at its beginning and its end."""
+    """A predicted step: deflection, rad, and velocity, rad/s, at its beginning and its end."""
 
     z: float
     v: float
@@ -79,9 +79,8 @@ class Friction:
         got = kinds.get(int(model.joint(joint).type[0]), "neither hinge nor slide")
         expected = "slide" if slides(handed.kind) else "hinge"
         if got != expected:
-            raise InputError(
-                f"{_WORD}: joint {short(joint)} of the model is {got}; expected a {expected}, as the identified one"
-            )
+            is_a = f"joint {short(joint)} of the model is {got}"
+            raise InputError(f"{_WORD}: {is_a}; expected a {expected}, as the identified one")
         _check_model(model, joint)
         self._name, self._options = joint, model.opt
         whole, self._solve = mujoco.mjtStage.mjSTAGE_NONE.value, partial(mujoco.mj_solveM, model)
@@ -96,13 +95,12 @@ class Friction:
         self._rises, of_law = handed.rises, fields_of(handed.law)
         self._levels = [of_law.index("alpha_0"), len(of_law) + of_law.index("alpha_0")]
         self._alpha_0 = self._constants[self._levels]
-        self._run: Callable[[], None] = bound(
-            _coupled_step(handed.law), [self._inputs, self._constants], [self._outputs]
-        )
+        inputs = [self._inputs, self._constants]
+        self._run: Callable[[], None] = bound(_coupled_step(handed.law), inputs, [self._outputs])
         self.reset()
 
     def reset(self, deflection: float = 0.0) -> None:
-        """Begin anew with the bristle at a deflection, rad.
+        """Restart with the bristle at a deflection, rad.
 
         Not needed after `mj_resetData`: where `data.time` has gone back, the bristle is not bent.
         """
@@ -121,11 +119,11 @@ class Friction:
         return self._torque
 
     def apply(self, data: Any, torque: float = 0.0) -> None:
-        """Set `data.qfrc_applied` of the joint for the next step; call it right before each `mujoco.mj_step(model, data)`.
+        """Set `data.qfrc_applied` of the joint for the next step; call it right before each `mj_step(model, data)`.
 
         Args:
             data: `mujoco.MjData`, whose controls and forces on other joints are set.
-            torque: of your own on this joint, N*m: `data.qfrc_applied` of this joint is overwritten by this less friction and cogging.
+            torque: your own on this joint, N*m: its `data.qfrc_applied` is set to this less friction and cogging.
 
         A second call at the same `data.time` begins from where the first one did. It evaluates the model's forward
         dynamics once. Raises InputError where a time step was left out since the last call.
@@ -147,7 +145,7 @@ class Friction:
         applied[dof] = torque - self._torque
 
     def _last(self, time: float, v: float) -> _Passed:
-        """The step that ends now; one in which nothing happened where there is none."""
+        """The step that ends now; an empty one where there is none."""
         passed = time - self._begun
         if passed == 0:
             first = self._before
@@ -156,10 +154,9 @@ class Friction:
             z = self._after.z if passed == inf else 0.0
             return _Passed(z, v, z, v)
         if abs(passed - self._step) > 1e-6 * self._step:  # beyond rounding
-            raise InputError(
-                f"{_WORD}: the friction of {short(self._name)} was applied {passed:.6g} s ago, and a time step is {self._step:.6g} s; "
-                "call apply before every mj_step, or reset after a jump"
-            )
+            why = f"was applied {passed:.6g} s ago, and a time step is {self._step:.6g} s"
+            remedy = "call apply before every mj_step, or reset after a jump"
+            raise InputError(f"{_WORD}: the friction of {short(self._name)} {why}; {remedy}")
         return self._after
 
 
@@ -183,12 +180,12 @@ def _coupled_step(of: Law) -> ca.Function:
 
 
 def _along(z: Any, v0: Any, v1: Any, h: Any, pair: Pair[Any]) -> Any:
-    """The bristle after h seconds along a velocity that is linear meanwhile."""
+    """The bristle after h seconds along a velocity that is linear in time."""
     return advanced(None, CompensatorState(pair, z, v0, 0.0, Learnt((), (), ())), v1, h)[0]
 
 
 def _handed(result: Results | Fit | ExportedJoint | Path | str, name: str) -> ExportedJoint:
-    """The joint of that name, else the only one."""
+    """The joint of that name, or the only one."""
     if isinstance(result, ExportedJoint):
         return result
     known = read_if_results(result)
@@ -196,22 +193,20 @@ def _handed(result: Results | Fit | ExportedJoint | Path | str, name: str) -> Ex
         raise InputError(f"{result}: is not a results file; expected results.json, results or a fit of arrays")
     names = [joint.name for joint in known.joints]
     if name not in names and len(names) != 1:
-        raise InputError(
-            f"{_WORD}: the results have no joint {short(name)}, but {short_list(map(short, names))}; rename one, or give one joint's results"
-        )
+        have = f"the results have no joint {short(name)}, but {short_list(map(short, names))}"
+        raise InputError(f"{_WORD}: {have}; rename one, or give one joint's results")
     return exported_joints(known, name if name in names else names[0])[0]
 
 
 def _check_model(model: Any, name: str) -> None:
-    """InputError where the integrator does not hold a force over a step, or the joint has friction of its own."""
+    """Raise InputError where the integrator does not hold a force over a step, or the joint has other friction."""
     import mujoco
 
     fits = ("EULER", "IMPLICIT", "IMPLICITFAST")
     integrator = mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_")
     if integrator not in fits:
-        raise InputError(
-            f"{_WORD}: the model's integrator is {integrator}, in which the friction is not held over a step; set Euler, implicit or implicitfast"
-        )
+        why = f"the model's integrator is {integrator}, in which the friction is not held over a step"
+        raise InputError(f"{_WORD}: {why}; set Euler, implicit or implicitfast")
     dof, joint = model.joint(name).dofadr[0], model.joint(name).id
     own = {x: getattr(model, f"dof_{x}")[dof] for x in ("damping", "frictionloss")}
     twice = [(f"{what} {value:.4g} of its own", "set it to 0 in the model") for what, value in own.items() if value]

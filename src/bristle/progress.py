@@ -1,4 +1,4 @@
-"""How far a long work is: told by what does it, shown by whoever asked for it."""
+"""Progress of long work, shown by the caller."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -9,17 +9,16 @@ Progress = Callable[[str, int, int], None]
 
 
 def step(progress: Progress | None, what: str) -> None:
-    """Tell what begins, where nobody knows in how many steps."""
+    """Tell what begins, where the number of steps is unknown."""
     if progress:
         progress(what, 0, 1)
 
 
 def teller(progress: Progress | None, total: int) -> Callable[[str], None]:
-    """What tells that another of so many steps begins, by what it is; silent where nobody wants to know."""
+    """A function that tells the next of so many steps; silent without `progress`."""
     done = count()
 
     def tell(what: str) -> None:
-        """So many steps are done before it."""
         if progress:
             progress(what, next(done), total)
 
@@ -28,7 +27,7 @@ def teller(progress: Progress | None, total: int) -> Callable[[str], None]:
 
 @contextmanager
 def shown() -> Iterator[Progress]:
-    """A progress bar on standard error, gone at the end; nothing where that is no terminal. Imports that take seconds belong inside."""
+    """A progress bar on standard error, if a terminal, removed at the end. Slow imports belong inside."""
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
@@ -39,7 +38,6 @@ def shown() -> Iterator[Progress]:
         task, last = bar.add_task("starting", total=None), "starting"
 
         def update(what: str, done: int, total: int) -> None:
-            """What is being done, and how much of it; a bar that only moves where that is not known."""
             nonlocal last
             many = total > 1
             line = f"{what} ({min(done + 1, total)} of {total})" if many else what

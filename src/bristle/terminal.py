@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 
 def open_streams() -> None:
-    """Standard streams that escape what an encoding lacks; a closed one goes nowhere, or the next file opened would get its number."""
+    """Make standard streams escape what an encoding lacks, and replace a closed one by nothing."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:
@@ -17,7 +17,7 @@ def open_streams() -> None:
 
 
 def discard(name: str) -> None:
-    """From now on a standard stream goes nowhere, and so does what is in its buffer."""
+    """Send a standard stream, and its buffer, to nowhere from now on."""
     stream, number = getattr(sys, name), {"stdout": 1, "stderr": 2}[name]
     nowhere = os.open(os.devnull, os.O_WRONLY)
     if isinstance(stream, io.TextIOWrapper) or stream is None:
@@ -31,7 +31,7 @@ def discard(name: str) -> None:
 
 
 def print_lines(lines: Iterable[str], *, done: bool = False) -> None:
-    """Print lines, all the way; a reader who has seen enough is no error. Raises OSError where the output is full, unless all is `done`."""
+    """Print lines; a closed pipe is no error. Raises OSError where the output is full, unless the work is `done`."""
     text = "".join(f"{line}\n" for line in lines)
     try:
         print(text, end="", flush=True)
@@ -44,7 +44,7 @@ def print_lines(lines: Iterable[str], *, done: bool = False) -> None:
 
 
 def print_found(lines: Iterable[str]) -> None:
-    """Print what was found, in colour on a terminal, as `NO_COLOR` and `TERM` allow; plain text elsewhere."""
+    """Print results, in colour on a terminal, as `NO_COLOR` and `TERM` allow; plain text elsewhere."""
     if not sys.stdout.isatty():
         print_lines(lines)
         return
@@ -60,18 +60,17 @@ def print_found(lines: Iterable[str]) -> None:
     print_lines(capture.get().splitlines())
 
 
-_COLOURS = {
+_COLOURS = {  # whether to use a number, severities, codes, simulated data
     r"(?m)(?<=: )use(?=\. )|(?<=  )use(?=$|  )": "green",
     r"\bcautions?\b": "yellow",
     r"do not use|\bcritical\b|Critical": "red",
     r"(?<=\[)[a-z][a-z0-9]*(-[a-z0-9]+)*(?=\])": "cyan",
     r"SIMULATED": "magenta",
 }
-"""What stands out on a terminal: whether to use a number, severities, codes of warnings, data that are simulated."""
 
 
 def complain(line: str) -> None:
-    """Print a line on standard error, where that can be."""
+    """Print a line on standard error, if possible."""
     try:
         print(line, file=sys.stderr, flush=True)
     except OSError:

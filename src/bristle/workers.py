@@ -1,4 +1,4 @@
-"""Work shared out among processes, with the same results, byte for byte, whatever their number."""
+"""Work shared among processes, with the same results, byte for byte, whatever their number."""
 
 import os
 import signal
@@ -10,46 +10,43 @@ from functools import partial
 from typing import Any
 
 Share = Callable[..., Iterable[Any]]
-"""Makes the parts of a work, as `map` does: what comes of them in the order of the parts. Among processes all parts begin
-at once, whoever waits for them; functions and parts must be picklable."""
-REPORT = (
+"""Does the parts of a work, as `map` does; among processes all at once. Functions and parts must be picklable."""
+REPORT = (  # modules that make a report
     "bristle.api.experiments",
     "bristle.questions.joint_report.report",
     "bristle.questions.compensation.report",
     "bristle.questions.explorer.page",
 )
-"""Modules that make a report."""
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 _interrupts = list[int]()
 
 
 def cores() -> int:
-    """Processes that the machine carries, or that this one may use of it."""
+    """Number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def threads() -> int:
-    """Threads that a part of the work may have: as many as there are cores, but one where processes share it already."""
+    """Number of threads of a part of the work: the cores, but one where processes share it already."""
     from multiprocessing import parent_process
 
     return 1 if parent_process() else cores()
 
 
 def pin() -> None:
-    """One thread for linear algebra, here where NumPy is not loaded yet and in processes that start: more help little, and may round otherwise."""
+    """Set one thread for linear algebra, here before NumPy is loaded, and in new processes: more round otherwise."""
     for name in _ONE_THREAD:
         os.environ.setdefault(name, "1")
 
 
 @contextmanager
 def sharing(workers: int, *modules: str) -> Iterator[Share]:
-    """What shares work out among so many processes: `map`, where that is fewer than two.
+    """A `Share` among so many processes: `map`, where that is fewer than two.
 
-    On Linux `modules` are loaded once for all processes, while the caller goes on. Where the work fails or is interrupted
-    the processes end at once, and they end where the caller is killed.
-
-    Raises OSError where a process is killed.
+    On Linux `modules` are loaded once for all processes, while the caller goes on. Where the work fails or is
+    interrupted the processes end at once, and they end where the caller is killed. Raises OSError where a process is
+    killed.
     """
     if workers < 2:
         yield map
@@ -63,7 +60,7 @@ def sharing(workers: int, *modules: str) -> Iterator[Share]:
         try:
             yield pool.map
         except BaseException as error:
-            # A worker may end in the middle of a message: with no writer left, who reads it sees the end and waits no longer.
+            # a worker may end in the middle of a message: without a writer its reader waits no longer
             pool._result_queue._writer.close()  # type: ignore[attr-defined]  # no public way to it
             # The pool's own thread may meet futures that were cancelled with the work, which nobody has to hear of.
             hook, threading.excepthook = threading.excepthook, lambda _: None
@@ -74,14 +71,13 @@ def sharing(workers: int, *modules: str) -> Iterator[Share]:
             finally:
                 threading.excepthook = hook
             if isinstance(error, BrokenProcessPool):
-                raise OSError(
-                    "a worker process was killed, perhaps for want of memory; take fewer --workers"
-                ) from error
+                why = "a worker process was killed, perhaps for want of memory"
+                raise OSError(f"{why}; take fewer --workers") from error
             raise
 
 
 def prepared(*modules: str) -> Any:
-    """How processes start: on Linux from one that begins now to load the modules (the sooner the better), elsewhere each anew."""
+    """The context of processes: on Linux forked from one that begins now to load the modules, elsewhere each anew."""
     from multiprocessing import forkserver, get_context, resource_tracker
 
     if sys.platform != "linux":
@@ -99,18 +95,18 @@ def prepared(*modules: str) -> Any:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Ctrl-C raises KeyboardInterrupt meanwhile, and once more at the next `heed` where somebody caught that, as a bare `except` does."""
+    """Ctrl-C raises KeyboardInterrupt meanwhile.
+
+    And once more at the next `heed` where somebody caught that, as a bare `except` does.
+    """
 
     def raise_it(*_: object) -> None:
-        """And remember it."""
         _interrupts.append(signal.SIGINT)
         raise KeyboardInterrupt
 
-    if (
-        signal.getsignal(signal.SIGINT) is not signal.default_int_handler
-        or threading.current_thread() is not threading.main_thread()
-    ):
-        yield  # somebody else's
+    own = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if not own or threading.current_thread() is not threading.main_thread():
+        yield
         return
     signal.signal(signal.SIGINT, raise_it)
     try:
@@ -121,14 +117,14 @@ def interruptible() -> Iterator[None]:
 
 
 def heed() -> None:
-    """Raise KeyboardInterrupt where there was one and the work went on all the same: asked before anything is written."""
+    """Raise KeyboardInterrupt where one was caught and the work went on; called before anything is written."""
     if _interrupts:
         raise KeyboardInterrupt
 
 
 @contextmanager
 def pinned() -> Iterator[None]:
-    """`pin` for the processes that begin meanwhile; the caller's environment is as it was afterwards."""
+    """`pin` for the processes that begin meanwhile; the caller's environment is restored."""
     new = [name for name in _ONE_THREAD if name not in os.environ]
     pin()
     try:
@@ -139,7 +135,7 @@ def pinned() -> Iterator[None]:
 
 
 def _begin() -> None:
-    """A worker leaves an interrupt to its parent, and ends with it."""
+    """Have a worker leave an interrupt to its parent, and end with it."""
     import gc
     from multiprocessing import parent_process
 
@@ -154,5 +150,5 @@ def _begin() -> None:
 
 
 def called(part: "partial[Any]") -> Any:
-    """What a part comes to that is a call by itself: `share(called, parts)`."""
+    """The result of a part that is a call: `share(called, parts)`."""
     return part()

@@ -15,14 +15,17 @@ from bristle.control.control_period import LoopOptions
 from bristle.identification.measured import measure
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout
-from bristle.questions.compensation import ablation, parameter_studies
+from bristle.questions.compensation import ablation, experiments
 from bristle.questions.compensation import ablation as trying
 from bristle.questions.compensation.ablation import SHARES, WAYS, AblationRow, ablate
-from bristle.questions.compensation.paper_experiments import Errors, adapted, errors, followed
-from bristle.questions.compensation.parameter_studies import (
+from bristle.questions.compensation.experiments import (
+    Errors,
+    adapted,
     band,
     compare_controllers,
     drifts,
+    errors,
+    followed,
     map_adaptation,
 )
 from bristle.questions.compensation.replay import Replay, replays
@@ -115,9 +118,9 @@ def test_adaptation_is_table_2_and_its_maps_hold_it(monkeypatch: pytest.MonkeyPa
     found = adapted(one_way(joint_loop(adaptation=plan)))
     assert [*found.runs] == ["not adapted", "partial", "partial-theta", "total"]
     # at the plan's own rate, amplitude and frequency both maps hold what the adaptation ends at; shapes are those of their axes
-    monkeypatch.setattr(parameter_studies, "GAMMAS", (20.0, 50.0, 5.0))
-    monkeypatch.setattr(parameter_studies, "FREQUENCIES", (2.0, 1.0))
-    monkeypatch.setattr(parameter_studies, "AMPLITUDES", (1.0, 0.5, 2.0))
+    monkeypatch.setattr(experiments, "GAMMAS", (20.0, 50.0, 5.0))
+    monkeypatch.setattr(experiments, "FREQUENCIES", (2.0, 1.0))
+    monkeypatch.setattr(experiments, "AMPLITUDES", (1.0, 0.5, 2.0))
     one = one_way(joint_loop(adaptation=Adaptation(gamma=(20.0, 10.0)), frequency=0.6, amplitude=0.8))
     found = map_adaptation(one)
     ends = [f.final for f in adapted(one).factors if f.law == "partial"]
@@ -132,7 +135,7 @@ def test_adaptation_is_table_2_and_its_maps_hold_it(monkeypatch: pytest.MonkeyPa
     monkeypatch.undo()
     # with rates of zero nothing moves, over the whole map
     for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
-        monkeypatch.setattr(parameter_studies, name, (1.0,))
+        monkeypatch.setattr(experiments, name, (1.0,))
     found = map_adaptation(joint_loop(adaptation=Adaptation(gamma=(0.0, 0.0))))
     np.testing.assert_array_equal(found.by_gamma.ravel(), [0.3, 0.5])
 
@@ -208,7 +211,7 @@ def test_a_parameter_of_zero_divides_nothing(monkeypatch: pytest.MonkeyPatch) ->
         assert all(np.isfinite(x.final) for x in rows.values())
     # whatever the law of the plan, its row of Table 2 ends where the map at the same rate does
     for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
-        monkeypatch.setattr(parameter_studies, name, (20.0,) if name == "GAMMAS" else (1.0,))
+        monkeypatch.setattr(experiments, name, (20.0,) if name == "GAMMAS" else (1.0,))
     for way in ("partial", "partial-theta", "total"):
         one = one_way(joint_loop(adaptation=Adaptation(law=way, gamma=(100.0, 100.0))))
         ends = [x.final for x in adapted(one).factors if x.law == way]
@@ -219,7 +222,7 @@ def test_a_parameter_of_zero_divides_nothing(monkeypatch: pytest.MonkeyPatch) ->
 def compensated() -> Study:
     with pytest.MonkeyPatch.context() as patch:
         for module, name, few in (
-            (parameter_studies, "GAMMAS", (20.0,)), (parameter_studies, "FREQUENCIES", (1.0,)), (parameter_studies, "AMPLITUDES", (1.0,)),
+            (experiments, "GAMMAS", (20.0,)), (experiments, "FREQUENCIES", (1.0,)), (experiments, "AMPLITUDES", (1.0,)),
             (ablation, "BITS", (20,)), (ablation, "DELAYS", (0,)), (ablation, "SHARES", (1.0,)),
         ):  # fmt: skip  # a table
             patch.setattr(module, name, few)

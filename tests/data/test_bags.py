@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from bristle.data.columns import Key
 from bristle.data.experiment.draft import DraftedRun, Told, draft_experiment
 from bristle.data.experiment.load import load_experiment, read_runs
+from bristle.data.ros.bag import open_bag
 from bristle.data.ros.read import bag_columns, joint_states, topics_of
-from bristle.data.ros.storage import open_bag
 from bristle.data.text_table import RawTable, read_table
 from bristle.errors import InputError
 

@@ -129,10 +129,10 @@ _BAD: dict[str, str] = {
     "gravity: {mass: 1 kg, centre: -1 m}": r"gravity\.centre: got '-1 m'; expected greater than 0",
     "{signals.torque: null, signals.velocity_command: {column: 1, unit: rad/s}}": r"runs\.0: .* needs motor\.kd",
     "{signals.torque: null, signals.velocity_command: {column: 1, unit: rad/s, delay: 1 ms}}": "velocity_command: got a delay; expected",
-    "motor: {kp: 20 +/- 1 N*m/rad, kd: 1 +/- 0.1 N*m*s/rad}": r"motor\.kd: got an error; expected it with kp",
+    "motor: {kp: 20 +/- 1 N*m/rad, kd: 1 +/- 0.1 N*m*s/rad}": r"motor\.kd: got an error; expected an error of kp alone",
     "signals.torque: {column: 1, unit: N*m, scale: 35 N*m/V}": "expected unit: V, of which this scale makes N",
     "signals.velocity: {column: 1, unit: Hz}": r"signals\.velocity: unit 'Hz' is not a unit of rad/s",
-    "signals.position: {column: 1, unit: counts}": "needs encoder_resolution",
+    "signals.position: {column: 1, unit: counts}": r"needs encoder_resolution \(--encoder-resolution\)",
     "signals.position: {column: 1, unit: rad, scale: 2 +/- 0.1}": (
         r"signals\.position: scale: got '2 \+/- 0\.1'; expected no error: only that of torque, voltage or current"
     ),
@@ -304,8 +304,9 @@ def test_drafts_of_usual_logs(tmp_path: Path) -> None:
     assert guessed == ("joint.kind: revolute, by the units",)
     # a position that jumps by a full turn in its unit is drafted with wraps, and comes back whole
     q = 3.0 * _T
-    for header, turn in (("t,q_rad,tau", 2 * np.pi), ("t,q_deg,tau", 360.0)):
-        _draft(_csv(tmp_path / "log.csv", header, _T, q * turn / (2 * np.pi) % turn, _TAU))
+    for header, turn in (("t,q_rad,tau", 2 * np.pi), ("t,q_deg,tau", 360.0), ("t,enc_ticks,tau", 1e9)):
+        log = _csv(tmp_path / "log.csv", header, _T, q * turn / (2 * np.pi) % turn, _TAU)
+        _draft(log, encoder_resolution="1e9 counts/rev" if turn == 1e9 else None)
         record = read_runs(_load(tmp_path))[0].record
         np.testing.assert_allclose(np.diff(present(record.position)), np.diff(q), atol=1e-9)
     # velocity and force alone are taken for points of a prismatic joint, and that is said

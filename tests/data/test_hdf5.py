@@ -72,7 +72,7 @@ _REFUSED: dict[Key, str] = {
     Key("lists"): "holds no plain numbers", Key("references"): "holds no plain numbers",
     Key("complex"): "holds no plain numbers, but values of type complex128",
     Key("away"): "is behind a link to another file", Key("soft_away"): "is behind a link to another file",
-    Key("circle"): "links in a circle", Key("outside"): "is stored in other files; copy the data into the file",
+    Key("circle"): "too many links", Key("outside"): "is stored in other files; copy the data into the file",
     Key("virtual"): "is stored in other files", Key("huge"): "holds 1e+12 numbers, over the limit of 200000000",
     Key("chunky"): "has chunks of over 268435456 bytes",
     Key("foreign"): "is packed by filter 32015; expected one of gzip, ", Key("/"): "is not a path",

@@ -30,8 +30,8 @@ from bristle.model.parameters import Lugre, Pair, ParameterName, least_of, lugre
 from bristle.model.printing import Term
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
-from bristle.questions.compensation.paper_experiments import LONG, SETTLE, SHORT
-from bristle.questions.explorer import engine, javascript
+from bristle.questions.compensation.experiments import LONG, SETTLE, SHORT
+from bristle.questions.explorer import engine
 from bristle.questions.explorer.data import explored, ranges
 from bristle.questions.explorer.page import Explorer, explorer
 from bristle.simulation import edro
@@ -87,13 +87,13 @@ def floats(values: object) -> Array:
 def printed_functions(node: Node, printed: Sequence[ca.Function]) -> str:
     """A module whose `each` evaluates the function of that number for every sample of its inputs; its path."""
     names = [f"f{k}" for k in range(len(printed))]
-    texts = [javascript.printed(f, name) for f, name in zip(printed, names, strict=True)]
+    texts = [engine.printed(f, name) for f, name in zip(printed, names, strict=True)]
     each = (
         "exports.each = (k, size, ...columns) => columns[0].map((_, i) => {\n"
         "  const out = new Float64Array(size), value = all[k](...columns.map((x) => x[i]), out);\n"
         "  return size === 1 ? [value] : out;\n});\n"
     )
-    return node.module(javascript.HELPERS + "".join(texts) + f"const all = [{', '.join(names)}];\n" + each)
+    return node.module(engine.HELPERS + "".join(texts) + f"const all = [{', '.join(names)}];\n" + each)
 
 
 def test_operations_are_casadis_and_numpys(node: Node) -> None:
@@ -111,7 +111,7 @@ def test_operations_are_casadis_and_numpys(node: Node) -> None:
         theirs = f.map(VALUES.size).call([ca.DM(c).T for c in columns[: f.n_in()]])[0].full().T
         np.testing.assert_allclose(floats(answer), theirs, rtol=1e-13, atol=1e-15)
     with pytest.raises(ValueError, match="no JavaScript counterpart"):
-        javascript.printed(ca.Function("f", [x], [ca.erf(x)]), "f")
+        engine.printed(ca.Function("f", [x], [ca.erf(x)]), "f")
     # a vector is read by its elements, outputs follow one another, a zero without an instruction is written, and constants are exact
     x, q = ca.SX.sym("x"), ca.SX.sym("q", 3)
     zero = ca.SX(2, 1)
@@ -124,7 +124,7 @@ def test_operations_are_casadis_and_numpys(node: Node) -> None:
     lacking = []
     for code in OPERATIONS:
         try:
-            javascript.operation(code, [Term("x"), Term("y")])
+            engine.operation(code, [Term("x"), Term("y")])
         except KeyError:
             lacking.append(code)
     assert lacking == [ca.OP_ERF]

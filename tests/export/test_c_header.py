@@ -19,11 +19,10 @@ from bristle.model import functions, law
 from bristle.model.laws.parts import Law
 from bristle.model.parameters import Lugre
 from bristle.questions.export import c_code
-from bristle.questions.export.artefact import Request
 from bristle.questions.export.c_header import TARGET, header, kind_of, python_torque
 from bristle.questions.export.c_numbers import identifier, ranges
 from bristle.questions.export.c_step import printed_step
-from bristle.questions.export.export import export_joints
+from bristle.questions.export.export import Request, export_joints
 from bristle.questions.export.exported import ExportedJoint
 from bristle.simulation import edro
 from export_checks import check

@@ -23,8 +23,7 @@ from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.known_joint import chosen
 from bristle.identification.verdict import Trust
 from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName, Stribeck, unit
-from bristle.questions.export.artefact import Request
-from bristle.questions.export.export import TARGETS, export_joints, target
+from bristle.questions.export.export import TARGETS, Request, export_joints, target
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter, Origin, exported
 from bristle.questions.export.json_document import as_json, export_schema, joints_in, read_export, write_json
 from bristle.questions.export.latex import latex_text, write_latex
@@ -183,7 +182,7 @@ def test_an_artefact_says_where_its_numbers_are_from(to: str, handed: Handed) ->
     content = artefact.content
     if to == "fmu":
         with zipfile.ZipFile(BytesIO(content)) as archive:
-            content = archive.read("documentation/index.html")
+            content = archive.read("sources/joint.h")
     text = re.sub(r"\s+(\* )?", " ", content.decode())
     said = [
         "identified by bristle 0", "sha256 " + "0" * 64, "experiment: edro.yaml, 1 logs", "SIMULATED", "ASSUMED",

@@ -22,9 +22,8 @@ from bristle.model.laws import registry
 from bristle.model.laws.parts import FASTEST, Law, OwnParameter, Peak, ViscousTerm
 from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.model.vectorize import evaluate
-from bristle.questions.export import c_header, export, fmu, isaac, mjcf
-from bristle.questions.export.artefact import Request, equations
-from bristle.questions.export.export import TARGETS
+from bristle.questions.export import c_header, coulomb_viscous, export, fmu, mjcf
+from bristle.questions.export.export import TARGETS, Request, equations
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.json_document import joints_in, read_export, write_json
 from bristle.questions.export.latex import write_latex
@@ -315,7 +314,7 @@ def test_cogging_and_load_in_mujoco_and_elsewhere(cogs: ExportedJoint, handed: H
         (fmu.TARGET, True),
         (mjcf.TARGET, True),
         (mjcf.FRICTIONLOSS, False),
-        (isaac.TARGET, False),
+        (coulomb_viscous.ISAAC, False),
     ):
         artefact = target.write([rippled], Request())
         left = [x.numbers["names"] for x in artefact.said if x.code == "export-leaves-out"]

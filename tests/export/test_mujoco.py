@@ -13,7 +13,7 @@ from bristle.model import law
 from bristle.model.parameters import Lugre
 from bristle.mujoco import Friction
 from bristle.questions.export import mjcf
-from bristle.questions.export.artefact import ExportTarget, Request
+from bristle.questions.export.export import ExportTarget, Request
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import all_motions, best_symmetric, losses, lugre
 from export_checks import check

@@ -14,12 +14,12 @@ import pytest
 
 from bristle.errors import InputError
 from bristle.model.parameters import unit
-from bristle.questions.export.artefact import Request
 from bristle.questions.export.axes import SDF as SDF_TARGET
 from bristle.questions.export.axes import URDF as URDF_TARGET
+from bristle.questions.export.coulomb_viscous import ISAAC as ISAAC_TARGET
 from bristle.questions.export.coulomb_viscous import best_values
+from bristle.questions.export.export import Request
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.isaac import TARGET as ISAAC_TARGET
 from bristle.questions.export.loss import along, coulomb_viscous, friction_of
 from export_checks.axes import check_sdf, check_urdf
 from export_checks.common import NotInstalled, compared

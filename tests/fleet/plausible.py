@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.questions.fleet.findings import Findings
-from bristle.questions.fleet.notes import headline
+from bristle.questions.fleet.findings import Findings, headline
 
 HOSTILE = "</script><img src=x onerror=\"document.title='run'\"><!-- {{ 7*7 }} \\u003c"
 """A unit's name that ends a script, loads an image and opens a comment."""

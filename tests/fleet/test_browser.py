@@ -20,7 +20,7 @@ def found() -> Findings:
 def folder(found: Findings, tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("bristle.questions.fleet.report._DRAWN", 2)
-        return report(found, "out").write(tmp_path_factory.mktemp("fleet") / "page").parent
+        return report(found).write(tmp_path_factory.mktemp("fleet") / "page").parent
 
 
 class Opened:

@@ -16,14 +16,13 @@ from bristle.page.page import Drawing, drawn
 from bristle.page.report import Report
 from bristle.questions.fleet import figures, tables
 from bristle.questions.fleet import report as reports
-from bristle.questions.fleet.findings import Findings, findings
-from bristle.questions.fleet.notes import headline
+from bristle.questions.fleet.findings import Findings, findings, headline
 from bristle.questions.fleet.report import report
 from bristle.questions.fleet.tables import change, day, estimate, probability, totals
 from simulated_fleet import FleetDesign, fleet_estimates, fleet_truth
 
 from ..pages import Elements, assert_tables_are_named, page_text
-from .plausible import EXOTIC, HOSTILE, empty, plausible
+from .plausible import HOSTILE, empty, plausible
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +32,7 @@ def found() -> Findings:
 
 @pytest.fixture(scope="module")
 def folder(found: Findings, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return report(found, "out put").write(tmp_path_factory.mktemp("fleet") / "page").parent
+    return report(found).write(tmp_path_factory.mktemp("fleet") / "page").parent
 
 
 def table_rows(page: str, title: str) -> list[list[str]]:
@@ -53,7 +52,7 @@ def test_hostile_names_and_quality_on_pages(folder: Path, tmp_path: Path, found:
     assert [row[1] for row in rows if "&lt;img" in row[1]]
     assert next(row[2] for row in rows if "Zelle" in row[2]).endswith("手首")
     # written again every file is the same
-    again = report(plausible(units=8, failed=45), "out put").write(tmp_path / "page").parent
+    again = report(plausible(units=8, failed=45)).write(tmp_path / "page").parent
     files = [{x.relative_to(top): x.read_bytes() for x in top.rglob("*") if x.is_file()} for top in (folder, again)]
     assert files[0] == files[1]
     # the figure has cautions, critical warnings and failures, no notes; the table has all, with their entries
@@ -139,34 +138,11 @@ def test_a_joint_is_drawn_as_it_was_found(found: Findings, folder: Path) -> None
     assert all(np.isfinite(ax.get_ylim()).all() for ax in figure.axes)
 
 
-def test_commands_and_links_of_reports(found: Findings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file or folder that begins with a hyphen gets ./ before it, one with a quote stays one word; behind a URL there is none."""
-    joints = pd.DataFrame({"unit": ["a"], "joint": ["b"], "latest": [pd.NaT], "file": ["--it's; rm x.yaml"]})
-    (command,) = tables.report_commands(joints, "-out/").values()
-    assert command == "bristle report './--it'\"'\"'s; rm x.yaml' -o ./-out/reports/a-b"
-    (command,) = tables.report_commands(joints.assign(file="x.yaml"), "/out", "the logs").values()
-    assert command == "bristle report 'the logs/x.yaml' -o /out/reports/a-b"
-    assert tables.report_commands(joints.assign(file="s3://logs/x.yaml"), "out") == {}
-    # a robot's joints, measured in one file, have one folder, named by the robot; two robots that are called alike have two
-    rows = [("R 1", "J1", "r.yaml"), ("R 1", "J2", "r.yaml"), ("R-1", "J1", "s.yaml"), ("R 1", "J3", "t.yaml")]
-    joints = pd.DataFrame(rows, columns=["unit", "joint", "file"]).assign(latest=pd.Timestamp("2026-05-04 08:30"))
-    folders = tables.report_folders(joints)
-    assert folders["R 1", "J1"] == folders["R 1", "J2"] == "r-1-2026-05-04-0830"
-    assert folders["R 1", "J3"] == "r-1-j3-2026-05-04-0830"
-    assert folders["R-1", "J1"] == "r-1-j1-2026-05-04-0830"
-    # each joint has the command that makes its report in a shell, and a link once the report stands below the page
-    folders = tables.report_folders(found.joints)
-    assert len(set(folders.values())) == len(found.joints)
-    slug = folders["robot-006", EXOTIC]
-    assert re.fullmatch(r"[a-z0-9-]+-2026-07-20-0800", slug)
-    rows = table_rows(report(found, str(tmp_path), "/logs").html(), "Joints, by rank")
+def test_tables_and_figures_have_caps(found: Findings, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each joint has the file of its latest session."""
+    rows = table_rows(report(found).html(), "Joints, by rank")
     (said,) = [row[-1] for row in rows if row[1] == "robot-006" and "Zelle" in row[2]]
-    assert said == f"bristle report &#39;/logs/logs/0010 ü.yaml&#39; -o {tmp_path}/reports/{slug}"
-    (tmp_path / "reports" / slug).mkdir(parents=True)
-    (tmp_path / "reports" / slug / "index.html").write_text("a report", encoding="utf-8")
-    rows = table_rows(report(found, str(tmp_path)).html(), "Joints, by rank")
-    links = [row[-1] for row in rows if not row[-1].startswith("bristle report")]
-    assert links == [f'<a href="reports/{slug}/index.html">report</a>']
+    assert said == "logs/0010 ü.yaml"
     # beyond the caps tables and figures hold the first ranks, the page says so, and the CSV files are whole
     monkeypatch.setattr(tables, "MOST", 12)
     monkeypatch.setattr(reports, "_DRAWN", 2)
@@ -214,9 +190,9 @@ def test_pages_of_nothing_and_of_a_large_fleet(tmp_path: Path, monkeypatch: pyte
     (types,) = [x.table for x in made.pages[0].sections if x.title == "Types"]
     assert types is not None
     assert len(types.cells.rows) == len(found.types) == 16
-    # 1200 joints, 8 parameters and directions, 40 sessions, with commands; a figure of 4 parameters in 10 000 sessions
+    # 1200 joints, 8 parameters and directions, 40 sessions; a figure of 4 parameters in 10 000 sessions
     monkeypatch.setattr(reports, "_DRAWN", 1)
-    large = report(plausible(200, 6, 40, ("alpha_0", "alpha_1", "alpha_2", "v_s"), failed=3000), "reports/plant")
+    large = report(plausible(200, 6, 40, ("alpha_0", "alpha_1", "alpha_2", "v_s"), failed=3000))
     assert len(large.html()) <= 1.5e6
     for page in large.pages:
         assert len(Report(large.title, page.sections, about="").html()) <= 1.5e6

@@ -67,7 +67,7 @@ def told(
     fit = Fitted(
         known, rest - known @ np.linalg.lstsq(known, rest)[0], np.full(2, 1e-6), np.ones(2, dtype=bool), friction
     )
-    return explained(fit, candidates(velocity, time, position, parameters, kind)).findings
+    return explained(fit, candidates(velocity, time, position, parameters, kind, 1)).findings
 
 
 def test_planted_trends_ripples_and_terms_are_told() -> None:
@@ -138,7 +138,7 @@ def test_what_is_planted_is_told_with_its_size() -> None:
         rest = noise + 0.05 * shape
         rest = rest - known @ np.linalg.lstsq(known, rest)[0]
         fit = Fitted(known, rest, np.full(2, 0.1), np.ones(2, dtype=bool), 1.0)
-        found, *_ = explained(fit, candidates(velocity, EMPTY, position, (), "revolute")).findings
+        found, *_ = explained(fit, candidates(velocity, EMPTY, position, (), "revolute", 1)).findings
         told_as[found.code] = found.severity
     assert told_as == {"residual-ripple": NOTE, "directions-differ": CAUTION}
 

@@ -5,6 +5,8 @@ import pytest
 
 import bristle
 from bristle.arrays import Array
+from bristle.data.differentiation import smoothed, without_noise_at_rest
+from bristle.data.record import Record
 from bristle.findings import NOTE, Finding
 from bristle.identification.curve import LEAST, known_curve, slowest_shown
 from bristle.identification.fits import Estimate, TrackingFit
@@ -289,3 +291,20 @@ def test_strokes_that_show_no_peak(tmp_path: Path) -> None:
     true = TRUTH.alpha_0 + TRUTH.alpha_1 * np.exp(-((speed / TRUTH.v_s) ** 2)) + TRUTH.alpha_2 * speed
     assert np.abs(found) == pytest.approx([true, true], rel=0.02)
     assert verdict(joint).trust is Trust.USE
+
+
+def test_the_noise_of_a_logged_velocity_bends_no_bristle_at_rest(tmp_path: Path) -> None:
+    """Between velocities a drive rests under torque: the velocity's noise is set to zero there, and friction is found within its errors."""
+    rise, rest = np.linspace(0, 1, 60), np.zeros(80)
+    shape = np.concatenate([rise, np.ones(160), rise[::-1], rest])
+    v = np.concatenate([s * x * shape for x in (0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0) for s in (1, -1)])
+    t = np.arange(v.size) / 200
+    torque = bristle.simulate(v, 1 / 200, TRUTH) + INERTIA * np.gradient(v, t) + white(v.size, 0.02)
+    noisy = v + white(v.size, 0.004, 1)
+    record = Record(file="log.csv", time=t)
+    still = without_noise_at_rest(record, noisy, smoothed(record, noisy, 25.0), 25.0)
+    assert (still[noisy != still] == 0.0).all()
+    assert (v[noisy != still] == 0.0).mean() > 0.9
+    joint = drafted(written(tmp_path / "log.csv", **{"t [s]": t, "v [rad/s]": noisy, "T [Nm]": torque}))
+    assert verdict(joint).trust is Trust.USE
+    near(joint, 3.0, alpha_0=TRUTH.alpha_0, alpha_1=TRUTH.alpha_1, alpha_2=TRUTH.alpha_2, inertia=INERTIA)

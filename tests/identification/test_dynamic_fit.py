@@ -19,7 +19,7 @@ from bristle.identification.dynamic.descent import fit, solve_dynamic
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Prior, dynamic_problem, residuals
-from bristle.identification.dynamic.what_is_left import pattern_left
+from bristle.identification.dynamic.residual_analysis import pattern_left
 from bristle.identification.fits import TrackingFit
 from bristle.identification.moving_runs import moved_in
 from bristle.identification.shared_findings import NOT_IDENTIFIABLE

@@ -11,17 +11,18 @@ from bristle.data import bandwidth
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.errors import InputError
+from bristle.identification.curve import friction_of, friction_points
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.identify import identify_joint
+from bristle.identification.known_joint import as_identified
 from bristle.identification.measured import measure
 from bristle.identification.moving_runs import decimator, longest_decimation
 from bristle.identification.static.crosscheck import full_fit
-from bristle.identification.static.fit import PointInfo, beside_moving, fit_static
+from bristle.identification.static.fit import PointInfo, fit_static, reconcile_static
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import from_records, with_prior
 from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout
-from bristle.questions.joint_report.static_figures import curves_to_use
 
 from ..conftest import present
 from ..names import parse
@@ -131,16 +132,16 @@ def test_filters_hold_outs_and_poorer_laws_of_moving_runs() -> None:
     lugre = fitted(posed(run, decimation=5))
     problem, _, _ = from_records([run], ("both",), ("inertia",), 5)
     static, _ = fit_static(problem, FitOptions(), "revolute", PointInfo())
-    fit = beside_moving(static, lugre)["both"]
+    fit = reconcile_static(static, lugre)["both"]
     assert fit.outcome.code == "static-superseded"
     assert fit.outcome.numbers["other"] == lugre.relative_error
     assert fit.parameters == static["both"].parameters
     assert fit.warnings == ()
     alpha_0 = lugre.parameters[parse("alpha_0")]
     blind = replace(lugre, parameters={parse("alpha_0"): replace(alpha_0, value=None)})
-    assert beside_moving(static, blind) == beside_moving(static, None) == static
+    assert reconcile_static(static, blind) == reconcile_static(static, None) == static
     nothing = {"both": replace(static["both"], relative_error=None)}
-    assert beside_moving(nothing, lugre) == nothing
+    assert reconcile_static(nothing, lugre) == nothing
 
 
 @pytest.mark.parametrize("samples", [5, 37, 100, 368, 369, 10_000])
@@ -179,8 +180,11 @@ def test_a_short_run_is_fitted_with_what_it_has(tmp_path: Path) -> None:
         fit = present(joint.moving)
         told = [w for w in fit.warnings if w.code == "shape-held"]
         assert [f"{w.numbers['value']:.3g}" for w in told] == said
-        (p,) = curves_to_use(joint).values()
-        assert p.alpha_0 == fit.known[parse("alpha_0")]
+        # the report draws the values to use, and beside them friction along the motion, which the law explains
+        (shown,) = friction_points(joint)
+        left = shown.torque - friction_of(as_identified(joint), shown.velocity)
+        assert shown.velocity.size == fit.n
+        assert np.median(np.abs(left)) < 0.02 * np.median(np.abs(shown.torque))
     # a run of which rows are lost is fitted by the stretches that its filter fits into, the others counted, and finds the friction
     file = moving_file(tmp_path)
     rows = np.loadtxt(tmp_path / "long.csv", delimiter=",", skiprows=1)

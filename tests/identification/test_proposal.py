@@ -20,6 +20,7 @@ from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import from_points, from_records
 from bristle.identification.static.set_up import BetterSetUp, SetUp, trial_of_motion, trial_of_points
 from bristle.identification.static.solution import solve_static
+from bristle.identification.verdict import Trust, verdict
 from bristle.model.parameters import SIGNED, Direction, Lugre, Pair
 
 from ..conftest import present
@@ -89,6 +90,25 @@ def test_directions_are_chosen_by_the_fit(tmp_path: Path, apart: float, which: s
     overruled = bristle.identify(tmp_path / "other.yaml").joint()
     assert overruled.settings["directions"] == other
     assert "chosen directions" not in overruled.settings
+
+
+def test_a_stage_with_two_frictions_has_no_gravity(tmp_path: Path) -> None:
+    """Gravity of a joint that slides is a constant: two frictions are told as such, and not as sine and cosine of its way in metres."""
+    rise = np.linspace(0, 1, 25)
+    shape = np.concatenate([rise, np.ones(500), rise[::-1], np.zeros(75)])
+    v = np.concatenate([s * x * shape for x in np.geomspace(0.005, 0.25, 7) for s in (1, -1)])
+    sides = Lugre(11.5, 3.5, 48.0, 0.012, 1.0, 0.0), Lugre(9.0, 3.0, 41.0, 0.012, 1.0, 0.0)
+    T = np.where(v > 0, curve(v, sides[0]), curve(v, sides[1])) + 0.4 * np.random.default_rng(0).standard_normal(v.size)
+    t = np.arange(v.size) / RATE
+    log = written(tmp_path / "stage.csv", "t [s],pos [mm],force [N]", t, 1e3 * np.cumsum(v) / RATE, T)
+    text, _ = api.draft(log, folder=tmp_path)
+    assert "fit: {directions: auto}" in text
+    (tmp_path / "stage.yaml").write_text(text)
+    joint = api.identify(tmp_path / "stage.yaml").joint()
+    assert verdict(joint).trust is Trust.USE
+    for d, truth in zip(SIGNED, sides, strict=True):
+        low, high = joint.static[d].parameters["alpha_0"].interval or (0.0, 0.0)
+        assert low < truth.alpha_0 < high < 1.05 * low
 
 
 @pytest.mark.slow

@@ -17,9 +17,9 @@ from bristle.data.record import Record
 from bristle.findings import CAUTION, CRITICAL, Finding
 from bristle.identification.fits import Presliding
 from bristle.identification.results import Accuracy, Joint
-from bristle.page.entries import by_code
 from bristle.page.page import save_figure, symbol_html
 from bristle.page.report import Cell
+from bristle.page.said import by_code
 from bristle.page.style import inline, render_as, styled
 from bristle.page.wording import METHODS
 from bristle.questions.joint_report import figures, static_figures
@@ -234,7 +234,7 @@ def test_sections_and_warnings_stand_in_their_place(joint: Joint, tmp_path: Path
     assert "-presliding" not in text
     assert not re.search(r"rotation-{1,2}tracking", text)
     assert {p.name for p in (tmp_path / "figures").glob("*.svg")} == {
-        "fig1-stribeck.svg", "gripper-rotation-curve.svg", "gripper-rotation-profile.svg", "gripper-rotation-residuals.svg",
+        "paper-fig1-stribeck.svg", "gripper-rotation-curve.svg", "gripper-rotation-profile.svg", "gripper-rotation-residuals.svg",
         "gripper-rotation-small.svg",
     }  # fmt: skip  # a list of names
     assert "From static and slow runs alone" not in sections_of(joint, "joints.html")

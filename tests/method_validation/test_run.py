@@ -20,7 +20,7 @@ from bristle.identification.static import grid as static
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.profiles import profiled
 from bristle.model.parameters import Kind
-from bristle.questions.method_validation import figures
+from bristle.questions.method_validation import report as figures
 from bristle.questions.method_validation import run as running
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.cases import MOST_POINTS, joint_cases, sweep
@@ -33,7 +33,7 @@ from bristle.questions.method_validation.results import (
     RandomStarts,
     Validation,
 )
-from bristle.questions.method_validation.run import POLISHED, REFINED, RESOLUTIONS, covers_truth, spread, validate
+from bristle.questions.method_validation.run import POLISHED, REFINED, covers_truth, spread, validate
 from bristle.questions.method_validation.solvers import ValidationCase, case_names
 from bristle.questions.method_validation.verdict import overall, verdict
 from bristle.simulation import edro
@@ -439,10 +439,8 @@ def test_the_page_holds_verdict_tables_and_figures(validation: Validation, tmp_p
     assert "SIMULATED data." in page
     assert "nan" not in page.lower().replace("resonan", "")
     frames = {p.stem: pd.read_csv(p) for p in (tmp_path / "out" / "tables").iterdir()}
-    assert set(frames) == {"cases", "methods", "coverage", "resolution"}
-    assert len(frames["methods"]) == sum(len(one.methods) for one in validation.cases) * len(NAMES)
+    assert set(frames) == {"cases", "coverage"}
     assert len(frames["cases"]) == 3
-    assert len(frames["resolution"]) == 3 * len(RESOLUTIONS)
     assert frames["cases"]["ipopt_lead"].max() <= SAME_COST
     suffixes = sorted(p.suffix for p in (tmp_path / "out" / "figures").iterdir())
     assert suffixes == [".csv"] * 6 + [".png"] * 6 + [".svg"] * 6

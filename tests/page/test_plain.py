@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.page.entries import by_code, entries, entries_linked, explanation, flagged, warned
 from bristle.page.plain import WIDTH, columns, interval, pair, wrapped
+from bristle.page.said import by_code, entries, entries_linked, explanation, flagged, warned
 from bristle.page.wording import in_percent, in_print, in_symbols, number
 
 from ..conftest import run

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 
 from bristle.errors import InputError
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
-from bristle.page.columns import to_csv
 from bristle.page.figure_data import csv_of
 from bristle.page.page import Drawing
+from bristle.page.plain import to_csv
 from bristle.page.report import Answer, Answered, Cell, Page, Report, Section, Table
 from bristle.page.said import Link, Mark, with_places
 
@@ -267,7 +267,7 @@ def test_the_data_of_bars_maps_and_tables() -> None:
     lines = [(p.name, line) for p in SOURCE.rglob("*.py") for line in p.read_text(encoding="utf-8").splitlines()]
     code = [(name, line) for name, line in lines if not line.strip().startswith(">>>")]  # examples are a user's
     found = {name for name, line in code if any(x in line for x in writers)}
-    assert sorted(found) == ["columns.py"]
+    assert sorted(found) == ["plain.py"]
 
 
 SOURCE = Path(__file__).parents[2] / "src" / "bristle"

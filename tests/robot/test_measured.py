@@ -24,7 +24,7 @@ from .arms import NAMES, NO_PINOCCHIO, SIGNALS, document, load_robot, write
 
 pytest.importorskip("pinocchio", reason=NO_PINOCCHIO)
 SEED = 7
-PLAIN = {"fit": {"position_cutoff": "20 Hz", "decimation": 6, "model": "coulomb-viscous"}}
+PLAIN = {"fit": {"position_cutoff": "20 Hz", "decimation": 6, "law": "coulomb-viscous"}}
 """Without a Stribeck term, which takes most of the time and which these tests do not ask for."""
 
 

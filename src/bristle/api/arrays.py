@@ -1,19 +1,26 @@
-"""The array API, for notebooks: what `identify` does for files."""
+"""The array API, for notebooks: `identify` for arrays in place of files."""
 
+import hashlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bristle.arrays import Array, as_floats
-from bristle.data.experiment.arrays import run_of_arrays, seconds, together
-from bristle.data.experiment.load import Experiment, Run
+from bristle.data.columns import Key
+from bristle.data.experiment.load import Experiment, Run, run_of_table
+from bristle.data.experiment.schema import JointDescription, RunKind
+from bristle.data.experiment.signals import Context
+from bristle.data.experiment.yaml_file import validate
+from bristle.data.text_table import RawTable
 from bristle.errors import InputError, short, short_list
 from bristle.identification.curve import curve
 from bristle.identification.identify import identify_joint
 from bristle.identification.known_joint import known_joint
 from bristle.identification.measured import measured_of
-from bristle.model.parameters import SIGNED, Kind, Lugre, Pair, fields_of, lugre_of
+from bristle.model.parameters import SIGNED, Kind, Lugre, Pair, fields_of, lugre_of, unit
 from bristle.model.rollout import rollout
 from bristle.questions.array_fit.fit import Fit, Stage
 
@@ -33,7 +40,7 @@ def fit(
     kind: Kind = "revolute",
     **options: Any,
 ) -> Fit:
-    """Coulomb, Stribeck and viscous friction (9) from points of velocity and torque: what `identify` gives for a file of them.
+    """Coulomb, Stribeck and viscous friction (9) from points of velocity and torque, as `identify` finds it in a file.
 
     >>> import bristle
     >>> v = [-1.0, -0.6, -0.3, -0.15, -0.08, -0.04, -0.02, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0]
@@ -45,7 +52,7 @@ def fit(
     array([0.039])
 
     Args:
-        data: velocities, rad/s (m/s where prismatic), (n,); or a data frame, whose columns `velocity`, `torque` and `position` name.
+        data: velocities, rad/s (m/s where prismatic), (n,); or a data frame, whose columns the next arguments name.
         torque: of the drive, positive along positive velocity, N*m (N), (n,).
         velocity: the column of a data frame.
         position: rad (m), (n,), where gravity is among the regressors.
@@ -64,7 +71,7 @@ def fit(
         raise InputError("velocity: names a column of a data frame; got arrays, of which the first is the velocity")
     if signals["torque"] is None:
         raise InputError("torque: missing; give n torques beside n velocities, or name the column of a data frame")
-    return _fitted("static", run_of_arrays("points", signals, units or {}, kind, options))
+    return _fitted("static", _run_of("points", signals, units or {}, kind, options))
 
 
 def find_segments(
@@ -76,7 +83,7 @@ def find_segments(
     units: Mapping[str, str] | None = None,
     kind: Kind = "revolute",
 ) -> "pd.DataFrame":
-    """The stretches of a run at constant velocity, each a point for `fit`: those that are kept and those that are not, with the reasons.
+    """The stretches of a run at constant velocity, each a point for `fit`, accepted or rejected with the reasons.
 
     >>> import bristle, numpy as np
     >>> t = np.arange(0, 12, 0.002)
@@ -97,7 +104,7 @@ def find_segments(
     Returns a row for each stretch: velocity, torque, its standard error, accepted, reasons, warnings, and its samples from
     `start` to before `stop`. Raises InputError in one sentence where an array is not n finite numbers.
     """
-    experiment, run = run_of_arrays("ramp", _signals(t, position, torque, velocity), units or {}, kind, {})
+    experiment, run = _run_of("ramp", _signals(t, position, torque, velocity), units or {}, kind, {})
     return measured_of(experiment, (run,)).to_frame().drop(columns="file")
 
 
@@ -136,7 +143,7 @@ def fit_presliding(
     """
     others = [] if breakaway is None else [breakaway]
     signals = _signals(t, position, torque, None)
-    own = run_of_arrays("presliding", signals, units or {}, kind, {**_options_of(others), **options})
+    own = _run_of("presliding", signals, units or {}, kind, {**_options_of(others), **options})
     return _fitted("presliding", own, others)
 
 
@@ -184,12 +191,11 @@ def fit_dynamic(
     """
     priors = [priors] if isinstance(priors, Fit) else priors
     if not all(isinstance(x, Fit) for x in priors):
-        raise InputError(
-            f"priors: got {short(priors)}; expected what fit, fit_presliding or fit_dynamic gave, in a list"
-        )
+        expected = "what fit, fit_presliding or fit_dynamic gave, in a list"
+        raise InputError(f"priors: got {short(priors)}; expected {expected}")
     signals = _signals(t, position, torque, velocity)
     known = {} if inertia is None else {"inertia": inertia}
-    own = run_of_arrays("tracking", signals, units or {}, kind, {**_options_of(priors), **options}, **known)
+    own = _run_of("tracking", signals, units or {}, kind, {**_options_of(priors), **options}, **known)
     return _fitted("dynamic", own, priors, uncertainty=uncertainty)
 
 
@@ -218,7 +224,7 @@ def friction(velocity: "ArrayLike", of: Fit | Lugre[float]) -> Array:
 
 
 def simulate(velocity: "ArrayLike", dt: float, of: Fit | Lugre[float] | Pair[float]) -> Array:
-    """Friction torque (3)-(5), N*m, (n,), along a velocity, rad/s, (n,), with samples `dt` s apart, the bristle bent as in steady sliding at first.
+    """Friction torque (3)-(5), N*m, (n,), along a velocity, rad/s, (n,), sampled each `dt` s, from steady sliding on.
 
     >>> import bristle, numpy as np
     >>> law = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0=6.0, sigma_1=0.02)
@@ -237,10 +243,8 @@ def simulate(velocity: "ArrayLike", dt: float, of: Fit | Lugre[float] | Pair[flo
         for d in SIGNED:
             names = known.missing(d)
             if not known.has_law(d) or "sigma_0" in names or "sigma_1" in names:
-                what = ", ".join(names) or "friction vs velocity"
-                raise InputError(
-                    f"simulate: {what} of direction {d} is not known; fit a motion that shows it, or give a Lugre"
-                )
+                what = f"{', '.join(names) or 'friction vs velocity'} of direction {d}"
+                raise InputError(f"simulate: {what} is not known; fit a motion that shows it, or give a Lugre")
         make = lugre_of(known.law)
         of = Pair(*(make(*(known.values(d)[name] for name in fields_of(known.law))) for d in SIGNED))
     v = as_floats(velocity)
@@ -252,30 +256,137 @@ def simulate(velocity: "ArrayLike", dt: float, of: Fit | Lugre[float] | Pair[flo
 
 
 def _signals(t: Any, position: Any, torque: Any, velocity: Any) -> dict[str, Any]:
-    """By name. Raises InputError where there is no time."""
-    time = seconds(position) if t is None else t
+    """Signals by name. Raises InputError where there is no time."""
+    time = _seconds(position) if t is None else t
     if time is None:
         raise InputError("t: missing; give n times, or a series whose index is the time as position")
     return {"time": time, "position": position, "velocity": velocity, "torque": torque}
 
 
 def _options_of(others: Sequence[Fit]) -> dict[str, Any]:
-    """The directions and the law of the first of other fits of the same joint, taken where none are asked for."""
+    """Directions and law of the first of other fits of the same joint, unless others are asked for."""
     return others[0].measured.experiment.fit.model_dump(include={"directions", "law"}) if others else {}
 
 
 def _fitted(stage: Stage, own: tuple[Experiment, Run], others: Sequence[Fit] = (), *, uncertainty: bool = False) -> Fit:
-    """What a run and those of other fits give together, as one experiment."""
+    """The fit of a run together with those of other fits, as one experiment."""
     experiment, run = own
-    runs = together((experiment, (run,)), *((x.measured.experiment, x.measured.runs) for x in others))
+    runs = _together((experiment, (run,)), *((x.measured.experiment, x.measured.runs) for x in others))
     measured = measured_of(*runs)
     return Fit(joint=identify_joint(measured, uncertainty=uncertainty), measured=measured, stage=stage)
 
 
 def _of_frame(frame: Any, column: Any, name: str) -> Any:
-    """A column of a data frame. Raises InputError where it has none of that name."""
+    """A column of a data frame. Raises InputError where there is none of that name."""
     if not isinstance(column, str) or column not in frame.columns:
-        raise InputError(
-            f"{name}: got {short(column)}; expected one of the data frame's columns: {short_list(map(str, frame.columns))}"
-        )
+        there = short_list(map(str, frame.columns))
+        raise InputError(f"{name}: got {short(column)}; expected one of the data frame's columns: {there}")
     return frame[column].to_numpy()
+
+
+_HERE = Path("arrays")  # in place of the experiment file, in results
+_CALLED: dict[RunKind, str] = {"points": "points", "ramp": "holds", "presliding": "slow loading", "tracking": "motion"}
+
+
+def _run_of(
+    what: RunKind,
+    signals: Mapping[str, Any],
+    units: Mapping[str, str],
+    kind: Kind,
+    options: Mapping[str, Any],
+    **more: Any,
+) -> tuple[Experiment, Run]:
+    """The experiment of one run whose signals are arrays, and the run.
+
+    Signals are anything that NumPy takes for n numbers, None where not measured, with units such as `deg/s` of those
+    that are not in SI; options are as under `fit` in an experiment file, and `more` other keys of it, where a number is
+    in SI.
+
+    Raises InputError where a signal is not n finite numbers, or a unit, the kind or an option is unknown.
+    """
+    joint = {"name": "joint", "kind": kind}
+    validate(JointDescription, joint, "joint", None)  # before units are asked of its kind
+    if not isinstance(units, Mapping):
+        raise InputError(f"units: got {short(units)}; expected units by signal, as {{'velocity': 'deg/s'}}")
+    columns = {name: _column(name, values) for name, values in signals.items() if values is not None}
+    if unknown := set(units) - set(columns):
+        raise InputError(f"units: got {short(min(unknown))}; expected one of {', '.join(columns)}")
+    sizes = {name: x.size for name, x in columns.items()}
+    if len(set(sizes.values())) > 1:
+        raise InputError(f"arrays differ in length: {', '.join(f'{name} has {n}' for name, n in sizes.items())}")
+    si = {name: "s" if name == "time" else unit(name, kind) for name in columns}
+    declared = {name: {"column": name, "unit": units.get(name, si[name])} for name in columns}
+    data = {
+        "path": _HERE,
+        "joint": joint,
+        "signals": declared,
+        "runs": [{"files": _CALLED[what], "experiment": what}],
+        "cleaning": {"non_finite": "refuse"},
+        "fit": dict(options),
+        **{
+            name: f"{float(x)!r} {unit(name, kind)}" if isinstance(x, int | float) and x is not True else x
+            for name, x in more.items()
+        },
+    }
+    experiment = validate(Experiment, data, str(_HERE), Context(kind=kind))
+    table = RawTable(
+        columns={Key(name): x for name, x in columns.items()},
+        rows=next(iter(sizes.values()), 0),
+        sha256=hashlib.sha256(b"".join(x.tobytes() for x in columns.values())).hexdigest(),
+    )
+    return experiment, run_of_table(experiment, table, _CALLED[what])
+
+
+def _together(
+    first: tuple[Experiment, tuple[Run, ...]], *others: tuple[Experiment, tuple[Run, ...]]
+) -> tuple[Experiment, tuple[Run, ...]]:
+    """The runs of several experiments as one, with the options and joint of the first; each run and each name once."""
+    files, runs, names = list[Any](), list[Run](), set[str]()
+    for experiment, own in (first, *others):
+        for entry, run in zip(experiment.runs, own, strict=True):
+            if any(run.record.sha256 == x.record.sha256 and run.kind == x.kind for x in runs):
+                continue
+            name, count = run.record.file, 2
+            while name in names:
+                name, count = f"{run.record.file} {count}", count + 1
+            names.add(name)
+            files.append(entry.model_copy(update={"files": name, "signals": experiment.signals_of(entry)}))
+            runs.append(replace(run, record=replace(run.record, file=name)))
+    return first[0].model_copy(update={"runs": tuple(files)}), tuple(runs)
+
+
+def _seconds(index: Any) -> Any:
+    """The index of a series as time, from the first date; None where it counts rows or there is none."""
+    index = getattr(index, "index", None)
+    return None if callable(index) or type(index).__name__ == "RangeIndex" else _in_seconds(index)
+
+
+def _in_seconds(values: Any) -> Any:
+    """Dates and durations as s from the first one; other values unchanged."""
+    if not hasattr(values, "dtype"):
+        return values
+    if getattr(values.dtype, "tz", None) is not None:  # instants, which NumPy knows without zones alone
+        values = getattr(values, "dt", values).tz_convert("UTC")
+        values = getattr(values, "dt", values).tz_localize(None)
+    if values.dtype.kind not in "mM":
+        return values
+    array = np.asanyarray(values)
+    return (array - array[:1]) / np.timedelta64(1, "s") if array.dtype.kind == "M" else array / np.timedelta64(1, "s")
+
+
+def _column(name: str, values: Any) -> Array:
+    values = _in_seconds(values) if name == "time" else values
+    if getattr(getattr(values, "dtype", None), "kind", "-") in "cmM":
+        raise InputError(f"{name}: got numbers of type {values.dtype}; expected n real numbers")
+    try:
+        column = as_floats(values)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} is not an array of numbers ({error}); expected n numbers") from error
+    if column.ndim != 1:
+        expected = f"expected (n,), as of one column of a data frame, frame[{name!r}]"
+        raise InputError(f"{name} has shape {column.shape}; {expected}")
+    missing = np.flatnonzero(~np.isfinite(column))
+    if missing.size:
+        rows = f"{missing.size} of {column.size} rows, first in row {missing[0]} (from 0)"
+        raise InputError(f"{name} is missing or not finite in {rows}; leave these rows out")
+    return column

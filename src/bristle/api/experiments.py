@@ -1,4 +1,4 @@
-"""The questions that a user asks of logs, of experiments, and of what was identified from them."""
+"""The questions that a user asks of logs, of experiments, and of results."""
 
 from collections.abc import Callable
 from importlib import import_module
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 Answer = Comparison | Plan | SensitivityStudy | Study | Validation
-"""What questions give. The `report.py` beside each makes sections of it; it is imported only then, for it draws."""
+"""Results of questions; the `report.py` beside each makes sections of it, and is imported only then, for it draws."""
 
 
 def report(
@@ -80,7 +80,7 @@ def report(
         begun: dict[str, dict[str, Drawing]] = {}
 
         def draw(joint: Joint) -> None:
-            """Have the figures of a joint drawn while others are identified."""
+            """Draw the figures of a joint while others are identified."""
             begun[joint.name] = drawings(joint, share)
 
         results = identified(
@@ -96,7 +96,7 @@ def report(
 
 
 def adapt(experiment: Known | None = None, *, joint: str | None = None, progress: Progress | None = None) -> Study:
-    """The identified joint in closed loop: the paper's experiments 3.3 to 5, what goes beyond them, and replays of the measured tracking runs.
+    """The identified joint in closed loop: the paper's experiments 3.3 to 5 and others, and replays of tracking runs.
 
     >>> import bristle, numpy as np
     >>> t = np.arange(0, 8, 0.002)
@@ -124,15 +124,15 @@ def adapt(experiment: Known | None = None, *, joint: str | None = None, progress
 
 
 def compare(first: Results | Path | str, second: Results | Path | str) -> Comparison:
-    """Which parameters changed beyond their joint uncertainty between two sessions, from the results of each, or its `results.json`.
+    """Which parameters changed beyond their joint uncertainty between two sessions, given as results or `results.json`.
 
     >>> import bristle
     >>> first = bristle.identify("wrist.yaml")
     >>> [change.parameter.name for change in bristle.compare(first, first).changes if change.changed]
     []
 
-    Raises InputError in one sentence where a file is no results file, both are one file, or they have no joint in common, of one kind and in the same
-    units.
+    Raises InputError in one sentence where a file is no results file, both are one file, or they have no joint of one
+    kind and unit in common.
     """
     results = "results as identify gave them, or the path of their file"
     given = [x if isinstance(x, Results) else path_of(x, results) for x in (first, second)]
@@ -151,7 +151,7 @@ def sensitivity(
     samples: int = SAMPLES,
     progress: Progress | None = None,
 ) -> SensitivityStudy:
-    """Which parameters of a joint matter: along a motion, over amplitude and frequency, over their intervals; and what a motion would tell.
+    """Which parameters of a joint matter along a motion, over amplitude and frequency, and over their intervals.
 
     >>> import bristle
     >>> study = bristle.sensitivity("wrist.yaml", samples=0)
@@ -162,13 +162,13 @@ def sensitivity(
         experiment: of the joint, or what `identify` or a fit of arrays gave; None: the paper's gripper rotation (+), with the
             intervals that its simulated logs give.
         joint: which, where there are several.
-        amplitude: of the motion, rad (m where the joint slides) or a quantity such as `5 deg`; None: `adapt.amplitude`, or from the measured speeds.
+        amplitude: of the motion, rad or m, or a quantity; None: `adapt.amplitude`, or from the measured speeds.
         frequency: Hz, or a quantity; None: `adapt.frequency`, or 0.5 Hz.
         samples: of the Sobol indices, a power of two, at least 32; 0: none.
         progress: told of every step.
 
-    Raises InputError in one sentence where a file cannot be used, nothing is known of its friction vs velocity, or the motion or the samples
-    cannot be.
+    Raises InputError in one sentence where a file cannot be used, its friction vs velocity is unknown, or the motion or
+    the number of samples is invalid.
     """
     check_samples(samples)
     known = edro.experiments()[0] if experiment is None else experiment
@@ -188,7 +188,7 @@ def validate(
     noise: float | None = None,
     progress: Progress | None = None,
 ) -> Validation:
-    """The grid search validated against full nonlinear fits, on points SIMULATED from the fitted model at the joint's own velocities.
+    """The grid search validated against full nonlinear fits, on points SIMULATED from the fitted model.
 
     >>> import bristle
     >>> checked = bristle.validate("wrist.yaml", repetitions=20, starts=2)
@@ -226,7 +226,7 @@ def plan(
     aim: str = "all",
     progress: Progress | None = None,
 ) -> Plan:
-    """What to measure next on a joint: constant velocities, slow loading and a tracking motion, and the intervals to expect.
+    """What to measure next: constant velocities, slow loading and a tracking motion, and the intervals to expect.
 
     >>> import bristle
     >>> plan = bristle.plan("wrist.yaml", velocities=4)
@@ -283,7 +283,7 @@ def draft(
 
 
 def complete(experiment: Path | str) -> tuple[str, str]:
-    """The text of an experiment file with the set-up that its runs ask for, and a sentence that says what was added, and why.
+    """The text of an experiment file, completed with the set-up that its runs need, and a sentence on what was added.
 
     >>> import bristle
     >>> text, said = bristle.complete("wrist.yaml")
@@ -298,7 +298,7 @@ def complete(experiment: Path | str) -> tuple[str, str]:
 
 
 def report_of(result: Answer | Fleet) -> "Report":
-    """What was found, as sections: `text()` is what the command prints, `write(folder)` the page with its figures and tables.
+    """A result as a report: `text()` is what the command prints, `write(folder)` the page with its figures and tables.
 
     >>> import bristle
     >>> first = bristle.identify("wrist.yaml")
@@ -314,8 +314,7 @@ def report_of(result: Answer | Fleet) -> "Report":
     if isinstance(result, Fleet):
         return result.report()
     if not isinstance(result, Answer):
-        raise InputError(
-            f"got a {type(result).__name__}; expected a result of adapt, compare, fleet, plan, sensitivity or validate"
-        )
+        expected = "a result of adapt, compare, fleet, plan, sensitivity or validate"
+        raise InputError(f"got a {type(result).__name__}; expected {expected}")
     made: Report = import_module(f"{type(result).__module__.rpartition('.')[0]}.report").report(result)
     return made

@@ -1,4 +1,4 @@
-"""What identified joints are handed over as: C code, models for simulators, documents, and a page to play with."""
+"""Exports of identified joints: C code, models for simulators, documents, and an interactive page."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -20,8 +20,7 @@ from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.progress import Progress
 from bristle.questions.array_fit.fit import Fit
-from bristle.questions.export.artefact import Request
-from bristle.questions.export.export import Export, export_joints, joint_left_out, target
+from bristle.questions.export.export import Export, Request, export_joints, joint_left_out, target
 from bristle.questions.export.exported import ExportedJoint, Origin, exported
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import JointLoop, of_experiment, of_paper
@@ -44,7 +43,7 @@ def export(
     step: str | None = None,
     progress: Progress | None = None,
 ) -> Export:
-    """What the next tool takes of an identified joint, and what it loses.
+    """An identified joint in the form of another tool, and what that loses.
 
     >>> import bristle
     >>> handed = bristle.export("wrist.yaml", "urdf")
@@ -56,14 +55,15 @@ def export(
         to: c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, matlab or latex.
         joint: the only one; None: all, where the target holds several.
         into: a URDF, an SDF or an MJCF file into which the values are merged; the file itself is not changed.
-        amplitude: of the sine for which the values of a target without LuGre are the best, rad or a quantity; None: up to the fastest measured speed.
+        amplitude: of the sine on which a target without LuGre is fitted, rad or a quantity; None: up to the fastest speed.
         frequency: of that sine, Hz or a quantity; None: 0.5 Hz.
-        compensator: that is printed as C; None: `adapt.compensator` of the experiment, or lugre, driven by the reference velocity.
+        compensator: that is printed as C; None: `adapt.compensator` of the experiment, or lugre.
         adapt: the law by which the C adapts; None: it does not.
         step: the step of that law; None: `adapt.step` of the experiment, or gradient.
         progress: told of every step.
 
-    Raises InputError in one sentence where a file cannot be used, a joint lacks what the target needs, or the target takes no such option.
+    Raises InputError in one sentence where a file cannot be used, a joint lacks what the target needs, or the target does
+    not have such an option.
     """
     target(to)
     if adapt is None and step is not None:
@@ -84,7 +84,7 @@ def export(
 
 
 def exported_joints(known: Known, joint: str | None = None) -> tuple[ExportedJoint, ...]:
-    """What would be handed over of identified joints, or of one of them. Raises InputError as `export` does."""
+    """Identified joints, or one of them, as they are exported. Raises InputError as `export` does."""
     return _handed(known, joint, None)[2]
 
 
@@ -106,7 +106,7 @@ def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
 def _handed(
     known: Known, joint: str | None, progress: Progress | None
 ) -> tuple[Results, list[tuple[Joint, Experiment | None]], tuple[ExportedJoint, ...], tuple[Finding, ...]]:
-    """Results, the joints with their experiments as far as these are known, as they are handed over, and of several why some cannot be.
+    """Results, joints with their experiments as far as known, as they are exported, and why others cannot be.
 
     Raises InputError where none can.
     """
@@ -137,7 +137,7 @@ def _handed(
 def _compensator(
     results: Results, joint: Joint, experiment: Experiment | None, name: Any, law: Any, step: Any
 ) -> Compensator:
-    """As it is asked for, here or in the experiment file; its rates and the observer's gain are those of the joint's loop."""
+    """The compensator as asked for; its rates and the observer's gain are those of the joint's loop."""
     name = name or (experiment.adapt.compensator if experiment else None) or "lugre"
     if law is None and name != "lugre-observer":
         return Compensator(name=name)
@@ -154,7 +154,7 @@ def _compensator(
 def explore(
     experiment: Known | None = None, *, joint: str | None = None, progress: Progress | None = None
 ) -> "Explorer":
-    """The friction model in the hand: one page that computes offline, with sliders for the parameters of each joint.
+    """An interactive page of the friction model that computes offline, with sliders for the parameters of each joint.
 
     >>> import bristle
     >>> page = bristle.explore("wrist.yaml")
@@ -180,7 +180,7 @@ def explore(
 
 
 def explorers(results: Results, share: Share) -> Iterator["Explorer | None"]:
-    """The one page of all joints, made by whoever shares the work; None where nothing is known of the friction over velocity."""
+    """The page of all joints, made by whoever shares the work; None where no friction over velocity is known."""
     return iter(share(_explorer, [_known(results)]))
 
 
@@ -201,7 +201,7 @@ def _known(results: Results, joint: str | None = None) -> _Known:
 
 
 def known_loop(results: Results, joint: Joint) -> JointLoop | str:
-    """The loop of an identified joint, the paper's own of the embedded ones, or the sentence why there is none."""
+    """The loop of an identified joint, the paper's for the embedded ones, or the reason why there is none."""
     try:
         experiment, folder = results.logs.experiment_of(joint)
         if folder != edro.datasets_folder() or joint.name not in edro.TABLE_1:

@@ -1,4 +1,4 @@
-"""A fleet: many joints over many sessions, identified on Dask; which joints changed, and which units differ from their type."""
+"""Identification of a fleet on Dask: which joints changed, and which units differ from their type."""
 
 import re
 import tempfile
@@ -45,8 +45,6 @@ class Fleet(NamedTuple):
     """Joint sessions without a result; each has a row with its sentence."""
     output: str | None
     """The folder of the dataset; None where none was asked for."""
-    base: str
-    """The folder that the catalog's files are relative to."""
 
     @property
     def counts(self) -> str:
@@ -59,14 +57,9 @@ class Fleet(NamedTuple):
         """Joints that changed."""
         return self.findings.changed
 
-    def report(self, folder: Path | str | None = None) -> "Report":
-        """What was found, as sections; with links to reports of single joints in the `folder` where it will lie, and commands for others.
-
-        None: the folder of the dataset.
-        """
-        made: Report = import_module("bristle.questions.fleet.report").report(
-            self.findings, str(folder or self.output or ""), self.base
-        )
+    def report(self) -> "Report":
+        """The findings as sections."""
+        made: Report = import_module("bristle.questions.fleet.report").report(self.findings)
         return made
 
     def text(self) -> str:
@@ -79,9 +72,10 @@ class Fleet(NamedTuple):
     def write(self, folder: Path | str) -> str:
         """Write the pages, figures and tables into a folder, or a URL of one; returns the place of index.html.
 
-        In a folder only what bristle made there before is replaced. Raises InputError where it cannot be used, with nothing half-written.
+        In a folder only what bristle made there before is replaced. Raises InputError where it cannot be used, with
+        nothing half-written.
         """
-        report, there = self.report(folder), str(folder)
+        report, there = self.report(), str(folder)
         if not files.is_remote(there):
             return str(report.write(folder))
         with tempfile.TemporaryDirectory(prefix="bristle-") as place:
@@ -108,7 +102,7 @@ def fleet(
     begun: Callable[[str], object] = lambda _: None,
     progress: Progress | None = None,
 ) -> Fleet:
-    """Identify the joints of many units over many sessions on Dask, and find which changed, and which units differ from their type.
+    """Identify the joints of many units over many sessions on Dask; find which changed, and which units are unlike others.
 
     >>> import bristle, pandas as pd
     >>> from distributed import Client
@@ -122,12 +116,11 @@ def fleet(
     No joint was tested for a change; the notes say why.
 
     Args:
-        catalog: a CSV or Parquet file or a DataFrame with the columns file, unit, session and, as far as they are known, joint, type,
-            temperature (deg C), load and tags (`baseline` among these begins the joint anew); or a pattern such as
+        catalog: a CSV or Parquet file or a DataFrame with the columns file, unit, session and perhaps joint, type,
+            temperature (deg C), load and tags (`baseline` begins the joint anew); or a pattern such as
             `logs/{unit}/{session}/{type}.yaml`. Any of them may be a URL of fsspec.
         output: the folder of the dataset, or a URL of one: what it has is not identified again. None: nothing is kept.
-        client: a `distributed.Client`, or a context that gives one once the catalog is read; None: the one of this process, or else
-            a cluster of this machine.
+        client: a `distributed.Client`, or a context that gives one; None: that of this process, or a local cluster.
         workers: processes of that cluster; in a script they need `if __name__ == "__main__":` around the call.
         memory: of each of them, as `2 GiB`.
         verify: whether files are hashed anew whose size and time of modification are as they were.
@@ -136,8 +129,8 @@ def fleet(
         begun: called with the address of the cluster's dashboard, empty where it has none.
         progress: called with what is being done, how many steps are done, and how many there are.
 
-    Raises InputError in one sentence where the catalog, the output or the cluster cannot be used, or nothing at all could be identified, and
-    OSError where the output is full or the scheduler is lost; what was identified by then is not identified again.
+    Raises InputError in one sentence where the catalog, the output or the cluster cannot be used, or nothing could be
+    identified, and OSError where the output is full or the scheduler is lost; finished work is not done again.
     """
     from bristle.questions.fleet.findings import check_rate, findings
 
@@ -157,13 +150,12 @@ def fleet(
     step(progress, "comparing sessions")
     frame = run.table.to_pandas()
     found = findings(frame, rate, baseline)
-    base = next((x.path.removesuffix(x.file) for x in rows if x.path.endswith(f"/{x.file}")), "")
     where = None if output is None else str(output)
-    return Fleet(frame, found, run.identified, run.unchanged, run.failed, where, base)
+    return Fleet(frame, found, run.identified, run.unchanged, run.failed, where)
 
 
 def identified_joint(path: Path, joint: str) -> Identified:
-    """Measure and identify one joint of a file, as a task of a fleet does. Raises InputError where that cannot be."""
+    """Measure and identify one joint of a file, as a task of a fleet. Raises InputError."""
     found = identify(path, joint=joint).joint()
     use, rows = verdict(found), []
     for row in chosen(found):
@@ -183,35 +175,31 @@ def identified_joint(path: Path, joint: str) -> Identified:
 def connected(
     scheduler: str | None, workers: int | None, memory: str | None, certificates: Mapping[str, Path | None]
 ) -> AbstractContextManager[Any]:
-    """A client of a scheduler, or else of a cluster of this machine, as the options of the command line say.
+    """A client of a scheduler, or of a cluster of this machine, from the options of the command line.
 
-    Raises InputError where they do not go together, and, once entered, where no scheduler answers.
+    Raises InputError where they contradict one another and, once entered, where no scheduler answers.
     """
+    given = {name: path for name, path in certificates.items() if path is not None}
+    if scheduler is None:
+        if given:
+            option = f"--tls-{next(iter(given)).replace('ca', 'ca-file')}"
+            raise InputError(f"{option}: is for a --scheduler; name its address, as tls://host:8786")
+        return cluster.local_client(workers, memory)
     own = {"--workers": workers, "--memory": memory}
-    if scheduler is not None and (odd := [name for name, value in own.items() if value is not None]):
-        raise InputError(
-            f"{odd[0]}: is for a cluster of this machine, and {scheduler} has its own workers; leave it out"
-        )
-    given = [name for name, path in certificates.items() if path is not None]
-    if scheduler is None and given:
-        raise InputError(
-            f"--tls-{given[0].replace('ca', 'ca-file')}: is for a --scheduler; name its address, as tls://host:8786"
-        )
+    if odd := [name for name, value in own.items() if value is not None]:
+        why = f"is for a cluster of this machine, and {scheduler} has its own workers"
+        raise InputError(f"{odd[0]}: {why}; leave it out")
     if given and len(given) < len(certificates):
         raise InputError("TLS: expected --tls-ca-file, --tls-cert and --tls-key together")
-    for path in certificates.values():
-        if path is not None and not path.is_file():
-            raise InputError(f"{path}: no such file; expected a certificate or key of TLS, PEM")
-    if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
+    if missing := [path for path in given.values() if not path.is_file()]:
+        raise InputError(f"{missing[0]}: no such file; expected a certificate or key of TLS, PEM")
+    if not _ADDRESS.fullmatch(scheduler):
         raise InputError(f"--scheduler: got {short(scheduler)}; expected an address such as tcp://host:8786")
-    if scheduler is None:
-        return cluster.local_client(workers, memory)
-    known = {name: str(path) for name, path in certificates.items() if path is not None}
-    return cluster.remote_client(scheduler, known)
+    return cluster.remote_client(scheduler, {name: str(path) for name, path in given.items()})
 
 
 def _client(client: Any, workers: int | None, memory: str | None) -> AbstractContextManager[Any]:
-    """The client that is given, or comes of a context, else the one of this process, else of a cluster of its own."""
+    """The given client, or that of a context, else the one of this process, else of a new cluster."""
     if isinstance(client, AbstractContextManager) and not hasattr(client, "scheduler"):
         return client
     known = cluster.known_client(client)
@@ -219,7 +207,6 @@ def _client(client: Any, workers: int | None, memory: str | None) -> AbstractCon
         return cluster.local_client(workers, memory)
     if workers is not None or memory is not None:
         name = "workers" if workers is not None else "memory"
-        raise InputError(
-            f"{name}: is for a cluster of this machine, and there is a client of a running one; leave it out"
-        )
+        why = "is for a cluster of this machine, and there is a client of a running one"
+        raise InputError(f"{name}: {why}; leave it out")
     return nullcontext(known)

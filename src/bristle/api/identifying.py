@@ -1,4 +1,4 @@
-"""Experiment files in, results out; and which joint a question is about, of a file or identified already."""
+"""Identification of the joints of experiment files, and the joint of a question."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -19,46 +19,45 @@ from bristle.identification.known_gravity import measure_scaled
 from bristle.identification.measured import Measured
 from bristle.identification.results import NEED, Joint, WrittenExperiment
 from bristle.identification.robot.measured import measure_robot
-from bristle.progress import Progress
+from bristle.progress import Progress, step
 from bristle.questions.array_fit.fit import Fit
 from bristle.workers import Share, sharing
 
 Known = Source | Results | Fit
-"""A joint: to be identified, or identified already: results, their file, or a fit of arrays."""
+"""A joint to be identified, or identified already: results, their file, or a fit of arrays."""
 
 
 def read_if_results(known: Known) -> Source | Results:
-    """The results of a results file or a fit; what is neither as it is. Raises InputError where such a file is damaged."""
+    """The results of a results file or a fit; other sources unchanged. Raises InputError where a file is damaged."""
     if isinstance(known, Fit):
         return Results(joints=(known.joint,), logs=JointLogs(read={known.joint.name: known.measured}))
     return read_results(known) if isinstance(known, Path | str) and is_results_file(Path(known)) else known
 
 
 class AskedJoint(NamedTuple):
-    """One joint that a question is about; it is measured and identified when that is asked for."""
+    """The joint of a question; it is measured and identified when that is asked for."""
 
     experiment: Experiment  # as its file has it: of a robot with a torque constant that is still free
     source: Experiment | Robot | tuple[Measured, Joint]  # what its file describes; or what is known of it already
 
     def measured(self, progress: Progress | None = None) -> Measured:
-        """What it was, or is to be identified from."""
+        """The data that it was, or is to be identified from."""
         if isinstance(self.source, tuple):
             return self.source[0]
         (measured,) = measure_joints(self.source, progress, only=self.experiment.joint.name)
         return measured
 
     def identified(self, progress: Progress | None) -> tuple[Measured, Joint]:
-        """What it was measured by, and the joint: identified here unless it is already."""
+        """Its data, and the joint, identified here unless it is already."""
         if isinstance(self.source, tuple):
             return self.source
         measured = self.measured(progress)
-        if progress:
-            progress(f"identifying {self.experiment.joint.name}", 0, 1)
+        step(progress, f"identifying {self.experiment.joint.name}")
         return measured, identify_joint(measured, progress=progress)
 
 
 def asked_joint(known: Known, name: str | None = None) -> AskedJoint:
-    """The joint of a name, or the only one. Raises InputError where a file cannot be read, or it is not said which joint is meant."""
+    """The joint of a name, or the only one. Raises InputError where a file cannot be read, or there are several joints."""
     source = read_if_results(known)
     if isinstance(source, Results):
         joint = source.joint(None if isinstance(known, Fit) else name)
@@ -97,7 +96,7 @@ def identify(
         crosscheck: whether moving runs are fitted by CasADi and IPOPT as well, which takes long; the static fits always are.
         uncertainty: whether each parameter of moving runs gets its intervals by profile and bootstrap too; those of
             static and presliding fits always do.
-        need: percent of friction, to which it has to be known (95 %), for the values to be used, as 5 or "5%"; None: 10.
+        need: how well friction must be known (95 %) for the values to be used, percent, as 5 or "5%"; None: 10.
         workers: processes among which the joints are shared out; in a script more than one need
             `if __name__ == "__main__":` around the call.
 
@@ -118,19 +117,18 @@ def identified(
     progress: Progress | None = None,
     each: Callable[[Joint], None] = lambda _: None,
 ) -> Results:
-    """`identify`, the joints shared out as told; of one results file what that holds, and nothing is identified.
+    """`identify` with the joints shared out; of one results file what it holds, and nothing is identified.
 
-    `need` None leaves that of a results file. `each` is called with each joint that is identified, while others are.
+    `need` None leaves that of a results file. `each` is called with each identified joint while others are in work.
     Raises InputError as `identify` and `read_results` do.
     """
     if len(experiments) == 1:
         known = read_if_results(experiments[0])
         if isinstance(known, Results):
             joints = known.joints if joint is None else (known.joint(joint),)
-            if need is not None:
-                wanted = percent(need)
-                joints = tuple(replace(x, need=wanted) for x in joints)
-            return replace(known, joints=joints)
+            return replace(
+                known, joints=tuple(replace(x, need=x.need if need is None else percent(need)) for x in joints)
+            )
         experiments = (known,)
     files = open_all(experiments)
     return _identified(files, joint, share, progress, each, crosscheck=crosscheck, uncertainty=uncertainty, need=need)
@@ -156,7 +154,7 @@ def _identified(
     need: float | str | None,
 ) -> Results:
     chosen = _chosen(files, joint)
-    # What each joint measured; what cannot be used is said before minutes are spent on the others.
+    # data that cannot be used are refused before minutes are spent on the others
     every = list[Measured]()
     alone = iter(share(measure_scaled, [loaded for loaded, _ in files if isinstance(loaded, Experiment)]))
     for loaded, _ in files:
@@ -192,7 +190,7 @@ def _timed(
 
 
 def percent(need: float | str) -> float:
-    """A percentage, with its sign or without. Raises InputError where it is none that is more than 0."""
+    """A percentage, with or without its sign. Raises InputError where it is not above 0."""
     try:
         value = float(str(need).strip().removesuffix("%"))
     except ValueError:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from bristle.api.sources import JointLogs, path_of, placed
 from bristle.errors import InputError, short, short_list
-from bristle.findings import Finding, Severity
+from bristle.findings import Finding
 from bristle.identification.document import document_of, joints_of, reading, with_samples
 from bristle.identification.joint_model import JointModel
 from bristle.identification.measured import Measured
@@ -38,19 +38,14 @@ class Results:
 
     joints: tuple[Joint, ...]
     timings: dict[str, float] = field(default_factory=dict, compare=False, repr=False)
-    """Seconds spent, by joint; no part of the result."""
+    """Seconds spent, by joint."""
     logs: JointLogs = field(default_factory=JointLogs, compare=False, repr=False)
-    """What the joints were identified from, for questions that follow; no part of the result."""
+    """What the joints were identified from, for questions that follow."""
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """Every diagnostic about a joint, one of its stages or a fit, with the joint's name first in its subject."""
+        """Every finding about a joint, one of its stages or a fit, with the joint's name first in its subject."""
         return tuple(replace(x, subject=(one.name, *x.subject)) for one in self.joints for x in one.fit_warnings())
-
-    @property
-    def serious(self) -> tuple[Finding, ...]:
-        """Those of `warnings` that are critical, or call for caution; notes are not."""
-        return tuple(warning for warning in self.warnings if warning.severity is not Severity.NOTE)
 
     @property
     def not_to_be_used(self) -> tuple[str, ...]:
@@ -58,7 +53,7 @@ class Results:
         return tuple(joint.name for joint in self.joints if verdict(joint).trust is Trust.DO_NOT_USE)
 
     def joint(self, name: str | None = None) -> Joint:
-        """The joint of a name; without one the only joint. Raises InputError where there are several, or none of that name."""
+        """The joint of a name, or the only one. Raises InputError where there are several, or none of that name."""
         names = [joint.name for joint in self.joints]
         return self.joints[names.index(choose(names, name))]
 
@@ -78,13 +73,13 @@ class Results:
 
     @property
     def measured(self) -> tuple[Measured, ...]:
-        """The data that each joint was identified from; logs that were not read yet are read now. Raises InputError as `JointLogs.of` does."""
+        """The data of each joint; logs are read if they were not. Raises InputError as `JointLogs.of` does."""
         return tuple(self.logs.of(joint) for joint in self.joints)
 
     def text(self, *, full: bool = False) -> str:
-        """Of each joint the values to use, whether to trust them, and its warnings; with `full` every fit. 80 columns wide.
+        """Of each joint the values to use, whether to trust them, and its warnings; with `full` every fit.
 
-        As `bristle identify` and `bristle identify --full` print it.
+        80 columns wide, as `bristle identify` and `bristle identify --full` print it.
         """
         from bristle.questions.joint_report.brief import brief_report
         from bristle.questions.joint_report.text import fit_report
@@ -138,26 +133,26 @@ class Results:
         *,
         mailed: bool = False,
     ) -> Path:
-        """Write the pages of the report, results.json, timings.json, figures and tables into a folder; returns the path of index.html.
+        """Write the report into a folder: pages, results.json, timings.json, figures, tables. Returns the index.html.
 
-        With what `adapt` returned, and with what `explore` returned, their pages are among them.
-        `mailed`: all of it in one reproducible file, report.zip, as well.
-        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
+        What `adapt` and `explore` returned becomes pages as well; `mailed`: all of it also in one reproducible file,
+        report.zip. Only what bristle made there before is replaced. Raises InputError where the folder cannot be used,
+        with nothing half-written.
         """
         known = None if compensated is None else (lambda: compensated)
         return write_results(self, Path(folder), progress, known, iter([explored]), mailed=mailed)
 
     def export(self, to: str, *, joint: str | None = None, **options: Any) -> "Export":
-        """What the next tool takes of a joint, or of all; `bristle.export` says what the options are, and what it raises."""
+        """`bristle.export` of a joint, or of all."""
         from bristle.api.exporting import export
 
         return export(self, to, joint=joint, **options)
 
     def plot(self, joint: str | None = None, ax: "Axes | None" = None) -> "Axes":
-        """What was measured on a joint and what its fit makes of it, drawn into `ax` or new axes, which are returned.
+        """What was measured on a joint and its fit, drawn into `ax` or new axes, which are returned.
 
-        Points over velocity with the fitted curve and its 95 % band; where there are none, moving runs over time, or slow
-        loading. Raises InputError as `joint` does.
+        Points over velocity with the fitted curve and its 95 % band; where there are none, moving runs over time, or
+        slow loading. Raises InputError as `joint` does.
         """
         from bristle.questions.array_fit.figure import draw_joint
 
@@ -181,7 +176,7 @@ def write_results(
     share: Share = map,
     begun: Mapping[str, Mapping[str, "Drawing"]] = MappingProxyType({}),
 ) -> Path:
-    """`Results.write`, the drawing shared out; `compensated` and `explored` wait for what they give, `begun`: what was drawn of each joint."""
+    """`Results.write` with the drawing shared out; `compensated` and `explored` are awaited, `begun` are drawn figures."""
     from bristle.page.page import encoded
 
     names = [joint.name for joint in results.joints]
@@ -207,7 +202,7 @@ def write_results(
 
 
 def read_results(path: Path | str) -> Results:
-    """What `identify` returned, from the `results.json` that was written of it, exact to the last bit; nothing is identified.
+    """What `identify` returned, from its `results.json`, exact to the last bit; nothing is identified.
 
     >>> import bristle
     >>> _ = bristle.report("wrist.yaml", folder="report")

@@ -1,4 +1,4 @@
-"""What joints are identified from: files of a joint or of a robot, loaded, what is kept to load them again, and their logs."""
+"""Experiment and robot files, loaded, kept to be loaded again, and their logs."""
 
 import hashlib
 import os
@@ -25,7 +25,7 @@ Source = Experiment | Robot | Path | str  # an experiment, or a robot: loaded, o
 
 
 def placed(written: WrittenExperiment, folder: Path) -> WrittenExperiment:
-    """What a results file in some folder has of an experiment file, its own folder absolute. Raises InputError where name or text cannot be."""
+    """An experiment file of a results file, its folder made absolute. Raises InputError where name or text is invalid."""
     name = check_name(written.file, "experiments: file")
     if name in ("", ".", "..") or Path(name).name != name or "\\" in name:
         raise InputError(f"experiments: file: got {short(name)}; expected the name of a file")
@@ -57,7 +57,7 @@ def path_of(source: object, expected: str = "an experiment, or the path of its f
 
 
 def load_text(text: str, path: Path) -> Experiment | Robot:
-    """What a text describes, as if it stood at a path. Raises InputError where it describes nothing."""
+    """The experiment or robot of a text with the path that it would have. Raises InputError."""
     return _described(parse(text, str(path)), path)
 
 
@@ -66,7 +66,7 @@ def _described(data: dict[str, Any], path: Path) -> Experiment | Robot:
 
 
 def opened(source: Source) -> tuple[Experiment | Robot, WrittenExperiment | None]:
-    """What a file describes, and the file, which loaded data have while it is the same. Raises InputError where it cannot be read."""
+    """The experiment or robot of a source, and its file, if unchanged. Raises InputError where it cannot be read."""
     if isinstance(source, Experiment | Robot):
         try:
             again, found = opened(source.path)
@@ -75,9 +75,8 @@ def opened(source: Source) -> tuple[Experiment | Robot, WrittenExperiment | None
         return source, found if again == source else None
     path = path_of(source)
     if is_results_file(path):
-        raise InputError(
-            f"{path}: is a results file, identified already; expected an experiment file, or ask plan, adapt, validate or sensitivity of it"
-        )
+        expected = "an experiment file, or ask plan, adapt, validate or sensitivity of it"
+        raise InputError(f"{path}: is a results file, identified already; expected {expected}")
     text = read_text(path)
     data = parse(text, str(path))
     loaded = _described(data, path)
@@ -91,7 +90,7 @@ def opened(source: Source) -> tuple[Experiment | Robot, WrittenExperiment | None
 
 
 def is_results_file(path: Path) -> bool:
-    """Whether a path is a results file; what cannot be read is none, and is refused by who reads it."""
+    """Whether a path is a results file; False where it cannot be read."""
     try:
         return is_results(path)
     except (OSError, InputError):
@@ -99,19 +98,18 @@ def is_results_file(path: Path) -> bool:
 
 
 def open_all(sources: Sequence[Source]) -> list[tuple[Experiment | Robot, WrittenExperiment | None]]:
-    """What some files describe, or the embedded Ed-Ro. Raises InputError where one cannot be read, or two joints have one name."""
+    """Some files as `opened`, or the embedded Ed-Ro. Raises InputError also where two joints have one name."""
     found = [opened(source) for source in sources or edro.experiments()]
     names = [name for one, _ in found for name in names_of(one)]
     for name in names:
         if names.count(name) > 1:
-            raise InputError(
-                f"joint.name: {names.count(name)} experiments name their joint {name!r}; give each joint its own name"
-            )
+            many = f"{names.count(name)} experiments name their joint {name!r}"
+            raise InputError(f"joint.name: {many}; give each joint its own name")
     return found
 
 
 def names_of(loaded: Experiment | Robot) -> tuple[str, ...]:
-    """Of the joints that are to be identified."""
+    """Names of the joints that are to be identified."""
     if isinstance(loaded, Experiment):
         return (loaded.joint.name,)
     return tuple(joint.experiment.joint.name for joint in loaded.joints if joint.identify)
@@ -123,7 +121,7 @@ def measure_joints(
     only: str | None = None,
     constant: Estimate | None = None,
 ) -> tuple[Measured, ...]:
-    """What each joint of a file measured; arguments as of `measure_robot`. Raises InputError where its logs cannot be used."""
+    """The data of each joint of a file; arguments as of `measure_robot`. Raises InputError where logs cannot be used."""
     if isinstance(loaded, Experiment):
         return (measure_scaled(loaded),)
     return measure_robot(loaded, progress, only=only, constant=constant)
@@ -137,7 +135,7 @@ class JointLogs:
     read: dict[str, Measured] = field(default_factory=dict)  # by joint, what was read
 
     def of(self, joint: Joint) -> Measured:
-        """What a joint was identified from, the same as then. Raises InputError where that is not known, or a log is missing or changed."""
+        """The data of a joint, as when it was identified. Raises InputError where a log is missing or changed."""
         if joint.name not in self.read:
             text = self._text(joint, " logs; expected what `identify` returned or wrote, or an experiment file")
             again = measure_joints(_loaded(text, joint), only=joint.name, constant=joint.torque_constant)
@@ -148,13 +146,12 @@ class JointLogs:
         if known != found:
             odd = next((file for file, sha in found if (file, sha) not in known), None)
             what = f"{odd} was changed, or added," if odd else "a log went missing"
-            raise InputError(
-                f"{joint.name}: {what} since the joint was identified; expected the same logs, or identify it anew"
-            )
+            expected = "expected the same logs, or identify it anew"
+            raise InputError(f"{joint.name}: {what} since the joint was identified; {expected}")
         return measured
 
     def experiment_of(self, joint: Joint) -> tuple[Experiment, Path | None]:
-        """The experiment of a joint, its logs unread, and the folder of its file, if known. Raises InputError where it cannot be loaded."""
+        """The experiment of a joint, its logs unread, and the folder of its file, if known. Raises InputError."""
         if joint.name in self.read:
             folder = next((_path(text).parent for text in self.texts if joint.name in text.joints), None)
             return self.read[joint.name].experiment, folder
@@ -163,7 +160,7 @@ class JointLogs:
         return loaded if isinstance(loaded, Experiment) else pick(loaded, joint.name).experiment, _path(text).parent
 
     def written(self, folder: Path) -> Iterator[WrittenExperiment]:
-        """As a results file in some folder has them: their places from there, so that both may be moved together."""
+        """The files as a results file in some folder holds them: relative, so that both may be moved together."""
         for text in self.texts:
             place = text.folder
             if place is not None:
@@ -181,13 +178,12 @@ class JointLogs:
 
 
 def _loaded(text: WrittenExperiment, joint: Joint) -> Experiment | Robot:
-    """What the text describes. Raises InputError where that cannot be, a file beside it is not as it was, or it has no such joint."""
+    """The experiment or robot of a text. Raises InputError where a file beside it changed, or it lacks the joint."""
     path = _path(text)
     for name, known in text.beside.items():
         if _sha256(path.parent / name) != known:
-            raise InputError(
-                f"{name}: was changed since {', '.join(text.joints)} was identified with it; identify anew"
-            )
+            names = ", ".join(text.joints)
+            raise InputError(f"{name}: was changed since {names} was identified with it; identify anew")
     loaded = load_text(text.text, path)
     if joint.name not in names_of(loaded):
         raise InputError(f"{text.file}: its text in the results names no joint {short(joint.name)}")

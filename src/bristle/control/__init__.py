@@ -1,1 +1,1 @@
-"""What acts: the PID controller and the closed loop."""
+"""The controller, the compensator and the closed loop."""

@@ -1,18 +1,14 @@
-"""On-line adaptation of friction parameters, 3.3: the gains theta of (16)-(18) and the laws that move them.
+"""On-line adaptation of friction parameters (3.3): gains theta of (16)-(18) and the laws that move them.
 
     d theta_i / dt = -gamma_i  G_i  e,        e = y - y_ref, rad: position error, measured minus reference
 
-G is the derivative of the predicted friction torque (16)-(18) by the adapted parameters, and differs from law to law:
+    printed          (19)-(20) as typeset, for alpha_0 and alpha_2 alone: the first is dT_f / d alpha_1, not d alpha_0
+    partial          G = dT_f / dp at given z, p = theta times its start: the law that (19) says it is
+    partial-theta    G = dT_f / d theta = the same times the start
+    total            G = dT_f / dp + (dT_f / dz) (dz / dp), with dz / dp from the forward-sensitivity equation
 
-    printed          (19)-(20) as they are typeset, for alpha_0 and alpha_2 alone: the first is dT_f / d alpha_1, not d alpha_0
-    partial          dT_f / dp at given z, p = theta times its start: the law that (19) says it is
-    partial-theta    dT_f / d theta = the same times the start
-    total            dT_f / dp + (dT_f / dz) (dz / dp), with dz / dp from the forward-sensitivity equation
-
-With learning rates >= 0 the gains move the right way for this e only; the PID's error has the other sign. gamma is in
-1/(rad * s) times what makes d theta / dt a rate: theta is a number, so gamma_1 (alpha_0) is in 1/(rad*s) for a G of
-dT_f / d alpha_0, a number, and gamma_2 (alpha_2) in s/(rad*s) for a G in rad/s. Every derivative but the printed one is
-CasADi's. All functions take floats or CasADi symbols.
+Theta is a number, so gamma is in 1/(rad*s) for alpha_0 and in s/(rad*s) for alpha_2. All functions take floats or
+CasADi symbols.
 """
 
 from collections.abc import Sequence
@@ -38,29 +34,25 @@ LAWS: tuple[Law, ...] = get_args(Law)
 Step = Literal["gradient", "normalised", "least-squares"]
 STEPS: tuple[Step, ...] = get_args(Step)
 _TYPESET = {"alpha_0", "alpha_2"}  # parameters for which (19) and (20) are defined
-_LARGEST = 1e150  # beyond this an input counts as no number, and nothing is learnt from it
+_LARGEST = 1e150  # larger inputs teach nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Adaptation:
-    """Which gains move, by which law and how fast.
-
-    Raises InputError where a law, a step or a parameter is unknown, a rate negative or not finite, or the limits do not
-    enclose the start, 1.
-    """
+    """Which gains move, by which law and how fast. Raises InputError for settings that are not possible."""
 
     law: Law = "partial"
     step: Step = "gradient"
     """`gradient`: theta_i' = -gamma_i G_i e. `normalised`: the same over 1 + sum gamma_i G_i**2. `least-squares`:
     theta' = -P G e with P' = forgetting P - P G G' P, from P = diag(gamma), its trace never above the first."""
     parameters: tuple[str, ...] = ("alpha_0", "alpha_2")
-    """What is adapted, in the order of `gamma`; the paper's choice."""
+    """Adapted parameters, in the order of `gamma`; the paper's choice."""
     gamma: tuple[float, ...] = (20.0, 20.0)
     """Learning rates, >= 0."""
     limits: tuple[float, float] = (0.05, 5.0)
-    """The gains stay within these (projection), so that no parameter changes its sign."""
+    """Limits of the gains (projection)."""
     dead_zone: float = 0.0
-    """An error smaller than this teaches nothing, rad; a larger one what it has beyond."""
+    """Smaller errors teach nothing, rad; larger ones by their excess."""
     leakage: float = 0.0
     """Rate at which gains return to 1, 1/s."""
     forgetting: float = 0.0
@@ -99,18 +91,15 @@ class Adaptation:
 
 
 class Learnt(NamedTuple):
-    """What adaptation remembers: the gains, and what its law and its step need beside them."""
+    """State of the adaptation."""
 
-    theta: tuple[Expression, ...]
-    """One gain for each adapted parameter."""
-    sensitivity: tuple[Expression, ...]
-    """dz / d theta of each, for the total law, rad; dz / dp is this over the parameter of the set that acts."""
-    covariance: tuple[Expression, ...]
-    """P of least squares, row by row."""
+    theta: tuple[Expression, ...]  # Gains
+    sensitivity: tuple[Expression, ...]  # dz / d theta for the total law, rad
+    covariance: tuple[Expression, ...]  # P of least squares, row by row
 
 
 def nothing_learnt(adaptation: Adaptation) -> Learnt:
-    """Nothing learnt yet: gains of 1."""
+    """The initial state, gains of 1."""
     n = len(adaptation.parameters)
     rows = tuple(adaptation.gamma[i] if i == j else 0.0 for i in range(n) for j in range(n))
     return Learnt((1.0,) * n, (0.0,) * n, rows)
@@ -119,16 +108,16 @@ def nothing_learnt(adaptation: Adaptation) -> Learnt:
 def effective(
     p: Lugre[Any], adaptation: Adaptation, theta: tuple[Expression, ...], level: Expression = 0.0
 ) -> Lugre[Any]:
-    """The parameters of (16)-(18): each adapted one times its gain; what a load adds to alpha_0, N*m, is not adapted."""
+    """The parameters of (16)-(18), gains applied; `level` of a load, N*m, is not adapted."""
     return friction.loaded(friction.adapted(p, dict(zip(adaptation.parameters, theta, strict=True))), level)
 
 
 def gradient(
     adaptation: Adaptation, z: Expression, v: Expression, p: Lugre[Any], learnt: Learnt, level: Expression = 0.0
 ) -> tuple[Expression, ...]:
-    """G of the law for each adapted parameter, at a deflection z of the model's bristle, rad, and the velocity v that drives it, rad/s.
+    """G for each adapted parameter at a deflection z, rad, and velocity v, rad/s.
 
-    `p` is the set that acts there, as it started; a load adds `level` to alpha_0, N*m.
+    `p` is the acting set at its start; a load adds `level` to alpha_0, N*m.
     """
     if adaptation.law == "printed":
         return tuple(printed(name, z, v, friction.loaded(p, level)) for name in adaptation.parameters)
@@ -138,7 +127,7 @@ def gradient(
     if adaptation.law == "partial-theta":
         return tuple(slope * getattr(p, name) for slope, name in zip(slopes, adaptation.parameters, strict=True))
     if adaptation.law == "total":
-        # with dz/dp, of dz/d theta = p dz/dp: none of what does not enter z, nor of a parameter of zero, which a gain cannot change
+        # dz/dp = (dz/d theta) / p; zero for parameters outside z and parameters of zero
         enter = functions.step_parameters(p.law)
         values = {name: ca.if_else(getattr(p, name) == 0, 1.0, getattr(p, name)) for name in enter}
         parts = zip(slopes, learnt.sensitivity, adaptation.parameters, strict=True)
@@ -147,12 +136,12 @@ def gradient(
 
 
 def laws_for(parameters: Sequence[str]) -> tuple[Law, ...]:
-    """The laws that can adapt these parameters: all, but `printed` for what it is not typeset for."""
+    """The laws that can adapt these parameters."""
     return tuple(law for law in LAWS if law != "printed" or {*parameters} <= _TYPESET)
 
 
 def steady_gradient(adaptation: Adaptation, v: Array, p: Lugre[float]) -> Array:
-    """G of the law in steady sliding at speeds v, rad/s, (n,), before anything is learnt; (parameters, n)."""
+    """G in steady sliding at speeds v, rad/s, (n,), before anything is learnt; (parameters, n)."""
     return np.array(evaluate(_steady_gradient(adaptation, p.law), v, *p))
 
 
@@ -168,10 +157,7 @@ def _steady_gradient(adaptation: Adaptation, of: FrictionLaw) -> ca.Function:
 
 
 def printed(name: str, z: Expression, v: Expression, p: Lugre[Any]) -> Expression:
-    """The right-hand sides of (19) and (20) as they are typeset, without -gamma and e.
-
-    The one derivative that is typed, to be compared.
-    """
+    """The right-hand sides of (19) and (20) as typeset, without -gamma and e: the one derivative that is typed."""
     if name == "alpha_2":
         return v
     peak = ca.exp(-((v / p.v_s) ** 2))
@@ -179,10 +165,7 @@ def printed(name: str, z: Expression, v: Expression, p: Lugre[Any]) -> Expressio
 
 
 def rate(adaptation: Adaptation, learnt: Learnt, G: tuple[Expression, ...], e: Expression) -> tuple[Expression, ...]:
-    """The rate d theta / dt, 1/s, for position error e (measured minus reference), rad, before the projection.
-
-    P of least squares as it is.
-    """
+    """The rate d theta / dt, 1/s, at a position error e (measured minus reference), rad, before projection."""
     beyond = ca.sign(e) * ca.fmax(ca.fabs(e) - adaptation.dead_zone, 0.0)
     n, P = len(G), learnt.covariance
     if adaptation.step == "least-squares":
@@ -196,10 +179,7 @@ def rate(adaptation: Adaptation, learnt: Learnt, G: tuple[Expression, ...], e: E
 
 
 def learn(adaptation: Adaptation, learnt: Learnt, G: tuple[Expression, ...], e: Expression, h: Expression) -> Learnt:
-    """One sample of h seconds: the gains moved and projected onto their limits, and P.
-
-    An error that is no number teaches nothing.
-    """
+    """One sample of h seconds: gains, projected, and P. An error that is no number teaches nothing."""
     changes = [h * slope for slope in rate(adaptation, learnt, G, e)]
     theta = tuple(
         adaptation.moved(theta, ca.if_else(ca.fabs(change) < _LARGEST, change, 0.0))

@@ -1,10 +1,4 @@
-"""The compensated joint in closed loop.
-
-Plant, sampled controller with compensator, drive and encoder, batched over cases; and what a run measured. One control
-period: the encoder reads, PID and compensator ask for a torque, the drive gives it (or the voltage that the motor model
-makes of it), and the plant goes on by exact steps of its frozen linear system. Numbers are inputs of one compiled
-function, so that cases with other parameters, gains and encoders share it; the virtual bench runs on it as well.
-"""
+"""Batched simulation of the compensated joint in closed loop: plant, sampled controller, drive and encoder."""
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -38,42 +32,32 @@ from bristle.errors import InputError
 from bristle.model.vectorize import bound, chained
 from bristle.workers import threads
 
-_CHUNK = 1000  # samples of every case in one CasADi call: what bounds the memory
+_CHUNK = 1000  # samples per CasADi call, which bounds memory
 Run = Callable[[int, int], ca.Function]  # (samples, cases) -> their control periods as one function
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trajectory:
-    """What happened, at every control period; arrays of shape (cases, n)."""
+    """Signals at every control period, (cases, n)."""
 
-    time: Array
-    """s, (n,)."""
-    reference: Array
-    """rad, (n,) or (cases, n)."""
-    position: Array
-    """True, rad."""
-    velocity: Array
-    """True, rad/s."""
-    torque: Array
-    """Asked of the drive, N*m."""
-    voltage: Array
-    """V; nan where the drive takes a torque."""
-    friction: Array
-    """True, N*m."""
-    compensation: Array
-    """Torque of the compensator, N*m."""
-    measured: Array | float = float("nan")
-    """Position as it is measured, counted and with its noise, rad; nan where nothing is sampled."""
-    theta: Array
-    """Gains of each adapted parameter, (cases, parameters, n)."""
+    time: Array  # s, (n,)
+    reference: Array  # rad, (n,) or (cases, n)
+    position: Array  # True, rad
+    velocity: Array  # True, rad/s
+    torque: Array  # Command to the drive, N*m
+    voltage: Array  # V; nan where the drive takes a torque
+    friction: Array  # True, N*m
+    compensation: Array  # Of the compensator, N*m
+    measured: Array | float = float("nan")  # Position as measured, rad; nan where nothing is sampled
+    theta: Array  # Gains, (cases, parameters, n)
 
     @property
     def error(self) -> Array:
-        """Position error, measured from the reference: y_ref - y, rad."""
+        """Position error, y_ref - y, rad."""
         return self.reference - self.position
 
     def rms_error(self, since: float = 0.0) -> Array:
-        """Root mean square of the position error from a time on, rad, (cases,)."""
+        """Rms position error from a time on, rad, (cases,)."""
         return self._rms(self.error, since)
 
     def peak_error(self, since: float = 0.0) -> Array:
@@ -81,16 +65,16 @@ class Trajectory:
         return np.asarray(np.abs(self.error[:, self.time >= since]).max(axis=1))
 
     def rms_torque(self, since: float = 0.0) -> Array:
-        """Root mean square of the torque asked for, N*m, (cases,)."""
+        """Rms torque command from a time on, N*m, (cases,)."""
         return self._rms(self.torque, since)
 
     def chatter(self, since: float = 0.0) -> Array:
-        """Total variation of the torque asked for, per second, N*m/s, (cases,)."""
+        """Total variation of the torque command per second, N*m/s, (cases,)."""
         kept = self.time >= since
         return np.asarray(np.abs(np.diff(self.torque[:, kept], axis=1)).sum(axis=1) / float(np.ptp(self.time[kept])))
 
     def energy(self, since: float = 0.0) -> Array:
-        """Work that the drive did at the joint, its torque held over each period, J, (cases,)."""
+        """Work of the drive at the joint, J, (cases,)."""
         kept = self.time >= since
         return np.asarray(np.sum(self.torque[:, kept][:, :-1] * np.diff(self.position[:, kept], axis=1), axis=1))
 
@@ -109,14 +93,11 @@ def simulate(
     stiff: bool = False,
     alike: bool = False,
 ) -> Trajectory:
-    """Runs every case, one or more, from rest at its first reference position, under the options that all share.
+    """Run every case from rest at its first reference position, under common options.
 
-    The reference is what every case is to do, or each its own, at every control period, s. `stiff`: CVODES solves the plant between samples, to
-    compare with, a hundred times slower. `alike`: all cases are the first one, whose numbers are then constants of what is compiled; that rounds
-    otherwise than numbers that are given, and the bytes of the embedded logs rest on it.
-
-    Raises InputError where the period is not positive or longer than the loop bears, something is not finite, the motor lacks the inductance that
-    the loop has, or nothing is to be run.
+    `stiff` solves the plant by CVODES, a hundred times slower. `alike`: all cases equal the first, whose numbers become
+    constants; the embedded logs rest on its rounding. Raises InputError where the period is too long for the loop or an
+    input is not possible.
     """
     n = reference.position.shape[-1]
     if not cases or n < 2 or not 0 < period < inf:
@@ -140,7 +121,7 @@ def simulate(
     parts = [slice(*ends) for ends in pairwise(round(k * len(cases) / workers) for k in range(workers + 1))]
     for part in parts:
         run(_length(n), part.stop - part.start)  # built here: CasADi does so in one thread alone
-    with ThreadPoolExecutor(workers) as pool:  # CasADi leaves Python to the others while it runs
+    with ThreadPoolExecutor(workers) as pool:  # CasADi releases the interpreter
         ran = pool.map(lambda part: _logged(options, run, [x[part] for x in given], numbers[part]), parts)
         logs = np.concatenate(list(ran), axis=1)
     log = shaped(blank_log(options), iter(logs))
@@ -154,10 +135,7 @@ def simulate(
 
 
 def _logged(options: LoopOptions, run: Run, given: Sequence[Array], numbers: Array) -> Array:
-    """What each case logs, (rows, cases, n), from what each is given, (cases, n) each, in one thread, chunk by chunk.
-
-    What the last chunk lacks is filled up, for another length would have to be compiled.
-    """
+    """Logs of each case, (rows, cases, n), from its inputs, (cases, n) each, in one thread, in chunks of one length."""
     cases, n = given[0].shape
     memory = np.array([flat(at_rest(options, float(y))) for y in given[0][:, 0]])
     length = _length(n)
@@ -174,12 +152,12 @@ def _logged(options: LoopOptions, run: Run, given: Sequence[Array], numbers: Arr
 
 
 def _length(n: int) -> int:
-    """Samples of a call, of so many in all."""
-    return min(_CHUNK, 10 * -(-n // 10))  # a round number, of which CasADi does ten at once
+    """Samples of a call."""
+    return min(_CHUNK, 10 * -(-n // 10))  # a multiple of ten, which CasADi evaluates together
 
 
 @lru_cache(maxsize=32)
 def _run(options: LoopOptions, constants: Numbers | None, samples: int, cases: int, *, stiff: bool) -> ca.Function:
-    """So many control periods of so many cases: (memory, what is given, numbers) -> (memory, logs)."""
+    """Control periods of cases as one function: (memory, given, numbers) -> (memory, logs)."""
     run = chained(stiff_control_period(options) if stiff else control_period(options, constants), samples)
     return run if cases == 1 else run.map(cases)

@@ -1,6 +1,6 @@
-"""Friction compensators with one interface, pure functions of their state.
+"""Friction compensators as pure functions: `initial_state`, then `step` at every sample, of floats or symbols.
 
-`initial_state(compensator, parameters)`, then `step` at every sample.
+The names:
 
     none              nothing
     coulomb           alpha_0 tanh(v / v_0)
@@ -9,9 +9,6 @@
     lugre-feedback    LuGre driven by the measured velocity, or by one that is differentiated from the measured position
     lugre-observer    the same, the bristle corrected by the position error: dz/dt = v - lambda z - k e, e = y - y_ref
     (Canudas de Wit, 1995)
-
-Each LuGre one can adapt. Every derivative they use is CasADi's. With symbols they return expressions, with floats
-CasADi's numbers, slowly; `compiled` makes one function of a step, for a loop in real time.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,48 +35,40 @@ Velocity = Literal["reference", "measured"]
 
 
 class Reference(NamedTuple):
-    """What the joint is to do, in rad, rad/s and rad/s**2.
-
-    Now, as floats or CasADi symbols, or at every control period of a run, as arrays (n,) or (cases, n).
-    """
+    """Reference motion in rad, rad/s and rad/s**2: floats or symbols, or arrays (n,) or (cases, n) of a run."""
 
     position: Expression
     velocity: Expression
     acceleration: Expression
     torque: Expression = 0.0
-    """Added to what the controller asks for, N*m: a load that is played open loop."""
+    """Open-loop torque added to the command, N*m."""
     level: Expression = 0.0
-    """What the load on the way adds to alpha_0, of joint and model alike, N*m (`law.load_levels`)."""
+    """Rise of alpha_0 by the load on the way, of joint and model alike, N*m (`law.load_levels`)."""
 
 
 class Measurement(NamedTuple):
-    """What it does."""
+    """Measured motion."""
 
-    position: Expression
-    """rad."""
-    velocity: Expression | None = None
-    """rad/s; None: differentiated from the position, through a first-order filter."""
+    position: Expression  # rad
+    velocity: Expression | None = None  # rad/s; None: differentiated from the position
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compensator:
-    """Which compensator, and its settings.
-
-    Raises InputError at an unknown name, adaptation of what has no bristle, or a number out of range.
-    """
+    """A compensator and its settings. Raises InputError for settings that are not possible."""
 
     name: Name = "lugre"
     velocity: Velocity = "reference"
-    """Which one drives coulomb and stribeck; the names of the others say it."""
+    """Velocity that drives coulomb and stribeck."""
     share: float = 1.0
-    """Of the predicted friction that is compensated; 1 is all of it."""
+    """Compensated share of the predicted friction."""
     inertia: float = 0.0
-    """Inertia feed-forward: this times the reference acceleration is added, kg*m**2; 0: none, as in the paper."""
+    """Inertia feed-forward, kg*m**2; 0: none, as in the paper."""
     adaptation: Adaptation | None = None
     softness: float = 0.01
     """v_0 of the Coulomb compensator, rad/s."""
     filter_time: float = 0.0
-    """Of the velocity that is differentiated, s; 0: the plain difference."""
+    """Of the differentiated velocity, s; 0: plain difference."""
     observer_gain: float = 10.0
     """k, 1/s."""
 
@@ -99,21 +88,17 @@ class Compensator:
 
 
 class CompensatorState(NamedTuple):
-    """What a compensator remembers from one sample to the next."""
+    """State between samples."""
 
     parameters: Pair[Any]
-    deflection: Expression
-    """Of the model's bristle, rad."""
-    velocity: Expression
-    """That drove the model last, rad/s."""
-    position: Expression
-    """Measured last, rad."""
+    deflection: Expression  # Of the model's bristle, rad
+    velocity: Expression  # Last driving velocity, rad/s
+    position: Expression  # Last measured, rad
     learnt: Learnt
-    """Empty where nothing adapts."""
 
 
 def initial_state(compensator: Compensator, parameters: Pair[Any], position: Expression = 0.0) -> CompensatorState:
-    """At rest at a position, rad, the bristle not bent, nothing learnt."""
+    """At rest at a position, rad, bristle not bent, nothing learnt."""
     learnt = nothing_learnt(compensator.adaptation) if compensator.adaptation else Learnt((), (), ())
     return CompensatorState(parameters, 0.0, 0.0, position, learnt)
 
@@ -121,7 +106,7 @@ def initial_state(compensator: Compensator, parameters: Pair[Any], position: Exp
 def step(
     compensator: Compensator, state: CompensatorState, reference: Reference, measurement: Measurement, h: Expression
 ) -> tuple[CompensatorState, Expression]:
-    """One sample, h seconds after the last one: the new state, and the torque to add to the controller's, N*m."""
+    """One sample of h seconds: the new state, and the torque to add to the controller's, N*m."""
     name, pair = compensator.name, state.parameters
     forward = compensator.inertia * reference.acceleration
     if name == "none":
@@ -158,10 +143,9 @@ def driving(
 def advanced(
     a: Adaptation | None, state: CompensatorState, v: Expression, h: Expression, level: Expression = 0.0
 ) -> tuple[Expression, Learnt]:
-    """The model's bristle after h seconds, v linear meanwhile, and dz / d theta beside it for the total law.
+    """The bristle after h seconds with linear v, and dz / d theta for the total law; a load adds `level`, N*m.
 
-    Two exact-exponential steps: up to where v passes zero, or else to the middle, and from there. A load adds `level`
-    to alpha_0 meanwhile, N*m.
+    Two exact-exponential steps, to the zero of v or the middle, and from there.
     """
     v0, learnt = state.velocity, state.learnt
     crosses = v0 * v < 0
@@ -191,9 +175,9 @@ def advanced(
 def compiled(
     compensator: Compensator, of: Law = GAUSSIAN, *, velocity: bool = True
 ) -> Callable[[CompensatorState, Reference, Measurement, float], tuple[CompensatorState, float]]:
-    """`step` for a loop in real time, of a joint with this law: compiled once by CasADi, then called with floats.
+    """`step` for a real-time loop and a joint with this law, compiled by CasADi, called with floats.
 
-    With `velocity` the measurement must hold one. A returned function keeps buffers of its own: one thread at a time.
+    With `velocity` the measurement must hold one. Not thread-safe.
     """
     gains, count = adapted_count(compensator), len(fields_of(of))
     blank = pair_of([0.0] * 2 * count, of)
@@ -225,18 +209,18 @@ def compiled(
 
 
 def adapted_count(compensator: Compensator) -> int:
-    """How many parameters it adapts."""
+    """Number of adapted parameters."""
     return len(compensator.adaptation.parameters) if compensator.adaptation else 0
 
 
 def packed(state: CompensatorState) -> list[Expression]:
-    """All that changes from sample to sample, one number after the other."""
+    """The state as a list of numbers."""
     theta, sensitivity, covariance = state.learnt
     return [state.deflection, state.velocity, state.position, *theta, *sensitivity, *covariance]
 
 
 def unpacked(memory: Sequence[Expression], parameters: Pair[Any], adapted: int) -> CompensatorState:
-    """The inverse of `packed` where so many parameters are adapted."""
+    """The inverse of `packed`, for so many adapted parameters."""
     z, v, position, *rest = memory
     theta, sensitivity, covariance = rest[:adapted], rest[adapted : 2 * adapted], rest[2 * adapted :]
     return CompensatorState(parameters, z, v, position, Learnt(tuple(theta), tuple(sensitivity), tuple(covariance)))

@@ -1,7 +1,6 @@
-"""One control period of the closed loop: what it is made of, its expressions, and the functions that step it, exactly or by CVODES.
+"""One control period of the closed loop as expressions, and functions that step it exactly or by CVODES.
 
-The encoder reads, controller and compensator ask for a torque, the drive gives it (or the voltage that the motor model makes of it), and the plant
-goes on. Whatever goes in or out is a tuple with names; `flat` and `shaped` make the vectors.
+Inputs and outputs are named tuples; `flat` and `shaped` convert them to vectors.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,29 +29,20 @@ _CURRENT: dict[str, Current] = {"torque": motor.current_for, "voltage": motor.cu
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopOptions:
-    """What is connected to what; the numbers stand in `Case`. Raises InputError where that cannot work."""
+    """Structure of the loop. Raises InputError for structures that are not possible."""
 
     compensator: Compensator = field(default_factory=Compensator)
     drive: Literal["torque", "voltage"] = "torque"
-    """What the drive takes: the torque itself, or the voltage that the motor model makes of it, with the back-EMF at the reference velocity."""
-    delay: int = 0
-    """Control periods from the command to the drive."""
-    encoder: bool = False
-    """Whether positions are counted; else they are measured as they are."""
-    speedometer: bool = False
-    """Whether the compensator is given the true velocity; else it differentiates the position where it needs one."""
-    substeps: int = 1
-    """Steps of the plant in a control period."""
-    controller: Literal["pid", "sliding"] = "pid"
-    """(21), or sliding mode, to compare with."""
-    inductance: bool = False
-    """Whether the current lags the voltage by L / R (1); else it follows at once (6)."""
-    informed: bool = False
-    """Whether the compensator's model drifts with the plant: the best that adaptation can do."""
-    law: Law = GAUSSIAN
-    """Of the plant's friction; `with_law_of` has that of some cases."""
-    model_law: Law = GAUSSIAN
-    """Of the compensator's."""
+    """Torque, or the voltage of the motor model, with back-EMF at the reference velocity."""
+    delay: int = 0  # Control periods from the command to the drive
+    encoder: bool = False  # Whether positions are counted
+    speedometer: bool = False  # Whether the compensator gets the true velocity
+    substeps: int = 1  # Steps of the plant in a period
+    controller: Literal["pid", "sliding"] = "pid"  # (21), or sliding mode
+    inductance: bool = False  # Whether the current lags the voltage by L / R (1)
+    informed: bool = False  # Whether the compensator's model drifts with the plant: the best possible adaptation
+    law: Law = GAUSSIAN  # Of the plant; see `with_law_of`
+    model_law: Law = GAUSSIAN  # Of the compensator
 
     def __post_init__(self) -> None:
         if self.delay < 0 or self.substeps < 1:
@@ -70,21 +60,16 @@ class LoopOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """The numbers of one run. Raises InputError where sliding mode has no boundary layer."""
+    """Numbers of one run. Raises InputError where sliding mode has no boundary layer."""
 
-    plant: Pair[float]
-    """Friction as it is."""
+    plant: Pair[float]  # True friction
     motor: Motor[float]
-    model: Pair[float]
-    """Friction as the compensator takes it."""
+    model: Pair[float]  # Friction in the compensator
     gains: Gains[float]
-    torque_limit: float = float("inf")
-    """Largest torque asked for, controller and compensator together, N*m."""
-    resolution: float = 1.0
-    """One count, rad, where there is an encoder."""
+    torque_limit: float = float("inf")  # Of controller and compensator together, N*m
+    resolution: float = 1.0  # One encoder count, rad
     sliding: Sliding[float] = _SOFT
-    """Of the controller where it is sliding mode; in its layer the default is a PD controller with the paper's K_p and
-    K_d."""
+    """Of sliding mode; inside its layer the default is a PD controller with the paper's K_p and K_d."""
 
     def __post_init__(self) -> None:
         if not self.sliding.layer > 0:
@@ -92,27 +77,23 @@ class Case:
 
 
 class Disturbance(NamedTuple):
-    """What acts on a run beside its reference, at every control period: a number, or an array (n,) or (cases, n)."""
+    """Disturbances of a run, per control period: numbers, or arrays (n,) or (cases, n)."""
 
-    load: Array | float = 0.0
-    """Disturbing torque, positive along positive velocity, N*m."""
-    drift_0: Array | float = 1.0
-    """The plant's alpha_0 over that of the case: friction that changes during the run."""
-    drift_2: Array | float = 1.0
-    """The same of alpha_2."""
-    noise: Array | float = 0.0
-    """Added to the measured position, rad."""
+    load: Array | float = 0.0  # Torque along positive velocity, N*m
+    drift_0: Array | float = 1.0  # Factor on the plant's alpha_0
+    drift_2: Array | float = 1.0  # Factor on alpha_2
+    noise: Array | float = 0.0  # Added to the measured position, rad
 
 
 class Given(NamedTuple):
-    """What a period is given."""
+    """Inputs of a period."""
 
     reference: Reference
     disturbance: Disturbance
 
 
 class Numbers(NamedTuple):
-    """The numbers of a period: those of a `Case`, and how long it lasts, s."""
+    """The numbers of a `Case`, and the period, s."""
 
     plant: Pair[Any]
     model: Pair[Any]
@@ -125,20 +106,18 @@ class Numbers(NamedTuple):
 
 
 class LoopMemory(NamedTuple):
-    """What the loop remembers from one period to the next."""
+    """State of the loop."""
 
     plant: State
-    current: tuple[Expression, ...]
-    """Of the armature, A, where it lags; else empty."""
+    current: tuple[Expression, ...]  # Of the armature, A, if it lags
     controller: Memory[Any]
-    compensator: tuple[Expression, ...]
-    """As `compensator.packed` has it."""
+    compensator: tuple[Expression, ...]  # As in `compensator.packed`
     asked: tuple[tuple[Expression, Expression], ...]
-    """Torque, N*m, and voltage, V, that have not reached the drive, the oldest first."""
+    """Torques, N*m, and voltages, V, on the way to the drive, oldest first."""
 
 
 class Logged(NamedTuple):
-    """What a period logs, as it begins; as in `Trajectory`."""
+    """Logs at the start of a period, as in `Trajectory`."""
 
     position: Expression
     velocity: Expression
@@ -151,19 +130,15 @@ class Logged(NamedTuple):
 
 
 class Period(NamedTuple):
-    """A control period as expressions: its inputs as vectors and by name, and what the controller made of them."""
+    """A control period as expressions."""
 
-    inputs: tuple[ca.SX, ca.SX, ca.SX]
-    """Memory, what is given, and numbers."""
+    inputs: tuple[ca.SX, ca.SX, ca.SX]  # Memory, given, numbers
     memory: LoopMemory
     numbers: Numbers
-    friction: Pair[Any]
-    """The plant's, as it has drifted."""
+    friction: Pair[Any]  # Of the plant, drifted
     load: Expression
-    sent: Expression
-    """To the drive: N*m or V."""
-    kept: LoopMemory
-    """After the period; the plant as it was before."""
+    sent: Expression  # To the drive: N*m or V
+    kept: LoopMemory  # State after the period, with the plant's before
     log: Logged
 
 
@@ -171,30 +146,30 @@ UNDISTURBED = Given(Reference(0.0, 0.0, 0.0), Disturbance())  # at rest at zero,
 
 
 def no_friction(of: Law) -> Pair[float]:
-    """The shape of a pair of this law."""
+    """A pair of zeros of this law."""
     return pair_of([0.0] * 2 * len(fields_of(of)), of)
 
 
 def numbers_of(case: Case, period: float) -> Numbers:
-    """A case as the numbers that a period of that length, s, takes."""
+    """A case as numbers, with a period, s."""
     limit = min(case.torque_limit, 1e300)
     return Numbers(case.plant, case.model, case.motor, case.gains, case.sliding, limit, case.resolution, period)
 
 
 def at_rest(options: LoopOptions, position: float) -> LoopMemory:
-    """What the loop remembers at rest at its reference, rad."""
+    """The state at rest at a reference, rad."""
     state = compensating.initial_state(options.compensator, no_friction(options.model_law), position)
     current, compensator = (0.0,) if options.inductance else (), tuple(compensating.packed(state))
     return LoopMemory(STILL._replace(position=position), current, AT_REST, compensator, ((0.0, 0.0),) * options.delay)
 
 
 def blank_log(options: LoopOptions) -> Logged:
-    """The shape of what a period logs."""
+    """An empty log."""
     return Logged(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, (0.0,) * compensating.adapted_count(options.compensator))
 
 
 def with_law_of(options: LoopOptions, cases: Sequence[Case]) -> LoopOptions:
-    """The options for cases, whose plants are of one law, and whose models are. Raises InputError where they are not."""
+    """The options with the laws of some cases. Raises InputError where cases differ."""
     plants, models = {c.plant.law.name: c.plant.law for c in cases}, {c.model.law.name: c.model.law for c in cases}
     if max(len(plants), len(models)) > 1:
         raise InputError(
@@ -204,7 +179,7 @@ def with_law_of(options: LoopOptions, cases: Sequence[Case]) -> LoopOptions:
 
 
 def controlled(options: LoopOptions, constants: Numbers | None = None) -> Period:
-    """The controller's part of a period; its numbers are inputs, but where they are constants."""
+    """The controller's part of a period."""
     memory, before = symbols("memory", at_rest(options, 0.0))
     u, (r, outside) = symbols("u", UNDISTURBED)
     plant, model = no_friction(options.law), no_friction(options.model_law)
@@ -236,7 +211,7 @@ def controlled(options: LoopOptions, constants: Numbers | None = None) -> Period
 
 
 def after(options: LoopOptions, now: Period, sent: Expression) -> LoopMemory:
-    """What is remembered after the period, with this held at the drive."""
+    """State after the period, with this held at the drive."""
     state, current, case = now.memory.plant, now.memory.current, now.numbers
     h = case.period / options.substeps
     for _ in range(options.substeps):
@@ -250,7 +225,7 @@ def after(options: LoopOptions, now: Period, sent: Expression) -> LoopMemory:
 
 @lru_cache(maxsize=32)
 def control_period(options: LoopOptions, constants: Numbers | None = None) -> ca.Function:
-    """One control period: (memory, what is given, numbers) -> (memory, log); with constants the numbers given are not looked at."""
+    """(memory, given, numbers) -> (memory, log); constants replace the numbers."""
     now = controlled(options, constants)
     new = ca.vertcat(*flat(after(options, now, now.sent)))
     return ca.Function("control_period", [*now.inputs], [new, ca.vertcat(*flat(now.log))], {"cse": True})
@@ -258,7 +233,7 @@ def control_period(options: LoopOptions, constants: Numbers | None = None) -> ca
 
 @lru_cache(maxsize=8)
 def stiff_control_period(options: LoopOptions) -> ca.Function:
-    """The same, the plant by CVODES at tight tolerances: variable steps and orders, implicit, nothing of the fast step in it."""
+    """The same with the plant by CVODES at tight tolerances."""
     now = controlled(options)
     kept = ca.vertcat(*flat(now.kept))
     state = ca.vertcat(*flat((now.memory.plant, now.memory.current)))
@@ -281,12 +256,12 @@ def stiff_control_period(options: LoopOptions) -> ca.Function:
 
 
 def flat(value: Any) -> list[Any]:
-    """Every number of nested tuples, in order."""
+    """Numbers of nested tuples, in order."""
     return [x for part in value for x in flat(part)] if isinstance(value, tuple) else [value]
 
 
 def shaped(like: T, values: Iterator[Any]) -> T:
-    """The inverse of `flat`: the next values in the shape of these nested tuples."""
+    """The inverse of `flat`."""
     if not isinstance(like, tuple):
         value: T = next(values)
         return value
@@ -295,6 +270,6 @@ def shaped(like: T, values: Iterator[Any]) -> T:
 
 
 def symbols(name: str, like: T) -> tuple[ca.SX, T]:
-    """A CasADi vector, (n, 1), and its elements in the shape of these nested tuples of n numbers."""
+    """A CasADi vector, (n, 1), and its elements in the shape of nested tuples."""
     vector = ca.SX.sym(name, len(flat(like)))
     return vector, shaped(like, iter(ca.vertsplit(vector)))

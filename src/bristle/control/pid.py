@@ -1,7 +1,4 @@
-"""The PID controller (21) and, to compare with, sliding mode, sampled.
-
-Pure expressions, state in and state out, for floats and CasADi symbols.
-"""
+"""The sampled PID controller (21), and sliding mode for comparison, for floats and CasADi symbols."""
 
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -13,40 +10,29 @@ T = TypeVar("T")
 
 
 class Gains(NamedTuple, Generic[T]):
-    """Gains of (21) for an error in rad and an output in N*m: N*m/rad, N*m/(rad*s) and N*m*s/rad."""
+    """Gains of (21): N*m/rad, N*m/(rad*s), N*m*s/rad."""
 
     K_p: T
     K_i: T
     K_d: T
-    filter_time: T
-    """Time constant of the first-order filter on the derivative, s, >= 0; at 0 the plain backward difference is left."""
+    filter_time: T  # Of the filter on the derivative, s, >= 0; 0: plain difference
 
 
 class Sliding(NamedTuple, Generic[T]):
-    """Sliding mode with a boundary layer, for an error in rad and an output in N*m.
+    """Sliding mode T = K sat(s / layer), s = de/dt + slope e, for an error in rad and an output in N*m."""
 
-    T = K sat(s / layer), s = de/dt + slope e.
-    """
-
-    K: T
-    """Largest torque, N*m."""
-    slope: T
-    """The rate at which the error decays where s = 0, 1/s."""
-    layer: T
-    """Half the width of the boundary layer, that of s in which the torque is linear, rad/s, > 0."""
-    filter_time: T
-    """As in `Gains`, s."""
+    K: T  # Largest torque, N*m
+    slope: T  # Rate of decay of the error at s = 0, 1/s
+    layer: T  # Half width of the boundary layer, rad/s, > 0
+    filter_time: T  # As in `Gains`, s
 
 
 class Memory(NamedTuple, Generic[T]):
-    """What the controller remembers from one sample to the next; all zero at rest."""
+    """State of the controller, zero at rest."""
 
-    integral: T
-    """K_i times the integral of the error, N*m."""
-    derivative: T
-    """Filtered derivative, rad/s."""
-    error: T
-    """The last one, rad."""
+    integral: T  # K_i times the integral of the error, N*m
+    derivative: T  # Filtered derivative, rad/s
+    error: T  # Last error, rad
 
 
 AT_REST: Memory[float] = Memory(0.0, 0.0, 0.0)
@@ -55,10 +41,7 @@ AT_REST: Memory[float] = Memory(0.0, 0.0, 0.0)
 def differentiated(
     derivative: Expression, last: Expression, new: Expression, h: Expression, filter_time: Expression
 ) -> Expression:
-    """The backward difference of a signal through a first-order filter, per second.
-
-    It goes on from the derivative and the value h seconds ago.
-    """
+    """Backward difference through a first-order filter, per second, from the last derivative and value."""
     plain = (new - last) / h
     return derivative + h / (h + filter_time) * (plain - derivative)
 
@@ -68,9 +51,8 @@ def pid(
 ) -> tuple[Expression, Memory[Any]]:
     """One sample of (21): the output, N*m, within +-limit, and the new memory.
 
-    `error` is reference minus measurement, rad; `h` the sampling interval, s; `limit` the largest output, N*m.
-    Rectangle rule for the integral, backward difference for the derivative. Anti-windup: the integral never moves
-    further than where the output meets its limit.
+    `error` is reference minus measurement, rad; `h` the sampling interval, s. Rectangle rule, backward difference; the
+    integral stops where the output meets its limit (anti-windup).
     """
     derivative = differentiated(memory.derivative, memory.error, error, h, gains.filter_time)
     proportional = gains.K_p * error + gains.K_d * derivative
@@ -84,7 +66,7 @@ def pid(
 def sliding(
     memory: Memory[Any], error: Expression, h: Expression, gains: Sliding[Any]
 ) -> tuple[Expression, Memory[Any]]:
-    """One sample of sliding mode: the output, N*m, within +-K, and the new memory; `error` and `h` as in `pid`."""
+    """One sample of sliding mode: the output, N*m, within +-K, and the new memory; arguments as in `pid`."""
     derivative = differentiated(memory.derivative, memory.error, error, h, gains.filter_time)
     s = derivative + gains.slope * error
     output = gains.K * ca.fmin(ca.fmax(s / gains.layer, -1.0), 1.0)

@@ -1,13 +1,8 @@
-"""The plant: motor and LuGre friction, stepped together in CasADi; and its sensors.
+"""The plant, motor and LuGre friction stepped together in CasADi, and its sensors.
 
-These do the same to a signal on the bench as in the closed loop. Velocity and bristle are one stiff pair: a
-joint in stick rings at sqrt(sigma_0 / J). With lambda(v) frozen, (4) and (7) are linear in (v, z),
-
-    d(v, z)/dt = A (v, z) + b,   tr A < 0 < det A,
-
-and are stepped by the exponential of the 2x2 matrix A in closed form: stable for any stiffness and any step. lambda is
-frozen at the velocity that an implicit half step predicts, which makes the step second order where the motion is
-smooth. A and b come from the law and the motor by differentiation.
+Velocity and bristle are one stiff pair. With lambda(v) frozen, (4) and (7) are linear, d(v, z)/dt = A (v, z) + b with
+tr A < 0 < det A, and are stepped by exp(A h) in closed form, stable for any step. Lambda is frozen at the velocity of
+an implicit half step: second order for smooth motion.
 """
 
 from collections.abc import Callable
@@ -29,7 +24,7 @@ _TINY = 1e-100  # keeps sinh(w h) / w and sin(w h) / w finite at w = 0, where bo
 
 
 class State(NamedTuple):
-    """The plant at one instant: rad, rad/s, and the bristle's deflection z, rad."""
+    """The plant: rad, rad/s, and the bristle's deflection z, rad."""
 
     position: Expression
     velocity: Expression
@@ -42,9 +37,8 @@ STILL = State(0.0, 0.0, 0.0)
 def exponential(A: Expression, h: Expression) -> Expression:
     """exp(A h) of a 2x2 matrix whose eigenvalues have no positive real part, in closed form.
 
-    With m = tr A / 2 and d = m**2 - det A:  exp(A h) = c I + s (A - m I), where c = exp(m h) cosh(sqrt(d) h), s = exp(m
-    h) sinh(sqrt(d) h) / sqrt(d), or their cosine and sine where d < 0. Every exponent is <= 0, so nothing overflows;
-    equal eigenvalues need no case of their own.
+    With m = tr A / 2 and d = m**2 - det A: exp(A h) = c I + s (A - m I), c = exp(m h) cosh(sqrt(d) h), s = exp(m h)
+    sinh(sqrt(d) h) / sqrt(d), or their cosine and sine for d < 0. No exponent is positive, so nothing overflows.
     """
     m = (A[0, 0] + A[1, 1]) / 2
     d = ((A[0, 0] - A[1, 1]) / 2) ** 2 + A[0, 1] * A[1, 0]
@@ -66,7 +60,7 @@ def plant_rates(
     current: Current,
     at: tuple[Expression, Expression] | None = None,
 ) -> Expression:
-    """d(v, z)/dt, (2, 1), from (2), (4) and (6); with `at`, lambda and the sets are those of that (v, z) instead."""
+    """d(v, z)/dt, (2, 1), from (2), (4) and (6); with `at`, lambda and the sets are those of that (v, z)."""
     v_at, z_at = at or (v, z)
     p = law.active(z_at, v_at, pair)
     friction = law.torque(z, v, p, at=v_at)
@@ -93,8 +87,7 @@ def plant_step(
 ) -> State:
     """The plant after h seconds at a constant drive and disturbing torque `load` (N*m, along positive velocity).
 
-    The drive is a voltage (V) under `motor.current`, a torque (N*m) under `motor.current_for`; pair and motor hold
-    floats or CasADi symbols.
+    The drive is V under `motor.current`, N*m under `motor.current_for`; floats or CasADi symbols.
     """
     x = ca.vertcat(state.velocity, state.deflection)
     A, b = _frozen(x, drive, load, pair, m, current)
@@ -110,11 +103,10 @@ def plant_step(
 def inductive_step(
     state: State, i: Expression, V: Expression, load: Expression, h: Expression, pair: Pair[Any], m: Motor[Any]
 ) -> tuple[State, Expression]:
-    """The plant and its armature current, A, after h seconds at constant voltage, V, and disturbing torque, N*m.
+    """Plant and armature current, A, after h seconds at constant voltage, V, and disturbing torque, N*m; L > 0.
 
-    Needs L > 0. The mean phi i + (1 - phi) i_s(v) of the lag (1) drives the pair, its back-EMF part of the frozen
-    system; then the current lags at the pair's mean velocity. Second order, stable for any L / R against h; with L -> 0
-    it is `plant_step`.
+    The mean phi i + (1 - phi) i_s(v) of the lag (1) drives the pair, then the current lags at the mean velocity. Second
+    order, stable for any L / R; L -> 0 gives `plant_step`.
     """
     a, phi = motor.lag(h, m)
     new = plant_step(state, V, load, h, pair, m, lambda V, v, m: phi * i + (1 - phi) * motor.current(V, v, m))
@@ -123,30 +115,23 @@ def inductive_step(
 
 
 class Sensors(NamedTuple):
-    """How well the bench measures."""
+    """Errors of the bench."""
 
     resolution: float
-    """Angle of one encoder count, rad (m where prismatic), > 0."""
+    """One encoder count, rad or m, > 0."""
     voltage_noise: float
-    """Standard deviation of each logged voltage, V, >= 0: white."""
+    """Standard deviation of each logged voltage, V, white."""
     torque_noise: float
-    """Standard deviation of the torque that disturbs the plant, N*m, >= 0: held over a control period, white from one
-    to the next."""
+    """Standard deviation of the disturbing torque, N*m, white from one control period to the next."""
 
 
 def quantise(x: Expression, resolution: Expression) -> Expression:
-    """The encoder's reading of x: the nearest count, in the unit of x.
-
-    Each count's interval is half open, [k - 1/2, k + 1/2).
-    """
+    """The nearest count to x, in its unit; intervals are half open, [k - 1/2, k + 1/2)."""
     return ca.floor(x / resolution + 0.5) * resolution
 
 
 def white_noise(rng: np.random.Generator, standard_deviation: float, shape: tuple[int, ...]) -> Array:
-    """Normal, independent, zero-mean noise, in the unit of `standard_deviation`.
-
-    Raises InputError if the standard deviation is negative.
-    """
+    """White normal noise, in the unit of `standard_deviation`. Raises InputError if that is negative."""
     if not standard_deviation >= 0:
         raise InputError(f"the standard deviation of noise is {standard_deviation}; expected zero or more")
     return standard_deviation * rng.standard_normal(shape)

@@ -1,4 +1,4 @@
-"""A compensator that remembers its state: one call for each control period of a loop in real time."""
+"""A compensator with its state, for a real-time loop."""
 
 from collections.abc import Mapping
 
@@ -9,7 +9,7 @@ from bristle.model.parameters import Pair
 
 
 class RunningCompensator:
-    """What `compensator.compiled` does, with the state kept inside. One thread at a time."""
+    """`compensator.compiled` with its state. Not thread-safe."""
 
     def __init__(
         self,
@@ -18,10 +18,10 @@ class RunningCompensator:
         position: float = 0.0,
         rises: Mapping[str, float] | None = None,
     ) -> None:
-        """Of a joint at rest at a position, rad, with its parameters in both directions; nothing is learnt yet.
+        """Start at rest at a position, rad, with parameters of both directions, nothing learnt.
 
-        `rises` are the coefficients by which its friction rises with load (`law.load_levels`), by name; None: it does not.
-        Raises InputError where a parameter is not finite, or a coefficient unknown.
+        `rises` are coefficients by which friction rises with load (`law.load_levels`). Raises InputError where a
+        parameter is not finite, or a coefficient unknown.
         """
         self.rises = dict(rises or {})
         known = law.load_levels(0.0, 0.0)
@@ -36,7 +36,7 @@ class RunningCompensator:
         self.reset(position)
 
     def reset(self, position: float = 0.0) -> None:
-        """Begin anew: at rest at a position, rad, the bristle not bent, all gains 1."""
+        """Start again at rest at a position, rad, with gains of 1."""
         self._state = initial_state(self.compensator, self.parameters, position)
 
     def step(
@@ -77,6 +77,6 @@ class RunningCompensator:
 
     @property
     def gains(self) -> dict[str, float]:
-        """What each adapted parameter is multiplied by; 1 at first."""
+        """Gains of the adapted parameters."""
         adaptation = self.compensator.adaptation
         return dict(zip(adaptation.parameters, self._state.learnt.theta, strict=True)) if adaptation else {}

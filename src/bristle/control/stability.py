@@ -1,9 +1,6 @@
-"""The longest control period that a loop bears.
+"""The longest stable control period of a loop, by the eigenvalues of its period map in fast sliding.
 
-It is found from the derivative of what the loop remembers after a period by what it remembered before. The joint slides
-so fast that its bristle has no part; nothing is compensated, counted or limited. Where that derivative has an
-eigenvalue beyond the unit circle, a swing that is large enough grows without end. A loop that is unstable in stick
-alone is not refused, for its swings end where the joint breaks away; nor is one that no shorter period would mend.
+A loop that is unstable in stick alone, or at any shorter period, is not refused.
 """
 
 from collections.abc import Sequence
@@ -37,15 +34,12 @@ from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Pair
 
 _FAST = 1e3  # multiples of v_s at which the joint slides
-_LEAST = 1e-4  # growth in the period asked for, as a logarithm, that counts
-_HALVINGS, _BISECTIONS = 10, 10  # to find a shorter period that the loop bears, and then the longest
+_LEAST = 1e-4  # log growth per period that counts
+_HALVINGS, _BISECTIONS = 10, 10  # in the search for a stable period
 
 
 def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: float) -> None:
-    """Raises InputError where a case diverges at this control period, s, and would not at a shorter one.
-
-    Sliding mode is bounded: never refused.
-    """
+    """Raise InputError where a case diverges at this control period, s, but not at a shorter one."""
     if options.controller == "sliding":
         return
     linear = [replace(case, plant=Pair(p, p), torque_limit=inf) for case in cases for p in case.plant]
@@ -54,10 +48,10 @@ def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: floa
         return
 
     def borne(shorter: Array) -> NDArray[np.bool_]:
-        """Whether nothing grows in these shorter periods, or no faster in time than what does not count."""
+        """Whether nothing grows in shorter periods, or no faster in time."""
         return growth(options, linear, shorter) <= _LEAST * shorter / period
 
-    # The longest periods up to this one that these bear, to a thousandth; zero where none is found.
+    # the longest stable periods up to this one, to a thousandth, or zero
     bearable = np.full(len(linear), period)
     for _ in range(_HALVINGS):
         bearable = np.where(borne(bearable), bearable, bearable / 2)
@@ -77,10 +71,7 @@ def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: floa
 
 
 def growth(options: LoopOptions, cases: Sequence[Case], period: Array) -> Array:
-    """By how much the fastest mode of each case grows in its period, s, as a logarithm, in sliding along positive velocity, (cases,).
-
-    Infinite where the derivative is no number.
-    """
+    """Log growth of each case's fastest mode per period, s, in positive sliding, (cases,); inf if no number."""
     rows = np.array([flat(numbers_of(case, nan)) for case in cases])
     options = with_law_of(options, cases)
     bare = replace(options, compensator=Compensator(name="none"), encoder=False, speedometer=False, informed=False)
@@ -95,23 +86,20 @@ def growth(options: LoopOptions, cases: Sequence[Case], period: Array) -> Array:
 
 @lru_cache(maxsize=32)
 def _derivative(options: LoopOptions) -> ca.Function:
-    """(numbers, period) -> the derivative of what is remembered after a period by what was before.
-
-    In fast sliding along positive velocity.
-    """
+    """(numbers, period) -> derivative of the state after a period by that before, in fast positive sliding."""
     now = controlled(options)
     memory, given, numbers = now.inputs
     sent, h = ca.SX.sym("sent"), ca.SX.sym("h")
 
     def linear(state: LoopMemory) -> Any:
-        """Its numbers but those of the compensator, which has no part."""
+        """Its numbers without those of the compensator."""
         return ca.vertcat(*flat(state._replace(compensator=())))
 
     before, new = linear(now.memory), linear(after(options, now, sent))
     by = ca.jacobian(new, before) + ca.mtimes(ca.jacobian(new, sent), ca.jacobian(now.sent, before))
     p, m = now.numbers.plant.positive, now.numbers.motor
     v = _FAST * p.v_s
-    if p.law.terms:  # which are known up to there alone
+    if p.law.terms:  # known up to there alone
         v = ca.fmin(v, getattr(p, FASTEST))
     T = law.steady_torque(v, p)
     current = (motor.current_for(T, v, m),) if options.inductance else ()

@@ -1,4 +1,4 @@
-"""Compensators whose numbers are CasADi symbols, for whoever prints one in another language."""
+"""Compensators with CasADi symbols as numbers, for printing in other languages."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ OF_ADAPTATION = ("dead_zone", "leakage", "forgetting")  # and of its adaptation,
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SymbolicAdaptation(Adaptation):
-    """An adaptation whose numbers are CasADi symbols, of which nothing can be refused."""
+    """An adaptation with symbols, unchecked."""
 
     def __post_init__(self) -> None:
         """Refuse nothing."""
@@ -21,19 +21,19 @@ class SymbolicAdaptation(Adaptation):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SymbolicCompensator(Compensator):
-    """A compensator whose numbers are CasADi symbols, of which nothing can be refused."""
+    """A compensator with symbols, unchecked."""
 
     def __post_init__(self) -> None:
         """Refuse nothing."""
 
 
 def setting_names(adapted: int) -> tuple[str, ...]:
-    """The numbers of a compensator that adapts so many parameters, in the order in which `with_settings` takes them."""
+    """Names of the numbers of a compensator with so many adapted parameters, in order."""
     return (*OF_COMPENSATOR, *OF_ADAPTATION, "lower", "upper", *(f"gamma_{k + 1}" for k in range(adapted)))
 
 
 def settings_of(compensator: Compensator) -> dict[str, float]:
-    """The numbers of a compensator, by the names of `setting_names`; of an adaptation that there is not, the default's."""
+    """Its numbers, by these names; of the default adaptation where there is none."""
     a = compensator.adaptation or Adaptation()
     rates = a.gamma if compensator.adaptation else ()
     own = [*(getattr(compensator, name) for name in OF_COMPENSATOR), *(getattr(a, name) for name in OF_ADAPTATION)]
@@ -43,7 +43,7 @@ def settings_of(compensator: Compensator) -> dict[str, float]:
 def with_settings(
     compensator: Compensator, settings: Mapping[str, Expression], adapting: type[Adaptation] = SymbolicAdaptation
 ) -> SymbolicCompensator:
-    """The same compensator with symbols in the place of its numbers, by the names of `setting_names`; its adaptation of another class, if asked."""
+    """The compensator with symbols in place of its numbers, and another class of adaptation if asked."""
     a = compensator.adaptation
     adaptation = a and adapting(
         law=a.law, step=a.step, parameters=a.parameters, limits=(settings["lower"], settings["upper"]),

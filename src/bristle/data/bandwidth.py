@@ -1,11 +1,11 @@
-"""Low pass and decimation of a run, from its own spectra: wide enough for the motion, and no wider than what its signals show above noise.
+"""Low pass and decimation of a run, from its own spectra.
 
-Friction at a reversal, presliding and inertia need the fast part of a motion; what a position holds beyond it is noise, whose second
-derivative drowns the acceleration, so that a fit finds less inertia. A moving run is cut off at twice the frequency at which its motion or
-its effort falls into its own noise, or the inertia makes more torque of the motion's noise than the effort has, and then lower, as long as
-that raises the inertia; but at no less than four times the frequency below which 99.9 % of the position's power lies, for noise may hide
-what a smooth motion does in its reversals. Both sides of the equations go through the filter of the decimation alike, which biases nothing.
-Of speeds that are held nothing fast is asked.
+Friction at a reversal, presliding and inertia need the fast part of a motion; beyond it a position holds noise, whose
+second derivative drowns the acceleration, so that a fit finds less inertia. A moving run is cut off at twice the
+frequency at which its motion or its effort falls into noise, or the inertia makes more torque of the motion's noise
+than the effort has, and then lower, as long as that raises the inertia; but at no less than four times the frequency
+below which 99.9 % of the position's power lies, for noise may hide what a smooth motion does in its reversals. Both
+sides of the equations go through the same filter, which biases nothing.
 """
 
 from collections.abc import Sequence
@@ -20,19 +20,16 @@ from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
 from bristle.findings import NOTE, Finding
 
-_WIDER, _ABOVE = 4.0, 2.0
-"""Cut-off over the bandwidth, at the least, and over the frequency at which a signal falls into noise."""
-_HELD, _SLOW = 0.5, 10.0
-"""The latter of held speeds, and the former of slow loading, whose breakaway is a corner of the position."""
+_WIDER, _ABOVE = 4.0, 2.0  # least cut-off over the bandwidth, and over the frequency where a signal falls into noise
+_HELD, _SLOW = 0.5, 10.0  # the latter at held speeds; the former of slow loading, whose breakaway is a corner
 _LADDER = 2**0.5  # a cut-off over the next one that is tried
-_STANDS = 0.003, 0.25
-"""The inertia stands still where the next cut-off raises it by no more than this share of itself, or of its standard error."""
+_STANDS = 0.003, 0.25  # of the inertia, of its standard error: by which a lower cut-off must raise it
 
 
 def of_motion(record: Record) -> tuple[float, Finding]:
     """Cut-off of the low pass of a moving run, Hz, with the reason.
 
-    From the longest piece between gaps, its position or its velocity, and its effort as far as it is known.
+    From the longest piece between gaps: its position or velocity, and its effort if known.
     """
     part, motion, effort = _longest(record), _known(record, "velocity", "position"), _known(record, "torque", "voltage")
     moves = _shown(np.asarray(motion)[part], record.step, int(motion is record.position))
@@ -42,7 +39,7 @@ def of_motion(record: Record) -> tuple[float, Finding]:
         shown = _first(moves, own)
         return usable(record, max(least, _ABOVE * shown)), _by_motion(own, shown)
 
-    # where the inertia makes as much of the motion's noise as the effort has itself, white both; one that is commanded has none
+    # where the inertia makes as much of the motion's noise as the effort has, both white; a command has none
     drives, order = _shown(effort[part], record.step), 2 if record.velocity is None else 1
     shown = min(_first(moves, own), _first(drives, own))
     # 1e-6 of its power, below which the noise of an effort is that of none that was measured
@@ -65,16 +62,16 @@ def of_motion(record: Record) -> tuple[float, Finding]:
 
 
 def _by_motion(motion: float, shown: float) -> Finding:
-    """Why a moving run has its cut-off: the bandwidth of its motion, and the frequency up to which it shows something, Hz."""
+    """The reason for a moving run's cut-off: bandwidth of its motion, and where its signals fall into noise, Hz."""
     message = (
-        f", for 99.9 % of the motion lies below {motion:.3g} Hz, and motion and effort show more than noise up to {shown:.3g} Hz "
-        "(fit.position_cutoff overrules)"
+        f", for 99.9 % of the motion lies below {motion:.3g} Hz, and motion and effort show more than noise up to "
+        f"{shown:.3g} Hz (fit.position_cutoff overrules)"
     )
     return Finding("cutoff-of-motion", NOTE, message, {"motion": motion, "shown": shown})
 
 
 def of_held_speeds(record: Record) -> tuple[float, Finding]:
-    """Cut-off of the low pass of a position at held speeds, Hz, with the reason: half of the frequency at which it falls into noise."""
+    """Cut-off of the low pass of a position at held speeds, Hz, with the reason: half of where it falls into noise."""
     position = _shown(np.asarray(record.position)[_longest(record)], record.step)
     shown = _first(position, position.own)
     why = f", half of the frequency up to which the position shows more than noise, {shown:.3g} Hz"
@@ -89,7 +86,7 @@ def of_slow_loading(record: Record) -> tuple[float, Finding]:
 
 
 def decimation(records: Sequence[Record]) -> int:
-    """One sample of how many makes an equation of some moving runs, of the slowest of them."""
+    """Samples per equation of moving runs, of the slowest of them."""
     # equations per second over the bandwidth, and over the cut-off, at the least
     per_motion, per_cutoff = 16.0, 0.7
     needed = max(max(per_motion * _own(r), per_cutoff * r.cutoff) for r in records)
@@ -101,23 +98,22 @@ def _longest(record: Record) -> slice:
 
 
 def _known(record: Record, *names: str) -> Array | None:
-    """The first of some signals that the record has."""
+    """The first of these signals that the record has."""
     return next((x for name in names if (x := getattr(record, name)) is not None), None)
 
 
 def _own(record: Record) -> float:
-    """The frequency below which 99.9 % of the position's power lies, of the velocity's where there is no position, Hz."""
+    """Frequency below which 99.9 % of the power of position, else velocity, lies, Hz."""
     return _shown(np.asarray(_known(record, "position", "velocity"))[_longest(record)], record.step).own
 
 
 class _Shown(NamedTuple):
-    """What a signal shows, in bins that grow with the frequency."""
+    """Spectrum of a signal against its noise, in bins that grow with the frequency."""
 
     f: Array  # Hz
-    seen: NDArray[np.bool_]  # whether it stands out of its noise there
+    seen: NDArray[np.bool_]  # whether it exceeds its noise there
     own: float  # below which 99.9 % of its power lies, noise apart, Hz
-    beyond: Array
-    """Share of the power of its derivative, of that order, that is seen from there on; 0 where none is asked for."""
+    beyond: Array  # share of the power of its derivative that is seen from there on; 0 where no order is given
     noise: float  # its density, per Hz
     counted: bool  # whether it is mostly of counts
 
@@ -128,8 +124,7 @@ def _shown(x: Array, step: float, order: int | None = None) -> _Shown:
     power = (np.abs(np.fft.rfft((x - x.mean()) * window)) ** 2 * 2 * step / np.sum(window**2))[1:]
     f = np.arange(1.0, power.size + 1) / (x.size * step)
     count, moved = smallest_step(x), np.abs(np.diff(x))
-    # steps that are all alike are those of an even motion, not of counts
-    # 0.01 of all samples, that are another number of counts apart than most
+    # steps that are all alike are those of an even motion; of counts 0.01 of all differ from most
     uneven = np.mean(np.abs(moved - np.median(moved)) > count / 2) > 0.01
     highest, counts = float(np.median(power[f >= f[-1] / 2])) / np.log(2), count**2 / 6 * step if uneven else 0.0
     noise = max(highest, counts)
@@ -148,19 +143,19 @@ def _shown(x: Array, step: float, order: int | None = None) -> _Shown:
 
 
 def _first(shown: _Shown, above: float) -> float:
-    """The first frequency above one beyond which nothing is seen for a while, for a square has gaps between its lines; else the last one.
+    """The first frequency above one beyond which nothing is seen for a while; else the last one.
 
-    What moves the joint further up, as vibration does, is part of its motion.
+    A square wave has gaps between its lines; what moves the joint further up, as vibration does, is part of its motion.
     """
     f, sure = shown.f, np.append(0, np.cumsum(shown.seen))
-    # four times a frequency, up to where nothing is seen beyond the end of a signal; and 0.01 of the power, that bends no friction
+    # nothing is seen up to four times a frequency, and 0.01 of the power beyond bends no friction
     empty = sure[np.searchsorted(f, 4.0 * f, "right")] == sure[:-1]
     lost = np.flatnonzero(empty & (f > above) & (shown.beyond <= 0.01))
     return float(f[lost[0]]) if lost.size else float(f[-1])
 
 
 def _inertia(record: Record, effort: Array, cutoff: float) -> tuple[float, float]:
-    """Inertia, and its standard error, by a regression below a cut-off, Hz, beside Coulomb and viscous friction, gravity and an offset."""
+    """Inertia and its standard error, by regression below a cut-off, Hz, with friction, gravity and an offset."""
     moved = estimate_motion(record, cutoff)
     v, a = np.asarray(moved.velocity), np.asarray(moved.acceleration)
     q = np.zeros(v.size) if moved.position is None else moved.position

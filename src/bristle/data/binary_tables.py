@@ -1,4 +1,4 @@
-"""Columns from files that hold named arrays, by their suffix: MAT and HDF5 elsewhere; JSON, NPZ and Parquet here."""
+"""Columns of files with named arrays, by their suffix: JSON, NPZ and Parquet here, MAT and HDF5 elsewhere."""
 
 import json
 import zipfile
@@ -24,7 +24,7 @@ _NPZ = ("NPZ file", "write it again with numpy.savez")
 
 
 def read_binary(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
-    """Columns of a MAT, NPZ, JSON, Parquet or HDF5 file, by name, path or number. Raises InputError where one cannot be read.
+    """Columns of a MAT, NPZ, JSON, Parquet or HDF5 file, by name, path or number. Raises InputError.
 
     `q[2]` is the third column of a matrix, or of a column of lists, q.
     """
@@ -33,15 +33,15 @@ def read_binary(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
 
 
 def names_of(path: Path) -> tuple[str, ...]:
-    """Names of the columns of numbers that a MAT, NPZ, JSON, Parquet or HDF5 file offers: structs as dotted paths, matrices as `q[2]`.
+    """Names of the columns of numbers in a file: structs as dotted paths, matrices as `q[2]`. A name may repeat.
 
-    A name may repeat. Raises InputError where the file cannot be read.
+    Raises InputError where the file cannot be read.
     """
     return tuple(READERS[path.suffix.lower()](path, None))
 
 
 def is_json_log(path: Path) -> bool:
-    """Whether a JSON file holds a log, and no results of bristle; what is no such file, or cannot be read, does not."""
+    """Whether a JSON file holds a log, and no results of bristle; False where it cannot be read."""
     if path.suffix.lower() != ".json" or not path.is_file():
         return False
     try:
@@ -52,9 +52,9 @@ def is_json_log(path: Path) -> bool:
 
 
 def _json(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
-    """Columns by name (of objects in a record with dots, as `motor.current`) or by number from 0, or of no keys the names of all vectors of numbers.
+    """Columns by name (of objects in a record with dots, as `motor.current`) or by number, or of no keys all names.
 
-    Raises InputError where the file is no such JSON, or a column is not there or holds no numbers.
+    Raises InputError where the file is no such JSON, or a column is missing or holds no numbers.
     """
     import pandas as pd
 
@@ -66,7 +66,7 @@ def _json(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
         if not isinstance(data, list | dict):
             raise InputError(f"is not {_WHAT}; {_HOW}")
         records = isinstance(data, list) and all(isinstance(row, dict) for row in data)
-        # what a record lacks of the names of all is filled in, and a value takes far more memory than it does as a float
+        # missing names of a record are filled in, and a value takes far more memory than a float
         bounded(_MEMORY * len(data) * len(set[str]().union(*data)) if records else 0)
         frame = pd.json_normalize(data) if records else pd.DataFrame(data)
     bounded(frame.size)
@@ -117,9 +117,8 @@ def _parquet(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
         import pyarrow as pa
         from pyarrow import compute, parquet
     except ImportError as error:
-        raise InputError(
-            "is a Parquet file, which needs pyarrow; install it with pip install 'bristle[parquet]'"
-        ) from error
+        install = "install it with pip install 'bristle[parquet]'"
+        raise InputError(f"is a Parquet file, which needs pyarrow; {install}") from error
     with reading("Parquet file"):
         file = parquet.ParquetFile(path)
     with file:
@@ -131,9 +130,8 @@ def _parquet(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
         for key, name in zip(keys, names, strict=True):
             kind = schema.field(name).type
             if not _is_number(kind if key.index is None else getattr(kind, "value_type", kind)):
-                raise InputError(
-                    f"column {key} holds no numbers, but {short(str(kind))}; expected one number per sample"
-                )
+                what = f"no numbers, but {short(str(kind))}"
+                raise InputError(f"column {key} holds {what}; expected one number per sample")
         bounded(file.metadata.num_rows * len(names))
         with reading("Parquet file"):
             table = file.read(columns=sorted(set(names)))
@@ -146,7 +144,7 @@ def _parquet(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
 
 
 def _is_number(kind: Any) -> bool:
-    """Whether a column of an Arrow type holds one number per row; a dictionary of numbers does."""
+    """Whether an Arrow type is one number per row, or a dictionary of numbers."""
     from pyarrow import types
 
     if types.is_dictionary(kind):
@@ -161,4 +159,4 @@ READERS: dict[str, Columns] = {
     **dict.fromkeys((".parquet", ".pq"), _parquet),
     **dict.fromkeys((".h5", ".hdf5", ".hdf"), read_hdf5),
 }
-"""Of each suffix what reads columns or, of no keys, the names of all."""
+"""Readers by suffix."""

@@ -1,4 +1,4 @@
-"""From columns as logged to a `Record`: units, bad rows, time stamps, gaps, wrapped positions; each is counted and said."""
+"""Columns as logged to a `Record`: units, bad rows, time stamps, gaps, wrapped positions; each change is counted."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -20,26 +20,24 @@ from bristle.data.text_table import RawTable
 from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding
 
-_LARGEST = 1e20
-"""No signal of a joint reaches more in SI, or reaches less than its inverse; beyond, squares leave the numbers, and it
-is a unit that is wrong."""
+_LARGEST = 1e20  # of a signal in SI; its inverse is the smallest: beyond, squares overflow, and a unit is wrong
 _STEPS = (1e-12, 1e12)  # seconds that a sampling interval may have
 
 
 @dataclass(slots=True)
 class _Rows:
-    """The rows still there, by signal, and what was said about the others."""
+    """The rows that are left, by signal, and findings on the others."""
 
     data: dict[str, Array]
-    number: NDArray[np.intp]  # the line of each row in the file, or the row of data, each from 1
-    word: str  # ... which of the two: `line` or `row`
+    number: NDArray[np.intp]  # line of each row in the file, or row of data, from 1
+    word: str  # `line` or `row`
     notes: list[Finding]
     warnings: list[Finding] = field(default_factory=list)
+    # rows before each one in which the drive was off; empty where it never was
     off_before: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
-    """How many rows before each one the drive was off in; empty where it never was."""
 
     def drop(self, bad: NDArray[np.bool_], why: Finding, refused: str = "") -> None:
-        """Leave rows out, and say why, in a message that goes on after their number, with the first of them in its braces.
+        """Leave rows out, with a finding whose message goes on after their number, the first of them in its braces.
 
         Raises InputError, with what is wrong and what to do, where they are `refused`.
         """
@@ -66,10 +64,9 @@ def make_record(
     points: bool = False,
     motor: MotorConstants | None = None,
 ) -> Record:
-    """The record of a time series or, with `points`, of velocity-torque pairs, which time counts.
+    """The record of a time series or, with `points`, of velocity-torque pairs, whose time counts them.
 
-    Current, if that is what was logged, is in `torque`, A: `experiment` turns it into torque. Raises InputError where
-    the data cannot be used as declared.
+    A logged current is in `torque`, A. Raises InputError where the data cannot be used as declared.
     """
     rows = _scaled(table, signals, context)
     if not points and signals.time is not None and signals.time.rate is not None:
@@ -137,22 +134,20 @@ def _scaled(table: RawTable, signals: Signals, context: Context) -> _Rows:
         size = np.abs(data[name], where=np.isfinite(data[name]), out=np.zeros(data[name].shape))
         largest = float(size.max(initial=0.0))
         if largest and not 1 / _LARGEST < largest < _LARGEST:
-            raise InputError(
-                f"{name} reaches {largest:.3g} (SI) at most; expected between {1 / _LARGEST:g} and {_LARGEST:g}; check its unit and scale"
-            )
+            expected = f"between {1 / _LARGEST:g} and {_LARGEST:g}; check its unit and scale"
+            raise InputError(f"{name} reaches {largest:.3g} (SI) at most; expected {expected}")
     number = np.arange(1, table.rows + 1) + (table.header or 0) if table.numbers is None else table.numbers
     return _Rows(data, number, "row" if table.header is None else "line", list(table.notes))
 
 
 def _drop_bad(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
-    """Leave out the rows that hold something that is not finite, and those in which the drive is off."""
+    """Leave out rows with values that are not finite, and rows in which the drive is off."""
     bad = np.zeros(table.rows, dtype=bool)
     for name, values in rows.data.items():
         missing = ~np.isfinite(values)
         if missing.all():
-            raise InputError(
-                f"{name} holds no finite number in any of {table.rows} rows; name the column that was logged"
-            )
+            what = f"no finite number in any of {table.rows} rows"
+            raise InputError(f"{name} holds {what}; name the column that was logged")
         bad |= missing
     if bad.all() and cleaning.non_finite == "drop":
         raise InputError(f"no row of {table.rows} is finite in every signal; leave out a signal that was not logged")
@@ -161,9 +156,8 @@ def _drop_bad(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
     rows.drop(bad, why, refused * (cleaning.non_finite == "refuse"))
     off = rows.data.pop("enabled", np.ones(0)) == 0
     if off.any() and off.all():
-        raise InputError(
-            f"enabled is 0 in all {off.size} rows: the drive was never on; name another column, or leave enabled out"
-        )
+        what = f"enabled is 0 in all {off.size} rows: the drive was never on"
+        raise InputError(f"{what}; name another column, or leave enabled out")
     rows.off_before = np.cumsum(off) if off.any() else rows.off_before
     said = "left out {}: the drive is off there and the motor open, so its command is not a torque"
     rows.drop(off, Finding("rows-motor-off", NOTE, said))
@@ -186,13 +180,12 @@ def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
 
 
 def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
-    """First samples of the segments between gaps; the regularity of time is noted."""
+    """First samples of the segments between gaps; notes the regularity of time."""
     intervals = np.diff(rows.data["time"])
     step = float(np.median(intervals))
     if not _STEPS[0] < step < _STEPS[1]:
-        raise InputError(
-            f"time spans {rows.data['time'][0]:.9g} s to {rows.data['time'][-1]:.9g} s in steps of {step:.3g} s; check the unit of time, or the rate"
-        )
+        spans = f"time spans {rows.data['time'][0]:.9g} s to {rows.data['time'][-1]:.9g} s in steps of {step:.3g} s"
+        raise InputError(f"{spans}; check the unit of time, or the rate")
     off = np.diff(rows.off_before) > 0 if rows.off_before.size else np.zeros(intervals.size, dtype=bool)
     wide = (intervals > gap * step) & ~off
     worst = float(np.abs(intervals[~(wide | off)] - step).max(initial=0.0)) / step
@@ -202,8 +195,9 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
     if wide.any():
         count, longest = int(wide.sum()), float(intervals.max())
         message = (
-            f"{count} gap{'' if count == 1 else 's'} longer than {gap:g} intervals ({gap * step:.4g} s), the longest {longest:.4g} s; "
-            "the parts between gaps are treated separately, unless the motion around a gap shows what happened in it."
+            f"{count} gap{'s' * (count != 1)} longer than {gap:g} intervals ({gap * step:.4g} s), the longest "
+            f"{longest:.4g} s; the parts between gaps are treated separately, unless the motion around a gap shows what "
+            "happened in it."
         )
         rows.notes.append(Finding("gaps", CAUTION, message, {"gaps": count, "longest": longest}))
     return (0, *(int(k) + 1 for k in np.flatnonzero(wide | off)))
@@ -215,33 +209,32 @@ def _unwrap(rows: _Rows, signal: Position, context: Context, *, told: bool) -> N
     if period is not None:
         rows.data["position"] = np.unwrap(position, period=period)
         turns = int((np.abs(jumps) > period / 2).sum())
-        unit, times = "rad" if context.kind == "revolute" else "m", f"{turns} time{'' if turns == 1 else 's'}"
+        unit, times = "rad" if context.kind == "revolute" else "m", f"{turns} time{'s' * (turns != 1)}"
         message = f"Position wraps at {period:.6g} {unit}: unwrapped {times}."
         rows.notes.append(Finding("unwrapped", NOTE, message, {"period": period, "turns": turns}))
     elif context.kind_of("position") == "revolute" and signal.wraps is None and not told:
         turn = 2 * np.pi * abs(context.to_joint("position"))
         full = np.flatnonzero(np.abs(np.abs(jumps) / turn - 1) < 0.1)
         if full.size:
+            first = f"(first: {rows.word} {rows.number[full[0] + 1]})"
             raise InputError(
-                f"position jumps by a full turn between samples, {full.size} times (first: {rows.word} {rows.number[full[0] + 1]}); "
-                "declare wraps: true under signals.position, or wraps: false if the joint does move so fast"
+                f"position jumps by a full turn between samples, {full.size} times {first}; declare wraps: true under "
+                "signals.position, or wraps: false if the joint does move so fast"
             )
 
 
 def _take(rows: _Rows, name: str, signal: Signal, starts: tuple[int, ...]) -> None:
-    """A signal taken when it happened, if it, or another, was logged late: linear between samples, held beyond the ends of a segment."""
+    """Move a signal by its declared delay: linear between samples, held beyond the ends of a segment."""
     time, delay, late = rows.data["time"], abs(signal.delay), signal.delay > 0
     if not delay:
         return
     if not delay < 0.1 * (time[-1] - time[0]):  # 0.1 of a run: a delay is shorter
-        raise InputError(
-            f"{name}: delay: got {signal.delay:g} s in a run of {time[-1] - time[0]:.3g} s; expected less than a tenth of it, such as 1 ms"
-        )
+        got = f"{name}: delay: got {signal.delay:g} s in a run of {time[-1] - time[0]:.3g} s"
+        raise InputError(f"{got}; expected less than a tenth of it, such as 1 ms")
     parts = zip(np.split(time, starts[1:]), np.split(rows.data[name], starts[1:]), strict=True)
     rows.data[name] = np.concatenate([np.interp(t + signal.delay, t, values) for t, values in parts])
-    message = (
-        f"{name.capitalize()} taken {delay:.4g} s {'earlier' if late else 'later'} than logged: the declared delay."
-    )
+    way = "earlier" if late else "later"
+    message = f"{name.capitalize()} taken {delay:.4g} s {way} than logged: the declared delay."
     rows.notes.append(Finding("taken-earlier" if late else "taken-later", NOTE, message, {"delay": delay}))
 
 
@@ -253,16 +246,12 @@ def _enough(rows: _Rows) -> None:
 def _refuse_constant(rows: _Rows) -> None:
     for name, values in rows.data.items():
         if name != "time" and (values == values[0]).all():
-            advice = (
-                ", or leave velocity out to have it estimated from position"
-                if name == "velocity" and "position" in rows.data
-                else ""
-            )
+            estimated = ", or leave velocity out to have it estimated from position"
             raise InputError(
-                f"{name} is {values[0]:g} (SI) in all {values.size} rows, which is a set point or a dead sensor, not a measurement; "
-                f"name another column{advice}"
+                f"{name} is {values[0]:g} (SI) in all {values.size} rows, which is a set point or a dead sensor, not a "
+                f"measurement; name another column{estimated * (name == 'velocity' and 'position' in rows.data)}"
             )
 
 
 def _count(count: int) -> str:
-    return f"{count} row{'' if count == 1 else 's'}"
+    return f"{count} row{'s' * (count != 1)}"

@@ -1,7 +1,7 @@
-"""What the readers of files share: which column is meant, what a column is, what a damaged file is, and dates as seconds.
+"""Column keys, checks of arrays, damaged files, and dates as seconds, for all readers of files.
 
-Libraries raise nearly anything at a damaged file: each call of one stands alone in `reading`, so that no defect of our
-own passes for damage.
+Libraries raise nearly anything at a damaged file: each call of one stands alone in `reading`, so that no defect of
+bristle passes for damage.
 """
 
 import re
@@ -26,16 +26,15 @@ MAX_VALUES = 200_000_000  # most numbers that are read from one file: a small co
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """Which column: a name, a dotted path or a number; `index` picks a column of a matrix, from 0."""
+    """A column: a name, a dotted path or a number; `index` picks a column of a matrix, from 0."""
 
     column: int | str
     index: int | None = None
     stamps: bool = False  # whether it holds dates or times of day, which become seconds since the first
-    file: str | None = None
-    """Where it is in another file than the rest of a run: that file, as the experiment file names it."""
+    file: str | None = None  # another file than the rest of a run, as the experiment file names it
 
     def inside(self) -> "Key | None":
-        """The same of a matrix or a list, whose column `q[2]` names; None: it names none so."""
+        """The matrix or list, and the index, that a name such as `q[2]` means; None: it means none."""
         match = re.fullmatch(r"(.+)\[(\d{1,6})\]", self.column) if isinstance(self.column, str) else None
         return None if match is None or self.index is not None else replace(self, column=match[1], index=int(match[2]))
 
@@ -45,11 +44,10 @@ class Key:
 
 @contextmanager
 def reading(what: str, advice: str = "write it again") -> Iterator[None]:
-    """Around one call of a library's reader.
+    """One call of a library's reader.
 
-    Whatever it raises means a damaged file, but for a file that cannot be read or does not fit into memory. Raises
-    InputError, and what the system raises. Warnings of the reader are left unsaid: they precede a refusal, or numbers
-    that are checked later.
+    Whatever it raises means a damaged file, except errors of the system and of memory. Raises InputError, and what the
+    system raises. Warnings of the reader are dropped: they precede a refusal, or numbers that are checked later.
     """
     try:
         with warnings.catch_warnings():
@@ -64,24 +62,24 @@ def reading(what: str, advice: str = "write it again") -> Iterator[None]:
 
 
 def numeric(value: Any, key: Key) -> Array:
-    """A vector of numbers, or the column `key.index` of a matrix, as floats."""
+    """A vector of numbers, or the column `key.index` of a matrix, as floats, (n,)."""
     while isinstance(value, np.ndarray) and value.dtype == object and value.size == 1:
         value = value.flat[0]
     if hasattr(value, "toarray"):
         raise InputError(f"column {key} is a sparse array; in MATLAB save full({key.column}) in its place")
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "iufb":
         kinds = {"c": "complex numbers", "U": "text", "S": "text", "O": "cells", "V": "structs"}
-        is_array = isinstance(value, np.ndarray)
-        what = f", but {kinds.get(value.dtype.kind, f'values of type {value.dtype}')}" if is_array else ""
+        dtype = getattr(value, "dtype", None)
+        what = "" if dtype is None else f", but {kinds.get(dtype.kind, f'values of type {dtype}')}"
         raise InputError(f"column {key} holds no plain array of numbers{what}; expected one real number per sample")
     bounded(value.size)
     return picked(value, value.shape, key)
 
 
 def picked(source: Any, shape: tuple[int, ...], key: Key, *, rows_last: bool = False) -> Array:
-    """A vector of numbers, or the column `key.index` of a matrix, of a source that is read as it is indexed, as floats, (n,).
+    """The same of a source that is read as it is indexed.
 
-    `rows_last`: the source is stored the other way round, as MATLAB's matrices are in HDF5 files.
+    `rows_last`: the source is stored transposed, as MATLAB's matrices are in HDF5 files.
     """
     shape = shape[::-1] if rows_last else shape
     if not shape:
@@ -89,19 +87,19 @@ def picked(source: Any, shape: tuple[int, ...], key: Key, *, rows_last: bool = F
     if key.index is not None and (len(shape) != 2 or key.index >= shape[1]):
         raise InputError(f"column {key}: the array has shape {shape}; index counts the columns of a matrix from 0")
     if key.index is None and np.prod(shape, dtype=float) != max(shape):
-        raise InputError(
-            f"column {key} is a matrix of shape {shape}; say which column with index: 0 to {shape[-1] - 1}, or as in {key.column}[0]"
-        )
+        which = f"say which column with index: 0 to {shape[-1] - 1}, or as in {key.column}[0]"
+        raise InputError(f"column {key} is a matrix of shape {shape}; {which}")
     column = () if key.index is None else (key.index, slice(None)) if rows_last else (slice(None), key.index)
     with np.errstate(over="ignore", invalid="ignore"):  # of longer floats, which are then not finite
         return np.asarray(source[column], dtype=float).ravel()
 
 
 def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
-    """Values, (m,), sampled at their own times, s, (m,), at other times, s, (n,): linear between samples, nan beyond them and in gaps.
+    """Values, (m,), sampled at times `own`, s, (m,), linearly at other times, s, (n,); nan beyond them and in gaps.
 
-    Where the own time is not finite there is no sample; an interval longer than `gap` median ones is a gap. Raises InputError
-    where the own time runs backward, there are fewer than two samples, or none of the times lies between them.
+    A value whose own time is not finite is no sample; an interval longer than `gap` median ones is a gap. Raises
+    InputError where the own time runs backward, there are fewer than two samples, or none of the times lies between
+    them.
     """
     good = np.isfinite(own) & np.isfinite(values)
     own, values = own[good], values[good]
@@ -120,17 +118,14 @@ def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
     inside = np.count_nonzero((own >= seen.min()) & (own <= seen.max())) if seen.size else 0
     if inside < 2 or not np.isfinite(onto).any():  # 2 samples of a signal with a time of its own that lie in a run
         rest = f"{seen.min():.6g} s to {seen.max():.6g} s" if seen.size else "nowhere"
-        raise InputError(
-            f"its own time, {own[0]:.6g} s to {own[-1]:.6g} s, has {inside} samples in that of the run, {rest}; check the unit of each, and that "
-            "both count since the same instant"
-        )
+        reaches = f"its own time, {own[0]:.6g} s to {own[-1]:.6g} s, has {inside} samples in that of the run, {rest}"
+        raise InputError(f"{reaches}; check the unit of each, and that both count since the same instant")
     return onto
 
 
 def place_of(key: Key, names: Sequence[str], what: str = "column") -> int:
-    """Where the column of a key, a name or a number from 0, stands among those that there are, of which one alone may have its name."""
-    known = key.column < len(names) if isinstance(key.column, int) else key.column in names
-    if not known:
+    """The place of the column that a key names or counts. Raises InputError where none, or several, have its name."""
+    if not (key.column < len(names) if isinstance(key.column, int) else key.column in names):
         raise InputError(f"no {what} named {key}; there are: {short_list(names)}")
     name = names[key.column] if isinstance(key.column, int) else key.column
     if names.count(name) > 1:
@@ -139,21 +134,18 @@ def place_of(key: Key, names: Sequence[str], what: str = "column") -> int:
     return names.index(name)
 
 
-def is_vector(shape: tuple[int, ...], dtype: "np.dtype[Any]") -> bool:
-    """Whether an array of this shape and type is a column: a vector of numbers."""
-    return dtype.kind in "iufb" and np.prod(shape, dtype=float) == max(shape, default=0) > 1
-
-
 def offered(name: str, shape: tuple[int, ...], dtype: "np.dtype[Any]") -> Iterator[str]:
-    """What an array offers: a vector of numbers itself, a matrix of a few columns and more rows each of them, as `q[2]`."""
-    if is_vector(shape, dtype):
+    """The columns of an array: itself, if it is a vector, or those of a narrow matrix, as `q[2]`."""
+    if dtype.kind not in "iufb":
+        return
+    if np.prod(shape, dtype=float) == max(shape, default=0) > 1:
         yield name
-    elif dtype.kind in "iufb" and len(shape) == 2 and shape[1] <= min(_WIDEST, shape[0] - 1):
+    elif len(shape) == 2 and shape[1] <= min(_WIDEST, shape[0] - 1):
         yield from (f"{name}[{k}]" for k in range(shape[1]))
 
 
 def bounded(values: float, what: str = "") -> None:
-    """Raises InputError where a file, or what is named, holds more numbers than are read."""
+    """Raise InputError where a file, or what is named, holds more numbers than are read."""
     if values > MAX_VALUES:
         raise InputError(f"{what}holds {values:.3g} numbers, over the limit of {MAX_VALUES}; cut it into several runs")
 
@@ -168,9 +160,9 @@ _MISSING = np.iinfo(np.int64).min  # pandas' integer for no date
 def seconds_of_stamps(column: "pd.Series[str]", name: str) -> tuple[Array, int]:
     """Seconds since the first stamp of a column of text, (n,), nan where a cell is empty; and that stamp, ns.
 
-    Stamps are ISO 8601 (`2024-05-01T12:00:00.123Z`, a blank in place of the T, with or without a zone), `01.05.2024 12:00:00` or times of day alone,
-    which go on after midnight. One without a zone is taken as it is. Raises InputError, which names the row and calls the column `name`, where a
-    cell is none.
+    Stamps are ISO 8601 (`2024-05-01T12:00:00.123Z`, a blank in place of the T, with or without a zone), `01.05.2024
+    12:00:00` or times of day alone, which go on after midnight. One without a zone is taken as it is. Raises
+    InputError, which names the row and the column, where a cell is none.
     """
     import pandas as pd
 
@@ -193,10 +185,9 @@ def seconds_of_stamps(column: "pd.Series[str]", name: str) -> tuple[Array, int]:
         counted = dates.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)
     bad = np.flatnonzero(filled & (counted == _MISSING))
     if bad.size:
-        raise InputError(
-            f"row {bad[0] + 1} of column {name} holds {short(column.iloc[bad[0]])}, and unit iso was declared; expected a time "
-            "such as 2024-05-01T12:00:00.123Z, 01.05.2024 12:00:00 or 12:00:00.123, like the first, in 1678 to 2261"
-        )
+        got = f"row {bad[0] + 1} of column {name} holds {short(column.iloc[bad[0]])}, and unit iso was declared"
+        times = "2024-05-01T12:00:00.123Z, 01.05.2024 12:00:00 or 12:00:00.123"
+        raise InputError(f"{got}; expected a time such as {times}, like the first, in 1678 to 2261")
     if not filled.any():
         return np.full(text.size, np.nan), 0
     if _CLOCK.fullmatch(first):

@@ -1,4 +1,4 @@
-"""Velocity and acceleration from what was logged: a zero-phase low pass, then the derivatives of a spline through it."""
+"""Velocity and acceleration from logged signals: a zero-phase low pass, then the derivatives of a spline."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -21,11 +21,11 @@ SHORTEST = 16  # samples that a segment between gaps must have to be filtered
 def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
     """The record with velocity and acceleration filled, segment by segment; its notes state the cut-off.
 
-    Position goes through a Butterworth low pass of order 4 with `cutoff`, Hz, or by a rule for it, forward and backward; a quintic spline
-    through it gives both derivatives (central differences would lose 1.5 % of an acceleration at a thirtieth of the
-    sampling rate). A velocity that was logged stays as it is; the acceleration is then its derivative, after the same
-    filter. A cut-off at or above the Nyquist frequency is lowered to 0.8 of it. Segments between gaps shorter than 16
-    samples are left out of the record and counted.
+    Position goes through a Butterworth low pass of order 4 with `cutoff`, Hz, or by a rule for it, forward and
+    backward; a quintic spline through it gives both derivatives (central differences would lose 1.5 % of an
+    acceleration at a thirtieth of the sampling rate). A logged velocity stays, but for its noise at rest
+    (`without_noise_at_rest`); the acceleration is then its derivative, after the same filter. A cut-off at or above the
+    Nyquist frequency is lowered to 0.8 of it. Segments between gaps shorter than 16 samples are left out and counted.
 
     Raises InputError where there is neither position nor velocity, or no segment is long enough.
     """
@@ -42,19 +42,40 @@ def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
         why = Finding("cutoff-lowered", CAUTION, lowered, {"asked": cutoff})
     smooth, estimated = smoothed(record, values, used), record.velocity is None
     message = (
-        f"{'Velocity and acceleration from position' if estimated else 'Acceleration from velocity'}: Butterworth low pass of order {ORDER}, "
-        f"forward and backward, cut-off {used:.3g} Hz{why.message}; then the derivatives of a quintic spline."
+        f"{'Velocity and acceleration from position' if estimated else 'Acceleration from velocity'}: Butterworth low pass "
+        f"of order {ORDER}, forward and backward, cut-off {used:.3g} Hz{why.message}; then the derivatives of a quintic spline."
     )
     numbers = {"cutoff": used, "why": why}
+    logged = None if record.velocity is None else without_noise_at_rest(record, record.velocity, smooth, used)
     note = Finding("motion-from-position" if estimated else "acceleration-from-velocity", NOTE, message, numbers)
     return replace(
         record,
-        velocity=derivative(record, smooth) if estimated else record.velocity,
+        velocity=derivative(record, smooth) if logged is None else logged,
         velocity_estimated=estimated,
         acceleration=derivative(record, smooth, 2 if estimated else 1),
         cutoff=used,
         notes=(*record.notes, note),
     )
+
+
+def without_noise_at_rest(record: Record, velocity: Array, smooth: Array, cutoff: float) -> Array:
+    """A logged velocity, (n,), set to zero where it stays within its noise, and the position where it is: at rest that noise would bend a bristle.
+
+    `smooth` is the same after a low pass with `cutoff`, Hz.
+    """
+    q, share = np.zeros(velocity.size) if record.position is None else record.position, cutoff * record.step
+    # noise that the low pass leaves, by what it takes away; the position between two counts
+    white = 1.4826 * float(np.median(np.abs(velocity - smooth))) * np.sqrt(2 * share / (1 - 2 * share))
+    steps = np.abs(np.diff(q))
+    count = 1.5 * float(steps[steps > 0].min(initial=np.inf))
+    # three standard deviations, and no more than a fiftieth of the fastest speed, which is a motion; for five periods of the cut-off
+    within = np.abs(smooth) < min(3 * white, 0.02 * float(np.abs(smooth).max()))
+    ends = np.flatnonzero(np.diff(within, prepend=False, append=False)).reshape(-1, 2)
+    still = velocity.copy()
+    for start, stop in ends[np.diff(ends, axis=1)[:, 0] * share >= 5]:
+        if np.ptp(q[start:stop]) < count:
+            still[start:stop] = 0.0
+    return still
 
 
 def usable(record: Record, cutoff: float) -> float:
@@ -65,7 +86,7 @@ def usable(record: Record, cutoff: float) -> float:
 
 @lru_cache(maxsize=256)
 def _sections(cutoff: float, rate: float) -> Array:
-    """The low pass of a cut-off at a sampling rate, both Hz, by sections: the same one filters many signals."""
+    """Second-order sections of the low pass of a cut-off at a sampling rate, both Hz."""
     from scipy.signal import butter
 
     return np.asarray(butter(ORDER, cutoff, fs=rate, output="sos"))
@@ -74,19 +95,19 @@ def _sections(cutoff: float, rate: float) -> Array:
 def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = False) -> Array:
     """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist.
 
-    Never across a gap. Beyond its ends the signal goes on turned about them: about its first and last sample or, where it
-    is `noisy`, about where a line through half a period of the cut-off ends. Raises InputError where the cut-off is so
-    far below the sampling rate that the filter's own rounding hides the signal.
+    Never across a gap. Beyond its ends the signal is continued by point reflection: about its first and last sample or,
+    where it is `noisy`, about the end of a line through half a period of the cut-off. Raises InputError where the
+    cut-off is so far below the sampling rate that rounding in the filter hides the signal.
     """
     from scipy.signal import sosfiltfilt
 
     if cutoff * record.step < LOWEST:
         raise InputError(
-            f"{record.file}: a cut-off of {cutoff:g} Hz is too low for a sampling rate of {1 / record.step:.4g} Hz; expected at least "
-            f"{LOWEST / record.step:.3g} Hz; check the cut-offs under fit, and the unit of time"
+            f"{record.file}: a cut-off of {cutoff:g} Hz is too low for a sampling rate of {1 / record.step:.4g} Hz; "
+            f"expected at least {LOWEST / record.step:.3g} Hz; check the cut-offs under fit, and the unit of time"
         )
     sections = _sections(cutoff, 1 / record.step)
-    # least samples by which a segment is continued, mirrored about its ends, before it is filtered; else as many as the cut-off's period has
+    # samples by which a segment is continued: those of the cut-off's period, or 15
     reach = max(15, round(1 / (record.step * cutoff)))
 
     def one(x: Array) -> Array:
@@ -102,11 +123,11 @@ def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = Fals
 
 
 def _end(part: Array) -> float:
-    """Where a line through some samples is at the last one; that sample itself where it is further off than noise: a step."""
+    """End of a line through some samples; the last sample itself where it is further off than noise: a step."""
     at = np.arange(part.size) - (part.size - 1.0)
     slope, level = np.polyfit(at, part, 1).tolist()
     scatter = float(np.std(part - slope * at - level))
-    # four standard deviations of the samples about it, by which the end of a noisy signal is off only after a step
+    # four standard deviations of the samples: the end of a noisy signal is off by more only after a step
     return float(part[-1]) if abs(part[-1] - level) > 4.0 * scatter else float(level)
 
 
@@ -135,7 +156,7 @@ def between_gaps(record: Record) -> list[slice]:
 
 
 def without_rests(record: Record) -> Record:
-    """The record without the stretches in which its position stays for three seconds: what torque holds a joint at rest says nothing of friction.
+    """The record without the stretches in which its position stays for three seconds, which say nothing of friction.
 
     Only where most of what remains is long enough for its filters; the stretches between are segments, as between gaps.
     """
@@ -160,10 +181,10 @@ def without_rests(record: Record) -> Record:
 
 
 def let_go(record: Record) -> Record:
-    """The record of a joint that coasts from where it was let go to where it stopped: a hand that holds it is friction, too.
+    """The record of a coasting joint from where it is let go to where it stops: a hand that holds it is friction, too.
 
-    Before it has gone a fiftieth of its travel from where it is at an end, it rests where it stays within a tenth of that for
-    longer than it then takes: what begins or stops at a constant deceleration takes a half as long.
+    A rest at an end is where the joint stays within 0.002 of its travel for longer than it then takes to go 0.02 of it;
+    a constant deceleration takes half as long.
     """
     q = record.position
     if q is None or record.starts != (0,) or not np.ptp(q) > 0:
@@ -182,14 +203,13 @@ def let_go(record: Record) -> Record:
 
 
 def without_ends(record: Record) -> Record:
-    """The record without two periods of its low pass at each end of a segment, where no sample beyond steadies the acceleration.
+    """The record without two periods of its low pass at each end of a segment, where the acceleration is least known.
 
     Only where most of it remains.
     """
     edge = int(np.ceil(2.0 / (record.cutoff * record.step))) if record.cutoff else 0
-    inner = [
-        slice(s.start + edge, s.stop - edge) for s in between_gaps(record) if s.stop - s.start >= 2 * edge + SHORTEST
-    ]
+    long = (s for s in between_gaps(record) if s.stop - s.start >= 2 * edge + SHORTEST)
+    inner = [slice(s.start + edge, s.stop - edge) for s in long]
     if not edge or 2 * sum(s.stop - s.start for s in inner) < record.time.size:
         return record
     why = "at the ends of stretches left out, where the acceleration is least known"
@@ -197,13 +217,12 @@ def without_ends(record: Record) -> Record:
 
 
 def without_short_segments(record: Record, shortest: int = SHORTEST, for_what: str = "differentiated") -> Record:
-    """The record without its segments between gaps that have fewer samples. Raises InputError where all have."""
+    """The record without segments of fewer samples. Raises InputError where all have fewer."""
     segments = between_gaps(record)
     long = [s for s in segments if s.stop - s.start >= shortest]
     if not long:
-        raise InputError(
-            f"{record.file}: no segment between gaps has {shortest} samples, too few to be {for_what}; log longer, or raise cleaning.gap"
-        )
+        why = f"no segment between gaps has {shortest} samples, too few to be {for_what}"
+        raise InputError(f"{record.file}: {why}; log longer, or raise cleaning.gap")
     if len(long) == len(segments):
         return record
     why = f"dropped: segments between gaps shorter than {shortest} samples, which cannot be {for_what}"
@@ -211,18 +230,14 @@ def without_short_segments(record: Record, shortest: int = SHORTEST, for_what: s
 
 
 def _kept(record: Record, long: list[slice], why: Finding) -> Record:
-    """Some segments of a record, and a note on why the other rows are not in it, whose message goes on after their number."""
+    """Some segments of a record, and a note on the other rows, whose message goes on after their number."""
     kept = np.concatenate([np.arange(s.start, s.stop) for s in long])
     lost = int(record.time.size - kept.size)
-    note = replace(why, message=f"{lost} row{'' if lost == 1 else 's'} {why.message}.", numbers={"rows": lost})
-    signals = {
-        name: values[kept]
-        for name in ("time", *SIGNALS, "lines", "filled")
-        if (values := getattr(record, name)) is not None
-    }
+    note = replace(why, message=f"{lost} row{'s' * (lost != 1)} {why.message}.", numbers={"rows": lost})
+    names = ("time", *SIGNALS, "lines", "filled")
     return replace(
         record,
-        **signals,
+        **{name: values[kept] for name in names if (values := getattr(record, name)) is not None},
         torque_shifts={name: shift[kept] for name, shift in record.torque_shifts.items()},
         starts=(0, *np.cumsum([s.stop - s.start for s in long])[:-1].tolist()),
         dropped=record.dropped + lost,

@@ -1,4 +1,4 @@
-"""The encoder's count: as an experiment declares it, or as the readings show it, and whether the two are one."""
+"""The encoder's count, as declared and as the readings show it."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -16,39 +16,32 @@ from bristle.model.parameters import unit as unit_of
 if TYPE_CHECKING:
     from bristle.data.experiment.load import Experiment
 
-UNITS = {
+UNITS = {  # in which signals are logged
     "velocity": {"revolute": ("rad/s", "deg/s", "rpm", "rev/s", "mrad/s"), "prismatic": ("m/s", "mm/s", "cm/s")},
     "position": {"revolute": ("rad", "deg", "rev", "mrad"), "prismatic": ("m", "mm", "cm")},
 }
-"""In which signals are logged."""
+# steps of up to 50 counts tell the count (beyond, rounding in the log adds up); fewer than 8 may lie on a grid by chance
 _NEAR, _ENOUGH = 50.0, 8
-"""Steps of up to so many counts tell the count (beyond, rounding in the log adds up); so few of them may lie on a grid
-by chance."""
-_FACTOR = 0.05  # declared and seen counts differ by less: an encoder is known better than that
-_NAMED = 0.01  # ... and where they do not, a factor that is this near to a known one is that one
+_FACTOR = 0.05  # by which declared and seen counts differ at most: an encoder is known better than that
+_NAMED = 0.01  # within which a larger factor is a known one
+# counts a turn are a power of two within 5e-5: a random number is, in one of the three other units, once in 2000 times
 _POWER, _COARSEST = 5e-5, 256
-"""Counts a turn are a power of two where they differ by less, and are so many; a number drawn at random is, in one of
-the three other units, once in 2000 times."""
 
 
 def resolution(experiment: "Experiment", records: Sequence[Record]) -> float:
-    """One encoder count, rad, as declared or as the positions show it; 0 where they keep to no grid."""
+    """One encoder count, rad, as declared or as the positions show it; 0 without a grid."""
     steps = [smallest_step(r.position) for r in records if r.position is not None]
     return experiment.encoder_resolution or max(steps, default=0.0)
 
 
 def smallest_step(position: Array) -> float:
-    """The encoder's count, from the steps between the readings that occur, in the unit of position.
-
-    0 where they keep to no grid.
-    """
-    levels = np.unique(position)
-    step, multiples = _grid(levels)
+    """The encoder's count, from the steps between readings, in the unit of position; 0 where they keep to no grid."""
+    step, multiples = _grid(levels := np.unique(position))
     return step if multiples.size >= _ENOUGH or levels.size <= position.size / 2 else 0.0
 
 
 def _grid(levels: Array) -> tuple[float, Array]:
-    """The step of the grid that readings in rising order lie on, 0 where there is none, and the small multiples of it that tell it."""
+    """The step of the grid of readings in rising order, 0 where there is none, and the small multiples of it."""
     if levels.size < 2:
         return 0.0, np.zeros(0)
     steps = np.diff(levels)
@@ -60,7 +53,7 @@ def _grid(levels: Array) -> tuple[float, Array]:
 
 
 def unit_of_counts(logged: Array) -> tuple[str, int] | None:
-    """The unit in which a turn of positions as logged, (n,), has a power of two of counts, as encoders have, and how many.
+    """The unit in which a turn of logged positions, (n,), has a power of two of counts, and how many.
 
     None where they keep to no grid, there is no such unit, or it is rad.
     """
@@ -73,7 +66,7 @@ def unit_of_counts(logged: Array) -> tuple[str, int] | None:
 
 
 def whole_positions(file: str, logged: Array, signal: Position, context: Context) -> Finding | None:
-    """Positions as logged, (n,), that are whole numbers of a unit in which no encoder counts, or hardly one."""
+    """The warning of logged positions, (n,), that are whole numbers of a unit in which no encoder counts."""
     if signal.unit.strip().startswith("count"):
         return None
     seen = logged[np.isfinite(logged)]
@@ -82,8 +75,8 @@ def whole_positions(file: str, logged: Array, signal: Position, context: Context
     size = abs(signal.factor("position", context) / context.to_joint("position"))
     if size >= 0.5:  # no encoder has a count so large, rad or m
         message = (
-            f"Every position of {file}{OTHER_FILES} is a whole number of {signal.unit}: encoder counts. Write `unit: counts` under "
-            "signals.position, and give encoder_resolution, such as `encoder_resolution: 4096 counts/rev`."
+            f"Every position of {file}{OTHER_FILES} is a whole number of {signal.unit}: encoder counts. Write `unit: counts` "
+            "under signals.position, and give encoder_resolution, such as `encoder_resolution: 4096 counts/rev`."
         )
         return Finding("whole-positions", CRITICAL, message, {"files": (file,)})
     declared = context.resolution is not None and apart(size / context.resolution, 1.0) < _FACTOR
@@ -98,7 +91,7 @@ def whole_positions(file: str, logged: Array, signal: Position, context: Context
 
 
 def count_mismatch(record: Record, signal: Position | None, context: Context) -> Finding | None:
-    """Positions of a run whose steps are not those of the declared encoder, or that are a power of two in another unit."""
+    """The warning of positions whose steps are not those of the declared encoder, or a power of two in another unit."""
     told_before = any(d.code in {"whole-positions", "whole-degrees"} for d in record.warnings)
     if record.position is None or signal is None or signal.unit.strip().startswith("count") or told_before:
         return None
@@ -116,7 +109,7 @@ def count_mismatch(record: Record, signal: Position | None, context: Context) ->
 
 
 def _mismatch(file: str, step: float, ratio: float, signal: Position, context: Context) -> Finding:
-    """Steps of the position that are `ratio` times the declared count: a wrong unit, bits, rounding, or none of these."""
+    """The finding of steps that are `ratio` times the declared count: a wrong unit, bits, rounding, or else."""
     now = signal.factor("position", context) / context.to_joint("position")
     others = other_units("position", signal, context)
     line = next((f"`unit: {u}`" for u, by in others if apart(ratio * by, 1.0) < _NAMED < apart(by, 1.0)), None)
@@ -126,8 +119,8 @@ def _mismatch(file: str, step: float, ratio: float, signal: Position, context: C
     seen = f"{step:.4g} {unit_of('position', context.kind_of('position'))}"
     if line is not None:
         message = (
-            f"{position} changes in steps of {seen}, {times}: a wrong unit. Write {line} under signals.position; where the position is right, "
-            f"write `encoder_resolution: {seen}`."
+            f"{position} changes in steps of {seen}, {times}: a wrong unit. Write {line} under signals.position; where the "
+            f"position is right, write `encoder_resolution: {seen}`."
         )
         return Finding("count-unit", CRITICAL, message, {**numbers, "remedy": line})
     if _power_of_two(ratio, _NAMED):
@@ -138,7 +131,8 @@ def _mismatch(file: str, step: float, ratio: float, signal: Position, context: C
         return Finding("count-bits", NOTE, message, numbers)
     x = step / abs(now)
     if any(apart(x, digit * 10.0 ** np.floor(np.log10(1.001 * x))) < 1e-3 for digit in (1, 2, 5)):  # of few digits
-        message = f"{position} is rounded to steps of {seen}, {times}: log more digits, or write `encoder_resolution: {seen}`."
+        rounded = f"{position} is rounded to steps of {seen}, {times}"
+        message = f"{rounded}: log more digits, or write `encoder_resolution: {seen}`."
         return Finding("count-rounded", CAUTION, message, numbers)
     message = (
         f"{position} changes in steps of {seen}, {times}: one of the two is wrong. Where the position is right, write "
@@ -148,7 +142,7 @@ def _mismatch(file: str, step: float, ratio: float, signal: Position, context: C
 
 
 def _turn_of_another_unit(file: str, step: float, signal: Position, context: Context) -> Finding | None:
-    """A turn of so many counts that it is a power of two in another unit than the declared one."""
+    """The caution that the counts of a turn are a power of two in another unit than the declared one."""
     turn = 2 * np.pi / step
     if context.kind_of("position") != "revolute" or _power_of_two(turn, _POWER):
         return None
@@ -165,7 +159,7 @@ def _turn_of_another_unit(file: str, step: float, signal: Position, context: Con
 
 
 def other_units(name: str, signal: Signal, context: Context) -> Iterator[tuple[str, float]]:
-    """Each unit that a position or a velocity may have been logged in, and what it multiplies the signal by, as declared."""
+    """Units in which a position or a velocity may have been logged, with the factor of each on the declared signal."""
     now = signal.factor(name, context)
     counts = ["counts"] if name == "position" and context.resolution else []
     for unit in (*UNITS[name][context.kind_of(name)], *counts):
@@ -174,7 +168,7 @@ def other_units(name: str, signal: Signal, context: Context) -> Iterator[tuple[s
 
 
 def apart(x: float, wanted: float) -> float:
-    """How far the sizes of two numbers are apart: the logarithm of their ratio."""
+    """Absolute logarithm of the ratio of the sizes of two numbers."""
     return abs(float(np.log(abs(x) / wanted)))
 
 

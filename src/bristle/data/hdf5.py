@@ -1,4 +1,4 @@
-"""Columns from HDF5 files, and from MATLAB files of version 7.3, which are such, by the path of a dataset."""
+"""Columns of HDF5 files, and of MATLAB files of version 7.3, by the path of a dataset."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -9,24 +9,25 @@ from typing import Any
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.columns import Key, bounded, offered, picked
+from bristle.data.columns import Key, bounded, offered, picked, reading
 from bristle.data.isolated import ask
 from bristle.errors import InputError, short_list
 
+# by number: filters that HDF5 and h5py bring; no other is loaded
 _FILTERS = {1: "gzip", 2: "shuffle", 3: "fletcher32", 4: "szip", 5: "nbit", 6: "scaleoffset", 32000: "lzf"}
-"""By their number: what HDF5 and h5py bring; no other is loaded."""
 _CHUNK = 2**28  # largest chunk, bytes: a chunk is unpacked whole
-_DEEPEST, _HOPS, _LONGEST = 20, 20, 1000  # groups in groups, links to links, and characters of a path
+_DEEPEST, _LONGEST = 20, 1000  # groups in groups; characters of a path
 _MATLAB_ADVICE = "in MATLAB save it again, or for less than 2 GB with save(file, '-v7', ...)"
 
 
 def read_hdf5(path: Path, keys: Sequence[Key] | None) -> list[Any]:
-    """Columns of an HDF5 file or, by its suffix, a MATLAB file of version 7.3; None: the names of its vectors of numbers.
+    """Columns of an HDF5 file or, by its suffix, a MATLAB file of version 7.3; None: the names of its numeric vectors.
 
-    A column is the path of its dataset, as `/group/position`, `index` picking one of a matrix; a field of a table is the last
-    part of the path, `/log.position` or `/log/position`. In a MATLAB file it is a dotted path through structs (`data.q`);
-    cells and arrays of structs are not read. Data outside the file (external links and storage, virtual datasets), text,
-    references, lists of any length and filters that h5py does not bring are refused. Raises InputError; needs the extra `hdf5`.
+    A column is the path of its dataset, as `/group/position`, `index` picking one of a matrix; a field of a table is
+    the last part of the path, `/log.position` or `/log/position`. In a MATLAB file it is a dotted path through structs
+    (`data.q`); cells and arrays of structs are not read. Data outside the file (external links and storage, virtual
+    datasets), text, references, lists of any length and filters that h5py does not bring are refused. Raises
+    InputError; needs the extra `hdf5`.
     """
     matlab = path.suffix.lower() == ".mat"
     if sys.modules.get("h5py", "") is None or find_spec("h5py") is None:
@@ -38,7 +39,7 @@ def read_hdf5(path: Path, keys: Sequence[Key] | None) -> list[Any]:
 
 
 def columns_of(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
-    """The columns of some keys, or (None) the names of all vectors of numbers."""
+    """The columns of keys, or (None) the names of all vectors of numbers."""
     import h5py
 
     matlab = path.suffix.lower() == ".mat"
@@ -50,11 +51,10 @@ def columns_of(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
 
 
 def _column(file: Any, key: Key, *, matlab: bool) -> Array:
-    """One column as floats; MATLAB's matrices stand with their rows last."""
+    """One column as floats; the matrices of MATLAB are transposed."""
     if matlab and isinstance(key.column, str) and set(key.column) & set("{}()"):
-        raise InputError(
-            f"column {key} is in a cell or an array of structs, which of version 7.3 is not read; {_MATLAB_ADVICE}"
-        )
+        why = "is in a cell or an array of structs, which of version 7.3 is not read"
+        raise InputError(f"column {key} {why}; {_MATLAB_ADVICE}")
     dataset, field = _opened(file, key, "." if matlab else "/")
     for fault in _faults(dataset, field, key):
         raise InputError(f"column {key} {fault}")
@@ -63,7 +63,7 @@ def _column(file: Any, key: Key, *, matlab: bool) -> Array:
 
 
 def _faults(dataset: Any, field: str | None, key: Key) -> Iterator[str]:
-    """Why a dataset is no column: it is none, or stored elsewhere, packed in an unknown way, or too large, before it is read."""
+    """Reasons why a dataset is no column: no numbers, stored elsewhere, an unknown filter, or too large."""
     import h5py
 
     if not isinstance(dataset, h5py.Dataset):
@@ -86,29 +86,22 @@ def _faults(dataset: Any, field: str | None, key: Key) -> Iterator[str]:
 
 
 def _opened(file: Any, key: Key, between: str) -> tuple[Any, str | None]:
-    """The dataset that a path leads to, and the field of it that its last part names; no link leaves the file."""
+    """The dataset of a path, and the field that its last part names. Raises InputError where it is in another file."""
     name = key.column if isinstance(key.column, str) and len(key.column) <= _LONGEST else ""
-    here, left, hops = file, [part for part in name.replace(between, "/").split("/") if part], 0
+    here, left = file, [part for part in name.replace(between, "/").split("/") if part]
     if not left or len(left) > 4 * _DEEPEST:
         raise InputError(f"column {key} is not a path; expected the name of a dataset, as /group/position")
     while left and hasattr(here, "keys"):
         part = left.pop(0)
-        link, stem = here.get(part, getlink=True), part.rpartition(".")[0]
-        kind = type(link).__name__
-        if link is None and not left and here.get(stem, getlink=True) is not None:
+        if part in here:
+            with reading("HDF5 file", "copy the data into the file"):  # links may lead round in a circle
+                here = here[part]
+        elif not left and (stem := part.rpartition(".")[0]) in here and stem:
             left = part.rsplit(".", 1)
-        elif link is None:
-            raise InputError(f"column {key}: nothing is named {part[:60]!r}; there are: {short_list(here)}")
-        elif kind == "HardLink":
-            here = here[part]
-        elif kind == "SoftLink" and hops < _HOPS:
-            hops += 1
-            here = file if link.path.startswith("/") else here
-            left = [x for x in link.path.split("/") if x not in ("", ".")] + left
         else:
-            raise InputError(
-                f"column {key} is behind a link to another file, or links in a circle; copy the data into the file"
-            )
+            raise InputError(f"column {key}: nothing is named {part[:60]!r}; there are: {short_list(here)}")
+    if here.file.filename != file.filename:
+        raise InputError(f"column {key} is behind a link to another file; copy the data into the file")
     fields = getattr(here.dtype, "names", None) or () if left else ()
     if left and (len(left) > 1 or left[0] not in fields):
         raise InputError(f"column {key}: no field {left[0][:60]!r}; there are: {short_list(fields)}")
@@ -116,13 +109,13 @@ def _opened(file: Any, key: Key, between: str) -> tuple[Any, str | None]:
 
 
 def _class(dataset: Any) -> str:
-    """What MATLAB calls the kind of a variable; empty where it did not write it."""
+    """MATLAB's name of the kind of a variable; empty where it wrote none."""
     kind = dataset.attrs.get("MATLAB_class", b"")
     return kind.decode() if isinstance(kind, bytes) else str(kind)
 
 
 def _names(group: Any, before: str, depth: int, *, matlab: bool) -> Iterator[str]:
-    """Paths of the columns of numbers below a group, through no links."""
+    """Paths of the columns of numbers in a group, through no links."""
     import h5py
 
     for name in group:

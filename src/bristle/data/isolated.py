@@ -1,4 +1,4 @@
-"""Files whose library may crash or hang at damage, read in a process of its own that ends with the file."""
+"""Files whose library may crash or hang at damage, read in a process that ends with the file."""
 
 import json
 import os
@@ -18,22 +18,19 @@ from bristle.arrays import Array
 from bristle.data.columns import Key, bounded
 from bristle.errors import InputError
 
-SECONDS, _BYTES_PER_SECOND = 60.0, 5e6
-"""How long a file may take, beside what its size explains: on a busy machine SciPy alone takes some to load."""
+SECONDS, _BYTES_PER_SECOND = 60.0, 5e6  # that a file may take: on a busy machine SciPy alone takes some to load
 _MEMORY, _MOST_NAMES = 2**33, 2000  # bytes that the process may take, and columns that are listed
+# of the process: the modules of this one, wherever it is started
 CODE = "import json, sys; asked = json.load(sys.stdin); sys.path[:] = asked['path']; from bristle.data import isolated; isolated.answer(asked)"
-"""What the process runs: the modules of this one, whatever stands where it is started."""
-
-
 Columns = Callable[[Path, Sequence[Key] | None], Iterable[Any]]
-"""What reads the columns of some keys from a file or, of None, the names of all."""
+"""Type of a reader of columns or, of no keys, of the names of all."""
 
 
 def ask(read: Columns, path: Path, keys: Sequence[Key] | None, library: str, what: str, advice: str) -> list[Any]:
-    """What a function of a module reads with a library from a file in another process, columns as floats.
+    """Columns, as floats, or names that a function of a module reads from a file in another process.
 
-    `what` is what it reads, and `advice` what to do about one that is damaged. Raises InputError where `read` does, or
-    fails, crashes, or takes too long.
+    `library` and `what` name the reader and the format, and `advice` is what to do about a damaged file. Raises
+    InputError where `read` does, or fails, crashes, or takes too long.
     """
     asked = {
         "path": [str(folder) for folder in sys.path],
@@ -64,7 +61,7 @@ def ask(read: Columns, path: Path, keys: Sequence[Key] | None, library: str, wha
 
 
 def answer(asked: dict[str, Any]) -> None:
-    """Write what is asked for, once: a line of JSON, {"error": sentence}, {"damaged": why}, {"names"} or {"lengths"}, then the columns."""
+    """Write the answer: a line of JSON with "error", "damaged", "names" or "lengths", then the columns."""
     with suppress(ImportError, ValueError):  # Windows knows no such limit, and a lower one stays
         import resource
 

@@ -1,4 +1,4 @@
-"""Columns from MATLAB files of version 4 to 7, which SciPy reads, by variable or dotted path."""
+"""Columns of MATLAB files of version 4 to 7, by variable or dotted path; SciPy reads them."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -20,8 +20,8 @@ _PATH = re.compile(r"[A-Za-z]\w*(?:\.[A-Za-z]\w*|\{[0-9]{1,9}\}|\([0-9]{1,9}\))*
 def read_mat(path: Path, keys: Sequence[Key] | None) -> list[Any]:
     """Columns of a MATLAB file, or (None) the names of its vectors of numbers; version 7.3 needs the extra `hdf5`.
 
-    A column is a variable or a dotted path: `q`, `data.q`, `data.run{2}.q`, `runs(3).q`. Braces and parentheses count from 1,
-    as MATLAB writes them. Raises InputError.
+    A column is a variable or a dotted path: `q`, `data.q`, `data.run{2}.q`, `runs(3).q`. Braces and parentheses count
+    from 1, as MATLAB writes them. Raises InputError.
     """
     with path.open("rb") as file:
         head = file.read(520)
@@ -32,13 +32,11 @@ def read_mat(path: Path, keys: Sequence[Key] | None) -> list[Any]:
 
 
 def columns_of(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
-    """The columns of some keys, or (None) the names of all vectors of numbers."""
+    """The columns of keys, or (None) the names of all vectors of numbers."""
     for key in keys or ():
-        # 1000 characters of a dotted path
         if not isinstance(key.column, str) or len(key.column) > 1000 or not _PATH.fullmatch(key.column):
-            raise InputError(
-                f"column {key} is not a variable of a MAT-file; expected a name or a dotted path such as data.q or data.run{{2}}.q"
-            )
+            expected = "expected a name or a dotted path such as data.q or data.run{2}.q"
+            raise InputError(f"column {key} is not a variable of a MAT-file; {expected}")
     roots = None if keys is None else sorted({_PART.findall(str(key.column))[0] for key in keys})
     variables = _load(path, roots)
     for name in roots or ():
@@ -55,9 +53,8 @@ def _load(path: Path, names: list[str] | None) -> dict[str, Any]:
     """Variables by name; None: all of them but objects, which SciPy leaves without a name."""
     import scipy.io
 
-    sparse: dict[str, Any] = dict.fromkeys(
-        signature(scipy.io.loadmat).parameters.keys() & {"spmatrix"}, False
-    )  # from SciPy 1.17 on
+    known = signature(scipy.io.loadmat).parameters.keys()
+    sparse: dict[str, Any] = dict.fromkeys(known & {"spmatrix"}, False)  # from SciPy 1.17 on
     found = scipy.io.loadmat(path, variable_names=names, **sparse)
     return {name: value for name, value in found.items() if not name.startswith("__") and name != "None"}
 
@@ -70,18 +67,15 @@ def _walk(variables: dict[str, Any], path: str) -> Any:
             items = value.ravel(order="F") if isinstance(value, np.ndarray) else np.array([value], dtype=object)
             number = int(part[1:-1])
             if not 1 <= number <= items.size:
-                raise InputError(
-                    f"{seen} has {items.size} elements; element {number} is not among them (they count from 1)"
-                )
+                why = f"{seen} has {items.size} elements, counted from 1"
+                raise InputError(f"{why}; element {number} is not among them")
             value, seen = items[number - 1], f"{seen}{part}"
             continue
         while isinstance(value, np.ndarray) and value.size == 1 and value.dtype == object:
             value = value.flat[0]
         names = getattr(getattr(value, "dtype", None), "names", None)
         if not names:
-            raise InputError(
-                f"{seen} is not a struct, so it has no field {short(part)}; name {seen} itself, or a struct"
-            )
+            raise InputError(f"{seen} is not a struct with a field {short(part)}; name {seen} itself, or a struct")
         if part not in names:
             raise InputError(f"{seen} has no field {short(part)}; there are: {short_list(names)}")
         if value.size != 1:

@@ -12,9 +12,8 @@ from bristle.errors import InputError
 from bristle.findings import Finding, unit_of
 
 OTHER_FILES, OTHER_PLACES = unit_of("other_files"), unit_of("other_places")
-"""Marks in the messages of a record's warnings, after its file or the place in it, where `merged` adds those of other runs; printed as nothing."""
-SIGNALS = ("position", "velocity", "torque", "voltage", "acceleration", "link_torque")
-"""What a record may hold along its time."""
+"""Marks in the messages of warnings, where `merged` adds the files or places of other runs; printed as nothing."""
+SIGNALS = ("position", "velocity", "torque", "voltage", "acceleration", "link_torque")  # along the time of a record
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,51 +24,30 @@ class Record:
     holds a value that is not finite, or time does not increase.
     """
 
-    file: str
-    """Where it came from, relative to the experiment file."""
-    time: Array
-    """s, strictly increasing."""
-    position: Array | None = None
-    """rad, unwrapped."""
-    velocity: Array | None = None
-    """rad/s, as logged, or as estimated from position."""
-    velocity_estimated: bool = False
-    """Whether it is estimated."""
-    torque: Array | None = None
-    """N*m: torque of the drive, positive along positive velocity."""
+    file: str  # where it came from, relative to the experiment file
+    time: Array  # s, strictly increasing
+    position: Array | None = None  # rad, unwrapped
+    velocity: Array | None = None  # rad/s, as logged, or as estimated from position
+    velocity_estimated: bool = False  # whether it is estimated
+    torque: Array | None = None  # N*m: torque of the drive, positive along positive velocity
     torque_shifts: Mapping[str, Array] = field(default_factory=dict)
-    """Change of the torque per standard error of each constant that it was computed with, N*m, (n,); of those without
-    an error none."""
-    voltage: Array | None = None
-    """V, from which torque is computed by (8) once the velocity is known."""
-    acceleration: Array | None = None
-    """rad/s**2, estimated."""
-    made_of: Literal["", "gravity", "inertia"] = ""
-    """Of which regressor the torque was made, where the joint coasts: nothing of that is left to find."""
-    link_torque: Array | None = None
-    """N*m: what the links of a robot ask of the joint, as computed from its URDF and the motion of all joints."""
-    cutoff: float = 0.0
-    """Of the low pass through which its motion was estimated, or the torque of slow loading is to go, Hz; 0: none."""
-    oversampled: float = 1.0
-    """How many times as fast as the slowest moving run of its experiment it was sampled."""
+    """Change of the torque per standard error of each constant with an error, N*m, (n,)."""
+    voltage: Array | None = None  # V, from which torque is computed by (8) once the velocity is known
+    acceleration: Array | None = None  # rad/s**2, estimated
+    made_of: Literal["", "gravity", "inertia"] = ""  # regressor of which the torque was made, where the joint coasts
+    link_torque: Array | None = None  # N*m: torque of the links, from the URDF and the motion of all joints
+    cutoff: float = 0.0  # of the low pass of its motion, or of the torque of slow loading, Hz; 0: none
+    oversampled: float = 1.0  # how many times as fast as the slowest moving run of its experiment it was sampled
     starts: tuple[int, ...] = (0,)
-    """First sample of each segment between gaps; nothing is ever differentiated, filtered or simulated across a gap."""
-    rows: int = 0
-    """Rows in the file."""
-    dropped: int = 0
-    """Rows of the file that are not in the record."""
-    sha256: str = ""
-    """Digest of the file's bytes."""
-    notes: tuple[Finding, ...] = ()
-    """What was counted, assumed and done."""
-    warnings: tuple[Finding, ...] = ()
-    """Where its signals contradict one another, or themselves."""
-    labels: Mapping[str, str] = field(default_factory=dict)
-    """Run-level labels: temperature, load."""
-    lines: NDArray[np.intp] | None = None
-    """Of a text file the line of each sample, from 1, (n,); None where that is not known."""
-    filled: NDArray[np.bool_] | None = None
-    """Which samples fill a gap, and have no torque of their own, (n,); None: none."""
+    """First sample of each segment between gaps, across which nothing is differentiated, filtered or simulated."""
+    rows: int = 0  # rows in the file
+    dropped: int = 0  # rows of the file that are not in the record
+    sha256: str = ""  # digest of the file's bytes
+    notes: tuple[Finding, ...] = ()  # what was counted, assumed and done
+    warnings: tuple[Finding, ...] = ()  # where its signals contradict one another, or themselves
+    labels: Mapping[str, str] = field(default_factory=dict)  # Run-level labels: temperature, load
+    lines: NDArray[np.intp] | None = None  # line of each sample in a text file, from 1, (n,); None where not known
+    filled: NDArray[np.bool_] | None = None  # samples that fill a gap, without a torque, (n,); None: none
 
     def __post_init__(self) -> None:
         """Copy, freeze and check every array."""
@@ -92,7 +70,7 @@ class Record:
         object.__setattr__(self, "torque_shifts", shifts)
 
     def where(self, start: int, stop: int) -> str:
-        """The samples start to stop - 1 as a reader finds them: lines of a text file, else rows of data, from 1."""
+        """The samples start to stop - 1 in words: lines of a text file, else rows of data, from 1."""
         first, last = (start + 1, stop) if self.lines is None else (int(self.lines[start]), int(self.lines[stop - 1]))
         word = "row" if self.lines is None else "line"
         return f"{word} {first}" if first == last else f"{word}s {first}-{last}"
@@ -103,7 +81,7 @@ class Record:
         return float(np.median(np.diff(self.time))) if self.time.size > 1 else float("nan")
 
     def decimation(self, asked: int) -> int:
-        """One sample of how many makes an equation, where it is one in so many of the slowest run: all are as far apart in time."""
+        """Samples per equation, if `asked` are those of the slowest run: all are equally far apart in time."""
         return 1 if asked == 1 else round(asked * self.oversampled)
 
 

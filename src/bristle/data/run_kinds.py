@@ -1,4 +1,4 @@
-"""Which experiment a log is of: how long it holds constant velocities, loads the resting joint slowly, or moves otherwise."""
+"""The experiment of a log: how long it holds constant velocities, loads the joint slowly, or moves otherwise."""
 
 import re
 from collections import defaultdict
@@ -21,17 +21,16 @@ from bristle.model.parameters import Kind as JointKind
 
 MovingKind = Literal["ramp", "presliding", "tracking"]
 _SMOOTH = 10.0  # Hz: the low pass of the speed by which rest is told from motion
-_BEND = {"revolute": 0.1, "prismatic": 0.005}
-"""rad or m: no bristle bends further, so a longer displacement is a motion."""
+_BEND = {"revolute": 0.1, "prismatic": 0.005}  # rad or m: no bristle bends further
+# shares of motion and loading: with less of holds, or of loading, a run tells more as a tracking run; with so much
+# loading it needs no other runs to tell
 _HELD, _LOADED, _SURELY = 0.79, 0.7, 0.9
-"""Of its motion and loading: what holds velocities, or is loaded, for less tells more as a tracking run; what is loaded for so long needs no
-other runs to tell."""
 FEWEST = 4  # velocities held in all: of fewer, points alone tell hardly more than a level
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretches:
-    """How long a run does what, s."""
+    """Durations of what a run does, s."""
 
     held: float  # at constant velocity, in segments that would be accepted
     loaded: float  # slow loading below breakaway, and unloading
@@ -48,8 +47,8 @@ class Stretches:
 
     @property
     def kind(self) -> MovingKind:
-        """What it does most, or mostly."""
-        # 0.2 of a run: a presliding one loads for so long, and does hardly anything but load and slide, which a tracking run uses too
+        """What it does most."""
+        # a presliding run loads for 0.2 of its time, and hardly does anything but load and slide
         slides = self.loaded + self.broken + (self.held if len(self.speeds) < FEWEST else 0.0)
         if slides >= _LOADED * self._busy > 0 and self.loaded >= max(0.2 * self.total, self.held):
             return "presliding"
@@ -62,12 +61,12 @@ class Stretches:
 
     @property
     def is_loaded(self) -> bool:
-        """Whether it is loaded slowly nearly all the time that it moves or is loaded."""
+        """Whether it is slow loading nearly all the time that it moves or is loaded."""
         return self.kind == "presliding" and self.loaded + self.broken >= _SURELY * self._busy
 
     @property
     def steadily(self) -> bool:
-        """Whether it does hardly anything but hold velocities, or holds a single one, as one log of a series does."""
+        """Whether it does hardly anything but hold velocities, or holds a single one, as a log of a series does."""
         return len(self.speeds) == 1 or self.held >= _HELD * (self.held + self.moving + self.broken)
 
     def unused(self, kind: str) -> float:
@@ -77,7 +76,7 @@ class Stretches:
 
 
 def stretches(record: Record, joint: JointKind) -> Stretches:
-    """What a run does, of a record with velocity, rad/s, and torque, N*m.
+    """Durations of what a run does, of a record with velocity, rad/s, and torque, N*m.
 
     Raises InputError where the record has neither.
     """
@@ -106,7 +105,7 @@ def stretches(record: Record, joint: JointKind) -> Stretches:
     # 0.02 of the fastest speed: what is slower, and not held, is at rest
     moving = (speed > 0.02 * speed.max(initial=0.0)) & ~steady & ~loaded
 
-    # above the breakaway torque of a joint that is loaded slowly, and so rests half of the time below it; one that moves passes
+    # sliding of a joint that is loaded slowly, and so rests half of the time below its breakaway torque
     broken, torques = np.zeros(n, dtype=bool), [x.breakaway for x in loadings if x.breakaway is not None]
     if torques and record.torque is not None:
         below = np.abs(record.torque) < max(torques)
@@ -121,11 +120,11 @@ def stretches(record: Record, joint: JointKind) -> Stretches:
 
 
 def kinds_of(found: Sequence[tuple[str, Stretches]]) -> list[MovingKind]:
-    """The experiment of each file: slow loading where it is nothing else, or what most of those are whose names differ in numbers alone.
+    """The experiment of each file: slow loading where it is nothing else, else that of most files with alike names.
 
     A motion among constant velocities is one of them that sticks and slips only where each of these is one velocity.
-    Constant velocities are ramps where there is hardly anything else; else such a run is a tracking one, which uses what
-    lies between them too.
+    Constant velocities are ramps where there is hardly anything else; else such a run is a tracking one, which uses
+    what lies between them too.
     """
     families = defaultdict[str, list[Stretches]](list)
     names = [re.sub(r"\d+(\.\d+)?", "#", PurePath(file).name) for file, _ in found]
@@ -150,7 +149,7 @@ def _union(spans: Sequence[tuple[int, int]], n: int) -> NDArray[np.bool_]:
 
 
 def _is_spring(record: Record, loaded: NDArray[np.bool_]) -> bool:
-    """Whether torque goes with position in stretches that load, each for itself; of a joint that slides it goes with the direction, and is flat."""
+    """Whether torque goes with position in stretches that load; of a joint that slides it goes with the direction."""
     if record.position is None or record.torque is None or np.count_nonzero(loaded) < 2:
         return False
     bounds = np.flatnonzero(np.diff(loaded, prepend=False, append=False)).reshape(-1, 2)

@@ -1,4 +1,4 @@
-"""Whether samples are equally far apart in time, as every filter takes them for, and what makes them so."""
+"""Samples at equal intervals, as every filter assumes."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -17,18 +17,17 @@ UNEVEN = 0.05  # of a sampling interval, standard deviation: less of it hides no
 BLOCK = 100  # samples that tell the noise of the position
 DEVIATIONS = 4.0  # standard errors by which something is surely not zero: 6e-5 of clean records
 _MANY = 10.0  # times the samples that there are: more are not made, where gaps are declared to be none
-_LONGEST, _FEW, _PLACES = 200, 4, 30
-"""Samples that a gap that is bridged may have; on either side at least; and places at which it is tried."""
-_WELL, _NOISE = 0.01, 1.5
-"""Share of what the joint does meanwhile, or times the noise, that the motion in a gap may be off."""
+_LONGEST, _FEW, _PLACES = 200, 4, 30  # samples of a bridged gap; least on either side; places at which it is tried
+_WELL, _NOISE = 0.01, 1.5  # share of the motion, or times the noise, that the bridge of a gap may be off
 
 
 def evenly_sampled(record: Record, apart: Collection[int] = ()) -> Record:
-    """The record at samples that are equally far apart in each segment between gaps; as it is where they are so, to 5 %.
+    """The record at equally spaced samples in each segment between gaps; unchanged where they are so, to 5 %.
 
-    Gaps that the motion tells what was in them are none, but those before some samples that stay `apart`; no torque is known there.
-    Where the stamps keep within a sample to even ones, and the position goes no worse with these, it is the stamps that
-    jitter. Else samples were lost, or taken unevenly: all signals are interpolated, by Akima, whose cubics follow a step.
+    Gaps whose content the motion around them tells are filled, without a torque, except those before the samples
+    `apart`. Where the stamps are within a sample of even ones, and the position fits these no worse, it is the stamps
+    that jitter. Else samples were lost, or taken unevenly: all signals are interpolated, by Akima, whose cubics follow
+    a step.
     """
     record = _bridged(record, apart)
     segments = [s for s in between_gaps(record) if s.stop - s.start > 2]
@@ -43,15 +42,16 @@ def evenly_sampled(record: Record, apart: Collection[int] = ()) -> Record:
     counted, stamped = np.arange(time.size, dtype=float), record.time / record.step
     if near and jitter(record, counted) <= jitter(record, stamped):
         message = (
-            f"The time stamps jitter by {np.std(time - record.time) / record.step:.2g} of a sample (standard deviation) about even ones, and the "
-            "position goes no worse with these, which are taken (cleaning: {times: as-written} leaves the stamps)."
+            f"The time stamps jitter by {np.std(time - record.time) / record.step:.2g} of a sample (standard deviation) about "
+            "even ones, and the position goes no worse with these, which are taken (cleaning: {times: as-written} leaves the "
+            "stamps)."
         )
         return replace(record, time=time, notes=(*record.notes, Finding("stamps-jitter", NOTE, message)))
     return _interpolated(record)
 
 
 def _bridged(record: Record, apart: Collection[int]) -> Record:
-    """The record with the rows that are missing in its shorter gaps: of its motion by a cubic through as many on either side."""
+    """The record with its shorter gaps filled, its motion by a cubic through as many samples on either side."""
     ahead = np.array([k for k in record.starts[1:] if k not in apart], dtype=np.intp)
     motion = {name: x for name in ("position", "velocity") if (x := getattr(record, name)) is not None}
     missing = np.rint((record.time[ahead] - record.time[ahead - 1]) / record.step).astype(int) - 1
@@ -83,8 +83,9 @@ def _bridged(record: Record, apart: Collection[int]) -> Record:
     places = ahead[which]
     starts = [k + int(missing[which & (ahead < k)].sum()) for k in record.starts if k not in places]
     message = (
-        f"{places.size} gap{'s' * (places.size > 1)} of at most {most} samples {'are' if places.size > 1 else 'is'} bridged by the motion beside, "
-        f"which tells samples elsewhere as well; equations there, which hold {before.size} samples without a torque, are left out."
+        f"{places.size} gap{'s' * (places.size > 1)} of at most {most} samples {'are' if places.size > 1 else 'is'} bridged by "
+        "the motion beside, which tells samples elsewhere as well; equations there, which hold "
+        f"{before.size} samples without a torque, are left out."
     )
     changed: dict[str, Any] = {
         name: np.insert(getattr(record, name), before, np.concatenate(made)) for name, made in new.items()
@@ -101,7 +102,7 @@ def _bridged(record: Record, apart: Collection[int]) -> Record:
 
 
 def _can_bridge(record: Record, values: Array, n: int, *, is_position: bool) -> bool:
-    """Whether a cubic through n samples on either side tells n between: where all are known, to 1 % of what the joint does or within the noise."""
+    """Whether a cubic through n samples on either side tells n known ones between, to 1 % of motion or noise."""
     side = max(n, _FEW)
     width = 2 * side + n
     first = np.concatenate([np.arange(s.start, s.stop - width + 1) for s in between_gaps(record)])
@@ -121,12 +122,12 @@ def _can_bridge(record: Record, values: Array, n: int, *, is_position: bool) -> 
 
 
 def _counted(position: Array, near: Array | float, count: float) -> Array:
-    """What an encoder would have read, which has read something near: a whole count from there."""
+    """The reading of an encoder at a position: a whole number of counts from a reading nearby."""
     return near + count * np.round((position - near) / count) if count else position
 
 
 def _interpolated(record: Record) -> Record:
-    """The record at even samples, as far apart as they were where none is missing."""
+    """The record interpolated at even samples, as far apart as they are where none is missing."""
     from scipy.interpolate import Akima1DInterpolator
 
     segments = between_gaps(record)
@@ -149,8 +150,8 @@ def _interpolated(record: Record) -> Record:
     row, size = np.concatenate(rows), record.time.size
     apart = float(np.std(intervals)) / record.step
     message = (
-        f"{size} samples that are not equally far apart (by {100 * apart:.0f} % of an interval, standard deviation) are interpolated at {row.size} "
-        "that are (cleaning: {times: as-written} leaves them)."
+        f"{size} samples that are not equally far apart (by {100 * apart:.0f} % of an interval, standard deviation) are "
+        f"interpolated at {row.size} that are (cleaning: {{times: as-written}} leaves them)."
     )
     changed: dict[str, Any] = {name: np.concatenate(made) for name, made in signals.items()}
     return replace(
@@ -165,7 +166,7 @@ def _interpolated(record: Record) -> Record:
 
 
 def jitter(record: Record, time: Array) -> float:
-    """Standard deviation of the instants of sampling about `time`, (n,), samples; 0 where noise does not follow the speed."""
+    """Standard deviation of the sampling instants about `time`, (n,), samples; 0 where noise does not follow speed."""
     if record.position is None:
         return 0.0
     left, speed = [], []
@@ -174,9 +175,8 @@ def jitter(record: Record, time: Array) -> float:
             # beside the cubic through four neighbours noise has its variance times one and the squares of the cubic's weights
             t, q, inner = time[s], record.position[s], np.arange(2, s.stop - s.start - 2)
             near = [t[inner + k] - t[inner] for k in (-2, -1, 1, 2)]
-            weights = [
-                np.prod([near[j] / (near[j] - near[k]) for j in range(4) if j != k], axis=0) for k in range(4)
-            ]  # of Lagrange
+            ratios = [[near[j] / (near[j] - near[k]) for j in range(4) if j != k] for k in range(4)]
+            weights = [np.prod(x, axis=0) for x in ratios]  # of Lagrange
             through = np.sum([w * q[inner + k] for w, k in zip(weights, (-2, -1, 1, 2), strict=True)], axis=0)
             left.append((q[inner] - through) / np.sqrt(1 + np.sum(np.square(weights), axis=0)))
             speed.append((q[inner + 2] - q[inner - 2]) / (near[3] - near[0]))

@@ -1,26 +1,35 @@
-"""Whether the signals of a record agree with one another, before anything is fitted; no check knows a friction law."""
+"""Checks of the signals of a record against one another, before anything is fitted; none knows a friction law."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from bristle.data import motion_checks, units
+from bristle.arrays import Array
+from bristle.data import units
 from bristle.data.columns import ISO
-from bristle.data.encoder import apart, count_mismatch, other_units
+from bristle.data.differentiation import between_gaps
+from bristle.data.encoder import apart, count_mismatch, other_units, smallest_step
 from bristle.data.experiment.schema import RunKind
-from bristle.data.experiment.signals import Context, Signal, Signals
+from bristle.data.experiment.signals import Context, Signal, Signals, si
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
-from bristle.data.sampling import DEVIATIONS
+from bristle.data.sampling import BLOCK, DEVIATIONS, UNEVEN, jitter
 from bristle.data.torque_checks import check_torque
 from bristle.errors import InputError
+from bristle.estimation.autocorrelation import inflation
 from bristle.findings import CAUTION, CRITICAL, Finding
 
-_FACTOR = 0.05
-"""Velocity and position of one motion differ by less: sampling rates and gears are known better than that."""
+_FACTOR = 0.05  # by which velocity and position differ at most: sampling rates and gears are known better than that
 _TIMES = ("s", "ms", "us")
+SPANS = (1, 4, 16, 64, 256)  # samples over which travel is compared: noise hides a short one, a reversal a long one
+FEWEST = 20  # spans that tell a factor, or a lag
+_AROUND = 5  # samples on either side that tell the usual travel of one
+_JUMP = 10.0  # standard deviations of a step, beyond which it is a jump: noise of steps is no worse
+_NAMED = 4  # places in one sentence
+_HELD = 3  # times that a reading repeats, and more counts that it then catches up by than the motion makes in a sample
+_BESIDE = 20  # samples on either side of a held reading that tell its speed
 
 
 class TravelRatio(NamedTuple):
@@ -33,25 +42,20 @@ class TravelRatio(NamedTuple):
 
 
 def check_signals(record: Record, kind: RunKind, signals: Signals, context: Context) -> tuple[Finding, ...]:
-    """What is wrong with the signals of a run as it is fitted, as far as they show it by themselves; of points with their torque alone."""
+    """Findings on the signals of a run by themselves; of points on their torque alone."""
     found: list[Finding | None] = [*check_torque(record, kind)]
-    factor = None if kind == "points" else _velocity_factor(record, signals, context)
     if kind != "points":
-        found += [
-            factor,
-            motion_checks.position_jumps(record, signals, context),
-            motion_checks.held_position(record, signals),
-        ]
-        found.append(count_mismatch(record, signals.position, context))
+        found += [factor := _velocity_factor(record, signals, context), position_jumps(record, signals, context)]
+        found += [held_position(record, signals), count_mismatch(record, signals.position, context)]
     if kind == "tracking":
-        found += [motion_checks.irregular_sampling(record), None if factor else motion_checks.velocity_lag(record)]
+        found += [irregular_sampling(record), None if factor else velocity_lag(record)]
     return tuple(filter(None, found))
 
 
 def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple[Finding, ...]:
-    """Signals whose unit is another than the one that the file states of their column, `stated` by signal.
+    """Signals whose unit is not the one that the file states of their column, `stated` by signal.
 
-    A signal with a scale other than 1 or -1 was thought about, and nothing is said of it.
+    A signal with a scale other than 1 or -1 was thought about, and is left alone.
     """
     found = []
     for name, unit in stated.items():
@@ -64,8 +68,8 @@ def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple
         if unit and declared and plain and declared != ISO and not alike:
             remedy = f"`unit: {unit}` under signals.{name}"
             message = (
-                f"Unit of {name}: the header of {file}{OTHER_FILES} states {unit}, and {declared} is declared. Write {remedy}; where the header "
-                "is wrong, correct it, or leave the unit out of it."
+                f"Unit of {name}: the header of {file}{OTHER_FILES} states {unit}, and {declared} is declared. Write {remedy}; "
+                "where the header is wrong, correct it, or leave the unit out of it."
             )
             numbers = {"files": (file,), "signal": name, "stated": unit, "declared": declared, "remedy": remedy}
             found.append(Finding("unit-differs", CAUTION, message, numbers))
@@ -73,12 +77,12 @@ def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple
 
 
 def merged(found: Iterable[Finding]) -> tuple[Finding, ...]:
-    """The same, those of one kind and one remedy as one that names all their files, with the numbers of the first."""
+    """Findings, those of one code and remedy merged into one that names all files, with the numbers of the first."""
     groups, said = dict[tuple[str, str], list[Finding]](), list[Finding]()
     for d in found:
         groups.setdefault((d.code, str(d.numbers.get("remedy", ""))), []).append(d)
     for _, (first, *others) in sorted(groups.items(), key=lambda x: x[0]):
-        files = motion_checks.shortened([file for x in (first, *others) for file in x.numbers["files"]])
+        files = shortened([file for x in (first, *others) for file in x.numbers["files"]])
         message = first.message
         for mark, between in ((OTHER_FILES, ", "), (OTHER_PLACES, "; ")):
             message = message.replace(mark, "".join(f"{between}{file}" for file in files[1:]))
@@ -87,15 +91,15 @@ def merged(found: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def travel_ratio(record: Record) -> TravelRatio | None:
-    """How many times as far the position moves as the integral of the logged velocity.
+    """Ratio of the position's travel to the integral of the logged velocity.
 
     Regression of one on the other, over spans of the record, is low by the noise of the regressor and high by that of
     the other (Fuller, Measurement Error Models, 1987, section 1.1): the truth lies between. None where a signal is
     missing, the velocity was estimated from the position, or too little moves.
     """
     best: TravelRatio | None = None
-    for moved, said, _ in motion_checks.travels(record):
-        if moved.size < motion_checks.FEWEST or not (moved.any() and said.any()):
+    for moved, said, _ in travels(record):
+        if moved.size < FEWEST or not (moved.any() and said.any()):
             continue
         across, moved_2, said_2 = float(moved @ said), float(moved @ moved), float(said @ said)
         correlation = across / np.sqrt(moved_2 * said_2)
@@ -113,36 +117,33 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
     ratio = travel_ratio(record)
     if ratio is None:
         return None
-    # correlation over a span that a velocity and its position have, where neither is mere noise
-    if (
-        abs(ratio.correlation) < 0.7
-    ):  # a velocity that is smooth, while the position moves smoothly too: noise is neither
-        position, velocity = np.asarray(record.position)[:: motion_checks.SPANS[2]], np.asarray(record.velocity)
-        both = (np.diff(position), velocity[:: motion_checks.SPANS[2]] - velocity.mean())
-        if any(x.size < 2 * motion_checks.FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
+    # a velocity and its position correlate by 0.7 over a span, unless one is noise, which is not smooth
+    if abs(ratio.correlation) < 0.7:
+        position, velocity = np.asarray(record.position)[:: SPANS[2]], np.asarray(record.velocity)
+        both = (np.diff(position), velocity[:: SPANS[2]] - velocity.mean())
+        if any(x.size < 2 * FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
             return None
         message = (
-            f"The logged velocity of {record.file}{OTHER_FILES} has nothing to do with its position (correlation {ratio.correlation:.2f}): name "
-            "the right column under signals.velocity, or leave velocity out to have it estimated."
+            f"The logged velocity of {record.file}{OTHER_FILES} has nothing to do with its position (correlation "
+            f"{ratio.correlation:.2f}): name the right column under signals.velocity, or leave velocity out to have it "
+            "estimated."
         )
         numbers: dict[str, Any] = {"files": (record.file,), "correlation": ratio.correlation}
-        return Finding(
-            "velocity-unrelated", CRITICAL, message, numbers, {"torque": np.inf}
-        )  # no curve is known from it
+        return Finding("velocity-unrelated", CRITICAL, message, numbers, {"torque": np.inf})
     sure = ratio.high < 2.0 * ratio.low  # a factor is told where noise leaves it uncertain by less than this
     if not sure or (ratio.value > 0 and ratio.low < 1 + _FACTOR and ratio.high > 1 - _FACTOR):
         return None
     remedy = " or ".join(_remedies(signals, context, ratio.value))
     message = (
-        f"The position of {record.file}{OTHER_FILES} moves {ratio.value:.3g} times as far as its logged velocity says: one of the two is wrong "
-        f"by this factor, and with it friction against speed. What makes them agree: {remedy}."
+        f"The position of {record.file}{OTHER_FILES} moves {ratio.value:.3g} times as far as its logged velocity says: one "
+        f"of the two is wrong by this factor, and with it friction against speed. What makes them agree: {remedy}."
     )
     numbers = {"files": (record.file,), "ratio": ratio.value, "remedy": remedy}
     return Finding("velocity-factor", CRITICAL, message, numbers)
 
 
 def _remedies(signals: Signals, context: Context, ratio: float) -> list[str]:
-    """Lines that would make position and velocity agree: units that are this far apart, or else a factor; and a sign."""
+    """Remedies that make position and velocity agree: units that are this far apart, else a factor; and a sign."""
     size = abs(ratio)
     if context.gear and apart(max(size, 1 / size), abs(context.gear.ratio)) < _FACTOR:
         return [f"the other side for {name} under motor.gear" for name in ("velocity", "position")]
@@ -151,20 +152,204 @@ def _remedies(signals: Signals, context: Context, ratio: float) -> list[str]:
         for name, wanted in (("velocity", size), ("position", 1 / size)):
             signal: Signal | None = getattr(signals, name)
             if signal is not None and not signal.unit.strip().startswith("count"):
-                units_of = other_units(name, signal, context)
-                lines += [
-                    f"`unit: {u}` under signals.{name}"
-                    for u, by in units_of
-                    if u != "counts" and apart(by, wanted) < _FACTOR
-                ]
+                others = other_units(name, signal, context)
+                near = [u for u, by in others if u != "counts" and apart(by, wanted) < _FACTOR]
+                lines += [f"`unit: {u}` under signals.{name}" for u in near]
         time, rate = signals.time, None if signals.time is None else signals.time.rate
         if time is not None and time.unit not in {None, ISO}:
             now = units.factor(time.unit or "s", "s")
-            lines += [
-                f"`unit: {x}` under signals.time" for x in _TIMES if apart(units.factor(x, "s") / now, size) < _FACTOR
-            ]
+            near = [x for x in _TIMES if apart(units.factor(x, "s") / now, size) < _FACTOR]
+            lines += [f"`unit: {x}` under signals.time" for x in near]
         if not lines:
             lines.append(f"a `scale` of signals.velocity {size:.3g} times as large")
             lines += [] if rate is None else [f"`rate: {rate / size:.3g} Hz` under signals.time"]
-    turned = ["the opposite sign of `scale` under signals.velocity or signals.position"]
-    return [*lines, *(turned if ratio < 0 else [])]
+    return lines + ["the opposite sign of `scale` under signals.velocity or signals.position"] * (ratio < 0)
+
+
+def shortened(names: list[str]) -> tuple[str, ...]:
+    """A few of the names, and how many more there are."""
+    more = len(names) - _NAMED
+    return tuple(names) if more <= 1 else (*names[:_NAMED], f"and {more} more")
+
+
+def position_jumps(record: Record, signals: Signals, context: Context) -> Finding | None:
+    """The caution on steps of the position in motion that neither speed nor time explains, or on lost samples."""
+    if record.position is None or record.time.size < 2 * BLOCK:
+        return None
+    count = smallest_step(record.position)
+    places, counted = [], True
+    for s in between_gaps(record):
+        if s.stop - s.start < 2 * BLOCK:
+            continue
+        intervals = np.diff(record.time[s]) / record.step
+        found = _jumps(np.diff(record.position[s]), intervals, count)
+        places += [(s.start + k, size, samples) for k, size, samples in found]
+        # 1e-3 of a sampling interval: time stamps that deviate less were counted, not measured
+        counted = counted and (not found or bool(np.ptp(intervals) <= 1e-3))
+    if not places:
+        return None
+    _, sizes, travels = np.abs(np.array(places)).T
+    if sizes.size > 20 and np.ptp(sizes) < 0.1 * sizes.mean() and np.median(travels) > _JUMP:
+        return None  # alike, among next to no travel: the counts of an encoder under something that drifts
+    word, rows = _rows(record, signals, [k + 1 for k, *_ in places])
+    where = f"{record.file} {word}{'s' * (len(rows) > 1)} {', '.join(shortened(list(map(str, rows))))}"
+    if counted and all(samples > 0 for *_, samples in places):
+        place = f"{where} (about {sum(n for *_, n in places):.1f} samples)"
+        message = (
+            f"Samples are missing, or the encoder slipped: {place}{OTHER_PLACES}. The position jumps there by more than its "
+            "speed explains, while the time goes on: speeds from it, and the acceleration there, are wrong. Log the time of "
+            "each sample, or split the log."
+        )
+        return Finding("lost-samples", CAUTION, message, {"files": (place,)})
+    largest = max((size for _, size, _ in places), key=abs)
+    most = "up to " if len(places) > 1 else ""
+    place = f"{where} (by {most}{abs(largest):.2g} {si('position', context)})"
+    message = (
+        f"The position jumps: {place}{OTHER_PLACES}. Neither its speed nor the time explains it, as where an encoder slips, "
+        "misses counts or is reset: speeds from it, and the acceleration there, are wrong. Mend the encoder, or split the "
+        "log there."
+    )
+    return Finding("position-jumps", CAUTION, message, {"files": (place,)})
+
+
+def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, float, float]]:
+    """Places of jumps among steps (n,), over intervals (n,); by how much, and the travel of how many samples."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    windows = np.lib.stride_tricks.sliding_window_view(steps, _AROUND)
+    inner = np.arange(_AROUND, steps.size - _AROUND)
+    before, after = np.median(windows[inner - _AROUND], axis=1), np.median(windows[inner + 1], axis=1)
+    usual = np.where(np.abs(before) > np.abs(after), before, after)
+    off = steps[inner] - (before + after) / 2
+    along, travel = steps[inner] * np.sign(usual), np.abs(usual) * np.maximum(intervals[inner], 1.0)
+    excess = np.where(along > 0, np.maximum(along - travel, 0.0), along)  # a stop is none
+    size = np.abs(excess)
+
+    # the noise of the noisiest block about each, from the median of deviations
+    blocks = np.array_split(np.abs(off), max(off.size // BLOCK, 1))
+    padded = np.pad(np.array([np.median(b) for b in blocks]) / 0.6745, 1, mode="edge")
+    widest = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
+    noise = np.repeat(widest, [b.size for b in blocks])
+
+    # at a reversal, 25 samples about it, a jump is play; 0.75 samples' travel, and less is none
+    side = np.sign(usual)
+    one_way = minimum_filter1d(side, 51) * maximum_filter1d(side, 51) > 0
+    found = (before * after > 0) & one_way & (size > 0.75 * np.abs(usual)) & (size > _JUMP * noise + 2 * count)
+    found &= np.abs(np.convolve(off, np.ones(2 * _AROUND + 1), "same")) > 0.5 * np.abs(off)  # it does not come back
+    best = [k for k in np.flatnonzero(found) if size[k] >= size[max(k - _AROUND, 0) : k + _AROUND + 1].max()]
+    lost = np.where(excess < 0, excess - travel, excess)
+    return [(int(inner[k]), float(lost[k]), float(lost[k] / abs(usual[k]))) for k in best]
+
+
+def _rows(record: Record, signals: Signals, samples: Sequence[int]) -> tuple[str, list[int]]:
+    """The word of the file for its rows, and the numbers of these samples: lines of text, else rows of data."""
+    if record.lines is not None:
+        return "line", [int(record.lines[k]) for k in samples]
+    rate = None if signals.time is None else signals.time.rate
+    return "row", [round(float(record.time[k]) * rate) + 1 if rate else k + 1 for k in samples]
+
+
+def held_position(record: Record, signals: Signals) -> Finding | None:
+    """The caution on readings that repeat in the midst of a motion, and then catch up: they were not refreshed."""
+    if record.position is None or record.time.size < 2 * BLOCK:
+        return None
+    found = list[tuple[int, int]]()
+    for s in between_gaps(record):
+        position = record.position[s]
+        steps = np.diff(position)
+        moves = np.flatnonzero(steps)
+        if not moves.size:
+            continue
+        # the count is the 0.05 quantile of steps: the smallest are no smaller
+        count = float(np.quantile(np.abs(steps[moves]), 0.05))
+        start, end, times = moves[:-1] + 1, moves[1:], np.diff(moves) - 1
+        ok = (times >= _HELD) & (start >= _BESIDE) & (end + 1 + _BESIDE < position.size)
+        start, end, times = start[ok], end[ok], times[ok]
+        before, after = position[start] - position[start - _BESIDE], position[end + 1 + _BESIDE] - position[end + 1]
+        speed, fastest = (before + after) / (2 * _BESIDE), np.maximum(np.abs(before), np.abs(after)) / _BESIDE
+        caught, due = steps[end], speed * (times + 1)
+        held = (before * after > 0) & (np.abs(caught - due) < 0.5 * np.abs(due))
+        held &= np.abs(caught) > fastest + _HELD * count
+        found += zip((s.start + start[held]).tolist(), times[held].tolist(), strict=True)
+    if not found:
+        return None
+    word, (first,) = _rows(record, signals, [found[0][0]])
+    place = f"{record.file} ({len(found)} times, first at {word} {first})"
+    samples = int(np.median([n for _, n in found]))
+    share = 100 * sum(n for _, n in found) / record.position.size
+    message = (
+        f"The position stays the same for {samples} samples of a motion and then catches up at once: {place}{OTHER_PLACES}, "
+        f"{share:.2g} % of the samples. The reading was not refreshed: speeds from it, and the acceleration there, are wrong. "
+        "Log each reading once, with the time at which it was taken."
+    )
+    return Finding("position-held", CAUTION, message, {"files": (place,), "samples": samples, "share": share})
+
+
+def irregular_sampling(record: Record) -> Finding | None:
+    """The caution on white noise of the position that grows with the speed: of unknown instants of sampling."""
+    about = jitter(record, record.time / record.step)
+    if about < UNEVEN:
+        return None
+    message = (
+        f"The position of {record.file}{OTHER_FILES} is noisy in proportion to its speed, as if sampled {about:.2g} of a "
+        "sample (standard deviation) off its time: this takes away from the inertia. Log the time at which each sample was "
+        "taken, in the loop of the controller."
+    )
+    return Finding("sampled-irregularly", CAUTION, message, {"files": (record.file,), "jitter": about})
+
+
+def travels(record: Record, spans: Sequence[int] = SPANS) -> Iterator[tuple[Array, Array, Array]]:
+    """Travel of the position, of the integral of the logged velocity, and change of velocity, over spans of samples.
+
+    Nothing without both signals.
+    """
+    if record.position is None or record.velocity is None or record.velocity_estimated:
+        return
+    area = np.concatenate([[0.0], np.cumsum((record.velocity[1:] + record.velocity[:-1]) / 2 * np.diff(record.time))])
+    for span in spans:
+        ends = [np.arange(s.start, s.stop, span) for s in between_gaps(record)]
+        both = (record.position, area, record.velocity)
+        moved, said, changed = (np.concatenate([np.diff(x[k]) for k in ends]) for x in both)
+        yield moved, said, changed
+
+
+def velocity_lag(record: Record) -> Finding | None:
+    """The caution on a logged velocity that is late, or early, against the position.
+
+    The integral of a velocity through one pole of time constant L is behind the position by L times its change; of one
+    that is L late, to the first order. Regression over spans, with a factor and an offset beside it: noise of the
+    velocity makes L smaller, no larger.
+    """
+    found = []
+    for moved, said, changed in travels(record, SPANS[1:]):
+        X = np.column_stack([changed, said, np.ones(said.size)])
+        scale = np.sqrt((X**2).sum(axis=0))
+        if said.size < FEWEST or not (np.isfinite(scale).all() and scale.all()):
+            continue
+        X /= scale
+        if np.linalg.matrix_rank(X, tol=1e-6) < X.shape[1]:
+            continue
+        of_X = np.linalg.inv(X.T @ X)
+        b = of_X @ (X.T @ moved)
+        rest = moved - X @ b
+        error = np.sqrt(of_X[0, 0] * (rest @ rest) / (said.size - 3) * inflation(rest))
+        share = float(abs(b[0]) / np.sqrt(said @ said))
+        found.append((float(b[0] / scale[0]), float(error / scale[0]), share))
+    if not found:
+        return None
+    lag, error, share = max(found, key=lambda x: abs(x[0]) / max(x[1], 1e-12))
+    # a lag is told beyond so many samples, where it changes the velocity by this share (rms)
+    samples, matters = 1.0, 0.01
+    if abs(lag) - samples * record.step < DEVIATIONS * error or share < matters:
+        return None
+    lags, why, remedy = (
+        ("lags behind", "filtered", "it unfiltered") if lag > 0 else ("leads", "the command", "the measured one")
+    )
+    lag, samples, error = abs(lag), abs(lag) / record.step, error / record.step
+    message = (
+        f"The logged velocity of {record.file}{OTHER_FILES} {lags} its position by {lag:.2g} s ({samples:.2g} samples, "
+        f"standard error {error:.2g}), as where it is {why}: friction at reversals and the inertia are wrong. Leave "
+        f"`velocity` out under signals to have it estimated from the position, or log {remedy}."
+    )
+    numbers = {"files": (record.file,), "lag": lag, "samples": samples, "error": error, "remedy": remedy}
+    return Finding("velocity-lags", CAUTION, message, numbers)

@@ -1,8 +1,7 @@
-"""Slow loading below breakaway.
+"""Slow loading below breakaway: a presliding run cut where its torque turns.
 
-A presliding run cut where its torque turns, with the counts that each piece crosses and where it slides. At rest
-without torque the bristle is not bent, whatever went before: so each piece begins where its torque passes zero, and all
-of them load the same spring.
+At rest without torque the bristle is not bent, whatever happened before: so each piece begins where its torque passes
+zero, and all of them load the same spring.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,9 +19,9 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 
 _PROMINENT = 0.1  # of the range of torque: a turn smaller than this is none
+# sliding begins at 10 times the speed in the first half of loading: LuGre's creep is as fast within a tenth below g0,
+# for its speed under a ramp is as 1 / (1 - T / g0)
 ONSET = 10.0
-"""Sliding begins where the joint moves this many times as fast as in the first half of its loading: LuGre's own creep does
-so within a tenth below g0, for its speed under a ramp is as 1 / (1 - T / g0)."""
 _CLOSED = 0.1  # of the range of torque: how far apart the ends of a closed cycle may be
 
 
@@ -91,7 +90,7 @@ class Loop:
 def find_all_loadings(
     records: Sequence[Record], resolution: float | None, breakaway: float | None
 ) -> tuple[tuple[Loading, ...], ...]:
-    """`find_loadings` of each record at its own cut-off, with what the loadings of all of them held; arguments and errors as there.
+    """`find_loadings` of each record at its own cut-off, with the torque that any of their loadings held.
 
     A torque that another loading exceeds without sliding is no breakaway, unless the joint slid far.
     """
@@ -115,11 +114,11 @@ def find_loadings(
     """The pieces of a presliding run, with position and torque, that load from zero torque.
 
     The torque goes through a zero-phase low pass of `cutoff`, Hz, unless that is at or above the Nyquist frequency. One
-    count is `resolution`, rad; None: the smallest step seen. A displacement of `breakaway`, rad, counts as breakaway; None:
-    where the speed leaves that of loading and the noise floor for good. Per direction `held` is the largest torque that any
-    loading held without sliding, N*m: below it a joint that went on for a short way only did not break away.
+    count is `resolution`, rad; None: the smallest step seen. A displacement of `breakaway`, rad, counts as breakaway;
+    None: where the speed leaves that of loading and the noise floor for good. Per direction `held` is the largest
+    torque that any loading held without sliding, N*m: a joint that slid a short way below it did not break away.
 
-    Raises InputError where the joint slides from the start, in one sentence.
+    Raises InputError where the joint slides from the start.
     """
     position, torque, quantum = _signals(record, resolution)
     slow = _low_passed(record, torque, cutoff)
@@ -129,8 +128,8 @@ def find_loadings(
         if slow is not torque and record.time[piece.stop - 1] - record.time[piece.start] < 1 / cutoff:
             continue  # faster than the low pass can follow: a step, and no slow loading
         torque_along, position_along = sign * slow[piece], sign * position[piece]
-        # a speed of five times the deviation that counts alone give it, three counts of travel, and as many samples as the low
-        # pass makes of a step of the encoder at the end of a run
+        # speed of five times the deviation that counts alone make, three counts of travel, and the samples that the low pass
+        # makes of a step of the encoder at the end of a run
         least = (0.5 * 5.0 * quantum * cutoff, 3.0 * quantum, 0.5 / (cutoff * record.step))
         moved, name = position_along - position_along[0], "+" if sign > 0 else "-"
         slide = _slides_at(torque_along, moved, sign * speed[piece], least, breakaway, held.get(name, 0.0))
@@ -161,10 +160,10 @@ def find_loadings(
 
 
 def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple[tuple[Loop, ...], tuple[float, ...]]:
-    """The closed cycles of a presliding run, and of those not closed how far apart their ends are.
+    """The closed cycles of a presliding run, and the distance between the ends of others, as a share of their range.
 
-    That is a share of their range. A cycle goes from one largest torque to the next, or else from one smallest to the
-    next. It drifts where the two directions' friction differs.
+    A cycle goes from one largest torque to the next, or else from one smallest to the next. It drifts where friction
+    differs between directions.
     """
     position, torque, quantum = _signals(record, resolution)
     slow = _low_passed(record, torque, cutoff)
@@ -206,10 +205,8 @@ def _signals(record: Record, resolution: float | None) -> tuple[Array, Array, fl
     if position is None or torque is None:
         raise InputError(f"{record.file}: presliding needs position and torque; name both under signals")
     if resolution and not np.ptp(position) / resolution < 2.0**40:  # 2.0**40 counts that no encoder has over any travel
-        raise InputError(
-            f"{record.file}: the position moves {np.ptp(position) / resolution:.1g} counts of encoder_resolution, more than any encoder has; "
-            "check its unit"
-        )
+        moves = f"the position moves {np.ptp(position) / resolution:.1g} counts of encoder_resolution"
+        raise InputError(f"{record.file}: {moves}, more than any encoder has; check its unit")
     return position, torque, resolution or smallest_step(position)
 
 
@@ -219,7 +216,7 @@ def _low_passed(record: Record, values: Array, cutoff: float) -> Array:
 
 
 def torque_turns(torque: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Where the torque is largest and smallest between turns."""
+    """Samples of largest and of smallest torque between turns."""
     from scipy.signal import find_peaks
 
     prominence = _PROMINENT * float(np.ptp(torque))
@@ -229,7 +226,7 @@ def torque_turns(torque: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
-    """Samples and sign of each piece between turns, from where its torque has passed zero for the last time."""
+    """Samples and sign of each piece between turns, from where its torque last passed zero."""
     pieces = []
     for segment in between_gaps(record):
         turns = np.sort(np.concatenate(torque_turns(torque[segment]))) + segment.start
@@ -238,7 +235,7 @@ def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
             part = torque[first : turn + 1]
             sign = 1.0 if part.max() + part.min() > 2 * part[0] else -1.0
             most = float((sign * part).max())
-            # 0.9 of its largest torque: where a piece ends, so that a torque that is held belongs to it, and its fall does not
+            # a piece ends at 0.9 of its largest torque: a held torque belongs to it, its fall does not
             last = first + int(np.flatnonzero(sign * part >= most - (1 - 0.9) * abs(most))[-1])
             part = part[: last + 1 - first]
             before = np.flatnonzero(sign * part <= 0)
@@ -251,19 +248,14 @@ def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
 
 
 def _slides_at(
-    torque: Array,
-    displacement: Array,
-    speed: Array,
-    least: tuple[float, float, float],
-    breakaway: float | None,
-    held: float,
+    torque: Array, displacement: Array, speed: Array, least: tuple[float, ...], breakaway: float | None, held: float
 ) -> int | None:
-    """The sample from which the joint slides up to the peak of its torque, faster than in the first half of its loading; None where it does not."""
+    """First sample of sliding, faster than in the first half of the loading, up to the peak torque; None: none."""
     least_speed, least_travel, least_samples = least
     if breakaway is not None:
         beyond = np.flatnonzero(displacement >= breakaway)
         return int(beyond[0]) if beyond.size else None
-    # 0.99 of its largest torque: up to where a piece is looked at for sliding, since a joint that slides stops as the torque falls
+    # sliding is sought up to 0.99 of the largest torque: a joint that slides stops as the torque falls
     top = int(np.flatnonzero(torque >= 0.99 * torque.max())[-1]) + 1
     onset = top
     while onset > 1:
@@ -283,7 +275,7 @@ def _slides_at(
 
 
 def _held(smooth: Array, logged: Array) -> float:
-    """The largest torque, N*m: of the low pass, which rounds tips off or overshoots, but within the logged one with and without noise."""
+    """The largest torque, N*m, through the low pass, which rounds tips off or overshoots, within the logged one."""
     noise = 1.4826 * float(np.median(np.abs(np.diff(logged, 2)))) / 6**0.5
     most = float(logged.max())
     # four standard deviations that the largest of some thousand noisy torques may be too large
@@ -292,7 +284,7 @@ def _held(smooth: Array, logged: Array) -> float:
 
 def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None, quantum: float) -> None:
     travel, largest = float(np.ptp(position)), float(torque.max())
-    # a run that has this share of its largest torque (second) within this share of its travel (first) slides, and does not load
+    # a run with 0.8 of its largest torque within 0.05 of its travel slides, and does not load
     share, level = 0.05, 0.8
     early = position - position[0] <= share * travel
     if slide is None and travel > 20 * quantum and travel > 0 and torque[early].max(initial=0.0) > level * largest:
@@ -306,7 +298,7 @@ def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None
 
 
 def _edges(position: Array, quantum: float) -> tuple[Array, Array]:
-    """Count edges crossed upward, and when, samples, between the last reading below and the first above; no more than a few for each reading."""
+    """Count edges crossed upward, and when, samples, between the readings below and above; few per reading."""
     if quantum == 0 or position.size == 0:
         return np.zeros(0), np.zeros(0)
     count = np.round((position - position[0]) / quantum)
@@ -319,6 +311,6 @@ def _edges(position: Array, quantum: float) -> tuple[Array, Array]:
 
 
 def _stiffness(torque: float, displacement: float) -> float | None:
-    """One over the other; None where that is not positive and finite."""
+    """Torque over displacement; None where that is not positive and finite."""
     value = torque / displacement if displacement else np.inf
     return value if 0 < value < np.inf else None

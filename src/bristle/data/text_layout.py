@@ -1,4 +1,4 @@
-"""How a text file is laid out, read off its first lines; above its table it may say anything, in lines of any width."""
+"""Layout of a text file, from its first lines; anything may stand above its table, in lines of any width."""
 
 import csv
 import re
@@ -13,7 +13,7 @@ from bristle.errors import InputError, short
 from bristle.findings import CAUTION, Finding
 
 _SAMPLE, _MOST = 2**18, 3 * 2**20
-"""Bytes that are looked at, and where the lines are so long that these hold fewer than `_HEADED` of them."""
+"""Bytes of the sample, and its most where the lines are so long that it holds fewer than `_HEADED` of them."""
 _DELIMITERS = (",", ";", "\t", "|", " ")
 MAX_COLUMNS = 10_000  # most columns of a text file
 MAX_LINE = 2**20  # longest line of a text file, characters
@@ -24,7 +24,6 @@ _NUMBER = re.compile(
 _STAMP = re.compile(
     r"(?:\d{4}-\d\d-\d\d(?:[T ]\d\d?:\d\d.*)?|\d\d?\.\d\d?\.\d{4}(?: \d\d?:\d\d.*)?|\d\d?:\d\d:\d\d(?:[.,]\d+)?)"
 )
-"""A date, a time of day, or both."""
 _SEPARATOR = re.compile(r"sep=([,;\t|])", re.IGNORECASE)  # what Excel writes above a table
 _BRACKETS = re.compile(r"(.*?)[\s_]*[\[(<](.*?)[\])>]\s*")
 _HEADED = 3  # lines that a sample has at least, if the file has as many: a header, perhaps units, and numbers
@@ -33,7 +32,7 @@ _RUN = 3  # rows of numbers in a row: fewer, above a line of names, are no table
 
 
 class Layout(NamedTuple):
-    """How a text file is laid out."""
+    """Layout of a text file."""
 
     delimiter: str  # one of , ; tab | or a space, which stands for any run of blanks
     names: tuple[str, ...]  # the header; empty where there is none
@@ -44,21 +43,23 @@ class Layout(NamedTuple):
     encoding: str
     first: tuple[str, ...]  # the first row of numbers, as text; empty where there is none
     units: tuple[str, ...] = ()
-    """Of each column the unit that the file states, in a row below the names or in brackets behind a name; empty where it states none."""
-    other_names: tuple[tuple[str, ...], ...] = ()
-    """Rows above the numbers that are as wide, in which a name is looked for that the header does not have."""
-    note: Finding | None = None  # what is said of a header that is more than one line of names
-    blocks: bool = False  # whether each channel has a block of two columns, its time and its value
+    """Unit of each column that the file states, in a row below the names or in brackets behind a name; else empty."""
+    other_names: tuple[
+        tuple[str, ...], ...
+    ] = ()  # other rows above the numbers, as wide: names are looked for here, too
+    note: Finding | None = None  # on a header that is more than one line of names
+    blocks: bool = False  # whether each channel has two columns, its time and its value
 
 
 Rows = Sequence[Sequence[str]]
 
 
 def text_layout(path: Path) -> Layout:
-    """Delimiter, header, decimal sign and comments of a text file, from its first lines.
+    """Layout of a text file, from its first lines.
 
-    The delimiter is the one that cuts most lines into the same number of columns, most of them numbers; or the one that a first line `sep=;` names.
-    Raises InputError where the file is no text, or a row of numbers would be lost above the table.
+    The delimiter is the one that cuts most lines into the same number of columns, most of them numbers; or the one that
+    a first line `sep=;` names. Raises InputError where the file is no text, or a row of numbers would be lost above the
+    table.
     """
     with path.open("rb") as file:
         sample = file.read(_SAMPLE)
@@ -67,9 +68,8 @@ def text_layout(path: Path) -> Layout:
         whole = not file.read(1)
     encoding = "utf-16" if sample[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     if encoding != "utf-16" and b"\0" in sample:
-        raise InputError(
-            "is not a text file; expected CSV text, or an ending that says what it is: .mat, .npz, .json, .parquet, .h5"
-        )
+        expected = "CSV text, or an ending that says what it is: .mat, .npz, .json, .parquet, .h5"
+        raise InputError(f"is not a text file; expected {expected}")
     try:
         text = sample.decode(encoding)
     except UnicodeDecodeError as error:
@@ -85,11 +85,8 @@ def text_layout(path: Path) -> Layout:
 @lru_cache(maxsize=256)  # a log is opened several times: to draft, to choose, to read
 def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
     comment = next((c for c in ("#", "%", "//") if any(line.lstrip().startswith(c) for line in lines)), None)
-    rows = [
-        (i, line)
-        for i, line in enumerate(lines)
-        if line.strip() and not (comment and line.lstrip().startswith(comment))
-    ]
+    commented = [bool(comment) and line.lstrip().startswith(comment or "") for line in lines]
+    rows = [(i, line) for i, line in enumerate(lines) if line.strip() and not commented[i]]
     told = _SEPARATOR.fullmatch(rows[0][1].strip(' "')) if rows else None
     rows = rows[1:] if told else rows
     if not rows:
@@ -107,8 +104,8 @@ def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
     named, stated = _header(above, width)
     note = _header_note(list(zip(numbers, above, strict=True)), named, width) if first else None
     if named is None and comment:
-        said = [line.lstrip() for line in lines[:skip] if line.lstrip().startswith(comment)]
-        above = [split(line.lstrip("#%/").strip(), delimiter) for line in said]
+        said = [line for line, is_comment in zip(lines[:skip], commented, strict=False) if is_comment]
+        above = [split(line.lstrip().lstrip("#%/").strip(), delimiter) for line in said]
         above = [row for row in above if len(row) == len([c for c in first if c]) > 1]
         named, stated = _header(above, width)
     names = () if named is None else tuple(above[named])
@@ -118,9 +115,7 @@ def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
     within = [found[2].strip() if found and found[1].strip() else "" for found in beside]
 
     # a comma in numbers is their decimal sign, but between commas only in quotes, where a thousand may be meant by it
-    commas = [
-        cell for row in table for cell in row if "," in cell and cell[0] not in "[(" and not _STAMP.fullmatch(cell)
-    ]
+    commas = [cell for row in table for cell in row if "," in cell and cell[0] not in "[(" and not is_stamp(cell)]
     thousands = delimiter == "," and all(re.fullmatch(r"[+-]?\d{1,3}(,\d{3})+", cell) for cell in commas)
     decimal = delimiter != "," or any(is_value(cell) for cell in commas)
     return Layout(
@@ -141,7 +136,10 @@ def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
 
 
 def _start(cells: Rows) -> int:
-    """The first row of the table; rows like `Range,1,2` above a line of names are none of it, unless they have a line of names above them, too."""
+    """The first row of the table.
+
+    Rows like `Range,1,2` above a line of names are not part of it, unless they have a line of names above them, too.
+    """
     # columns that hold a value in most rows that hold mostly values, far from the file's beginning
     last = cells[-_LOOKED_AT:]
     rows = [row for row in last if _values(row) > 0.5] or [row for row in last if _values(row) > 0]
@@ -162,7 +160,7 @@ def _start(cells: Rows) -> int:
 
 
 def _is_row(row: Sequence[str], columns: Sequence[int]) -> bool:
-    """Whether a row holds values where the table does, the first of them among them."""
+    """Whether a row holds values in the columns of the table, its first column included."""
     cells = [row[k] for k in columns if k < len(row) and row[k]]
     return bool(cells) and is_value(cells[0]) and _values(cells) > 0.5
 
@@ -172,7 +170,10 @@ def _is_names(row: Sequence[str], width: int) -> bool:
 
 
 def _header(rows: Rows, width: int) -> tuple[int | None, int | None]:
-    """The rows of names and of units: right above the numbers or, where each channel has a block, those that begin with `Name` and `Unit`."""
+    """The rows of names and of units.
+
+    They stand right above the numbers or, where each channel has a block, begin with `Name` and `Unit`.
+    """
     fitting = [k for k, row in enumerate(rows) if abs(len(row) - width) <= 1 and (len(row) > 1 or width == 1)]
     fitting = fitting or [k for k, row in enumerate(rows) if abs(len(row) - width) <= 1]
     block = [k for k in fitting if _keyed(rows[k]).startswith("name")]
@@ -181,7 +182,7 @@ def _header(rows: Rows, width: int) -> tuple[int | None, int | None]:
     places = set(fitting)
     for k in reversed(fitting):
         filled = [cell for cell in rows[k] if cell and cell not in {"1", "-"}]
-        units = filled and all(_stated(cell) or (_inside(cell) is not None) for cell in filled)
+        units = filled and all(_stated(cell) or re.fullmatch(r"[\s_]*[\[(<].*[\])>]\s*", cell) for cell in filled)
         if k - 1 in places and any(rows[k - 1]) and units:
             return k - 1, k
         if _is_names(rows[k], width):
@@ -190,31 +191,27 @@ def _header(rows: Rows, width: int) -> tuple[int | None, int | None]:
 
 
 def _keyed(row: Sequence[str]) -> str:
-    """The word, in small letters, with which each of several channels' blocks begins in a row; empty where there is none."""
+    """The word, in small letters, at the beginning of each channel's block in a row; empty where there is none."""
     keys = {cell.casefold() for cell in row[::2] if cell}
     return keys.pop() if len(keys) == 1 and len(row) >= 4 and any(row[1::2]) else ""
 
 
-def _inside(cell: str) -> str | None:
-    """What stands in brackets, of a cell that is nothing else."""
-    match = _BRACKETS.fullmatch(cell)
-    return match[2].strip() if match and not match[1].strip() else None
-
-
 def _stated(cell: str) -> str:
-    """The unit of a signal that a cell is, in brackets or not, as pint has it; empty where it is none."""
-    inside = _inside(cell)
-    return signal_unit(cell if inside is None else inside)
+    """The unit of a signal in a cell, in brackets or not; empty where it is none."""
+    match = _BRACKETS.fullmatch(cell)
+    return signal_unit(match[2].strip() if match and not match[1].strip() else cell)
 
 
 def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> Finding | None:
-    """What is said of lines above the numbers that are more than one line of names; a row that begins with a number, and was logged, is refused."""
+    """The note on lines above the numbers that are more than one line of names.
+
+    Raises InputError where one of them, below the names, begins with a number: it was logged.
+    """
     for line, row in cells[len(cells) if named is None else named + 1 :]:
         begins = next((is_value(cell) for cell in row if cell), False)
         if len(row) == width and begins and any(is_value(cell) and cell != "1" for cell in row if cell):
-            raise InputError(
-                f"line {line} stands between names and numbers, and is neither: {short(', '.join(row))}; correct or remove it"
-            )
+            why = f"line {line} stands between names and numbers, and is neither: {short(', '.join(row))}"
+            raise InputError(f"{why}; correct or remove it")
     if len(cells) < 2 and not any(is_value(cell) for _, row in cells for cell in row if cell):
         return None
     lines = ", ".join(f"{line} ({short(', '.join(row))})" for line, row in cells[:3])
@@ -224,7 +221,7 @@ def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, 
 
 
 def split(line: str, delimiter: str) -> list[str]:
-    """The cells of a line, without quotes and blanks around them. Raises InputError where a cell is too long."""
+    """The cells of a line, without quotes and blanks around them. Raises InputError where it is no CSV."""
     if '"' not in line and delimiter != " ":
         return [cell.strip() for cell in line.split(delimiter)]
     if delimiter == " ":
@@ -240,7 +237,7 @@ def split(line: str, delimiter: str) -> list[str]:
 
 
 def _fitness(lines: Sequence[str], delimiter: str) -> tuple[float, int]:
-    """How well a delimiter explains lines: values in lines of the commonest width, as a share; then that width."""
+    """How well a delimiter explains lines: the share of values in lines of the commonest width, and that width."""
     rows = [split(line, delimiter) for line in lines]
     shares = [_values(row) for row in rows]
     usual = _usual([len(row) for row, share in zip(rows, shares, strict=True) if share > 0.5] or [*map(len, rows)])
@@ -253,18 +250,19 @@ def _usual(widths: Sequence[int]) -> int:
 
 
 def _width(rows: Rows) -> int:
-    """Columns, those that a delimiter at the end of a line makes included; a row with more than the others is refused."""
+    """Number of columns, with those that a delimiter at the end of a line makes.
+
+    Raises InputError where a row has more than the others.
+    """
     usual = _usual([len(row) for row in rows])
     wide = next((k for k, row in enumerate(rows) if any(row[usual:])), None)
     if wide is not None:
-        raise InputError(
-            f"its rows differ in width: row {wide + 1} has {len(rows[wide])} columns; expected {usual} as in the others"
-        )
+        got = f"row {wide + 1} has {len(rows[wide])} columns"
+        raise InputError(f"its rows differ in width: {got}; expected {usual} as in the others")
     width = max(map(len, rows))
     if width > MAX_COLUMNS:
-        raise InputError(
-            f"has {width} columns, over the limit of {MAX_COLUMNS}; expected one row per sample, and a column per signal"
-        )
+        expected = "one row per sample, and a column per signal"
+        raise InputError(f"has {width} columns, over the limit of {MAX_COLUMNS}; expected {expected}")
     return width
 
 
@@ -276,7 +274,7 @@ def is_value(cell: str) -> bool:
 
 
 def is_stamp(cell: str) -> bool:
-    """Whether a cell is a date, a time of day, or both, at least to look at."""
+    """Whether a cell looks like a date, a time of day, or both."""
     return bool(_STAMP.fullmatch(cell))
 
 

@@ -1,4 +1,4 @@
-"""Files to columns of numbers, text here: nothing is guessed about what a column means, and what is no number is an error that says where."""
+"""Columns of numbers from data files; a cell that is no number is an error that says where it is."""
 
 import hashlib
 import re
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.binary_tables import READERS, read_binary
 from bristle.data.columns import Key, reading, seconds_of_stamps
+from bristle.data.ros.bag import is_bag
 from bristle.data.ros.read import read_bag
-from bristle.data.ros.storage import is_bag
 from bristle.data.text_layout import LONGEST, Layout, is_stamp, text_layout
 from bristle.errors import InputError, check_regular, short, short_list, unreadable
 from bristle.findings import CAUTION, Finding
@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 
 
 MAX_BYTES = 2**29  # largest data file, bytes
-_GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f])\d{3}(\1\d{3})*([.,]\d*)?")
-"""A number with its thousands set apart."""
+_GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f])\d{3}(\1\d{3})*([.,]\d*)?")  # a number with separated thousands
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,17 +36,15 @@ class RawTable:
     rows: int
     sha256: str
     notes: tuple[Finding, ...] = ()
-    header: int | None = None
-    """Lines of a text file before its first row of numbers; None where rows and lines do not go together."""
-    units: Mapping[Key, str] = field(default_factory=dict)
-    """What a text file states as the units of columns; of those of which it states none, nothing."""
-    origins: Mapping[Key, int] = field(default_factory=dict)
-    """Of columns of dates the first date, ns since 1970 or midnight."""
-    time: Array | None = None
-    """Time of each row, s, (rows,), where it is known otherwise than by the column of time alone."""
-    origin: int = 0  # since when `time` counts, ns
+    header: int | None = None  # lines of a text file before its first row of numbers; None where lines are not rows
+    units: Mapping[Key, str] = field(default_factory=dict)  # that a text file states
+    origins: Mapping[Key, int] = field(
+        default_factory=dict
+    )  # first date of columns of dates, ns since 1970 or midnight
+    time: Array | None = None  # time of each row, s, (rows,), where more than the column of time tells it
+    origin: int = 0  # of `time`, ns
     numbers: NDArray[np.intp] | None = None
-    """Of each row its line, or its number in the file, from 1, (rows,); None: from the first on."""
+    """Line, or number in the file, from 1, of each row, (rows,); None: from the first on."""
 
 
 def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> RawTable:
@@ -66,41 +63,43 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
             table = RawTable(columns=columns, rows=0, sha256=digest, notes=notes)
         else:
             if path.is_dir():
-                raise InputError(
-                    "is a folder without metadata.yaml; expected a file, or a ROS 2 bag: ros2 bag reindex writes it"
-                )
+                expected = "a file, or a ROS 2 bag: ros2 bag reindex writes it"
+                raise InputError(f"is a folder without metadata.yaml; expected {expected}")
             check_regular(path, name)
-            text = is_text(path)
-            digest = _digest(path)
-            if not text and (stamps := next((key for key in keys if key.stamps), None)):
-                raise InputError(
-                    f"column {stamps}: unit iso is for text; expected a time in a unit such as s, ms or ns"
-                )
-            columns = {} if text else read_binary(path, keys)
-            table = _read_text(path, keys, digest) if text else RawTable(columns=columns, rows=0, sha256=digest)
+            if (size := path.stat().st_size) > MAX_BYTES:
+                raise InputError(f"is {size} bytes long, over the limit of {MAX_BYTES}; cut it into several runs")
+            if size == 0:
+                raise InputError("the file is empty; expected a log with a row per sample")
+            with path.open("rb") as file:
+                digest = hashlib.file_digest(file, "sha256").hexdigest()
+            stamps = next((key for key in keys if key.stamps), None)
+            if is_text(path):
+                table = _read_text(path, keys, digest)
+            elif stamps is None:
+                table = RawTable(columns=read_binary(path, keys), rows=0, sha256=digest)
+            else:
+                raise InputError(f"column {stamps}: unit iso is for text; expected a unit such as s, ms or ns")
     lengths = {key: column.size for key, column in table.columns.items()}
     if len(set(lengths.values())) > 1:
-        raise InputError(
-            f"{name}: columns differ in length: {short_list(f'{k} has {n} rows' for k, n in lengths.items())}; name columns of one length"
-        )
+        sizes = short_list(f"{key} has {n} rows" for key, n in lengths.items())
+        raise InputError(f"{name}: columns differ in length: {sizes}; name columns of one length")
     rows = next(iter(lengths.values()), 0)
     if rows == 0 and keys:
         raise InputError(f"{name}: holds no row of numbers; expected a log with a row per sample")
     return replace(table, rows=rows)
 
 
-Reader = Callable[[Path, Sequence[Key], str | None], RawTable]
-"""What reads columns of a file: `read_table`, or what remembers."""
+Reader = Callable[[Path, Sequence[Key], str | None], RawTable]  # the type of `read_table`
 
 
 def is_text(path: Path) -> bool:
-    """Whether a data file is read as text, as its suffix says."""
+    """Whether a data file is read as text."""
     return path.suffix.lower() not in READERS and not is_bag(path)
 
 
 @contextmanager
 def naming(name: str) -> Iterator[None]:
-    """Around what reads a file: the sentence why it cannot be read begins with its name. Raises InputError."""
+    """Begin the sentence of an error with the name of the file. Raises InputError."""
     try:
         yield
     except OSError as error:
@@ -109,17 +108,6 @@ def naming(name: str) -> Iterator[None]:
         raise InputError(f"{name}: does not fit into memory; cut it into several runs") from error
     except InputError as error:
         raise InputError(f"{name}: {str(error).removeprefix(f'{name}: ')}") from error
-
-
-def _digest(path: Path) -> str:
-    """SHA-256 of a file; one that is too large, or empty, is refused."""
-    size = path.stat().st_size
-    if size > MAX_BYTES:
-        raise InputError(f"is {size} bytes long, over the limit of {MAX_BYTES}; cut it into several runs")
-    if size == 0:
-        raise InputError("the file is empty; expected a log with a row per sample")
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _read_text(path: Path, keys: Sequence[Key], digest: str) -> RawTable:
@@ -132,9 +120,8 @@ def _read_text(path: Path, keys: Sequence[Key], digest: str) -> RawTable:
     with path.open(encoding=layout.encoding, errors="replace") as file:
         for _ in range(layout.skip):  # as lines: a quote in the header opens nothing
             file.readline()
-        with reading(
-            f"table of numbers with {layout.width} columns in every row", "expected one row of numbers per line"
-        ):
+        what = f"table of numbers with {layout.width} columns in every row"
+        with reading(what, "expected one row of numbers per line"):
             frame = pd.read_csv(
                 file,
                 sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
@@ -150,11 +137,9 @@ def _read_text(path: Path, keys: Sequence[Key], digest: str) -> RawTable:
     times = [place for place in places.values() if place % 2 == 0] if layout.blocks else []
     for key, place in places.items():  # channels of a time and a value each have one time
         if len(times) == 1 and place % 2 and place - 1 != times[0] and not frame[place - 1].equals(frame[times[0]]):
-            raise InputError(
-                f"column {key} has a time of its own, column {place - 1}, which is not that of column {times[0]}; "
-                f"add time: {place - 1} to the signal"
-            )
-    comma = Finding("decimal-comma", CAUTION, "Numbers have a decimal comma.") if layout.decimal == "," else None
+            why = f"has a time of its own, column {place - 1}, which is not that of column {times[0]}"
+            raise InputError(f"column {key} {why}; add time: {place - 1} to the signal")
+    comma = [Finding("decimal-comma", CAUTION, "Numbers have a decimal comma.")] if layout.decimal == "," else []
     stamps = {key: seconds_of_stamps(frame[place], str(key)) for key, place in places.items() if key.stamps}
     numbers = {
         key: _numbers(_picked(frame[place], key) if place in _of_lists(layout) else frame[place], key)
@@ -174,7 +159,7 @@ def _read_text(path: Path, keys: Sequence[Key], digest: str) -> RawTable:
         columns={**numbers, **{key: seconds for key, (seconds, _) in stamps.items()}},
         rows=len(frame),
         sha256=digest,
-        notes=tuple(filter(None, (layout.note, comma))),
+        notes=(*([layout.note] if layout.note else []), *comma),
         header=header,
         units={key: unit for key, place in places.items() if (unit := "".join(layout.units[place : place + 1]))},
         origins={key: origin for key, (_, origin) in stamps.items()},
@@ -182,7 +167,7 @@ def _read_text(path: Path, keys: Sequence[Key], digest: str) -> RawTable:
 
 
 def _place(key: Key, layout: Layout) -> int:
-    """Which column of the file a key names, from 0."""
+    """The column of the file that a key names, from 0."""
     there = short_list(layout.names) or f"0 to {layout.width - 1}, without a header"
     if (inside := key.inside()) is not None and key.column not in layout.names:
         key = inside
@@ -196,29 +181,24 @@ def _place(key: Key, layout: Layout) -> int:
     if not found and key.index is not None:
         found = [k for k in _named(column, None, layout) if k in _of_lists(layout)]
     if len(found) > 1:
-        raise InputError(
-            f"several columns named {key}, columns {short_list(found)}, counted from 0; write a number, as in column: {found[1]}, "
-            f"or {short(f'{layout.names[found[1]]}#2')} for the second"
-        )
+        several = f"several columns named {key}, columns {short_list(found)}, counted from 0"
+        second = short(f"{layout.names[found[1]]}#2")
+        raise InputError(f"{several}; write a number, as in column: {found[1]}, or {second} for the second")
     if not found:
         advice = "; a column number is written without quotes" if column.isdigit() else ""
         raise InputError(f"no column named {key}; there are: {there}{advice}")
     if found[0] >= layout.width:
-        raise InputError(
-            f"the header names {short(column)} as column {found[0] + 1}, but its rows have {layout.width} columns; "
-            "expected a number in every column of every row"
-        )
+        why = f"the header names {short(column)} as column {found[0] + 1}, but its rows have {layout.width} columns"
+        raise InputError(f"{why}; expected a number in every column of every row")
     return found[0]
 
 
 def _named(column: str, index: int | None, layout: Layout) -> list[int]:
-    """Columns that a name means, by the row of names, or else by another row above the numbers that has it once; `q#2` means the second q."""
+    """The columns of a name, in the header, else in another row above the numbers; `q#2` is the second q."""
     wanted = {column} if index is None else {f"{column}[{index}]", f"{column}_{index}", f"{column}.{index}"}
     found = [k for k, name in enumerate(layout.names) if name in wanted]
-    other = (
-        k for row in layout.other_names if sum(x in wanted for x in row) == 1 for k, x in enumerate(row) if x in wanted
-    )
-    found = found or [k for k in (next(other, None),) if k is not None]
+    others = ([k for k, x in enumerate(row) if x in wanted] for row in layout.other_names)
+    found = found or next((places for places in others if len(places) == 1), [])
     stem, _, number = column.rpartition("#")
     if found or index is not None or not (number.isdecimal() and len(number) < 6):
         return found
@@ -231,23 +211,21 @@ def _of_lists(layout: Layout) -> set[int]:
 
 
 def _picked(column: "pd.Series[Any]", key: Key) -> "pd.Series[Any]":
-    """One of the numbers of lists, each in a cell, as `[1.5, 2.5]`. Raises InputError where there is none."""
+    """One number of the lists in cells such as `[1.5, 2.5]`. Raises InputError where there is none."""
     which = (key.inside() or key).index
     if which is None:
-        raise InputError(
-            f"column {key} holds lists, as {short(column.iloc[0])}; say which of its numbers, as in {key.column}[0]"
-        )
+        remedy = f"say which of its numbers, as in {key.column}[0]"
+        raise InputError(f"column {key} holds lists, as {short(column.iloc[0])}; {remedy}")
     lists = column.astype(str).str.strip("[]() ").str.split(r"[,;\s]+", regex=True)
     picked = lists.map(lambda x: x[which] if which < len(x) else None)
     if (missing := np.flatnonzero(picked.isna())).size:
-        raise InputError(
-            f"row {missing[0] + 1} of column {key} holds {short(column.iloc[missing[0]])}; expected a list with a number {which}, from 0"
-        )
+        got = f"row {missing[0] + 1} of column {key} holds {short(column.iloc[missing[0]])}"
+        raise InputError(f"{got}; expected a list with a number {which}, from 0")
     return picked
 
 
 def _numbers(column: "pd.Series[Any]", key: Key) -> Array:
-    """The numbers of a column; one that no float could hold is none."""
+    """The numbers of a column. Raises InputError where a cell is none, or too large for a float."""
     import pandas as pd
 
     if column.dtype.kind in "iuf":
@@ -265,7 +243,6 @@ def _numbers(column: "pd.Series[Any]", key: Key) -> Array:
                 advice = " without separators of thousands, which the log is exported with"
             elif is_stamp(held):
                 advice = ", and a column of dates or times of day has unit: iso"
-        raise InputError(
-            f"row {bad[0] + 1} of column {key} holds {short(held)}; expected a number{advice} (rows count from 1, after the header)"
-        )
+        got = f"row {bad[0] + 1} of column {key} holds {short(held)}"
+        raise InputError(f"{got}; expected a number{advice} (rows count from 1, after the header)")
     return np.asarray(numbers, dtype=float)

@@ -1,4 +1,4 @@
-"""What the torque of a run shows of its sensor and drive by itself: limits, a dead zone, a load at the start."""
+"""Checks of the torque of a run by itself: limits, a dead zone, a load at the start, rounding."""
 
 from collections.abc import Iterator
 
@@ -12,14 +12,13 @@ from bristle.data.sampling import DEVIATIONS
 from bristle.estimation.autocorrelation import inflation
 from bristle.findings import CAUTION, CRITICAL, Finding
 
-_PILED, _NEXT = 4.0, 3
-"""A signal is clipped where it takes its extreme so many times as often as any of this many levels next to it."""
+_PILED, _NEXT = 4.0, 3  # clipped: the extreme is taken 4 times as often as any of the 3 levels next to it
 _MANY, _TURNS = 200, 4  # samples, and turns, that show that a torque has no sign
 _PARTS = 100  # parts of slow loading, of which the first tells with what it begins
 
 
 def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
-    """What is wrong with the torque of a run as it is fitted; holds at constant velocity are, but for its steps, judged as segments."""
+    """Findings on the torque of a run; holds at constant velocity are judged as segments, but for rounding."""
     checks = {
         "ramp": (_coarse,),
         "points": (_clipped,),
@@ -30,7 +29,10 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
 
 
 def at_limits(record: Record, kind: RunKind = "tracking") -> NDArray[np.bool_]:
-    """Which samples of a run are clipped, or fill a gap: the true torque there is unknown, (n,); no clipped ones where hardly any others are left."""
+    """Samples of a run that are clipped, or fill a gap: the true torque there is unknown, (n,).
+
+    No clipped ones where they are half of all.
+    """
     clipped = np.isin(record.time if record.torque is None else record.torque, _limits(record, kind))
     # 0.5 of the samples: where more are clipped, too little is left to fit
     clipped &= clipped.mean() < 0.5
@@ -38,7 +40,7 @@ def at_limits(record: Record, kind: RunKind = "tracking") -> NDArray[np.bool_]:
 
 
 def _limits(record: Record, kind: RunKind) -> list[float]:
-    """The largest and smallest torque, N*m, where it stays exactly there; none of a torque from a voltage, which never does."""
+    """The extreme torques, N*m, at which the torque stays; none of a torque from a voltage, which never does."""
     if record.torque is None or record.voltage is not None:
         return []
     if kind == "points":  # each has a torque of its own
@@ -73,24 +75,23 @@ def _limits(record: Record, kind: RunKind) -> list[float]:
 
 
 def _clipped(record: Record, kind: RunKind) -> Finding | None:
-    """That samples are clipped, which are left out of points and moving runs; critical where hardly any others are left."""
+    """Clipped samples, which are left out of points and moving runs; critical where half are."""
     limits = _limits(record, kind)
     if not limits or record.torque is None:
         return None
-    if (
-        kind == "presliding"
-    ):  # a joint that is held at its extreme torque does not go on moving, and one that is clipped does
+    if kind == "presliding":  # a joint that is held at its extreme torque stops, and one that is clipped moves on
         ends = record.torque.min(), record.torque.max()
         stays = (np.diff(record.torque) == 0) & np.isin(record.torque[1:], ends)
         moved = np.zeros(stays.size) if record.position is None else np.abs(np.diff(record.position))
         if not moved[stays].sum() > stays.mean() / 2 * moved.sum():
             return None
     share = float(np.isin(record.torque, limits).mean())
-    left_out = kind != "presliding" and (at_limits(record, kind) & np.isin(record.torque, limits)).any()
+    left_out = kind != "presliding" and bool((at_limits(record, kind) & np.isin(record.torque, limits)).any())
     values = " and ".join(f"{x:.4g}" for x in limits)
     message = (
-        f"The torque of {record.file}{OTHER_FILES} is clipped: {100 * share:.1f} % of its samples are exactly {values}. The true torque there "
-        f"is unknown{'; they are left out' if left_out else ''}; move slower or more gently, or widen the range of the drive or the sensor."
+        f"The torque of {record.file}{OTHER_FILES} is clipped: {100 * share:.1f} % of its samples are exactly {values}. The "
+        f"true torque there is unknown{'; they are left out' * left_out}; move slower or more gently, or widen the range of "
+        "the drive or the sensor."
     )
     numbers = {"files": (record.file,), "share": share, "limits": values}
     if left_out:
@@ -99,14 +100,14 @@ def _clipped(record: Record, kind: RunKind) -> Finding | None:
 
 
 def _unsigned(record: Record, _: RunKind) -> Finding | None:
-    """That a torque is a magnitude: that of a joint that goes both ways goes to zero where it turns, and never beyond it."""
+    """A torque that is a magnitude: where a joint goes both ways it falls to zero at turns, and never changes sign."""
     if record.torque is None or record.velocity is None or record.voltage is not None:
         return None
     size, speed = np.abs(record.torque), np.abs(record.velocity)
     turns = np.flatnonzero(np.diff(np.sign(record.velocity)))
     if size.size < _MANY or turns.size < _TURNS or record.torque.min() * record.torque.max() < 0:
         return None
-    # 0.1 of the way at least in either direction; where it is slower than 0.1 of the fastest, the least about each turn, of which noise makes more
+    # 0.1 of the way in either direction; the least torque about each turn, below 0.1 of the fastest speed
     back = float(speed[record.velocity < 0].sum() / speed.sum())
     slow = np.where(speed <= 0.1 * speed.max(), size, np.inf)
     least = np.minimum.reduceat(slow, np.append(0, (turns[:-1] + turns[1:]) // 2))
@@ -116,15 +117,15 @@ def _unsigned(record: Record, _: RunKind) -> Finding | None:
         return None
     beyond = "below" if record.torque.max() > 0 else "above"
     message = (
-        f"The torque of {record.file}{OTHER_FILES} is a magnitude: zero or next to it where the joint turns, and never {beyond} it, though it goes "
-        "both ways. Whether it drives or brakes is not in it, so neither friction nor gravity can be told: log it with its sign, or what the "
-        "drive was told to follow and its gains (signals.command)."
+        f"The torque of {record.file}{OTHER_FILES} is a magnitude: zero or next to it where the joint turns, and never "
+        f"{beyond} it, though it goes both ways. Whether it drives or brakes is not in it, so neither friction nor gravity "
+        "can be told: log it with its sign, or what the drive was told to follow and its gains (signals.command)."
     )
     return Finding("torque-unsigned", CRITICAL, message, {"files": (record.file,)}, {"torque": np.inf})
 
 
 def _loaded_at_start(record: Record, _: RunKind) -> Finding | None:
-    """A slow loading whose torque, by the line through its first samples, does not begin at zero."""
+    """Slow loading whose torque does not begin at zero, by the line through its first samples."""
     if record.torque is None or record.torque.size < _PARTS:
         return None
     first = max(record.torque.size // _PARTS, 20)  # the first part tells with what it begins
@@ -139,20 +140,21 @@ def _loaded_at_start(record: Record, _: RunKind) -> Finding | None:
         return None
     share = abs(begins) / largest
     message = (
-        f"The torque of {record.file}{OTHER_FILES} begins at {begins:.3g}, {100 * share:.0f} % of its largest, and not at zero: an offset of the "
-        "sensor makes sigma_0 too high in one direction and too low in the other. Subtract it, or begin without a load."
+        f"The torque of {record.file}{OTHER_FILES} begins at {begins:.3g}, {100 * share:.0f} % of its largest, and not at "
+        "zero: an offset of the sensor makes sigma_0 too high in one direction and too low in the other. Subtract it, or "
+        "begin without a load."
     )
     return Finding("loaded-at-start", CAUTION, message, {"files": (record.file,), "torque": begins, "share": share})
 
 
 def _dead_zone(record: Record, _: RunKind) -> Finding | None:
-    """A torque of a moving joint that is exactly zero, far more often than any other, where it changes its sign."""
+    """A torque of a moving joint that is exactly zero far too often where its sign changes."""
     torque, position = record.torque, record.position
     if torque is None or position is None or record.voltage is not None:
         return None
     zero = torque == 0
-    part, few = 5e-4, 4  # a dead zone takes at least this share of the samples, and so many of them
-    if zero.sum() < max(part * torque.size, few):
+    # a dead zone takes at least 5e-4 of the samples, 4 of them, and 4 times as many as any other level
+    if zero.sum() < max(5e-4 * torque.size, 4):
         return None
     if zero.sum() < _PILED * np.unique(np.abs(torque[~zero]), return_counts=True)[1].max(initial=0):
         return None
@@ -169,27 +171,28 @@ def _dead_zone(record: Record, _: RunKind) -> Finding | None:
         return None
     share = float(zero.mean())
     message = (
-        f"The torque of {record.file}{OTHER_FILES} is exactly zero in {100 * share:.1f} % of the samples, wherever it changes its sign: its "
-        "sensor or drive has a dead zone. What is cut off is missing from alpha_0, and reversals look softer; switch it off, or add it to the "
-        "torque."
+        f"The torque of {record.file}{OTHER_FILES} is exactly zero in {100 * share:.1f} % of the samples, wherever it changes "
+        "its sign: its sensor or drive has a dead zone. What is cut off is missing from alpha_0, and reversals look softer; "
+        "switch it off, or add it to the torque."
     )
     return Finding("dead-zone", CRITICAL, message, {"files": (record.file,), "share": share}, {"torque": np.inf})
 
 
 def _coarse(record: Record, kind: RunKind) -> Finding | None:
-    """A torque in so few steps that rounding does not average out: a hold, and so the curve through holds, is off by up to half a step."""
+    """A torque in so few steps that rounding does not average out: a hold is off by up to half a step."""
     torque = record.torque
     if torque is None or record.voltage is not None or torque.size < _PARTS:
         return None
     step, reach = smallest_step(torque), float(np.ptp(torque))
-    # a torque of fewer levels than this, that stays at one from sample to sample more often than not, is rounded coarsely
+    # rounded coarsely: few levels, and more often than not the same one from sample to sample
     most, stays = 64, 0.5
     if not step or reach > most * step or np.mean(np.diff(torque) == 0) < stays:
         return None
     levels = round(reach / step) + 1
     message = (
-        f"The torque of {record.file}{OTHER_FILES} comes in {levels} steps of {step:.2g} (SI): what it rounds off is not noise and does not "
-        "average out. Numbers may be off by half a step, those of reversals by more; log it with more digits, or from a finer sensor."
+        f"The torque of {record.file}{OTHER_FILES} comes in {levels} steps of {step:.2g} (SI): what it rounds off is not "
+        "noise and does not average out. Numbers may be off by half a step, those of reversals by more; log it with more "
+        "digits, or from a finer sensor."
     )
     effect = {"torque": step / 2} if kind == "ramp" else {}
     return Finding("torque-coarse", CAUTION, message, {"files": (record.file,), "step": step, "levels": levels}, effect)

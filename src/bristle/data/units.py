@@ -1,4 +1,4 @@
-"""Quantities with units, read by pint, in SI; what pint does not mind, and a log must: Hz is not rad/s, and a bare number has no unit."""
+"""Quantities with units, read by pint, in SI; unlike for pint, Hz is not rad/s, and a number needs a unit."""
 
 import re
 from contextlib import suppress
@@ -11,23 +11,21 @@ from bristle.errors import InputError, short
 if TYPE_CHECKING:
     import pint
 
-LARGEST = (
-    1e30  # in SI; its inverse is the smallest size: squares of such numbers, and their inverses, still are numbers
-)
+LARGEST = 1e30  # in SI; its inverse is the smallest size: squares of both are still numbers
 _LONGEST = 200  # characters of a quantity, and of a unit: what is matched is short
 _NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _QUANTITY = re.compile(rf"({_NUMBER}) ?(.*)")
 _PLUS_MINUS = re.compile(r"±|\+/-|\+-")
 _ERROR = re.compile(rf"({_NUMBER}) ?\)? ?(.*)")
 _UNIT = re.compile(r"[\w%µΩ\s*/^()-]{1,64}")
+# powers of more than one digit, and powers of powers: pint would compute them, however large
 _POWER = re.compile(r"(?:\*\*|\^)(?!\s*-?\d(?!\d|\s*(?:\*\*|\^)))")
-"""A power that is not one digit, or a power of a power: pint would compute it, however large."""
 _RAISED = re.compile(r"[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 _PLAIN_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _OF_BRACKET = re.compile(r"\)\s*(?:\*\*|\^)")  # a power of a bracket, in which another one may stand
 _GERMAN = {"Grad": "deg", "U/min": "rpm"}  # what pint takes for a gigaradian, and for none
+# revolutions, in the speed of a shaft
 _PER_MINUTE = ("1/min", "/min", "min^-1", "min-1", "min⁻¹", "1/minute")
-"""How the speed of a shaft is often written, in revolutions."""
 _COUNTS = re.compile(r"counts?\b")
 _PER_TURN = re.compile(rf"({_NUMBER}) ?counts? ?/ ?(.+)")
 
@@ -38,10 +36,10 @@ _EXAMPLES = {
 
 
 def to_si(value: object, target: str) -> float:
-    """A quantity such as `1.5e-3 rad`, in `target`, an SI unit.
+    """A quantity such as `1.5e-3 rad`, in `target`, an SI unit; of an encoder also `4096 counts/rev`, one count.
 
-    For an encoder also `4096 counts/rev`, the size of one count. Raises InputError where there is no number, no unit, a
-    unit of another dimension, or a number that is too large or too small.
+    Raises InputError where there is no number, no unit, a unit of another dimension, or a number that is too large or
+    small.
     """
     text = _plain(value)
     if target in ("rad", "m") and (per := _PER_TURN.fullmatch(text)) and 0 < float(per[1]) < LARGEST:
@@ -55,7 +53,7 @@ def to_si(value: object, target: str) -> float:
 
 
 def positive_si(name: str, value: float | str, target: str) -> float:
-    """`to_si` of an option; a number is in SI. Raises InputError, opening with the option's name, where it is not above zero."""
+    """`to_si` of an option, or a number in SI. Raises InputError, opening with its name, where it is not above zero."""
     try:
         number = to_si(value, target) if isinstance(value, str) else float(value)
     except InputError as error:
@@ -66,23 +64,20 @@ def positive_si(name: str, value: float | str, target: str) -> float:
 
 
 def plus_minus(value: object, target: str) -> tuple[float, float | None]:
-    """`x unit` as (x, None), and `x ± s unit` as (x, s), both in `target`.
+    """`x unit` as (x, None), and `x ± s unit` as (x, s), both in `target`; +/- and a unit after x are taken too.
 
-    `x +/- s unit` is taken too, as is a unit after x as well. Raises InputError as `to_si`, and where s is not
-    positive.
+    Raises InputError as `to_si`, and where s is not positive.
     """
     parts = _parts(value)
     if parts is None:
         return to_si(value, target), None
     number, first, error, second = parts
-    return (
-        _sane(number * factor(first, target), value, target),
-        _sane(error * factor(second, target), value, target),
-    )
+    of = number * factor(first, target), error * factor(second, target)
+    return _sane(of[0], value, target), _sane(of[1], value, target)
 
 
 def scale_parts(scale: object) -> tuple[float, str, float | None]:
-    """Number, unit and relative standard error of a scale `x`, or `x ± s`; no error where there is none.
+    """Number, unit and relative standard error (or None) of a scale `x`, or `x ± s`.
 
     Raises InputError where it is no quantity, or s is not positive or not below the size of x.
     """
@@ -90,9 +85,8 @@ def scale_parts(scale: object) -> tuple[float, str, float | None]:
     if parts is None:
         match = _QUANTITY.fullmatch(_plain(str(scale)))
         if not match or float(match[1]) == 0:
-            raise InputError(
-                f"scale {short(str(scale))} is not a quantity; expected a non-zero number, with a unit where the unit changes, such as '7.6 N*m/A'"
-            )
+            expected = "a non-zero number, with a unit where the unit changes, such as '7.6 N*m/A'"
+            raise InputError(f"scale {short(str(scale))} is not a quantity; expected {expected}")
         return float(match[1]), match[2] or "1", None
     number, first, error, second = parts
     if number == 0 or not (relative := error * factor(second, first) / abs(number)) < 1:
@@ -101,7 +95,7 @@ def scale_parts(scale: object) -> tuple[float, str, float | None]:
 
 
 def _parts(value: object) -> tuple[float, str, float, str] | None:
-    """x, its unit, s and its unit in `x ± s`, of which one unit may stand for both; None where it is no such thing."""
+    """x, its unit, s and its unit in `x ± s`, where one unit may stand for both; None where it is no such text."""
     parts = _PLUS_MINUS.split(_plain(value))
     mean = _QUANTITY.fullmatch(parts[0].strip().removeprefix("(").strip())
     error = _ERROR.fullmatch(parts[-1].strip()) if len(parts) == 2 else None  # before and after the sign
@@ -113,33 +107,31 @@ def _parts(value: object) -> tuple[float, str, float, str] | None:
 
 
 def _plain(value: object) -> str:
-    """The text with single blanks; nothing where there is none, or far too much."""
+    """The text with single blanks; empty where there is none, or too much."""
     return " ".join(value.split()) if isinstance(value, str) and len(value) <= _LONGEST else ""
 
 
 def _sane(number: float, value: object, target: str) -> float:
-    """The number; raises InputError where it is none that any joint has."""
+    """The number. Raises InputError where no joint has such a size."""
     if number != 0 and not 1 / LARGEST < abs(number) < LARGEST:
-        raise InputError(
-            f"got {short(value)}; expected a finite size between {1 / LARGEST:g} and {LARGEST:g} {target}; check number and unit"
-        )
+        expected = f"a finite size between {1 / LARGEST:g} and {LARGEST:g} {target}"
+        raise InputError(f"got {short(value)}; expected {expected}; check number and unit")
     return number
 
 
 def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: float | None = None) -> float:
-    """What a value in `unit` is multiplied by to be in `target`.
+    """Factor from `unit` times `scale` to `target`; the scale may have a unit and an error.
 
-    `unit` times `scale`, which may have a unit and an error of its own. `counts` (alone or first, as in `counts/s`) are worth
-    `resolution`, rad or m. Raises InputError where the dimension differs.
+    `counts` (alone or first, as in `counts/s`) are worth `resolution`, rad or m. Raises InputError where the dimension
+    differs.
     """
     number, times, _ = scale_parts(scale)
     if target != "Hz" and unit.replace(" ", "") in _PER_MINUTE:
         unit = "rpm"
     if counts := _COUNTS.match(unit.strip()):
         if resolution is None:
-            raise InputError(
-                f"unit {short(unit)} needs encoder_resolution, the size of one count, such as '4096 counts/rev'"
-            )
+            needs = "encoder_resolution (--encoder-resolution), the size of one count, such as '4096 counts/rev'"
+            raise InputError(f"unit {short(unit)} needs {needs}")
         number *= resolution
         unit = target.split("/", maxsplit=1)[0] + unit.strip()[counts.end() :]
     by_scale = "" if scale == 1 else f" times scale {short(scale)}"
@@ -158,22 +150,20 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
             raise InputError(f"unit {short(unit)}{by_scale} is not a unit of {target}; expected {expected}")
         times_si = number * size / target_size
     if not 1 / LARGEST < abs(times_si) < LARGEST:
-        raise InputError(
-            f"unit {short(unit)}{by_scale} is {times_si:g} {target}; expected between {1 / LARGEST:g} and {LARGEST:g}"
-        )
+        expected = f"between {1 / LARGEST:g} and {LARGEST:g}"
+        raise InputError(f"unit {short(unit)}{by_scale} is {times_si:g} {target}; expected {expected}")
     return times_si
 
 
 def _root(unit: "pint.Unit") -> tuple[float, object]:
-    """Size of a unit in root units, and the root unit: unlike base units they tell rad/s from Hz."""
+    """Size of a unit in root units, and the root unit, which unlike base units tells rad/s from Hz."""
     size: Any
     try:
         size, root = _registry().get_root_units(unit)
         return float(size), root
     except Exception as error:  # of pint, at text that is no unit
-        raise InputError(
-            f"unit {short(str(unit))} is too large or too small; expected a unit such as rad, N*m or mA"
-        ) from error
+        why = f"unit {short(str(unit))} is too large or too small"
+        raise InputError(f"{why}; expected a unit such as rad, N*m or mA") from error
 
 
 def _parse(unit: str) -> "pint.Unit":
@@ -192,13 +182,13 @@ def _parse(unit: str) -> "pint.Unit":
         raise InputError(bad) from error
 
 
+# of what a log may hold: another word in a row of units is none
 _OF_SIGNALS = ("s", "rad", "m", "rad/s", "m/s", "rad/s**2", "m/s**2", "N", "N*m", "A", "V", "W", "Hz", "kelvin")
-"""Units of what a log may hold: another word in a row of units is none."""
 
 
 @cache
 def signal_unit(text: str) -> str:
-    """A text that is the unit of a signal, as `factor` takes it: `Volt` as volt; empty where it is none."""
+    """The unit of a signal in a text, as `factor` takes it: `Volt` as volt; empty where it is none."""
     for unit in (text, text.lower()) if 3 < len(text) <= _LONGEST else (text,):
         with suppress(InputError):
             if unit and _parse(unit).dimensionality in {_parse(x).dimensionality for x in _OF_SIGNALS}:

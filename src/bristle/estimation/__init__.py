@@ -1,1 +1,1 @@
-"""Least squares that knows no friction: linear and nonlinear fits, covariance, bootstrap, comparison of intervals."""
+"""Least squares and statistics that know nothing of friction."""

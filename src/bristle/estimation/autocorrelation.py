@@ -1,4 +1,4 @@
-"""Correlated noise: by how much it inflates the variance of a mean, and what residuals hold beyond it."""
+"""Correlated noise: inflation of variances, and patterns in residuals."""
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
@@ -6,17 +6,14 @@ from scipy.fft import irfft, next_fast_len, rfft
 from bristle.arrays import Array
 from bristle.findings import CRITICAL, NOTE, Finding
 
-_WINDOW = 5.0  # Sokal's c: the sum is cut at the first lag of at least c integrated autocorrelation times
+_WINDOW = 5.0  # Sokal's c: the sum ends at c integrated autocorrelation times
 _FEW = 8
-_POOR = 0.15  # of the measured torque: a fit that leaves a larger pattern describes something else
-_CHANCE = 3.3  # white noise's share that is not in its differences exceeds this over sqrt(n) once in two thousand times
+_POOR = 0.15  # of the measured torque: largest acceptable pattern
+_CHANCE = 3.3  # over sqrt(n): share of white noise outside its differences, exceeded once in 2000 times
 
 
 def autocorrelation(x: Array) -> Array:
-    """Autocorrelation of x about its mean at lags 0 to n - 1, shape (n,), by FFT, biased (divided by n, not n - lag).
-
-    One at lag 0. Zero at all others where x is constant or holds one sample; empty where x is.
-    """
+    """Autocorrelation of x about its mean at lags 0 to n - 1, (n,), by FFT, biased; zero beyond lag 0 if constant."""
     n = x.size
     if n == 0:
         return np.zeros(0)
@@ -32,17 +29,15 @@ def autocorrelation(x: Array) -> Array:
 
 
 def lag_one(x: Array) -> float:
-    """Correlation of each sample with the next, in [-1, 1]; zero where x is constant or shorter than two samples."""
+    """Correlation of each sample with the next, in [-1, 1]; zero for a constant or a single sample."""
     return float(autocorrelation(x)[1]) if x.size > 1 else 0.0
 
 
 def inflation(x: Array, along: Array | None = None) -> float:
-    """The factor tau in var(mean) = tau var(x) / n, or in var(d'x) = tau var(x) |d|**2 of noise `along` a direction d, (n,).
+    """The factor tau in var(mean) = tau var(x) / n, or in var(d'x) = tau var(x) |d|**2 `along` a direction d, (n,).
 
-    The integrated autocorrelation time 1 + 2 sum of the autocorrelation, in samples; along a direction of its products
-    with d's own, about zero. The sum ends at the first lag of five tau (Sokal, 1997) and is corrected for the mean being
-    taken from the same data (Wolff, 2004, eq. 49). At least 1, at most n; 1 for fewer than four samples or a constant.
-    White noise gives 1, AR(1) noise (1 + rho) / (1 - rho).
+    The integrated autocorrelation time, summed to the first lag of five tau (Sokal, 1997) and corrected for the mean
+    (Wolff, 2004, eq. 49); between 1 and n. White noise gives 1, AR(1) noise (1 + rho) / (1 - rho).
     """
     n, rho = x.size, autocorrelation(x)
     if n < 4 or not rho[1:].any():
@@ -67,17 +62,16 @@ def standard_error(x: Array) -> float | None:
 
 
 def correlated(residuals: Array, widened: float) -> Finding:
-    """That residuals go with their neighbours, and by what errors are multiplied for it."""
+    """A note on correlated residuals, and the factor on standard errors."""
     lag = lag_one(residuals)
     message = f"Residuals are correlated (lag one {lag:.2f}); standard errors are multiplied by {widened:.1f} for it."
     return Finding("correlated", NOTE, message, {"lag_one": lag, "widened": widened})
 
 
 def unexplained(residuals: Array, norm: float) -> tuple[Finding, ...]:
-    """A diagnostic where residuals, (n,), in the order of time or of velocity, hold a pattern of more than `_POOR` of what was measured.
+    """A finding where residuals, (n,), in order of time or velocity, hold a pattern larger than `_POOR` of the `norm`.
 
-    `norm` is that of what was measured. Noise changes from one equation to the next, a pattern does not: half the mean
-    square of the successive differences is the noise's variance (von Neumann, 1941). None of fewer than eight equations.
+    Noise is half the mean square of successive differences (von Neumann, 1941). None of fewer than eight equations.
     """
     if residuals.size < _FEW or not norm > 0:
         return ()

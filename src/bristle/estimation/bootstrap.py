@@ -1,19 +1,13 @@
-"""Bootstrap of least squares: blocks of equations, or single residuals, drawn anew, and what that does to the estimate.
+"""Bootstrap of least squares: blocks of equations of time series, or single residuals of independent points.
 
-Time series. A resample counts block b m_b times. Its minimum is, to first order and with the exact Jacobian, at
+A resample counts block b m_b times. Its minimum is, to first order (Davidson and MacKinnon, 1999; Andrews, 2002), at
 
     d = -(sum m_b G_b + P'P)**-1 (sum m_b s_b + P'e),    G_b = J_b'J_b,    s_b = J_b'r_b
 
-from the estimate (Davidson and MacKinnon, 1999; Andrews, 2002: one step is as accurate); P are the rows of priors, whose
-means are drawn anew as well, e. Blocks overlap and wrap around within their segment (Politis and Romano, 1992).
-
-Where a block ends correlation is cut, and so draws scatter by too little. What is studentised in its own resample,
-where blocks are independent, does not: the interval takes its shape from t = d / error in the resample, and its width
-from the fit's own error (for means of AR(1) noise, 0.8, it covers 94 %; quantiles of draws 90 %).
-
-Points that err independently. Residuals are raised to the size that the fit took from them (their leverage), then drawn
-with replacement; where their variance differs from place to place each keeps its own and is given a random sign and
-size instead (the wild bootstrap, with Webb's six values). Each set is fitted again, and studentised.
+from the estimate; P are rows of priors, whose means e are drawn as well. Blocks overlap and wrap around within their
+segment (Politis and Romano, 1992). Intervals are by bootstrap-t: t = d / error in the resample, times the fit's own
+error. Residuals of independent points are drawn with replacement, corrected for leverage; with uneven variance by the
+wild bootstrap (Webb's six values).
 """
 
 from collections.abc import Callable, Sequence
@@ -31,42 +25,37 @@ from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import Name, projected
 
-DRAWS, REFITS = 2000, 1999  # draws of blocks, and of residuals that are fitted again: the interval's ends are draws
-_AT_ONCE = 4_000_000  # numbers drawn, or scores of blocks computed, at once, whatever the number of equations
-SHOWN = 500  # draws kept of each unknown, to be drawn
-_OVERLAP = 4  # cells in a block: blocks begin at each cell
-_CELLS = 2000  # at most; longer records have longer cells
-_TIMES = 4.0  # integrated autocorrelation times in a block, at least
+DRAWS, REFITS = 2000, 1999  # of blocks, and of refitted residuals, whose interval ends are draws
+_AT_ONCE = 4_000_000  # numbers drawn, or scores computed, at a time
+SHOWN = 500  # draws kept for figures
+_OVERLAP = 4  # cells per block
+_CELLS = 2000  # most cells
+_TIMES = 4.0  # least integrated autocorrelation times per block
 _SIX = np.sqrt(np.array([0.5, 1.0, 1.5]))
 _WEBB = np.concatenate([-_SIX, _SIX])  # mean 0, variance 1, third moment 0 (Webb 2014)
-_UNEVEN = 0.01  # significance at which variances differ
-_FULL = 1.0 - 1e-6  # a point with this leverage leaves no residual
+_UNEVEN = 0.01  # level of the test for uneven variance
+_FULL = 1.0 - 1e-6  # leverage without a residual
 
 Refit = Callable[[Array, bool], tuple[Array, Array]]
-"""(what is added to the model, (n, sets); whether variances differ) -> steps off the estimate and standard errors, (p,
-sets) each."""
+"""(added to the model, (n, sets); whether variances differ) -> steps off the estimate and errors, (p, sets) each."""
 
 
 class Resampled(NamedTuple):
-    """What draws do to an estimate."""
+    """Resampled steps of an estimate."""
 
-    steps: Array
-    """d, (B, p)."""
-    studentised: Array
-    """d over its standard error in its own resample, (B, p); not finite where that shows nothing of an unknown."""
-    blocks: int
-    """How many are drawn each time."""
-    rounded: bool = False
-    """Whether the ends of intervals are draws, the next ones outward."""
+    steps: Array  # d, (B, p)
+    studentised: Array  # d over its error in the resample, (B, p); not finite where an unknown is not seen
+    blocks: int  # Blocks per draw
+    rounded: bool = False  # Whether interval ends are draws, rounded outward
 
     def interval(self, which: int, error: float) -> tuple[float, float]:
-        """The 95 % interval of one unknown about its estimate, by bootstrap-t, from the estimate's standard error."""
+        """The 95 % interval of one unknown about its estimate by bootstrap-t, from its standard error."""
         if error == 0 or not np.isfinite(error):
             return (0.0, 0.0) if error == 0 else (-np.inf, np.inf)
         t, tail = self.studentised[:, which], (1 - CONFIDENCE) / 2
         if not self.rounded:
             least, most = np.quantile(t, [tail, 1 - tail])
-        else:  # a draw that shows nothing of an unknown may lie on either side
+        else:  # a draw without information counts on either side
             blind = ~np.isfinite(t)
             most = np.quantile(np.where(blind, np.inf, t), 1 - tail, method="higher")
             least = np.quantile(np.where(blind, -np.inf, t), tail, method="lower")
@@ -76,10 +65,10 @@ class Resampled(NamedTuple):
 def residual_bootstrap(
     jacobian: Array, residuals: Array, place: Array, refit: Refit | None = None, draws: int = REFITS, seed: int = 0
 ) -> tuple[Resampled, Array]:
-    """The steps of an estimate from equations that err independently, and its own standard errors, (p,).
+    """Steps of an estimate from independent equations, and its standard errors, (p,).
 
-    Of the model's Jacobian at the estimate, (n, p), of full rank, and residuals, measured less modelled, (n,), whose variance
-    may depend on a `place`, (n,). `refit` fits each of the `draws` sets, >= 40, again; None: by one Gauss-Newton step.
+    Jacobian (n, p) and residuals (n,) are at the estimate; the variance may depend on a `place`, (n,). `refit` fits
+    each of the `draws` sets, >= 40; None: by a Gauss-Newton step.
     """
     rng, n = np.random.default_rng(seed), residuals.size
     leverage = np.minimum(np.einsum("np,pq,nq->n", jacobian, inverse_gram(jacobian), jacobian), _FULL)
@@ -90,7 +79,7 @@ def residual_bootstrap(
     for first in range(0, draws, at_once := max(_AT_ONCE // n, 1)):
         size = (n, min(at_once, draws - first))
         noise = apart[:, None] * rng.choice(_WEBB, size) if wild else even[rng.integers(0, n, size)]
-        sets = noise if found else np.column_stack([residuals, noise])  # the estimate's own is the first of all
+        sets = noise if found else np.column_stack([residuals, noise])  # the estimate's own set comes first
         found.append(refit(sets, wild) if refit else linear_refit(jacobian, sets, wild))
     steps, errors = (np.hstack(parts) for parts in zip(*found, strict=True))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -99,7 +88,7 @@ def residual_bootstrap(
 
 
 def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Array]:
-    """Coefficients of columns (n, p) that fit values, (n, sets), and their errors, HC3 if `uneven`, (p, sets) each."""
+    """Coefficients of columns (n, p) for values (n, sets), and their errors, HC3 if `uneven`, (p, sets) each."""
     inner = inverse_gram(columns)
     weights = inner @ columns.T
     theta = weights @ values
@@ -112,7 +101,7 @@ def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Ar
 
 
 def variances_differ(residuals: Array, place: Array) -> bool:
-    """Whether the variance depends on the place: Koenker's test, a parabola in its logarithm, 1 %; not of few."""
+    """Whether the variance depends on the place: Koenker's test at 1 % of a parabola in its logarithm."""
     x, square = np.log(np.abs(place)), residuals**2
     if residuals.size < 10 or not np.ptp(x) > 0 or not square.any():
         return False
@@ -124,11 +113,7 @@ def variances_differ(residuals: Array, place: Array) -> bool:
 
 
 def bootstrap_at(solution: MultistartSolution[Name]) -> tuple[dict[Name, tuple[Array, Array]], int]:
-    """What resampled blocks, and blocks that err independently, say of a problem's shared unknowns at its minimum.
-
-    Returns the ends of the interval, (2,), and draws, (B,), of each unknown that data show and that lies at no bound,
-    in its unit, by name; what leaves the bounds is open. And the number of blocks drawn.
-    """
+    """Ends of the interval, (2,), and draws, (B,), of each shared unknown inside its bounds; blocks per draw."""
     problem, minimum, errors = solution.posed, solution.minimum, solution.scaled_errors
     x, unknowns, n = minimum.x, problem.unknowns, minimum.residuals.size - problem.priors
     inside = np.isfinite(errors) & (unknowns.lower < x) & (x < unknowns.upper)
@@ -158,12 +143,12 @@ def block_bootstrap(
     draws: int = DRAWS,
     seed: int = 0,
 ) -> Resampled:
-    """The steps of a least-squares estimate under resampled blocks of equations.
+    """Steps of a least-squares estimate under resampled blocks of equations.
 
     Args:
         jacobian: of the residuals at the minimum, (n, p), of full rank together with the priors.
-        residuals: (n,), in whatever sign the Jacobian is of.
-        starts: first equation of each segment between gaps; no block reaches over one.
+        residuals: (n,), of the Jacobian's sign.
+        starts: first equation of each segment between gaps.
         priors: rows of the Jacobian that belong to priors, (m, p), whose residuals scatter by `sigma`.
         sigma: see there.
         instrument: the first factor of G_b and s_b, of a single unknown, (n, 1); None: the Jacobian itself.
@@ -180,7 +165,7 @@ def block_bootstrap(
     edges, of_segment = cells(residuals.size, starts, length)
     grams = np.array([Z[a:b].T @ J[a:b] for a, b in pairwise(edges.tolist())])
     scores = np.array([Z[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
-    # sums over the block that begins at each cell, and one over the number of blocks that hold each of its cells
+    # sums over the block from each cell, over the number of blocks with each cell
     sizes = np.bincount(of_segment)
     begin, cells_of = (np.cumsum(sizes) - sizes)[of_segment], sizes[of_segment]
     place, share = np.arange(of_segment.size) - begin, 1 / np.minimum(cells_of, _OVERLAP)
@@ -196,30 +181,30 @@ def block_bootstrap(
     times = weight * np.bincount(drawn.ravel(), minlength=draws * count).reshape(draws, count)
     gram = (times @ grams.reshape(count, -1)).reshape(draws, p, p) + prior_rows.T @ prior_rows
     inverse: Array = np.asarray(np.linalg.pinv(gram, hermitian=True), dtype=np.float64)
-    # centred, so that steps vanish where each block is drawn as often as any other
+    # centred: equal counts of all blocks give no step
     news = sigma * rng.standard_normal((draws, prior_rows.shape[0])) @ prior_rows
     steps = -np.einsum("bij,bj->bi", inverse, times @ scores - share @ scores + news)
-    # standard errors from the scores that blocks have left in each resample, whose squares count so often
+    # standard errors from the remaining scores of blocks in each resample
     squares, by_block, errors = times * weight * number / max(number - 1, 1), grams.transpose(1, 2, 0), list[Array]()
     for k in np.array_split(np.arange(draws), ceil(draws * scores.size / _AT_ONCE)):
         left = scores.T + (steps[k] @ by_block.reshape(p, -1)).reshape(-1, p, count)
         influence, by_priors = inverse[k] @ left, prior_rows @ inverse[k]
         variance = np.einsum("bic,bic,bc->bi", influence, influence, squares[k])
         errors.append(np.sqrt(variance + sigma**2 * np.einsum("bmi,bmi->bi", by_priors, by_priors)))
-    with np.errstate(over="ignore"):  # a resample without scatter: its step is infinitely many errors, or none
+    with np.errstate(over="ignore"):  # resamples without scatter
         studentised = steps / np.maximum(np.concatenate(errors), np.finfo(float).tiny)
     return Resampled(steps / size, studentised, number)
 
 
 def block_length(scores: Array) -> int:
-    """Equations in a block: four correlation times of the most correlated column of scores, (n, p), or n**(1/3)."""
+    """Equations in a block: four correlation times of the most correlated score column, or n**(1/3)."""
     n = scores.shape[0]
     times = max(inflation(score) for score in scores.T)
     return int(min(max(ceil(_TIMES * times), ceil(n ** (1 / 3))), n))
 
 
 def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
-    """Quarters of blocks: the first equation of each and n, (C + 1,), and which segment each lies in, (C,)."""
+    """Quarters of blocks: the first equation of each and n, (C + 1,), and the segment of each, (C,)."""
     step = max(length / _OVERLAP, n / _CELLS)
     firsts = [*starts, n]
     counts = [max(round((stop - first) / step), 1) for first, stop in pairwise(firsts)]

@@ -1,14 +1,11 @@
-"""The exact profile of unknowns in which a problem is linear once a few others, eta, are given.
+"""Exact profiles of unknowns that are linear once a few others, eta, are given.
 
 With the unknown theta_j held at c and the rest solved,
 
     J(eta, c) = J(eta) + (c - theta_j(eta))**2 / C_jj(eta),    C = (A'A)**-1 of the columns A at eta,
 
-so the values of c that cost no more than K are the union over eta of theta_j(eta) -+ sqrt(C_jj(eta) (K - J(eta))): an
-interval ends at the highest and the lowest point of a curve over eta (a surface, where there are two), and no path over
-c is followed. Some unknowns are not negative. At given eta the constrained extreme lies inside a face, where some of
-them are zero, and is that face's free one: where the free extreme of all breaks a bound, the curve is, at each eta,
-that of the best face whose extreme breaks none.
+so an interval ends at the highest and the lowest point of theta_j(eta) -+ sqrt(C_jj(eta) (K - J(eta))) over eta. Where
+the free extreme breaks a bound of zero, the best face whose extreme breaks none takes its place.
 """
 
 from collections.abc import Callable, Iterable
@@ -22,29 +19,23 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.estimation.profile_likelihood import BETTER
 
-_SLACK = 1e-9  # an unknown this far below its bound of zero, in standard errors, is at it
+_SLACK = 1e-9  # standard errors below zero that count as at the bound
 
 
 class Conditional(NamedTuple):
-    """M unknowns at K values of the others that make them linear."""
+    """M unknowns at K values of eta."""
 
-    theta: Array
-    """(K, M), zero for what a face drops."""
-    spread: Array
-    """C, (K, M, M)."""
-    cost: Array
-    """J, (K,)."""
+    theta: Array  # (K, M), zero where a face drops them
+    spread: Array  # C, (K, M, M)
+    cost: Array  # J, (K,)
 
 
 Face = Callable[[Array], Conditional]
-"""Solves the problem, or one face of it, at values of eta, (K, P)."""
+"""Solves the problem, or a face of it, at values of eta, (K, P)."""
 
 
 class Looks(NamedTuple):
-    """Over how many values of each eta extremes are looked for, and over how many a drawn profile is minimised.
-
-    The first look is over all, the next ones near the best, again and again.
-    """
+    """Numbers of values per eta: in the first look, in later ones near the best, and on a drawn profile."""
 
     first: int
     near: int
@@ -56,27 +47,17 @@ class Looks(NamedTuple):
 class ConditionalProfiles:
     """The profiles of conditionally linear unknowns."""
 
-    free: Face
-    """The problem with no unknown at its bound."""
-    best: Array
-    """eta of the solution, (P,)."""
-    cost: float = 0.0
-    """J of the solution."""
-    threshold: float
-    """K: what an unknown inside its interval costs at most."""
-    box: Array
-    """Between which eta the threshold may be kept, (P, 2)."""
+    free: Face  # The problem without bounds
+    best: Array  # eta of the solution, (P,)
+    cost: float = 0.0  # J of the solution
+    threshold: float  # K, the largest cost within an interval
+    box: Array  # Range of eta within the threshold, (P, 2)
     looks: Looks
-    bounded: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
-    """Which unknowns are not negative, (M,)."""
-    faces: Callable[[int], Iterable[Face]] | None = None
-    """Every face on which an unknown is free."""
-    searched: tuple[float, float] = (-np.inf, np.inf)
-    """The lowest and highest eta that count."""
-    tolerance: float = 0.0
-    """Costs this near are the same."""
-    better: Array | None = None
-    """eta, (P,), at which `intervals` met a cost lower than the solution's; None: it met none."""
+    bounded: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))  # Non-negative unknowns, (M,)
+    faces: Callable[[int], Iterable[Face]] | None = None  # Faces on which an unknown is free
+    searched: tuple[float, float] = (-np.inf, np.inf)  # Limits of eta
+    tolerance: float = 0.0  # Closer costs are equal
+    better: Array | None = None  # eta, (P,), with a lower cost than the solution's, met by `intervals`, or None
 
     def intervals(self) -> Array:
         """Where each unknown's profile stays below the threshold, (M, 2)."""
@@ -90,7 +71,7 @@ class ConditionalProfiles:
         return np.array([[self._end(j, sign, nodes, at) for sign in (-1.0, 1.0)] for j in unknowns]).reshape(-1, 2)
 
     def heights(self, j: int, values: Array, beyond: float) -> Array:
-        """(cost - least) / (threshold - least) of unknown j at values of it, (k,); eta goes so far beyond its box."""
+        """(cost - least) / (threshold - least) of unknown j at values, (k,), with eta beyond its box by this share."""
         box = np.clip(self.box + beyond * np.diff(self.box) * [-1, 1], *self.searched)
         nodes = self._grid(box, self.looks.drawn)
         cost, inside = self._held(self.free, nodes, j, values)
@@ -104,13 +85,13 @@ class ConditionalProfiles:
         return np.vstack([inner, self.best])
 
     def _end(self, j: int, sign: float, nodes: Array, at: Conditional) -> float:
-        """The highest (sign 1) or lowest (-1) value of unknown j below the threshold, from the first look."""
+        """The highest (sign 1) or lowest (-1) value of unknown j below the threshold."""
         reach, eta = self._highest(lambda x: self._reach(self.free(x), j, sign), nodes, self._reach(at, j, sign))
         if self.faces and not self._inside(self.free(eta[None]), j, sign).all():
             faces = list(self.faces(j))
 
             def kept(nodes: Array) -> Array:
-                """The best reach over the faces, at each node, (K,); -inf where all break a bound."""
+                """Best reach over the faces at each node, (K,); -inf where all break a bound."""
                 best = np.full(len(nodes), -np.inf)
                 for one in (face(nodes) for face in faces):
                     best = np.maximum(best, np.where(self._inside(one, j, sign), self._reach(one, j, sign), -np.inf))
@@ -120,7 +101,7 @@ class ConditionalProfiles:
         return max(sign * reach, 0.0) if self.bounded[j] else sign * reach
 
     def _highest(self, reach: Callable[[Array], Array], nodes: Array, found: Array) -> tuple[float, Array]:
-        """The highest reach over eta, and where that is, (P,), from what is `found` at the nodes of the first look."""
+        """The highest reach over eta, and its place, (P,), refined from the first look."""
         offsets = _products(np.linspace(-1, 1, self.looks.near), self.best.size)
         step = np.diff(self.box)[:, 0] / (self.looks.first - 1)
         for _ in range(self.looks.again):
@@ -129,7 +110,7 @@ class ConditionalProfiles:
         return float(found.max()), nodes[found.argmax()]
 
     def _inside(self, at: Conditional, j: int, sign: float) -> NDArray[np.bool_]:
-        """Whether at the extreme of unknown j, raised to its own bound if need be, no other breaks one, (K,)."""
+        """Whether no other unknown breaks a bound at the extreme of unknown j, (K,)."""
         variance, theta = at.spread[:, j, j], at.theta[:, j]
         far = np.sqrt(variance * np.maximum(self.threshold - at.cost, 0.0))
         end = np.maximum(theta + sign * far, 0.0) if self.bounded[j] else theta + sign * far
@@ -140,13 +121,13 @@ class ConditionalProfiles:
         return np.asarray(inside.all(axis=1))
 
     def _reach(self, at: Conditional, j: int, sign: float) -> Array:
-        """What is sign times the extreme of unknown j at each node, (K,); -inf where it costs too much."""
+        """The extreme of unknown j, times sign, at each node, (K,); -inf where it costs too much."""
         left = self.threshold - at.cost
         far = sign * at.theta[:, j] + np.sqrt(at.spread[:, j, j] * np.maximum(left, 0.0))
         return np.where(left >= -self.tolerance, far, -np.inf)
 
     def _held(self, face: Face, nodes: Array, j: int, values: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """The least cost of a face at values of unknown j (D,), inf where bounds break; and where none breaks."""
+        """Least cost of a face at values of unknown j, (D,), inf where bounds break; and where none breaks."""
         theta, spread, least = face(nodes)
         variance = spread[:, j, j]  # zero where no equation shows the unknown: any value costs the same
         off = np.divide(
@@ -161,5 +142,5 @@ class ConditionalProfiles:
 
 
 def _products(axis: Array, count: int) -> Array:
-    """Every combination of values of so many equal axes, a row each; one empty row for no axis."""
+    """Combinations of values on equal axes, one per row."""
     return np.array(list(product(axis.tolist(), repeat=count)), dtype=np.float64).reshape(axis.size**count, count)

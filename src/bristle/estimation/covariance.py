@@ -1,4 +1,4 @@
-"""How far the scatter of the residuals leaves the unknowns of a least-squares problem uncertain, and Student's t."""
+"""Covariance of least-squares estimates, and Student's t."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -13,36 +13,28 @@ from bristle.estimation.levels import CONFIDENCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.nonlinear import LeastSquares, Minimum, projected
 
-SEEN = 1e-9  # of the longest column of the Jacobian: an unknown with a shorter one has no influence
+SEEN = 1e-9  # of the longest Jacobian column: shorter ones have no influence
 
 
 class Covariance(NamedTuple):
-    """What is known of the unknowns of a problem, at its minimum."""
+    """Uncertainty of the unknowns at a minimum."""
 
-    errors: Array
-    """Standard errors of the scaled unknowns, (p,); inf where nothing is seen of one."""
-    matrix: Array
-    """Covariance of the unknowns in their units, (p, p); nan where nothing is said."""
+    errors: Array  # Standard errors of the scaled unknowns, (p,); inf where not seen
+    matrix: Array  # In the unknowns' units, (p, p); nan where not known
     freedom: float
-    widening: float
-    """Median factor by which correlated residuals widen the errors of the shared unknowns."""
-    freedoms: Array
-    """Degrees of freedom of each unknown, (p,): what it rests on may change more slowly than what others do."""
+    widening: float  # Median factor on errors by correlated residuals
+    freedoms: Array  # Degrees of freedom of each unknown, (p,)
 
 
 def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Array, float]:
-    """Covariance of least-squares estimates, (p, p), and its degrees of freedom, n / inflation - p, at least 1.
-
-    cost / (n - p) (J'J)**-1 of the Jacobian (n, p) at the minimum, times `inflation`, the integrated autocorrelation time of
-    the residuals.
-    """
+    """Covariance cost / (n - p) (J'J)**-1 inflation, (p, p), and degrees of freedom n / inflation - p, at least 1."""
     n, p = jacobian.shape
     freedom = max(n / inflation - p, 1.0)
     return cost / max(n - p, 1) * inflation * inverse_gram(jacobian), freedom
 
 
 def covariance_at(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
-    """The covariance at a minimum: by the jackknife where blocks err independently, else robust to correlation."""
+    """The covariance at a minimum: by the jackknife for independent blocks, else robust to correlation."""
     known, scaled = (_jackknife if problem.independent else _robust)(problem, minimum)
     errors, whole = np.full(known.size, np.inf), np.full((known.size, known.size), np.nan)
     chain = problem.unknowns.slopes(minimum.x)[known]
@@ -51,7 +43,7 @@ def covariance_at(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
 
 
 def seen(jacobian: Array) -> NDArray[np.bool_]:
-    """Which unknowns have any influence on the residuals, (p,)."""
+    """Which unknowns influence the residuals, (p,)."""
     length = _lengths(jacobian)
     return np.asarray(length > SEEN * length.max())
 
@@ -61,7 +53,7 @@ def _lengths(jacobian: Array) -> Array:
 
 
 def _robust(problem: LeastSquares[Any], minimum: Minimum) -> tuple[NDArray[np.bool_], Covariance]:
-    """Errors as weighted sums of residuals, which may be correlated and of a variance that changes."""
+    """By weighted sums of residuals, which may be correlated and of uneven variance."""
     rest, known = minimum.residuals, seen(minimum.jacobian)
     jacobian = minimum.jacobian[:, known]
     (n, p), priors = jacobian.shape, problem.priors
@@ -83,10 +75,7 @@ def _robust(problem: LeastSquares[Any], minimum: Minimum) -> tuple[NDArray[np.bo
 
 
 def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> tuple[NDArray[np.bool_], Covariance]:
-    """The jackknife over blocks, linearised: nothing is said of the unknowns that blocks have to themselves.
-
-    Of the block's part of J'J and of J'r its own unknowns are eliminated.
-    """
+    """By the linearised jackknife over blocks, whose own unknowns are eliminated."""
     blocks, rest, shared = problem.blocks, minimum.residuals, problem.shared
     influential = shared[seen(minimum.jacobian[:, shared])]
     size = _lengths(minimum.jacobian[:, influential])
@@ -108,10 +97,10 @@ def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> tuple[NDArray[np
 
 
 def moved_without_each(inverse: Array, grams: Sequence[Array], slopes: Sequence[Array]) -> Array:
-    """How far the estimate moves without each of k blocks of equations, (k, p), to first order (Bell and McCaffrey, Survey Methodology 28, 2002).
+    """Moves of the estimate without each of k blocks, (k, p), to first order (Bell and McCaffrey, 2002).
 
-    With A_i = J_i'J_i of a block, b_i = J_i'r_i and G the sum of all A_i, by G**-1 (I - A_i G**-1)**-1 b_i. The jackknife's
-    covariance is (k - 1) / k times the sum of squares of these.
+    G**-1 (I - A_i G**-1)**-1 b_i with A_i = J_i'J_i, b_i = J_i'r_i, G = sum A_i; the jackknife's covariance is (k - 1)
+    / k times the sum of their squares (Survey Methodology 28).
     """
     one = np.eye(len(inverse))
     moves = [inverse @ np.linalg.lstsq(one - A @ inverse, b, rcond=None)[0] for A, b in zip(grams, slopes, strict=True)]
@@ -119,7 +108,7 @@ def moved_without_each(inverse: Array, grams: Sequence[Array], slopes: Sequence[
 
 
 def condition(jacobian: Array) -> float:
-    """Condition number of the Jacobian with its columns scaled to unit length; 1 where it has none."""
+    """Condition number of the Jacobian with columns of unit length; 1 if empty."""
     if jacobian.shape[1] == 0:
         return 1.0
     scale = np.linalg.norm(jacobian, axis=0)
@@ -127,5 +116,5 @@ def condition(jacobian: Array) -> float:
 
 
 def student(freedom: float, level: float = CONFIDENCE) -> float:
-    """Half-width of the interval of a level, 95 %, in standard errors, by Student's t."""
+    """Half-width of the 95 % interval in standard errors, by Student's t."""
     return float(stdtrit(freedom, (1 + level) / 2))

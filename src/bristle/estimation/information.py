@@ -1,14 +1,10 @@
-"""The Bayesian information criterion of least squares: of models on the same equations the lowest one is preferred.
-
-With k parameters, the noise variance among them, and the sum of squared residuals RSS of n equations, of which n' are
-independent: BIC = n' log(RSS / n) + k log(n').
-"""
+"""The Bayesian information criterion of least squares: BIC = n' log(RSS / n) + k log(n')."""
 
 from math import log
 
 from bristle.arrays import Array
 
-_EXACT = 1e-24  # of the measured power: residuals below are rounding
+_EXACT = 1e-24  # of the measured power: smaller residuals are rounding
 
 
 def power_of(x: Array) -> float:
@@ -17,9 +13,6 @@ def power_of(x: Array) -> float:
 
 
 def bic(residuals: Array, parameters: int, effective: float, power: float) -> float:
-    """BIC of residuals (n,), of so many `parameters`, the noise variance apart, and `effective` independent equations.
-
-    `power` is the sum of squares of what is explained.
-    """
+    """BIC of residuals (n,), k = `parameters` + 1, n' = `effective`; `power` is the sum of squares explained."""
     squares = max(power_of(residuals), _EXACT * power, 1e-300)
     return effective * log(squares / residuals.size) + (parameters + 1) * log(effective)

@@ -1,4 +1,4 @@
-"""Three intervals of one parameter side by side: where they part, and why."""
+"""Comparison of three intervals of one parameter."""
 
 from collections.abc import Sequence
 
@@ -6,9 +6,9 @@ import numpy as np
 
 from bristle.findings import CAUTION, NOTE, Finding
 
-FEW = 8  # blocks below which a bootstrap has little to draw from, and gives no interval
-ENOUGH = 20  # blocks below which a bootstrap that parts from the other intervals is explained by them
-FACTOR = 1.5  # reaches to one side of an estimate that differ by more than this factor part
+FEW = 8  # least blocks of a bootstrap interval
+ENOUGH = 20  # blocks below which a different bootstrap is explained by them
+FACTOR = 1.5  # ratio of reaches from which intervals differ
 _ROUNDING = 1e-9
 Interval = tuple[float, float] | None
 
@@ -22,10 +22,9 @@ def warnings(
     at_bound: bool = False,
     few: str | None = None,
 ) -> tuple[Finding, ...]:
-    """That there is no bootstrap; and where the three intervals differ by more than `FACTOR`, with the reason.
+    """Notes and cautions where the reaches of the three intervals differ by more than `FACTOR`, with the reason.
 
-    What is compared is how far each reaches to one side of the estimate. `at_bound`: whether that lies at its physical bound, where
-    a covariance means little; `few`: what there are few of to resample, None where there are enough.
+    `at_bound`: whether the estimate lies at its physical bound; `few`: what is too few to resample, or None.
     """
     if at_bound:
         message = "At its physical bound of zero: the intervals are one-sided."
@@ -57,7 +56,7 @@ def warnings(
 
 
 def they_differ(sides: Sequence[str], ends: Sequence[tuple[str, float, float]], reason: Finding) -> Finding:
-    """That the intervals, each a method and its ends, differ below or above the estimate, and why."""
+    """The finding on intervals, each a method and its ends, that differ on some `sides` of the estimate."""
     told = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends)
     message = (
         f"The 95 % bounds {' and '.join(sides)} the estimate differ by more than 1.5x between the methods ({told}): "
@@ -68,5 +67,5 @@ def they_differ(sides: Sequence[str], ends: Sequence[tuple[str, float, float]], 
 
 
 def _part(reaches: Sequence[float], value: float) -> bool:
-    """Whether the longest reach is more than FACTOR times the shortest; none where all are rounding."""
+    """Whether reaches differ by more than FACTOR, rounding apart."""
     return len(reaches) > 1 and max(reaches) > FACTOR * max(min(reaches), 0.0) + _ROUNDING * abs(value)

@@ -1,7 +1,4 @@
-"""The second route: the same least-squares problem through CasADi and IPOPT.
-
-IPOPT is silent, and raises no exception where it ends early: who calls judges where it ended.
-"""
+"""Least squares by CasADi and IPOPT, which is silent where it ends early."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,7 +11,7 @@ from bristle.estimation.nonlinear import Unknowns
 
 
 def solver(name: str, x: ca.MX | ca.SX, cost: ca.MX | ca.SX, *given: Any, **options: object) -> ca.Function:
-    """The solver of min cost(x, given), called with x0, lbx, ubx and, for what is given, p; `options` are IPOPT's."""
+    """The solver of min cost(x, given), called with x0, lbx, ubx and p; `options` are IPOPT's."""
     problem: dict[str, Any] = {"x": x, "f": cost} | ({"p": ca.vertcat(*given)} if given else {})
     quiet: dict[str, Any] = {"print_level": 0, "sb": "yes", **options}
     return ca.nlpsol(name, "ipopt", problem, {"print_time": False, "error_on_fail": False, "ipopt": quiet})
@@ -27,6 +24,6 @@ def natural(unknowns: Unknowns[Any], x: ca.MX | ca.SX) -> list[Any]:
 
 
 def ends(whole: ca.Function, unknowns: Unknowns[Any], starts: Sequence[Array], **given: Any) -> list[Array]:
-    """The scaled unknowns where a `solver` ends from each start between the bounds, (p,) each."""
+    """Scaled unknowns at the end from each start, (p,) each."""
     solved = (whole(x0=x0, lbx=unknowns.lower, ubx=unknowns.upper, **given)["x"] for x0 in starts)
     return [np.asarray(x).ravel() for x in solved]

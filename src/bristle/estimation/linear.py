@@ -1,4 +1,4 @@
-"""Linear least squares as the static fit needs it: free, bounded, and factored, each straight from LAPACK."""
+"""Linear least squares from LAPACK: free, bounded, factored."""
 
 from functools import cache
 
@@ -8,18 +8,18 @@ from scipy.optimize import nnls
 
 from bristle.arrays import Array
 
-_RANK = 1e-14  # below this reciprocal condition number columns count as dependent
-_INDEPENDENT = 1e-10  # a column this much of which, relative, is left by those before it counts as independent
+_RANK = 1e-14  # reciprocal condition number of dependent columns
+_INDEPENDENT = 1e-10  # relative length off the columns before from which a column is independent
 
 
 def least_squares(design: Array, torque: Array) -> Array:
-    """The solution (m,) for columns (n, m) and torque (n,), by pivoted QR; the shortest of dependent columns."""
+    """The solution (m,) for columns (n, m) and torque (n,), by pivoted QR; the shortest one if they are dependent."""
     m = design.shape[1]
     return np.asarray(lapack.dgelsy(design, torque, np.zeros((m, 1), dtype=np.int32), _RANK, 16 * m)[1][:m])
 
 
 def bounded_least_squares(design: Array, torque: Array, lower: Array) -> Array:
-    """The same with each element at or above its lower bound (m,), 0 or -inf, by nnls off the unbounded columns."""
+    """The solution with lower bounds (m,), 0 or -inf, by nnls off the unbounded columns."""
     free = np.isinf(lower)
     if free.all():  # nnls crashes without columns
         return least_squares(design, torque)
@@ -42,7 +42,7 @@ def orthonormal(columns: Array) -> tuple[Array, Array]:
 
 
 def _inverse(factored: Array) -> Array:
-    """The inverse of R, (m, m), from dgeqrf's; solving with R would wake BLAS's threads, even for two unknowns."""
+    """The inverse of dgeqrf's R, (m, m), without BLAS threads."""
     m = factored.shape[1]
     return np.asarray(lapack.dtrtri(factored[:m] * _upper(m))[0])
 
@@ -54,7 +54,7 @@ def _upper(m: int) -> Array:
 
 
 def inverse_gram(jacobian: Array) -> Array:
-    """(J'J)**-1, (m, m), by QR; a scaled pseudo-inverse where columns depend on one another."""
+    """(J'J)**-1, (m, m), by QR, or a scaled pseudo-inverse."""
     n, m = jacobian.shape
     if n >= m > 0:
         factored = lapack.dgeqrf(jacobian)[0]
@@ -69,14 +69,11 @@ def inverse_gram(jacobian: Array) -> Array:
 
 
 def best_column_p_value(off: Array, length: Array, q: Array, ratio: float, *, draws: int = 2000) -> float:
-    """How often pure noise would look as much like one of the columns as the data do.
+    """How often noise alone resembles the best of the columns as much as the data, by simulation.
 
-    The column counts times a factor that is not negative. Where columns differ by a parameter that means nothing
-    without them, no F table applies to the best of all. But the ratio (cost without - cost with) / cost with does not
-    depend on the other parameters nor on the noise level: it is drawn here, with Gaussian noise.
-
-    The columns are `off` those that are there anyhow, (n, k), of squared lengths (k,), inf where one vanishes; q is an
-    orthonormal basis of the latter, (n, m), and the ratio seen is over the inflation of autocorrelated residuals.
+    Columns are `off` the linear ones, (n, k), of squared lengths (k,), with a coefficient >= 0; q is an orthonormal
+    basis of the linear ones, (n, m). The ratio (cost without - cost with) / cost with is over the inflation of
+    correlated residuals.
     """
     rng = np.random.default_rng(0)
     # noise matters along the columns; elsewhere only its length does. A column of infinite length vanishes.

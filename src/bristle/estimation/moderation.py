@@ -1,7 +1,7 @@
-"""Variances that each rest on few observations, made steadier by what all of them have in common: empirical Bayes (Smyth, 2004).
+"""Empirical Bayes for variances of few observations (Smyth, Stat. Appl. Genet. Mol. Biol. 3(1), 2004).
 
-Statistical Applications in Genetics and Molecular Biology 3(1), article 3: a variance s**2 with d degrees of freedom becomes
-(d0 s0**2 + d s**2) / (d0 + d), with d0 + d degrees of freedom; s0**2 and d0 come from the scatter of log(s**2) beyond what chance makes it.
+A variance s**2 with d degrees of freedom becomes (d0 s0**2 + d s**2) / (d0 + d); s0**2 and d0 come from the scatter of
+log(s**2).
 """
 
 import numpy as np
@@ -12,15 +12,15 @@ from bristle.arrays import Array
 from bristle.estimation.levels import CONFIDENCE
 
 _LEVEL = (1 + CONFIDENCE) / 2
-_MANY = 1e3  # degrees of freedom that are as good as any number of them
-_SCATTER = (1e-6, 1e6)  # of log(s**2): below it all variances are one, above it they have nothing in common
+_MANY = 1e3  # degrees of freedom that count as infinite
+_SCATTER = (1e-6, 1e6)  # of log(s**2): limits between one variance and unrelated ones
 
 
 def normal_errors(error: Array, half: Array) -> Array:
-    """Errors of normal variables that are as uncertain as estimates of one kind with these errors and halves of 95 % intervals, (n,) both.
+    """Errors of normal variables as uncertain as estimates with these errors and halves of 95 % intervals, (n,).
 
-    An interval wider than 1.96 errors says that its error rests on few degrees of freedom: of some such errors the small ones are small by
-    chance. An interval that is open or not known counts as one of 1.96 errors.
+    An interval wider than 1.96 errors tells degrees of freedom, by which errors are moderated; an open one counts as
+    1.96.
     """
     normal = float(stdtrit(np.inf, _LEVEL))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -36,7 +36,7 @@ def normal_errors(error: Array, half: Array) -> Array:
 
 
 def moderated(variance: Array, freedom: Array) -> tuple[Array, Array]:
-    """Variances > 0 with these degrees of freedom, and what becomes of both, (n,) each; one with infinitely many stays as it is."""
+    """Variances > 0 and degrees of freedom after moderation, (n,) each."""
     few = np.isfinite(freedom) & (variance > 0)
     if few.sum() < 2:
         return variance, freedom

@@ -1,4 +1,4 @@
-"""A least-squares problem solved from several starts: the lowest minimum, how many reached it, and what is known there."""
+"""Least squares from several starts."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -15,22 +15,19 @@ from bristle.progress import Progress, teller
 Start = TypeVar("Start")
 _STEPS = 60  # of a descent from a start
 SAME, _OF_VARIANCE = 1e-6, 1e-2
-"""Two minima are the same where their costs differ by less than this share of them, or of a residual's variance: a tenth
-of a standard error, while a descent ends within a hundredth."""
-_NOTHING = 1e-20  # a cost below this is none
+"""Costs closer than this share of them, or of a residual's variance, are the same minimum."""
+_NOTHING = 1e-20  # smaller costs are zero
 
 
 class MultistartSolution(NamedTuple, Generic[Name]):
-    """The lowest minimum, with what is known of it; from `scaled_errors` on as in `Covariance`."""
+    """The lowest minimum and its covariance, as in `Covariance`."""
 
     posed: LeastSquares[Name]
-    """The problem of which it is the minimum."""
     minimum: Minimum
     names: tuple[Name, ...]
     values: Mapping[Name, float]
     starts: int
-    reached: int
-    """How many starts ended at the same cost."""
+    reached: int  # Starts that ended at that cost
     scaled_errors: Array
     covariance: Array
     freedom: float
@@ -45,11 +42,11 @@ def solve_from_starts(
     progress: Progress | None = None,
     known: tuple[LeastSquares[Name], Minimum] | None = None,
 ) -> MultistartSolution[Name]:
-    """The lowest minimum from several starts, and the covariance there.
+    """The lowest minimum from several starts, and its covariance.
 
-    `solve` poses the problem about a start and descends from there in so many steps at most; it may give up above the lowest
-    cost known, its last argument. A start where nothing depends on anything is passed over once an end is known, as one
-    `known` and finished before. `finish` is what is still done at the lowest end. Raises InputError as `solve` does.
+    `solve` descends from a start in at most so many steps, and may give up above the lowest cost known; a start without
+    influence is passed over once an end is `known`. `finish` completes the lowest end. Raises InputError as `solve`
+    does.
     """
     ends, count = [known] if known else [], len(starts) + (known is not None)
     tell = teller(progress, len(starts))

@@ -1,11 +1,4 @@
-"""Nonlinear least squares: residuals and their exact Jacobian over scaled unknowns, and the descent between bounds.
-
-Steps are Gauss and Newton's in a trust region (Levenberg and Marquardt), from J'J and J'r alone. Squaring the condition
-of J makes a step less exact, not the minimum, where J'r vanishes.
-
-Equations come in blocks, each of which may have unknowns of its own, as a window has its start; behind them stand the
-rows of priors. What is known of the shared unknowns is in the Jacobian with each block's own columns projected out.
-"""
+"""Nonlinear least squares between bounds, by Gauss-Newton steps in a trust region, with unknowns private to blocks."""
 
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
@@ -19,23 +12,21 @@ from bristle.errors import InputError
 
 Name = TypeVar("Name", bound=Hashable)
 Evaluate = Callable[[Array], tuple[Array, Array]]
-"""Scaled unknowns, (p,) -> residuals, (n,), and their Jacobian, (n, p); not finite where the unknowns are impossible.
-"""
+"""Scaled unknowns, (p,) -> residuals, (n,), and Jacobian, (n, p); not finite where impossible."""
 _DAMPING = 1e-4
 _MOST_DAMPING = 1e8
-_HARDLY_SEEN = 1e-8  # of the longest column: damping takes shorter ones for this long, to keep what is hardly seen near
-_SETTLED = 1e-6  # of the residuals' variance: steps end when the next would gain less, 1e-3 standard errors
-_FLAT = 1e-6  # out of steps, the cost has settled if the last lowered it by less: what still moves is not seen
+_HARDLY_SEEN = 1e-8  # of the longest column: damping treats shorter ones as so long
+_SETTLED = 1e-6  # of the residuals' variance: smaller gains end the steps, at 1e-3 standard errors
+_FLAT = 1e-6  # of the variance: a smaller last gain counts as converged when steps run out
 _SLOW, _CREEPS = 1e-2, 3
-"""Steps end as well where so many in a row lower it by less than this share of the variance each, a tenth of a standard error: along a
-narrow bend they would go on for hundreds."""
-_HOPELESS = 4  # steps in a row that gain too little, after which a descent is given up:
-_STILL_ABOVE = 1.2  # it stays above this many times the lowest end known, ...
-_PROMISED = 3.0  # ... were all that is left to gain this many times what the step gained
+"""Steps also end where so many in a row lower the cost by less than this share of the variance each."""
+_HOPELESS = 4  # steps of too little gain in a row, after which a descent is given up
+_STILL_ABOVE = 1.2  # of the lowest cost known, that it stays above
+_PROMISED = 3.0  # times the step's gain, as all that is left to gain
 
 
 class Block(NamedTuple):
-    """Rows of the residuals, and the unknowns that no other rows depend on."""
+    """Rows of the residuals and their private unknowns."""
 
     rows: slice
     columns: list[int]
@@ -43,32 +34,27 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unknowns(Generic[Name]):
-    """The free unknowns of a problem; a solver sees each as its logarithm, or over a typical size."""
+    """The free unknowns, scaled: a logarithm, or over a typical size."""
 
     names: tuple[Name, ...]
-    logarithmic: NDArray[np.bool_]
-    """Which stand as their logarithm, (p,)."""
-    scale: Array
-    """A typical size of each, (p,), > 0; 1 where it stands as its logarithm."""
-    lower: Array
-    """Bounds of the scaled unknowns, (p,), -inf where there is none."""
-    upper: Array
-    """The same from above."""
-    least: Array
-    """What each may be at all, in its unit: 0 or -inf, (p,). A side of an interval that data leave open ends there."""
+    logarithmic: NDArray[np.bool_]  # (p,)
+    scale: Array  # Typical sizes, (p,), > 0; 1 for logarithms
+    lower: Array  # Scaled bounds, (p,)
+    upper: Array  # (p,)
+    least: Array  # Smallest possible values in units, 0 or -inf, (p,)
 
     def scaled(self, values: Mapping[Name, float]) -> Array:
-        """The unknowns as a solver sees them, (p,)."""
+        """Scaled unknowns, (p,)."""
         natural = np.array([values[name] for name in self.names], dtype=np.float64)
         logarithms = np.log(natural, out=np.zeros(natural.size), where=self.logarithmic)
         return np.where(self.logarithmic, logarithms, natural / self.scale)
 
     def natural(self, x: Array) -> Array:
-        """The unknowns in their units from scaled ones, (p,)."""
+        """Unknowns in their units, (p,)."""
         return np.where(self.logarithmic, np.exp(np.where(self.logarithmic, x, 0.0)), x * self.scale)
 
     def natural_of(self, which: int, x: Array) -> Array:
-        """One unknown in its unit at scaled values of it, (k,)."""
+        """One unknown in its unit at scaled values, (k,)."""
         return np.exp(x) if self.logarithmic[which] else x * self.scale[which]
 
     def slopes(self, x: Array) -> Array:
@@ -82,30 +68,25 @@ class Unknowns(Generic[Name]):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeastSquares(Generic[Name]):
-    """The problem of the least sum of squared residuals between the bounds of its unknowns."""
+    """Least squares between bounds."""
 
     unknowns: Unknowns[Name]
     evaluate: Evaluate
-    blocks: tuple[Block, ...] = ()
-    """Groups of equations that have unknowns of their own, in the order of the rows."""
-    independent: bool = False
-    """Whether blocks err independently of one another, however correlated their own residuals are."""
-    starts: tuple[int, ...] = (0,)
-    """First equation of each segment between gaps; no correlation reaches over one."""
-    priors: int = 0
-    """How many of the last rows are priors, which scatter by `sigma` ..."""
+    blocks: tuple[Block, ...] = ()  # In the order of the rows
+    independent: bool = False  # Whether blocks err independently
+    starts: tuple[int, ...] = (0,)  # First equation of each segment between gaps
+    priors: int = 0  # Number of the last rows that are priors, which scatter by `sigma`
     sigma: float = 1.0
-    """... as the residuals do."""
 
     @property
     def shared(self) -> NDArray[np.intp]:
-        """The unknowns that no block has to itself, ascending."""
+        """Unknowns that are private to no block, ascending."""
         of_blocks = [k for block in self.blocks for k in block.columns]
         return np.setdiff1d(np.arange(len(self.unknowns.names)), of_blocks)
 
 
 def projected(jacobian: Array, shared: NDArray[np.intp], blocks: tuple[Block, ...]) -> Array:
-    """Some shared unknowns' columns, (n, len(shared)), with what each block's own can do taken off."""
+    """Columns of shared unknowns, (n, k), with private ones projected out."""
     left = jacobian[:, shared]
     for rows, columns in blocks:
         basis = np.linalg.qr(jacobian[rows][:, columns])[0]
@@ -114,15 +95,13 @@ def projected(jacobian: Array, shared: NDArray[np.intp], blocks: tuple[Block, ..
 
 
 class Minimum(NamedTuple):
-    """Where a descent ended."""
+    """The end of a descent."""
 
     x: Array
     cost: float
     residuals: Array
-    jacobian: Array
-    """Of the residuals with respect to x, (n, p)."""
-    steps: int
-    """Steps that lowered the cost."""
+    jacobian: Array  # Of the residuals by x, (n, p)
+    steps: int  # Steps that lowered the cost
     converged: bool
 
 
@@ -136,12 +115,10 @@ def minimise(
     lowest: float = np.inf,
     enough: float = 0.0,
 ) -> Minimum:
-    """The nearest minimum of the sum of squared residuals, lower <= x <= upper, in `most` steps; a start beyond is moved to the bounds.
+    """The nearest minimum of the sum of squares with lower <= x <= upper, in at most `most` steps.
 
-    What lowers the cost by less than the share `settled` of the residuals' variance, or than `enough`, is no step any more. A
-    descent that clearly goes to an end worse than the `lowest` known is given up, unconverged.
-
-    Raises InputError where the start gives no finite cost, or the gradient there is zero: nothing then depends on x.
+    Ends at steps below the share `settled` of the residuals' variance, or below `enough`; gives up, unconverged, where
+    the end is clearly above `lowest`. Raises InputError where the start has no finite cost, or nothing depends on x.
     """
     x = np.clip(start, lower, upper)
     residuals, jacobian = evaluate(x)

@@ -1,14 +1,7 @@
-"""The profile of an unknown: the cost at a value of it, with all others fitted anew.
+"""Profiles: the cost over one unknown, all others fitted again; the interval is where it is below a threshold.
 
-Its interval is where that stays below a threshold. Of n equations with p unknowns the threshold lies above the least
-cost by
-
-    d = S F J_min / (n - p),    F = F(0.95; 1, freedom),
-
-where S is by how much correlated residuals widen the unknown's variance: in a linear problem the interval is the
-covariance's. sqrt((J - J_min) / d) is linear in the scaled unknown where the problem is: where it crosses one is found in
-few descents, each from the point before it, moved along the others' linearised conditional mean. A problem that is linear
-once a few unknowns are given has an exact profile: see `conditional_profile`.
+With n equations and p unknowns the threshold is J_min + S F J_min / (n - p), F = F(0.95; 1, freedom), S the variance
+inflation. The root of the scaled excess is linear where the problem is, so that few descents find where it crosses one.
 """
 
 from collections.abc import Callable
@@ -35,27 +28,25 @@ _OPEN = Finding(
     "No finite interval by the profile: with the other parameters re-optimised, every value on that side that a motion can show "
     "fits about as well.",
 )
-_TRIES, _BUDGET = 12, 40  # steps of a descent at one value, and evaluations on one side (five of a smooth profile)
-_SETTLED = 1e-3  # of d: a descent ends when a step would lower the cost by less
-_EXACT = 1e-3  # of its distance from the estimate: how near to the crossing an end is sought
-_STRAIGHT = 1e-2  # this near to one, the statistic's root is a line from the estimate on
+_TRIES, _BUDGET = 12, 40  # steps per value, and evaluations per side (five of a smooth profile)
+_SETTLED = 1e-3  # of d: smaller gains end a descent
+_EXACT = 1e-3  # of its distance from the estimate: tolerance of an end
+_STRAIGHT = 1e-2  # distance from one within which the root is linear
 BETTER = 1e-3  # of d: a cost this much below the fit's is a better optimum
-_FAR, _GROWTH = 6, 4.0  # how often an end that is not reached is sought farther away, and by what factor at most
-_STEEP = 1e3  # stands for the statistic's root where nothing can be computed
+_FAR, _GROWTH = 6, 4.0  # extensions of the search for an end, and the largest factor
+_STEEP = 1e3  # root where nothing can be computed
 
 
 class Profiled(NamedTuple):
     """One unknown's profile, in its unit."""
 
-    interval: tuple[float, float]
-    """A side that the profile leaves open is infinite, or the least that the unknown may be."""
-    curve: Array
-    """Values, ascending, and (cost - least) / d there, (2, k): 0 at the estimate, 1 at the interval's ends."""
+    interval: tuple[float, float]  # Open sides are infinite, or the least possible value
+    curve: Array  # Values, ascending, and (cost - least) / d, (2, k): 1 at the interval's ends
     warnings: tuple[Finding, ...] = ()
 
 
 def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> float:
-    """The cost at which a profiled unknown leaves its 95 % interval, J_min + d; S is the `inflation`."""
+    """The cost at the ends of a 95 % interval, J_min + d; S is the `inflation`."""
     freedom = max(n / inflation - p, 1.0)
     return cost * (1 + inflation * float(fdtri(1, freedom, CONFIDENCE)) / max(n - p, 1))
 
@@ -63,14 +54,11 @@ def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> fl
 def interval_on_grid(
     costs: Callable[[Array], Array], grid: Array, profile: Array, best: float, most: float
 ) -> tuple[float, float]:
-    """The interval of a positive unknown: where its profile, (k,) -> (k,), stays below the threshold `most`; 0 or inf to the grid's end.
-
-    Of the profile on an ascending grid of the unknown, (k,) both, and the `best` value.
-    """
+    """The interval of a positive unknown from its profile on an ascending grid, (k,); 0 or inf for no end."""
     inside = np.append(grid[profile <= most], best)
 
     def crossing(outside: float, within: float) -> float:
-        """Where between two values the profile crosses the threshold; the inner one where it does not."""
+        """Where the profile crosses the threshold between two values; else the inner one."""
 
         def excess(u: float) -> float:
             return float(costs(np.array([np.exp(u)]))[0]) - most
@@ -87,10 +75,9 @@ def interval_on_grid(
 def profiles(
     solution: MultistartSolution[Name], progress: Progress | None = None, *, stop_at_better: bool = True
 ) -> tuple[dict[Name, Profiled], Array | None]:
-    """Profiles of the shared unknowns of a solved problem, by name, and None; an unknown without influence is open.
+    """Profiles of the shared unknowns, by name, and None; an unknown without influence is open.
 
-    If a better optimum is met and `stop_at_better` is true: the profiles found until then, and the scaled unknowns of
-    that optimum, from which the fit must be repeated.
+    With `stop_at_better`, a lower cost ends the search: the profiles until then, and the scaled unknowns there.
     """
     problem, minimum = solution.posed, solution.minimum
     unknowns, x, known = problem.unknowns, minimum.x, seen(minimum.jacobian)
@@ -119,7 +106,7 @@ def profiles(
 
 
 class _Stop(Exception):  # noqa: N818  # a way out of a search: it found a better optimum, or its budget is spent
-    """A search along a profile ends before it found what it looked for."""
+    """Ends a search along a profile."""
 
 
 @dataclass(slots=True)
@@ -138,7 +125,7 @@ class _Path:
     rough: bool = False  # Whether a descent did not settle, or a search was given up
 
     def profiled(self, reach: float) -> Profiled:
-        """The profile, in the unknown's unit; its ends are first looked for `reach` away from the estimate."""
+        """The profile in the unknown's unit; its ends are first sought at `reach`."""
         unknowns, j, x = self.problem.unknowns, self.which, self.minimum.x
         limits = min(unknowns.lower[j], x[j]), max(unknowns.upper[j], x[j])
         ends = [self._end(reach, float(limit)) if self.better is None else None for limit in limits]
@@ -159,7 +146,7 @@ class _Path:
         return Profiled((low, high), np.stack([unknowns.natural_of(j, at), heights]), told)
 
     def _end(self, reach: float, limit: float) -> float | None:
-        """Where the root crosses one towards `limit`, first looked for `reach` from the estimate; None: nowhere."""
+        """Where the root crosses one towards `limit`, first sought at `reach`; None: nowhere."""
         best, self.spent = float(self.minimum.x[self.which]), 0
         side, most = float(np.sign(limit - best)), abs(limit - best)
         inside, away = best, min(reach, most)
@@ -177,14 +164,14 @@ class _Path:
         except _Stop:
             self.rough = True
             beyond = [x for x, root in self.roots.items() if (x - best) * side > 0 and root > 1]
-            return max(beyond, key=lambda x: abs(x - best), default=None)  # the nearer ones may only look so high
+            return max(beyond, key=lambda x: abs(x - best), default=None)  # nearer ones may be false
         return None
 
     def _root(self, value: float) -> float:
-        """The statistic's root at a scaled value of the unknown."""
+        """The root of the statistic at a scaled value."""
         if value not in self.roots:
             j, best = self.which, float(self.minimum.x[self.which])
-            # next to the value on the way from the estimate: what lies beyond may be in another valley
+            # start next to the value, on the side of the estimate, to stay in one valley
             inside = [point for point in self.points if 0 <= (point[0][j] - best) / (value - best) <= 1]
             x, gram = max(inside, key=lambda point: abs(float(point[0][j]) - best))
             tried = (self._solved(start, value) for start in (x + self._slope(x, gram) * (value - x[j]), x))
@@ -192,7 +179,7 @@ class _Path:
         return self.roots[value]
 
     def _slope(self, x: Array, gram: Array) -> Array:
-        """Derivative of the others' linearised conditional mean by the unknown, (p,): 1 for itself, 0 at a bound."""
+        """Derivative of the others' conditional mean by the unknown, (p,): 1 for itself, 0 at a bound."""
         size, unknowns = np.sqrt(gram.diagonal()), self.problem.unknowns
         free = (size > 0) & (x > unknowns.lower) & (x < unknowns.upper)
         free[self.which] = False
@@ -203,7 +190,7 @@ class _Path:
         return out
 
     def _solved(self, start: Array, value: float) -> float | None:
-        """The statistic's root with the unknown held at a value; None where nothing can be computed at the start."""
+        """The root with the unknown held; None where it cannot be computed at the start."""
         held, cost = np.arange(start.size) == self.which, self.minimum.cost
         box = (self.problem.unknowns.lower, self.problem.unknowns.upper)
         lower, upper = (np.where(held, value, bound) for bound in box)

@@ -1,7 +1,6 @@
-"""Robust estimates where each observation has a known variance and all share an unknown one: Huber's M-estimates (1964, 1981).
+"""Huber's M-estimates (1964, 1981) for observations with known variances and a common unknown one (Proposal 2).
 
-The common variance solves mean(min(r**2 / s**2, c**2)) = E[min(Z**2, c**2)], s**2 = m variance + known (his Proposal 2):
-what lies further out than c counts as c, so that a few observations of another kind hardly move it.
+mean(min(r**2 / s**2, c**2)) = E[min(Z**2, c**2)], s**2 = m variance + known.
 """
 
 from typing import Generic, NamedTuple, TypeVar
@@ -20,7 +19,7 @@ SCALE_EFFICIENCY = 0.88  # of the variance's estimate with normal errors, at `SC
 _PASSES = 60
 _SETTLED = 1e-7
 _LEAST_VARIANCE = 1e-200
-_MANY = 20  # groups from which on the covariance is that of their scores, not of the model
+_MANY = 20  # least groups for a covariance by their scores
 
 
 def expected_square(bend: float) -> float:
@@ -29,17 +28,14 @@ def expected_square(bend: float) -> float:
 
 
 def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: int = 0) -> float:
-    """The variance that all residuals, (n,), share beside their known ones, (n,); 0 where these explain them.
-
-    It is in each so many `times`: once, or twice in a difference of two observations. `lost` coefficients were fitted.
-    """
+    """The common variance of residuals, (n,), beside known ones, (n,), `times` in each; `lost` coefficients fitted."""
     squares, free = residuals**2, residuals.size - lost
     if free < 1:
         return 0.0
     goal = expected_square(SCALE) * free
 
     def excess(variance: float) -> float:
-        """Of the squares in parts of their variances, each at most c**2, over what is expected."""
+        """Mean bounded square over its expectation."""
         with np.errstate(over="ignore"):  # where nothing varies
             ratio = squares / np.maximum(times * variance + known, _LEAST_VARIANCE)
         return float(np.minimum(ratio, SCALE**2).sum()) - goal
@@ -47,13 +43,13 @@ def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: in
     if excess(0.0) <= 0:
         return 0.0
     top = float(squares.max()) / times
-    while excess(top) > 0:  # where strays are most of all
+    while excess(top) > 0:  # mostly strays
         top *= 4
     return float(brentq(excess, 0.0, top, xtol=1e-12 * top, rtol=1e-8))
 
 
 def variance_interval(variance: float, known: float, freedom: float) -> tuple[float, float]:
-    """95 % interval of a common variance beside a typical known one, by chi-squared of the sum; the lower end is 0 where the data allow it."""
+    """95 % interval of a common variance beside a typical known one, by chi-squared of the sum."""
     total, tail = variance + known, (1 - CONFIDENCE) / 2
     if freedom <= 0 or total <= 0:
         return 0.0, float("inf")
@@ -62,34 +58,27 @@ def variance_interval(variance: float, known: float, freedom: float) -> tuple[fl
 
 
 class RobustFit(NamedTuple):
-    """Coefficients, and the variance that all observations share."""
+    """Coefficients and common variance."""
 
-    coefficients: Array
-    """(p,)."""
-    covariance: Array
-    """(p, p)."""
-    variance: float
-    """Of one observation, beside its known variance."""
-    freedom: float
-    """Degrees of freedom of the variance."""
+    coefficients: Array  # (p,)
+    covariance: Array  # (p, p)
+    variance: float  # Of one observation, beside its known one
+    freedom: float  # Of the variance
     freedom_of_coefficients: float
 
 
 def differences_of(owner: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Which observation, (n,) sorted by their owner, belongs to the same as the next one, (m,)."""
+    """Observations, (m,), whose successor has the same owner; (n,) sorted by owner."""
     return np.flatnonzero(owner[1:] == owner[:-1])
 
 
 def fit_differences(
     y: Array, known: Array, regressors: Array, first: NDArray[np.intp], groups: NDArray[np.intp]
 ) -> RobustFit:
-    """Fits y = level of its owner + regressors @ coefficients + error, of variance common + known, by successive differences.
+    """Fit y = level of its owner + regressors @ coefficients + error by successive differences, robust to a step.
 
-    A level that steps is wrong in one difference alone, which counts little. The covariance is of the scores summed over
-    groups where there are `_MANY`, else of the model, in which neighbouring differences share an observation.
-
-    Observations, (n,), are sorted by owner and time; regressors are (n, p), p may be 0; of `first` and the next one differences are taken,
-    and `groups`, (n,), say what may move together.
+    Observations, (n,), are sorted by owner and time; regressors are (n, p). The covariance is of scores summed over
+    `groups` where there are `_MANY`, else of the model.
     """
     d, X = y[first + 1] - y[first], regressors[first + 1] - regressors[first]
     v = known[first] + known[first + 1]
@@ -129,17 +118,16 @@ Size = TypeVar("Size", float, Array)
 
 
 class Population(NamedTuple, Generic[Size]):
-    """Things of one kind, each measured with a known variance; or, (n,) each, the population without each of n things."""
+    """A population with known variances of its members; or, (n,) each, without each of n members."""
 
     mean: Size
     mean_error: Size
-    variance: Size
-    """Between them."""
+    variance: Size  # Between members
     freedom: float
 
 
 def population(values: Array, known: Array) -> Population[float]:
-    """Random effects, robust: mean and variance of a population of which each value (n,) has a known variance (n,)."""
+    """Robust random effects: mean and variance of a population of values (n,) with known variances (n,)."""
     mean, s2, variance = float(np.median(values)), known, 0.0
     for _ in range(_PASSES):
         variance = common_variance(values - mean, known, lost=1)
@@ -155,10 +143,7 @@ def population(values: Array, known: Array) -> Population[float]:
 
 
 def without_each(values: Array, known: Array) -> Population[Array]:
-    """The same without each value in turn: what a value is compared with, if it is not to widen the scatter that it is judged by.
-
-    Time grows with n**2.
-    """
+    """The same without each value in turn, in a time that grows with n**2."""
     others = [population(np.delete(values, k), np.delete(known, k)) for k in range(values.size)]
     mean, error, variance, freedom = np.array(others).T
     return Population(mean, error, variance, float(freedom[0]))

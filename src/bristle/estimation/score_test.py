@@ -1,8 +1,4 @@
-"""One question of what a fit leaves: whether a column explains it, and what it would change.
-
-A score test (Rao, 1948): the column, projected off the derivatives of all that is fitted, against the residuals. Nothing
-is fitted anew; what would change is one Gauss-Newton step.
-"""
+"""Score tests (Rao, 1948) of columns that could explain a fit's residuals, with their effect to first order."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -17,64 +13,48 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.findings import NOTE, Finding
 
-LEAST = 0.05  # of the squares that the fit leaves: a candidate that explains less is not worth a sentence
-MATTERS = 0.01  # of friction, rms, or a standard error of some parameter: a candidate that moves less is a note
+LEAST = 0.05  # of the residuals' squares: candidates that explain less are not reported
+MATTERS = 0.01  # of rms friction, or of a standard error: smaller effects are a note
 _MANY = 100
-"""Equations that tell how noise is correlated, and uneven, along a column; of fewer it is as along a slow one, at most, and even."""
-_BESIDE, _RANK = 1e-6, 1e-10  # of its length: a column with less beside others is made of them; and known ones
+"""Equations from which correlated and uneven noise is estimated along a column."""
+_BESIDE, _RANK = 1e-6, 1e-10  # relative length of a column beside known ones, and relative rank of these
 
 
 class Score(NamedTuple):
-    """What k columns explain of residuals, beside p known ones."""
+    """Test of k columns beside known ones."""
 
-    sizes: Array
-    """How much of each column the residuals ask for, (k,)."""
-    errors: Array
-    """Standard errors of these, (k,)."""
-    p: float
-    """Probability of so much by chance."""
-    share: float
-    """Of the squares that the known ones leave ..."""
-    squares: float
-    """... and these."""
+    sizes: Array  # Coefficients, (k,)
+    errors: Array  # Their standard errors, (k,)
+    p: float  # p-value
+    share: float  # Explained share of the residuals' squares
+    squares: float  # Explained squares
 
 
 class Fitted(NamedTuple):
-    """A fit of n equations, to first order."""
+    """A fit of n equations to first order."""
 
-    known: Array
-    """Derivatives of the residuals by all p unknowns, (n, p)."""
-    rest: Array
-    """The residuals: measured less modelled, (n,)."""
-    errors: Array
-    """Standard errors of the unknowns, (p,)."""
-    of_friction: Array
-    """Which of the unknowns are of friction, (p,), bool."""
-    friction: float
-    """Its rms."""
-    weight: Array = np.ones(1)
-    """What the equations are multiplied by in the fit, (n,), or one for all."""
-    widened: bool = True
-    """Whether the errors that are given are those of `explained`."""
+    known: Array  # Derivatives of the residuals by all unknowns, (n, p)
+    rest: Array  # Measured less modelled, (n,)
+    errors: Array  # Standard errors of the unknowns, (p,)
+    of_friction: Array  # Unknowns of friction, (p,), bool
+    friction: float  # Rms friction
+    weight: Array = np.ones(1)  # Factor on each equation, (n,) or (1,)
+    widened: bool = True  # Whether the stated errors include the effects of `explained`
 
 
 class Candidate(NamedTuple):
-    """What a fit may lack."""
+    """A term that a fit may lack."""
 
-    tell: Callable[[Score, int], Finding | None]
-    """What is said of it where it explains what is left, and by which of its alternatives; None: it is refused."""
-    columns: Sequence[Array]
-    """Its alternatives, of which the best is taken, (n, k) each, in the unit of the residuals, without weights."""
-    is_friction: bool = False
-    """Whether what it explains is friction too."""
+    tell: Callable[[Score, int], Finding | None]  # (score, index of the alternative) -> finding, or None to refuse it
+    columns: Sequence[Array]  # Alternatives, (n, k) each, in the unit of the residuals, unweighted
+    is_friction: bool = False  # Whether it is friction itself
 
 
 def scores(known: Array, rest: Array, columns: Sequence[Array], inflated: float = 1.0) -> list[Score]:
-    """The test of some columns, (n, k) each, beside known ones, (n, p), on residuals, (n,), in an order in which they may be correlated.
+    """Scores of columns, (n, k) each, beside known ones, (n, p), for residuals, (n,), each alone.
 
-    Each is tested alone. In directions at right angles b = D'r, whose variances are those of what is left, times what autocorrelation makes of them
-    along each; or, of many, those of the products D r about their means, as there were nothing to explain, where these are larger.
-    mean(b**2 / variance) is F. What is made of others is left out. Autocorrelation makes of a variance `inflated` times as much at least.
+    F = mean(b**2 / variance) in orthogonal directions b = D'r; variances allow for correlation along each (at least
+    `inflated`), and with many equations for uneven noise.
     """
     basis = _basis(known)
     left = rest - basis @ (basis.T @ rest)
@@ -82,13 +62,13 @@ def scores(known: Array, rest: Array, columns: Sequence[Array], inflated: float 
 
 
 def moved_by(known: Array, added: Array) -> Array:
-    """How far each unknown, (p,), would move with what is added to the model, or to the data, (n,), to first order."""
+    """Move of each unknown, (p,), by what is added to the model or the data, (n,), to first order."""
     scale = np.maximum(np.linalg.norm(known, axis=0), 1e-300)
     return np.asarray(np.linalg.lstsq(known / scale, added, rcond=_RANK)[0] / scale)
 
 
 def _basis(known: Array) -> Array:
-    """Orthonormal columns that span some others, (n, p)."""
+    """Orthonormal basis of some columns, (n, p)."""
     lengths = np.linalg.norm(known, axis=0)
     if not lengths.any():
         return known[:, :0]
@@ -98,7 +78,7 @@ def _basis(known: Array) -> Array:
 
 
 def _score(basis: Array, left: Array, columns: Array, inflated: float = 1.0) -> Score:
-    """The same, of a basis of what is known, and of what that leaves."""
+    """The score beside a basis, for residuals projected off it."""
     lengths = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     beside = columns / lengths
     beside = beside - basis @ (basis.T @ beside)
@@ -112,7 +92,7 @@ def _score(basis: Array, left: Array, columns: Array, inflated: float = 1.0) -> 
     share, rest = min(float(b @ b) / total, 1.0), left - directions @ b
     inverse = np.linalg.pinv(R)
     sizes[own] = inverse @ b / lengths[own]
-    # noise that is alike everywhere, and noise that differs along the column, and may be correlated there alone
+    # variances for even noise, and for noise that is uneven and correlated along the column
     most, one = np.inf if n >= _MANY else inflation(rest), float(rest @ rest)
     correlated = np.array([max(min(inflation(rest, d), most), inflated) for d in directions.T])
     freedom = (n - p) / float(correlated.max()) - k
@@ -120,7 +100,7 @@ def _score(basis: Array, left: Array, columns: Array, inflated: float = 1.0) -> 
         return Score(sizes, errors, 1.0, share, share * total)
     variance = one / (n - p - k) * correlated
     if n >= _MANY:
-        powers = n * np.var(directions * left[:, None], axis=0)  # as if there were nothing: few alone prove nothing
+        powers = n * np.var(directions * left[:, None], axis=0)  # under the null hypothesis
         uneven = powers * [max(inflation(x), inflated) for x in (directions * rest[:, None]).T]
         variance = np.maximum(variance, uneven * n / (n - p - k))
     errors[own] = np.sqrt(inverse**2 @ variance) / lengths[own]
@@ -129,21 +109,18 @@ def _score(basis: Array, left: Array, columns: Array, inflated: float = 1.0) -> 
 
 
 class Explained(NamedTuple):
-    """What candidates explain of what a fit leaves."""
+    """Result of `explained`."""
 
     findings: list[Finding]
-    left: Array
-    """What they leave, (n,)."""
-    errors: Array
-    """Standard errors of the unknowns, (p,), with how far each would move with what was found."""
+    left: Array  # Residuals beside what was found, (n,)
+    errors: Array  # Standard errors, (p,), with the moves by what was found
 
 
 def explained(fit: Fitted, candidates: Sequence[Candidate]) -> Explained:
-    """What the candidates explain of what a fit leaves, one after the other, beside those before.
+    """Add the best candidate by BIC, one after another, as long as it is significant (Bonferroni) and explains enough.
 
-    Each time the one that BIC likes best of those that are significant, corrected for all that were tried, and explain
-    enough. The `effect` of a finding is what adding it would change: the friction, rms, under `torque`, and the parameter that moves
-    farthest, in its standard errors, under `errors`. A finding that changes neither is a note.
+    A finding's `effect` is the change of rms friction (`torque`) and the largest move in standard errors (`errors`);
+    without either it is a note.
     """
     n, waiting, basis = fit.rest.size, list(candidates), _basis(fit.known)
     tried, total, findings, errors = sum(len(x.columns) for x in waiting), 0.0, list[Finding](), fit.errors
@@ -173,7 +150,7 @@ def explained(fit: Fitted, candidates: Sequence[Candidate]) -> Explained:
 
 
 def _best(basis: Array, left: Array, weight: Array, columns: Sequence[Array]) -> int:
-    """Which of several columns, (n, k) each, explain most beside a basis; one after the other, for they may be many."""
+    """The alternative that explains most beside a basis."""
     found = []
     for c in columns if len(columns) > 1 else ():
         beside = weight[:, None] * c
@@ -184,7 +161,7 @@ def _best(basis: Array, left: Array, weight: Array, columns: Sequence[Array]) ->
 
 
 def _with_effect(fit: Fitted, added: Array, moved: Array, finding: Finding, *, is_friction: bool) -> Finding:
-    """The finding, with what adding this to the model, (n,), which moves the unknowns, (p,), would change; a note where that is little."""
+    """The finding with the effect of adding this to the model, (n,); a note if it is small."""
     friction = fit.known[:, fit.of_friction] @ moved[fit.of_friction]
     changed = (added if is_friction else 0.0) - friction
     torque = float(np.sqrt(np.mean(np.square(changed))))
@@ -193,7 +170,8 @@ def _with_effect(fit: Fitted, added: Array, moved: Array, finding: Finding, *, i
     told = replace(finding, effect={"torque": torque, "errors": errors, **finding.effect})
     if little:
         return replace(told, severity=NOTE)
-    bends = f"friction by {100 * torque / fit.friction:.2g} %, and " if fit.friction else ""
-    given = "errors of the fit alone; those given are as much wider" if fit.widened else "of its errors"
-    said = f"It would move {bends}a parameter by {errors:.2g} {given}."
+    changes = [f"friction by {100 * torque / fit.friction:.2g} %"] if fit.friction else []
+    if errors >= 0.1:  # of an error: less says nothing
+        changes.append(f"a parameter by {errors:.2g} times its error{' without it' if fit.widened else ''}")
+    said = f"It would change {' and '.join(changes)}{'; the errors given include that' if fit.widened else ''}."
     return replace(told, message=f"{finding.message} {said}")

@@ -1,7 +1,6 @@
-"""A level that may step once, after an unknown one of its observations: the likelihood-ratio scan, and what chance alone makes of it.
+"""Likelihood-ratio scan for one step of a level at an unknown observation, with Worsley's bound of its p-value.
 
-The largest of correlated |Z_k| has a p-value by Hunter's and Worsley's bound, the sum of P(|Z_k| > c) less that of
-P(|Z_k| > c, |Z_k+1| > c) (Worsley, Biometrika 70, 1983), which is close because Z_k is a Markov chain.
+P(max |Z_k| > c) <= sum P(|Z_k| > c) - sum P(|Z_k| > c, |Z_k+1| > c) (Worsley, Biometrika 70, 1983).
 """
 
 from typing import NamedTuple
@@ -13,37 +12,27 @@ from scipy.special import log_ndtr, ndtr, ndtri_exp, roots_laguerre, stdtr
 from bristle.arrays import Array
 
 _NODES, _WEIGHTS = roots_laguerre(24)
-_AT_ONCE = 200_000  # pairs of neighbours whose probability is computed at once
+_AT_ONCE = 200_000  # pairs of neighbours at a time
 
 
 class Steps(NamedTuple):
-    """The most significant step of each series."""
+    """The most significant step of each series, (m,)."""
 
-    after: NDArray[np.intp]
-    """Index of the first observation after it, (m,)."""
-    size: Array
-    """Mean after it less mean before, (m,)."""
-    error: Array
-    """Standard error of that, the step's place taken as known, (m,)."""
+    after: NDArray[np.intp]  # Index of the first observation after it
+    size: Array  # Mean after less mean before
+    error: Array  # Standard error at a known place
     z: Array
-    """(m,)."""
-    p: Array
-    """How often chance alone makes the largest of all steps as significant, (m,)."""
-    before: Array
-    """Mean before it, (m,)."""
+    p: Array  # p-value over all places
+    before: Array  # Mean before it
 
 
 class Levels(NamedTuple):
-    """Series of observations, a row each, padded at the end."""
+    """Series of observations, one per row, padded at the end."""
 
-    y: Array
-    """(m, n); what is no observation is anything."""
-    variance: Array
-    """(m, n); inf where there is none."""
-    regressors: Array
-    """What was taken off y, by coefficient, (m, n, p)."""
-    covariance: Array
-    """Of these coefficients, (p, p)."""
+    y: Array  # (m, n)
+    variance: Array  # (m, n); inf where padded
+    regressors: Array  # Subtracted from y by coefficient, (m, n, p)
+    covariance: Array  # Of these coefficients, (p, p)
 
 
 def step_scan(levels: Levels, baseline: int, freedom: float) -> Steps:
@@ -54,7 +43,7 @@ def step_scan(levels: Levels, baseline: int, freedom: float) -> Steps:
     weight = np.where(np.isfinite(levels.variance), 1 / levels.variance, 0.0)
     y = np.where(weight > 0, levels.y, 0.0)
     X = np.where(weight[..., None] > 0, levels.regressors, 0.0)
-    # weight before and after each place of a step, (m, n - baseline); none after it where a row has ended
+    # weights before and after each place of a step, (m, n - baseline), zero after the end of a row
     total = weight.cumsum(axis=1)
     before = total[:, baseline - 1 : -1]
     after = np.where(weight[:, baseline:] > 0, total[:, -1:] - before, 0.0)

@@ -1,7 +1,4 @@
-"""What a fit may lack, whatever it was fitted to: one row of a table each, for `explained` to try.
-
-A row is columns, a code, a sentence, and what to do.
-"""
+"""Terms that any fit may lack, as candidates for the score test `explained`."""
 
 from collections.abc import Collection, Sequence
 from functools import partial
@@ -12,19 +9,19 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.estimation.score_test import Candidate, Score
 from bristle.findings import CAUTION, Finding, unit_of
-from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line, swings, turn_of
-from bristle.model.parameters import Kind, periodic, slides
+from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line, shows_gravity, turn_of
+from bristle.model.parameters import Kind, periodic
 
-_HARMONICS = 64  # most ripples looked for
-_FEW = 8  # equations, below which nothing is asked of them
+_HARMONICS = 64  # most ripples tried
+_FEW = 8  # equations below which nothing is tried
 
 
 def candidates(
-    velocity: Array, time: Array, position: Array, parameters: Collection[str], kind: Kind
+    velocity: Array, time: Array, position: Array, parameters: Collection[str], kind: Kind, directions: int
 ) -> list[Candidate]:
-    """The rows of n equations, in SI units; a signal that is not known is empty, and one that stands still says nothing.
+    """The candidates of n equations, SI; an unknown signal is empty.
 
-    `parameters` are names of what is fitted, of which no line asks for again.
+    `parameters` are names that are fitted already, `directions` how many directions have a friction of their own.
     """
     n = velocity.size
     if n < _FEW:
@@ -33,18 +30,19 @@ def candidates(
     scaled = {name: 2 * (x - x.min()) / np.ptp(x) - 1 for name, x in signals.items() if x.size == n and np.ptp(x) > 0}
     rows = list[Candidate]()
     for name in ("quadratic", "gravity"):
-        possible = name != "gravity" or ("position" in scaled and not slides(kind) and swings([position]))
+        possible = name != "gravity" or ("position" in scaled and shows_gravity(kind, position))
         if possible and set(parameters).isdisjoint(REGRESSORS[name].names):
             columns = np.stack(list(load_columns((name,), signals.__getitem__, n).values()), axis=1)
             rows.append(Candidate(partial(_regressor, name, parameters), (columns,), is_friction=name == "quadratic"))
     both = velocity.min() < 0 < velocity.max()
-    if both:
-        rows.append(Candidate(_directions, (np.stack([np.ones(n), np.abs(velocity)], axis=1),), is_friction=True))
-    if both and "time" in scaled:  # friction opposes motion, so a change of it has another sign in each direction
+    if both:  # with two frictions an offset shows at reversals only
+        even = np.stack([np.ones(n), np.abs(velocity)], axis=1)
+        rows.append(Candidate(partial(_directions, directions), (even[:, : 3 - directions],), is_friction=True))
+    if both and "time" in scaled:  # a change of friction has the sign of the velocity
         change = _centred([scaled["time"], scaled["time"] ** 2]) * np.sign(velocity)[:, None]
         rows.append(Candidate(_wear, (change,), is_friction=True))
     for over, s in scaled.items():
-        if not (both and over == "velocity"):  # what is even in velocity is a difference of the directions
+        if not (both and over == "velocity"):  # even functions of velocity are covered by the directions
             rows.append(Candidate(partial(_trend, over), (_centred([s, s * s]),), is_friction=over == "velocity"))
     if "position" in scaled:
         waves = _Waves(position, min(n // 4, _HARMONICS))
@@ -53,10 +51,7 @@ def candidates(
 
 
 class _Waves(Sequence[Array]):
-    """Cosine and sine of so many harmonics of the range of positions, rad, (n,), from the second on: one period is a trend, or a spring.
-
-    Made when they are asked for, (n, 2) each.
-    """
+    """Cosine and sine of harmonics of the range of positions, rad, (n,), from the second on; (n, 2) each."""
 
     def __init__(self, position: Array, count: int) -> None:
         self.reach, self.turns, self.most = float(np.ptp(position)), 2 * np.pi * (position - position.min()), count
@@ -72,7 +67,7 @@ class _Waves(Sequence[Array]):
 
 
 def _centred(columns: Sequence[Array]) -> Array:
-    """Some columns, (n,) each, less their means: a constant is an offset, and no trend; (n, k)."""
+    """Columns, (n,) each, less their means, (n, k)."""
     X = np.stack(columns, axis=1)
     return np.asarray(X - X.mean(axis=0))
 
@@ -82,12 +77,14 @@ def _trend(over: str, found: Score, _: int) -> Finding:
     return Finding("residual-trend", CAUTION, message, {"over": over, "p": found.p, "share": found.share})
 
 
-def _directions(found: Score, _: int) -> Finding:
-    """A symmetric curve that is not: what it leaves is even in velocity."""
-    message = (
-        f"Friction differs between the directions (p = {found.p:.1g}): the difference explains {100 * found.share:.0f} % of the "
-        "residuals' variance. Fit the directions separately (directions: separate)."
-    )
+def _directions(count: int, found: Score, _: int) -> Finding:
+    """Of a symmetric curve that is not, or of two of which a part is an offset: what it leaves is even in velocity."""
+    if count == 1:
+        what, then = "Friction differs between the directions", "Fit the directions separately (directions: separate)."
+    else:
+        what = "Part of what alpha_0 differs by between the directions is an offset of the torque, or reversals are not LuGre's"
+        then = "The curve is known; the two alpha_0 and the bristle's parameters are less so."
+    message = f"{what} (p = {found.p:.1g}): it explains {100 * found.share:.0f} % of the residuals' variance. {then}"
     return Finding("directions-differ", CAUTION, message, {"p": found.p, "share": found.share})
 
 
@@ -109,13 +106,12 @@ def _regressor(name: str, parameters: Collection[str], found: Score, _: int) -> 
 
 
 def _ripple(reach: float, parameters: Collection[str], kind: Kind, found: Score, which: int) -> Finding:
-    """Of a period that is a whole share of all positions, rad; with the lines that would fit it, where it is an order that is not fitted."""
+    """For a period that divides the range of positions, rad, with the lines that would fit it."""
     period = reach / (which + 2)
     order, fitted = round(turn_of(kind)[0] / period), {x[2] for name in parameters if (x := periodic(name))}
     asked = f"{regressor_line(('cogging',), parameters)}, orders: [{', '.join(map(str, sorted({*fitted, order})))}]"
     message = (
-        f"Residuals show a ripple vs position of period {period:.3g}{unit_of('position')} (p = {found.p:.1g}), which explains "
-        f"{100 * found.share:.0f} % of their variance."
+        f"A ripple vs position of period {period:.3g}{unit_of('position')} explains {100 * found.share:.0f} % of what is left (p = {found.p:.1g})."
         f"{f' If motor or gear repeat so, write {asked} under fit.' if order and order not in fitted else ''}"
     )
     return Finding("residual-ripple", CAUTION, message, {"period": period, "p": found.p, "share": found.share})

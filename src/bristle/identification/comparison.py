@@ -1,8 +1,4 @@
-"""Models side by side on the same equations: friction models, or laws, each fitted to every solve.
-
-A model's BIC is the sum of those of its solves (`estimation.information`), and its weight exp(-BIC / 2) over the sum of all
-(Burnham and Anderson, Model Selection and Multimodel Inference, 2002).
-"""
+"""Comparison of friction models, or laws, fitted to the same equations: BIC, weights exp(-BIC / 2), left-out errors."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,45 +13,45 @@ from bristle.findings import Finding
 from bristle.model.parameters import ParameterName
 
 SYMMETRIC, APART = "symmetric", "per direction"
-ONE = "one direction"  # in which a model is called by its bare name
-GAIN = 10.0  # of BIC: very strong evidence (Kass and Raftery 1995), which another law, or a friction for each direction, needs
+ONE = "one direction"  # models are then named without it
+GAIN = 10.0  # of BIC: very strong evidence (Kass and Raftery 1995), required of another law or of two directions
 _BLOCKS = 5
 Data = Literal["points", "moving runs"]
 Known = Mapping[ParameterName, tuple[float, float, float]]
-"""Value, standard error and its degrees of freedom of each parameter that is at no bound."""
+"""Value, standard error and degrees of freedom of each parameter at no bound."""
 LeftOut = float | None
-"""100 * norm(error) / norm(measured), percent, of what was left out, predicted from the rest; None where that is too little."""
+"""100 * norm(error) / norm(measured), percent, of left-out data, predicted from the rest; None for too few."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """One model beside others."""
+    """One model."""
 
     name: str
-    """Of a law, as `fit.law` takes it."""
+    """The model, or the law as `fit.law` takes it."""
     parameters: int
-    """Fitted, the noise variance apart."""
+    """Fitted parameters, the noise variance not counted."""
     rms: Number
     """Root mean square residual, N*m."""
     relative_error: Number | None = None
     """100 * norm(residual) / norm(measured), percent."""
     bic: Number
-    """Above the lowest of all."""
+    """BIC above the lowest of all."""
     left_out: Number | None
-    """Relative error on what was left out, percent: held-out runs, points or, of laws, five blocks of speed, each predicted from the others."""
+    """Relative error on held-out runs, points or blocks of speed, percent."""
     weight: Number = float("nan")
     """Share of exp(-BIC / 2) among all."""
     in_force: bool = False
-    """Of a law: whether the fits have it."""
+    """Whether the fits use this law."""
     candidate: bool = True
-    """Whether it has the terms that the fit supports, and no others; of a law: whether `fit.law: auto` may take it."""
+    """Whether it may be chosen: it has the terms that the fit supports; a law: `fit.law: auto` may take it."""
     chosen: bool = False
-    """Whether it is the one to use, which `fit.law: auto` takes."""
+    """Whether it is the one to use."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Averaged:
-    """A parameter over the laws that the data allow, by their weights."""
+    """A parameter averaged over laws by their weights."""
 
     value: Number
     standard_error: Number
@@ -71,43 +67,40 @@ class Comparison:
     n: int
     """Equations."""
     effective: Number = float("nan")
-    """How many of them are independent."""
+    """Number of independent equations."""
     rows: tuple[Row, ...]
     sentence: Finding
     """Which to use, and why."""
     left_out: tuple[Finding, ...] = ()
     """What is not compared, and why."""
     averaged: Mapping[ParameterName, Averaged] = field(default_factory=dict)
-    """What means the same in every law; empty where one law has nearly all the weight, and of models."""
+    """Parameters with the same meaning in every law; empty where one law has nearly all the weight, and for models."""
 
     @property
     def chosen(self) -> Row:
-        """The one to use. Raises StopIteration where there is none."""
+        """The row to use. Raises StopIteration where there is none."""
         return next(row for row in self.rows if row.chosen)
 
     def under(self, law: str) -> "Comparison":
-        """The same where the fits have a law."""
+        """The same comparison where the fits use this law."""
         return replace(self, rows=tuple(replace(row, in_force=row.name == law) for row in self.rows))
 
     def row(self, name: str) -> Row | None:
-        """That of a model; None where it was not compared."""
+        """The row of a name, or None."""
         return next((row for row in self.rows if row.name == name), None)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fitted:
-    """A model fitted to every solve."""
+    """A model as fitted to every solve."""
 
     name: str
     solves: Sequence[tuple[Array, int, float, float]]
-    """Of each what its `bic` is of: residuals, (n,), parameters, independent equations, and the sum of squares of what is explained."""
-    itself: float = 0.0
-    """What BIC loses because the law makes torque of the torque."""
+    """Of each solve: residuals (n,), parameters, independent equations, power of the measured torque."""
+    itself: float = 0.0  # Subtracted from BIC where the law makes torque of the measured torque
     left_out: LeftOut = None
-    candidate: bool = True
-    """As of its `Row`."""
-    predicts: Callable[[], LeftOut] = lambda: None
-    """Works out how it predicts what was left out, where that takes long."""
+    candidate: bool = True  # As in `Row`
+    predicts: Callable[[], LeftOut] = lambda: None  # The left-out error, evaluated only where it is needed
     known: Known = field(default_factory=dict)
 
     @property
@@ -117,14 +110,14 @@ class Fitted:
 
 
 def blocks_of_speed(velocity: Array) -> list[NDArray[np.bool_]]:
-    """Five blocks of speed, each left out in turn, as masks of equations, (n,), the slowest first; velocity, rad/s, (n,)."""
+    """Masks, (n,), of five blocks of equations by speed, slowest first."""
     part = np.empty(velocity.size, dtype=int)
     part[np.argsort(np.abs(velocity), kind="stable")] = np.arange(velocity.size) * _BLOCKS // velocity.size
     return [part == k for k in range(_BLOCKS)]
 
 
 def rows_of(fitted: Sequence[Fitted], in_force: str = "") -> tuple[Row, ...]:
-    """The models as rows, of which none is chosen yet; `in_force` names the law of the fits."""
+    """The models as rows with weights (Burnham and Anderson, 2002), none chosen; `in_force` is the fits' law."""
     marks, rows = np.array([sum(bic(*x) for x in one.solves) - one.itself for one in fitted]), list[Row]()
     above = marks - marks.min()
     weights = np.exp(-above / 2) / np.exp(-above / 2).sum()

@@ -1,17 +1,19 @@
 """The fitted curve of friction vs velocity, and how far it is known: its 95 % band over the speeds that were measured."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.data.constant_velocity.segments import Segment
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.identification.fits import StaticFit, TrackingFit
-from bristle.identification.known_joint import KnownJoint, Source, chosen, known_joint, value_fits
+from bristle.identification.known_joint import KnownJoint, Source, as_identified, chosen, known_joint, value_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Accuracy, Joint
-from bristle.identification.second_opinion import SLOWEST, SecondOpinion, of_motion, of_points
+from bristle.identification.second_opinion import SecondOpinion, of_motion, of_points
 from bristle.identification.systematic import NORMAL
 from bristle.identification.verdict import value_warnings
 from bristle.model.functions import steady_jacobian_function, steady_torque_function
@@ -33,11 +35,11 @@ def curve(v: Array, p: Stribeck[float]) -> Array:
     return evaluate(steady_torque_function(p.law), v, *p)[0]
 
 
-def band(v: Array, fit: StaticFit | TrackingFit, direction: str = "") -> Array | None:
+def band(v: Array, fit: StaticFit | TrackingFit, direction: str = "", *, constants: bool = True) -> Array | None:
     """Half-width of the 95 % confidence band of the fitted curve at v, N*m; None where the covariance gives none.
 
     sqrt(j C j') times Student's t, with j the exact derivative of (9) with respect to the free parameters, by CasADi;
-    in quadrature with what the errors of constants do to the curve. Of moving runs, in a direction.
+    in quadrature with what the errors of `constants` do to the curve. Of moving runs, in a direction.
     """
     if isinstance(fit, StaticFit):
         p, sides = fit.values(), {fit.direction}
@@ -56,7 +58,7 @@ def band(v: Array, fit: StaticFit | TrackingFit, direction: str = "") -> Array |
     columns[_DRAG] = v * np.abs(v)
     j = np.array([columns[names[k].name] for k in keep])
     half = reach * np.sqrt(np.maximum(np.einsum("kn,kl,ln->n", j, covariance, j), 0.0))
-    moved = [shifts.get(names[k], {}) for k in keep]
+    moved = [shifts.get(names[k], {}) if constants else {} for k in keep]
     for constant in dict.fromkeys(c for shift in moved for c in shift):  # all parameters by one constant together
         half = np.hypot(half, NORMAL * np.array([shift.get(constant, 0.0) for shift in moved]) @ j)
     return np.asarray(half)
@@ -77,8 +79,8 @@ def drag_of(known: KnownJoint) -> float:
     return sum(e.value or 0.0 for name, e in known.estimates.items() if name.name == _DRAG)
 
 
-def known_curve(joint: Joint, v: Array) -> tuple[Array, Array]:
-    """`friction_of` an identified joint at some velocities, N*m, and half of its 95 % band, each (n,).
+def known_curve(joint: Joint, v: Array, *, constants: bool = True) -> tuple[Array, Array]:
+    """`friction_of` an identified joint at some velocities, N*m, and half of its 95 % band (`band`), each (n,).
 
     Both are nan in a direction of which no law is known, the band where it is not known how far. Raises InputError where a
     number of the joint is none that a joint can have.
@@ -88,7 +90,7 @@ def known_curve(joint: Joint, v: Array) -> tuple[Array, Array]:
     half = np.full(v.size, np.nan)
     for d, side in zip(SIGNED, (v > 0, v < 0), strict=True):
         fit = joint.moving if moving else joint.static.get(d) or joint.static.get(Direction.BOTH)
-        wide = band(v[side], fit, d) if fit is not None and known.has_law(d) else None
+        wide = band(v[side], fit, d, constants=constants) if fit is not None and known.has_law(d) else None
         half[side] = np.nan if wide is None else wide
     return friction_of(known, v), half
 
@@ -100,6 +102,32 @@ def stated_curve(joint: Joint, v: Array) -> tuple[Array, Array]:
         return friction, np.full(v.size, np.inf)
     rest = np.sqrt(max(known.band**2 - known.statistical**2, 0.0)) / 100
     return friction, np.hypot(BIASED * half, rest * np.abs(friction))
+
+
+class FrictionPoints(NamedTuple):
+    """Measured friction of one direction, or of both, beside which the values to use are drawn."""
+
+    direction: Direction
+    velocity: Array
+    """(n,), rad/s."""
+    torque: Array
+    """The measured torque less the other fitted terms, (n,), N*m."""
+    segments: tuple[Segment, ...]
+    """Where each point at constant velocity comes from, (n,); empty for a motion."""
+
+
+def friction_points(joint: Joint) -> list[FrictionPoints]:
+    """The points at constant velocity, else every equation of the moving runs that the values come from, else of those of static fits."""
+    static = [(d, fit) for d, fit in joint.static.items() if d != Direction.SHARED]
+    points, fit, known = any(fit.segments for _, fit in static), joint.moving, as_identified(joint)
+    if fit is not None and fit in value_fits(joint) and fit.friction.size and not points:
+        v, torque = fit.velocity, fit.friction
+        sides = {d: v > 0 if d == "+" else v < 0 if d == "-" else v != 0 for d in known.directions or (Direction.BOTH,)}
+        shown = [FrictionPoints(d, v[side], torque[side], ()) for d, side in sides.items()]
+    else:
+        shown = [FrictionPoints(Direction(d), fit.velocity, fit.torque, fit.segments) for d, fit in static]
+    drag = drag_of(known)
+    return [x._replace(torque=x.torque + drag * x.velocity * np.abs(x.velocity)) for x in shown]
 
 
 def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accuracy | None:
@@ -117,9 +145,8 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
         v = np.unique(along[along != 0])
     else:
         tops = [top for top in (along.max(initial=0.0), along.min(initial=0.0)) if top]
-        least = max(
-            (slowest_shown(fits, top) / top for top in tops), default=LEAST
-        )  # the same both ways, for one range is stated
+        # the same both ways, for one range is stated
+        least = max((slowest_shown(fits, top) / top for top in tops), default=LEAST)
         v = np.concatenate([np.zeros(0), *(np.linspace(least, 1, SPEEDS) * top for top in tops)])
     if not v.size:
         return None
@@ -131,7 +158,8 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     size = _rms(friction)
     if not size:
         return None
-    statistical = 100 * BIASED * _rms(np.where(np.isfinite(half), half, np.inf)) / size
+    exact = known_curve(joint, v, constants=False)[1]
+    statistical, alone = (100 * BIASED * _rms(np.where(np.isfinite(x), x, np.inf)) / size for x in (half, exact))
 
     # the second opinion, from what the values come from: points at constant velocity, else moving runs
     apart, points = 0.0, measured.points(hold_out=False)
@@ -159,7 +187,7 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     return Accuracy(
         slowest=float(np.abs(v).min()), fastest=float(np.abs(v).max()),
         band=float(np.linalg.norm([statistical, apart, sides, *effects])), statistical=statistical, apart=apart,
-        sides=sides, share=share,
+        sides=sides, share=share, constants=float(np.sqrt(statistical**2 - alone**2)) if alone < statistical < np.inf else 0.0,
         opinion=None if opinion is None else ", ".join(opinion.set_up) or "one friction for both directions",
     )  # fmt: skip  # a list of values
 
@@ -192,7 +220,7 @@ def _withheld(fit: TrackingFit, v: Array) -> float:
 
 def _differs(joint: Joint, opinion: SecondOpinion, v: Array) -> tuple[float, float]:
     """How much the two differ over velocities (n,), and what both errors explain, percent of friction; where it moves both ways, of its odd part."""
-    v = v[(np.abs(v) > SLOWEST * opinion.top) & (np.abs(v) <= opinion.top)]
+    v = v[(np.abs(v) > opinion.slowest) & (np.abs(v) <= opinion.top)]
     (f, half), (other, error) = known_curve(joint, v), opinion.friction(v)
     if v.size and v.min() < 0 < v.max():
         (f_back, half_back), (other_back, error_back) = known_curve(joint, -v), opinion.friction(-v)

@@ -1,4 +1,4 @@
-"""results.json read back: by its pydantic model, with what stands apart put where it belongs."""
+"""Reading of results.json."""
 
 import json
 from collections.abc import Iterator
@@ -20,22 +20,19 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 T = TypeVar("T")
-LARGEST = 100_000_000  # bytes of a results file, about two million equations; the embedded joints have a few millions
-_MOST = {"commas": 1_000_000, "objects": 200_000, "joints": 100, "parameters of a joint": 400}  # what else it may have
-_DIGITS = 18  # of a whole number: counts have fewer
-_SHOWN = 300  # characters of a reason that are quoted
+LARGEST = 100_000_000  # bytes of a results file, about two million equations
+_MOST = {"commas": 1_000_000, "objects": 200_000, "joints": 100, "parameters of a joint": 400}
+_DIGITS = 18  # of an integer: counts have fewer
+_SHOWN = 300  # characters of a quoted reason
 
 
 @contextmanager
 def reading(path: Path) -> Iterator[Any]:
-    """A results file as JSON has it; what its body raises of it becomes one sentence.
-
-    Raises InputError where it cannot be read, or is not a results file of schema bristle-results/3.
-    """
+    """A results file as parsed JSON; bad content inside the with block raises one InputError that names the file."""
     data = read_at_most(path, LARGEST, "a results file")
     try:
         yield parsed(data.decode("utf-8"))
-    except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep, not as pydantic or we want it
+    except (ValueError, RecursionError) as error:  # no UTF-8, no JSON, nested too deep, or wrong content
         why = one_line(str(error) if isinstance(error, InputError) else first_reason(error), _SHOWN)
         raise InputError(
             f"{path}: is not a results file of schema bristle-results/3 ({why}); expected a results.json that bristle wrote"
@@ -43,32 +40,32 @@ def reading(path: Path) -> Iterator[Any]:
 
 
 def is_results(path: Path) -> bool:
-    """Whether a file is a JSON object that names a version of bristle-results. Raises OSError where it cannot be read."""
+    """Whether a file is a JSON object that names bristle-results. Raises OSError where it cannot be read."""
     check_regular(path)
     with path.open("rb") as file:
         begun = file.read(_BEGINNING)
         if not begun.lstrip().startswith(b"{"):
             return False
-        return b'"bristle-results/' in begun + file.read(LARGEST)  # one that is damaged is told so when it is read
+        return b'"bristle-results/' in begun + file.read(LARGEST)  # damage is reported on reading
 
 
-_BEGINNING = 4096  # bytes by which a file of another kind is told
+_BEGINNING = 4096  # bytes that tell another kind of file
 
 
 def parsed(text: str) -> Any:
-    """What a text holds as JSON has it. Raises InputError, or ValueError, where it is too large, or none."""
+    """A text as JSON. Raises InputError or ValueError where it is too large or no JSON."""
     for what, mark in (("commas", ","), ("objects", "{")):
         check_most(what, text.count(mark))
     return json.loads(text, parse_int=lambda x: int(x) if len(x) <= _DIGITS else float(x))
 
 
 def validated(found: Any, by: "TypeAdapter[T]") -> T:
-    """What pydantic makes of what JSON holds, text for a number, NaN and infinities apart, for which it raises ValueError."""
+    """Parsed JSON as a pydantic type. Raises ValueError where it does not fit, or has NaN."""
     return by.validate_json(json.dumps(found, allow_nan=False), strict=True)
 
 
 def schema_of(adapter: "TypeAdapter[Any]", title: str) -> dict[str, Any]:
-    """The JSON schema of what bristle writes so: every field is written, and so every field is required."""
+    """The JSON schema of a type as bristle writes it, with every field required."""
     from pydantic.json_schema import GenerateJsonSchema
 
     class Complete(GenerateJsonSchema):
@@ -80,7 +77,7 @@ def schema_of(adapter: "TypeAdapter[Any]", title: str) -> dict[str, Any]:
 
 
 def with_samples(found: Any) -> Any:
-    """A results file as JSON has it, in which what stands apart is where it belongs. Raises InputError where it has no place."""
+    """Parsed results with `samples` moved to where they belong. Raises InputError where one has no place."""
     match found:
         case {"joints": dict(joints), "samples": dict(samples)}:
             for name, apart in samples.items():
@@ -93,10 +90,7 @@ def with_samples(found: Any) -> Any:
 
 
 def document_of(found: Any) -> Document:
-    """The document that JSON holds, its joints named as they stand there.
-
-    Raises InputError, ValueError, or pydantic's ValidationError, where it is not of schema bristle-results/3.
-    """
+    """The document in parsed JSON. Raises InputError, ValueError or ValidationError if not bristle-results/3."""
     document = validated(found, adapter())
     check_most("joints", len(document.joints))
     named = {name: replace(joint, name=name).with_subjects() for name, joint in document.joints.items()}
@@ -104,7 +98,7 @@ def document_of(found: Any) -> Document:
 
 
 def joints_of(document: Document) -> tuple[Joint, ...]:
-    """Its joints. Raises InputError where samples contradict one another, or a fit has not the parameters of its law, in the joint's units."""
+    """The joints of a document. Raises InputError where samples, parameters or units contradict one another."""
     if lacking := document.joints.keys() - document.samples.keys():
         raise InputError(f"samples: has none of {short(min(lacking))}")
     for joint in document.joints.values():
@@ -132,6 +126,6 @@ def joints_of(document: Document) -> tuple[Joint, ...]:
 
 
 def check_most(what: str, count: int) -> None:
-    """InputError where a file has more of something than it may."""
+    """Raise InputError where a file has more of something than allowed."""
     if count > _MOST[what]:
         raise InputError(f"it has {count} {what}, more than {_MOST[what]}")

@@ -1,9 +1,4 @@
-"""Fisher information: what measured torque tells of the parameters, at planned velocities or along a planned motion.
-
-    F = J' J / noise**2,    J = dT / dp exactly,    covariance >= F**-1 (Cramer and Rao)
-
-Noise is white: one standard deviation for all samples, or one each. Information of independent measurements adds up.
-"""
+"""Fisher information F = J' J / noise**2, J = dT / dp, of torques with white noise; covariance >= F**-1."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -29,28 +24,24 @@ from bristle.model.parameters import (
 from bristle.model.rollout import rollout_jacobian
 from bristle.model.vectorize import evaluate
 
-_SINGULAR = 1e-13  # of the largest eigenvalue, parameters in units of their own errors: what is below is none
-_MEMBER = 1e-5  # a parameter with this share of a direction that is not seen is not seen
-_NOTHING = 1e-100  # a derivative this small is none
-_HARDLY = 1e-3  # a direction is hardly seen where its eigenvalue is this share of the largest ...
-_PART = 0.3  # ... and these are its members: with this share of its largest
+_SINGULAR = 1e-13  # of the largest eigenvalue of the scaled F: smaller ones are zero
+_MEMBER = 1e-5  # share of an unseen direction that makes a parameter unseen
+_NOTHING = 1e-100  # smaller derivatives are zero
+_HARDLY = 1e-3  # of the largest eigenvalue: directions below are hardly seen
+_PART = 0.3  # of its largest share: members of a direction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Information:
-    """What a measurement tells of some parameters."""
+    """What a measurement tells about some parameters."""
 
     names: tuple[ParameterName, ...]
-    point: Array
-    """The parameters' values, where the model was linearised, (p,)."""
-    matrix: Array
-    """F, (p, p), in one over the parameters' units."""
+    point: Array  # Parameter values at which the model was linearised, (p,)
+    matrix: Array  # F, (p, p), in one over the parameters' units
     standard_errors: Array = field(init=False)
-    """The least that any unbiased fit can have, (p,); infinite where the parameter is not seen."""
-    correlation: Array = field(init=False)
-    """Of the estimates, (p, p), 1 on the diagonal; zero where one of the two is not seen."""
-    unseen: tuple[Finding, ...] = field(init=False)
-    """Directions of the parameters, each in its own size, that are hardly seen, the worst first."""
+    """Lower bounds for any unbiased fit, (p,); infinite where the parameter is not seen."""
+    correlation: Array = field(init=False)  # Of the estimates, (p, p); zero where one of the two is not seen
+    unseen: tuple[Finding, ...] = field(init=False)  # Hardly seen directions in parameter space, worst first
 
     def __post_init__(self) -> None:
         """Judge the matrix; copy and freeze every array."""
@@ -62,7 +53,7 @@ class Information:
 
 
 def names_of(p: Lugre[float] | Pair[float]) -> tuple[ParameterName, ...]:
-    """What is estimated of one set, which is of both directions, or of a pair, the positive set first."""
+    """The estimated parameters of one set (`both`), or of a pair, the positive set first."""
     directions = (Direction.BOTH,) if isinstance(p, Lugre) else SIGNED
     return tuple(ParameterName(name, d) for d in directions for name in estimated_of(p.law))
 
@@ -74,18 +65,14 @@ def values_of(p: Lugre[float] | Pair[float]) -> Array:
 
 
 def of_estimated(columns: Array, p: Lugre[float] | Pair[float]) -> Array:
-    """Of columns for every field of one set, or of a pair, (n, ...), those of `names_of`."""
+    """Of columns for every field of one set or of a pair, (n, ...), those of `names_of`."""
     law = p.law
     by_set = columns.reshape(len(columns), -1, len(fields_of(law)))[:, :, : len(estimated_of(law))]
     return by_set.reshape(len(columns), -1)
 
 
 def static_jacobian(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair[float]) -> Array:
-    """The derivative dT_ss / dp of (9) at velocities in rad/s, (n,).
-
-    Its shape is (n, 4), ordered as `Stribeck`, or (n, 8) for a pair, the positive set first; of another law what it has
-    of `static_estimated_of`.
-    """
+    """dT_ss / dp of (9) at velocities, rad/s, (n,); (n, p) by `static_estimated_of`, positive set first."""
     if not isinstance(p, Pair):
         curve = p.stribeck if isinstance(p, Lugre) else p
         slopes = evaluate(functions.steady_jacobian_function(p.law), velocity, *curve)
@@ -96,52 +83,38 @@ def static_jacobian(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair[fl
 
 
 def static_information(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair[float], noise: float | Array) -> Array:
-    """Information F of torques in steady sliding at planned velocities, rad/s, (n,), none of them zero; (p, p) as in `static_jacobian`.
-
-    `noise` is the standard deviation of a torque, N*m, > 0, one or (n,).
-    """
+    """F, (p, p), of steady torques at velocities, rad/s, (n,), with standard deviation `noise`, N*m, one or (n,)."""
     return gram(static_jacobian(velocity, p), noise)
 
 
 def motion_jacobian(
     velocity: Array, step: float | Array, p: Lugre[float] | Pair[float], extra: Mapping[Any, Array] | None = None
 ) -> Array:
-    """The derivative dT_f / dp along a motion, through the bristle.
-
-    Its shape is (n, 6 + k) or (n, 12 + k), in the order of `names_of`, the k columns of `extra` last; of another law
-    as many as that has.
-
-    Args:
-        velocity: rad/s at the samples, (n,).
-        step: time between samples, s: one number or (n - 1,).
-        p: one set, or a pair; the bristle begins in its steady deflection.
-        extra: what the torque holds beside friction, by name: the derivative by each, (n,), such as the acceleration
-            for `inertia`.
-    """
+    """dT_f / dp along a motion, rad/s, (n,), through the bristle, (n, p + k), by `names_of`, `extra` (n,) last."""
     friction = of_estimated(cleared(rollout_jacobian(velocity, step, p).by_parameters), p)
     return np.column_stack([friction, *(extra or {}).values()])
 
 
 def cleared(derivatives: Array) -> Array:
-    """Derivatives of any shape, zero where they are nothing but what `rollout_jacobian` adds against denormal numbers."""
+    """Derivatives without the tiny numbers by which `rollout_jacobian` avoids denormals."""
     return np.where(np.abs(derivatives) < _NOTHING, 0.0, derivatives)
 
 
 def gram(jacobian: Array, noise: float | Array) -> Array:
-    """F = J' J / noise**2 of a Jacobian (n, p) and the standard deviation of what is measured, one or (n,)."""
+    """F = J' J / noise**2 of a Jacobian, (n, p), with a standard deviation, one or (n,)."""
     weighted = jacobian / np.reshape(noise, (-1, 1))
     return np.asarray(weighted.T @ weighted)
 
 
 def covariance(matrix: Array) -> tuple[Array, Array]:
-    """Standard errors (p,), infinite where nothing is seen, and the correlation (p, p) of estimates with information F, (p, p)."""
-    if not np.isfinite(matrix).all():  # beyond what numbers hold: nothing is said
+    """Standard errors, (p,), infinite where nothing is seen, and correlations, (p, p), for information F, (p, p)."""
+    if not np.isfinite(matrix).all():  # overflow
         return np.full(len(matrix), np.inf), np.eye(len(matrix))
     size = np.sqrt(np.diag(matrix))
     seen = size > 0
     values, vectors = np.linalg.eigh(_scaled(matrix, size))
     good = values > _SINGULAR * values.max(initial=0.0)
-    lost = (np.abs(vectors[:, ~good]) > _MEMBER).any(axis=1)  # a zero row is a direction of its own
+    lost = (np.abs(vectors[:, ~good]) > _MEMBER).any(axis=1)  # a zero row is a direction too
     inverse = (vectors[:, good] / values[good]) @ vectors[:, good].T
     spread = np.sqrt(np.diag(inverse))
     errors = np.where(lost, np.inf, spread / np.where(seen, size, 1.0))
@@ -151,7 +124,7 @@ def covariance(matrix: Array) -> tuple[Array, Array]:
 
 
 def unseen_directions(matrix: Array, names: Sequence[object]) -> tuple[Finding, ...]:
-    """Directions that are hardly seen, the worst first; of information F (p, p), each parameter in units of what it is seen by itself."""
+    """Hardly seen directions of information F, (p, p), worst first."""
     size = np.sqrt(np.diag(matrix))
     unseen = [
         Finding("nothing-seen-of", CAUTION, f"{name} is not identifiable.", {"name": name})
@@ -169,6 +142,6 @@ def unseen_directions(matrix: Array, names: Sequence[object]) -> tuple[Finding, 
 
 
 def _scaled(matrix: Array, size: Array) -> Array:
-    """F with each parameter in units of the error that it had were all others known: 1 on the diagonal, 0 where nothing is seen."""
+    """F scaled to 1 on the diagonal, 0 where nothing is seen."""
     unit = np.where(size > 0, size, 1.0)
     return matrix / unit[:, None] / unit

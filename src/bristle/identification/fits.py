@@ -1,4 +1,4 @@
-"""Fits as values: an estimate, and what static, presliding and moving runs each gave, with their warnings."""
+"""Results of fits as values: estimates, and the static, presliding and moving fits."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ Shifts = Annotated[
 
 
 def _law(name: str) -> Law:
-    """The law of a name; raises ValueError where there is none."""
+    """The law of a name. Raises ValueError where there is none."""
     try:
         return law_named(name)
     except KeyError as error:
@@ -36,82 +36,76 @@ LawByName = Annotated[Law, JsonForm(str, lambda law: law.name, _law)]  # in JSON
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimate:
-    """One parameter: value, standard error and 95 % interval in `unit`.
-
-    What does not exist is None, with a warning that says why; an interval that is open on a side has an infinite bound.
-    """
+    """One parameter in `unit`; what does not exist is None, with a warning that says why."""
 
     value: float | None
     unit: str
     standard_error: float | None = None
-    """Statistical: how far the scatter of the data leaves the parameter open."""
+    """Statistical, from the scatter of the data."""
     interval: Interval | None = None
-    """Of both errors, the statistical and the systematic one."""
+    """95 %, of both errors; an open end is infinite."""
     systematic: float | None = None
-    """Standard error that the declared errors of constants add; None where none was declared."""
+    """Standard error from the declared errors of constants; None where none was declared."""
     shifts: Shifts = field(default_factory=dict)
-    """Change of the value per standard error of each such constant: those of one constant go together."""
+    """Change of the value per standard error of each constant."""
     warnings: tuple[Finding, ...] = ()
 
     @property
     def total_error(self) -> float | None:
-        """Standard error of both kinds, in `unit`; None where the data give none."""
+        """Both errors in quadrature; None where the data give none."""
         parts = [x for x in (self.standard_error, self.systematic) if x is not None]
         return hypot(*parts) if parts else None
 
 
 def _and_of(warnings: tuple[Finding, ...], estimates: Iterable[Estimate]) -> Iterator[Finding]:
-    """Warnings about a fit, then those about one of its estimates alone."""
+    """Warnings about a fit, then those about single estimates."""
     yield from warnings
     yield from (warning for e in estimates for warning in e.warnings if warning not in warnings)
 
 
 @result
 class Uncertainty:
-    """One parameter's 95 % interval, three ways, in the parameter's unit.
-
-    What does not exist is None, with the reason among the warnings.
-    """
+    """The 95 % interval of one parameter three ways, in its unit; None with a warning where one does not exist."""
 
     covariance: Interval | None
     """By Student's t from the exact Jacobian, widened for correlated residuals."""
     profile: Interval | None
-    """Where the cost, minimised over all else, stays below its threshold; an open side is infinite, or the physical bound."""
+    """Where the cost, minimised over all other parameters, stays below its threshold."""
     bootstrap: Interval | None
     """From fits of resampled data."""
     curve: Array = field(default_factory=lambda: np.zeros((2, 0)), metadata=unwritten("2", "k"))
-    """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 1 at the interval's ends."""
+    """Values, ascending, and (cost - least) / (threshold - least) there, (2, k): 1 at the interval's ends."""
     draws: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("b"))
-    """The parameter in resampled data, (b,)."""
+    """Values in resampled data, (b,)."""
     warnings: tuple[Finding, ...] = ()
 
 
 @result
 class Profile:
-    """The cost J_s (10), minimised over all other parameters, as a function of v_s."""
+    """The cost J_s (10) as a function of v_s, minimised over all other parameters."""
 
     v_s: Array = field(metadata=sized("k"))
-    """The grid, rad/s, ascending, shape (k,)."""
+    """The grid, rad/s, ascending, (k,)."""
     cost: Array = field(metadata=sized("k"))
-    """J_s at the grid, (N*m)**2, shape (k,)."""
+    """J_s at the grid, (N*m)**2, (k,)."""
     plain_v_s: Array = field(metadata=sized("m"))
-    """The paper's plain grid, rad/s, shape (m,)."""
+    """The paper's plain grid, rad/s, (m,)."""
     plain_cost: Array = field(metadata=sized("m"))
-    """J_s at the plain grid, shape (m,)."""
+    """J_s at the plain grid, (m,)."""
     near_v_s: Array = field(metadata=sized("l"))
-    """Values of v_s around the minimum, close enough to draw a curve through, rad/s, ascending, shape (l,)."""
+    """Values around the minimum, for a smooth curve, rad/s, ascending, (l,)."""
     near_cost: Array = field(metadata=sized("l"))
-    """J_s there, shape (l,)."""
+    """J_s there, (l,)."""
     best: float
     """The continuous minimum, rad/s."""
     best_cost: float
     threshold: float
-    """The cost at which v_s leaves its 95 % interval: J_min (1 + F(0.95; 1, n - p) / (n - p))."""
+    """The cost where v_s leaves its 95 % interval: J_min (1 + F(0.95; 1, n - p) / (n - p))."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoldOut:
-    """How well a fit predicts a run that it has not seen."""
+    """Prediction error on a held-out run."""
 
     file: str
     relative_error: Number
@@ -120,33 +114,26 @@ class HoldOut:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunScatter:
-    """One parameter of each of several runs of one kind, and how far they scatter beside their errors."""
+    """Scatter of one parameter over several runs."""
 
     before: Number
     """Square root of the reduced chi-squared of the runs' estimates, by their own standard errors."""
     after: Number
-    """The same by those errors as they are widened."""
+    """The same with the widened errors."""
     widened: Number
-    """What the standard error of the fit of all runs is multiplied by; 1 where the runs scatter by chance alone, or that fit knows of it."""
+    """Factor on the standard error of the fit of all runs, >= 1."""
     stretched: Number
-    """The same of its 95 % interval: with Student's t of one degree of freedom less than there are runs."""
+    """Factor on its 95 % interval, with Student's t of (runs - 1) degrees of freedom."""
     by_run: Mapping[str, Number]
-    """By its file, the estimate of each run that shows the parameter. Where none was fitted apart these are pseudo-values, the
-    estimate moved by as many times what the run does to it as there are runs, and `before` is their error over that of the fit."""
-
-    @property
-    def significant(self) -> bool:
-        """Whether the runs differ by more than chance."""
-        return self.after < self.before
+    """Estimate of each run, by file; jackknife pseudo-values where the runs were not fitted apart."""
 
 
 @result
 class StaticFit:
-    """The static parameters of one direction (`+`, `-`), of both (`both`), or what the two share (`shared`)."""
+    """Static parameters of one direction (`+`, `-`), of both (`both`), or shared by the two (`shared`)."""
 
     direction: str
     law: LawByName = GAUSSIAN
-    """Of the friction."""
     parameters: Mapping[str, Estimate]
     rms: float | None
     """Root mean square residual, N*m."""
@@ -157,37 +144,37 @@ class StaticFit:
     warnings: tuple[Finding, ...] = ()
     hold_out: tuple[HoldOut, ...] = ()
     names: tuple[str, ...] = ()
-    """The free parameters, in the order of `covariance`."""
+    """Free parameters, in the order of `covariance`."""
     covariance: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
     degrees_of_freedom: int = 0
     profile: Profile | None = field(default=None, metadata=UNWRITTEN)
     uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
-    """Each parameter's interval three ways."""
+    """Intervals three ways, by parameter."""
     plain_grid: Mapping[str, Number] = field(default_factory=dict)
-    """The parameters at the best value of the paper's plain grid."""
+    """Parameters at the best value of the paper's plain grid."""
     strays: tuple[Segment, ...] = field(default=(), metadata=UNWRITTEN)
-    """Points that do not belong to the law of the others, the one that lowers the cost most first."""
+    """Points off the law of the others, the one that lowers the cost most first."""
     repeats: Mapping[str, RunScatter] = field(default_factory=dict)
-    """How the parameters scatter over the runs; empty where there is but one."""
+    """Scatter over the runs, by parameter; empty for one run."""
     velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
-    """What was fitted: velocity, rad/s, shape (n,)."""
+    """Of each point or equation, rad/s, (n,)."""
     torque: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
-    """Measured torque, N*m, shape (n,)."""
+    """Measured, N*m, (n,)."""
     residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
-    """Measured minus fitted torque, N*m, shape (n,)."""
+    """Measured minus fitted torque, N*m, (n,)."""
     segments: tuple[Segment, ...] = field(default=(), metadata=unwritten("n?"))
-    """Where each point comes from, (n,); empty for moving data."""
+    """Segment behind each point, (n,); empty for moving data."""
     time: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
-    """When each point was measured, s from the start of its run, shape (n,); empty where unknown."""
+    """s from the start of its run, (n,); empty where unknown."""
     position: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
-    """Where each point was measured, rad, shape (n,); empty where unknown."""
+    """rad, (n,); empty where unknown."""
 
     def all_warnings(self) -> Iterator[Finding]:
-        """Those about the fit, then those about one parameter."""
+        """Those about the fit, then those about single parameters."""
         return _and_of(self.warnings, self.parameters.values())
 
     def values(self) -> Stribeck[float] | None:
-        """The fitted law, or None where nothing was fitted; a law without a peak is as in `without_peak`."""
+        """The fitted law, with `without_peak` where it has no peak; None where nothing was fitted."""
         one = static_of(self.law)
         fitted = {n: e.value for n in one._fields if (e := self.parameters.get(n)) is not None and e.value is not None}
         nothing = dict.fromkeys(one._fields, 0.0) | without_peak(self.law)
@@ -196,13 +183,13 @@ class StaticFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Crosscheck:
-    """The full nonlinear fit beside the grid, on the same data."""
+    """The full nonlinear fit of the same data, as a check."""
 
     cost_grid: Number
     cost_full: Number
     starts: int
     reached: int
-    """How many starts ended within 1e-6 relative of the lowest cost that any of them found."""
+    """Starts that ended at the lowest cost, within 1e-6 of it."""
     parameters: Mapping[ParameterName, Number]
     difference_in_se: Mapping[ParameterName, Number]
     """(full - grid) in standard errors of the grid fit."""
@@ -213,7 +200,7 @@ class Crosscheck:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AmplitudeStiffness:
-    """The stiffness of slow loading from rest up to one torque."""
+    """Stiffness of slow loading from rest up to one torque."""
 
     kind: Literal["initial", "secant"]
     torque: Number
@@ -221,21 +208,21 @@ class AmplitudeStiffness:
     displacement: Number
     """rad."""
     value: Number
-    """One over the other, N*m/rad."""
+    """torque / displacement, N*m/rad."""
     standard_error: Number
     lugre: Number
-    """What LuGre's own exponential gives there, from the initial stiffness on, N*m/rad."""
+    """That of LuGre's exponential with the initial stiffness, N*m/rad."""
     sigma_0: Number
-    """Of the LuGre joint that bends this far, N*m/rad: the same at every amplitude where LuGre holds."""
+    """Of the LuGre joint with this displacement, N*m/rad: constant where LuGre holds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PreslidingFit:
-    """sigma_0 of one direction by four estimators side by side, and sigma_1 by (15)."""
+    """sigma_0 of one direction by four estimators, and sigma_1 by (15)."""
 
     direction: str
     printed: Estimate
-    """(14) as it stands, T1 / x1."""
+    """(14) as printed, T1 / x1."""
     corrected: Estimate
     """Its closed-form inverse, exact where rest lies on a count edge."""
     edges: Estimate
@@ -243,35 +230,35 @@ class PreslidingFit:
     samples: Estimate
     """From all samples."""
     sigma_1: Estimate
-    """(15): of an assumed damping ratio, without a standard error."""
+    """(15) with an assumed damping ratio, without a standard error."""
     recommended: str
-    """Which of the four to use."""
+    """The estimator to use, `edges` or `samples`."""
     degrees_of_freedom: Number = float("inf")
     """Of its standard error."""
     level: Number
     """g0, the torque at which slow loading slides, N*m."""
     level_standard_error: Number
-    """Infinite where g0 is a lower bound: the largest torque held."""
+    """Infinite where g0 is a lower bound, the largest torque held."""
     level_source: Finding
-    """Where g0 comes from."""
+    """Origin of g0."""
     quantum: float
     """One count, rad; 0 where no counts are seen."""
     counts: int
     """Count edges crossed in all loadings."""
     bias_on_edge: Number
-    """Relative bias of (14) where rest lies on a count edge; like the next two nan without an encoder count and a sigma_0."""
+    """Relative bias of (14) where rest lies on a count edge; these three are nan without counts or sigma_0."""
     bias_mean: Number
-    """Its mean over rest positions anywhere in the count."""
+    """Mean bias over rest positions within a count."""
     bias_spread: Number
-    """Its standard deviation over them."""
+    """Its standard deviation."""
     amplitudes: tuple[AmplitudeStiffness, ...] = ()
-    """The stiffness at some amplitudes, the initial one first; empty where the loadings show too little."""
+    """Stiffness by amplitude, the initial one first; empty where the loadings show too little."""
     loadings: tuple[Loading, ...] = field(default=(), metadata=UNWRITTEN)
     warnings: tuple[Finding, ...] = ()
     uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
-    """The recommended sigma_0's interval three ways, under `sigma_0`."""
+    """Intervals of `sigma_0` three ways."""
     repeats: Mapping[str, RunScatter] = field(default_factory=dict)
-    """How the recommended sigma_0 scatters over the runs, under `sigma_0`."""
+    """Scatter of `sigma_0` over the runs."""
 
     @property
     def sigma_0(self) -> Estimate:
@@ -281,18 +268,17 @@ class PreslidingFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Presliding:
-    """What slow loading showed: sigma_0 per direction, breakaway, and hysteresis."""
+    """Results of slow loading: sigma_0 per direction, breakaway, hysteresis."""
 
     fits: Mapping[str, PreslidingFit]
     breakaway: Mapping[str, Estimate]
-    """Per direction, the median torque at which the joint began to slide."""
+    """Median breakaway torque per direction."""
     breakaways: tuple[Loading, ...] = field(default=(), metadata=UNWRITTEN)
-    """The loadings that broke away."""
     loops: tuple[Loop, ...] = ()
     warnings: tuple[Finding, ...] = ()
 
     def warnings_of(self, direction: str) -> Iterator[Finding]:
-        """Those about the fit of a direction, then those about one of its estimates or its breakaway."""
+        """Those about the fit of a direction, then those about its estimates and its breakaway."""
         fit, broken = self.fits[direction], self.breakaway.get(direction)
         estimates = (fit.printed, fit.corrected, fit.edges, fit.samples, fit.sigma_1, *((broken,) if broken else ()))
         return _and_of(fit.warnings, estimates)
@@ -300,67 +286,66 @@ class Presliding:
 
 @result
 class TrackingFit:
-    """All parameters from moving data."""
+    """All parameters from moving runs."""
 
     law: LawByName = GAUSSIAN
-    """Of the friction."""
     parameters: Mapping[ParameterName, Estimate]
     rms: Number
-    """Root mean square residual of the equations, N*m (rad where the position is predicted)."""
+    """Root mean square residual, N*m (rad where the position is predicted)."""
     relative_error: Number
     """100 * norm(residual) / norm(measured), percent; a position is measured from the mean of its window."""
     n: int
     outcome: Finding
     starts: int
     reached: int
-    """How many starts ended within 1e-6 relative of the lowest cost."""
+    """Starts that ended at the lowest cost, within 1e-6 of it."""
     condition: Number
     """Of the Jacobian with columns of unit length."""
     warnings: tuple[Finding, ...] = ()
     hold_out: tuple[HoldOut, ...] = ()
     names: tuple[ParameterName, ...] = ()
-    """The free parameters, in the order of `covariance`."""
+    """Free parameters, in the order of `covariance`."""
     covariance: Matrix = field(default_factory=lambda: np.zeros((0, 0)))
     fixed: Mapping[ParameterName, Number] = field(default_factory=dict)
-    """With what the others were fitted, of parameters that were given, or that the motion does not show."""
+    """Values of parameters that were given, or that the motion does not show."""
     count_bias: Mapping[ParameterName, Number] = field(default_factory=dict)
-    """What encoder counts were found to add to each parameter, and has been taken off; empty where that was not looked at."""
+    """Bias by encoder counts, already subtracted; empty where it was not estimated."""
     crosscheck: Crosscheck | None = None
     """The same problem by CasADi and IPOPT."""
     time: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     """Of each equation, s from the start of its run, (n,)."""
     quantity: Literal["torque", "position"] = "torque"
-    """What the fit predicts."""
+    """The predicted quantity."""
     velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     measured: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     """Torque, N*m, or position, rad, (n,)."""
     residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     friction: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
-    """Measured friction, what is no friction taken off as the fit has it, N*m, (n,); empty where no level rises with load."""
+    """Measured friction, N*m, (n,): measured torque less the other modelled terms; empty where the position is predicted."""
     load: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
-    """The load that it rises with, N*m, (n,); empty as `friction`."""
+    """The load that friction rises with, N*m, (n,); empty without load."""
     starts_of_runs: tuple[int, ...] = field(default=(0,), metadata=UNWRITTEN)
     """First equation of each segment between gaps."""
     late: tuple[float, float] = field(default=(0.0, np.inf), metadata=UNWRITTEN)
-    """By how much the torque was logged late, to first order beside all that was fitted, and its standard error, s."""
+    """Delay of the logged torque, to first order, and its standard error, s."""
     windows: int = 0
-    """Pieces that were simulated, each from a start of its own; 0 where the torque is predicted."""
+    """Number of simulated windows; 0 where the torque is predicted."""
     uncertainty: Mapping[ParameterName, Uncertainty] = field(default_factory=dict)
-    """Each parameter's interval three ways; empty where that was not asked for."""
+    """Intervals three ways, by parameter; empty unless asked for."""
     repeats: Mapping[ParameterName, RunScatter] = field(default_factory=dict)
-    """How the parameters scatter over the runs; empty where there is but one."""
+    """Scatter over the runs, by parameter; empty for one run."""
 
     def all_warnings(self) -> Iterator[Finding]:
-        """Those about the fit, then those about one parameter."""
+        """Those about the fit, then those about single parameters."""
         return _and_of(self.warnings, self.parameters.values())
 
     @property
     def known(self) -> dict[ParameterName, float]:
-        """Every value: estimated, or as it was fixed."""
+        """Every value, estimated or fixed."""
         return {**self.fixed, **{name: e.value for name, e in self.parameters.items() if e.value is not None}}
 
     def values(self, direction: str) -> Lugre[float] | None:
-        """The set of a direction (`+`, `-`, `both`), what is not identifiable as it was fixed; None where there is none."""
+        """The LuGre set of a direction (`+`, `-`, `both`), estimated or fixed; None where it is incomplete."""
         known, one = self.known, lugre_of(self.law)
         values = [x for name in one._fields if (x := in_direction(known, name, direction)) is not None]
         return one(*values) if len(values) == len(one._fields) else None

@@ -1,4 +1,4 @@
-"""From what an experiment measured to everything found out about its joint: static, presliding and moving fits, models."""
+"""Identification of a joint from its measured runs."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -18,7 +18,8 @@ from bristle.estimation.covariance import student
 from bristle.estimation.score_test import MATTERS
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.comparison import APART, GAIN, SYMMETRIC, Comparison
-from bristle.identification.curve import accuracy_of, band, curve
+from bristle.identification.curve import LEAST, accuracy_of, band, curve
+from bristle.identification.dynamic.output_error import HORIZON
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
@@ -31,7 +32,7 @@ from bristle.identification.law_comparison import (
     term_that_pays,
     with_averages,
 )
-from bristle.identification.measured import Measured, in_time, nothing_to_fit, through_wider, with_options
+from bristle.identification.measured import Measured, nothing_to_fit, with_options, with_wider_low_pass, without_delay
 from bristle.identification.model_selection import bic_of_directions, compare_on_motion, compare_on_points, refitted
 from bristle.identification.moving_runs import (
     DIRECTIONS,
@@ -40,70 +41,65 @@ from bristle.identification.moving_runs import (
     moved_in,
     refuse_noise,
     refuse_opposing_runs,
+    regressors,
+    turn_of,
 )
 from bristle.identification.periods import with_periods
 from bristle.identification.point_checks import point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint
-from bristle.identification.settings import settings_of
 from bristle.identification.settling import without_settling
-from bristle.identification.static.fit import beside_moving, fit_moving, fit_points, is_superseded
+from bristle.identification.static.fit import fit_moving, fit_points, is_superseded, reconcile_static
+from bristle.identification.static.grid import GRID, PLAIN_GRID
 from bristle.identification.static.set_up import directions_of_points, trial_of_motion, trial_of_points
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
 from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, of_load, unit
 from bristle.progress import Progress, step
 
-_WIDER, _LESS = (1.6, 2.5, 4.0), 0.9
-"""Times the low pass that the spectra choose, and what a fit leaves through the first of these where it took motion."""
-_LATEST = 0.05  # s: no log is later, and what asks for more is another term, as friction that rises with load
-_SHIFTS = 3  # times that a delay of the torque is looked for: each is told to first order
-_SURE, _FAR = 5.0, 3.0
-"""Standard errors: by which a drive is told to act before its commands, and by which viscous friction is not below zero."""
-_ROUNDS = 4  # times that holds are told what they had not settled, at the most
-_NOTHING = 1e-3  # of the torque: a Coulomb friction that is less is none
-_CHOICES = 2  # of a law by moving runs: of the load, and of the peak and terms beside it
+_WIDER, _LESS = (1.6, 2.5, 4.0), 0.9  # factors on the low pass, and the ratio of residuals that shows it was too narrow
+_LATEST = 0.05  # s: largest delay of a log; a larger one stands for another term, such as friction that rises with load
+_SHIFTS = 3  # most corrections of a delay, each of first order
+_SURE, _FAR = 5.0, 3.0  # standard errors of a delay before its command, and of negative viscous friction
+_ROUNDS = 4  # most corrections of holds for settling
+_NOTHING = 1e-3  # of the torque: less Coulomb friction is none
+_CHOICES = 2  # choices of a law by moving runs: the load, then peak and terms
 _OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
+_PEAK = {
+    "auto": "a Stribeck peak where the data support it",
+    "coulomb-viscous": "no Stribeck peak",
+    "stribeck": "a Stribeck peak however unsure",
+}
 
 
 def identify_joint(
     measured: Measured, *, crosscheck: bool = False, uncertainty: bool = False, progress: Progress | None = None
 ) -> Joint:
-    """Everything that an experiment tells of its joint, with intervals and warnings, cross-checked.
+    """Everything identified of a joint, with intervals and warnings. Raises InputError where no run can be fitted.
 
-    Points at constant velocity give the static parameters where there are any, else the moving runs do, with their
-    regressors; slow runs give the presliding ones; moving runs give all, alone and with the other stages as priors.
-    With `crosscheck` the fit of the moving runs is solved by CasADi and IPOPT as well, which takes long; with
-    `uncertainty` its parameters get their intervals by profile and bootstrap too, as static and presliding ones always
-    do. `progress` is told of every step.
-
-    Raises InputError where no run can be fitted, saying which threshold ate what.
+    `crosscheck` solves the moving fit by IPOPT as well (slow); `uncertainty` adds its intervals by profile and
+    bootstrap.
     """
     return _Decisions(measured, progress).joint_of(crosscheck=crosscheck, uncertainty=uncertainty)
 
 
 class _Decisions:
-    """What is decided about a joint, one thing after the other: each is tried, identified anew, and kept if it is better."""
+    """The decisions about a joint in order: each is tried, the joint is fitted again, and the better fit is kept."""
 
     joint: Joint
 
     def __init__(self, measured: Measured, progress: Progress | None) -> None:
         self.measured, self.progress, self.asked_law = measured, progress, measured.experiment.fit.law
-        self.told: dict[str, str] = {}
-        """What was chosen, and what overrules it, by its name among the settings."""
+        self.told: dict[str, str] = {}  # what was chosen, by setting
         self.doubts: tuple[Finding, ...] = ()
         self.laws: Comparison | None = None
-        """The laws side by side."""
-        self.under: Comparison | None = None
-        """The same, where they chose the law of the fits."""
-        self.bic: dict[str, float] = {}
-        """Of one friction for both directions, and of one for each ..."""
-        self.ended: Values | None = None
-        """... which ended there, of moving runs."""
+        self.under: Comparison | None = None  # the comparison that chose the law of the fits
+        self.bic: dict[str, float] = {}  # by `SYMMETRIC` and `APART`
+        self.ended: Values | None = None  # where the moving fit per direction ended
 
     def joint_of(self, *, crosscheck: bool, uncertainty: bool) -> Joint:
-        """All decisions in their order."""
+        """The identified joint, after all decisions."""
         auto = self.measured.experiment.fit.directions == "auto"
         if auto:
             self._directions()
@@ -132,7 +128,7 @@ class _Decisions:
                 break
             self._take(settled)
         measured, joint = self.measured, self.joint
-        if joint.tracking is not None and (crosscheck or uncertainty):  # of what was decided, once
+        if joint.tracking is not None and (crosscheck or uncertainty):  # for the final set-up alone
             joint = self._identified(
                 measured, self.under, joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty
             )
@@ -148,11 +144,11 @@ class _Decisions:
         return replace(joint, accuracy=accuracy_of(joint, measured, other)).with_subjects()
 
     def _again(self, measured: Measured, near: TrackingFit | Values | None = None) -> Joint:
-        """Identified anew, moving runs from where they ended, or from `near`."""
+        """The joint fitted again, moving runs from their last minimum or from `near`."""
         return self._identified(measured, self.under, self.joint.tracking if near is None else near)
 
     def _take(self, measured: Measured, most: float = np.inf) -> bool:
-        """Identified anew, and kept if the moving runs then leave so many times as much at most; whether it was."""
+        """Fit again; keep it if the moving runs' residuals are at most `most` times as large. Whether it was kept."""
         again, before = self._again(measured), self.joint.moving
         if most < np.inf and (before is None or again.moving is None or again.moving.rms > most * before.rms):
             return False
@@ -160,7 +156,7 @@ class _Decisions:
         return True
 
     def _directions(self) -> None:
-        """Of points by BIC; of moving runs that go both ways one friction, to begin with."""
+        """Choose directions of points by BIC; moving runs in both directions begin with one friction."""
         measured, bic = self.measured, dict[str, float]()
         points, training = measured.points(hold_out=False), measured.moving(hold_out=False)
         if points:
@@ -172,7 +168,7 @@ class _Decisions:
         self.bic, self.measured = bic, _with_directions(measured, "symmetric" if one else "separate")
 
     def _regressors(self) -> None:
-        """The regressors that explain most of what is left of parts held out; the file overrules."""
+        """Choose the regressors with the least error on held-out parts, unless the file names them."""
         experiment, fit, better = self.measured.experiment, self.measured.experiment.fit, None
         moving, points = self.measured.moving(hold_out=False), self.measured.points(hold_out=False)
         if fit.set_up == AS_WRITTEN or "regressors" in fit.model_fields_set or fit.predict != "torque":
@@ -190,7 +186,7 @@ class _Decisions:
         self.measured = with_options(self.measured, regressors=(*also, *better.set_up.regressors))
 
     def _law(self) -> None:
-        """The law asked for, or the one that the points choose; and the laws side by side on them."""
+        """Choose the law on the points, and compare the laws on them."""
         measured, fit = self.measured, self.measured.experiment.fit
         laws = laws_of_points(measured, fit.friction) if measured.points(hold_out=False) else None
         self.laws = laws
@@ -204,10 +200,7 @@ class _Decisions:
             self.measured, self.laws = with_options(measured, law=law), laws and laws.under(law)
 
     def _gravity(self) -> None:
-        """Moving runs with gravity, where it explains most of what a fit without it leaves.
-
-        A regression without a bristle, which chose the regressors, may leave so much at reversals that it does not see gravity.
-        """
+        """Add gravity where it explains half of the moving runs' residuals: the first regression may miss it."""
         fit, moving = self.measured.experiment.fit, self.joint.moving
         lacks = (w.numbers for w in (moving.warnings if moving else ()) if w.code == "lacks-a-term")
         share = next((x["share"] for x in lacks if x["term"] == "gravity"), 0.0)
@@ -220,7 +213,7 @@ class _Decisions:
             self.told["chosen regressors"] = told
 
     def _sides(self) -> None:
-        """Moving runs with a friction for each direction, where that has a clearly better BIC."""
+        """Take one friction per direction for moving runs where its BIC is clearly better."""
         measured, joint = self.measured, self.joint
         if joint.tracking is None:
             self.bic, self.ended = {}, None
@@ -234,9 +227,10 @@ class _Decisions:
         each = self._again(sided, self.ended)
         self.bic = bic = compared(each.tracking)[0]
         if (fit := each.moving) is not None:
-            # nan where the two differ by a constant alone, or by less than their bands: a better BIC is then of two bristles, about reversals
-            # that no model describes; infinite where one of them is no friction, which leaves an offset
-            v, within = np.abs(fit.velocity)[fit.velocity != 0], [(fit.values(d), d) for d in DIRECTIONS]
+            # nan where the directions differ by a constant, or within their bands: the BIC then improves at reversals alone
+            # infinite where one of them has no friction
+            speed, within = np.abs(fit.velocity), [(fit.values(d), d) for d in DIRECTIONS]
+            v = speed[speed > LEAST * speed.max()]
             both = [(curve(v, p.stribeck), band(v, fit, d)) for p, d in within if p is not None]
             bands = [half for _, half in both if half is not None]
             alike = len(bands) == len(DIRECTIONS) and bool(
@@ -251,17 +245,14 @@ class _Decisions:
             self.measured, self.joint = sided, each
 
     def _low_pass(self) -> None:
-        """Moving runs through the widest low pass that leaves no more than the spectra's own, where one leaves a tenth less.
-
-        The narrow one then took what the motion does: noise that a wider one lets in makes a fit leave more.
-        """
+        """Take a wider low pass if residuals fall by a tenth: the narrower one then filtered out part of the motion."""
         measured, alone, found = self.measured, self.joint.tracking, None
         experiment = measured.experiment
         if experiment.fit.position_cutoff is not None or alone is None or alone.quantity != "torque":
             return
         sides = directions(experiment, measured.moving(hold_out=False))
         for factor in _WIDER:
-            wide = through_wider(measured, factor)
+            wide = with_wider_low_pass(measured, factor)
             left = refitted(wide, alone, sides).residuals
             if np.linalg.norm(left) > (1.0 if found else _LESS) * np.sqrt(left.size) * alone.rms:
                 break
@@ -270,7 +261,7 @@ class _Decisions:
             self._take(found)
 
     def _law_of_motion(self, alone: TrackingFit) -> None:
-        """Moving runs under the law that they choose."""
+        """Choose the law on the moving runs."""
         every = self.asked_law == AUTO
         self.laws, ends = laws_of_motion(self.measured, alone, every=every)
         term = None if self.laws is None else term_that_pays(self.measured.experiment.fit, self.laws)
@@ -285,25 +276,21 @@ class _Decisions:
             law = self.laws.chosen.name
             self.measured, self.laws = with_options(self.measured, law=law), self.laws.under(law)
             self.under, self.joint = self.laws, self._identified(self.measured, self.laws, ends[law])
-            # which peak and terms beside the load
+            # then peak and terms beside the load
             if self.measured.experiment.fit.load and self.joint.tracking is not None:
                 laws, ends = laws_of_motion(self.measured, self.joint.tracking, every=True)
                 self.laws = laws or self.laws
 
     def _on_time(self) -> None:
-        """Moving runs without the delay of their torque, and what is said of it, and doubted.
-
-        A delay is told to first order, and taken where it is one of a log and the fit then leaves a tenth less. A drive that was told
-        what to follow has one: it is taken where the fit then leaves no more, with its interval.
-        """
+        """Take off a delay of the torque where residuals fall by a tenth; of commands wherever they do not grow."""
         signals, as_logged, late, moving = self.measured.experiment.signals, self.measured, 0.0, self.joint.moving
-        told_by = next((name for name in (*DRIVE, *COMMANDS) if getattr(signals, name) is not None), None)
-        declared = told_by is not None and "delay" in getattr(signals, told_by).model_fields_set
+        source = next((name for name in (*DRIVE, *COMMANDS) if getattr(signals, name) is not None), None)
+        declared = source is not None and "delay" in getattr(signals, source).model_fields_set
         if declared or moving is None or as_logged.experiment.fit.set_up == AS_WRITTEN:
             return
         for _ in range(_SHIFTS):
             more, error = moving.late
-            if told_by not in COMMANDS:
+            if source not in COMMANDS:
                 found = (w for w in moving.warnings if w.code == "torque-delayed")
                 more = next((float(w.numbers["delay"]) for w in found), 0.0)
             elif abs(more) < error:
@@ -311,14 +298,14 @@ class _Decisions:
             if not more or abs(late + more) >= _LATEST:
                 break
             # once, for to interpolate smooths
-            if not self._take(in_time(as_logged, late + more), 1.0 if told_by in COMMANDS else _LESS):
+            if not self._take(without_delay(as_logged, late + more), 1.0 if source in COMMANDS else _LESS):
                 break
             late, moving = late + more, self.joint.moving or moving
         error = moving.late[1]
-        if late or (told_by in COMMANDS and np.isfinite(error)):  # an error of the delay is one of the torque
-            self._take(in_time(as_logged, late, error, final=True))
+        if late or (source in COMMANDS and np.isfinite(error)):  # its error is one of the torque
+            self._take(without_delay(as_logged, late, error, final=True))
         moving = self.joint.moving
-        if told_by in COMMANDS and moving is not None:
+        if source in COMMANDS and moving is not None:
             self._of_commands(late + moving.late[0], moving.late[1])
         elif late:
             how = "late" if late > 0 else "early"
@@ -327,14 +314,14 @@ class _Decisions:
             )
 
     def _of_commands(self, late: float, error: float) -> None:
-        """What is said of a drive that acts so long before it was told, s, and doubted."""
+        """Report the delay of a drive that acts `late` s before its command, with its standard error, s."""
         measured = self.measured
         message = (
             f"The drive would act {late:.2g} s before it was told: its gains, their units, or the time stamps of its commands are wrong, "
             "and so is friction."
         )
         early = Finding("acts-early", CRITICAL, message, {"early": late}, {"torque": np.inf})
-        half = max(r.step for r in measured.moving(hold_out=False)) / 2  # of a sample: rows are told apart no finer
+        half = max(r.step for r in measured.moving(hold_out=False)) / 2  # the resolution of rows
         self.doubts = (early,) if late > max(_SURE * error, half) else self._feedback(late)
         told, reach = "as the drive makes it of its commands", student(np.inf) * error
         if reach < _LATEST:
@@ -351,7 +338,7 @@ class _Decisions:
         self.told["chosen delay"] = told
 
     def _feedback(self, late: float) -> tuple[Finding, ...]:
-        """Of a drive that may compare its commands with measurements of the moment: as old as these they are a friction of K_p times the delay."""
+        """A caution where a drive may use fresh measurements: old ones act as viscous friction, K_p times delay."""
         experiment, velocity = self.measured.experiment, [r.velocity for r in self.measured.moving(hold_out=False)]
         command, gain = experiment.signals.command, (experiment.motor_constants or ONE).at_joint().kp
         if command is None or command.fresh is not None or gain is None or late >= 0:
@@ -369,7 +356,7 @@ class _Decisions:
         return (Finding("feedback-unknown", CAUTION, message, {"lower": lower}, {"torque": lower * speed}),)
 
     def _models(self, joint: Joint) -> tuple[Comparison, ...]:
-        """Friction models side by side, on the points and on the moving runs."""
+        """Friction models compared on the points and on the moving runs."""
         static, alone, found = joint.static, joint.tracking, list[Comparison | None]()
         if points := self.measured.points(hold_out=False):
             found.append(compare_on_points(self.measured, static))
@@ -387,7 +374,7 @@ class _Decisions:
         crosscheck: bool = False,
         uncertainty: bool = False,
     ) -> Joint:
-        """Under one law, which `laws` may have chosen, without models side by side; moving runs begin at `near`."""
+        """The joint under one law, which `laws` may have chosen; the moving fit begins at `near`."""
         experiment, training = measured.experiment, _training(measured)
         points, stages = measured.points(hold_out=False), DynamicStages()
         static: dict[str, StaticFit] = {}
@@ -401,19 +388,12 @@ class _Decisions:
             static, checks = fit_moving(experiment, training, measured.moving(hold_out=True))
         if training:
             step(self.progress, "fitting the moving runs")
+            held, load = measured.moving(hold_out=True), partial(_presliding, experiment, measured.slow)
             stages = fit_with_priors(
-                experiment,
-                training,
-                measured.moving(hold_out=True),
-                static,
-                partial(_presliding, experiment, measured.slow) if measured.slow else None,
-                near,
-                static_is_apart=bool(points),
-                crosscheck=crosscheck,
-                uncertainty=uncertainty,
-                progress=self.progress,
-            )
-            static = static if points else beside_moving(static, stages.tracking)
+                experiment, training, held, static, load if measured.slow else None, near, static_is_apart=bool(points),
+                crosscheck=crosscheck, uncertainty=uncertainty, progress=self.progress,
+            )  # fmt: skip  # a list of values
+            static = static if points else reconcile_static(static, stages.tracking)
             fit = stages.joint_fit or stages.tracking
             J = fit.parameters.get(INERTIA) if fit else None
             if stages.presliding is not None and experiment.inertia is None and J is not None and J.value:
@@ -425,31 +405,24 @@ class _Decisions:
         if self.asked_law == AUTO:
             static, tracking = with_averages(static, stages.tracking, laws)
             stages = stages._replace(tracking=tracking)
-        return Joint(
-            name=experiment.joint.name,
-            kind=experiment.joint.kind,
-            inputs=tuple(
-                Input(file=r.file, sha256=r.sha256, rows=r.rows, dropped=r.dropped, notes=r.notes, labels=r.labels)
-                for r in (run.record for run in measured.runs)
-            ),
-            segments=tuple(s for candidates in measured.segments for s in candidates),
-            static=static,
-            crosscheck=checks,
-            **stages._asdict(),
-            warnings=tuple(_joint_warnings(measured, static)),
-            torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
-            travel=measured.travel,
-            torque_constant=measured.torque_constant,
-            link_inertia=None if has_own_unit(experiment.joint.kind) else measured.link_inertia,
-            truth=experiment.truth,
-            simulated=experiment.simulated,
-            assumptions=experiment.assumptions,
-            settings=settings_of(experiment, self.asked_law, training),
+        inputs = (
+            Input(file=r.file, sha256=r.sha256, rows=r.rows, dropped=r.dropped, notes=r.notes, labels=r.labels)
+            for r in (run.record for run in measured.runs)
         )
+        return Joint(
+            name=experiment.joint.name, kind=experiment.joint.kind, inputs=tuple(inputs),
+            segments=tuple(s for candidates in measured.segments for s in candidates), static=static,
+            crosscheck=checks, **stages._asdict(), warnings=tuple(_joint_warnings(measured, static)),
+            torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
+            travel=measured.travel, torque_constant=measured.torque_constant,
+            link_inertia=None if has_own_unit(experiment.joint.kind) else measured.link_inertia,
+            truth=experiment.truth, simulated=experiment.simulated, assumptions=experiment.assumptions,
+            settings=_settings(experiment, self.asked_law, training),
+        )  # fmt: skip  # a list of values
 
 
 def _with_directions(measured: Measured, directions: str) -> Measured:
-    """In these directions; an offset is a regressor where one friction serves both."""
+    """The same with these directions; one friction for both has an offset as regressor."""
     fit = measured.experiment.fit
     asked = (("inertia",) if measured.moving(hold_out=False) else ()) if fit.regressors is None else fit.regressors
     about = ("offset",) if directions == "symmetric" else ()
@@ -457,7 +430,7 @@ def _with_directions(measured: Measured, directions: str) -> Measured:
 
 
 def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
-    """What was chosen, why, and what overrules it."""
+    """The sentence on the chosen directions."""
     more = bic[APART] - bic[SYMMETRIC]
     took, left = ("each its own friction", "one") if apart else ("the same friction both ways", "two")
     if np.isnan(more):
@@ -470,27 +443,34 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
 
 
 def _offset_as_friction(joint: Joint) -> str:
-    """What an offset would be as friction of the two directions, where one friction serves both: no data tell the two apart."""
+    """The offset as a difference of friction between the directions, or the reverse: the data cannot exclude either."""
     known = {(x.parameter.name, x.parameter.direction): x.estimate for x in chosen(joint)}
     level, offset = known.get(("alpha_0", Direction.BOTH)), known.get(("offset", Direction.SHARED))
-    if level is None or offset is None or not (level.value and offset.value and offset.interval):
-        return ""
-    low, high = offset.interval
-    if low <= 0 <= high or not MATTERS < abs(offset.value) / level.value < 1:
-        return ""
-    plus, minus = (level.value + sign * offset.value for sign in (1, -1))
-    friction = f"alpha_0 {plus:.3g} (+) and {minus:.3g} {unit('torque', joint.kind)} (-)"
-    return f"; its offset may as well be friction: {friction}; no data tell the two apart, and their sum is the same"
+    torque = unit("torque", joint.kind)
+    if level is not None and offset is not None and level.value and offset.value and offset.interval:
+        low, high = offset.interval
+        if not low <= 0 <= high and MATTERS < abs(offset.value) / level.value < 1:
+            plus, minus = (level.value + sign * offset.value for sign in (1, -1))
+            friction = f"alpha_0 {plus:.3g} (+) and {minus:.3g} {torque} (-)"
+            return f"; its offset may as well be friction: {friction}; no data tell the two apart, and their sum is the same"
+    one, other = (known.get(("alpha_0", Direction(d))) for d in DIRECTIONS)
+    gravity = ("gravity_cos", Direction.SHARED) in known  # an offset is part of it
+    if one is not None and other is not None and one.value and other.value and not gravity:
+        apart, common = (one.value - other.value) / 2, (one.value + other.value) / 2
+        if abs(apart) > max(np.hypot(one.standard_error or 0.0, other.standard_error or 0.0), MATTERS * common):
+            way = f"alpha_0 {common:.3g} both ways and an offset of {apart:.3g} {torque}"
+            return f"; {way} may as well be it: read the torque without load"
+    return ""
 
 
 def _brakes(values: Mapping[ParameterName, float]) -> bool:
-    """Whether v abs(v) is drag in every direction, and a load makes friction rise: what pushes is none."""
+    """Whether v abs(v) and a rise with load brake in every direction."""
     drag = law_named(WITH_DRAG).coefficients
     return all(x > 0 for name, x in values.items() if name.name in drag or of_load(name.name))
 
 
 def _training(measured: Measured) -> tuple[Record, ...]:
-    """The moving runs that are fitted. Raises InputError where there should be some, they contradict one another, or a torque is noise."""
+    """The moving runs to fit. Raises InputError if they are missing, contradictory, or their torque is noise."""
     experiment, training = measured.experiment, measured.moving(hold_out=False)
     for record in measured.slow:
         q, torque = record.position, record.torque
@@ -511,7 +491,7 @@ def _training(measured: Measured) -> tuple[Record, ...]:
 def _presliding(
     experiment: Experiment, slow: Sequence[Record], fit: Mapping[str, StaticFit] | TrackingFit
 ) -> Presliding:
-    """sigma_0 and sigma_1 from the slow runs, with g0 from the static fits, or from a fit of moving runs."""
+    """The presliding stage, with g0 from the static fits or from a fit of moving runs."""
     as_asked = experiment.fit.model == "coulomb-viscous"
     levels = {d: level for d in DIRECTIONS if (level := _breakaway_torque(fit, d, without_peak=as_asked)) is not None}
     J, of_file = experiment.inertia, Finding("of-experiment-file", NOTE, "the experiment file")
@@ -524,10 +504,7 @@ def _presliding(
 def _breakaway_torque(
     fits: Mapping[str, StaticFit] | TrackingFit, direction: str, *, without_peak: bool
 ) -> KnownValue | None:
-    """g0 = alpha_0 + alpha_1 of a direction, with the error that their covariance gives.
-
-    Where no Stribeck term was seen alpha_0 is a lower bound of it, or g0 itself where the experiment says that there is no peak.
-    """
+    """g0 = alpha_0 + alpha_1 of a direction with its error; without a Stribeck term alpha_0 is a lower bound of it."""
     moving = isinstance(fits, TrackingFit)
     fit = fits if isinstance(fits, TrackingFit) else fits.get(direction) or fits.get("both")
     if fit is None:
@@ -582,12 +559,9 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> Iterato
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
         tried = sum(s.velocity * DIRECTIONS[other] > 0 for candidates in measured.segments for s in candidates)
-        why = Finding("not-measured", CAUTION, "it was not measured")
-        if tried:
-            message = f"none of its {tried} candidate segments was kept"
-            why = Finding("none-kept", CAUTION, message, {"tried": tried})
+        why = f"none of its {tried} candidate segments was kept" if tried else "it was not measured"
         message = f"Direction {other} is not identified: {why}."
-        yield Finding("direction-unknown", CAUTION, message, {"direction": other, "why": why})
+        yield Finding("direction-unknown", CAUTION, message, {"direction": other, "tried": tried})
     # of kept segments, counted: each warning is listed with its segment
     told = {file for d in measured.warnings if d.code == "velocity-factor" for file in d.numbers["files"]}
     differ = sum(any(d.code == "position-differs" for d in s.warnings) for s in kept)
@@ -602,7 +576,47 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> Iterato
     if unused:
         message = f"Held-out presliding runs are not used: {', '.join(unused)}."
         yield Finding("held-out-unused", NOTE, message, {"files": unused})
-    if experiment.truth and not experiment.simulated:
-        message = "True parameters are given (truth), but the data are not declared simulated."
-        yield Finding("truth-undeclared", CAUTION, message)
     yield from point_warnings(measured, kept, static)
+
+
+def _settings(experiment: Experiment, asked_law: str, training: Sequence[Record]) -> dict[str, str]:
+    """Thresholds, cut-offs and options in force; `asked_law` is `fit.law` as in the file."""
+    fit = experiment.fit
+    law, loads = fit.friction, fit.load
+    rising = "".join(f", rising with the {name.replace('-', ' ')}" for name in loads)
+    found = ", which the data chose (fit.law overrules)" if asked_law == AUTO or asked_law != fit.law else ""
+    settings = {
+        "law": f"{'+'.join((law.name, *loads))}{found}: {law.title}{rising}",
+        "directions": fit.directions,
+        "set-up": f"{fit.set_up}, {_PEAK[fit.model]}",
+        "grid": f"{GRID} values of v_s, even in log(v_s), refined to the continuous minimum",
+        "plain grid": f"{PLAIN_GRID} evenly spaced values of v_s",
+        "v_s range": "a third of the slowest speed to the fastest",
+    }
+    if isinstance(fit.orders, tuple):
+        _, turn = turn_of(experiment.joint.kind)
+        settings["orders"] = f"{', '.join(map(str, fit.orders)) or 'none'}, periods per {turn}"
+    if training:
+        cutoffs = dict.fromkeys(f"{f(r.cutoff for r in training):.3g}" for f in (min, max))
+        low_pass = f"{' to '.join(cutoffs)} Hz"
+        settings |= {
+            "position filter": f"4th-order Butterworth, zero phase, {low_pass}",
+            "decimation": f"one sample in {fit.every}, both sides through 0.8 of the new Nyquist frequency, zero phase",
+            "regressors": ", ".join(regressors(experiment)) or "none",
+        }
+        chosen = ["fit.position_cutoff"] if fit.position_cutoff is None else []
+        chosen += ["fit.decimation"] if "decimation" not in fit.model_fields_set else []
+        if chosen:
+            by = f"by the spectra, {' and '.join(chosen)} overrule{'s'[len(chosen) - 1 :]}"
+            settings["filters"] = (
+                f"low pass of {low_pass}, {f'one sample in {fit.every}' if fit.every > 1 else 'all samples'} ({by})"
+            )
+        if fit.predict == "position":
+            settings["moving runs"] = (
+                f"the motor simulated in windows of {HORIZON:g} s, and its position averaged over {fit.every} samples; "
+                "position filter and decimation serve the start alone"
+            )
+        if (known := experiment.inertia) is not None:
+            error = known.standard_error
+            settings["inertia"] = f"{known.value:g} {f'+/- {error:g} (prior)' if error else '(fixed)'}"
+    return settings

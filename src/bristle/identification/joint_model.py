@@ -1,4 +1,4 @@
-"""An identified joint as one model: its friction as numbers, as CasADi functions, and as a compensator that runs."""
+"""An identified joint as a model: friction as numbers, as CasADi functions, and as a running compensator."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -24,24 +24,24 @@ if TYPE_CHECKING:
 
 
 class Functions(NamedTuple):
-    """The model for a controller or an estimator of one's own; derivatives are CasADi's."""
+    """The model as CasADi functions."""
 
     torque: ca.Function
-    """(z, v) -> (T, dz): friction torque (3)-(5), N*m, and dz/dt, rad/s, at a deflection, rad, and a velocity, rad/s."""
+    """(z, v) -> (T, dz): friction torque (3)-(5), N*m, and dz/dt, rad/s."""
     steady: ca.Function
     """(v) -> T: friction (9) of steady sliding, N*m."""
 
 
 @dataclass(frozen=True, slots=True)
 class JointModel:
-    """One law of friction from one fit, and what its bristle and damping rest on; N and m where the joint slides."""
+    """The friction law of one joint; N and m where it slides."""
 
     joint: Joint
     experiment: Experiment | None = None
-    """From which an inertia is known that was not fitted; None: from nothing."""
+    """Source of an inertia that was not fitted, or None."""
 
     def friction(self, velocity: ArrayLike) -> Array:
-        """Friction (9) of steady sliding, drag included, N*m, in the shape of `velocity`, rad/s: 0 at rest, nan in a direction that is not known.
+        """Friction (9) with drag, N*m, at `velocity`, rad/s: 0 at rest, nan in an unknown direction.
 
         Raises InputError where nothing is known of friction vs velocity.
         """
@@ -52,10 +52,10 @@ class JointModel:
 
     @property
     def parameters(self) -> Pair[float]:
-        """The parameters of LuGre, positive and negative direction, SI.
+        """LuGre parameters of both directions, SI; an unknown bristle is filled in as for `bristle adapt`.
 
-        What was not identified of the bristle is filled in as for `bristle adapt`: sigma_0 from the travel, sigma_1 by (15).
-        Raises InputError where friction is not known in both directions, or nothing is known of what the filling rests on.
+        Raises InputError where friction is not known in both directions, or nothing tells the inertia or travel for the
+        filling.
         """
         known, J, travel = whole(self.joint), inertia_of(self.experiment, self.joint), self.joint.travel
         missing = {name for d in SIGNED for name in known.missing(d)}
@@ -73,7 +73,7 @@ class JointModel:
         name: Name = "lugre",
         **settings: Any,
     ) -> RunningCompensator:
-        """A compensator of this joint for a loop in real time: `step` gives the torque to add, (16)-(20).
+        """A compensator for a real-time loop: `step` gives the torque to add, (16)-(20); no regressor `quadratic`.
 
         Args:
             law: by which alpha_0 and alpha_2 adapt; None: they do not.
@@ -81,7 +81,7 @@ class JointModel:
             name: of the compensator, as in `bristle.control.compensator`.
             settings: others of `Compensator`, such as `share` or `inertia`.
 
-        It has no drag of the regressor `quadratic`, only that of a law. Raises InputError as `parameters` does, or where a setting cannot be.
+        Raises InputError as `parameters` does, or where a setting is not possible.
         """
         rates = gamma if isinstance(gamma, tuple) else (gamma, gamma)
         adaptation = None if law is None else Adaptation(law=law, gamma=rates)
@@ -89,7 +89,7 @@ class JointModel:
         return RunningCompensator(asked, self.parameters, rises=rises_of(self.joint))
 
     def casadi(self) -> Functions:
-        """The model without load as CasADi functions; raises InputError as `parameters` does."""
+        """The model without load as CasADi functions. Raises InputError as `parameters` does."""
         z, v, pair = ca.SX.sym("z"), ca.SX.sym("v"), self.parameters
         acting, sliding = equations.active(z, v, pair), equations.active(v, v, pair)
         drag = drag_of(known_joint(self.joint)) * equations.load_terms(0.0, v, 0.0, 0.0)["quadratic"]
@@ -100,7 +100,7 @@ class JointModel:
         )
 
     def to_frame(self) -> "pd.DataFrame":
-        """One row for each parameter to use: value, standard error, ends of the 95 % interval, unit, and the fit that it is from."""
+        """A row per parameter to use: value, standard error, ends of the 95 % interval, unit, and its fit."""
         import pandas as pd
 
         columns = ["parameter", "value", "standard_error", "lower", "upper", "unit", "from"]

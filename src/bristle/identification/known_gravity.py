@@ -1,4 +1,4 @@
-"""What a joint measured whose torque is known as a voltage, a current or a position error alone, and whose gravity tells its scale."""
+"""Joints without a torque signal (volts, amperes, position error) whose known gravity gives the scale of the torque."""
 
 from dataclasses import replace
 
@@ -15,17 +15,13 @@ from bristle.identification.robot.links import link_scale, scale_beside_bristles
 from bristle.model.parameters import effort, effort_unit, unit
 
 _CONSTANTS = {"current": "torque_constant", "position error": "kp"}
-"""What of the motor makes a torque of an effort; a voltage has no one constant, for its back-EMF takes part of it."""
+"""Motor constant that turns an effort into torque; a voltage has none, because of its back-EMF."""
 _DAMPED = {"voltage": "what the motor damps by its back-EMF", "position error": "what the drive damps"}
-"""What viscous friction then holds beside its own."""
+"""What alpha_2 then also holds."""
 
 
 def measure_scaled(experiment: Experiment) -> Measured:
-    """What an experiment measured; where a known gravity scales its effort, in N*m.
-
-    Gravity is to a joint what the links are to that of a robot: a regressor of known size, whose scale is found. Raises
-    InputError as `measure`, and where a moving run has no position.
-    """
+    """What an experiment measured, in N*m where a known gravity tells the scale. Raises InputError as `measure`."""
     measured, gravity = measure(experiment), experiment.gravity
     if gravity is None:
         return measured
@@ -48,13 +44,13 @@ def measure_scaled(experiment: Experiment) -> Measured:
     if constant.value is None:
         return replace(measured, findings=(*measured.findings, *constant.warnings))
 
-    # The effort in N*m, with that error and the one of the gravity.
+    # the effort in N*m, with the errors of scale and gravity
     K, name = constant.value, _CONSTANTS.get(drive)
     relative = (gravity.standard_error or 0.0) / gravity.value
     error = float(np.hypot(constant.standard_error or 0.0, K * relative))
     known = PlusMinus(value=K, standard_error=error)
 
-    def scaled(signals: Signals) -> Signals:  # the torque in its effort, times that scale
+    def scaled(signals: Signals) -> Signals:  # torque = scale times effort
         told = {"unit": of, "scale": f"{K!r} +/- {error!r} {constant.unit}"}
         return signals.model_copy(update={"torque": signals.torque and signals.torque.model_copy(update=told)})
 

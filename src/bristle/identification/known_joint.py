@@ -1,8 +1,4 @@
-"""What is known of an identified joint: of each parameter the estimate to use and the stage it comes from.
-
-The sets, the inertia, joints drawn. Everything that asks what a joint is - report, plan, sensitivity, compensation -
-asks here. What the data do not show of the bristle is filled in, and is to be said where it is used.
-"""
+"""The estimate to use of each parameter of an identified joint, and what is assumed where data show none."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -46,16 +42,16 @@ from bristle.model.parameters import (
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.vectorize import evaluate
 
-DRAWS = 60  # joints drawn from the covariance of the identified parameters
+DRAWS = 60  # joints drawn
 SEED = 0
 DEFLECTION = 1e-3
-"""Where nothing shows the bristle's stiffness: its deflection in slow sliding, as a share of how far the joint goes."""
-INERTIAL = 0.1  # torque of the largest acceleration where no inertia is known, as a share of alpha_0
-_MOST_MOVED = 5.0  # how far a logarithm is drawn from the estimate: what is known by less than that factor is not known
+"""Assumed deflection in slow sliding over the joint's travel, where nothing shows the stiffness."""
+INERTIAL = 0.1  # of alpha_0: torque of the largest acceleration, where no inertia is known
+_MOST_MOVED = 5.0  # largest move of a drawn logarithm
 
 
 class Source(StrEnum):
-    """The stage that an estimate comes from."""
+    """The stage of an estimate."""
 
     STATIC = "static"
     PRESLIDING = "presliding"
@@ -74,13 +70,13 @@ class Known(NamedTuple):
 
 
 def moving_fits(joint: Joint) -> dict[Source, TrackingFit]:
-    """The fits of moving runs that there are: of these alone, and with what the other stages say."""
+    """The fits of moving runs that exist, by source."""
     fits = {Source.TRACKING: joint.tracking, Source.JOINT: joint.joint_fit}
     return {source: fit for source, fit in fits.items() if fit is not None}
 
 
 def stage_estimates(joint: Joint) -> Iterator[Known]:
-    """The static parameters of each direction, its sigma_0 by the recommended method and its sigma_1; last the torque constant of a robot."""
+    """Estimates of the static and presliding stages by direction, then the torque constant of a robot."""
     slow = joint.presliding.fits if joint.presliding else {}
     for d in dict.fromkeys((*joint.static, *slow)):
         fit = joint.static[d].parameters if d in joint.static else {}
@@ -92,27 +88,26 @@ def stage_estimates(joint: Joint) -> Iterator[Known]:
 
 
 def moving_estimates(joint: Joint, source: Source) -> Iterator[Known]:
-    """The parameters of one fit of moving runs."""
+    """Estimates of one fit of moving runs."""
     return (Known(source, name, e) for name, e in moving_fits(joint)[source].parameters.items())
 
 
 def chosen(joint: Joint) -> tuple[Known, ...]:
-    """The estimate to use of each parameter, of which those of one friction curve, and what was fitted with it, come from one fit.
+    """The estimate to use of each parameter: of the joint fit, else of the moving runs alone, else of its own stage.
 
-    From the joint fit where that knows it, else the moving runs alone, else its own stage. Direction by direction, in
-    the order of `Lugre`; what is shared comes last. One that has no value stands for itself only where no stage has
-    one.
+    The parameters of one friction curve come from one fit. Ordered by direction, then as in `Lugre`; shared ones last.
+    A parameter is without a value only if every stage lacks it.
     """
     moving = [row for source in reversed(moving_fits(joint)) for row in moving_estimates(joint, source)]
     shown = {(row.parameter.name, row.parameter.direction) for row in moving if row.estimate.value is not None}
     curves = {d for name, d in shown if name == "alpha_0"}
     staged = list(stage_estimates(joint))
     static = {row.parameter.direction for row in staged if row.parameter.name == "alpha_0"}
-    # a shape that a motion does not show it took from a stage
+    # names fitted to the motion, and to points
     fitted = {FASTEST, *(row.parameter.name for row in moving)}
     beside = {row.parameter.name for row in staged if row.source is Source.STATIC and row.estimate.value is not None}
     rows = []
-    for row in moving:  # what was fitted beside a curve goes with it
+    for row in moving:  # regressors go with their curve
         name, d = row.parameter
         is_of_curve = of_curve(name)
         if (_within(d, curves) if is_of_curve else curves) or not (
@@ -139,28 +134,28 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
 
 
 def _within(direction: Direction, known: Collection[Direction]) -> bool:
-    """Whether something is known in a direction: there, in both at once, or in each."""
+    """Whether something is known in a direction: there, in `both`, or in each."""
     return bool({direction, Direction.BOTH, Direction.SHARED} & {*known}) or {*known} >= set(SIGNED)
 
 
 def rises_of(joint: Joint) -> dict[str, float]:
-    """The coefficients by which friction rises with load (`law.load_levels`), by name; none where it does not."""
+    """Coefficients by which friction rises with load (`law.load_levels`), by name."""
     return rises_among(joint.moving.known if joint.moving is not None else {})
 
 
 def rises_among(values: Mapping[ParameterName, float]) -> dict[str, float]:
-    """Those coefficients among the values of parameters; none where all of them are zero."""
+    """Those coefficients among some values; empty where all are zero."""
     rises = {name.name: value for name, value in values.items() if of_load(name.name)}
     return rises if any(rises.values()) else {}
 
 
 def without_load(joint: Joint) -> tuple[Finding, ...]:
-    """What a question that takes the joint without load leaves out; nothing where friction does not rise with load."""
+    """A caution for questions that ignore the rise of friction with load."""
     return load_left_out(rises_of(joint), joint.kind)
 
 
 def load_left_out(rises: Mapping[str, float], kind: JointKind) -> tuple[Finding, ...]:
-    """That friction of a joint of this kind rises by these coefficients, and is taken without; nothing where there are none."""
+    """The same for some coefficients of a joint of this kind."""
     if not rises:
         return ()
     rise, of = float(friction_rise(rises, np.ones(1))[0]), unit("torque", kind)
@@ -172,7 +167,7 @@ def load_left_out(rises: Mapping[str, float], kind: JointKind) -> tuple[Finding,
 
 
 def value_fits(joint: Joint) -> tuple[StaticFit | TrackingFit, ...]:
-    """The fits that the values of `chosen` come from, as far as they predict something."""
+    """The fits that the values of `chosen` come from."""
     sources = {row.source for row in chosen(joint) if row.estimate.value is not None}
     if joint.moving is not None and sources & {Source.TRACKING, Source.JOINT}:
         return (joint.moving,)
@@ -181,48 +176,44 @@ def value_fits(joint: Joint) -> tuple[StaticFit | TrackingFit, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownJoint:
-    """What is known of one joint's friction, as one model, whose law is of one stage."""
+    """The friction of one joint as one model."""
 
     name: str
     law: Law = GAUSSIAN
-    """Of its friction."""
     estimates: Mapping[ParameterName, Estimate]
-    """The one to use of each parameter."""
-    given: Mapping[ParameterName, float]
-    """What the experiment file fixed."""
-    held: Mapping[ParameterName, float]
-    """Of what the moving runs do not show: with what the others were fitted."""
+    given: Mapping[ParameterName, float]  # Fixed by the experiment file
+    held: Mapping[ParameterName, float]  # Values at which parameters that the moving runs do not show were held
 
     @property
     def directions(self) -> tuple[Direction, ...]:
-        """`both` where one law is of both directions, else those of + and - of which a law is known, which may be none."""
+        """`both` for one law, else those of + and - with a known law."""
         law = {d for name, d in (*self.estimates, *self.given) if of_curve(name)}
         ways = (Direction.BOTH,) if law == {Direction.BOTH} else SIGNED
         return tuple(d for d in ways if self.has_law(d))
 
     def has_law(self, direction: Direction) -> bool:
-        """Whether the friction vs velocity is known in a direction; none without Coulomb friction is a law for a bristle."""
+        """Whether friction vs velocity is known in a direction, with alpha_0 > 0."""
         values = self.values(direction)
         return values.keys() >= set(static_fields_of(self.law)) and values["alpha_0"] > 0
 
     def check_law(self, *directions: Direction, remedy: str = "") -> None:
-        """Raises InputError, closing with a remedy, where the friction vs velocity is not known in one of the directions."""
+        """Raise InputError, ending with a remedy, where friction vs velocity is not known in one of the directions."""
         if unknown := [d for d in directions if not self.has_law(d)]:
             raise InputError(
                 f"{self.name}: nothing is known of the friction vs velocity in direction {unknown[0]}{remedy}"
             )
 
     def estimate(self, name: str, direction: Direction) -> Estimate | None:
-        """The estimate to use of a parameter in a direction; None where no stage looked for it."""
+        """The estimate of a parameter in a direction; None where no stage looked for it."""
         return in_direction(self.estimates, name, direction)
 
     def missing(self, direction: Direction) -> tuple[str, ...]:
-        """The LuGre parameters of a direction that no stage shows, and that were not given."""
+        """LuGre parameters of a direction that no stage shows and nobody gave."""
         names = (name for name in fields_of(self.law) if in_direction(self.given, name, direction) is None)
         return tuple(name for name in names if (e := self.estimate(name, direction)) is None or e.value is None)
 
     def values(self, direction: Direction) -> dict[str, float]:
-        """A direction's LuGre parameters, SI: estimated, given, or as they were held; a law without a peak is as in `without_peak`."""
+        """LuGre parameters of a direction, SI: estimated, given or held; without a peak as in `without_peak`."""
         fields = fields_of(self.law)
         values = {name: e.value for name in fields if (e := self.estimate(name, direction)) is not None}
         for fixed in (self.given, self.held):
@@ -235,11 +226,7 @@ class KnownJoint:
         return {name: x for name, x in values.items() if x is not None}
 
     def filled(self, direction: Direction, travel: float, J: float) -> Lugre[float]:
-        """A direction's whole set, with a bristle where none was seen.
-
-        Bent by `DEFLECTION` of `travel` (rad) in slow sliding, damped by (15). `J` is the inertia, kg*m**2. Raises
-        InputError where nothing is known of the friction vs velocity.
-        """
+        """A direction's set: unknown sigma_0 by `DEFLECTION` of `travel` (rad), sigma_1 by (15) with J (kg*m**2)."""
         self.check_law(direction)
         values, missing = self.values(direction), self.missing(direction)
         if "sigma_0" in missing:
@@ -249,15 +236,12 @@ class KnownJoint:
         return lugre_of(self.law)(**values)
 
     def pair(self, travel: float, J: float) -> Pair[float]:
-        """Both directions, each as in `filled`."""
+        """`filled` for both directions."""
         return Pair(*(self.filled(d, travel, J) for d in SIGNED))
 
 
 def known_joint(joint: Joint) -> KnownJoint:
-    """What is known of an identified joint: no inertia where that is negative and may be positive, for it is too small to be seen.
-
-    Raises InputError where a number of it is none that a joint can have.
-    """
+    """What is known of a joint, without an inertia that may be zero. Raises InputError for impossible values."""
     known = as_identified(joint)
     links = {} if joint.link_inertia is None else {INERTIA: joint.link_inertia}  # a rotor's may be lost in their error
     for name, own in known.estimates.items():
@@ -277,7 +261,7 @@ def known_joint(joint: Joint) -> KnownJoint:
 
 
 def fault_of(name: ParameterName, value: float, si: str = "", interval: Interval | None = None) -> str | None:
-    """Why a parameter cannot have this value: impossible for a joint, or outside its own 95 % interval; None if it can."""
+    """Why a value is impossible for a joint, or outside its own 95 % interval; None if it is fine."""
     low, high = interval or (-inf, inf)
     got = f"got {name} = {f'{value:g} {si}'.strip()}"
     if not is_possible(name.name, value):
@@ -287,25 +271,20 @@ def fault_of(name: ParameterName, value: float, si: str = "", interval: Interval
 
 
 def as_identified(joint: Joint) -> KnownJoint:
-    """`known_joint`, whatever its numbers are: to show them."""
+    """`known_joint` without its checks, for display."""
     rows, fit = chosen(joint), joint.moving
     shown = fit.parameters if fit is not None else {}
     fixed = fit.fixed if fit is not None else {}
     static = {row.parameter for row in rows if row.source is Source.STATIC}
     return KnownJoint(
-        name=joint.name,
-        law=joint.law,
-        estimates={row.parameter: row.estimate for row in rows},
+        name=joint.name, law=joint.law, estimates={row.parameter: row.estimate for row in rows},
         given={name: x for name, x in fixed.items() if name not in shown},
         held={n: x for n, x in fixed.items() if n in shown and n not in static and (n != INERTIA or x > 0)},
-    )
+    )  # fmt: skip  # a list of values
 
 
 def whole(joint: Joint) -> KnownJoint:
-    """What is known of a joint that can be compensated.
-
-    Raises InputError where the friction vs velocity is not known in a direction, or nothing of the bristle without a moving run.
-    """
+    """What is known of a joint to compensate. Raises InputError without friction both ways, or a bristle."""
     known = known_joint(joint)
     remedy = "; a compensator needs a tracking run, or ramp and presliding runs in both directions"
     known.check_law(*SIGNED, remedy=remedy)
@@ -317,17 +296,14 @@ def whole(joint: Joint) -> KnownJoint:
 
 
 def truth_of(joint: Joint) -> Pair[float] | None:
-    """The true sets of simulated data, where all of them are known."""
+    """The true sets of simulated data, if complete."""
     sets = [joint.truth.get(d) or joint.truth.get(Direction.BOTH) for d in SIGNED]
     known = [p for p in sets if p is not None and np.isfinite(p).all()]
     return Pair(*known) if len(known) == len(sets) else None
 
 
 def inertia_of(experiment: Experiment | None, joint: Joint) -> float | None:
-    """J, kg*m**2: identified, else as the experiment file gives it, of the joint or of the motor; with the links of a robot.
-
-    None where nothing tells it. Without an experiment, what was identified alone.
-    """
+    """J, kg*m**2: identified, else as the experiment file gives it, plus the links of a robot; None where unknown."""
     every = [row.estimate.value for row in chosen(joint) if row.parameter.name == INERTIA.name]
     every += [fit.known.get(INERTIA) for fit in reversed(moving_fits(joint).values())]
     if experiment is not None:
@@ -339,28 +315,27 @@ def inertia_of(experiment: Experiment | None, joint: Joint) -> float | None:
 
 
 def guessed_inertia(alpha_0: float, acceleration: float) -> float:
-    """J where nothing tells it, kg*m**2: at the largest acceleration (rad/s**2) a share of alpha_0 (N*m)."""
+    """J where unknown, kg*m**2: its torque at the largest acceleration (rad/s**2) is a share of alpha_0 (N*m)."""
     return INERTIAL * alpha_0 / acceleration
 
 
 def assumed_stiffness(alpha_0: float, travel: float) -> float:
-    """sigma_0 where nothing shows it, N*m/rad: bent by `DEFLECTION` of `travel` (rad) under alpha_0 (N*m)."""
+    """sigma_0 where unknown, N*m/rad: alpha_0 (N*m) bends it by `DEFLECTION` of `travel` (rad)."""
     return alpha_0 / (DEFLECTION * travel)
 
 
 def assumed_damping(sigma_0: float, J: float) -> float:
-    """sigma_1 where nothing shows it, N*m*s/rad, by (15): of sigma_0 (N*m/rad) and the inertia J (kg*m**2)."""
+    """sigma_1 where unknown, N*m*s/rad, by (15) from sigma_0 (N*m/rad) and J (kg*m**2)."""
     return float(evaluate(functions.presliding_damping_function(), sigma_0, J, DAMPING_RATIO)[0])
 
 
 def draws_of(
     joint: Joint, known: KnownJoint, travel: float, J: float, *, statistical: bool = True
 ) -> tuple[tuple[Pair[float], float], ...]:
-    """Joints from the covariance of the fit of moving runs and errors of constants, each with its inertia.
+    """Joints drawn from the covariance of the moving fit and the errors of constants, each with its inertia, kg*m**2.
 
-    What is positive is drawn by its logarithm. There are none without such a fit, or without what they would scatter by.
-    `travel` is as in `KnownJoint.filled`; `J` is the inertia where that was not fitted, kg*m**2; with `statistical` False they scatter
-    by errors of constants alone.
+    Positive parameters are drawn as logarithms. Empty without such a fit. `travel` is as in `KnownJoint.filled`, `J`
+    the inertia where it was not fitted; `statistical` False draws the errors of constants alone.
     """
     fit = joint.moving
     shown = {} if fit is None else {name: e for name, e in fit.parameters.items() if e.value is not None}

@@ -1,19 +1,8 @@
-"""Friction laws on what was measured: fitted to the same equations, ranked, and what is said of them.
+"""Comparison of friction laws on points (by the grid) and on moving runs (by LuGre, from the end of the last fit).
 
-Each law has a Stribeck term in every direction. Points are solved on the grid; moving runs, in which a slow speed is
-seldom seen but in presliding, which a static law would take for its peak, by LuGre itself, from where the fit of the law
-in force ended. Both leave out five blocks of speed in turn: of motion equations, the bristle still passes all samples.
-
-The paper's law is left only for one whose BIC is lower by more than 10, and whose squared error over five blocks of
-speed, each left out in turn, is lower too: BIC alone takes up what the scatter looks like, an error at speeds that were
-left out alone what happens to lie at one end.
-
-A level that rises with the motor's torque makes a torque explain part of itself. The likelihood of T - f(T) has the
-factor 1 - df/dT in each equation, so BIC loses 2 n' mean(log(1 - df/dT)), and an error at what was left out is that of
-the torque which solves T = f(T): without both, such a law would win on noise.
-
-The average of a parameter over laws is by their weights; its variance is what each law leaves open, and how far it lies
-from the average.
+The paper's law is left only for one with a BIC lower by more than 10 and a lower error at left-out blocks of speed. A
+level that rises with the motor's torque makes a torque explain part of itself: the likelihood of T - f(T) has the
+factor 1 - df/dT, so BIC loses 2 n' mean(log(1 - df/dT)).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -63,32 +52,29 @@ from bristle.model.parameters import INERTIA, ParameterName, in_direction
 Name = TypeVar("Name")
 
 WITH_DRAG = "gaussian+quadratic"  # the paper's law with v abs(v)
-_WORTH = 1.05  # times by which a term has to lower the error at speeds that were left out, to be taken unasked
-_MOSTLY = float(np.sqrt(2))  # the same of a load, which a torque that is logged late imitates
+_WORTH = 1.05  # ratio of left-out errors by which a term is taken unasked
+_MOSTLY = float(np.sqrt(2))  # the same of a load, which a delayed torque imitates
 _STICKS_OUT = 0.1  # of an interval's width
-_SPREAD = 0.95  # a law with less than this of the weights is not the only one that the data allow
-_AVERAGED = ("alpha_0", "alpha_1", "alpha_2")  # what means the same in every law: v_s does not
-_LIKELY = 1e-3  # a law with a smaller weight does not move an average
-_STEPS = 40  # of each fit, at the most
-_ENOUGH = 0.05  # of n' log(RSS), n' independent equations: a step that would lower it by less ends a fit
-_ROUGH = 4.0  # nodes between samples stand so many times farther apart than usual
+_SPREAD = 0.95  # of the weights: a law with less is not alone
+_AVERAGED = ("alpha_0", "alpha_1", "alpha_2")  # parameters with one meaning in every law
+_LIKELY = 1e-3  # least weight in an average
+_STEPS = 40  # most iterations of a fit
+_ENOUGH = 0.05  # of n' log(RSS): a smaller gain ends a fit
+_ROUGH = 4.0  # factor on the distance of nodes
 _BRISTLE = ("sigma_0", "sigma_1")
 _START = {"alpha_1": 0.1, "v_s": 0.1, "load": 0.03}
-"""Where a term begins that the law in force does not show: shares of alpha_0, of the fastest speed, and of the load."""
-_DAMPING = (1e-8, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # added in turn to the squared length of each column, one
-_LEAST = 0.05  # of a change of the torque: that much of it is never made by the torque itself
+"""Where terms begin that the law in force does not have: shares of alpha_0, of the fastest speed, of the load."""
+_DAMPING = (1e-8, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # tried in turn, for columns of unit length
+_LEAST = 0.05  # of 1 - df/dT
 
 
 def laws_beside(in_force: Law) -> tuple[Law, ...]:
-    """The laws that are compared: those that compete, and the one in force."""
+    """The competing laws and the one in force."""
     return tuple({law.name: law for law in (*competing(), in_force)}.values())
 
 
 def laws_of_points(measured: Measured, in_force: Law) -> Comparison | None:
-    """The laws on the points of an experiment, those that belong to none left out; None where there are too few.
-
-    Raises InputError as the fit of points does.
-    """
+    """The laws compared on points, strays left out; None of too few. Raises InputError as the fit of points does."""
     asked = points.point_regressors(measured.experiment)
     others = [law for law in competing() if law != in_force]
     stray = points.strays_under_all(measured.experiment, measured.searches, others)
@@ -105,11 +91,7 @@ def laws_of_points(measured: Measured, in_force: Law) -> Comparison | None:
 def laws_of_motion(
     measured: Measured, alone: TrackingFit, *, every: bool
 ) -> tuple[Comparison | None, dict[str, Values]]:
-    """The laws on the moving runs, beside the fit of these under the law in force, and where the fit of each ended, by name.
-
-    None where there are too few equations, or that fit is not about a torque. `every`: whether laws with other peaks are compared
-    although it shows no peak.
-    """
+    """The laws on the moving runs, other peaks with `every`, and where each fit ended, by name; None of too few."""
     records = measured.moving(hold_out=False)
     if alone.quantity != "torque":
         return None, {}
@@ -131,39 +113,34 @@ class _MovingLaw(NamedTuple):
     """A law fitted to moving runs."""
 
     name: str
-    """As `fit.law` takes it."""
     law: Law
     problem: DynamicProblem
     values: Mapping[Unknown, float]
     minimum: Minimum
-    """Over the scaled unknowns."""
     unknowns: Unknowns[Unknown]
 
     @property
     def effective(self) -> float:
-        """How many equations are independent."""
+        """Number of independent equations."""
         return self.minimum.residuals.size / inflation(self.minimum.residuals)
 
     def fitted(self, effective: float) -> Fitted:
-        """The same where so many equations are independent; what it predicts of blocks of speed is worked out when it is asked for."""
+        """As a `Fitted` with this number of independent equations."""
         residuals, names = self.minimum.residuals, self.problem.names
         free = seen(self.minimum.jacobian)
         freedom = residuals.size / max(effective, 1.0)
         matrix, own_freedom = covariance(self.minimum.jacobian[:, free], power_of(residuals), freedom)
         errors = np.sqrt(np.diag(matrix)) * np.abs(self.unknowns.slopes(self.minimum.x)[free])
         pairs = zip(compress(names, free), errors.tolist(), strict=True)
-        itself = 2 * effective / residuals.size * float(np.log(self._not_itself()).sum())
+        itself = 2 * effective / residuals.size * float(np.log(self._torque_independence()).sum())
         return Fitted(
-            name=self.name,
-            solves=[(residuals, len(names), effective, power_of(self.problem.measured))],
-            itself=itself,
-            candidate=self.law.name in {law.name for law in competing()},
-            predicts=self._blocks_left_out,
+            name=self.name, solves=[(residuals, len(names), effective, power_of(self.problem.measured))], itself=itself,
+            candidate=self.law.name in {law.name for law in competing()}, predicts=self._blocks_left_out,
             known={n: (self.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)},
-        )
+        )  # fmt: skip  # a list of values
 
-    def _not_itself(self) -> Array:
-        """The share of a change of each equation's torque that its own law does not make of it, (n,): one without a load."""
+    def _torque_independence(self) -> Array:
+        """1 - df/dT of each equation, (n,); one without a load."""
         of_all = (*self.problem.fixed.items(), *self.values.items())
         known = {n.name: x for n, x in of_all if isinstance(n, ParameterName)}
         rows = [
@@ -173,13 +150,9 @@ class _MovingLaw(NamedTuple):
         return np.maximum(np.concatenate(rows), _LEAST)
 
     def _blocks_left_out(self) -> LeftOut:
-        """Over blocks of speed, each predicted from all others.
-
-        The others' own minimum is one step of Gauss and Newton away from that of all, damped where it would leave them more;
-        the first equation of each motion is always among them, without which its deflection would be anything.
-        """
+        """Left-out error over blocks of speed, by damped Gauss-Newton steps; each motion's first equation stays in."""
         x_all, _, residuals, jacobian, *_ = self.minimum
-        problem, unknowns, share, total = self.problem, self.unknowns, self._not_itself(), 0.0
+        problem, unknowns, share, total = self.problem, self.unknowns, self._torque_independence(), 0.0
         first = [block.rows.start for block in problem.blocks]
         size = np.sqrt((jacobian**2).sum(axis=0))
         free, measured = (size > 0) & (x_all > unknowns.lower) & (x_all < unknowns.upper), problem.measured
@@ -209,10 +182,7 @@ class _MovingLaw(NamedTuple):
 def _fitted_to_motion(
     experiment: Experiment, records: Sequence[Record], alone: TrackingFit, law: Law, load: tuple[str, ...] = ()
 ) -> _MovingLaw | None:
-    """LuGre of a law on moving runs, from where the fit of another ended; None where that shows nothing, or is too few equations.
-
-    What that fit held, its bristle and what the experiment fixes, is held here too; a Stribeck term is free in every direction.
-    """
+    """LuGre with another law, from the end of the last fit with its bristle held; None of too few equations."""
     sides, (fixed, _) = directions(experiment, records), inertia(experiment)
     asked = (*(name for name in regressors(experiment) if name not in LEVELS), *load)
     options = experiment.fit
@@ -228,7 +198,7 @@ def _fitted_to_motion(
     problem = replace(whole, fixed=known, motions=motions)
     if problem.size <= len(problem.names) + 1:
         return None
-    # the values of the other law; a small peak where it has none, no other term, an inertia above zero
+    # values of the other law, with a small peak if it has none, zero new terms, inertia >= 0
     began = alone.known
     start = {name: in_direction(began, *name) or 0.0 for name in (*problem.friction_names, *problem.extra_names)}
     for name in problem.friction_names:
@@ -242,16 +212,16 @@ def _fitted_to_motion(
     try:
         enough = _ENOUGH * alone.rms**2 * inflation(alone.residuals)
         posed, minimum = solved(problem, with_deflections(problem, start), _STEPS, enough=enough)
-    except InputError:  # a start that shows nothing is no reason to fail
+    except InputError:  # a start without influence: leave this law out
         return None
     values = posed.unknowns.values(minimum.x)
     return _MovingLaw("+".join((law.name, *load)), law, problem, values, minimum, posed.unknowns)
 
 
 def law_warnings(laws: Comparison | None) -> tuple[Finding, ...]:
-    """That another law is clearly better than the one in force, with the line to write."""
+    """A caution where another law is clearly better than the one in force."""
     own = None if laws is None else next((row for row in laws.rows if row.in_force), None)
-    if laws is None or own is None or laws.chosen is own:  # of a law with too few points its fit says so
+    if laws is None or own is None or laws.chosen is own:  # too few points are reported by the fit
         return ()
     best, before = laws.chosen, own.left_out
     gain, error = own.bic - best.bic, best.left_out
@@ -266,11 +236,7 @@ def law_warnings(laws: Comparison | None) -> tuple[Finding, ...]:
 
 
 def term_that_pays(fit: FitOptions, laws: Comparison) -> str | None:
-    """The law with the term that is taken beside the paper's peak, v abs(v) or a rise with load; None: no term is.
-
-    The file names no law, speeds that were left out are predicted better with it, by a twentieth with v abs(v) and by more than half
-    of the squares with a load, and BIC is lower by `GAIN`; of several the one of lowest BIC.
-    """
+    """The law with v abs(v) or a rise with load, taken unasked for a better BIC and left-out error; None: no term."""
     paper, loads = laws.row(GAUSSIAN.name), dict.fromkeys((f"{GAUSSIAN.name}+{name}" for name in LOADS), _MOSTLY)
     worth = {**loads, **({} if "quadratic" in (fit.regressors or ()) else {WITH_DRAG: _WORTH})}
     if fit.set_up == AS_WRITTEN or "law" in fit.model_fields_set or paper is None or paper.left_out is None:
@@ -287,11 +253,7 @@ def term_that_pays(fit: FitOptions, laws: Comparison) -> str | None:
 def with_averages(
     static: dict[str, StaticFit], moving: TrackingFit | None, laws: Comparison | None
 ) -> tuple[dict[str, StaticFit], TrackingFit | None]:
-    """The fits under a law that the data chose; each estimate beside which other laws allow more says so.
-
-    An average is of what was compared: a fit of other data, or without the Stribeck term that every compared law has, is
-    as it was.
-    """
+    """The fits, with a caution on estimates whose average over laws leaves their interval."""
     if laws is None:
         return static, moving
     if laws.data == "points":
@@ -299,14 +261,14 @@ def with_averages(
         of_these = {d: fit for d, fit in static.items() if n == laws.n and "v_s" in fit.parameters}
         for d, fit in of_these.items():
             own = {name.name: x for name, x in laws.averaged.items() if name.direction == d}
-            static = {**static, d: replace(fit, parameters=_told(fit.parameters, own))}
+            static = {**static, d: replace(fit, parameters=_with_cautions(fit.parameters, own))}
     elif moving is not None and any(n.name == "v_s" for n in moving.parameters):
-        moving = replace(moving, parameters=_told(moving.parameters, laws.averaged))
+        moving = replace(moving, parameters=_with_cautions(moving.parameters, laws.averaged))
     return static, moving
 
 
-def _told(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged]) -> dict[Name, Estimate]:
-    """Estimates, of which those say so beside which other laws allow more."""
+def _with_cautions(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged]) -> dict[Name, Estimate]:
+    """The estimates with that caution."""
     out = dict(estimates)
     for name, own in estimates.items():
         over = averaged.get(name)
@@ -325,10 +287,7 @@ def _told(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged])
 
 
 def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> Comparison | None:
-    """The laws that compete, and the one in force, on the same points, which `pose` makes the solves of a law of.
-
-    None where there are too few for any other than the paper's.
-    """
+    """The laws on points, which `pose` turns into the solves of a law; None where only the paper's can be fitted."""
     fitted, compete = list[Fitted](), competing()
     for law in laws_beside(in_force):
         problems = pose(law)
@@ -350,7 +309,7 @@ def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> 
 
 
 def _left_out(problems: Sequence[Regression]) -> LeftOut:
-    """Over blocks of speed, each predicted from the others."""
+    """Left-out error of points over blocks of speed."""
     total = 0.0
     for problem in problems:
         cost = 0.0
@@ -360,7 +319,7 @@ def _left_out(problems: Sequence[Regression]) -> LeftOut:
                 return None
             low, high = default_range(rest.velocity)
             slowest = float(np.abs(rest.velocity[rest.velocity != 0]).min())
-            if slowest < high:  # as the fit has it: without a speed below v_s a peak is invented
+            if slowest < high:  # as in the fit: a peak needs a speed below v_s
                 low = max(low, slowest)
             cost += power_of(problem.rows(part).residuals(solve(rest, (low, high)).theta))
         total += cost
@@ -369,11 +328,7 @@ def _left_out(problems: Sequence[Regression]) -> LeftOut:
 
 
 def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | None:
-    """Fitted laws as rows, with the one that the data want; None where there is none beside the paper's.
-
-    `in_force` names the law of the fits. Of moving runs errors at what is left out are worked out only where BIC prefers a law to the
-    paper's: for those laws, and the ones that they are compared with.
-    """
+    """Fitted laws as a comparison with the chosen one, or None of the paper's alone; `in_force` is the fits'."""
     rows = rows_of(fitted, in_force) if fitted else ()
     paper = next((row for row in rows if row.name == GAUSSIAN.name), None)
     if paper is None or len(rows) < 2:
@@ -383,7 +338,7 @@ def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | 
         {row.name for row in rows} if data == "points" else {*better, paper.name, in_force} if better else set[str]()
     )
     left_out = {x.name: x.predicts() if x.name in wanted else None for x in fitted}
-    # the law of lowest BIC among those that are clearly better than the paper's, which else stays
+    # the lowest BIC among laws clearly better than the paper's, else that
     least = left_out[paper.name]
     clearly = [
         row
@@ -400,7 +355,7 @@ def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | 
 
 
 def _sentence(rows: Sequence[Row], *, asked: bool) -> Finding:
-    """Which law the data want, and why; `asked`: whether it was worked out what the laws predict of what is left out."""
+    """Which law was chosen and why; `asked`: whether left-out errors were evaluated."""
     own = next(row for row in rows if row.name == GAUSSIAN.name)
     best = next(row for row in rows if row.chosen)
     if best is not own:
@@ -426,14 +381,14 @@ def _sentence(rows: Sequence[Row], *, asked: bool) -> Finding:
 
 
 def _averaged(fitted: Sequence[Fitted], rows: Sequence[Row]) -> Mapping[ParameterName, Averaged]:
-    """What nearly all laws have by weight, over those that the data allow."""
+    """alpha_0, alpha_1, alpha_2 averaged over the allowed laws; the variance includes that between laws."""
     pairs = ((x.known, row.weight) for x, row in zip(fitted, rows, strict=True))
     tables = [(known, weight) for known, weight in pairs if weight > _LIKELY]
     averaged = {}
     for name in dict.fromkeys(chain.from_iterable(table for table, _ in tables)):
         having = [(*table[name], weight) for table, weight in tables if name in table]
         value, error, freedom, shares = np.array(having).T
-        if name.name in _AVERAGED and shares.sum() > _SPREAD:  # a law in which it is at a bound may lack it
+        if name.name in _AVERAGED and shares.sum() > _SPREAD:  # missing where it is at a bound
             shares = shares / shares.sum()
             mean = float(shares @ value)
             own = float(shares @ np.sqrt(error**2 + (value - mean) ** 2))

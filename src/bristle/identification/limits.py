@@ -1,4 +1,4 @@
-"""Within which limits to plan: as the experiment file declares them, else as far as the measured runs went, which is said."""
+"""Limits of a plan: as declared, else as the measured runs went."""
 
 from dataclasses import dataclass, replace
 
@@ -11,39 +11,30 @@ from bristle.identification.measured import Measured
 from bristle.model.parameters import has_own_unit, unit
 
 HOLD = 3.0
-"""Time over which a constant velocity is averaged where no run shows any, s; measured holds count from `_HOLDS[0]` to `_HOLDS[1]` s."""
+"""Assumed duration of a hold, s, without measured ones; measured ones are clipped to `_HOLDS`, s."""
 _HOLDS = (1.0, 10.0)
-FREQUENCY = 10.0  # highest of the tracking motion where nothing is declared, Hz ...
-SAMPLES = 10.0  # ... with so many samples of its reference to a period at least
-_SLOW_SHARE = 0.02  # of the fastest speed: the slowest where no run at constant velocity shows one that does not stick
-_REACH = 0.5  # time from rest to the fastest speed where no moving run shows an acceleration, s
-_RARE = 99.0  # percentile of a measured signal that counts as its largest: beyond are transients and noise
+FREQUENCY = 10.0  # highest of the tracking motion by default, Hz
+SAMPLES = 10.0  # least samples of its reference per period
+_SLOW_SHARE = 0.02  # of the fastest speed: the slowest one by default
+_REACH = 0.5  # time from rest to the fastest speed by default, s
+_RARE = 99.0  # percentile that counts as the largest value: beyond are transients and noise
 
-_LEAST_LEFT = 0.1  # of a drive's torque, where the links ask for all of it
+_LEAST_LEFT = 0.1  # of a drive's torque, beside that of the links
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What a plan keeps within; m, N stand in for rad, N*m where prismatic."""
+    """What a plan keeps within; m, N in place of rad, N*m for a prismatic joint."""
 
-    position: tuple[float, float]
-    """rad."""
-    slowest: float
-    """Of constant velocities, rad/s."""
-    velocity: float
-    """rad/s."""
-    acceleration: float
-    """rad/s**2."""
-    torque: float
-    """Of the drive, N*m; inf: not known."""
-    time: float | None
-    """s; None: none."""
-    hold: float
-    """Time over which a constant velocity is averaged, s."""
-    frequency: float
-    """Highest of the tracking motion, Hz."""
-    rate: float
-    """Of the references, Hz."""
+    position: tuple[float, float]  # rad
+    slowest: float  # Slowest constant velocity, rad/s
+    velocity: float  # rad/s
+    acceleration: float  # rad/s**2
+    torque: float  # Of the drive, N*m; inf where unknown
+    time: float | None  # s; None: unlimited
+    hold: float  # Duration of a hold, s
+    frequency: float  # Highest frequency of the tracking motion, Hz
+    rate: float  # Samples of the references per second, Hz
 
     @property
     def travel(self) -> float:
@@ -52,10 +43,7 @@ class Limits:
 
 
 def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
-    """The limits of an experiment, and what is assumed: a finding for each that nobody declared.
-
-    Raises InputError where declared limits leave no speed to choose, or no time.
-    """
+    """The limits of an experiment, and a finding on each undeclared one. Raises InputError without a speed or time."""
     experiment, asked, kind = measured.experiment, measured.experiment.plan, measured.experiment.joint.kind
     points = [s for s in measured.points(hold_out=False) if not s.stick_slip]
     speeds, assumed = np.abs([s.velocity for s in points]), list[Finding]()
@@ -100,7 +88,7 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
         torque = _rounded(_largest(measured.runs, "torque"))
         assumed.append(_assumed("torque", "Largest torque", torque, of, "the largest measured"))
     links = 0.0 if has_own_unit(kind) else _largest(measured.runs, "link_torque")
-    if torque and links:  # what they ask for is not there for friction and inertia
+    if torque and links:  # not available for friction and inertia
         message = (
             f"Of the torque limit {links:.3g} {of} are kept for the links, the most that they asked for in these runs; the other "
             "joints are planned to rest."
@@ -117,7 +105,7 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
 
 
 def followed(limits: Limits, declared: float | None) -> tuple[Limits, tuple[Finding, ...]]:
-    """The limits with the highest frequency that the rate of the references lets a motion have, and a finding where that was not declared, Hz."""
+    """The limits with a frequency that the references' rate resolves, and a finding unless `declared`, Hz."""
     cap, why = limits.rate / SAMPLES, f"plan.rate, {limits.rate:g} Hz, gives {SAMPLES:g} samples to a period"
     reachable = replace(limits, frequency=min(limits.frequency, cap))
     if declared is None:
@@ -134,7 +122,7 @@ def followed(limits: Limits, declared: float | None) -> tuple[Limits, tuple[Find
 def _assumed(
     key: str, what: str, value: float | tuple[float, float], of: str, how: str, *, guessed: bool = False
 ) -> Finding:
-    """That a limit was taken from the runs, or guessed, and by which key of `plan` it is set."""
+    """The finding on a limit that was measured or guessed, with the key of `plan` that sets it."""
     told = f"{value[0]:.3g} to {value[1]:.3g}" if isinstance(value, tuple) else f"{value:.3g}"
     message = f"{what}: {told} {of}, {how}; set plan.{key} to override."
     numbers = {"limit": key, "value": value, "unit": of}
@@ -146,11 +134,11 @@ def _assumed(
 
 
 def _rounded(seen: float) -> float:
-    """To three digits, as what is assumed is said."""
+    """To three digits."""
     return float(f"{seen:.3g}")
 
 
 def _largest(runs: tuple[Run, ...], signal: str) -> float:
-    """Of a signal's magnitude in all runs, rare peaks apart; 0 where no run has it."""
+    """99th percentile of a signal's magnitude over all runs; 0 where no run has it."""
     signals = [np.abs(values) for run in runs if (values := getattr(run.record, signal)) is not None and values.size]
     return max((float(np.percentile(x, _RARE)) for x in signals), default=0.0)

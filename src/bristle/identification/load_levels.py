@@ -1,8 +1,4 @@
-"""Friction that rises with load: what a motion says of the load, and what the level rises by (`law.load_levels`).
-
-The motor's torque is the measured one, without what the decimation filter takes off; that of gravity and links is what
-their regressors make of the motion, so it moves with their coefficients, the weights.
-"""
+"""Load along moving runs, and the rise of the friction level with it (`law.load_levels`)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
@@ -20,28 +16,23 @@ from bristle.model.rollout import load_level
 from bristle.model.vectorize import evaluate
 
 _WEIGHTS = ("gravity", "links")  # regressors that are load
-_SETTLED, _MOST = 1e-9, 60  # of the largest weight, that a step moves them at most once they have settled; and steps
+_SETTLED, _MOST = 1e-9, 60  # relative tolerance of the weights, and most iterations
 _NAMES = tuple(dict.fromkeys(name for terms in LEVELS.values() for name in terms.names))
 """In the order of `law.load_levels`."""
-LINEAR = tuple(name for name in _NAMES if not name.endswith("squared"))  # those that multiply a load itself
+LINEAR = tuple(name for name in _NAMES if not name.endswith("squared"))  # coefficients of a load itself
 
 
 class Load(NamedTuple):
     """The load along N samples."""
 
     levels: tuple[str, ...]
-    """Coefficients of the level's rise, m of them."""
-    motor: Array
-    """Torque of the motor, N*m, (N,)."""
-    weights: tuple[str, ...]
-    """Coefficients of what gravity and links ask of the motor, k of them ..."""
-    columns: Array
-    """... what they multiply, (N, k) ..."""
-    known: Array
-    """... and what has none, N*m, (N,)."""
+    motor: Array  # Torque of the motor, N*m, (N,), without what the decimation filter takes off
+    weights: tuple[str, ...]  # Coefficients of the torque of gravity and links, k of them
+    columns: Array  # What they multiply, (N, k)
+    known: Array  # Torque of the links without a coefficient, N*m, (N,)
 
     def at(self, samples: slice) -> "Load":
-        """That of some samples."""
+        """The load of some samples."""
         return self._replace(motor=self.motor[samples], columns=self.columns[samples], known=self.known[samples])
 
     def by(self, values: Mapping[str, float]) -> tuple[Array, Array]:
@@ -50,7 +41,7 @@ class Load(NamedTuple):
         return levels, -by_links[:, None, :] * self.columns.T
 
     def by_motor(self, values: Mapping[str, float]) -> Array:
-        """The derivative of the level by the motor's torque, (N,): what a measured torque explains of itself while sliding."""
+        """Derivative of the level by the motor's torque, (N,)."""
         _, _, by_motor = self._parts(values)
         return np.asarray(np.array([values[name] for name in self.levels]) @ by_motor)
 
@@ -63,21 +54,18 @@ class Load(NamedTuple):
 
 
 def levels_of(regressors: Sequence[str]) -> tuple[str, ...]:
-    """The coefficients of the level's rise among the parameters of some regressors."""
+    """Coefficients of the level's rise among some regressors."""
     asked = {name for regressor in regressors if regressor in LEVELS for name in terms_of(regressor).names}
     return tuple(name for name in _NAMES if name in asked)
 
 
 def load_is_known(records: Sequence[Record], regressors: Sequence[str]) -> bool:
-    """Whether something says what gravity and links do to the joint."""
+    """Whether the torque of gravity or links is known or fitted."""
     return not {"gravity", "links"}.isdisjoint(regressors) or any(r.link_torque is not None for r in records)
 
 
 def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load | None:
-    """The load of a moving run, (N,); None where no regressor asks for it.
-
-    Raises InputError where the load of the links is asked for and nothing says what it is.
-    """
+    """The load of a moving run; None unless asked for. Raises InputError where that of the links is unknown."""
     from scipy import signal
 
     levels, weighing = levels_of(regressors), [name for name in regressors if name in _WEIGHTS]
@@ -90,23 +78,18 @@ def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load 
             f"fit.law: {asked} needs what gravity does to the joint; add gravity under fit.regressors, or identify the joint in a robot"
         )
     columns, n, motor = extra_columns(weighing, record), record.time.size, needed(record, "torque")
-    if decimation > 1:  # without what the decimation filter takes off, segment by segment
+    if decimation > 1:  # through the decimation filter, segment by segment
         sections, torque, motor = signal.butter(4, 0.8 / decimation, output="sos"), motor, motor.copy()
         for part in between_gaps(record):
             motor[part] = signal.sosfiltfilt(sections, torque[part], padlen=min(part.stop - part.start - 1, 15))
-    return Load(
-        levels=levels,
-        motor=motor,
-        weights=tuple(columns),
-        columns=np.column_stack(list(columns.values())) if columns else np.zeros((n, 0)),
-        known=np.zeros(n) if links is None else links,
-    )
+    weighed = np.column_stack(list(columns.values())) if columns else np.zeros((n, 0))
+    return Load(levels, motor, tuple(columns), weighed, np.zeros(n) if links is None else links)
 
 
 def level_columns(
     record: Record, regressors: Sequence[str], decimation: int, weights: Mapping[str, float]
 ) -> dict[str, Array]:
-    """What multiplies each coefficient of the level's rise in sliding, by name, (N,); none where none is asked for."""
+    """What multiplies each coefficient of the level's rise in sliding, (N,), by name."""
     load = load_of(record, regressors, decimation)
     if load is None:
         return {}
@@ -117,10 +100,7 @@ def level_columns(
 def settled_weights(
     fitted: Callable[[Mapping[str, float]], Mapping[ParameterName, float]], start: Mapping[str, float] | None = None
 ) -> dict[str, float]:
-    """What gravity and links are where the level rises with their load: the weights that a fit with that load gives again.
-
-    `fitted` gives the parameters under a load of such weights, by name; `start` is where to begin; None: without a load.
-    """
+    """Coefficients of gravity and links, iterated from `start` until a fit under their load returns them."""
     own = {name for regressor in _WEIGHTS for name in terms_of(regressor).names}
     weights = dict(start or {})
     for _ in range(_MOST):
@@ -133,6 +113,6 @@ def settled_weights(
 
 
 def friction_rise(rises: Mapping[str, float], load: Array) -> Array:
-    """By how much the coefficients of a level, by name, raise it under a load of the kind that they are of, N*m, (n,) -> (n,)."""
+    """Rise of the level, N*m, (n,), by these coefficients under a load, N*m, (n,)."""
     rest = np.zeros_like(load)
     return load_level(rises, rest, load) if "link_load" in rises else load_level(rises, load, rest)

@@ -1,4 +1,4 @@
-"""What an experiment measured: its runs, read and cut into segments where the velocity is constant."""
+"""Runs of an experiment, read and cut into segments at constant velocity."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -26,29 +26,29 @@ from bristle.identification.static.points import PointSearch, point_regressors, 
 if TYPE_CHECKING:
     import pandas as pd
 
-_STILL = 1e-12  # of the fastest point: a slower one is at rest, and its velocity rounding
-_ROUNDING = 1e-12  # of a position: what unwrapping makes of it
+_STILL = 1e-12  # of the fastest point: slower ones are at rest
+_ROUNDING = 1e-12  # of a position, by unwrapping
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measured:
-    """What an experiment measured: its runs, and the segments of those at constant velocity."""
+    """The runs of an experiment, and their segments at constant velocity."""
 
     experiment: Experiment
     runs: tuple[Run, ...]
     segments: tuple[tuple[Segment, ...], ...]
     """Per run; empty for moving data."""
     searches: tuple[PointSearch, ...] = ()
-    """Which points of each solve do not belong to its law."""
+    """Strays of each solve."""
     findings: tuple[Finding, ...] = ()
-    """What the joints of a robot together tell of this one."""
+    """Findings from all joints of a robot together."""
     torque_constant: Estimate | None = None
-    """As the links of a robot tell it; None where it was not free."""
+    """Estimated from a robot's links; None where it was not free."""
     link_inertia: float | None = None
-    """What a joint of a robot has to accelerate of the links, on average over its runs, kg*m**2; None where no links are known."""
+    """Mean inertia of a robot's links at the joint, kg*m**2, or None."""
 
     def points(self, *, hold_out: bool) -> tuple[Segment, ...]:
-        """Accepted velocity-torque points of the runs that are, or are not, held out."""
+        """Accepted points of the runs that are, or are not, held out."""
         pairs = zip(self.runs, self.segments, strict=True)
         return tuple(s for run, candidates in pairs if run.hold_out == hold_out for s in candidates if s.accepted)
 
@@ -57,10 +57,7 @@ class Measured:
         return tuple(run.record for run in self.runs if run.kind == "tracking" and run.hold_out == hold_out)
 
     def to_frame(self) -> "pd.DataFrame":
-        """One row per candidate at constant velocity: its mean velocity and torque in SI, whether it is kept, and why not.
-
-        `start` and `stop` are its first sample and one past the last, from 0; the standard error is nan where none is known.
-        """
+        """A row per candidate segment, SI; `start` is its first sample, `stop` one past the last."""
         import pandas as pd
 
         rows = [
@@ -76,32 +73,29 @@ class Measured:
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """Where signals contradict one another or themselves, files alike together."""
+        """Findings of all records, equal ones of several files merged."""
         return (*self.findings, *merged(d for run in self.runs for d in run.record.warnings))
 
     @property
     def positions(self) -> tuple[float, float] | None:
-        """The lowest and the highest position of all runs, rad; None where no run has positions."""
+        """Lowest and highest position of all runs, rad; None without positions."""
         logged = [run.record.position for run in self.runs if run.record.position is not None]
         return (min(float(q.min()) for q in logged), max(float(q.max()) for q in logged)) if logged else None
 
     @property
     def travel(self) -> float | None:
-        """From the lowest to the highest position, as declared under `plan` or as measured, rad; None where neither is known."""
+        """From lowest to highest position, declared under `plan` or measured, rad, or None."""
         span = self.experiment.plan.position or self.positions
         return None if span is None else span[1] - span[0]
 
     @property
     def slow(self) -> tuple[Record, ...]:
-        """Records of the presliding runs that are fitted."""
+        """Records of the presliding runs to fit."""
         return tuple(run.record for run in self.runs if run.kind == "presliding" and not run.hold_out)
 
 
 def measure(experiment: Experiment | Path | str) -> Measured:
-    """Read an experiment's runs and cut the constant-velocity ones into segments; where these alone are asked for and too few, they are a motion.
-
-    Raises InputError where a file cannot be read as declared, in one sentence.
-    """
+    """Read an experiment's runs and cut out constant velocities, or a motion if too few. Raises InputError."""
     experiment = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
     runs = read_runs(experiment)
     refuse_repeated(experiment, runs)
@@ -114,7 +108,7 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     if held >= FEWEST or not logged or {run.kind for run in runs if not run.hold_out} != {"ramp"}:
         return measured
 
-    # Constant velocities that are too few for points are a motion.
+    # too few constant velocities for points: taken as a motion
     moving = [x.model_copy(update={"experiment": "tracking"}) if x.experiment == "ramp" else x for x in experiment.runs]
     experiment = experiment.model_copy(update={"runs": tuple(moving)})
     message = f"Constant velocities held: {held}, too few for points; taken as a motion, of which all samples are used."
@@ -124,7 +118,7 @@ def measure(experiment: Experiment | Path | str) -> Measured:
 
 
 def judged(whole: Measured) -> Measured:
-    """The same with points left out that do not belong to the law of the others."""
+    """The same with strays left out."""
     searches = search_points(whole.experiment, whole.points(hold_out=False))
     left_out = {s.place: s for s in without_strays(whole.experiment, searches)}
     segments = tuple(tuple(left_out.get(s.place, s) for s in candidates) for candidates in whole.segments)
@@ -132,14 +126,11 @@ def judged(whole: Measured) -> Measured:
 
 
 def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
-    """Runs that were read, the constant-velocity ones cut into segments. Raises InputError as `measure`.
-
-    Moving runs have the decimation that the fitted ones need, and others go through their low pass, where none is asked for.
-    """
+    """Runs cut into segments; moving ones get one decimation and low pass. Raises as `measure` does."""
     moving = [run.record for run in runs if run.kind == "tracking"]
     slowest = max((r for r in moving if r.time.size > 1), key=lambda r: r.step, default=None)
 
-    def beside_slowest(record: Record) -> Record:  # how much faster it was sampled its notes then say
+    def beside_slowest(record: Record) -> Record:  # with a note if it was sampled faster
         if slowest is None or not (ratio := slowest.step / record.step) > ONE_RATE or record.oversampled != 1:
             return record
         message = f"Sampled {ratio:.3g} times as fast as {slowest.file}: it is decimated by so much more, for equations as far apart."
@@ -150,46 +141,41 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
     fitted = [run.record for run in runs if run.kind == "tracking" and not run.hold_out]
     if fitted and experiment.fit.position_cutoff is None:
         widest = max(r.cutoff for r in fitted)
-        runs = tuple(_changed((run,), lambda r: _through(r, widest))[0] if run.hold_out else run for run in runs)
+        runs = tuple(_changed((run,), lambda r: _refiltered(r, widest))[0] if run.hold_out else run for run in runs)
     every, moving = experiment.fit.decimation or 1, [run.record for run in runs if run.kind == "tracking"]
     if experiment.fit.decimation is None and moving:
         longest = min(int(np.diff([*r.starts, r.time.size]).max() / r.oversampled) for r in moving)
         every = longest_decimation(decimation(fitted or moving), longest)
 
     def decimable(record: Record) -> Record:
-        """Without what lies between two gaps that the decimation filter does not fit into, unless that is all."""
+        """The record without stretches between gaps that are too short for the decimation filter."""
         shortest = transient(record.decimation(every)) + 1
         fits = np.diff([*record.starts, record.time.size]).max() >= shortest
         return without_short_segments(record, shortest, "decimated") if fits and record.velocity is not None else record
 
-    experiment, runs = _asking(experiment, decimation=every), _changed(runs, decimable)
-    return judged(Measured(experiment=experiment, runs=runs, segments=_included(experiment, runs)))
+    experiment, runs = _with_fit_options(experiment, decimation=every), _changed(runs, decimable)
+    return judged(Measured(experiment=experiment, runs=runs, segments=_cut_segments(experiment, runs)))
 
 
 def _changed(runs: Sequence[Run], change: Callable[[Record], Record]) -> tuple[Run, ...]:
-    """The runs, of which the moving ones have other records."""
+    """The runs with other records of the moving ones."""
     return tuple(replace(run, record=change(run.record)) if run.kind == "tracking" else run for run in runs)
 
 
-def _through(record: Record, cutoff: float) -> Record:
-    """A moving run with its motion estimated anew, through the low pass of others."""
+def _refiltered(record: Record, cutoff: float) -> Record:
+    """A moving run with its motion estimated again through another low pass, Hz."""
     kept = tuple(n for n in record.notes if n.code not in {"motion-from-position", "acceleration-from-velocity"})
     velocity = None if record.velocity_estimated else record.velocity
     return estimate_motion(replace(record, velocity=velocity, acceleration=None, notes=kept), cutoff)
 
 
-def through_wider(measured: Measured, factor: float) -> Measured:
-    """The same with the low pass of every moving run so many times as wide, and the decimation as it is."""
-    return replace(measured, runs=_changed(measured.runs, lambda r: _through(r, usable(r, factor * r.cutoff))))
+def with_wider_low_pass(measured: Measured, factor: float) -> Measured:
+    """The same with the low pass of moving runs wider by a factor, at the same decimation."""
+    return replace(measured, runs=_changed(measured.runs, lambda r: _refiltered(r, usable(r, factor * r.cutoff))))
 
 
-def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool = False) -> Measured:
-    """The same with the torque of every moving run as it was logged so much later, s; beyond its end the last value stays.
-
-    A standard error of that, s, is one of the torque, as that of a constant is. Where a drive compares its commands with
-    measurements of the moment, in the end these stay as they are, and its commands alone are later: meanwhile it is as a
-    viscous friction that is larger, and above zero.
-    """
+def without_delay(measured: Measured, late: float, error: float = 0.0, *, final: bool = False) -> Measured:
+    """The same with torques `late` s earlier, and their error; `final` keeps measurements that a drive uses fresh."""
     command, motor = measured.experiment.signals.command, measured.experiment.motor_constants or ONE
     gains = {}
     if final and command is not None and command.fresh:
@@ -218,20 +204,20 @@ def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool 
 
 
 def with_options(measured: Measured, **options: object) -> Measured:
-    """The same with other options under `fit`, by which the points are judged anew."""
-    experiment = _asking(measured.experiment, **options)
-    return judged(replace(measured, experiment=experiment, segments=_included(experiment, measured.runs)))
+    """The same with other options under `fit`."""
+    experiment = _with_fit_options(measured.experiment, **options)
+    return judged(replace(measured, experiment=experiment, segments=_cut_segments(experiment, measured.runs)))
 
 
-def _asking(experiment: Experiment, **options: object) -> Experiment:
-    """The experiment with other options under `fit`, of which its file set what it did."""
+def _with_fit_options(experiment: Experiment, **options: object) -> Experiment:
+    """The experiment with other options under `fit`, `model_fields_set` unchanged."""
     fit = experiment.fit.model_copy(update=options)
     fit.model_fields_set.intersection_update(experiment.fit.model_fields_set)
     return experiment.model_copy(update={"fit": fit})
 
 
 def nothing_to_fit(measured: Measured) -> str:
-    """Why no run can be fitted, one sentence."""
+    """Why no run can be fitted."""
     experiment = measured.experiment
     pairs = zip(measured.runs, measured.segments, strict=True)
     training = [(run.record, found) for run, found in pairs if run.kind in {"ramp", "points"} and not run.hold_out]
@@ -242,7 +228,7 @@ def nothing_to_fit(measured: Measured) -> str:
 
 
 def refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
-    """Raise InputError where a run is given twice, which would count twice; a hold-out that was fitted is none."""
+    """Raise InputError where a run is given twice, or both fitted and held out."""
     for k, run in enumerate(runs):
         for other in runs[:k]:
             a, b = run.record, other.record
@@ -256,7 +242,7 @@ def refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
 
 
 def _overlap(a: Record, b: Record) -> bool:
-    """Whether two records of one file share rows and what they measured there: two joints of one file share rows alone."""
+    """Whether two records of one file share rows of the same joint."""
     rows = (a.time, b.time) if a.lines is None or b.lines is None else (a.lines, b.lines)
     _, of_a, of_b = np.intersect1d(*rows, return_indices=True)
     names = ["torque" if a.voltage is None else "voltage"]
@@ -267,12 +253,12 @@ def _overlap(a: Record, b: Record) -> bool:
     p, q = a.position, b.position
     if p is None or q is None:
         return (p is None) == (q is None)
-    apart = (p[of_a] - p[of_a[0]]) - (q[of_b] - q[of_b[0]])  # but for the turn in which each begins
+    apart = (p[of_a] - p[of_a[0]]) - (q[of_b] - q[of_b[0]])  # apart from whole turns
     return bool(np.abs(apart).max() <= _ROUNDING * max(np.abs(p).max(), np.abs(q).max()))
 
 
-def _included(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segment, ...], ...]:
-    """The candidates of each run, those rejected that `fit.exclude` names. Raises InputError where it names none."""
+def _cut_segments(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segment, ...], ...]:
+    """Candidate segments of each run, `fit.exclude` applied. Raises InputError where it names none."""
     segments: list[list[Segment]] = []
     for run in runs:
         found: tuple[Segment, ...] = ()
@@ -303,7 +289,7 @@ def _included(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segmen
 
 
 def with_loads(record: Record, segments: tuple[Segment, ...], asked: Sequence[str]) -> tuple[Segment, ...]:
-    """The segments with what terms of the position are on average while the joint passes: over a long hold not what they are in its middle."""
+    """The segments with means of position-dependent regressors over each hold."""
     q = record.position
     if q is None:
         return segments
@@ -334,18 +320,10 @@ def _given_points(record: Record, slowest: float | None) -> tuple[Segment, ...]:
             reasons.append((Finding("saturated", NOTE, message),) if clipped[k] else ())
     return tuple(
         Segment(
-            file=record.file,
-            start=k,
-            stop=k + 1,
-            line=None if record.lines is None else int(record.lines[k]),
-            velocity=float(v),
-            torque=float(t),
-            standard_error=None,
-            accepted=not reasons[k],
-            reasons=reasons[k],
-            labels=record.labels,
-            position=None if record.position is None else float(record.position[k]),
+            file=record.file, start=k, stop=k + 1, line=None if record.lines is None else int(record.lines[k]),
+            velocity=float(v), torque=float(t), standard_error=None, accepted=not reasons[k], reasons=reasons[k],
+            labels=record.labels, position=None if record.position is None else float(record.position[k]),
             torque_shifts={name: float(shift[k]) for name, shift in record.torque_shifts.items()},
         )
         for k, (v, t) in enumerate(zip(velocity, torque, strict=True))
-    )
+    )  # fmt: skip  # a list of values

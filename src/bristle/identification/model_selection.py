@@ -1,4 +1,4 @@
-"""Friction models fitted to the same equations, and which to use: Coulomb, viscous, Stribeck and LuGre, symmetric and per direction."""
+"""Comparison of friction models: Coulomb, viscous, Stribeck and LuGre, symmetric and per direction."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -39,37 +39,30 @@ from bristle.identification.static.set_up import sides_of
 from bristle.model.parameters import SIGNED
 
 COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck curve", "LuGre"
-"""Each with the terms of the one before: Coulomb and viscous friction; the steady curve (9), with alpha_1 and v_s;
-sigma_0 and sigma_1."""
-_SAME = 2.0  # a difference in BIC below this is worth a bare mention
+"""Nested models; the Stribeck curve (9) adds alpha_1 and v_s, LuGre sigma_0 and sigma_1."""
+_SAME = 2.0  # difference in BIC that is hardly worth a mention
 _STEPS = 100
-"""Of the LuGre fit that no stage has done yet, at the most: one set of friction for directions that differ has a long way along a flat valley."""
-_WORTH = 0.05  # of BIC: less decides nothing about directions
-_DEPENDENT = 1e8  # condition number beyond which columns are told apart by rounding alone
+"""Most iterations of a LuGre fit: one friction for directions that differ converges slowly."""
+_WORTH = 0.05  # of BIC: the gain at which a fit per direction ends
+_DEPENDENT = 1e8  # condition number of dependent columns
 Model = tuple[str, str]
-"""A model, and in which directions."""
+"""Model and directions."""
 Pose = Callable[[tuple[str, ...], Sequence[str]], tuple[Regression, Sequence[Regression]]]
 """(directions, regressors) -> the equations to fit, and those to predict."""
 
 
 class Candidate(NamedTuple):
-    """A model fitted."""
+    """A fitted model."""
 
     residuals: Array
-    """(n,)."""
     parameters: int
     left_out: LeftOut = None
-    settled: bool = True
-    """Whether its fit came to its end."""
-    values: Values | None = None
-    """Of a LuGre model: where it ended."""
+    settled: bool = True  # Whether its fit converged
+    values: Values | None = None  # Where a LuGre fit ended
 
 
 def compare_on_points(measured: Measured, static: Mapping[str, StaticFit]) -> Comparison | None:
-    """The models on points at constant velocity, where LuGre is its Stribeck curve (9); None where none can be fitted.
-
-    Without held-out points each point is predicted from all others, to first order: its residual over 1 - its leverage.
-    """
+    """The models on points, without LuGre, or None; errors are leave-one-out without held-out points."""
     points, held = (measured.points(hold_out=x) for x in (False, True))
 
     def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
@@ -84,14 +77,7 @@ def compare_on_points(measured: Measured, static: Mapping[str, StaticFit]) -> Co
 def compare_on_motion(
     measured: Measured, static: Mapping[str, StaticFit], alone: TrackingFit, apart: Values | None = None
 ) -> Comparison | None:
-    """The models on moving runs: every equation of all of them, with the same decimation and regressors; None where the position is predicted.
-
-    Symmetric models have the experiment's offset; two Coulomb terms take its part in those per direction. LuGre in the directions of the
-    experiment's fit is that fit, `alone`; in the others it is fitted here, from where that fit ended, or `apart`. `static` are fits of the
-    moving runs themselves; empty where other runs gave them, or `alone` is the one to use.
-
-    Raises InputError as the fits of moving runs do.
-    """
+    """The models on moving runs, LuGre from `alone` or `apart`; `static` fits the same runs. None of a position."""
     if alone.quantity != "torque":
         return None
     experiment, (records, held) = measured.experiment, (measured.moving(hold_out=x) for x in (False, True))
@@ -103,13 +89,13 @@ def compare_on_motion(
         return training, [from_records([r], *options, training.weights)[0] for r in held]
 
     found, left, power = _static_models(experiment, variants, pose, moving=True)
-    # LuGre as it was fitted, and in the directions in which it was not
+    # LuGre as fitted, and in the other directions
     done = APART if any(name.direction in SIGNED for name in alone.parameters) else SYMMETRIC
     for called, directions in variants.items():
         if called == done or done not in variants:
             found[LUGRE, called] = _as_fitted(alone)
             continue
-        with suppress(InputError):  # a start that shows nothing is no reason to fail: then this one is left out
+        with suppress(InputError):  # a start without influence: left out
             near = apart if called == APART else None
             found[LUGRE, called] = one = refitted(measured, alone, directions, near, held=held)
             if not one.settled:
@@ -121,7 +107,7 @@ def compare_on_motion(
 
 
 def asked_regressors(experiment: Experiment, directions: tuple[str, ...], *, moving: bool) -> tuple[str, ...]:
-    """What the models have beside friction: as the experiment asks; an offset only where one set of friction serves both directions."""
+    """Regressors of the models; an offset only where one friction serves both directions."""
     asked = regressors(experiment) if moving else point_regressors(experiment)
     if moving and experiment.fit.regressors is None and "offset" not in asked:
         asked = (*asked, "offset")
@@ -129,14 +115,14 @@ def asked_regressors(experiment: Experiment, directions: tuple[str, ...], *, mov
 
 
 def _variants(present: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
-    """Directions of the regression by what they are called."""
+    """Directions of the regression, by name."""
     return {SYMMETRIC: ("both",), APART: present} if len(present) == 2 else {ONE: present}
 
 
 def _static_models(
     experiment: Experiment, variants: Mapping[str, tuple[str, ...]], pose: Pose, *, moving: bool
 ) -> tuple[dict[Model, Candidate], tuple[Finding, ...], float]:
-    """The static models that there are equations enough for; which there are not; and the power of what is to be explained, (N*m)**2."""
+    """Fitted static models, a note on those with too few equations, and the power of the measured torque, (N*m)**2."""
     found, few, power = dict[Model, Candidate](), list[str](), 0.0
     for called, directions in variants.items():
         whole, held = pose(directions, asked_regressors(experiment, directions, moving=moving))
@@ -156,7 +142,7 @@ def _static_models(
 
 
 def _reduced(problem: Regression, model: str) -> Regression:
-    """The problem without what a model does not have."""
+    """The problem without terms that a model lacks."""
     if model == STRIBECK:
         return problem
     lost = {name for name in problem.linear_names if model != VISCOUS and name.name == "alpha_2"}
@@ -169,7 +155,7 @@ def _mean(errors: Sequence[float]) -> LeftOut:
 
 
 def _left_out_error(problem: Regression, residuals: Array, jacobian: Array) -> float:
-    """100 * norm(r / (1 - h)) / norm(T), percent, h the leverages; nan where a point determines a parameter alone."""
+    """Leave-one-out error, 100 * norm(r / (1 - h)) / norm(T), percent; nan at full leverage."""
     scale = np.linalg.norm(jacobian, axis=0)
     basis, values, _ = np.linalg.svd(jacobian / np.where(scale > 0, scale, 1.0), full_matrices=False)
     seen = basis[:, values > 1e-9 * values[0]]
@@ -186,10 +172,7 @@ def refitted(
     worth: float = 0.0,
     held: Sequence[Record] = (),
 ) -> Candidate:
-    """LuGre in other directions than those of the fit, from where that fit ended, or from values that are `near`.
-
-    It ends where the next step would lower BIC by less than `worth`; `held` are runs to predict.
-    """
+    """LuGre in other directions, from `alone` or `near`, to steps worth less than `worth`; `held` are predicted."""
     experiment, records = measured.experiment, measured.moving(hold_out=False)
     asked, (fixed, _) = asked_regressors(experiment, directions, moving=True), inertia(experiment)
     given = {name.name for name in alone.known} - {name.name for name in alone.names if name in alone.known}
@@ -197,7 +180,7 @@ def refitted(
     def posed(chosen: Sequence[Record]) -> DynamicProblem:
         """The problem of some records, with what the experiment fixes."""
         whole = dynamic_problem(chosen, directions, asked, experiment.fit.every, fixed, law=experiment.fit.friction)
-        values = carried(whole, alone.known)  # what was given to the fit is held in other directions too
+        values = carried(whole, alone.known)  # given values are held in other directions too
         return replace(whole, fixed={name: x for name, x in values.items() if name.name in given})
 
     problem = posed(records)
@@ -211,7 +194,7 @@ def refitted(
 
 
 def _as_fitted(fit: TrackingFit) -> Candidate:
-    """LuGre in the directions of a fit: it is that fit, whose unknowns are the starts of its runs, too."""
+    """LuGre as fitted, with the deflections of its runs as unknowns."""
     return Candidate(
         fit.residuals, len(fit.names) + len(fit.starts_of_runs), _mean([h.relative_error for h in fit.hold_out])
     )
@@ -220,16 +203,13 @@ def _as_fitted(fit: TrackingFit) -> Candidate:
 def bic_of_directions(
     measured: Measured, alone: TrackingFit, each: TrackingFit | None = None
 ) -> tuple[dict[str, float], Values | None]:
-    """BIC of LuGre with one friction for both directions, as it was fitted, and with one for each; and where this one ended.
-
-    With one for `each` as it was fitted, or else near the first. Neither where the runs go one way, or not the torque is predicted.
-    """
+    """BIC of LuGre by `SYMMETRIC` and `APART` (`each`, or fitted here, with its end); empty for one direction."""
     if alone.quantity != "torque" or len(moved_in(measured.moving(hold_out=False))) < len(DIRECTIONS):
         return {}, None
     try:
         apart = each and _as_fitted(each)
         apart = apart or refitted(measured, alone, tuple(DIRECTIONS), worth=_WORTH)
-    except InputError:  # a start that shows nothing is no reason to fail
+    except InputError:  # a start without influence
         return {}, None
     both = {SYMMETRIC: _as_fitted(alone), APART: apart}
     effective = alone.residuals.size / inflation(min((x.residuals for x in both.values()), key=power_of))
@@ -246,11 +226,7 @@ def rank_models(
     alone: TrackingFit | None,
     left_out: tuple[Finding, ...],
 ) -> Comparison | None:
-    """The candidates, on the same equations, as rows, with the one to use; None where there is none.
-
-    `variance_inflation` is how many equations count as an independent one, `power` the sum of squares of what they explain, (N*m)**2;
-    `static` and `alone` are fits of these data, and `left_out` is not compared.
-    """
+    """The comparison of candidates, or None; `power` is the sum of squares of the measured torque, (N*m)**2."""
     if not candidates:
         return None
     n = next(iter(candidates.values())).residuals.size
@@ -260,13 +236,12 @@ def rank_models(
     kept, seen = "alpha_1" in shown or any(x is not None for x in peaks), "sigma_0" in shown
     fitted = [
         Fitted(
-            name=model if directions == ONE else f"{model}, {directions}",
+            name=model if directions == ONE else f"{model}, {directions}", left_out=c.left_out,
             solves=[(c.residuals, c.parameters, n / variance_inflation, power)],
-            left_out=c.left_out,
             candidate=seen if model == LUGRE else (model == STRIBECK) == kept,
         )
         for (model, directions), c in candidates.items()
-    ]
+    ]  # fmt: skip  # a list of values
     rows = rows_of(fitted)
     best = min((row for row in rows if row.candidate), key=lambda row: row.bic, default=None)
     rows = tuple(replace(row, chosen=row is best) for row in rows)
@@ -275,7 +250,7 @@ def rank_models(
 
 
 def _sentence(rows: Mapping[Model, Row], static: Mapping[str, StaticFit], *, kept: bool) -> Finding:
-    """Which to use and why."""
+    """Which model to use and why."""
     allowed = sorted((r for r in rows.values() if r.candidate), key=lambda r: r.bic)
     if not allowed:
         message = "None of the models with the terms that the fit supports can be fitted to so few points."
@@ -287,8 +262,8 @@ def _sentence(rows: Mapping[Model, Row], static: Mapping[str, StaticFit], *, kep
     if rest:
         gap = rest[0].bic - best.bic
         lowest = f"{lowest} ({'hardly worse: ' * (gap < _SAME)}{rest[0].name} has {gap:.1f} more)"
-    why: list[Finding | str] = [lowest]
-    # what the fit does not support, and whether that it keeps the Stribeck term rests on points that stick and slip
+    why = [lowest]
+    # terms without support, and a Stribeck term from points that stick and slip
     outcomes = {f.outcome.code for f in static.values()}
     shown = [r.bic for (model, _), r in rows.items() if model == STRIBECK]
     if not kept and shown and "static-as-asked" not in outcomes:
@@ -296,9 +271,8 @@ def _sentence(rows: Mapping[Model, Row], static: Mapping[str, StaticFit], *, kep
         lower = f", though it would lower the BIC by {gain:.1f} (the fit's warnings say why)" if gain > 0 else ""
         why.append(f"the Stribeck term is not identifiable from these data, as the fit found{lower}")
     if kept and "static-stick-slip" in outcomes:
-        message = "but its Stribeck term rests on points that stick and slip"
-        why.append(Finding("peak-of-stick-slip", CAUTION, message))
+        why.append("but its Stribeck term rests on points that stick and slip")
     if any(model == LUGRE and not r.candidate for (model, _), r in rows.items()):
         why.append("the motion does not show LuGre's bristle")
-    message = f"Use {best.name}: {'; '.join(map(str, why))}."
+    message = f"Use {best.name}: {'; '.join(why)}."
     return Finding("use-model", NOTE, message, {"model": best.name, "why": tuple(why)})

@@ -1,7 +1,4 @@
-"""Moving runs as every fit of them takes them.
-
-Directions, regressors, inertia, the decimation filter, and what is refused before any is fitted.
-"""
+"""Directions, regressors, decimation and plausibility checks of moving runs, common to all fits."""
 
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
@@ -26,26 +23,23 @@ from bristle.model.laws import registry
 from bristle.model.parameters import Kind, periodic, slides
 from bristle.model.vectorize import evaluate
 
-_PASSES, _MOSTLY = 0.3, 0.5
-"""A slow torque passes its mean less often, in periods of the cut-off (noise: 1.15), and has more of the variance."""
-_ROUGHER = 3.0  # times one less the correlation with the next sample: noise against a motion
-_EXPLAINED = 0.1  # of the variance of a torque that belongs to a motion, at the least
-_AT_REST = 0.01  # of the way: a direction in which less is gone is none
-_FEWEST = 4  # samples for each column, below which a relation cannot be tested
-ONE_RATE = 1.05  # ratio of two sampling intervals that count as one
-_SURELY = 3.0  # standard errors by which a torque surely opposes the velocity
-_SWING = 0.1  # rad: over less, gravity is a spring and a constant, as a bristle is that does not break away
-_DROWNS = 1e9  # times the measured torque: an inertia's torque this large leaves nothing of it in the last digits
+_PASSES, _MOSTLY = 0.3, 0.5  # of a slow torque: most passes of its mean per cut-off period (noise: 1.15), least share
+_ROUGHER = 3.0  # ratio of (1 - lag-one correlation) from which a torque is noise beside its motion
+_EXPLAINED = 0.1  # least share of the variance of a torque that its motion explains
+_AT_REST = 0.01  # of the total way: less in a direction is rest
+_FEWEST = 4  # samples per column, below which a relation is not tested
+ONE_RATE = 1.05  # ratio of sampling intervals that counts as one
+_SURELY = 3.0  # standard errors by which a torque opposes the velocity
+_SWING = 0.1  # rad: over less, gravity is not told from a spring and a constant
+_DROWNS = 1e9  # times the measured torque: a larger inertial torque leaves none of its digits
 DIRECTIONS = {"+": 1.0, "-": -1.0}
 
 
 class Regressor(NamedTuple):
-    """What an experiment can ask for beside friction."""
+    """A term that an experiment can ask for beside friction."""
 
     names: tuple[str, ...]
-    """Its parameters."""
-    needs: tuple[str, ...] = ()
-    """Signals that its columns are made of."""
+    needs: tuple[str, ...] = ()  # Signals that its columns are made of
 
 
 REGRESSORS = {
@@ -56,18 +50,17 @@ REGRESSORS = {
     "links": Regressor(("links",), ("link_torque",)),
 }
 LEVELS = {name: Regressor(coefficients) for name, coefficients in registry.LOADS.items()}
-"""By what the friction level rises (`load_levels`): a part of the law, fitted like regressors."""
+"""Loads by which the friction level rises: part of the law, fitted like regressors."""
 LOADS = tuple(name for regressor in REGRESSORS.values() for name in regressor.names)  # in the order of `law.load_terms`
-_NEEDED = ("position", "velocity", "acceleration", "link_torque")  # what `law.load_terms` is of, in its order
-_PER_METRE = "/m"  # at the end of an order that is of a joint that slides
-_ENDS = 5  # times the transients of a decimation, which a run has at the least
-_KERNEL_TAIL, _DIED_OUT = 1e-4, 1e-8
-"""Where the smoothing kernel is cut, relative to its peak, and where it has died out: ends of a segment within are dropped."""
-_PART = 0.02  # of the weights of an equation: samples that have less do not have part in it
+_NEEDED = ("position", "velocity", "acceleration", "link_torque")  # arguments of `law.load_terms`
+_PER_METRE = "/m"  # suffix of an order of a prismatic joint
+_ENDS = 5  # least length of a segment, in transients of the decimation filter
+_KERNEL_TAIL, _DIED_OUT = 1e-4, 1e-8  # of its peak: where the kernel is cut, and where its transient ends
+_PART = 0.02  # of the weights of an equation: samples with less do not count
 
 
 def terms_of(regressor: str) -> Regressor:
-    """What a regressor is; `cogging_4` is cogging of order 4, `cogging_4/m` of a joint that slides, `cogging` of none yet."""
+    """A regressor by name, such as `cogging_4`, or `cogging_4/m` of a prismatic joint."""
     known = REGRESSORS.get(regressor) or LEVELS.get(regressor)
     if known is not None:
         return known
@@ -77,19 +70,19 @@ def terms_of(regressor: str) -> Regressor:
 
 
 def with_orders(names: Sequence[str], orders: Sequence[int], kind: Kind) -> tuple[str, ...]:
-    """The regressors, with one for each order in place of one that repeats with the position."""
+    """The regressors with `cogging` and `ripple` expanded to their orders."""
     per = _PER_METRE if slides(kind) else ""
     each = {name: [f"{name}_{k}{per}" for k in orders] for name in PERIODIC}
     return tuple(one for name in names for one in each.get(name, [name]))
 
 
 def turn_of(kind: Kind) -> tuple[float, str]:
-    """What holds as many periods as an order says, rad or m, and its name: a turn, or a metre of a joint that slides."""
+    """Length that an order divides, rad or m, and its name."""
     return (1.0, "metre") if slides(kind) else (2 * np.pi, "turn")
 
 
 def declared(experiment: Experiment) -> tuple[str, ...] | None:
-    """The regressors that an experiment asks for, with their orders where these are known; None where it says nothing."""
+    """The regressors in the file, with orders where these are known; None where it has none."""
     asked, orders = experiment.fit.regressors, experiment.fit.orders
     return with_orders(asked, orders, experiment.joint.kind) if asked and isinstance(orders, tuple) else asked
 
@@ -101,10 +94,10 @@ def regressors_of(parameters: Collection[str], kind: Kind) -> tuple[str, ...]:
     return (*plain, *dict.fromkeys(each))
 
 
-def swings(positions: Sequence[Array]) -> bool:
-    """Whether the way, rad, from one end of all positions to the other is long enough to show gravity."""
-    whole = np.concatenate(positions) if positions else np.zeros(0)
-    return bool(whole.size and np.ptp(whole) >= _SWING)
+def shows_gravity(kind: Kind, *positions: Array) -> bool:
+    """Whether positions, rad, of a joint that turns are far enough apart to show gravity."""
+    whole = np.concatenate([np.zeros(0), *positions])
+    return bool(not slides(kind) and whole.size and np.ptp(whole) >= _SWING)
 
 
 def needed(record: Record, name: str) -> Array:
@@ -116,16 +109,12 @@ def needed(record: Record, name: str) -> Array:
 
 
 def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]:
-    """The columns of some regressors by parameter, each (N,). Raises InputError where a signal is missing."""
+    """Columns of some regressors by parameter, (N,) each. Raises InputError where a signal is missing."""
     return load_columns(regressors, lambda signal: needed(record, signal), record.time.size)
 
 
 def load_columns(regressors: Sequence[str], signal: Callable[[str], Array], n: int) -> dict[str, Array]:
-    """What multiplies each parameter of some regressors (`law.load_terms`), each (n,).
-
-    `signal` gives position, velocity or acceleration, rad and s, or link_torque, N*m, (n,); it is asked for those that
-    are needed alone.
-    """
+    """Columns of some regressors by parameter (`law.load_terms`), (n,) each, from signals by name, SI, (n,)."""
     needs = {what for regressor in regressors for what in terms_of(regressor).needs}
     signals = [signal(what) if what in needs else np.zeros(n) for what in _NEEDED]
     terms = dict(zip(LOADS, evaluate(load_terms_function(), *signals), strict=True))
@@ -140,23 +129,20 @@ def load_columns(regressors: Sequence[str], signal: Callable[[str], Array], n: i
 
 
 def regressor_line(names: Collection[str], parameters: Collection[str] = ()) -> str:
-    """The line that asks for these regressors, and for those that some parameters are of, in their order."""
+    """The `regressors` line with these and those of some parameters."""
     wanted = [x for x in REGRESSORS if x in names or not set(parameters).isdisjoint(REGRESSORS[x].names)]
     wanted += [x for x in PERIODIC if any(name.partition("_")[0] == x for name in (*names, *parameters))]
     return f"regressors: [{', '.join(wanted)}]"
 
 
 def torque_shifts(records: Sequence[Record]) -> dict[str, Array]:
-    """What an error of each constant does to the torques of some records, one after the other, (N,), as in `Record`."""
+    """Change of the torques of some records per standard error of each constant, (N,)."""
     names = dict.fromkeys(name for r in records for name in r.torque_shifts)
     return {name: np.concatenate([r.torque_shifts.get(name, np.zeros(r.time.size)) for r in records]) for name in names}
 
 
 def regressors(experiment: Experiment) -> tuple[str, ...]:
-    """What a moving fit asks for: as declared, or inertia and, where directions are not separate, offset.
-
-    A fixed inertia is not asked for. By which load the friction rises comes last.
-    """
+    """Regressors of a moving fit: as declared, or inertia and, unless directions are separate, offset; loads last."""
     asked, (fixed, _) = declared(experiment), inertia(experiment)
     if asked is None:
         asked = ("inertia",) if experiment.fit.directions == "separate" else ("inertia", "offset")
@@ -166,13 +152,13 @@ def regressors(experiment: Experiment) -> tuple[str, ...]:
 
 
 def given_by(records: Sequence[Record]) -> tuple[str, ...]:
-    """The parameters of what the torque of records was made of, of which nothing is left to find."""
+    """Parameters of what the torque of coasting records was made of."""
     kinds = dict.fromkeys(r.made_of for r in records if r.made_of)
     return tuple(name for kind in kinds for name in REGRESSORS[kind].names)
 
 
 def refuse_noise(experiment: Experiment, motion: Array, torque: Array, what: str, others: Array | None = None) -> None:
-    """Raise InputError where the drive's torque (n,) has nothing to do with the motion (n,), as `unrelated` has it."""
+    """Raise InputError where the torque (n,) is unrelated to the motion (n,)."""
     if unrelated(motion, torque, others):
         if torque.min() >= 0 and motion.min() < 0 < motion.max():
             raise InputError(
@@ -186,7 +172,7 @@ def refuse_noise(experiment: Experiment, motion: Array, torque: Array, what: str
 
 
 def loads_slowly(record: Record) -> bool:
-    """Whether the torque of a record is mostly slow, and turns seldom, as one that is commanded does and noise does not."""
+    """Whether the torque of a record is mostly slow, as a commanded one, and not noise."""
     torque, cutoff = np.asarray(record.torque), record.cutoff
     slow = smoothed(record, torque, cutoff, noisy=True) if cutoff < 0.5 / record.step else torque
     passes = np.count_nonzero(np.diff(np.signbit(slow - slow.mean())))
@@ -197,11 +183,7 @@ def loads_slowly(record: Record) -> bool:
 def refuse_opposing(
     experiment: Experiment, velocity: Array, torque: Array, what: str, others: Array | None = None
 ) -> None:
-    """Raise InputError where the drive's torque (n,) has nothing to do with the motion, or opposes the velocity (n,).
-
-    Friction opposes motion, so its sign is wrong. `others`, (n, k), are what else of the motion may make torque: beside them
-    it does so too, by more than three standard errors, or there is no friction to speak of.
-    """
+    """Raise InputError where the torque (n,) is noise, or opposes the velocity beside `others` (n, k)."""
     refuse_noise(experiment, velocity, torque, what, others)
     opposes = velocity.size and float(velocity @ torque) < 0 and np.median(torque * np.sign(velocity)) < 0
     if opposes and others is not None:
@@ -218,15 +200,10 @@ def refuse_opposing(
 
 
 def unrelated(velocity: Array, torque: Array, others: Array | None = None) -> bool:
-    """Whether a torque (n,) shows nothing of friction, nor of what else a motion makes, beyond noise.
-
-    An F test at 1 % of sgn(v), v and `others`, (n, k), against a constant, or against zero where only one direction is
-    there; correlated samples of a course over time, which `others` are of, count for fewer. Of such a course noise is what
-    is much rougher than the motion and explained by less than a tenth: a load that is not among the columns is smooth.
-    """
+    """Whether a torque (n,) is noise: an F test at 1 % of sgn(v), v and, over time, `others`, (n, k)."""
     basis = np.column_stack([np.sign(velocity), velocity, *([] if others is None else [others])])
     if velocity.size < _FEWEST * basis.shape[1] or np.median(np.abs(torque - np.median(torque))) == 0:
-        return False  # most of a torque that is one value over and over is not noise
+        return False  # a mostly constant torque is not noise
     if velocity.size and velocity.min() < 0 < velocity.max():
         basis, torque = basis - basis.mean(axis=0), torque - torque.mean()
     basis = basis[:, np.ptp(basis, axis=0) + np.abs(basis).max(axis=0) > 0]
@@ -242,28 +219,25 @@ def unrelated(velocity: Array, torque: Array, others: Array | None = None) -> bo
 
 
 def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> None:
-    """Raise InputError where the torque of moving runs has nothing to do with their motion, or opposes their velocity.
-
-    Where that is the velocity's fault, whose sign is not that of the position, the sentence says so.
-    """
-    if any(r.made_of for r in records):  # whose sign is that of the motion
+    """Raise InputError where torque and motion of moving runs are unrelated or opposed, or the velocity is wrong."""
+    if any(r.made_of for r in records):  # made from the motion
         return
     velocity, torque = (np.concatenate([_of(r, name) for r in records]) for name in ("velocity", "torque"))
-    # acceleration, gravity by the position and a robot's link torque, as far as they are known
+    # columns of inertia, gravity and links, where known
     asked, sizes = ("inertia", "gravity", "links"), [r.time.size for r in records]
     motions = (load_columns(asked, partial(_of, r, size=n), n) for r, n in zip(records, sizes, strict=True))
     others = np.concatenate([np.column_stack(list(columns.values())) for columns in motions])
-    if others[:, -1].any():  # what the links of a robot ask for outweighs friction, and has any sign
+    if others[:, -1].any():  # links may outweigh friction, with any sign
         basis = np.column_stack([np.sign(velocity), velocity, others])
         torque = torque - others[:, -1] * np.linalg.lstsq(basis, torque, rcond=None)[0][-1]
     said = [d for r in records for d in r.warnings]
     turned = merged(d for d in said if d.code == "velocity-factor" and d.numbers["ratio"] < 0)
-    if turned and float(velocity @ torque) < 0:  # the torque goes with the position: it is the velocity that is wrong
+    if turned and float(velocity @ torque) < 0:  # the velocity has the wrong sign
         raise InputError(f"{experiment.path.name}: {turned[0]}")
     try:
         refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole", others)
     except InputError as end:
-        if counts := merged(d for d in said if d.code == "whole-positions"):  # in which nothing moves as it did
+        if counts := merged(d for d in said if d.code == "whole-positions"):  # counts in place of positions
             raise InputError(f"{experiment.path.name}: {counts[0]}") from end
         raise
 
@@ -274,14 +248,14 @@ def directions(experiment: Experiment, records: Sequence[Record]) -> tuple[str, 
 
 
 def moved_in(records: Sequence[Record]) -> tuple[str, ...]:
-    """Directions in which the records travel more than a hundredth of their total way; less is noise about rest."""
+    """Directions that make more than a hundredth of the total way of the records."""
     velocity = np.concatenate([_of(r, "velocity") for r in records])
     way = {d: float(np.maximum(velocity * sign, 0.0).sum()) for d, sign in DIRECTIONS.items()}
     return tuple(d for d, x in way.items() if x > _AT_REST * sum(way.values()))
 
 
 def inertia(experiment: Experiment) -> tuple[float | None, PlusMinus | None]:
-    """The inertia where it is fixed, and where it is known with an error."""
+    """The fixed inertia, or else the one known with an error."""
     known = experiment.inertia
     if known is None:
         return None, None
@@ -289,16 +263,13 @@ def inertia(experiment: Experiment) -> tuple[float | None, PlusMinus | None]:
 
 
 def _of(record: Record, name: str, size: int = 0) -> Array:
-    """A signal of the record, (n,), or so many zeros."""
+    """A signal of the record, (n,), or zeros."""
     values: Array | None = getattr(record, name)
     return np.zeros(size) if values is None else values
 
 
 def known_torque(record: Record, inertia: float | None, regressors: Sequence[str]) -> Array | None:
-    """Torque of a moving run that is no unknown, N*m, (n,): of a known inertia, and of a robot's links unless they are a regressor.
-
-    None where there is none. Raises InputError where a known inertia leaves nothing of the measured torque.
-    """
+    """Torque of a fixed inertia and of a robot's links, N*m, (n,). Raises InputError for too large an inertia."""
     links = None if "links" in regressors else record.link_torque
     if inertia is None:
         return links
@@ -314,11 +285,7 @@ def known_torque(record: Record, inertia: float | None, regressors: Sequence[str
 def decimator(
     segments: Sequence[Array], decimation: int, file: str, unknown: NDArray[np.bool_] | None = None
 ) -> tuple[sparse.csr_array, int]:
-    """The filter as a matrix (equations, samples), for segments between gaps of given lengths.
-
-    Without equations in which a sample has part whose torque is `unknown`, (samples,), unless these are all. And how many
-    samples its transients cost. Raises InputError where no segment is longer than the transients.
-    """
+    """The decimation filter as a matrix (equations, samples) without `unknown` torques, and samples lost at ends."""
     lengths = np.concatenate(segments).astype(int)
     samples = int(lengths.sum())
     if decimation == 1:
@@ -339,23 +306,23 @@ def decimator(
 
 
 def _without(smooth: sparse.csr_array, unknown: NDArray[np.bool_] | None) -> sparse.csr_array:
-    """The equations, (m, n), in which no sample of some, (n,), has part; all where there are no others."""
+    """The equations, (m, n), without those that use marked samples, (n,); all if none would be left."""
     known = np.zeros(0, bool) if unknown is None else abs(smooth) @ unknown.astype(float) < _PART
     return sparse.csr_array(smooth[known]) if known.any() and not known.all() else smooth
 
 
 def longest_decimation(usual: int, samples: int) -> int:
-    """The largest decimation, at most the usual one, whose transients take at most a fifth of so many samples between gaps."""
+    """The largest decimation, up to the usual one, whose transients cost at most a fifth of a segment."""
     return next((d for d in range(usual, 1, -1) if samples > _ENDS * transient(d)), 1)
 
 
 def transient(decimation: int) -> int:
-    """Samples that the decimation filter costs a segment, which has to be longer."""
+    """Samples that the decimation filter costs a segment."""
     return 0 if decimation == 1 else _kernel(decimation).size - 1
 
 
 def _kernel(decimation: int, tail: float = _DIED_OUT) -> Array:
-    """Impulse response of the zero-phase decimation filter, cut where it is lower than this share of its peak; odd length, sum 1."""
+    """Impulse response of the zero-phase decimation filter, cut below this share of its peak; odd length, sum 1."""
     from scipy import signal
 
     sections = signal.butter(4, 0.8 / decimation, output="sos")

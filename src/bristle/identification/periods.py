@@ -1,4 +1,4 @@
-"""Orders of cogging and of ripple: whether the positions resolve those asked for, and which ones the data show."""
+"""Orders of cogging and ripple: resolution of the positions, and which orders the data show."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -15,26 +15,23 @@ from bristle.estimation.score_test import Score, scores
 from bristle.findings import NOTE, Finding
 from bristle.identification.dynamic.descent import solve_dynamic
 from bristle.identification.dynamic.priors import posed_and_start
-from bristle.identification.dynamic.what_is_left import columns_of, known_and_left
+from bristle.identification.dynamic.residual_analysis import columns_of, jacobian_and_residuals
 from bristle.identification.measured import Measured, with_loads, with_options
 from bristle.identification.moving_runs import directions, turn_of, with_orders
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import groups, point_regressors, points_problem
 
-_MOST = 200  # orders that are tried
-_AT_ONCE = 3  # orders that are found at most
+_MOST = 200  # orders tried
+_AT_ONCE = 3  # most orders found
 
 
 def with_periods(measured: Measured) -> Measured:
-    """The same with the orders of cogging and ripple that the data show, where the experiment asks for those, and a note of them.
-
-    Raises InputError where an order that is asked for is finer than the positions of the moving runs, or where there are none.
-    """
+    """The same with the orders that the data show, if asked for. Raises InputError for too fine an order."""
     experiment, training = measured.experiment, measured.moving(hold_out=False)
     asked = [name for name in PERIODIC if name in (experiment.fit.regressors or ())]
     if not asked:
         return measured
-    # the highest order of which a typical step between two equations covers no more than half a period
+    # the highest order with at least two equations per period
     every = experiment.fit.every
     moved = [np.abs(np.diff(r.position[:: r.decimation(every)])) for r in training if r.position is not None]
     steps = np.concatenate([np.zeros(0), *moved])
@@ -49,11 +46,11 @@ def with_periods(measured: Measured) -> Measured:
         return measured
     if training:
         problem, start = posed_and_start(experiment, directions(experiment, training), training, {}, None)
-        known, rest = known_and_left(problem, solve_dynamic(problem, start))
+        known, rest = jacobian_and_residuals(problem, solve_dynamic(problem, start))
         tried = _tried(experiment, problem.position, most)
         columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in tried}
-    elif kept := measured.points(hold_out=False):  # half as many orders as points are tried
-        (sides, points), *_ = groups(experiment, kept)  # what is shared comes from one solve
+    elif kept := measured.points(hold_out=False):  # orders up to half the number of points
+        (sides, points), *_ = groups(experiment, kept)  # one solve of both directions
         posed = points_problem(points, sides, point_regressors(experiment), experiment.fit.friction)
         theta = solve(posed, default_range(posed.velocity)).theta
         known, rest = posed.jacobian(theta), posed.residuals(theta)
@@ -89,20 +86,13 @@ def with_periods(measured: Measured) -> Measured:
 
 
 def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tuple[int, ...]:
-    """The orders that explain most of what a fit leaves, three at most, one after the other; rising.
+    """The orders, three at most, whose columns (n, k) explain a fit's residuals (n,) beside `known` (n, p).
 
-    Each is kept if its F test, beside all that is known and the others, is significant after correction for every order
-    tried each time. What the orders not chosen explain is noise: where it is more than white noise would let them, residuals
-    count for as many fewer.
-
-    Args:
-        known: columns of what is fitted, (n, p).
-        rest: what the fit leaves, (n,).
-        columns: of each order tried, (n, k).
+    Each passes an F test beside all others, corrected for all orders tried; the orders not chosen tell the noise.
     """
 
     def beside(tried: Sequence[int], others: Sequence[int], inflated: float = 1.0) -> dict[int, Score]:
-        """What each order explains beside others."""
+        """The score of each order beside others."""
         basis = np.hstack([known, *(columns[x] for x in others)])
         return dict(zip(tried, scores(basis, rest, [columns[k] for k in tried], inflated), strict=True))
 
@@ -123,6 +113,6 @@ def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tup
 
 
 def _tried(experiment: Experiment, positions: Array, most: int) -> range:
-    """The orders of which the positions hold a period, up to a highest one."""
+    """Orders with a full period within the positions, up to a highest one."""
     (turn, _), reach = turn_of(experiment.joint.kind), float(np.ptp(positions))
     return range(max(int(np.ceil(turn / reach)), 1), min(most, _MOST) + 1) if reach > 0 else range(0)

@@ -1,4 +1,4 @@
-"""What the points of constant velocity show together: a torque that drifts, in the order of speed or not, holds that swing, copies, an offset."""
+"""Checks of all points of constant velocity together: drift, order of speeds, swings, copies, offset."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -22,16 +22,16 @@ from bristle.model import functions
 from bristle.model.parameters import Direction, ParameterName
 from bristle.model.vectorize import evaluate
 
-_ENOUGH = 5  # points of a direction that show an order, or a drift
-_COPIES = 3  # points that repeat others, from which that is no chance
-_SWINGS = 0.15  # of its mean: a velocity that swings by less, rms, bends no torque
-_PHASES = 16  # of a sine, for the average over it
-_IN_ORDER = 0.9  # rank correlation of speed and order from which they cannot be told apart
-_SETTLES = 6  # the first of so many parts of a segment may still be settling
+_ENOUGH = 5  # points of a direction for an order or a drift
+_COPIES = 3  # copies that are no chance
+_SWINGS = 0.15  # of the mean velocity, rms: smaller swings do not matter
+_PHASES = 16  # of a sine, for averages
+_IN_ORDER = 0.9  # rank correlation of speed and time from which they are confounded
+_SETTLES = 6  # the first of so many parts of a hold is left out
 
 
 def point_warnings(measured: Measured, points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Finding]:
-    """Warnings about the points of an experiment that are fitted, taken together."""
+    """Warnings about the fitted points, taken together."""
     records = {run.record.file: run.record for run in measured.runs if run.kind == "ramp" and not run.hold_out}
     scatter = [fit.rms for fit in static.values() if fit.rms is not None]
     if scatter:
@@ -42,7 +42,7 @@ def point_warnings(measured: Measured, points: Sequence[Segment], static: Mappin
 
 
 def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: float) -> Iterator[Finding]:
-    """Torque that drifts within the holds, by a t test of their slopes, and whether speed rises or falls with their order."""
+    """Drift of the torque within holds (t test of slopes), and speeds in order of time."""
     if not points:
         return
     in_order = dict[str, float]()  # rank correlation of speeds with their order
@@ -51,7 +51,7 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
         ranks = np.argsort(np.argsort(speeds))
         order = float(np.corrcoef(ranks, np.arange(len(speeds)))[0, 1]) if len(speeds) >= _ENOUGH else 0.0
         in_order |= {d: order} if abs(order) > _IN_ORDER else {}
-    # slope of the torque along the motion, N*m/s, the beginning of each apart, which may be settling; and durations, s
+    # slopes of the torque along the motion, N*m/s, without the beginning of each hold; durations, s
     slopes, durations = np.zeros((2, len(points)))
     for k, s in enumerate(points):
         record, part = records[s.file], slice(s.start + (s.stop - s.start) // _SETTLES, s.stop)
@@ -91,10 +91,7 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
 
 
 def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Finding]:
-    """Holds whose velocity swings where friction bends over speed: the mean torque is off the friction at the mean speed.
-
-    What a sine of that size would do to it is the average of the fitted law over the sine.
-    """
+    """Holds whose velocity swings where friction bends: the fitted law is averaged over a sine of that size."""
     phases = np.sin(2 * np.pi * (np.arange(_PHASES) + 0.5) / _PHASES)
     off = list[tuple[float, Segment]]()
     for d, fit in static.items():
@@ -120,7 +117,7 @@ def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Ite
 
 
 def _repeated(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding]:
-    """Given points that are copies of others: where speeds recur, the torque always does too."""
+    """Points that are exact copies of others."""
     for file in (run.record.file for run in measured.runs if run.kind == "points" and not run.hold_out):
         own = [s for s in points if s.file == file]
         values = np.array([(s.velocity, s.torque) for s in own]).reshape(-1, 2)
@@ -137,7 +134,7 @@ def _repeated(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding
 
 
 def _offset(experiment: Experiment, static: Mapping[str, StaticFit]) -> list[Finding]:
-    """A difference of the two fits that is one of alpha_0 alone; where they differ in more, a note what offset it would be."""
+    """Whether the two directions differ by a constant alone, else the offset they would have."""
     fits = [static[d] for d in DIRECTIONS if d in static]
     if experiment.fit.directions != "separate" or len(fits) < 2 or any(map(is_superseded, fits)):
         return []

@@ -1,4 +1,4 @@
-"""The set-up that logs ask for: which experiment each is of, which regressors pay, whether the directions differ."""
+"""Drafts of experiment files from logs: kind of each run, regressors, directions."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -27,24 +27,18 @@ from bristle.identification.static import set_up
 from bristle.identification.static.fit import refuse_opposing_points
 from bristle.progress import Progress, teller
 
-_MIXED = 0.25  # of a run's motion: more of another experiment is said
-_BETWEEN = 0.5  # the same of a run that holds velocities, and has to get from one to the next
-_NOTHING = 100.0  # percent: an error of so much tells nothing
-_ANY: RunKind = "ramp"  # as which a run is read before it is known what it is: a velocity, no acceleration
+_MIXED = 0.25  # of a run's motion: more of another kind is reported
+_BETWEEN = 0.5  # the same of holds, which have moves between them
+_NOTHING = 100.0  # percent: a useless error
+_ANY: RunKind = "ramp"  # kind as which a run is read first: with velocity, without acceleration
 
 
 def draft_of_logs(
     files: Sequence[Path], told: Told, folder: Path | None = None, progress: Progress | None = None
 ) -> tuple[str, tuple[str, ...]]:
-    """The text of an experiment file that runs as it is, for logs of one joint, and a sentence on each thing guessed.
+    """The text of an experiment file for logs, of a robot its URDF first, and a sentence on each guess.
 
-    Args:
-        files: the logs, whose columns the first one shows; of a robot its URDF, then logs of all its joints.
-        told: what was not to be guessed.
-        folder: where the draft will be saved, as which files are named relative to it; None: beside the first.
-        progress: told of each step.
-
-    Raises InputError in one sentence where something needed cannot be guessed, or a file cannot be used as drafted.
+    `told` is not guessed; file names are relative to `folder`. Raises InputError where something cannot be guessed.
     """
     tell = teller(progress, 3)
     tell("reading the logs")
@@ -54,7 +48,7 @@ def draft_of_logs(
             raise InputError(
                 f"{files[0]}: {given[0]} is of one joint, and a robot has several; write it into the draft"
             )
-        # a robot's file, whose logs were read once, and what its log says against its URDF
+        # a robot's file, and findings of its logs against its URDF
         text, guessed = draft_robot(files[0], files[1:], told, folder)
         path = (folder or files[0].parent) / f"the draft for {files[0].name}"
         against: dict[str, list[str]] = {}
@@ -92,12 +86,7 @@ def draft_of_logs(
 
 
 def completed(path: Path) -> tuple[str, str]:
-    """The text of an experiment file with what its runs ask for, and a sentence that says what was added, and why.
-
-    A run without `experiment` gets the one that its files are of; regressors and directions are tried as
-    `static.set_up` has it. What the file says of `fit` already is left to its author, and the line to write there is a
-    comment. Raises InputError where a file cannot be used.
-    """
+    """The text of an experiment file with missing kinds of runs and better regressors, and a sentence on it."""
     text, kinds = _with_kinds(read_text(path), path)
     asked = experiment_of(text, path)
     measured = measure(asked)
@@ -120,7 +109,7 @@ def _counted(kinds: Sequence[str]) -> str:
 
 
 def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path, directions: str | None) -> tuple[str, str]:
-    """The lines about the fit, with the directions where they were told, and a sentence that says why; both empty where nothing can be tried."""
+    """The `fit` line, with directions if told, and a sentence on why; both empty where nothing can be tried."""
     measured = measure(experiment_of(draft.text(runs), path))
     points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
     if moving:
@@ -147,7 +136,7 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path, directions: str |
 
 
 def _with_kinds(text: str, path: Path) -> tuple[str, str]:
-    """The text with `experiment` in each run that lacks it, what most of its files are of, and a sentence on them, empty where none does."""
+    """The text with the missing `experiment` of each run, and a sentence on them."""
     data = parse(text, str(path))
     entries = data.get("runs")
     runs = entries if isinstance(entries, list) else []

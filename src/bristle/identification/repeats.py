@@ -1,13 +1,4 @@
-"""Several runs of one kind: their scatter is held against the intervals of the fit of all.
-
-Of one parameter that each run is fitted for apart, with estimates x_i and standard errors s_i from k runs,
-
-    chi2_red = sum over i of ((x_i - m) / s_i)**2 / (k - 1),    m the mean weighted by 1 / s_i**2,
-
-is one where runs differ by no more than the s_i say; where it is significant at 1 %, the error is widened by its root
-(Birge, Phys. Rev. 40, 1932). Of one fit, it is that of the jackknife over the runs, to first order, where that is
-significantly larger. Student's t has k - 1 degrees of freedom then.
-"""
+"""Scatter of a parameter over several runs, and errors widened by it (Birge, Phys. Rev. 40, 1932; jackknife)."""
 
 from collections.abc import Callable, Container, Hashable, Mapping, Sequence
 from dataclasses import replace
@@ -26,17 +17,14 @@ from bristle.model.parameters import ParameterName, least_of
 
 Key = TypeVar("Key", bound=Hashable)
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
-_FEWEST = 3  # runs: two tell too little of how runs scatter
-_ALONE = 10.0  # times the standard error of all runs without one run that alone tells the parameter
+_FEWEST = 3  # least runs for a jackknife
+_ALONE = 10.0  # ratio of standard errors without one run from which that run alone tells the parameter
 
 
 def scatter_of(
     by_run: Mapping[str, float], errors: Array, freedoms: Array, error: float, freedom: float
 ) -> RunScatter | None:
-    """The scatter of one parameter over runs that were each fitted apart, by file; None of fewer than two.
-
-    With the errors of these estimates and their degrees of freedom, (k,) each, and those of the fit of all runs.
-    """
+    """Scatter over runs fitted apart, with their errors and freedoms, (k,), and those of the fit of all."""
     count, x, weights = len(by_run), np.array(list(by_run.values())), errors**-2.0
     if count < 2 or not error:
         return None
@@ -60,12 +48,11 @@ def clustered(
     *,
     independent: bool = False,
 ) -> dict[Key, RunScatter]:
-    """Each parameter's scatter over runs, of which what one leaves counts as one number.
+    """Scatter of each parameter over runs by the first-order jackknife (`moved_without_each`).
 
-    The covariance is that of the jackknife over k runs, to first order (`moved_without_each`): an error of the supply, say, that a
-    whole run has in common is in it. `parts` are of each run, by file, J_i, (n, p), the derivative of what is modelled by the p
-    `names`, or their logarithm, and what it leaves, r_i, (n,); `freedom` is that of the estimates' intervals. Where what a run leaves
-    is white (`independent`), an F test of all parameters of each run at once counts too, to first order.
+    `parts` are each run's model Jacobian, (n, p), by `names` (or their logarithm) and residuals, (n,), by file;
+    `freedom` is that of the intervals. With white residuals (`independent`) an F test of all parameters at once counts
+    too.
     """
     if len(parts) < _FEWEST:
         return {}
@@ -78,7 +65,7 @@ def clustered(
     grams = [X.T @ X for X, _ in scaled]
     moves = moved_without_each(inverse, grams, [X.T @ left for X, left in scaled]) / size
     errors = np.sqrt((count - 1) / count * (moves**2).sum(axis=0))
-    # of what a run alone tells, as the way back does of an offset, nothing is known without it, nor how runs scatter
+    # parameters that one run alone determines are left out
     without = (np.linalg.eigh(gram - of_run) for of_run in grams)
     apiece = np.array([(V**2 / np.maximum(w, 1e-12 * w[-1])).sum(axis=1) for w, V in without])
     told = np.all(apiece < _ALONE**2 * np.diag(inverse), axis=0).tolist()
@@ -102,7 +89,7 @@ def clustered(
 
 
 def _differ(parts: Sequence[tuple[Array, Array]]) -> bool:
-    """Whether runs fitted apart, to first order, leave less of what the fit of all leaves than chance makes them."""
+    """Whether runs fitted apart leave significantly less than the fit of all."""
     rank, explained, left, n = 0, 0.0, 0.0, 0
     for X, rest in parts:
         made, _, own, _ = np.linalg.lstsq(X, rest, rcond=1e-9)
@@ -116,15 +103,12 @@ def _differ(parts: Sequence[tuple[Array, Array]]) -> bool:
 
 
 def _fewer(most: int, own: float) -> float:
-    """How much wider an interval is with no more than so many degrees of freedom."""
+    """Ratio of interval widths at fewer degrees of freedom."""
     return student(min(most, own)) / student(own)
 
 
 def widened(fit: Fitted, scatter: Mapping[Any, RunScatter], logarithmic: Container[str] = ()) -> Fitted:
-    """The fit of all runs with its errors and intervals widened as they scatter, and a caution that says so.
-
-    `logarithmic` are bare names of the parameters whose intervals are spread as logarithms.
-    """
+    """The fit, widened by the scatter, and a caution; `logarithmic` parameters spread as logarithms."""
     parameters, three = dict(fit.parameters), dict(fit.uncertainty)
     for name, x in scatter.items():
         e: Estimate = fit.parameters[name]
@@ -145,7 +129,7 @@ Spread = Callable[[Array], Array]
 
 
 def spreader(value: float, factor: float, bare: str, *, logarithmic: bool = False) -> Spread:
-    """Spreads ends of intervals about an estimate by a factor, (k,) -> (k,), within what the parameter may be."""
+    """A function that spreads interval ends about a value by a factor, (k,) -> (k,), within the parameter's bounds."""
     least = least_of(bare)
 
     def spread(ends: Array) -> Array:
@@ -158,7 +142,7 @@ def spreader(value: float, factor: float, bare: str, *, logarithmic: bool = Fals
 
 
 def wider_estimate(e: Estimate, x: RunScatter, spread: Spread) -> Estimate:
-    """The estimate with its error and interval as the runs scatter, and the caution."""
+    """The estimate with widened error and interval, and the caution."""
     runs, freedom, middle = len(x.by_run), len(x.by_run) - 1, float(np.median(list(x.by_run.values())))
     farthest = max(x.by_run, key=lambda file: abs(x.by_run[file] - middle))
     message = (
@@ -168,16 +152,13 @@ def wider_estimate(e: Estimate, x: RunScatter, spread: Spread) -> Estimate:
     )
     numbers = {"runs": runs, "scatter": x.before, "widened": x.widened, "freedom": freedom, "farthest": farthest}
     why = Finding("runs-scatter", CAUTION, message, numbers)
-    return replace(
-        e,
-        standard_error=None if e.standard_error is None else e.standard_error * x.widened,
-        interval=_spread_pair(e.interval, spread),
-        warnings=(*_spread_warnings(e.warnings, spread), why),
-    )
+    error, told = e.standard_error, (*_spread_warnings(e.warnings, spread), why)
+    wider = None if error is None else error * x.widened
+    return replace(e, standard_error=wider, interval=_spread_pair(e.interval, spread), warnings=told)
 
 
 def wider_three(three: Uncertainty, spread: Spread) -> Uncertainty:
-    """The intervals by all ways, each spread alike."""
+    """All three intervals, spread alike."""
     return replace(
         three, covariance=_spread_pair(three.covariance, spread), profile=_spread_pair(three.profile, spread),
         bootstrap=_spread_pair(three.bootstrap, spread), curve=np.stack([spread(three.curve[0]), three.curve[1]]),
@@ -193,7 +174,7 @@ def _spread_pair(ends: tuple[float, float] | None, spread: Spread) -> tuple[floa
 
 
 def _spread_warnings(warnings: Sequence[Finding], spread: Spread) -> tuple[Finding, ...]:
-    """Warnings that name the ends of intervals name them as they are spread."""
+    """The warnings with interval ends spread alike."""
     return tuple(
         they_differ(
             w.numbers["sides"],
@@ -206,8 +187,8 @@ def _spread_warnings(warnings: Sequence[Finding], spread: Spread) -> tuple[Findi
     )
 
 
-def less(x: RunScatter, widened_by: float) -> RunScatter:
-    """The scatter where it widens the standard error by no more than this, for other things determine it as well."""
+def limit_widening(x: RunScatter, widened_by: float) -> RunScatter:
+    """The scatter with its standard error widened at most by this."""
     share = (min(widened_by, x.widened) - 1) / (x.widened - 1) if x.widened > 1 else 1.0
     return replace(x, widened=1 + share * (x.widened - 1), stretched=1 + share * (x.stretched - 1))
 
@@ -215,11 +196,7 @@ def less(x: RunScatter, widened_by: float) -> RunScatter:
 def with_priors_beside(
     scatter: Mapping[ParameterName, RunScatter], alone: TrackingFit, joint: TrackingFit
 ) -> dict[ParameterName, RunScatter]:
-    """How much the scatter of the runs widens a fit in which priors stand beside them.
-
-    With C_a the covariance of the runs alone and F the factors that widen it, the runs move the joint estimate by W =
-    C_j C_a**-1 of what they move their own, and C_j becomes C_j + W (F C_a F - C_a) W'.
-    """
+    """Scatter with priors: C_j + W (F C_a F - C_a) W', W = C_j C_a**-1, C_a of the runs alone, F factors."""
     seen = [
         {name for name, x in zip(fit.names, fit.covariance.diagonal(), strict=True) if x > 0} for fit in (alone, joint)
     ]
@@ -232,4 +209,4 @@ def with_priors_beside(
     W = C_j @ inverse
     more = W @ (C_a * (np.outer(factor, factor) - 1)) @ W.T
     wider = np.sqrt(np.maximum(1 + more.diagonal() / C_j.diagonal(), 1.0)).tolist()
-    return {name: less(scatter[name], one) for name, one in zip(names, wider, strict=True) if name in scatter}
+    return {name: limit_widening(scatter[name], one) for name, one in zip(names, wider, strict=True) if name in scatter}

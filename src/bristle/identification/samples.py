@@ -1,8 +1,4 @@
-"""What stands apart in results.json: arrays with an entry per sample, and what figures alone need, by the way to each.
-
-Fields that are marked as unwritten, whichever they are. The way to a value is made of fields, keys and places in lists, as
-`static/+/residuals`. What is there already, as a segment that was fitted among all segments, is written as the way to it.
-"""
+"""Arrays of results.json with an entry per sample, stored apart by their path, such as `static/+/residuals`."""
 
 from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
@@ -18,11 +14,11 @@ from bristle.identification.results import Joint
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
-_FAR = 1e100  # of a sample, in any unit; its square still is a number
+_FAR = 1e100  # largest sample, in any unit: its square is finite
 
 
 def samples_of(joint: Joint) -> dict[str, Any]:
-    """Every unwritten value of a joint that is not its default, as JSON has it, by the way to it."""
+    """Unwritten values of a joint that are no defaults, as JSON, by path; an equal value is its path."""
     samples: dict[str, Any] = {}
     first: dict[Hashable, str] = {}
 
@@ -46,7 +42,7 @@ def samples_of(joint: Joint) -> dict[str, Any]:
                 samples[way] = _adapter(hint).dump_python(held, mode="json")
 
     def form(value: Any, way: str, kind: Any) -> Any:
-        """As JSON has it, or the way to what is exactly the same."""
+        """The JSON form, or the path of an equal value."""
         earlier = first.setdefault(_exact(value), way)
         if earlier != way:
             return earlier
@@ -58,10 +54,7 @@ def samples_of(joint: Joint) -> dict[str, Any]:
 
 
 def put_back(joint: Any, samples: Mapping[str, Any]) -> None:
-    """Put what stands apart where it belongs, in a joint as JSON has it; where a way stands for a value, that value.
-
-    Raises InputError where a way leads nowhere, or to what is there already.
-    """
+    """Put samples where they belong in a parsed joint. Raises InputError where a path leads nowhere or is taken."""
     ways = {way: way.rpartition("/") for way in sorted(samples, key=lambda way: way.count("/"))}
     for way, (above, _, name) in ways.items():
         owner = _at(joint, above)
@@ -77,7 +70,7 @@ def put_back(joint: Any, samples: Mapping[str, Any]) -> None:
 
 
 def _at(joint: Any, way: str) -> Any:
-    """What a way leads to; the way itself where that is nothing."""
+    """The value at a path; the path itself where there is none."""
     value = joint
     for step in way.split("/") if way else ():
         try:
@@ -88,7 +81,7 @@ def _at(joint: Any, way: str) -> Any:
 
 
 def check_samples(value: Any, at: str = "") -> None:
-    """Raises InputError where arrays of an object have other shapes than its fields state, or a number beyond reason."""
+    """Raise InputError where array shapes contradict the fields, or a number is beyond reason."""
     sizes: dict[str, int] = {}
     for name, held, item in _parts(value):
         way = f"{at}/{name}" if at else name
@@ -110,7 +103,7 @@ def check_samples(value: Any, at: str = "") -> None:
 
 
 def _parts(value: Any) -> Iterator[tuple[str, Any, "Field[Any] | None"]]:
-    """What a value holds, by name; the last field first, for earlier ones refer to segments, which come last."""
+    """Members of a value by name, last field first, because earlier ones refer to segments."""
     if type(value) in PLAIN or isinstance(value, Finding):
         return
     if isinstance(value, Mapping):
@@ -122,7 +115,7 @@ def _parts(value: Any) -> Iterator[tuple[str, Any, "Field[Any] | None"]]:
 
 
 def _exact(value: Any) -> Hashable:
-    """What two values have in common that are the same to the last bit."""
+    """A key that is equal for bitwise equal values."""
     if isinstance(value, np.ndarray):
         return value.shape, value.tobytes()
     if isinstance(value, Finding):

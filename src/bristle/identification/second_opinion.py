@@ -1,11 +1,4 @@
-"""What an engineer's own script says of the same records: friction as a regression over a ladder of set-ups.
-
-It shares nothing with the fits but the records, so what it gets wrong it gets wrong in another way. A zero-phase low
-pass at a multiple of the motion's own bandwidth; friction without a bristle, away from rest; a robust regression on
-every set-up of the ladder (one friction or one per direction; an offset; gravity; a peak, or v abs(v)), of which none
-has a friction that drives; blocks of the time, or whole runs, held out in turn; the simplest set-up within one standard
-error of the best; errors from the scatter between blocks.
-"""
+"""A second opinion on friction, independent of the fits: a robust regression, the simplest of a ladder of set-ups."""
 
 from collections.abc import Sequence
 from itertools import pairwise, product
@@ -18,29 +11,27 @@ from scipy.optimize import lsq_linear
 from bristle.arrays import Array
 from bristle.data.record import Record
 
-BANDWIDTH, ABOVE = 0.999, 12.0  # share of the position's power below its bandwidth, and times that: the low pass
-SLOWEST, BLOCKS, SAMPLES = 0.03, 10, 4000  # of the greatest speed; blocks, of time where runs are few; equations
-SHARES = (0.03, 0.06, 0.12, 0.25)  # of the greatest speed: v_s of the peaks that are tried
+BANDWIDTH, ABOVE = 0.999, 12.0  # share of the position's power within its bandwidth, and the low pass over it
+SLOWEST, BLOCKS, SAMPLES = 0.03, 10, 4000  # of the greatest speed; blocks in time, of few runs; equations
+SHARES = (0.03, 0.06, 0.12, 0.25)  # of the greatest speed: v_s of the peaks tried
 HUBER, PASSES = 1.5, 5
-ALIKE = 50.0  # a condition number beyond which the columns of a set-up are not told apart
+ALIKE = 50.0  # condition number of set-ups whose columns are too similar
 SHAPES = ("", "peak", "quadratic")
 
 
 class SecondOpinion(NamedTuple):
-    """A friction curve, and how it was found."""
+    """A friction curve and its set-up."""
 
     set_up: tuple[str, ...]
     values: dict[str, float]
-    without: Array
-    """The values without each of the blocks in turn, (k, p)."""
-    held_out: float
-    """Of the torque of blocks that were held out, percent."""
-    top: float
-    """The greatest speed, rad/s, up to which it is one."""
+    without: Array  # Values without each block, (k, p)
+    held_out: float  # Error on held-out blocks, percent of the torque
+    slowest: float  # The smallest speed, rad/s
+    top: float  # The largest speed, rad/s
     v_s: float
 
     def friction(self, v: Array) -> tuple[Array, Array]:
-        """At some velocities, rad/s, with the standard error from the scatter between blocks (jackknife), each (n,)."""
+        """Friction at velocities, rad/s, and its jackknife standard error, (n,) each."""
         columns = friction_columns(v, self.set_up, self.v_s)
         used = [list(self.values).index(name) for name in columns]
         X, k = np.stack(list(columns.values()), axis=1), len(self.without)
@@ -50,7 +41,7 @@ class SecondOpinion(NamedTuple):
 
 
 def friction_columns(v: Array, set_up: Sequence[str], v_s: float) -> dict[str, Array]:
-    """What multiplies each number of a friction, (n,)."""
+    """Columns of a friction by name, (n,) each."""
     sides = {"+": v > 0, "-": v < 0} if "separate" in set_up else {"": np.ones(v.size, dtype=bool)}
     shapes = {"coulomb": np.sign(v), "viscous": v}
     shapes |= {"peak": np.sign(v) * np.exp(-((v / v_s) ** 2))} if "peak" in set_up else {}
@@ -69,7 +60,7 @@ class _Data(NamedTuple):
 
 
 def of_motion(records: Sequence[Record]) -> SecondOpinion | None:
-    """The opinion on moving runs with position and torque; None where there is too little to form one."""
+    """The opinion on moving runs with position and torque; None of too little data."""
     parts = [part for number, record in enumerate(records) for part in _equations(record, number)]
     if not parts:
         return None
@@ -80,19 +71,19 @@ def of_motion(records: Sequence[Record]) -> SecondOpinion | None:
     order = run if runs >= 6 else np.arange(v.size)
     block = order if 6 <= runs <= BLOCKS else order * BLOCKS // (order.max(initial=0) + 1)
     keep = np.abs(v) > SLOWEST * np.abs(v).max(initial=0.0)
-    made = {record.made_of for record in records}  # of which nothing is left to tell
+    made = {record.made_of for record in records}  # inertia or gravity that made the torque
     known_a, known_q = (None if name in made else x[keep] for name, x in (("inertia", a), ("gravity", q)))
     return _opinion(_Data(v[keep], known_a, known_q, torque[keep], block[keep]))
 
 
 def of_points(v: Array, torque: Array) -> SecondOpinion | None:
-    """The opinion on velocity-torque points, (n,): a block is every fifth in the order of speed."""
+    """The opinion on points, (n,); a block is every fifth by speed."""
     order = np.argsort(v)
     return _opinion(_Data(v[order], None, None, torque[order], np.arange(v.size) % 5))
 
 
 def _equations(record: Record, number: int) -> list[tuple[Array, ...]]:
-    """Velocity, acceleration, position, torque and number of the run, of each stretch without a gap, through the low pass."""
+    """Velocity, acceleration, position, torque and run number of each stretch between gaps, low-passed."""
     from scipy.signal import butter, sosfiltfilt
 
     found, step = list[tuple[Array, ...]](), record.step
@@ -144,7 +135,7 @@ def _opinion(data: _Data) -> SecondOpinion | None:
     if not tried:
         return None
     _, least = min(tried, key=lambda x: float(x[1].mean()))
-    # the simplest whose error is within one standard error, over blocks, of the best
+    # the simplest within one standard error of the best over blocks
     within = [
         (set_up, errors)
         for set_up, errors in tried
@@ -155,14 +146,10 @@ def _opinion(data: _Data) -> SecondOpinion | None:
     theta = _solve(names, X, data.torque)
     without = np.array([_solve(names, X[~out], data.torque[~out]) for out in outs])
     size = float(np.mean(data.torque**2))
-    return SecondOpinion(
-        set_up=set_up,
-        values=dict(zip(names, theta.tolist(), strict=True)),
-        without=without,
-        held_out=100 * float(np.sqrt(errors.mean() / size)) if size else float("inf"),
-        top=top,
-        v_s=best * top,
-    )
+    held_out = 100 * float(np.sqrt(errors.mean() / size)) if size else float("inf")
+    slowest = max(SLOWEST * top, float(np.abs(data.v).min()))
+    values = dict(zip(names, theta.tolist(), strict=True))
+    return SecondOpinion(set_up, values, without, held_out, slowest, top, best * top)
 
 
 def _columns(data: _Data, set_up: Sequence[str], v_s: float) -> tuple[list[str], Array]:
@@ -175,7 +162,7 @@ def _columns(data: _Data, set_up: Sequence[str], v_s: float) -> tuple[list[str],
 
 
 def _solve(names: Sequence[str], X: Array, y: Array) -> Array:
-    """Robust least squares, in which no friction drives, (p,)."""
+    """Robust least squares with non-negative friction, (p,)."""
     free = [name.startswith(("offset", "gravity", "quadratic")) for name in names]
     size = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
     weight, theta = np.ones(y.size), np.zeros(len(names))

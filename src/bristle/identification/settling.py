@@ -1,8 +1,4 @@
-"""What the holds of constant velocity had not settled of the bristle, found by running the joint along them as it was identified.
-
-After a reversal the torque comes to steady friction as exp(-x / b) does over the way x, b = g / sigma_0: slow holds of a
-soft bristle are low before that, and a Stribeck fit of some speeds takes that up without a trace in what it leaves.
-"""
+"""Correction of holds in which the bristle had not settled, which it does as exp(-x sigma_0 / g) over the way x."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -17,18 +13,14 @@ from bristle.model.parameters import SIGNED, Pair, in_direction, lugre_of
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 
-_MATTERS = 0.2  # of a point's standard error, as a median: what is less in all points is left as it is
-_NEAR = 0.1  # of a hold's speed: what is faster or slower by less is on the way to it
-_STRAIGHT = 2.0  # times the farthest that a hold's position is off its line: no farther off before, it moves as fast
-_FIRST = 100  # the first of so many parts of a log tells where its bristle begins
+_MATTERS = 0.2  # of a point's standard error: smaller corrections are not made
+_NEAR = 0.1  # of a hold's speed: range of the way to it that counts
+_STRAIGHT = 2.0  # of a hold's largest distance from its line: so straight a way before moves as fast
+_FIRST = 100  # one over the first part of a log, which tells the initial deflection
 
 
 def without_settling(measured: Measured, joint: Joint, before: Measured) -> Measured | None:
-    """The same with each point less what its hold had not settled of the bristle.
-
-    None where points are then as they were `before`, or the bristle is not known. A run whose torque on the way to its holds, at their
-    speeds, is steady friction rather than what the bristle makes of it keeps its points.
-    """
+    """The same with each point corrected by a simulation of its run; None where points stay as they were `before`."""
     known, sets, curves = {row.parameter: row.estimate.value for row in chosen(joint)}, [], []
     for d in SIGNED:
         fit = joint.static.get(d) or joint.static.get("both") or next(iter(joint.static.values()), None)
@@ -46,7 +38,7 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
             velocity, torque = np.array(record.velocity), np.empty(record.time.size)
             begins = {k: found[k].start for k in points}
             for k in points:
-                # without noise, which changes the sign in a slow hold: from where its position is as straight on
+                # constant from where the position is straight on, because noise changes the sign of slow velocities
                 s = found[k]
                 if record.position is not None:
                     line = record.position - s.velocity * record.time
@@ -66,7 +58,7 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
                 s = found[k]
                 (settled,) = evaluate(steady, s.velocity, *curves[s.velocity < 0])
                 off[k] = float(torque[s.start : s.stop].mean() - settled)
-                # how the torque comes to its mean, which no fit has seen, from the last reversal on where it has that speed
+                # approach of the torque to its mean since the last reversal, at the hold's speed
                 begun = slice(max(turns[turns <= begins[k]], default=0), s.stop)
                 near = np.abs(velocity[begun] - s.velocity) < _NEAR * abs(s.velocity)
                 left = record.torque[begun][near] - np.stack([torque[begun][near], np.full(near.sum(), settled)])

@@ -1,4 +1,4 @@
-"""Findings that fits of points and of motion have in common, and the codes by which a motion refuses a parameter."""
+"""Findings common to fits of points and of motion."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -12,17 +12,17 @@ from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, uni
 from bristle.identification.fits import Crosscheck
 from bristle.model.parameters import SIGNED, Lugre, ParameterName
 
-_LEAST = 0.01  # of alpha_0: a smaller offset is not worth a sentence
+_LEAST = 0.01  # of alpha_0: smaller offsets are not reported
 
 UNRESOLVED = frozenset({
     "unseen-unconverged", "unseen-below-count", "unseen-no-reversal", "unseen-fast", "unseen-halves",
     "unseen-companion", "unseen-in-counts", "unseen-biased", "unseen-too-few", "unseen-shape", "unseen-inertia",
 })  # fmt: skip  # a list of values
-"""Kinds that leave no interval either: what was fitted is not what the parameter means."""
+"""Codes that refuse a parameter and its interval."""
 NOT_IDENTIFIABLE = UNRESOLVED | {
     "unseen-wide", "unseen-far", "unseen-bend", "unseen-peak", "unseen-no-peak",
 }  # fmt: skip  # a list of values
-"""Kinds by which a motion refuses a parameter."""
+"""Codes that refuse a parameter."""
 
 
 AT_BOUND = Finding("at-bound", CAUTION, "At its physical bound of zero: the interval is one-sided.")  # of an estimate
@@ -31,11 +31,11 @@ TAKES_UP_PEAK = Finding(
     CAUTION,
     "It takes up part of a Stribeck term that these speeds show but do not bound: it describes the measured speeds, and no others.",
 )
-"""Of a parameter beside a Stribeck term that is there, and left out."""
+"""Of a parameter beside an omitted Stribeck term."""
 
 
 def curve_held(fastest: float) -> Finding:
-    """Of viscous friction that bends down, with the fastest speed that was measured, rad/s."""
+    """A caution on viscous friction that bends down beyond the fastest measured speed, rad/s."""
     message = (
         f"Viscous friction bends down with speed (alpha_3 < 0). Faster than {fastest:.3g}{unit_of('velocity')}, the fastest speed "
         "measured, it is taken to stay as large as there."
@@ -44,7 +44,7 @@ def curve_held(fastest: float) -> Finding:
 
 
 def not_passive(p: Lugre[float], direction: str) -> Finding:
-    """Of parameters of one direction that are not passive (`law.is_passive`)."""
+    """A caution on parameters of one direction that are not passive (`law.is_passive`)."""
     least, of = p.sigma_1 * p.alpha_1 / p.alpha_0, unit_of("alpha_2")
     message = (
         f"The model can feed energy back{in_direction(direction)}: alpha_2 = {p.alpha_2:.3g}{of} is below sigma_1 alpha_1 / alpha_0 = "
@@ -54,7 +54,7 @@ def not_passive(p: Lugre[float], direction: str) -> Finding:
 
 
 def not_shown(names: Iterable[object]) -> tuple[Finding, ...]:
-    """That the motion does not show these parameters, if there are any."""
+    """A note on parameters that the motion does not show."""
     unseen = tuple(map(str, names))
     message = f"Not identifiable from this motion: {', '.join(unseen)}."
     return (Finding("unseen", NOTE, message, {"names": unseen}),) if unseen else ()
@@ -69,10 +69,7 @@ def crosschecked(
     costs: Sequence[float],
     same: float,
 ) -> Crosscheck:
-    """The ends of the full nonlinear fit beside the answer of the `first` route, its cost and its standard errors, by name.
-
-    `costs` at the `minima` are by the first's own reckoning; those that differ by less than `same` are the same.
-    """
+    """The comparison of a full nonlinear fit with the `first` route; costs closer than `same` are equal."""
     full, starts = min(costs), len(costs)
     found, reached = minima[costs.index(full)], sum(one <= full + same for one in costs)
     known = {name: error for name, error in errors.items() if name in found and error and np.isfinite(error)}
@@ -101,11 +98,7 @@ def crosschecked(
 def offset_or_friction(
     names: Sequence[Any], values: Mapping[Any, float], covariance: Array, freedom: float
 ) -> list[Finding]:
-    """A difference of the two directions that is one of alpha_0 alone, as an offset of the torque makes it.
-
-    Wald tests: the directions agree on all else that a curve has, and with these made equal they differ in alpha_0. `names` of p
-    unknowns are in the order of the covariance, (p, p), with its degrees of freedom; those that are no `ParameterName` do not matter.
-    """
+    """A finding where the directions differ by a constant alone (Wald tests); `names` as in the covariance."""
     order = {name: k for k, name in enumerate(names)}
     pairs = [[ParameterName(name, d) for d in SIGNED] for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")]
     told = {name for name, k in order.items() if np.isfinite(covariance[k]).all()}

@@ -1,8 +1,4 @@
-"""What errors of constants do to estimates: a systematic error beside the statistical one, in every interval.
-
-It comes last: runs that scatter widen the statistical part alone, for what a constant does to all of them alike is no
-scatter.
-"""
+"""Systematic errors of estimates from errors of constants, added to every interval last."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,22 +10,19 @@ from bristle.model.parameters import least_of
 
 Key = TypeVar("Key")
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
-NORMAL = 1.96  # half-width of a 95 % interval of a normal distribution, in standard errors
-_ROUNDING = 1e-9  # of a value: a smaller change is none
+NORMAL = 1.96  # half-width of a normal 95 % interval, standard errors
+_ROUNDING = 1e-9  # of a value: smaller changes are zero
 
 
 def combined(interval: tuple[float, float], value: float, systematic: float, least: float = 0.0) -> tuple[float, float]:
-    """A 95 % interval about a value with a systematic standard error as well, in quadrature, each end by itself.
-
-    An interval does not come to pass `least`, what the parameter may be at least, and an open end stays open.
-    """
+    """A 95 % interval with a systematic standard error added in quadrature at each end, not below `least`."""
     low, high = interval
     below = value - hypot(value - low, NORMAL * systematic)
     return max(below, least) if low >= least else below, value + hypot(high - value, NORMAL * systematic)
 
 
 def statistical(e: Estimate) -> tuple[float, float] | None:
-    """The 95 % interval of an estimate without its systematic error: what `combined` did is undone."""
+    """The 95 % interval of an estimate without its systematic error."""
     if e.interval is None or e.value is None or not e.systematic:
         return e.interval
     off = NORMAL * e.systematic
@@ -38,10 +31,7 @@ def statistical(e: Estimate) -> tuple[float, float] | None:
 
 
 def shifted(e: Estimate, shifts: Mapping[str, float], least: float = 0.0) -> Estimate:
-    """The estimate with what errors of constants do to it, which its interval then includes.
-
-    `shifts` are changes of the value per standard error of each constant, in its unit; `least` is as in `combined`.
-    """
+    """The estimate with its `shifts`, change per standard error of each constant, included in its interval."""
     if not shifts or e.value is None:
         return e
     shifts = {c: x if abs(x) > _ROUNDING * abs(e.value) else 0.0 for c, x in shifts.items()}
@@ -51,7 +41,7 @@ def shifted(e: Estimate, shifts: Mapping[str, float], least: float = 0.0) -> Est
 
 
 def shifted_three(three: Uncertainty, e: Estimate, least: float = 0.0) -> Uncertainty:
-    """The intervals by all ways with the systematic error of an estimate; curve and draws stay those of the data."""
+    """The three intervals with the systematic error of an estimate."""
     value, systematic = e.value, e.systematic
     if value is None or systematic is None:
         return three
@@ -62,7 +52,7 @@ def shifted_three(three: Uncertainty, e: Estimate, least: float = 0.0) -> Uncert
 
 
 def all_shifted(parameters: Mapping[Key, Estimate], shifts: Mapping[str, Mapping[Key, float]]) -> dict[Key, Estimate]:
-    """`shifted` of the estimates of a fit; `shifts` by constant and parameter, of which one that stays may be missing."""
+    """`shifted` for the estimates of a fit; `shifts` by constant and parameter."""
     return {
         name: shifted(e, {constant: by.get(name, 0.0) for constant, by in shifts.items()}, _least(name))
         for name, e in parameters.items()
@@ -70,7 +60,7 @@ def all_shifted(parameters: Mapping[Key, Estimate], shifts: Mapping[str, Mapping
 
 
 def with_systematic(fit: Fitted, shifts: Mapping[str, Mapping[Any, float]]) -> Fitted:
-    """The fit with what errors of constants do to each parameter, in all its intervals; `shifts` as in `all_shifted`."""
+    """The fit with errors of constants in all its intervals; `shifts` as in `all_shifted`."""
     parameters = all_shifted(fit.parameters, shifts)
     uncertainty = {name: shifted_three(x, parameters[name], _least(name)) for name, x in fit.uncertainty.items()}
     return replace(fit, parameters=parameters, uncertainty=uncertainty)

@@ -1,4 +1,4 @@
-"""Whether to use what was identified of a joint, decided by the kinds and severities of what is said about the values to use."""
+"""The verdict on whether to use the identified values."""
 
 import math
 from collections.abc import Iterable
@@ -13,18 +13,17 @@ from bristle.identification.shared_findings import NOT_IDENTIFIABLE
 
 
 class Trust(StrEnum):
-    """What to do with the values of a joint."""
+    """The verdict."""
 
     USE = "use"
     DO_NOT_USE = "do not use"
 
 
 class Verdict(NamedTuple):
-    """Whether to use the values of a joint, and why not."""
+    """The verdict and its reason."""
 
     trust: Trust
-    reason: Finding | None
-    """The weightiest warning about them; None where there is none."""
+    reason: Finding | None  # The most important finding, or None
 
 
 _BY_WEIGHT = (
@@ -43,19 +42,13 @@ _BY_WEIGHT = (
     "stage-differs inertia-doubted unseen "
 )
 WEIGHTIEST_FIRST = {code: place for place, code in enumerate(_BY_WEIGHT.split())}
-"""The order in which warnings whose effect is not known are named; all others come after these, as they arose."""
-_REPEATED = {
-    "unseen", "only-sum-seen", "converged-at-bound", "static-no-stribeck",
-}  # fmt: skip  # a list of values
-"""Kinds about a whole fit that repeat what is said of a value or a direction, or the other way round."""
+"""Order of findings without a known effect; others follow as they arose."""
+_REPEATED = {"unseen", "only-sum-seen", "converged-at-bound", "static-no-stribeck"}
+"""Codes of a fit that repeat those of its values or directions."""
 
 
 def verdict(joint: Joint) -> Verdict:
-    """Whether to use the values that `chosen` names: not where friction is known less well than is needed, or something critical is said.
-
-    The reason is the weightiest critical finding about them, or else what makes the band as wide. Where none has a value, the
-    weightiest of all that there is. Notes are no reason, and neither are findings about a fit that no value comes from.
-    """
+    """Whether to use the chosen values: friction is known as well as needed, and no finding about them is critical."""
     found, rows = value_warnings(joint), chosen(joint)
     if all(row.estimate.value is None for row in rows):
         static, moving = (x.outcome for x in joint.static.values()), (x.outcome for x in moving_fits(joint).values())
@@ -74,14 +67,14 @@ def verdict(joint: Joint) -> Verdict:
     if known is None:
         try:
             known_joint(joint)
-        except InputError as bad:  # a number that no joint has
+        except InputError as bad:  # an impossible number
             found = (*found, Finding("impossible-value", CRITICAL, f"{str(bad).partition(': ')[2]}."))
     cause, wide = (next((x for x in found if x.code in codes), None) for codes in (_CAUSES, _CAUSES | _WIDENS))
     if critical := [x for x in found if x.severity is Severity.CRITICAL]:
         named = next((x for x in critical if x.code not in _SIZES), cause)
         return Verdict(Trust.DO_NOT_USE, named or critical[0])
     if known is not None and not known.band <= joint.need:
-        return Verdict(Trust.DO_NOT_USE, _largest(known, found[0] if found else None, wide))
+        return Verdict(Trust.DO_NOT_USE, _largest(joint, known, found[0] if found else None, wide))
     return Verdict(Trust.USE, None)
 
 
@@ -89,17 +82,16 @@ _CAUSES = {
     "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts",
     "reversals-left", "backlash", "position-jumps", "lost-samples", "clipped", "torque-missing", "torque-saturates",
 }  # fmt: skip  # a list of values
-"""Codes that say why a fit leaves what it leaves ..."""
 _WIDENS = {"clipped-left-out", "runs-scatter", "torque-coarse", "torques-doubted"}
-"""... or why its errors are as large ..."""
-_SIZES = {"unexplained", "misfit"}  # ... and those that say how much
+"""Codes that explain residuals, and those that explain wide errors."""
+_SIZES = {"unexplained", "misfit"}  # codes that state the size of residuals
 
 
-def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) -> Finding:
-    """What makes the band as wide as it is: that directions may be alike or not, the finding of the largest effect, or another part."""
+def _largest(joint: Joint, known: Accuracy, finding: Finding | None, cause: Finding | None) -> Finding:
+    """The largest contribution to the width of the band."""
     of_findings = math.sqrt(max(known.band**2 - known.statistical**2 - known.apart**2 - known.sides**2, 0.0))
     largest = max(known.statistical, known.apart, known.sides, of_findings)
-    # what is lacking makes errors large, and opinions differ
+    # a missing term explains large errors and differing opinions
     if finding is not None and finding.effect.get("torque", 0.0) > 0 and known.sides != largest:
         return finding
     if known.apart == largest and cause is None:
@@ -114,6 +106,10 @@ def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) ->
             "of friction. See whether the torque is zero where nothing loads the joint, or measure at more speeds in both directions."
         )
         return Finding("offset-or-friction", CAUTION, message, {"share": known.sides})
+    if known.statistical == largest and known.constants**2 > known.statistical**2 / 2:
+        made = " and ".join(joint.uncertain_constants)
+        message = f"Most of it is the error of {made}: measure that more closely."
+        return Finding("too-uncertain", CRITICAL, message, {"band": known.band, "constants": known.constants})
     message = (
         "These data tell friction no better. Measure for longer, at more speeds, or with less noise in the torque."
     )
@@ -121,10 +117,7 @@ def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) ->
 
 
 def value_warnings(joint: Joint) -> tuple[Finding, ...]:
-    """What is critical or calls for caution about the values that `chosen` names, each once, the weightiest first.
-
-    It is about the joint as a whole, the fits that values come from, each value, and those that a motion does not show.
-    """
+    """Critical findings and cautions about the chosen values, most important first."""
     rows = chosen(joint)
     unseen = [
         row for row in rows if row.estimate.value is None and NOT_IDENTIFIABLE & {x.code for x in row.estimate.warnings}
@@ -136,10 +129,7 @@ def value_warnings(joint: Joint) -> tuple[Finding, ...]:
 
 
 def row_warnings(joint: Joint, row: Known) -> tuple[Finding, ...]:
-    """What is said about one of the values that `chosen` names, notes too, each once: about the joint as a whole, its fit, and itself.
-
-    How a fit ended, and what a second route says, counts where it is no note; what a fit repeats of its values stands beside these alone.
-    """
+    """All findings about one chosen value: of the joint, of its fit, and its own."""
     ended, said, checked = _of_fit(joint, *_fit_of(row)) if row.estimate.value is not None else ((), (), ())
     serious = (x for x in (*ended, *checked) if x.severity is not Severity.NOTE)
     fit = (x for x in (*serious, *said) if x.code not in _REPEATED)
@@ -147,18 +137,18 @@ def row_warnings(joint: Joint, row: Known) -> tuple[Finding, ...]:
 
 
 def other_warnings(joint: Joint) -> tuple[Finding, ...]:
-    """The same about all else that was found: fits that no value comes from, and single segments."""
+    """Critical findings and cautions about everything else."""
     counted = value_warnings(joint)
     return tuple(warning for warning in _serious(joint.all_warnings()) if warning not in counted)
 
 
 def _serious(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """What is no note, the weightiest first."""
+    """Findings but notes, most important first."""
     return _weightiest(x for x in warnings if x.severity is not Severity.NOTE)
 
 
 def _weightiest(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Each once: what is critical first, then by effect, then by weight, notes last."""
+    """Each finding once: critical first, then by effect and weight, notes last."""
 
     def place(x: Finding) -> tuple[float, ...]:
         effects = (-x.effect.get(of, 0.0) for of in ("torque", "errors"))
@@ -169,7 +159,7 @@ def _weightiest(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def _fit_of(row: Known) -> tuple[Source, str]:
-    """Stage and direction of the fit that a value comes from; a fit of moving runs is of all directions."""
+    """Stage and direction of a value's fit."""
     by_direction = row.source in {Source.STATIC, Source.PRESLIDING}
     return row.source, str(row.parameter.direction) if by_direction else ""
 
@@ -178,7 +168,7 @@ _Said = tuple[Finding, ...]
 
 
 def _of_fit(joint: Joint, source: Source, direction: str) -> tuple[_Said, _Said, _Said]:
-    """How it ended, what is said of it as a whole, and whether a second route agrees."""
+    """Its outcome, its warnings, and its cross-check."""
     if source is Source.PRESLIDING and joint.presliding is not None:
         return (), (*joint.presliding.fits[direction].warnings, *joint.presliding.warnings), ()
     moving = moving_fits(joint).get(source)

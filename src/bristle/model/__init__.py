@@ -1,1 +1,1 @@
-"""The equations, once: LuGre and the DC motor as pure CasADi expressions, and what is derived from them."""
+"""The equations of LuGre and the DC motor as CasADi expressions, and what is derived from them."""

@@ -1,7 +1,4 @@
-"""A CasADi expression as a formula: CasADi -> SymPy -> text and LaTeX.
-
-Nothing here knows an equation or a derivative; SymPy collects like terms and factors, so that one formula has one form.
-"""
+"""CasADi expressions as formulas: CasADi -> SymPy -> text and LaTeX."""
 
 import operator
 from collections.abc import Callable, Mapping
@@ -17,9 +14,7 @@ _GUARD = 1e-90  # a constant below it keeps an evaluation finite at rest, and ha
 
 
 def formula_of(expression: Any, signed: Mapping[str, float] | None = None) -> Formula:
-    """A scalar CasADi expression (SX) over its named symbols as a SymPy one, instruction by instruction.
-
-    Of the `signed` symbols, whose values are given, it is the formula for values of that sign.
+    """A scalar CasADi expression (SX) over named symbols as a SymPy one; `signed` symbols have the sign of their value.
 
     Raises InputError where SymPy is not installed, or an operation has no place in a formula.
     """
@@ -51,7 +46,7 @@ def formula_of(expression: Any, signed: Mapping[str, float] | None = None) -> Fo
 
 
 def symbol_of(name: str, signed: Mapping[str, float] | None = None) -> Formula:
-    """A symbol that stands for a number, of the sign of its value where that is given."""
+    """A symbol for a number, with the sign of its value if given."""
     value = (signed or {}).get(name)
     sign = {} if value is None else {"negative": True} if value < 0 else {"nonnegative": True}
     return _sympy().Symbol(name, real=True, **sign)
@@ -70,12 +65,12 @@ def abbreviated(formula: Formula, stribeck: Formula) -> Formula:
 
 
 def as_text(formula: Formula) -> str:
-    """A formula as Python reads it; SymPy calls the absolute value Abs."""
+    """A formula in Python's notation."""
     return str(_sympy().sstr(formula)).replace("Abs(", "abs(")
 
 
 def as_latex(formula: Formula) -> str:
-    """A formula as LaTeX's mathematics reads it."""
+    """A formula in LaTeX."""
     return str(_sympy().latex(formula))
 
 

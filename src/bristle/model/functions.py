@@ -1,9 +1,7 @@
-"""The one place that builds `ca.Function`.
+"""Every `ca.Function` of the package, built from `law` and `motor`, once for a law.
 
-Every curve, step and derivative the package evaluates, made from `law` and `motor`. Each function is scalar (1x1 inputs
-and outputs, all named), is built once for a law, and carries derivatives that CasADi wrote. `arrays.evaluate` maps it
-over NumPy arrays. Parameters enter in the order of the law's tuple, which is `Lugre` for the paper's; a `Pair` enters as
-the positive set, then the negative one.
+Inputs and outputs are scalar and named; parameters are in the order of the law's tuple, of a `Pair` the positive set
+first.
 """
 
 from collections.abc import Mapping
@@ -34,11 +32,7 @@ def steady_jacobian_function(of: Law = GAUSSIAN) -> ca.Function:
 
 @cache
 def linear_shapes_function(of: Law = GAUSSIAN) -> ca.Function:
-    """(v) -> (T_alpha_0, T_alpha_2, ...).
-
-    What multiplies alpha_0 and alpha_2 in (9), the first and third column of (11)-(12), and the coefficients of a law's
-    terms, at speeds that were measured.
-    """
+    """(v) -> (T_alpha_0, T_alpha_2, ...): the factors of alpha_0, alpha_2 and a law's coefficients in (9)."""
     v, p, T = _steady(of)
     viscous = {f"T_{name}": v * rate for name, rate in law.viscous_rates(ca.fabs(v), of).items()}
     return _function("linear_shapes", {"v": v}, _derivatives("T", T, {"alpha_0": p["alpha_0"]}) | viscous)
@@ -157,7 +151,7 @@ def step_function(of: Law = GAUSSIAN) -> ca.Function:
 
 @cache
 def step_parameters(of: Law = GAUSSIAN) -> tuple[str, ...]:
-    """The parameters on which the bristle step depends, in the order of `Lugre`: not sigma_1 and alpha_2."""
+    """The parameters of the bristle step, in the order of `Lugre`: not sigma_1 and alpha_2."""
     _, p, outputs = _step(of)
     depends = ca.which_depends(ca.vertcat(*outputs.values()), ca.vertcat(*p), 1, False)
     return tuple(name for name, enters in zip(p._fields, depends, strict=True) if enters)
@@ -180,7 +174,7 @@ def change_sensitivity_function(of: Law = GAUSSIAN) -> ca.Function:
 
 
 def _by_parameters(p: Lugre[Any], outputs: Mapping[str, Any]) -> dict[str, Any]:
-    """The derivatives of some outputs by the parameters of the step, output after output."""
+    """Derivatives of some outputs by the parameters of the step."""
     free = {name: getattr(p, name) for name in step_parameters(p.law)}
     return {key: slope for name, value in outputs.items() for key, slope in _derivatives(name, value, free).items()}
 

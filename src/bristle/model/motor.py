@@ -1,8 +1,4 @@
-"""The DC motor at a joint, as pure expressions: equations (1)-(2) and (6)-(8) of the paper.
-
-All functions work on floats, NumPy arrays and CasADi symbols. `w` is the joint velocity dy/dt, rad/s; `T_f` the
-friction torque, N*m.
-"""
+"""The DC motor at a joint, (1)-(2) and (6)-(8), for floats, arrays and symbols; w in rad/s, T_f in N*m."""
 
 from typing import Any
 
@@ -14,7 +10,7 @@ Expression = Any  # a float, an array or a CasADi symbol: CasADi carries no type
 
 
 def current_rate(i: Expression, V: Expression, w: Expression, m: Motor[Any]) -> Expression:
-    """di/dt, A/s, from L di/dt + R i = V - k_t w (1). Needs L > 0."""
+    """Rate di/dt, A/s, from L di/dt + R i = V - k_t w (1). Needs L > 0."""
     return (V - m.k_t * w - m.R * i) / m.L
 
 
@@ -29,10 +25,9 @@ def current(V: Expression, w: Expression, m: Motor[Any]) -> Expression:
 
 
 def lag(h: Expression, m: Motor[Any]) -> tuple[Expression, Expression]:
-    """The exact step of (1) over h seconds at constant V and w: (a, phi), a = exp(-x), phi = (1 - a) / x, x = h R / L.
+    """The exact step of (1) over h seconds: (a, phi), a = exp(-x), phi = (1 - a) / x, x = h R / L, for L > 0.
 
-    Needs L > 0. The current goes from i to a i + (1 - a) i_s, and its mean meanwhile is phi i + (1 - phi) i_s, where
-    i_s is `current`. For floats and symbols.
+    The current goes from i to a i + (1 - a) i_s, `current`, with the mean phi i + (1 - phi) i_s.
     """
     x = h * m.R / m.L
     forgotten = -ca.expm1(-x)
@@ -40,7 +35,7 @@ def lag(h: Expression, m: Motor[Any]) -> tuple[Expression, Expression]:
 
 
 def current_for(T: Expression, w: Expression, m: Motor[Any]) -> Expression:  # noqa: ARG001  # as `current`
-    """Armature current of a drive that sets the torque, A: i = T / k_t at any velocity; in place of `current`."""
+    """Armature current of a torque drive, A: i = T / k_t; in place of `current`."""
     return T / m.k_t
 
 

@@ -1,4 +1,4 @@
-"""CasADi functions instruction by instruction, and what each of its scalar operations is called in NumPy."""
+"""CasADi functions instruction by instruction, and the NumPy counterpart of each operation."""
 
 from collections.abc import Callable
 from typing import TypeVar
@@ -11,7 +11,7 @@ from scipy import special
 T = TypeVar("T")
 Floats = NDArray[np.float64]
 Operation = Callable[..., object]
-"""A ufunc: takes operands and, last, the array to write to; without that one, returns a new value."""
+"""A ufunc of operands and an optional output array, the last one."""
 
 _ZERO = np.array(0.0)
 
@@ -22,7 +22,7 @@ def walked(
     constant: Callable[[float], T],
     operation: Callable[[int, list[T], int], T],
 ) -> dict[tuple[int, int], T]:
-    """What a CasADi function makes of whatever stands for its values: (output, element of it) -> value, but for structural zeros.
+    """A CasADi function evaluated with any values: (output, element) -> value, structural zeros left out.
 
     Args:
         function: expanded where it is no SX function.
@@ -46,7 +46,7 @@ def walked(
 
 
 def choose(condition: Floats, value: Floats, otherwise: Floats, out: Floats | None = None) -> object:
-    """What CasADi makes of if_else: one of two values."""
+    """CasADi's if_else."""
     chosen = np.where(condition, value, otherwise)
     if out is None:
         return chosen
@@ -55,10 +55,10 @@ def choose(condition: Floats, value: Floats, otherwise: Floats, out: Floats | No
 
 
 def _truth(ufunc: np.ufunc) -> Operation:
-    """A comparison whose answers are 0.0 and 1.0, as CasADi's are."""
+    """A comparison with answers 0.0 and 1.0, as CasADi's."""
 
     def compare(*operands: Floats) -> object:
-        """The answers, in the last operand where that is the array to write to, else as new floats."""
+        """The answers, in the output array or new."""
         return ufunc(*operands) if len(operands) > ufunc.nin else ufunc(*operands).astype(np.float64)
 
     return compare
@@ -68,7 +68,7 @@ _LOWEST = np.array(-700.0)
 
 
 def _exp(x: Floats, *out: Floats) -> object:
-    """exp(x), but never below 1e-304: NumPy is several times slower where a result underflows."""
+    """exp(x), at least 1e-304: NumPy is slow where a result underflows."""
     return np.exp(np.fmax(x, _LOWEST, *out), *out)
 
 
@@ -85,5 +85,4 @@ OPERATIONS: dict[int, Operation] = {
     ca.OP_NE: _truth(np.not_equal), ca.OP_AND: _truth(np.logical_and), ca.OP_OR: _truth(np.logical_or),
     ca.OP_NOT: _truth(np.logical_not), ca.OP_IF_ELSE_ZERO: lambda condition, value, *out: choose(condition, value, _ZERO, *out),
 }  # fmt: skip  # a table
-"""CasADi's operation number -> what does the same on arrays, to rounding. (CasADi's erfinv is a rough approximation:
-not here.)"""
+"""NumPy counterparts by CasADi's operation number; its erfinv is too rough to be one."""

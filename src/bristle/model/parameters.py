@@ -1,8 +1,4 @@
-"""The parameters as typed tuples: Stribeck's four, LuGre's six, one set per direction, the motor's four.
-
-And how one of them is named. Each tuple is generic over what stands in it: floats, NumPy arrays, or CasADi symbols; a
-tuple knows the law whose parameters it holds. Units are SI strings that pint reads.
-"""
+"""Parameters as typed tuples of floats, arrays or CasADi symbols, with names, units and bounds."""
 
 import re
 from collections import namedtuple
@@ -22,26 +18,22 @@ Kind = Literal[
     "revolute", "prismatic", "revolute in A", "prismatic in A", "revolute in V", "prismatic in V",
     "revolute in rad", "prismatic in m", "revolute per inertia", "prismatic per inertia",
 ]  # fmt: skip  # a list of words
-"""Of a joint; in A, V, rad or m: its torque is known as a current, a voltage or a position error alone, in whose unit all
-of it is; per inertia: as an acceleration."""
+"""Of a joint; in A, V, rad or m, or per inertia, where the torque is known in that unit alone."""
 
 
 class Direction(StrEnum):
-    """Of which motion a parameter is."""
+    """Direction of motion of a parameter."""
 
     POSITIVE = "+"
     NEGATIVE = "-"
     BOTH = "both"
-    """Of one set for both directions."""
+    """One set for both directions."""
     SHARED = "shared"
-    """Of no direction, as an inertia is."""
+    """No direction, as for an inertia."""
 
 
 class Stribeck(NamedTuple, Generic[T]):
-    """The static law (9): the parameters of `Lugre` that constant velocities show.
-
-    These four are the paper's; `static_of` has the type of another law, with more fields.
-    """
+    """The static law (9); of other laws see `static_of`."""
 
     alpha_0: T
     alpha_1: T
@@ -50,15 +42,12 @@ class Stribeck(NamedTuple, Generic[T]):
 
     @property
     def law(self) -> Law:
-        """Whose parameters these are."""
+        """The law of these parameters."""
         return GAUSSIAN
 
 
 class Lugre(NamedTuple, Generic[T]):
-    """One set of LuGre parameters, equations (3)-(5). Units for a revolute joint; see `unit` for a prismatic one.
-
-    These six are the paper's; `lugre_of` has the type of another law, with more fields.
-    """
+    """LuGre parameters, (3)-(5), with units of a revolute joint; of other laws see `lugre_of`."""
 
     alpha_0: T
     """Coulomb friction, N*m, > 0."""
@@ -75,7 +64,7 @@ class Lugre(NamedTuple, Generic[T]):
 
     @property
     def law(self) -> Law:
-        """Whose parameters these are."""
+        """The law of these parameters."""
         return GAUSSIAN
 
     @property
@@ -87,45 +76,45 @@ class Lugre(NamedTuple, Generic[T]):
 
 @cache
 def static_of(law: Law) -> type[Stribeck[Any]]:
-    """The type of a law's static parameters: `Stribeck`'s four, then what the law has beside them (`Law.more`)."""
+    """The type of a law's static parameters: those of `Stribeck`, then `Law.more`."""
     return Stribeck if law == GAUSSIAN else _of_law(Stribeck, law)
 
 
 @cache
 def lugre_of(law: Law) -> type[Lugre[Any]]:
-    """The type of a law's parameters: `Lugre`'s six, then what the law has beside them (`Law.more`)."""
+    """The type of a law's parameters: those of `Lugre`, then `Law.more`."""
     return Lugre if law == GAUSSIAN else _of_law(Lugre, law)
 
 
 def _of_law(base: type[Any], law: Law) -> type[Any]:
-    """A named tuple like `base`, with the fields of a law after its own."""
+    """A named tuple like `base` with a law's fields appended."""
     named = namedtuple(base.__name__, (*base._fields, *law.more))  # type: ignore[misc]  # fields that are known at run time
     own = {"law": property(lambda _: law), "__reduce__": lambda self: (_restored, (base, law, tuple(self)))}
     return type(base.__name__, (named, base), {"__slots__": (), **own})
 
 
 def _restored(base: type[Any], law: Law, values: tuple[Any, ...]) -> Any:
-    """A tuple of `_of_law`, from what it was written as."""
+    """Unpickle a tuple of `_of_law`."""
     return (static_of if base is Stribeck else lugre_of)(law)._make(values)
 
 
 def fields_of(law: Law) -> tuple[str, ...]:
-    """The names of all parameters of a law, in the order of its tuple."""
+    """Names of all parameters of a law, in the order of its tuple."""
     return lugre_of(law)._fields
 
 
 def static_fields_of(law: Law) -> tuple[str, ...]:
-    """The same of its static ones."""
+    """Names of its static parameters."""
     return static_of(law)._fields
 
 
 def estimated_of(law: Law) -> tuple[str, ...]:
-    """Those of `fields_of` that are estimated, which come first: all but `FASTEST`."""
+    """The estimated ones of `fields_of`, which come first: all but `FASTEST`."""
     return tuple(name for name in fields_of(law) if name != FASTEST)
 
 
 def static_estimated_of(law: Law) -> tuple[str, ...]:
-    """The same of the static ones."""
+    """The estimated ones of the static parameters."""
     return tuple(name for name in static_fields_of(law) if name != FASTEST)
 
 
@@ -136,32 +125,32 @@ def of_shape(name: str) -> bool:
 
 
 def of_friction(name: str) -> bool:
-    """Whether a parameter is of friction: of `Lugre`, or of a law that is known."""
+    """Whether a parameter is of friction."""
     return name in Lugre._fields or name in friction_names()
 
 
 def of_curve(name: str) -> bool:
-    """Whether a parameter is of friction in sliding: of `Stribeck`, or of a law that is known."""
+    """Whether a parameter is of friction in sliding."""
     return name in Stribeck._fields or name in friction_names()
 
 
 def of_load(name: str) -> bool:
-    """Whether a parameter says how the level rises with load (`law.load_levels`)."""
+    """Whether a parameter is a coefficient of the load (`law.load_levels`)."""
     return any(name in names for names in LOADS.values())
 
 
 def without_peak(law: Law) -> dict[str, float]:
-    """Of a law whose Stribeck term is not there, or not identifiable: it is zero, at any v_s and of any shape."""
+    """Values of a Stribeck term that is not there."""
     return {"alpha_1": 0.0, "v_s": 1.0} | {own.name: own.searched[0] for own in law.peak.own}
 
 
 def peak_parameters(law: Law) -> tuple[str, ...]:
-    """The parameters that are not there without a Stribeck term."""
+    """Parameters of the Stribeck term."""
     return ("alpha_1", *law.shape_parameters)
 
 
 def reserved_names() -> frozenset[str]:
-    """Names that a part of a law cannot give its own parameters."""
+    """Names that a part of a law may not use."""
     return frozenset(_UNITS)
 
 
@@ -173,17 +162,17 @@ class Pair(NamedTuple, Generic[T]):
 
     @property
     def law(self) -> Law:
-        """Of both sets."""
+        """The law of both sets."""
         return self.positive.law
 
 
 def bends_down(p: Lugre[float] | Stribeck[float]) -> bool:
-    """Whether a term of the law is negative: beyond the speeds measured its viscous friction is then held (`law.viscous_rate`)."""
+    """Whether a term of the law is negative, so that viscous friction is held beyond v_end (`law.viscous_rate`)."""
     return any(getattr(p, name) < 0 for name in p.law.coefficients)
 
 
 def pair_of(numbers: Sequence[T], law: Law = GAUSSIAN) -> Pair[T]:
-    """The pair of these numbers, twelve of the paper's law: the inverse of `(*pair.positive, *pair.negative)`."""
+    """The inverse of `(*pair.positive, *pair.negative)`."""
     one, count = lugre_of(law), len(fields_of(law))
     return Pair(one(*numbers[:count]), one(*numbers[count : 2 * count]))
 
@@ -192,14 +181,14 @@ SIGNED = (Direction.POSITIVE, Direction.NEGATIVE)  # the two directions of motio
 
 
 class ParameterName(NamedTuple):
-    """Which parameter: alpha_0 of the positive direction prints as alpha_0+, of both, as an inertia, as it is."""
+    """A parameter and its direction, in print alpha_0+, or bare."""
 
     name: str
     direction: Direction
 
     @classmethod
     def parse(cls, text: str) -> "ParameterName":
-        """The parameter that prints so; friction without a sign is of both directions, all else is shared."""
+        """The inverse of `str`; friction without a sign is of both directions, others are shared."""
         if text.endswith(("+", "-")):
             return cls(text[:-1], Direction(text[-1]))
         return cls(text, Direction.BOTH if of_friction(text) else Direction.SHARED)
@@ -210,7 +199,7 @@ class ParameterName(NamedTuple):
         return JsonForm(str, str, cls.parse).__get_pydantic_core_schema__(source, handler)
 
     def within(self, direction: str) -> str:
-        """How it prints where the direction is said already."""
+        """In print where the direction is known."""
         return self.name if self.direction == direction else str(self)
 
     def __str__(self) -> str:
@@ -221,13 +210,13 @@ INERTIA = ParameterName("inertia", Direction.SHARED)
 
 
 def in_direction(values: Mapping[ParameterName, T], name: str, direction: str) -> T | None:
-    """A parameter's value in a direction, or else of both directions, or the shared one; None where there is none."""
+    """A parameter's value in a direction, else of both directions, else the shared one, else None."""
     keys = (ParameterName(name, d) for d in (Direction(direction), Direction.BOTH, Direction.SHARED))
     return next((values[key] for key in keys if key in values), None)
 
 
 def periodic(name: str) -> tuple[str, str, int] | None:
-    """Regressor, wave and order of a parameter that repeats, as cogging_sin_4: cogging, sin, 4; else None."""
+    """Regressor, wave and order of a periodic parameter: cogging_sin_4 is cogging, sin, 4; else None."""
     parts = _PERIODIC.fullmatch(name)
     return None if parts is None else (parts[1], parts[2], int(parts[3]))
 
@@ -236,7 +225,7 @@ _PERIODIC = re.compile(r"(cogging|ripple)_(sin|cos)_([1-9][0-9]*)")
 
 
 class Motor(NamedTuple, Generic[T]):
-    """The DC motor as seen at the joint, equations (1)-(2)."""
+    """The DC motor seen at the joint, (1)-(2)."""
 
     k_t: T
     """Torque constant, N*m/A, which is also the back-EMF constant, V*s/rad, > 0."""
@@ -271,11 +260,11 @@ _UNITS = {
     }.items()
     for name in names.split()
 }
-"""SI units of parameters and signals, of a revolute joint and of a prismatic one, which has N for N*m and m for rad."""
+"""SI units of parameters and signals, revolute and prismatic."""
 
 
 def unit(name: str, kind: Kind = "revolute") -> str:
-    """SI unit of a parameter or signal of a joint, as pint reads it. Raises KeyError for a name that is neither."""
+    """SI unit of a parameter or signal, as pint reads it. Raises KeyError for other names."""
     name = "torque" if periodic(name) else name
     of_law = None if name in _UNITS else own_parameter(name)
     own = (_UNITS[name] if of_law is None else of_law.units)[slides(kind)]
@@ -292,7 +281,7 @@ def unit(name: str, kind: Kind = "revolute") -> str:
 
 
 def units_of(kind: Kind) -> dict[str, str]:
-    """The same of every parameter and signal, by name."""
+    """SI units of all parameters and signals, by name."""
     return {name: unit(name, kind) for name in _UNITS}
 
 
@@ -305,7 +294,7 @@ _SHORTER = {
     }.items()
     for own, told in zip((f"*s/{one}", f"/{one}", f"*s**2/{one}", f"*s**2/{one}**2"), short, strict=True)
 }
-"""Units of a joint that is known as a position error or per inertia, by what they come from."""
+"""Simplified units of joints with a position error or per inertia."""
 
 
 def slides(kind: Kind) -> bool:
@@ -314,19 +303,19 @@ def slides(kind: Kind) -> bool:
 
 
 def effort_unit(kind: Kind) -> str:
-    """SI unit of a joint's torque: of its own, A, V, that of a position or of an acceleration, or N*m or N."""
+    """Unit of a joint's torque."""
     per_inertia = kind.endswith("inertia")
     own = _UNITS["acceleration" if per_inertia else "torque"][slides(kind)]
     return kind.rpartition(" in ")[2] if has_own_unit(kind) and not per_inertia else own
 
 
 def has_own_unit(kind: Kind) -> bool:
-    """Whether the torque of a joint is known as a current, a voltage or a position error alone, or per inertia."""
+    """Whether the torque is known as a current, voltage, position error or per inertia alone."""
     return kind not in ("revolute", "prismatic")
 
 
 def effort(kind: Kind) -> str:
-    """What a joint's torque is called: a joint that slides has a force, one without motor constants a current, a voltage or a position error."""
+    """What a joint's torque is called: torque, force, current, voltage, position error."""
     own = {
         "A": "current",
         "V": "voltage",
@@ -339,7 +328,7 @@ def effort(kind: Kind) -> str:
 
 
 def least_of(name: str) -> float:
-    """The least value of a parameter, in SI: 0, but -inf for an offset, gravity and a quadratic term, which have a sign."""
+    """Least value of a parameter, SI: 0, or -inf where it has a sign."""
     if name in (*Lugre._fields, INERTIA.name, FASTEST) or of_load(name):
         return 0.0
     own = own_parameter(name)
@@ -350,10 +339,10 @@ _POSITIVE = frozenset({"alpha_0", "v_s", "sigma_0", "inertia", "links", FASTEST}
 
 
 def is_positive(name: str) -> bool:
-    """Whether a parameter cannot be zero: the equations divide by it."""
+    """Whether a parameter cannot be zero."""
     return name in _POSITIVE or of_shape(name)
 
 
 def is_possible(name: str, value: float) -> bool:
-    """Whether a joint can have a parameter of this value, in SI: finite, at least `least_of`, and not zero where it `is_positive`."""
+    """Whether a joint can have this value, SI: finite, at least `least_of`, and not zero where it `is_positive`."""
     return isfinite(value) and (value > 0 if is_positive(name) else value >= least_of(name))

@@ -1,8 +1,4 @@
-"""Friction over one period of a steady sine, for many joints at once.
-
-The periodic solution itself, with no transient to wait for. Joints are the rows of arrays; the bristles of all of them
-are one long linear recurrence, set anew where each joint begins.
-"""
+"""Periodic friction along a steady sine, for many joints at once: rows of one long linear recurrence."""
 
 from math import ceil, pi
 
@@ -14,17 +10,15 @@ from bristle.model.parameters import Pair, pair_of
 from bristle.model.time_refinement import Nodes, with_extra_nodes
 from bristle.model.vectorize import evaluate, scan
 
-SAMPLES = 200  # of a period, before nodes are added where the velocity is low
-_BLOCK = 400_000  # nodes of all joints worked on at a time: what bounds the memory
-_PASSES = 12  # over the sign of z, which tells the stiffness of a pair ...
-_STILL = 1e-12  # ... until z moves by no more than this share of its largest value
-_ELASTIC = 1e-14  # what a bristle forgets in a period is taken as no less: it starts from no deflection then
+SAMPLES = 200  # per period, before nodes at low speed
+_BLOCK = 400_000  # nodes of all joints at a time, which bounds memory
+_PASSES = 12  # most passes over the sign of z of a pair
+_STILL = 1e-12  # of the largest z: tolerance of the passes
+_ELASTIC = 1e-14  # least share that a bristle forgets in a period
 
 
 def rms_torque(joints: Pair[Array], amplitude: float, frequency: float, samples: int = SAMPLES) -> Array:
-    """Root mean square of the friction torque T_f (3) along amplitude sin(2 pi frequency t), N*m, (m,).
-
-    The motion has gone on for ever: z is periodic. With the default samples it is exact to about 1e-4 of itself.
+    """Rms friction torque T_f (3) along amplitude sin(2 pi frequency t) with periodic z, N*m, (m,), to about 1e-4.
 
     Args:
         joints: both sets of m joints, each parameter (m,).
@@ -46,7 +40,7 @@ def rms_torque(joints: Pair[Array], amplitude: float, frequency: float, samples:
 
 
 def _deflection(pair: Pair[Array], nodes: Nodes) -> Array:
-    """The periodic z at the nodes, (m, N), again with the signs that it had: sigma_0 is that of the sign of z."""
+    """The periodic z at the nodes, (m, N), with sigma_0 by the sign of the given z."""
     heading = np.sign(nodes.heading)
     a, b = evaluate(functions.step_function(pair.law), *nodes.steps, *_acting(pair, heading, nodes.heading))
     z = _closed(a, b)
@@ -60,14 +54,14 @@ def _deflection(pair: Pair[Array], nodes: Nodes) -> Array:
 
 
 def _closed(a: Array, b: Array) -> Array:
-    """The z, (m, n + 1), of z[k + 1] = a[k] z[k] + b[k] that end where they begin; a and b (m, n)."""
+    """The periodic z, (m, n + 1), of z[k + 1] = a[k] z[k] + b[k]; a and b (m, n)."""
     kept = np.prod(a, axis=1)
     end = _scanned(a, b, np.zeros(len(a)))[:, -1]
     return _scanned(a, b, end / np.maximum(1 - kept, _ELASTIC))
 
 
 def _scanned(a: Array, b: Array, z0: Array) -> Array:
-    """One scan for all rows: where a row begins its recurrence forgets all before it and is set to its z0."""
+    """One scan for all rows, started again at each z0."""
     forget, new = (np.concatenate([first[:, None], x], axis=1) for first, x in ((np.zeros(len(a)), a), (z0, b)))
     return scan(forget.reshape(-1), new.reshape(-1), 0.0)[1:].reshape(forget.shape)
 

@@ -1,7 +1,4 @@
-"""Prints a CasADi function as code of another language, so that a page or a controller evaluates the very expressions that bristle does.
-
-The instructions are those that `vectorize` walks for NumPy; every value is a name of its own, assigned once.
-"""
+"""CasADi functions printed as code of another language, a name for every value."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -19,33 +16,30 @@ FUNCTIONS = {
     ca.OP_CEIL: "ceil", ca.OP_FMOD: "fmod", ca.OP_COPYSIGN: "copysign", ca.OP_FABS: "abs", ca.OP_SIGN: "sign",
     ca.OP_FMIN: "min", ca.OP_FMAX: "max",
 }  # fmt: skip  # a table
-"""CasADi's operations that are calls of a function, most of them by their name in math.h; bristle's own laws need those up to tanh."""
+"""CasADi operations that are function calls, mostly of math.h."""
 INFIX = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
 
 
 class Term(NamedTuple):
-    """An expression in the language that is printed."""
+    """An expression in the target language."""
 
     text: str
-    truth: bool = False
-    """Whether it is an answer, 0 or 1, and no number."""
+    truth: bool = False  # Whether it is a truth value, 0 or 1
 
 
 class Language(NamedTuple):
-    """How values are written down."""
+    """How values are written."""
 
     name: str
     operation: Callable[[int, Sequence[Term]], Term]
-    """CasADi's operation of that number on these operands; raises KeyError where the language has none."""
+    """An operation by CasADi's number; raises KeyError for unknown ones."""
     constant: Callable[[float], str]
-    assignment: Callable[[str, Term], str]
-    """(name, value) -> the statement that gives the value its name."""
-    prefix: str = "_"
-    """Of the names."""
+    assignment: Callable[[str, Term], str]  # (name, value) -> statement
+    prefix: str = "_"  # Of the names
 
 
 class Printed(NamedTuple):
-    """A function as statements, and an expression for each element of its outputs, one output after the other."""
+    """Statements, and an expression for each output element."""
 
     statements: tuple[str, ...]
     outputs: tuple[Term, ...]
@@ -55,11 +49,11 @@ def statements(function: ca.Function, operand: Callable[[int, int], str], langua
     """A CasADi function in another language.
 
     Args:
-        function: whatever it is; what is no SX function is expanded.
+        function: expanded where it is no SX function.
         operand: (input, element of it, column after column) -> its name there.
         language: of the target.
 
-    Raises InputError where the language has no counterpart of an operation, which is of a law from outside.
+    Raises InputError where the language has no counterpart of an operation.
     """
     lines, zero = list[str](), Term(language.constant(0.0))
 

@@ -1,8 +1,6 @@
-"""Rollout of LuGre along a given velocity, and its exact Jacobian: exact-exponential steps over nodes, scanned.
+"""Rollout of LuGre along a velocity, with exact Jacobian: exact-exponential steps over nodes, scanned in chunks.
 
-For a `Pair` a node also stands where z changes sign, because sigma_0 switches there. Nodes that are not samples are
-dropped from the result. The work goes by chunks of samples that stay in the cache. Motions may be rolled out together,
-one behind the other: the scan begins anew where another begins.
+For a `Pair` a node also stands where z changes sign. Several motions may be rolled out one behind the other.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,19 +16,18 @@ from bristle.model.vectorize import evaluate, scan, vectorised
 
 AT_ONCE = 15_000  # samples worked on at a time
 _FADED = 1e-150
-"""Added to each sensitivity's source, so that what is forgotten decays to it and not to denormal numbers, which are
-slow."""
+"""Added to each sensitivity's source, against slow denormal numbers."""
 _ONE = np.zeros(1, dtype=np.intp)  # where one motion begins
 _PASSES = 50  # at most this many scans of a chunk to settle where z changes sign
 _STILL = 1e-12
-"""Where z changes sign has settled when z changes there by at most this share of alpha_0 / sigma_0 from one scan to the next."""
+"""Sign changes of z have settled when z changes there by at most this share of alpha_0 / sigma_0 per scan."""
 
 _Parameters = Lugre[float] | Pair[float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rollout:
-    """What LuGre does along a velocity; read-only arrays of shape (n,)."""
+    """Result along a velocity, (n,), read-only."""
 
     z: Array
     """Mean bristle deflection, rad."""
@@ -43,14 +40,13 @@ class RolloutJacobian(Rollout):
     """A rollout with its exact total derivatives."""
 
     by_parameters: Array
-    """dT_f/dp, (n, 6) in the order of `Lugre` (or of its law's tuple), or (n, 12) for a pair: the positive set, then the
-    negative one."""
+    """dT_f/dp, (n, 6) in the order of the law's tuple, or (n, 12) for a pair, positive set first."""
     by_z0: Array
     """dT_f/dz0 at given parameters, N*m/rad, (n,)."""
 
 
 def load_level(rises: Mapping[str, float], motor: Array, links: Array) -> Array:
-    """By how much the coefficients of a level (`law.load_levels`), by name, raise it under torques of motor and links, N*m, (n,)."""
+    """Rise of the level by coefficients (`law.load_levels`), by name, under motor and link torques, N*m, (n,)."""
     function = functions.load_levels_function()
     columns = dict(zip(function.name_out(), evaluate(function, motor, links), strict=True))
     return np.asarray(sum((rises[name] * columns[name] for name in rises), np.zeros_like(motor)))
@@ -131,9 +127,9 @@ def rollout_into(
 ) -> Rollout:
     """The rollout, and its derivatives written to `rows`: (n,) for each parameter, 6 or 12 of the paper's law, then for z0.
 
-    A fit gives the rows of its own Jacobian: fresh memory for another costs as much as a fifth of the work. `level`, (1 +
-    k, n), is that of `rollout`, and its derivatives by k parameters of its own, whose rows stand between those of the law
-    and z0's, which is each motion's own. All else as in `rollout_jacobian` and `rollout`.
+    A fit gives the rows of its own Jacobian: fresh memory for another costs as much as a fifth of the work. `level`, (1
+    + k, n), is that of `rollout`, and its derivatives by k parameters of its own, whose rows stand between those of the
+    law and z0's, which is each motion's own. All else as in `rollout_jacobian` and `rollout`.
     """
     velocity, step = _checked(velocity, step)
     law, fields = parameters.law, fields_of(parameters.law)
@@ -206,14 +202,14 @@ def _frozen(array: Array) -> Array:
 
 
 def _acting(parameters: _Parameters, z: Array, v: Array) -> Sequence[float | Array]:
-    """The set that acts at (z, v): numbers, or arrays where the directions differ."""
+    """The set that acts at (z, v): numbers, or arrays of a pair."""
     if isinstance(parameters, Lugre):
         return parameters
     return evaluate(functions.active_function(parameters.law), z, v, *parameters.positive, *parameters.negative)
 
 
 def _acting_over(parameters: _Parameters, signs: Array, nodes: Nodes) -> Sequence[float | Array]:
-    """The set that acts over each step, where z has these signs, with the level that a load adds to."""
+    """The set that acts over each step, for these signs of z, with the level of a load."""
     return _with_level(_acting(parameters, signs, nodes.heading), None if nodes.level is None else nodes.rise[0])
 
 
@@ -223,7 +219,7 @@ def _with_level(acting: Sequence[float | Array], level: Array | None) -> Sequenc
 
 
 def _by_set(rows: Array, parameters: _Parameters, z: Array, v: Array, names: Sequence[str]) -> Array:
-    """Derivatives with respect to the acting set, (m, n), shared out between the sets that they came from, (2 m, n) for a pair."""
+    """Derivatives by the acting set, (m, n), assigned to the sets of a pair, (2 m, n)."""
     if isinstance(parameters, Lugre):
         return rows
     fields, one = fields_of(parameters.law), lugre_of(parameters.law)
@@ -234,7 +230,7 @@ def _by_set(rows: Array, parameters: _Parameters, z: Array, v: Array, names: Seq
 
 
 def _start(velocity: Array, parameters: _Parameters, level: Array | None = None) -> tuple[float, Array]:
-    """The steady deflection at the first velocity, and its derivatives with respect to the parameters that enter z, then to those of the level."""
+    """The steady deflection at the first velocity, and its derivatives by parameters of z, then of the level."""
     v = velocity[:1] if velocity.size else np.zeros(1)
     first = np.zeros((1, 1)) if level is None or not velocity.size else level[:, :1]
     acting = _with_level(_acting(parameters, v, v), first[0])
@@ -247,7 +243,7 @@ def _start(velocity: Array, parameters: _Parameters, level: Array | None = None)
 def _chunks(
     velocity: Array, step: Array, parameters: _Parameters, coarsening: float, level: Array | None, begins: Index
 ) -> Iterator[tuple[slice, Nodes, slice]]:
-    """Chunks of samples, each with its nodes up to the next chunk's first, and which of the motions begin after its first sample."""
+    """Chunks of samples with their nodes, and the motions that begin within."""
     v_s = parameters.v_s if isinstance(parameters, Lugre) else min(p.v_s for p in parameters)
     for start in range(0, velocity.size, AT_ONCE):
         stop = min(start + AT_ONCE, velocity.size)
@@ -261,9 +257,10 @@ def _chunks(
 def _settled(nodes: Nodes, z0: float, starts: Array, parameters: _Parameters) -> tuple[Nodes, Array]:
     """For a pair: nodes also where z changes sign, and the sign of z in every step.
 
-    While the motion has one direction z changes its sign once at the most, under the set of the sign that it had: a scan of each such
-    stretch from its start says where. The starts are found by repeating this until nothing moves. Each pass settles at least one more of
-    them, and those after a stretch that sliding has made forgotten settle all at once.
+    While the motion has one direction z changes its sign once at the most, under the set of the sign that it had: a
+    scan of each such stretch from its start says where. The starts are found by repeating this until nothing moves.
+    Each pass settles at least one more of them, and those after a stretch that sliding has made forgotten settle all at
+    once.
     """
     if isinstance(parameters, Lugre) or nodes.v.size < 2:
         return nodes, np.zeros(0)
@@ -280,7 +277,7 @@ def _settled(nodes: Nodes, z0: float, starts: Array, parameters: _Parameters) ->
     still = _STILL * min(p.alpha_0 / p.sigma_0 for p in parameters)
 
     def steps(side: Array) -> tuple[Array, Array]:
-        """Coefficients of every step where z has these signs."""
+        """Coefficients of every step for these signs of z."""
         a, b = (np.where(side < 0, minus, plus) for plus, minus in zip(above, below, strict=True))
         return a, b
 

@@ -1,9 +1,4 @@
-"""Where the bristle state is computed along a sampled velocity.
-
-At the samples, and between them where the step needs it. The velocity is linear between samples. The step of
-`law.bristle_step` needs v to keep its sign, so a node stands at each zero crossing; more stand where v changes much
-against v_s at low speed.
-"""
+"""Nodes of the bristle state along a sampled velocity: samples, zero crossings, and more at low speed."""
 
 from dataclasses import dataclass, field
 
@@ -23,16 +18,11 @@ _MOST = 64  # ... and a step is cut into at most about this many
 class Nodes:
     """N nodes, of which n are samples."""
 
-    v: Array
-    """Velocity at the nodes, rad/s, (N,)."""
-    h: float | Array
-    """Time between nodes, s: scalar or (N - 1,)."""
-    samples: slice | Index
-    """Where the n samples are among the nodes."""
-    level: Array | None = None
-    """What is added to alpha_0 at the nodes, N*m, and derivatives of that, (1 + k, N); None: nothing."""
-    begins: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
-    """Nodes after the first at which another motion begins: nothing passes over the step before."""
+    v: Array  # Velocity at the nodes, rad/s, (N,)
+    h: float | Array  # Time between nodes, s: scalar or (N - 1,)
+    samples: slice | Index  # Indices of the n samples
+    level: Array | None = None  # Added to alpha_0, N*m, with derivatives, (1 + k, N), or None
+    begins: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))  # Nodes at which another motion begins
 
     @property
     def steps(self) -> tuple[Array, Array, float | Array]:
@@ -41,23 +31,23 @@ class Nodes:
 
     @property
     def rise(self) -> Array:
-        """The mean of `level` over each step, (1 + k, N - 1); one row of zero where there is none."""
+        """Mean `level` over each step, (1 + k, N - 1); zero without."""
         return np.zeros((1, 1)) if self.level is None else (self.level[:, :-1] + self.level[:, 1:]) / 2
 
     @property
     def heading(self) -> Array:
-        """v0 + v1 of every step: its sign is the direction of motion, (N - 1,)."""
+        """v0 + v1 of every step, (N - 1,): its sign is the direction."""
         return self.v[:-1] + self.v[1:]
 
     def inside(self, steps: Index, fractions: Array) -> tuple[Array, Array | None]:
-        """Velocity, (k,), and level, (1 + k', k), inside some steps, at fractions of their duration."""
+        """Velocity, (k,), and level, (1 + k', k), at fractions of some steps."""
         level = self.level
         v = self.v[steps] + (self.v[steps + 1] - self.v[steps]) * fractions
         return v, None if level is None else level[:, steps] + (level[:, steps + 1] - level[:, steps]) * fractions
 
 
 def with_extra_nodes(samples: Nodes, v_s: float, coarsening: float = 1.0) -> Nodes:
-    """The samples, the zero crossings of v, and nodes at low speed, `coarsening` times farther apart."""
+    """Samples, zero crossings of v, and nodes at low speed, `coarsening` times farther apart."""
     v0, v1, _ = samples.steps
     product, change = v0 * v1, np.abs(v1 - v0)
     product[samples.begins - 1] = change[samples.begins - 1] = 0.0
@@ -77,7 +67,7 @@ def with_extra_nodes(samples: Nodes, v_s: float, coarsening: float = 1.0) -> Nod
 
 
 def inserted(nodes: Nodes, steps: Index, fractions: Array) -> tuple[Nodes, Index]:
-    """More nodes: one inside each of `steps` (k,), at a fraction of it (k,); and where the old ones went, (N,)."""
+    """Nodes with one more inside each of `steps` (k,), at a fraction (k,); and the indices of the old ones, (N,)."""
     order = np.lexsort((fractions, steps))
     steps, fractions = steps[order], fractions[order]
     new = steps + 1 + np.arange(steps.size)

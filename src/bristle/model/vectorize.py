@@ -1,7 +1,4 @@
-"""Evaluates any scalar CasADi function over NumPy arrays, and scans linear recurrences.
-
-No compiler, no Python loop over samples.
-"""
+"""Scalar CasADi functions over NumPy arrays, and scans of linear recurrences, without a compiler."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,8 +17,7 @@ from bristle.model.operations import OPERATIONS, Operation, choose, walked
 
 _IF_ELSE_ZERO, _NOT = OPERATIONS[ca.OP_IF_ELSE_ZERO], OPERATIONS[ca.OP_NOT]
 _BLOCK = 16_384
-"""Elements worked on at a time: a function's dozen buffers then stay in the cache. Up to here, buffers and blocks cost
-more than they save."""
+"""Elements per block, whose buffers stay in the cache."""
 _TOGETHER = 10  # ticks that are written out as one, at most
 _REUSE = 4096  # elements from which looking for memory to write over is worth the while
 
@@ -35,27 +31,20 @@ class _Instruction:
 
 @dataclass(frozen=True, slots=True)
 class _Plan:
-    """What to do for one choice of which inputs are arrays.
+    """Program for one choice of array inputs; registers hold scalars, input blocks, outputs or buffers."""
 
-    Registers hold scalars, blocks of inputs, outputs, or buffers.
-    """
-
-    size: int
-    """Number of registers."""
-    scalars: tuple[_Instruction, ...]
-    """Done once per call: they depend on no array."""
+    size: int  # Number of registers
+    scalars: tuple[_Instruction, ...]  # Operations that depend on no array, once per call
     steps: tuple[tuple[Operation, Callable[[Sequence[Any]], Any]], ...]
-    """Done once per block: the operation, and what picks its registers, the one written to last."""
-    buffers: tuple[int, ...]
-    """Registers that need a buffer."""
-    rows: dict[int, int]
-    """Register -> the output row that it is."""
+    """Operations per block, with their registers, the output last."""
+    buffers: tuple[int, ...]  # Registers that need a buffer
+    rows: dict[int, int]  # Register -> output row
     copies: tuple[tuple[int, int], ...]
-    """(output row, register): outputs that are an input, a constant, a scalar or another output."""
+    """(output row, register) of outputs that are inputs, constants, scalars or other outputs."""
 
 
 class Vectorised:
-    """A scalar `ca.Function` as a list of ufunc calls in static single assignment; made by `vectorised`."""
+    """A scalar `ca.Function` as a list of ufunc calls; made by `vectorised`."""
 
     def __init__(self, function: ca.Function) -> None:
         name, (n_in, self._n_out) = function.name(), (function.n_in(), function.n_out())
@@ -143,7 +132,7 @@ class Vectorised:
         return out
 
     def _run_small(self, inputs: Sequence[Array], shape: tuple[int, ...]) -> Sequence[Array]:
-        """Each instruction at the shape of its own operands; a large value that is done with is written over, for fresh memory is slow."""
+        """Each instruction at the shape of its operands; finished large values are overwritten."""
         registers = self._registers.copy()
         registers[: self._n_in] = inputs
         reuse = prod(shape) >= _REUSE
@@ -222,7 +211,7 @@ class Vectorised:
 
 
 def _with_choices(program: Sequence[_Instruction], wanted: set[int]) -> list[_Instruction]:
-    """The program with each if_else as one choice, of which CasADi makes a sum: (c ? a : 0) + (!c ? b : 0)."""
+    """The program with each if_else, CasADi's (c ? a : 0) + (!c ? b : 0), as one choice."""
     made = {instruction.value: instruction for instruction in program}
     chosen = []
     for instruction in program:
@@ -245,7 +234,7 @@ def _with_choices(program: Sequence[_Instruction], wanted: set[int]) -> list[_In
 
 @cache
 def vectorised(function: ca.Function) -> Vectorised:
-    """The function ready to be called with arrays: `vectorised(f)(x, y)`; compiled once per function.
+    """The function for arrays, `vectorised(f)(x, y)`, compiled once.
 
     Raises ValueError where an input or output is not 1x1, or an operation has no NumPy counterpart.
     """
@@ -253,19 +242,18 @@ def vectorised(function: ca.Function) -> Vectorised:
 
 
 def evaluate(function: ca.Function, *inputs: float | Array) -> tuple[Array, ...]:
-    """Evaluate a scalar CasADi function (1x1 in, 1x1 out) over arrays whose shapes broadcast.
+    """A scalar CasADi function (1x1 in, 1x1 out) over broadcastable arrays, one array per output.
 
-    Returns one array per output, all of the common shape, equal to CasADi's own evaluation to rounding. Raises
-    ValueError as `vectorised` and `Vectorised.__call__` do.
+    Raises ValueError as `vectorised` and `Vectorised.__call__` do.
     """
     return tuple(vectorised(function)(*inputs))
 
 
 def bound(function: ca.Function, inputs: Sequence[Array], outputs: Sequence[Array]) -> Callable[[], None]:
-    """Any CasADi function tied to memory that is there.
+    """A CasADi function bound to memory: each call reads inputs and writes outputs without a copy.
 
-    Each call of what is returned reads the inputs and writes the outputs, with no copy. Arrays are C-contiguous and
-    hold CasADi's matrices column after column. Calls raise RuntimeError where the function fails, as an integrator may.
+    Arrays are C-contiguous and hold CasADi's matrices column by column. Calls raise RuntimeError where the function
+    fails.
     """
     buffer, evaluate_there = function.buffer()
     for k, values in enumerate(inputs):
@@ -274,7 +262,7 @@ def bound(function: ca.Function, inputs: Sequence[Array], outputs: Sequence[Arra
         buffer.set_res(k, memoryview(values))  # type: ignore[call-arg, arg-type]  # as above
 
     def run() -> None:
-        """Evaluate; `buffer`, which is pointed into, lives as long as this does."""
+        """Evaluate; keeps `buffer` alive."""
         evaluate_there()
         if buffer.ret():
             raise RuntimeError(f"{function.name()}: CasADi could not evaluate it")
@@ -283,10 +271,9 @@ def bound(function: ca.Function, inputs: Sequence[Array], outputs: Sequence[Arra
 
 
 def chained(tick: ca.Function, samples: int) -> ca.Function:
-    """(memory, inputs, constants) -> (memory, outputs) of so many ticks one after the other.
+    """Successive ticks, (memory, input, constants) -> (memory, output) each, as one function.
 
-    Each is (memory, input, constants) -> (memory, output). Calls cost CasADi a third of the time of a short tick of
-    scalars: some such ticks are written out as one.
+    Short scalar ticks are written out several at a time, because calls cost CasADi a third of their time.
     """
     together = gcd(samples, _TOGETHER) if tick.is_a("SXFunction") else 1
 
@@ -310,15 +297,12 @@ def chained(tick: ca.Function, samples: int) -> ca.Function:
 
 
 def scan(a: Array, b: Array, z0: float | Array) -> Array:
-    """All z of z[k + 1] = a[k] z[k] + b[k], by LAPACK's solver for the bidiagonal system that they satisfy.
+    """All z of z[k + 1] = a[k] z[k] + b[k], (n + 1,) or (m, n + 1), by LAPACK's bidiagonal solver.
 
     Args:
         a: shape (n,), with |a| <= 1 for a stable scan.
         b: shape (n,), or (m, n) for m recurrences that share a.
         z0: first value, scalar or (m,).
-
-    Returns:
-        z, shape (n + 1,) or (m, n + 1), z[..., 0] = z0.
     """
     n = a.size
     z = np.empty((*b.shape[:-1], n + 1))

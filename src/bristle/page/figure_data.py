@@ -1,4 +1,4 @@
-"""The data of a figure as a table, read off what is drawn: every figure can be drawn anew without bristle."""
+"""The data of a figure as a table, read from its artists: every figure can be drawn without bristle."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -18,10 +18,10 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator
 
 from bristle.arrays import Array, as_floats
-from bristle.page.columns import cells
+from bristle.page.plain import cells
 
+# labels that matplotlib gives; ours after an underscore name a series without a place in the legend
 _GIVEN = re.compile(r"_(child|container|nolegend_|image)\d*")
-"""A label that matplotlib gives. A label of ours after an underscore names a series that has no place in the legend."""
 
 
 def csv_of(figure: Figure) -> bytes:
@@ -58,7 +58,7 @@ def csv_of(figure: Figure) -> bytes:
 
 
 def _label(ax: Axes, which: str) -> str:
-    """What an axis carries; where panels share it, what the one at the edge says."""
+    """Label of an axis; of shared axes that of the panel at the edge."""
     if own := getattr(ax, f"get_{which}label")():
         return str(own)
     shared = (other for other in getattr(ax, f"get_shared_{which}_axes")().get_siblings(ax) if other is not ax)
@@ -66,7 +66,7 @@ def _label(ax: Axes, which: str) -> str:
 
 
 def _words(axis: Axis) -> dict[float, str]:
-    """What the ticks of an axis name, by where they stand, where they count and say something else than their place."""
+    """Words of an axis by tick, where the ticks count and say something else than their place."""
     if not isinstance(axis.get_major_locator(), FixedLocator):
         return {}
     places = np.asarray(axis.get_majorticklocs(), dtype=float).tolist()
@@ -76,7 +76,7 @@ def _words(axis: Axis) -> dict[float, str]:
 
 
 def _text(x: float, words: Mapping[float, str]) -> str:
-    """A number, or the word of the tick that it stands at or beside."""
+    """A number, or the word of the tick nearby."""
     if np.isnan(x):
         return ""
     nearest = min(words, key=lambda place: abs(place - x), default=np.nan)
@@ -84,7 +84,7 @@ def _text(x: float, words: Mapping[float, str]) -> str:
 
 
 def _series(ax: Axes) -> Iterator[tuple[str, Array]]:
-    """Name of each series of a panel, and its x, y and value, (n, 3), nan where it has none."""
+    """Name of each series of a panel, and its x, y and value, (n, 3), nan where missing."""
     labels = {id(child): _named(container) for container in ax.containers for child in _within(container)}
     counted: dict[str, int] = {}
     for artist in ax.get_children():
@@ -101,7 +101,7 @@ def _series(ax: Axes) -> Iterator[tuple[str, Array]]:
 
 
 def _named(artist: Artist | Container) -> str:
-    """Its label, where it is not one that matplotlib gave."""
+    """The label of an artist, unless matplotlib gave it."""
     label = str(artist.get_label() or "")
     return "" if _GIVEN.fullmatch(label) else label.removeprefix("_")
 
@@ -115,7 +115,7 @@ def _within(container: Any) -> Iterator[Artist]:
 
 
 def _rows(artist: Artist, ax: Axes) -> tuple[str, Array]:
-    """What an artist is called, and its x, y and value, (n, 3); none where it is no mark on the axes."""
+    """Kind of an artist, and its x, y and value, (n, 3); none where it is no mark on the axes."""
     if isinstance(artist, AxesImage):
         return "map", _image(artist)
     if isinstance(artist, QuadMesh):
@@ -146,7 +146,7 @@ def _patch(patch: Patch, ax: Axes) -> tuple[str, Array]:
 
 
 def _placed(artist: Artist, ax: Axes, at: Array) -> Array:
-    """Places, (n, 2), with nan where a coordinate is not one of the axes, and with no value; none where neither is."""
+    """Places, (n, 2), with nan for coordinates that are not of the axes; none where neither is."""
     known = artist.get_transform().contains_branch_seperately(ax.transData)
     if not any(known):
         return np.zeros((0, 3))
@@ -157,7 +157,7 @@ def _placed(artist: Artist, ax: Axes, at: Array) -> Array:
 
 
 def _valued(at: Array, values: Any) -> Array:
-    """Places, (n, 2), and what stands there."""
+    """Places, (n, 2), and their values, as (n, 3)."""
     bare = np.full(len(at), np.nan)
     known = bare if values is None else as_floats(values).ravel()
     return np.column_stack([at, known if known.size == len(at) else bare])

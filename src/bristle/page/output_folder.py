@@ -1,4 +1,4 @@
-"""Files written whole or not at all, in place of no other, and a folder in which only what bristle made is replaced."""
+"""Files written whole or not at all, replacing no other, and a folder in which only what bristle made is replaced."""
 
 import errno
 import io
@@ -13,26 +13,23 @@ from pathlib import Path
 from bristle.errors import InputError, check_regular
 from bristle.workers import heed
 
-MARKER = ".bristle-manifest"
-"""Marks a folder as bristle's and lists what bristle made in it, a relative path a line: only that is ever replaced or removed."""
-_LONGEST = 1_000_000
-"""Bytes that a marker may have."""
+MARKER = ".bristle-manifest"  # in a folder of bristle's: what bristle made in it, a relative path a line
+# names of a page and its files
 _PAGE = re.compile(
     r"[a-z]+\.html|report\.zip|(results|timings)\.json|figures/[a-z0-9_-]+\.(svg|png|csv)|tables/[a-z0-9_-]+\.csv"
 )
-"""What a page and its files are called."""
+# the dataset of a fleet: a marker may list nothing else than these and the files of a page
 RESULTS, TASKS, LEDGER, LOCK = FLEET = ("results", "tasks", "ledger.parquet", ".lock")
-"""What the dataset of a fleet is called. A marker may list nothing else than these and the files of a page."""
+# files of a folder that no page of another question may replace
 _WHOLE = {"results.json": "a report", "ledger.parquet": "a fleet"}
-"""What tells whose folder it is: no page of another question replaces that."""
-_FILES = ("index.html", "results.json", "timings.json", "report.zip")
-"""Files that most pages have."""
+_FILES = ("index.html", "results.json", "timings.json", "report.zip")  # files that most pages have
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file in UTF-8 under a temporary name, then rename it; an older file is never replaced.
+    """Write a new text file in UTF-8 under a temporary name, then rename it.
 
-    Raises InputError as `check_file` does, and where a file with other bytes is there, and OSError where it cannot be written.
+    Raises InputError as `check_file` does, and where a file with other bytes is there, and OSError where it cannot be
+    written.
     """
     write_bytes(path, text.encode("utf-8", "backslashreplace"))
 
@@ -45,7 +42,7 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 @contextmanager
 def staged(path: Path, data: bytes) -> Iterator[None]:
-    """Write a file under a temporary name, and rename it to its place once the body is done: not at all where that fails.
+    """Write a file under a temporary name, and rename it once the body is done; not at all where that fails.
 
     One that holds these very bytes stays as it is. Raises as `write_text` does.
     """
@@ -69,9 +66,9 @@ def staged(path: Path, data: bytes) -> Iterator[None]:
 
 
 def check_file(path: Path) -> None:
-    """Whether a file can be written there, as far as can be told before its bytes are known.
+    """Raise InputError where a file cannot be written, as far as can be told before its bytes are known.
 
-    Raises InputError where the path is a folder or lies in none or in one that cannot be written, or is a link, a device or a pipe.
+    A path that is a folder, a link, a device or a pipe, or lies in no folder or in one that cannot be written.
     """
     with _named(path, "file"):
         if path.is_dir():
@@ -85,22 +82,19 @@ def check_file(path: Path) -> None:
 
 
 def check_absent(path: Path) -> None:
-    """Whether a new file can be written there. Raises InputError as `check_file` does, and where a file is there already."""
+    """Raise InputError as `check_file` does, and where a file is there already."""
     check_file(path)
     if os.path.lexists(path):
         raise InputError(f"{path}: is there already; move it, or name another file")
 
 
 def check_folder(folder: Path, claims: Collection[str] = ()) -> set[str]:
-    """What bristle made in a folder that it may write to, by relative POSIX path. Asked before anything is computed.
+    """What bristle made in a folder that it may write to, by relative POSIX path; asked before anything is computed.
 
-    Args:
-        folder: where something is to be written; nothing was made where it is empty, or not there.
-        claims: names in it that are to be written, as far as they are known.
-
-    Raises InputError where it is not a folder, is neither empty nor marked as bristle's, has a marker that cannot be believed, holds a report or a
-    fleet that is not to be written anew, or a file under a name that is to be written and that the marker does not list, or a link in place of
-    one; and where it, a folder in it that a page writes to, or the nearest one above that exists is not writable.
+    `claims` are the names in it that are to be written, as far as they are known. Raises InputError where it is no
+    folder, is neither empty nor marked as bristle's, has an invalid marker, holds a report or a fleet that is not to be
+    written anew, a file under a name to be written that the marker does not list, or a link in place of one; and where
+    it, a folder in it that a page writes to, or the nearest existing one above cannot be written.
     """
     if os.path.lexists(folder) and not folder.is_dir():
         what = (
@@ -110,18 +104,15 @@ def check_folder(folder: Path, claims: Collection[str] = ()) -> set[str]:
     made = set[str]()
     with _named(folder, "folder"):
         if folder.is_dir() and any(folder.iterdir()):
-            marker, instead = folder / MARKER, f"move or remove the folder {folder}, or name another one"
-            if not _is_there(marker, instead):
+            if not _is_there(folder / MARKER, f"move or remove the folder {folder}, or name another one"):
                 raise InputError(f"{folder}: is not empty, and bristle did not make it; name a new or an empty folder")
             for path in (folder / "figures", folder / "tables"):
                 if path.is_symlink() or (path.exists() and not path.is_dir()):
-                    raise InputError(
-                        f"{path}: is in the way of the report's own folder; move it, or name another folder"
-                    )
+                    why = "is in the way of the report's own folder"
+                    raise InputError(f"{path}: {why}; move it, or name another folder")
             found = [path for part in (".", "figures", "tables") for path in (folder / part).glob("*")]
             names = {path.relative_to(folder).as_posix(): path for path in found}
-            with marker.open("rb") as file:
-                made = listed(str(folder), file.read(_LONGEST + 1), names, claims)
+            made = listed(str(folder), (folder / MARKER).read_bytes(), names, claims)
             for name in names.keys() & made:
                 if _PAGE.fullmatch(name) or names[name].is_symlink() or not names[name].is_dir():
                     _is_there(names[name], "move it, or name another folder")
@@ -138,15 +129,13 @@ def check_folder(folder: Path, claims: Collection[str] = ()) -> set[str]:
 def listed(folder: str, marker: bytes, names: Iterable[str], claims: Collection[str]) -> set[str]:
     """The names that a marker lists.
 
-    Raises InputError where it is no marker, does not list a name in its folder that is to be written, or is of a report or a fleet that is not.
+    Raises InputError where it is no marker, does not list an existing name that is to be written, or is of a report or
+    a fleet that is not to be.
     """
-    # In older markers a SHA-256 and two spaces stand before each name.
-    lines = [line.rpartition("  ")[2] for line in marker.decode("utf-8", "replace").split("\n")]
-    shown, instead = f"{folder}/{MARKER}", f"move or remove the folder {folder}, or name another one"
-    if not all(_PAGE.fullmatch(line) or line in FLEET for line in lines[:-1]):
-        raise InputError(f"{shown}: is not a list of files that bristle wrote; {instead}")
-    if lines[-1] or len(marker) > _LONGEST:
-        raise InputError(f"{shown}: is cut off, or too long; {instead}")
+    lines = marker.decode("utf-8", "replace").split("\n")
+    if lines[-1] or not all(_PAGE.fullmatch(line) or line in FLEET for line in lines[:-1]):
+        instead = f"move or remove the folder {folder}, or name another one"
+        raise InputError(f"{folder}/{MARKER}: is not a list of files that bristle wrote; {instead}")
     if foreign := [x for x in sorted(names) if x in {*_FILES, *claims} and x not in lines]:
         why = "is there already, and bristle did not make it; move it, or name another folder"
         raise InputError(f"{folder}/{foreign[0]}: {why}")
@@ -161,7 +150,7 @@ def marker_of(names: Iterable[str]) -> bytes:
 
 
 def claim(folder: Path, claims: Collection[str]) -> None:
-    """Mark a folder, made where it is not there, as bristle's, with these names in it. Raises as `check_folder`, and OSError."""
+    """Mark a folder, made where needed, as bristle's, with these names in it. Raises as `check_folder`, and OSError."""
     made = check_folder(folder, claims)
     with _named(folder, "folder"):
         folder.mkdir(parents=True, exist_ok=True)
@@ -171,7 +160,7 @@ def claim(folder: Path, claims: Collection[str]) -> None:
 
 
 def check_apart(file: Path, folder: Path) -> None:
-    """InputError where a file would be in the way of the folder of a page, or lies in it under a name that the page takes."""
+    """Raise InputError where a file would be in the way of a page's folder, or has a name that the page takes."""
     at, real = resolved(file), resolved(folder)
     if at in (real, *real.parents):
         raise InputError(f"{file}: is in the way of the page in {folder}; name another file or folder")
@@ -180,7 +169,7 @@ def check_apart(file: Path, folder: Path) -> None:
 
 
 def resolved(path: Path) -> Path:
-    """The path without links. InputError where links lead round in a circle."""
+    """The path without links. Raises InputError where links lead round in a circle."""
     try:
         found = path.resolve()
         with suppress(FileNotFoundError, NotADirectoryError, PermissionError):
@@ -197,7 +186,7 @@ def _check_writable(folder: Path, given: Path, what: str) -> None:
 
 
 def _is_there(path: Path, instead: str) -> bool:
-    """Whether a regular file is there. InputError where anything else is, a link too: bristle neither follows nor replaces one."""
+    """Whether a regular file is there. Raises InputError where anything else is: no link is followed or replaced."""
     if path.is_symlink():
         raise InputError(f"{path}: is a symbolic link, which bristle neither follows nor replaces; {instead}")
     if not os.path.lexists(path):
@@ -213,9 +202,9 @@ def _write(path: Path, data: bytes) -> None:
 
 @contextmanager
 def _named(path: Path, what: str) -> Iterator[None]:
-    """An OSError of the body names the path that the user gave: a full disk names none, and other errors a temporary one.
+    """Name the path that the user gave in an OSError: a full disk names none, other errors a temporary one.
 
-    Where permission is missing, an InputError says what to do.
+    Where permission is missing, raises an InputError that says what to do.
     """
     try:
         yield
@@ -227,7 +216,7 @@ def _named(path: Path, what: str) -> Iterator[None]:
 
 
 def zipped(files: Mapping[str, bytes]) -> bytes:
-    """Files, by relative POSIX path, as one ZIP archive: the same bytes for the same files. timings.json, which differs each time, is left out."""
+    """Files, by relative POSIX path, as a reproducible ZIP archive, without timings.json, which differs each time."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in sorted(files.keys() - {"timings.json"}):
@@ -238,13 +227,15 @@ def zipped(files: Mapping[str, bytes]) -> bytes:
 
 
 def replace_files(folder: Path, files: Mapping[str, bytes], claims: Collection[str] = ()) -> None:
-    """Put files, by relative POSIX path, into a folder: all of them are written beside their places first, and renamed only then.
+    """Put files, by relative POSIX path, into a folder: all are written beside their places first, then renamed.
 
-    A folder that is not there appears with all its files in one rename. In one that bristle made, the files of the last page are replaced, or
-    removed, and index.html is the last to come: a run that is killed meanwhile leaves a folder without it, which the next run mends. Anything that
-    the marker does not list stays. The folder may be a link to one; in it no link is followed or replaced.
+    A folder that is not there appears with all its files in one rename. In one that bristle made, the files of the last
+    page are replaced, or removed, and index.html comes last: a run that is killed meanwhile leaves a folder without it,
+    which the next run mends. Anything that the marker does not list stays. The folder may be a link to one; in it no
+    link is followed or replaced.
 
-    Raises InputError as `check_folder` does, and OSError where a file cannot be written (a full disk); nothing is changed in either case.
+    Raises InputError as `check_folder` does, and OSError where a file cannot be written; nothing is changed in either
+    case.
     """
     if odd := [name for name in files if not _PAGE.fullmatch(name)]:
         raise ValueError(f"{odd[0]}: is not the name of a report's file")
@@ -270,7 +261,7 @@ def replace_files(folder: Path, files: Mapping[str, bytes], claims: Collection[s
 
 
 def _move(stage: Path, folder: Path, files: Iterable[str], made: Iterable[str]) -> None:
-    """Renames only. The marker first lists old and new files: even a move that was killed is known as bristle's."""
+    """Renames only. The marker first lists old and new files, so that an interrupted move is known as bristle's."""
     (stage / "both").replace(folder / MARKER)
     (folder / "index.html").unlink(missing_ok=True)
     for name in sorted(files, key=lambda name: (name == "index.html", name)):

@@ -1,4 +1,4 @@
-"""One way to a page: a template with its context, figures and tables becomes index.html and the files beside it, written whole or not at all."""
+"""Pages: a template with its context, figures and tables becomes index.html and the files beside it."""
 
 import hashlib
 import platform
@@ -18,11 +18,10 @@ from bristle import __version__
 from bristle.errors import InputError
 from bristle.model.laws.registry import own_parameter
 from bristle.page import wording
-from bristle.page.columns import to_csv
-from bristle.page.entries import entries_linked, flagged, warned
 from bristle.page.figure_data import csv_of
 from bristle.page.output_folder import write_bytes
-from bristle.page.said import Link, said, with_places
+from bristle.page.plain import to_csv
+from bristle.page.said import Link, entries_linked, flagged, said, warned, with_places
 from bristle.page.style import inline, render, render_as, styled
 from bristle.page.wording import FITS, METHODS, free
 from bristle.workers import Share
@@ -37,7 +36,7 @@ def save_figure(figure: Figure, path: Path) -> None:
 
 
 def figure_kind(path: Path) -> str:
-    """The format, svg or png, that a figure's path names. InputError where it names another, or nothing else."""
+    """The format, svg or png, of a figure's path. Raises InputError where it names neither."""
     if path.name.lower() in {".svg", ".png"}:
         raise InputError(f"{path}: has no name before its {path.name}; name a file, as figure{path.name.lower()}")
     kind = path.suffix.lower().lstrip(".")
@@ -79,21 +78,16 @@ Rendered = tuple[bytes, bytes, bytes] | None
 
 
 def begun(drawing: Drawing, share: Share = map) -> Drawing:
-    """A figure that whoever shares the work begins to draw and to render now."""
+    """A figure that others begin to draw and to render now."""
     return drawing._replace(done=iter(share(_rendered, [drawing.draw])))
 
 
 def drawn(
     drawings: Iterable[Drawing], files: dict[str, bytes], tell: Callable[[str], None]
 ) -> dict[Any, tuple[str, Markup]]:
-    """Figures rendered into `files`, and by what draws them name and SVG on the page; without those of which there is nothing to draw.
+    """Figures rendered into `files`, by relative path; name and SVG of each by what draws it, unless it is empty.
 
-    Where joints are called so that another figure has the name already, it gets a number.
-
-    Args:
-        drawings: what the same call draws, once.
-        files: by relative path.
-        tell: told of each by its label.
+    Each is told by its label; a name that is taken gets a number.
     """
     found: dict[Any, tuple[str, Markup]] = {}
     for drawing in drawings:
@@ -115,13 +109,13 @@ def _rendered(draw: Callable[[], Figure | None]) -> Rendered:
 
 
 def html(package: str, template: str, context: Mapping[str, Any]) -> str:
-    """A template of a package, or of the kit, filled in; it may include and extend those of the kit."""
+    """A template of a package or of the kit, filled in."""
     return _environment(package).get_template(template).render(context)
 
 
 @cache
 def _environment(package: str) -> Environment:
-    """What fills in templates of a package and of the kit: compiling those of a report takes a tenth of its time."""
+    """The environment of templates, cached: compiling those of a report takes a tenth of its time."""
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(package), PackageLoader("bristle.page")]),
         autoescape=True,
@@ -142,7 +136,7 @@ def _environment(package: str) -> Environment:
 
 
 def digest(script: str) -> str:
-    """What a content security policy calls a script that may run, by its text: 'sha256-...'."""
+    """The name of a script in a content security policy: 'sha256-...'."""
     return f"'sha256-{b64encode(hashlib.sha256(script.encode('utf-8')).digest()).decode('ascii')}'"
 
 
@@ -161,8 +155,8 @@ _HEADINGS = {
     "standard_error": "standard error", "systematic": "systematic error", "error_percent": "error (%)", "inside": "inside?", "lower": "95 % from",
     "upper": "95 % to", "plain_grid": "plain grid",
     "difference_in_se": "difference (standard errors)", "grid": "refined grid",
-    "full": "full nonlinear fit", "relative_error": "relative error (%)", "relative_error_of_fit": "on its own data (%)",
-    "start": "from row", "stop": "to row", "from_median_percent": "from the median (%)", "recommended": "use it?",
+    "full": "full nonlinear fit", "relative_error": "relative error (%)",
+    "start": "from row", "stop": "to row", "recommended": "use it?",
     "of": "joint", "kind": "amplitude", "at_4_s": "at 4 s", "at_20_s": "at 20 s", "begun": "initialised at",
     "gains_of_1": "unexplained, gains of 1 (%)", "shares": "final ratios",
     "inertia_feed_forward": "inertia feed-forward", "adapted": "unexplained, adapted (%)",
@@ -170,28 +164,25 @@ _HEADINGS = {
 }  # fmt: skip  # a table of words
 
 
-_KINDS = {
+_KINDS = {  # classes of the style sheet: long text, short text on one line, names of files
     **dict.fromkeys(("warnings", "reasons", "notes", "verdict", "What happened", "What it says"), "t"),
     **dict.fromkeys(
         (
             "parameter", "unit", "direction", "of", "scheme", "law", "controller", "method", "fit", "source", "stage", "stage_value",
             "tracking_value", "joint_value", "model", "directions", "rows", "Since", "Session", "Finding",
-            "Report of the latest session", "covariance", "profile", "bootstrap", *FITS.values(), *(f"{fit}, 95 %" for fit in FITS.values()),
+            "File of the latest session", "covariance", "profile", "bootstrap", *FITS.values(), *(f"{fit}, 95 %" for fit in FITS.values()),
         ),
         "s",
     ),
     **dict.fromkeys(("file", "File"), "f"),
 }  # fmt: skip  # a table of words
-"""Classes of the style sheet: long text, short text that stays on its line, and names of files."""
 
 
-_DIGITS = {"difference_in_se": 2, "difference": 2} | dict.fromkeys(
-    ("error_percent", "standard_error", "systematic", "from_median_percent"), 3
-)
+_DIGITS = {"difference_in_se": 2, "difference": 2} | dict.fromkeys(("error_percent", "standard_error", "systematic"), 3)
 
 
 def _cell(value: Any, column: str) -> str | Markup:
-    """How one value of a table's column stands in the page."""
+    """A value of a table's column in the page."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value is None:
@@ -214,7 +205,7 @@ _CELLS: dict[str, Callable[[str], str]] = {
 
 
 def encoded(text: str) -> bytes:
-    """Text in UTF-8; what UTF-8 cannot hold as Python writes it."""
+    """Text in UTF-8; lone surrogates as Python escapes them."""
     return text.encode("utf-8", "backslashreplace")
 
 
@@ -222,6 +213,6 @@ _LIBRARIES = ("casadi", "numpy", "scipy", "pandas", "matplotlib", "pint", "pydan
 
 
 def versions(seed: int | None) -> dict[str, Any]:
-    """By what a page was made."""
+    """Versions that made a page."""
     own = [("bristle", __version__), ("Python", platform.python_version())]
     return {"version": __version__, "versions": [*own, *((x, metadata.version(x)) for x in _LIBRARIES)], "seed": seed}

@@ -1,21 +1,25 @@
-"""Plain text for a terminal: 80 columns, in which no number is broken and what belongs to it stays beside it."""
+"""Plain text: 80 columns for a terminal, in which no number is broken or parted from its unit, and CSV for a spreadsheet."""
 
+import csv
+import io
 import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
+from typing import TYPE_CHECKING, Any
 
 from bristle.page.wording import measured, span
 
-WIDTH = 80
-"""Columns of a terminal that nobody has made wider."""
+if TYPE_CHECKING:
+    import pandas as pd
+
+WIDTH = 80  # columns of a terminal that nobody has made wider
 _SIGNS = str.maketrans({"±": "+/-", "∞": "inf", "−": "-", "·": "*", "\N{NO-BREAK SPACE}": " "})
 _INTERVAL = re.compile(r"\[[^\[\]]{1,60}\]")
-_NUMBER = re.compile(
+_NUMBER = re.compile(  # blanks inside a number: about its error, after a comparison, before its unit
     r"(?<=[\d.]) (?=\+/-)|(?<=\+/-) (?=[\d.])|(?<=[=<>~]) (?=[-\d.])"
     r"|(?<=[\d.\])]) (?=%|1/|(?:N|A|V|J|C|s|m|ms|mm|Hz|kHz|rad|mrad|deg|kg|ohm|counts?)(?![\w-]))"
 )
-"""Blanks inside a number: about its sign of error, after a sign of comparison, and before its unit."""
 
 
 def pair(value: float | None, error: float | None) -> str:
@@ -34,9 +38,9 @@ def in_unit(value: str, si: str) -> str:
 
 
 def wrapped(lines: Iterable[str], width: int = WIDTH) -> Iterator[str]:
-    """Each line, broken where it is too long for the terminal: never inside a number, an interval or a word.
+    """Lines broken at 80 columns, never inside a number, an interval or a word.
 
-    What goes on stands two columns further in; a word that is longer than a line, as a path, stays whole.
+    Continued lines are indented by two more columns; a word that is longer than a line, as a path, stays whole.
     """
     for given in lines:
         line = given.replace("±", "+/-")
@@ -53,9 +57,9 @@ def wrapped(lines: Iterable[str], width: int = WIDTH) -> Iterator[str]:
 
 
 def columns(rows: Sequence[Sequence[str]], indent: int = 2, width: int = WIDTH) -> Iterator[str]:
-    """Rows of cells under one another; cells that do not fit into the width stand on a line of their own, whole.
+    """Rows of cells in columns, two blanks apart; cells that do not fit into the width stand whole on their own line.
 
-    Two blanks part the columns; a row may have fewer cells than others.
+    A row may have fewer cells than others.
     """
     widths = [max(map(len, cells)) for cells in zip_longest(*rows, fillvalue="")]
     for row in rows:
@@ -66,3 +70,35 @@ def columns(rows: Sequence[Sequence[str]], indent: int = 2, width: int = WIDTH) 
                 line = " " * (2 * indent + 2)
             line += f"{cell:<{wide}}  "
         yield line.rstrip()
+
+
+_FORMULA = re.compile(r"[=+\-@\t\r\n]")  # how a text begins that a spreadsheet may run as a formula
+_HARMLESS = re.compile(r"[+-]|[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")  # a direction, or a number
+
+
+def to_csv(frame: "pd.DataFrame", float_format: str | None = None) -> str:
+    """A table as CSV.
+
+    A text that a spreadsheet could take for a formula gets an apostrophe before it; numbers and the directions + and -
+    stay.
+    """
+    safe = frame.rename(columns=_harmless)
+    for k in (k for k, kind in enumerate(frame.dtypes) if getattr(kind, "kind", "O") not in "biufc"):  # no numbers
+        safe.isetitem(k, [_harmless(x) for x in frame.iloc[:, k]])
+    text: str = safe.to_csv(index=False, lineterminator="\n", float_format=float_format)
+    return text
+
+
+def cells(texts: Iterable[str]) -> str:
+    """A row of CSV of texts, each as in `to_csv`, without the end of the line."""
+    row = io.StringIO()
+    csv.writer(row, lineterminator="").writerow(map(_harmless, texts))
+    return row.getvalue()
+
+
+def _harmless(value: Any) -> Any:
+    """A cell that no spreadsheet runs, with plain ends of lines; what is no text is returned as it is."""
+    if not isinstance(value, str):
+        return value
+    formula = _FORMULA.match(value) and not _HARMLESS.fullmatch(value)
+    return "'" * bool(formula) + value.replace("\r\n", "\n").replace("\r", "\n")

@@ -188,7 +188,7 @@ class Report:
         return text
 
     def write(self, folder: Path | str, progress: Progress | None = None, *, mailed: bool = False) -> Path:
-        """Write index.html and the other pages, figures/ (SVG, PNG and CSV) and tables/ (CSV); returns the path of index.html.
+        """Write the pages, figures/ (SVG, PNG and CSV) and tables/ (CSV); returns the path of index.html.
 
         The same report gives the same bytes. Only what bristle made in the folder is replaced. Raises InputError where the
         folder cannot be used, with nothing half-written.

@@ -1,4 +1,4 @@
-"""How figures look: colours told apart by colour-blind readers, markers and lines that survive grey print, no mathtext, fixed salt."""
+"""Style of figures: colours for colour-blind readers, markers and lines for grey print, no mathtext, fixed salt."""
 
 import io
 import re
@@ -19,8 +19,7 @@ from bristle.page.wording import shortened
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_SALT = "bristle"
-"""Also tells that the style is on: nobody else has it."""
+_SALT = "bristle"  # also tells that the style is on: nobody else has it
 _STYLE: Any = {  # matplotlib types each key singly
     "text.parse_math": False,  # a $ in a joint's name is a $
     "svg.fonttype": "none",  # text stays text: small, searchable, sharp
@@ -41,17 +40,14 @@ _STYLE: Any = {  # matplotlib types each key singly
     "figure.facecolor": "white",
     "savefig.facecolor": "white",
 }
-ON_LIGHT, ON_DARK = "#010101", "#fefefe"
-"""Text on the cells of a map, which keep their colours on a dark page."""
+ON_LIGHT, ON_DARK = "#010101", "#fefefe"  # text on cells of a map, which keep their colours on a dark page
 LINES = ("-", "--", ":")
-WIDTH = 5.8
-"""Inches; at this width text lands at about 14 px on a wide screen and 9 px on a phone."""
+WIDTH = 5.8  # inches; at this width text lands at about 14 px on a wide screen and 9 px on a phone
 DPI = 240
-_TICKS = 5
-"""Intervals of a linear axis, at most: more make a figure slower to draw, and no easier to read."""
+_TICKS = 5  # intervals of a linear axis, at most: more make a figure slower to draw, and no easier to read
 _MOST_TICKS = 8
+# labels of a logarithmic axis, the closest first
 _STEPS_OF_DECADE = ((1.0, 1.5, 2.0, 3.0, 5.0, 7.0), (1.0, 2.0, 5.0), (1.0, 3.0), (1.0,))
-"""Where a logarithmic axis may have its labels, the closest first."""
 
 
 class Look(NamedTuple):
@@ -62,16 +58,15 @@ class Look(NamedTuple):
     line: str
 
 
+# Okabe and Ito's blue and vermilion
 DIRECTION = {"+": Look("#0072B2", "o", "-"), "-": Look("#D55E00", "s", "--"), "both": Look("#0072B2", "o", "-")}
-"""Okabe and Ito's blue and vermilion."""
 
 
 def styled(draw: Callable[P, R]) -> Callable[P, R]:
-    """Run a function that draws or renders in bristle's style, whatever the caller's rcParams are; inside another such one, as it is."""
+    """Run a drawing function in bristle's style, whatever the caller's rcParams; nested calls do nothing more."""
 
     @wraps(draw)
     def inside(*args: P.args, **kwargs: P.kwargs) -> R:
-        """What the function returns, run in the style."""
         if mpl.rcParams["svg.hashsalt"] == _SALT:  # setting all of matplotlib's keys takes as long as a small figure
             return draw(*args, **kwargs)
         with mpl.rc_context(), warnings.catch_warnings():
@@ -84,7 +79,7 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 
 
 def new_figure(height: float, width: float = WIDTH) -> Figure:
-    """An empty figure, inches, with fixed margins: a layout engine would take as long as the drawing."""
+    """An empty figure, inches, with fixed margins: a layout engine takes as long as the drawing."""
     figure = Figure(figsize=(width, height))
     figure.subplots_adjust(left=0.95 / width, right=1 - 0.15 / width, bottom=0.55 / height, top=1 - 0.45 / height)
     figure.subplots_adjust(hspace=0.36, wspace=0.36)
@@ -97,7 +92,7 @@ def title(ax: Axes, name: str, simulated: bool) -> None:
 
 
 def panels(height: float, name: str, simulated: bool, count: int = 1, **how: Any) -> tuple[Figure, list[Axes]]:
-    """A new figure with panels below one another, the first under the joint's name; `how` as of `Figure.subplots`."""
+    """A new figure with panels in a column, titled with the joint's name; `how` as of `Figure.subplots`."""
     figure = new_figure(height)
     axes = list(figure.subplots(count, squeeze=False, **how)[:, 0])
     title(axes[0], name, simulated)
@@ -105,15 +100,15 @@ def panels(height: float, name: str, simulated: bool, count: int = 1, **how: Any
 
 
 class _DecimalTicks(Locator):
-    """At as many steps of each decade as give no more than `_MOST_TICKS`; evenly spaced where those are fewer than two."""
+    """Ticks at as many steps of each decade as give at most `_MOST_TICKS`; evenly spaced if fewer than two."""
 
     def __call__(self) -> Any:
-        """The places of the ticks in view."""
+        """The ticks in view."""
         low, high = sorted(self.axis.get_view_interval()) if self.axis else (1.0, 10.0)
         return self.tick_values(low, high)
 
     def tick_values(self, vmin: float, vmax: float) -> Any:
-        """The places of the ticks between two positive values."""
+        """The ticks between two positive values."""
         decades = 10.0 ** np.arange(np.floor(np.log10(vmin)), np.ceil(np.log10(vmax)) + 1)
         for steps in _STEPS_OF_DECADE:
             places = np.outer(decades, steps).ravel()
@@ -135,7 +130,7 @@ def decimal_log(ax: Axes) -> None:
 
 @styled
 def render(figure: Figure) -> tuple[bytes, bytes]:
-    """A figure as SVG and as PNG: the same bytes for the same data, with no date and no version."""
+    """A figure as SVG and PNG: the same bytes for the same data."""
     return render_as(figure, "svg"), render_as(figure, "png")
 
 
@@ -171,23 +166,21 @@ def render_as(figure: Figure, kind: str) -> bytes:
     return written.getvalue()
 
 
-_PLACES = re.compile(r"(?<=[\s\"',(])-?\d+\.\d{3,}(?=[\s\"',)])")
-"""A coordinate with more places than a screen shows."""
-_TAG = re.compile(r"<[^>]*>")
-"""Matplotlib writes no bare > into an attribute."""
-_NAMED = re.compile(r'\sid="|url\(#|href="#')
-"""Before an id, where it is given or used."""
+_PLACES = re.compile(r"(?<=[\s\"',(])-?\d+\.\d{3,}(?=[\s\"',)])")  # a coordinate with more places than a screen shows
+_TAG = re.compile(r"<[^>]*>")  # Matplotlib writes no bare > into an attribute
+_NAMED = re.compile(r'\sid="|url\(#|href="#')  # before an id
 _ID = re.compile(r'\sid="([^"]*)"')
 _SIZED = re.compile(r'^<svg (.*?)width="[^"]*" height="[^"]*"')
+# colours that turn with a light or dark page: variables of the style sheet
 _VARIABLES = {"#000000": "ink", "#ffffff": "paper", "#dddddd": "line", "#666666": "quiet", "#999999": "mid"}
-"""What of a figure turns with a light or dark page: variables of the style sheet."""
 _INK = re.compile(rf"(fill|stroke): ({'|'.join(_VARIABLES)})")
 
 
 def inline(svg: bytes, prefix: str, label: str) -> str:
-    """An SVG file as an element of an HTML page: no prologue, ids that no other figure has, width left to the page.
+    """An SVG file as an element of an HTML page: no prologue, unique ids, width left to the page.
 
-    `label`, already escaped, names the figure for a reader who does not see it. Replacements are functions: a label or prefix is no template.
+    `label`, already escaped, names the figure for a screen reader. Replacements are functions: a label or prefix is no
+    template.
     """
     text = svg.decode("utf-8")
     text = text[text.index("<svg") :]
@@ -196,7 +189,7 @@ def inline(svg: bytes, prefix: str, label: str) -> str:
     given = Counter[str]()
 
     def once(found: re.Match[str]) -> str:
-        """An id; the second of a name, which matplotlib gives to the same image drawn twice, with a number."""
+        """An id; a repeated one, of the same image drawn twice, with a number."""
         given[found[1]] += 1
         return found[0] if given[found[1]] == 1 else f' id="{found[1]}-{given[found[1]]}"'
 
@@ -204,8 +197,7 @@ def inline(svg: bytes, prefix: str, label: str) -> str:
     return _SIZED.sub(lambda found: f'<svg role="img" aria-label="{label}" {found[1]}', text, count=1)
 
 
-MOST_POINTS = 600
-"""Points drawn per direction; denser data are thinned evenly, which the caption says."""
+MOST_POINTS = 600  # points drawn per direction; denser data are thinned evenly, which the caption says
 
 
 def thinned(n: int, most: int = MOST_POINTS) -> np.ndarray[tuple[int], np.dtype[np.intp]]:

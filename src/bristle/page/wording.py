@@ -1,4 +1,4 @@
-"""How names, units and numbers are written for a reader; one place, so that figures, tables and text agree."""
+"""Names, units and numbers in print, for figures, tables and text alike."""
 
 import math
 import re
@@ -9,10 +9,8 @@ from bristle.model.laws.parts import FASTEST
 from bristle.model.laws.registry import own_parameter, own_parameters
 from bristle.model.parameters import Kind, ParameterName, effort, periodic, unit
 
-MISSING = "–"
-"""What stands where there is no number."""
-WORK = "J"
-"""Unit of work, whatever the kind of joint."""
+MISSING = "–"  # what stands where there is no number
+WORK = "J"  # unit of work, whatever the kind of joint
 _SYMBOLS = {
     "alpha_0": "α₀",
     "alpha_1": "α₁",
@@ -25,7 +23,7 @@ _SYMBOLS = {
     "gravity_cos": "gravity (cos)",
     "quadratic": "v·|v|",
 }
-PARAMETERS = {
+PARAMETERS = {  # of every law, in words
     "alpha_0": "Coulomb friction",
     "alpha_1": "Stribeck amplitude",
     "alpha_2": "viscous friction",
@@ -33,10 +31,8 @@ PARAMETERS = {
     "sigma_0": "bristle stiffness",
     "sigma_1": "bristle damping",
 }
-"""What the parameters of every law are, in words."""
 _DIRECTIONS = {"+": "(+)", "-": "(−)", "both": "both directions", "shared": "shared by both directions"}
-_WORDS = {"displacement": "position", "displacement from rest": "position"}
-"""Words on an axis that have the unit of a signal."""
+_WORDS = {"displacement": "position", "displacement from rest": "position"}  # on an axis, by the signal of their unit
 
 
 def symbol(name: str | ParameterName) -> str:
@@ -50,9 +46,9 @@ def symbol(name: str | ParameterName) -> str:
 
 
 def in_symbols(sentence: str) -> str:
-    """A sentence with each friction parameter as `symbol` writes it, direction included.
+    """A sentence with the symbols of friction parameters, direction included.
 
-    A law's own name that is no word, with _ in it, is one; delta stays.
+    A law's own parameter is replaced if its name has a _ in it; delta is a word.
     """
     own = "".join(f"|{name}" for name in own_parameters() if "_" in name)
     names = rf"\b(alpha_[012]|sigma_[01]|v_s|{FASTEST}{own})\b([+-](?=\W|$))?"
@@ -60,12 +56,12 @@ def in_symbols(sentence: str) -> str:
 
 
 def in_print(sentence: object) -> str:
-    """The sentence of a diagnostic as a page has it: parameters as symbols, units in print."""
+    """A sentence of a finding in print: parameters as symbols, units in print."""
     return pretty(in_symbols(str(sentence)))
 
 
 def direction(name: str) -> str:
-    """A direction as a heading says it: + -> (+)."""
+    """A direction in a heading: + -> (+)."""
     return _DIRECTIONS.get(name, name)
 
 
@@ -142,7 +138,7 @@ def counted(count: int, thing: str) -> str:
 
 
 def sentence(text: str) -> str:
-    """What a caption finds, as its first sentence: with a capital and a full stop; nothing of nothing."""
+    """A caption's finding as its first sentence, with a capital and a full stop; empty of an empty text."""
     return f"{text[0].upper()}{text[1:]}." if text else ""
 
 
@@ -182,14 +178,10 @@ def free(name: str, taken: Callable[[str], bool]) -> str:
     return name if not taken(name) else next(x for k in count(2) if not taken(x := f"{name}-{k}"))
 
 
-FITS = {"tracking": "moving runs", "joint": "joint fit"}
-"""The two fits of moving runs, as headings and tables name them."""
-
-
-METHODS = {
+FITS = {"tracking": "moving runs", "joint": "joint fit"}  # fits of moving runs, in headings and tables
+METHODS = {  # ways to sigma_0, in tables and legends
     "printed": "(14) as printed, T₁ / x₁",
     "corrected": "inverse of (14)",
     "edges": "count edge to count edge",
     "samples": "all samples",
 }
-"""The four ways to sigma_0, as tables and legends name them."""

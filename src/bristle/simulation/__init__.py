@@ -1,1 +1,1 @@
-"""The virtual bench, the paper's numbers, and a known joint in its loop."""
+"""The virtual bench, the paper's joints, and a joint in its loop."""

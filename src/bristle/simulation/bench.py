@@ -1,4 +1,4 @@
-"""Points of the steady curve with noise, as the ramps of a bench give them, without simulating a loop."""
+"""Noisy points of the steady curve."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from bristle.model.vectorize import evaluate
 def steady_points(
     p: Lugre[float] | Stribeck[float], velocities: Array, noise: float, rng: np.random.Generator, repetitions: int
 ) -> Array:
-    """Steady torques (9) at planned velocities (rad/s), plus white noise (N*m): shape (repetitions, velocities), N*m."""
+    """Steady torques (9) at velocities (rad/s) plus white noise (N*m), (repetitions, velocities), N*m."""
     curve = p.stribeck if isinstance(p, Lugre) else p
     (torque,) = evaluate(functions.steady_torque_function(p.law), velocities, *curve)
     return torque + white_noise(rng, noise, (repetitions, velocities.size))

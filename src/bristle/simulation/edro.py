@@ -1,4 +1,4 @@
-"""Ed-Ro: the paper's own numbers, Table 1 and the gains of (21), and where the embedded default lies that was simulated with them."""
+"""Ed-Ro: Table 1, the gains of (21), and the embedded data simulated with them."""
 
 from pathlib import Path
 
@@ -20,23 +20,23 @@ TABLE_1: dict[str, Pair[float]] = {
         Lugre(0.2371, 0.0285, 0.1394, 0.0750, 70.5845, 0.4673), Lugre(0.1731, 0.1098, 0.1338, 0.0620, 50.2721, 0.3908)
     ),
 }
-"""Table 1: LuGre parameters of each joint, for positive and negative velocity."""
+"""LuGre parameters of each joint, positive and negative velocity."""
 
 PID_GAINS: Gains[float] = Gains(K_p=3.0, K_i=1.2, K_d=0.2, filter_time=0.0)
 """The gains of (21), as if for radians and N*m: the paper does not say."""
 
 TABLE_2_START: dict[str, float] = {"alpha_0": 0.3, "alpha_2": 0.5}
 TABLE_2_ADAPTED: dict[str, float] = {"alpha_0": 0.84, "alpha_2": 1.05}
-"""Table 2: with which shares of the gripper's parameters the adaptation begins, and at which it ends."""
+"""Shares of the gripper's parameters where the adaptation begins and ends."""
 
 
 def inertia(pair: Pair[float]) -> float:
-    """J, kg*m**2: (15) inverted, the mean of the two directions, which differ by up to 20 %."""
+    """J, kg*m**2, by inversion of (15), the mean of two directions that differ by up to 20 %."""
     return sum((p.sigma_1 / (2 * DAMPING_RATIO)) ** 2 / p.sigma_0 for p in pair) / 2
 
 
 def datasets_folder(name: str = "edro") -> Path:
-    """The folder of an embedded data set, `edro` or `arm`, in the package or the checkout. Raises FileNotFoundError where it is missing."""
+    """The folder of an embedded data set, `edro` or `arm`. Raises FileNotFoundError where it is missing."""
     here = Path(__file__).resolve()
     for folder in (here.parents[1] / "datasets" / name, here.parents[3] / "datasets" / name):
         if folder.is_dir():
@@ -45,5 +45,5 @@ def datasets_folder(name: str = "edro") -> Path:
 
 
 def experiments() -> tuple[Path, ...]:
-    """The four experiment files of the embedded default, in the order of Table 1."""
+    """The four embedded experiment files, in the order of Table 1."""
     return tuple(datasets_folder() / f"{stem}.yaml" for stem in ("gripper", "wrist", "elbow", "base"))

@@ -1,7 +1,4 @@
-"""A known joint in its loop: its friction, what is known of that, its controller, and which motion it follows; the paper's four, or a user's own.
-
-What a user's experiment file does not give of the loop is derived, and said among the assumptions.
-"""
+"""A joint with its friction, controller and reference: the paper's four, or a user's."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -29,75 +26,58 @@ from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
 from bristle.simulation.references import Sine
 
-_BEYOND = 30.0  # a reference may be so many times as fast as what was measured
+_BEYOND = 30.0  # largest speed of a reference over the fastest measured
 _FREQUENCY = 0.5  # of the default reference, Hz
 _BESIDE = ("offset", "gravity", "quadratic")
-"""What takes torque along a motion beside friction, inertia and the links of a robot."""
+"""Terms of the torque beside friction, inertia and links."""
 
 
 class Carried(NamedTuple):
-    """What a joint carries along a motion, where its friction rises with it."""
+    """The load along a motion, where friction rises with it."""
 
-    rises: Mapping[str, float]
-    """The coefficients (`law.load_levels`), by name."""
-    others: Mapping[str, float]
-    """Those of the torque that is neither friction nor inertia (`law.load_terms`), by name."""
+    rises: Mapping[str, float]  # Coefficients of `law.load_levels`, by name
+    others: Mapping[str, float]  # Coefficients of `law.load_terms`, by name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointLoop:
-    """A joint to be compensated. Units are those of a revolute joint; rad stands for m and N*m for N where it slides."""
+    """A joint to be compensated; rad stands for m and N*m for N where it slides."""
 
     name: str
     kind: JointKind
-    plant: Pair[float]
-    """Friction as it is: the truth of simulated data, else as identified."""
-    model: Pair[float]
-    """Friction as identified."""
-    J: float
-    """Inertia of the plant, kg*m**2."""
+    plant: Pair[float]  # The truth of simulated data, else as identified
+    model: Pair[float]  # Friction as identified
+    J: float  # Inertia of the plant, kg*m**2
     draws: tuple[tuple[Pair[float], float], ...] = ()
-    """Joints that the identified covariance, and errors of constants, allow: friction and inertia."""
-    draws_by_constants: tuple[tuple[Pair[float], float], ...] = ()
-    """Joints that errors of constants alone allow."""
+    """Joints drawn from covariance and errors of constants: friction and inertia."""
+    draws_by_constants: tuple[tuple[Pair[float], float], ...] = ()  # Joints drawn from errors of constants alone
     gains: Gains[float]
-    amplitude: float
-    """Of the sinusoidal reference, rad."""
-    frequency: float
-    """Of the reference of the adaptation, Hz."""
-    slow: float
-    """Of the reference of the other experiments, Hz."""
-    period: float
-    """Control period, s."""
+    amplitude: float  # Of the sinusoidal reference, rad
+    frequency: float  # Of the reference for adaptation, Hz
+    slow: float  # Of the other references, Hz
+    period: float  # Control period, s
     adaptation: Adaptation
-    start: Mapping[str, float]
-    """Where the adaptation begins, as shares of the model's parameters."""
+    start: Mapping[str, float]  # Shares of the model's parameters where the adaptation begins
     simulated: bool
     assumptions: tuple[Finding, ...] = ()
-    diagnostic_law: Adaptation | None = None
-    """The total law, by which replays tell parameters apart; None: none."""
+    diagnostic_law: Adaptation | None = None  # The total law, for replays, or None
     compensator: Compensator = field(default_factory=Compensator)
-    """The paper's, if no other was asked for: LuGre driven by the reference velocity."""
+    """By default the paper's: LuGre driven by the reference velocity."""
     carried: Carried | None = None
-    """The load, where friction rises with it."""
-    centre: float = 0.0
-    """The position about which references swing, rad: the load is that there."""
+    centre: float = 0.0  # Position about which references swing, rad
 
     def case(self, plant: Pair[float] | None = None, model: Pair[float] | None = None, J: float | None = None) -> Case:
-        """Numbers of a run; what is not given is the joint's own."""
+        """Numbers of a run, by default the joint's own."""
         motor = Motor(1.0, 1.0, 0.0, self.J if J is None else J)
         return Case(plant=plant or self.plant, motor=motor, model=model or self.model, gains=self.gains)
 
     def wrong_start(self, model: Pair[float]) -> Pair[float]:
-        """A model with the wrong parameters with which the adaptation begins."""
+        """A wrong model for the adaptation to begin with."""
         wrong = ({name: share * getattr(p, name) for name, share in self.start.items()} for p in model)
         return Pair(*(p._replace(**own) for p, own in zip(model, wrong, strict=True)))
 
     def comparable_rates(self, law: Law) -> tuple[float, ...]:
-        """Rates of a law: the adaptation's, but times or over the parameter where only one of both laws has it once more in its gradient.
-
-        A parameter of zero, which a gain cannot change, keeps its rate.
-        """
+        """The adaptation's rates for another law: times or over the parameter that only one law has in its gradient."""
         plan, begun = self.adaptation, self.wrong_start(self.model).positive
         power = (plan.law == "partial-theta") - (law == "partial-theta")
         sizes = (getattr(begun, name) or 1.0 for name in plan.parameters)
@@ -109,15 +89,15 @@ class JointLoop:
         return self.gains.K_p / max(p.sigma_0 for p in self.model)
 
     def sine(self, frequency: float, duration: float, amplitude: float | None = None) -> Reference:
-        """A reference: amplitude sin(2 pi frequency t), the joint's own amplitude if no other is given."""
+        """A sine of this frequency, Hz, by default of the joint's amplitude."""
         sine = Sine(self.amplitude if amplitude is None else amplitude, frequency)
         return self.under_load(sine.sampled(duration, self.period))
 
     def under_load(self, motion: Reference) -> Reference:
-        """A reference, (n,), from the centre, with the level that friction rises to under the load along it, as the model has it.
+        """A reference, (n,), from the centre, with the level to which friction rises under the load along it.
 
-        The motor's torque is what it takes to follow the reference, steady friction (9) included, and that of the links
-        gravity's. Raises InputError where friction would rise by more than the load that it rises with.
+        The motor's torque follows the reference with steady friction (9), that of the links is gravity. Raises
+        InputError where friction would rise by more than its load.
         """
         if self.carried is None:
             return motion
@@ -130,7 +110,7 @@ class JointLoop:
         v, level = motion.velocity, np.zeros_like(motion.position)
         curve = functions.steady_torque_function(self.model.law)
         own += np.where(v < 0, *(evaluate(curve, v, *p.stribeck)[0] for p in reversed(self.model)))
-        for _ in range(200):  # friction is part of its own load, and settles
+        for _ in range(200):  # friction is part of its own load: iterated
             before, level = level, load_level(self.carried.rises, own + level * np.sign(v), -gravity)
             if not np.isfinite(level).all():
                 break
@@ -143,7 +123,7 @@ class JointLoop:
 
 
 def of_paper(joints: Sequence[Joint]) -> tuple[JointLoop, ...]:
-    """The four joints of Table 1 under the paper's PID, each with what was identified of it from the embedded data."""
+    """The four joints of Table 1 under the paper's PID, with what was identified of the embedded data."""
     loops = []
     for joint in joints:
         pair = edro.TABLE_1[joint.name]
@@ -174,19 +154,19 @@ PAPER_ASSUMPTIONS: tuple[Finding, ...] = (
         "its (+) parameters in both directions."),
     Finding("paper-feed-forward", NOTE, "No inertia feed-forward, unless it is named."),
 )  # fmt: skip  # a table
-"""Every constant of the closed loop that the paper does not give."""
+"""Constants of the closed loop that the paper does not give."""
 
 
 def one_way(loop: JointLoop) -> JointLoop:
-    """A joint of Table 1 with its positive friction in both directions, model and plant alike: as the paper's Table 2 has it."""
+    """A joint of Table 1 with its positive friction both ways, as in the paper's Table 2."""
     pair = Pair(loop.plant.positive, loop.plant.positive)
     return replace(loop, plant=pair, model=pair, J=edro.inertia(pair), draws=())
 
 
 def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
-    """A user's joint with its own `adapt` options, or with what bristle takes where there are none.
+    """A user's joint with its `adapt` options, or defaults.
 
-    Raises InputError where no inertia is known, the runs do not give a whole model, or the adaptation cannot be as it is asked.
+    Raises InputError where no inertia or no complete model is known, or an option is not possible.
     """
     asked, known, J = experiment.adapt, whole(joint), inertia_of(experiment, joint)
     if J is None:
@@ -224,7 +204,7 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         adaptation = _paced(adaptation, model.positive, gains.K_p, speed, assumed)
     total = replace(adaptation, law="total")
     diagnostic_law = None if adaptation.law == "total" else _paced(total, model.positive, gains.K_p, speed, [])
-    # The wrong model begins as given, or at the paper's shares of what is adapted, half of what the paper does not adapt.
+    # the wrong model starts as given, else at the paper's shares or one half
     shares = {name: asked.start.get(name, 0.5) for name in adaptation.parameters}
     start = asked.start if "start" in asked.model_fields_set else shares
     truth = truth_of(joint)
@@ -263,14 +243,14 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
 
 
 def bristle_filled(name: ParameterName, value: float, kind: JointKind, how: str) -> Finding:
-    """That no run shows a parameter of the bristle, and what is assumed."""
+    """A caution on an assumed parameter of the bristle."""
     of = f"{name.name} ({name.direction})" if name.direction in SIGNED else name.name
     message = f"{of}: not identifiable from these data; assumed {value:.3g} {unit(name.name, kind)}, {how}."
     return Finding("bristle-filled", CAUTION, message, {"name": name.name, "value": value, "direction": name.direction})
 
 
 def _carried(joint: Joint) -> Carried | None:
-    """The load along a motion; None where friction does not rise with it, or nothing tells it of the position alone."""
+    """The load along a motion, or None."""
     rises = rises_of(joint)
     known = {name.name: x for name, x in joint.moving.known.items()} if joint.moving is not None else {}
     others = {name: known[name] for beside in _BESIDE for name in terms_of(beside).names if name in known}
@@ -279,10 +259,7 @@ def _carried(joint: Joint) -> Carried | None:
 
 
 def asked_parts(experiment: Experiment) -> tuple[Compensator, Adaptation]:
-    """Compensator and adaptation as `adapt` asks for them; rates that are not given are zero.
-
-    Raises InputError, with the file's name, where they cannot be so.
-    """
+    """Compensator and adaptation by `adapt`, missing rates zero. Raises InputError, with the file's name."""
     asked = experiment.adapt
     longest = 0.02 / (asked.frequency or _FREQUENCY)
     if asked.period > longest:
@@ -302,10 +279,11 @@ def asked_parts(experiment: Experiment) -> tuple[Compensator, Adaptation]:
 
 
 def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assumed: list[Finding]) -> Adaptation:
-    """The adaptation with rates that mend half of a parameter's error in a second, on the mean over a sine with that largest speed, rad/s.
+    """The adaptation with rates that halve a parameter's error in a second, along a sine with this top speed, rad/s.
 
-    A parameter that is wrong by a share s makes an error of position of about s p D / K_p, D the total derivative of the torque by it, so that its
-    gain moves by gamma G s p D / K_p a second. Both are taken in steady sliding; a parameter that makes no torque there gets the rate zero.
+    A relative error s of a parameter p makes a position error of about s p D / K_p, D the total derivative of the
+    torque, so its gain moves by gamma G s p D / K_p a second, in steady sliding. A parameter without torque there gets
+    the rate zero.
     """
     v = fastest * np.sin(np.pi * (np.arange(64) + 0.5) / 128)  # a quarter of the sine
     z, *by = evaluate(functions.steady_deflection_function(p.law), v, *p)
@@ -340,7 +318,7 @@ def _gains(asked: AdaptOptions, J: float, kind: JointKind, assumed: list[Finding
 
 
 def fastest_measured(joint: Joint) -> float:
-    """The fastest measured speed of a joint, rad/s. Raises InputError where its results hold none."""
+    """The fastest measured speed, rad/s. Raises InputError without any."""
     moving = joint.moving
     known = [fit.velocity for fit in joint.static.values()] + ([moving.velocity] if moving is not None else [])
     fastest = max((float(np.abs(v).max()) for v in known if v.size), default=0.0)
@@ -350,6 +328,6 @@ def fastest_measured(joint: Joint) -> float:
 
 
 def requested_motion(asked: AdaptOptions, fastest: float) -> tuple[float, float]:
-    """Amplitude, rad, and frequency, Hz, of a sine: as asked for, or else 0.5 Hz and a top speed of half the fastest, rad/s."""
+    """Amplitude, rad, and frequency, Hz: as asked for, else 0.5 Hz and half the fastest speed, rad/s."""
     frequency = asked.frequency or _FREQUENCY
     return asked.amplitude or float(f"{0.5 * fastest / (2 * np.pi * frequency):.2g}"), frequency

@@ -1,8 +1,4 @@
-"""References that a joint is given: holds, moves, sines, multisines and slow loads, one kind for closed loop and plan.
-
-Each is a few numbers; `at` makes of them a `Reference` at instants from zero on, s, (n,): position, velocity and acceleration, or a torque. Holds and
-moves go from one value to the next by polynomials of the time, so that their acceleration is continuous.
-"""
+"""Reference motions and loads as few numbers; `at` samples them at times, s, (n,), with continuous acceleration."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -21,10 +17,10 @@ _SMOOTH = Polynomial([0.0, 0.0, 3.0, -2.0])  # from one velocity to the next
 _TRAVELLED = _SMOOTH.integ()
 _ACROSS = Polynomial([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])  # from one position to the next, at rest at both
 STEEPEST = float(_SMOOTH.deriv()(0.5))
-"""Largest acceleration of a hold's ramp, over its velocity and over one per its time."""
+"""Largest acceleration of a hold's ramp, times its duration over its velocity."""
 FASTEST = float(_ACROSS.deriv()(0.5))  # largest velocity of a move, over its mean
 HARDEST = float(np.abs(_ACROSS.deriv(2)(_ACROSS.deriv(3).roots().real)).max())
-"""Largest acceleration of a move, over its way and over one per its time squared."""
+"""Largest acceleration of a move, times its duration squared over its way."""
 
 
 class Sine(NamedTuple):
@@ -48,36 +44,31 @@ class Sine(NamedTuple):
 
 
 class Multisine(NamedTuple):
-    """A sum of sines of the position, faded in and out: rad, Hz and rad, (k,) each."""
+    """A sum of sines, faded in and out: rad, Hz and rad, (k,) each."""
 
     amplitude: Array
     frequency: Array
     phase: Array
 
     def at(self, time: Array, duration: float, rest: float = 0.5) -> Reference:
-        """About zero, fading over `rest` at its beginning and before its end, after `duration`, s."""
+        """About zero, fading over `rest` at both ends of the duration, s."""
         sines = (x[:, None] for x in self)
         x, x_t, x_tt = evaluate(functions.faded_sine_function(), time, *sines, duration, rest)
         return Reference(x.sum(axis=0), x_t.sum(axis=0), x_tt.sum(axis=0))
 
 
 class Hold(NamedTuple):
-    """One pass at a constant velocity, from rest to rest."""
+    """A pass at constant velocity, from rest to rest."""
 
-    run: int
-    """Of which it is a pass."""
-    velocity: float
-    """rad/s, with its sign."""
-    run_in: float
-    """At that velocity before it is averaged, s."""
-    averaged: float
-    """s."""
-    ramp: float
-    """Time from rest to the velocity, s."""
+    run: int  # Index of its run
+    velocity: float  # rad/s, signed
+    run_in: float  # Time at that velocity before averaging, s
+    averaged: float  # Averaging time, s
+    ramp: float  # Time from rest to the velocity, s
 
     @property
     def travel(self) -> float:
-        """rad, with its sign."""
+        """rad, signed."""
         return self.velocity * (self.run_in + self.averaged + self.ramp)
 
     @property
@@ -100,7 +91,7 @@ class Hold(NamedTuple):
 
 
 class Move(NamedTuple):
-    """From rest to rest elsewhere, rad, within so many s, never at a constant velocity."""
+    """From rest to rest elsewhere, rad, in so many s."""
 
     start: float
     stop: float
@@ -117,18 +108,13 @@ class Move(NamedTuple):
 
 
 class SlowLoads(NamedTuple):
-    """A presliding experiment, open loop: torque grows slowly to each peak below breakaway and falls back faster, the joint at rest."""
+    """An open-loop presliding experiment: torque peaks below breakaway, slowly up and faster down."""
 
-    peaks: tuple[float, ...]
-    """One after the other, N*m, each with its sign."""
-    rise: float = 25.0
-    """Time to each peak, s."""
-    fall: float = 4.0
-    """Time from it back to zero, s."""
-    rest: float = 1.0
-    """Before the first and after the last, s."""
-    pause: float = 0.0
-    """Between one and the next, s."""
+    peaks: tuple[float, ...]  # N*m, signed
+    rise: float = 25.0  # Time to each peak, s
+    fall: float = 4.0  # Time from it back to zero, s
+    rest: float = 1.0  # Before the first and after the last peak, s
+    pause: float = 0.0  # Between peaks, s
 
     @property
     def duration(self) -> float:
@@ -142,12 +128,12 @@ class SlowLoads(NamedTuple):
         return Reference(still, still, still, np.interp(time, self._turns(), torques))
 
     def _turns(self) -> Array:
-        """Where the torque turns, s."""
+        """Times of turns, s."""
         steps = [self.rise, self.fall, self.pause] * len(self.peaks)
         return np.cumsum([0.0, self.rest, *steps[:-1], self.rest])
 
 
 def stacked(references: Sequence[Reference]) -> Reference:
-    """References of one length, one for each case, (cases, n)."""
+    """References of one length as one, (cases, n)."""
     whole = ([np.broadcast_to(x, r.position.shape) for x in r] for r in references)
     return Reference(*map(np.stack, zip(*whole, strict=True)))

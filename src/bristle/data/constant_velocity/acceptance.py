@@ -1,4 +1,4 @@
-"""What a candidate for a segment of constant velocity shows, and whether it counts: each reason says what would have let it in."""
+"""Evidence on candidates for segments of constant velocity, and the reasons that reject them."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -19,21 +19,19 @@ from bristle.findings import CAUTION, NOTE, Finding, unit_of
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scale:
-    """What is usual in a run, for its candidates to be compared with."""
+    """Typical values of a run, to which its candidates are compared."""
 
     quantum: float  # encoder resolution, as declared or else the smallest step seen, rad; 0 where there is no position
     fastest: float  # largest mean speed of any candidate, rad/s
     duration: float  # typical duration of a plateau: the median, weighted by duration, s
     distance: float  # typical distance travelled in one, rad
-    extremes: tuple[float, ...]
-    """Largest abs(torque) and abs(voltage), where there are enough levels for a limit to stand out."""
-    commanded: bool
-    """Whether a plateau below the largest torque holds one value: then the torque is a command, and holds others too."""
+    extremes: tuple[float, ...]  # largest abs(torque) and abs(voltage), inf where too few levels show a limit
+    commanded: bool  # whether a plateau below the largest torque holds one value: then the torque is a command
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """What one candidate shows; velocities and torques as in `Segment`."""
+    """Measurements of one candidate; velocities and torques as in `Segment`."""
 
     samples: int
     duration: float
@@ -51,13 +49,12 @@ class Evidence:
     swing: float  # standard deviation of the velocity that is not noise, rad/s; 0 where noise hides it
     resting: float  # share of the time at less than a tenth of the mean velocity
     backward: float  # share of the time moving the other way, faster than a tenth of the mean velocity
-    clipped: float
-    """Share of samples at the record's extreme torque or voltage; of what may be a command where it is not all."""
+    clipped: float  # share of samples at the extreme torque or voltage; of a possible command only if not all
     limited: float  # share of samples at or beyond the torque limit
 
 
 def usual_scale(record: Record, candidates: Sequence[CandidateSpan], resolution: float | None) -> Scale:
-    """What is usual in a run; from its plateaus, or from all of it where there is none."""
+    """Typical values of a run, from its plateaus, or from all of it where there is none."""
     velocity, time = np.asarray(record.velocity), record.time
     plateaus = [s for s in candidates if s.plateau] or [CandidateSpan(0, time.size, False)]
     durations = np.array([time[s.stop - 1] - time[s.start] for s in plateaus])
@@ -114,7 +111,7 @@ def evidence(record: Record, candidate: CandidateSpan, usual: Scale, torque_limi
 
 
 def _drift(x: Array) -> tuple[float, float, float]:
-    """Range of the parabola through x, four standard deviations of the range that noise gives a constant, and samples per independent one."""
+    """Range of the parabola through x, four deviations of what noise makes of it, samples per independent one."""
     n = x.size
     if n < 4:
         return float(np.ptp(x)), 0.0, 1.0
@@ -127,7 +124,7 @@ def _drift(x: Array) -> tuple[float, float, float]:
 
 
 def _swing(v: Array, position: Array | None, time: Array, mean: float, quantum: float) -> tuple[float, float, float]:
-    """Deviation, and shares at rest and backward, of v averaged over a window just long enough for noise to be a tenth of the mean."""
+    """Deviation, and shares at rest and backward, of v averaged so that noise is a tenth of the mean."""
     from scipy.ndimage import uniform_filter1d
 
     n, speed = v.size, abs(mean)
@@ -149,26 +146,21 @@ def _weighted_median(x: Array, weight: Array) -> float:
     return float(x[order][np.searchsorted(total, total[-1] / 2)])
 
 
-_SHARE = 0.25
-"""Of the typical plateau of a run: what is shorter both in time and in travel is a piece of something else."""
+_SHARE = 0.25  # of the typical plateau: what is shorter both in time and in travel is a piece of something else
 _INDEPENDENT = 5.0  # fewest independent samples of velocity and torque
 
 
 class Thresholds(StrictModel):
-    """What a constant-velocity segment must satisfy, as under `segments`. None: from the data's own noise floor."""
+    """What a constant-velocity segment must satisfy, as under `segments`; None: from the data's own noise floor."""
 
-    minimum_duration: Seconds | None = None
-    """Shortest segment that counts, s."""
-    velocity_tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
-    """Largest drift of the velocity over a segment, relative to its mean."""
-    torque_limit: Annotated[float, quantity("torque"), Field(gt=0)] | None = None
-    """Torque at which the drive saturates, N*m."""
-    minimum_velocity: Speed | None = None
-    """Slowest mean velocity that counts as motion, rad/s."""
+    minimum_duration: Seconds | None = None  # shortest segment that counts, s
+    velocity_tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None  # largest drift relative to the mean
+    torque_limit: Annotated[float, quantity("torque"), Field(gt=0)] | None = None  # at which the drive saturates, N*m
+    minimum_velocity: Speed | None = None  # slowest mean velocity that counts as motion, rad/s
 
 
 def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Finding, ...]:
-    """Why a candidate does not count, with what would have let it in; empty where it does."""
+    """Reasons that reject a candidate, each with what would let it in; none where it counts."""
     steady = next(_unsteadiness(e, usual, t), None)
     if steady and steady.code == "transient":
         return (steady,)
@@ -178,25 +170,25 @@ def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Finding, ...]:
 
 
 def warnings(e: Evidence) -> Iterator[Finding]:
-    """Warnings about a candidate that counts."""
+    """Warnings about an accepted candidate."""
     speed, velocity, torque = abs(e.velocity), unit_of("velocity"), unit_of("torque")
     if sticks(e):
         swing = e.swing / speed
         message = (
-            f"Stick-slip: the velocity deviates by {100 * swing:.0f} % of its mean and is zero {100 * e.resting:.0f} % of the time; "
-            "the mean torque is not the friction at the mean velocity."
+            f"Stick-slip: the velocity deviates by {100 * swing:.0f} % of its mean and is zero {100 * e.resting:.0f} % of "
+            "the time; the mean torque is not the friction at the mean velocity."
         )
         yield Finding("stick-slip", CAUTION, message, {"swing": swing, "resting": e.resting})
     if abs(e.logged - e.velocity) > max(0.005 * speed, 4 * e.velocity_error):
         message = (
-            f"The slope of the position, {e.velocity:.4g}{velocity}, and the mean of the logged velocity, {e.logged:.4g}{velocity}, differ: "
-            "check for missing samples, a wrong unit or a wrong sampling rate."
+            f"The slope of the position, {e.velocity:.4g}{velocity}, and the mean of the logged velocity, "
+            f"{e.logged:.4g}{velocity}, differ: check for missing samples, a wrong unit or a wrong sampling rate."
         )
         yield Finding("position-differs", CAUTION, message, {"slope": e.velocity, "logged": e.logged})
     if e.torque_drift > max(0.1 * abs(e.torque), e.torque_drift_noise):
         message = (
-            f"The torque changes by {e.torque_drift:.3g}{torque} over the segment (mean {e.torque:.4g}{torque}), more than its noise: it "
-            "depends on position, temperature or time, or had not settled."
+            f"The torque changes by {e.torque_drift:.3g}{torque} over the segment (mean {e.torque:.4g}{torque}), more than "
+            "its noise: it depends on position, temperature or time, or had not settled."
         )
         yield Finding("torque-drifts", CAUTION, message, {"drift": e.torque_drift, "torque": e.torque})
     if e.torque_error is None:
@@ -210,7 +202,7 @@ def sticks(e: Evidence) -> bool:
 
 
 def _too_short(e: Evidence, usual: Scale, t: Thresholds, other: Finding | None) -> Finding | None:
-    """Messages here lack their effect, which `reasons` adds; beside another reason no threshold is proposed: it would let in no plateau."""
+    """The reason of its length, without the effect, which `reasons` adds; a threshold only if it is the only reason."""
     if t.minimum_duration is not None:
         if e.duration >= t.minimum_duration * (1 - 1e-9):
             return None
@@ -239,15 +231,13 @@ def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Iterator
     wanted = "the noise floor" if t.minimum_velocity is None else "segments.minimum_velocity"
     moves, unit = speed > 1e-6 * usual.fastest, unit_of("velocity")
     option = f", or a segments.minimum_velocity of {_rounded(speed, floor)}," if moves else ""
-    message = (
-        f"At rest or below breakaway: its mean speed is {speed:.3g}{unit}, and {wanted} is {least:.3g}{unit}. "
-        f"More torque{option}"
-    )
+    rests = f"its mean speed is {speed:.3g}{unit}, and {wanted} is {least:.3g}{unit}"
+    message = f"At rest or below breakaway: {rests}. More torque{option}"
     yield Finding("at-rest", NOTE, message, {"speed": speed, "least": least})
 
 
 def _unsteadiness(e: Evidence, usual: Scale, t: Thresholds) -> Iterator[Finding]:
-    """Why there is no steady motion, of which the first counts: transient, with a whole message, where no tolerance would let it in."""
+    """Reasons against steady motion, of which the first counts; the message of `transient` is whole."""
     yield from _at_rest(e, usual, t, 0.0)
     speed, unit, of_torque = abs(e.velocity), unit_of("velocity"), unit_of("torque")
     # default drift of the velocity, relative to its mean; or what noise alone gives, where that is more
@@ -256,47 +246,46 @@ def _unsteadiness(e: Evidence, usual: Scale, t: Thresholds) -> Iterator[Finding]
     option, drift = _tolerance(e.drift, speed), {"drift": e.drift, "velocity": e.velocity}
     if e.drift > allowed and not option:
         message = (
-            f"Transient: for {e.duration:.3g} s its velocity changes by {e.drift:.3g}{unit} about a mean of {e.velocity:.3g}{unit}, on the way "
-            "from one speed to another; it is not a plateau, and no setting makes it one."
+            f"Transient: for {e.duration:.3g} s its velocity changes by {e.drift:.3g}{unit} about a mean of "
+            f"{e.velocity:.3g}{unit}, on the way from one speed to another; it is not a plateau, and no setting makes it one."
         )
         yield Finding("transient", NOTE, message, {"duration": e.duration, **drift})
     if e.drift > allowed:
         message = (
-            f"Accelerating: its velocity drifts by {e.drift:.3g}{unit} about a mean of {e.velocity:.3g}{unit}; {allowed:.3g}{unit} is "
-            f"allowed. A steadier motion{option}"
+            f"Accelerating: its velocity drifts by {e.drift:.3g}{unit} about a mean of {e.velocity:.3g}{unit}; "
+            f"{allowed:.3g}{unit} is allowed. A steadier motion{option}"
         )
         yield Finding("accelerating", NOTE, message, {**drift, "allowed": allowed})
     if e.backward > 0.1:
-        message = (
-            f"Hunting: it moves backward {100 * e.backward:.0f} % of the time; 10 % is allowed. "
-            "A controller that does not oscillate"
-        )
+        remedy = "A controller that does not oscillate"
+        message = f"Hunting: it moves backward {100 * e.backward:.0f} % of the time; 10 % is allowed. {remedy}"
         yield Finding("hunting", NOTE, message, {"backward": e.backward})
     yield from _at_rest(e, usual, t, 5 * e.velocity_error)  # which means little where the velocity drifts or swings
-    # scatter of the mean velocities of eighths of a segment, relative to their mean, beyond which there is no mean to speak of
+    # beyond this scatter of the eighths' mean velocities there is no mean
     allowed = max(0.25, t.velocity_tolerance or 0.0) * speed
     if e.scatter > allowed:
         message = (
-            f"Stick-slip without a steady mean: the means of its eighths scatter by {e.scatter:.3g}{unit} about {e.velocity:.3g}{unit}; "
-            f"{allowed:.3g}{unit} is allowed. A longer hold or a stiffer controller{_tolerance(e.scatter, speed)}"
+            f"Stick-slip without a steady mean: the means of its eighths scatter by {e.scatter:.3g}{unit} about "
+            f"{e.velocity:.3g}{unit}; {allowed:.3g}{unit} is allowed. A longer hold or a stiffer controller"
+            f"{_tolerance(e.scatter, speed)}"
         )
         yield Finding("unsteady", NOTE, message, {"scatter": e.scatter, "velocity": e.velocity, "allowed": allowed})
     if e.torque_drift > max(abs(e.torque), e.torque_drift_noise):
         message = (
-            f"Below breakaway, or not settled: its torque changes by {e.torque_drift:.3g}{of_torque}, more than its mean of "
-            f"{e.torque:.4g}{of_torque}. A longer hold at this speed"
+            f"Below breakaway, or not settled: its torque changes by {e.torque_drift:.3g}{of_torque}, more than its mean "
+            f"of {e.torque:.4g}{of_torque}. A longer hold at this speed"
         )
         yield Finding("unsettled", NOTE, message, {"drift": e.torque_drift, "torque": e.torque})
 
 
 def _tolerance(deviation: float, speed: float) -> str:
-    """What to set to allow this deviation; empty where it cannot be set."""
+    """The setting that would allow this deviation; empty where there is none."""
     share = _rounded(deviation / max(speed, 1e-300), ceil)
     return f", or a segments.velocity_tolerance of {share}," if float(share) < 1 else ""
 
 
 def _rounded(x: float, way: Callable[[float], int]) -> str:
-    """A number of three digits, rounded down (floor) or up (ceil): as a threshold it does what is said of it."""
+    """A number of three digits, rounded down (floor) or up (ceil), to be used as a threshold."""
     unit = 10.0 ** (floor(log10(x)) - 2) if x > 0 else 1.0
     return f"{way(x / unit * (1 - 1e-9 if way is floor else 1 + 1e-9)) * unit:.3g}"
 
@@ -308,8 +297,6 @@ def _saturated(e: Evidence, t: Thresholds) -> Finding | None:
         share, limit = e.clipped, "the largest torque or voltage of the run"
     if share <= 0.05:
         return None
-    message = (
-        f"Saturated: {100 * share:.0f} % of its samples are at {limit}; 5 % is allowed. "
-        "A lower speed, or a higher torque_limit,"
-    )
+    remedy = "A lower speed, or a higher torque_limit,"
+    message = f"Saturated: {100 * share:.0f} % of its samples are at {limit}; 5 % is allowed. {remedy}"
     return Finding("saturated", NOTE, message, {"share": share})

@@ -1,9 +1,9 @@
-"""Where to look for constant velocity: a run cut into candidates of constant acceleration, each a plateau or not.
+"""Candidates for constant velocity: a run cut into pieces of constant acceleration, each a plateau or not.
 
-The cut depends on the data alone, on no threshold, so that loosening a threshold can only let more of the same
-candidates in. Velocity is averaged over equal blocks, and the blocks are divided among straight lines by dynamic
-programming over the marginal likelihood of each line with an unknown noise of its own. The block length is the one
-whose plateaus last longest in all; what lies between them is cut again, finer.
+The cut depends on the data alone, on no threshold, so that a looser threshold only accepts more of the same candidates.
+Velocity is averaged over equal blocks, and the blocks are divided among straight lines by dynamic programming over the
+marginal likelihood of each line with its own unknown noise. The block length is the one with the longest plateaus in
+all; what lies between them is cut again, finer.
 """
 
 from dataclasses import dataclass, replace
@@ -17,15 +17,14 @@ from bristle.estimation.autocorrelation import autocorrelation
 _SHORTEST = 6  # blocks in a plateau: enough to tell a drift from noise
 _SMALLEST = 4  # samples in a block
 _BLOCKS = (16, 32, 64, 128, 256, 512, 2048)
-_ENOUGH = 512
-"""Blocks beyond which one looks only where no more than half is explained: the work grows with their square."""
+_ENOUGH = 512  # blocks; more are tried only where no more than half is explained: the work grows with their square
 _COLUMNS = 64  # ends of lines whose costs are found at once
 _PRIOR = 4.0  # degrees of freedom of the prior on each line's noise
 
 
 @dataclass(frozen=True, slots=True)
 class CandidateSpan:
-    """Samples start to stop - 1 of a run, which look like a plateau or do not."""
+    """Samples start to stop - 1 of a run, a plateau or not."""
 
     start: int
     stop: int
@@ -35,12 +34,12 @@ class CandidateSpan:
 
 
 def candidates(velocity: Array, torque: Array, start: int, stop: int) -> list[CandidateSpan]:
-    """Cut the samples start to stop - 1, which hold no gap, into plateaus and what lies between them, in order.
+    """Plateaus, and what lies between them, in the samples start to stop - 1, which hold no gap, in order.
 
-    Where there is no plateau, they are cut into lines. Of velocity, rad/s, and torque, N*m, (n,) each: a plateau begins once
+    Without a plateau they are cut into lines. Of velocity, rad/s, and torque, N*m, (n,) each: a plateau begins once
     both have settled.
     """
-    # without plateaus that are an edge of another: as near as they are long, a third as long or less, at its speed within 10 %
+    # without plateaus that are an edge of another: as near as they are long, a third as long, at its speed within 10 %
     kept: list[tuple[CandidateSpan, float]] = []
     for s in sorted(_plateaus(velocity, torque, start, stop), key=lambda s: s.start - s.stop):
         length, mean = s.stop - s.start, float(velocity[s.start : s.stop].mean())
@@ -62,8 +61,7 @@ def candidates(velocity: Array, torque: Array, start: int, stop: int) -> list[Ca
 def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[CandidateSpan]:
     if stop - start < _BLOCKS[0] * _SMALLEST:
         return []
-    best: list[CandidateSpan] = []
-    most = 0.0
+    best, most = list[CandidateSpan](), 0.0
     for blocks in _BLOCKS:
         if stop - start < blocks * _SMALLEST or (blocks > _ENOUGH and most > 0.5 * (stop - start)):
             break
@@ -73,8 +71,7 @@ def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[Can
             best, most = cut, total
     if not best:
         return []
-    plateaus: list[CandidateSpan] = []
-    edge = start
+    plateaus, edge = list[CandidateSpan](), start
     for plateau in (s for s in best if s.plateau):
         plateaus += [*_plateaus(velocity, torque, edge, plateau.start), plateau]
         edge = plateau.stop
@@ -97,7 +94,7 @@ def _cut(velocity: Array, torque: Array, start: int, stop: int, blocks: int) -> 
 
 
 def _lines(u: Array) -> list[tuple[int, int]]:
-    """Divide u among straight lines: the optimal partition under minus twice the log marginal likelihood, and a penalty per line."""
+    """Blocks divided among straight lines: least minus twice the log marginal likelihood, with a penalty per line."""
     n = u.size
     penalty = 6 * np.log(n)
     k = np.arange(n) - n / 2
@@ -113,9 +110,8 @@ def _lines(u: Array) -> list[tuple[int, int]]:
             spread, covariance = skk - sk * sk / m, sku - sk * su / m
             covariance[m < 2] = 0.0
             residual = np.maximum(suu - su * su / m - covariance * covariance / np.maximum(spread, 0.5), 0.0)
-            scale = (
-                max(noise, 1e-150) ** 2 + (0.01 * su / m) ** 2
-            )  # of the prior: what is flatter than 1 % of its mean is flat
+            # of the prior: what is flatter than 1 % of its mean is flat
+            scale = max(noise, 1e-150) ** 2 + (0.01 * su / m) ** 2
             columns = (m + _PRIOR) * np.log1p(residual / (_PRIOR * scale)) + m * np.log(scale)
         total = best[:j] + columns[(j - 1) % _COLUMNS, :j] - constant[j:0:-1]
         previous[j] = int(np.argmin(total))
@@ -127,7 +123,7 @@ def _lines(u: Array) -> list[tuple[int, int]]:
 
 
 def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
-    """Blocks i to j - 1 without those at either end whose mean velocity or torque is off the others' median by over four deviations."""
+    """Blocks i to j - 1 without those at the ends whose velocity or torque is over four deviations off the median."""
     outside = np.zeros(j - i, dtype=bool)
     for x in (u[i:j], t[i:j]):
         off = np.abs(x - np.median(x))
@@ -137,7 +133,7 @@ def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
 
 
 def _without_transient(torque: Array, s: CandidateSpan) -> CandidateSpan:
-    """A plateau from the least standard error of its mean torque (White, 1997), in its first quarter or, still settling, three quarters."""
+    """A plateau from the least standard error of its mean torque on (White, 1997), in its first quarter or 3/4."""
     length = max((s.stop - s.start) // 64, 1)  # 64 parts of a plateau of which the first may be dropped
     count = (s.stop - s.start) // length
     t = torque[s.start : s.start + count * length].reshape(count, length).mean(axis=1)
@@ -156,7 +152,7 @@ def _without_transient(torque: Array, s: CandidateSpan) -> CandidateSpan:
 
 
 def _score(u: Array, v: Array) -> float:
-    """Samples explained if block means u and samples v are a plateau; zero if they are none."""
+    """Samples explained if block means u and samples v are a plateau; 0 if they are none."""
     m = u.size
     if m < _SHORTEST:
         return 0.0
@@ -167,5 +163,5 @@ def _score(u: Array, v: Array) -> float:
     if drifts or mean <= 5 * sd / np.sqrt(m):
         return 0.0
     swing = float(np.var(v)) * max(float(autocorrelation(v)[min(2, v.size - 1)]), 0.0)
-    # swing of the velocity, relative to its mean, that costs a plateau nothing: cutting finer must explain more motion, not less noise
+    # a swing of 0.05 of the mean costs nothing: cutting finer must explain more motion, not less noise
     return v.size / (1 + 6 * max(float(np.sqrt(swing)) / mean - 0.05, 0.0))

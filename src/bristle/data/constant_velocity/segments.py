@@ -83,16 +83,16 @@ class Segment:
 def find_segments(
     record: Record, thresholds: Thresholds, encoder_resolution: float | None = None
 ) -> tuple[Segment, ...]:
-    """Every candidate of a ramp run, in order of time, each accepted or rejected with its reasons; none crosses a gap.
+    """Every candidate of a ramp run, in order of time, accepted or rejected with its reasons; none crosses a gap.
 
-    The candidates depend on the data alone; `thresholds` only decide which are accepted, by the noise floor where they are
-    None. The mean velocity is the slope of the position, whose count is `encoder_resolution`, rad, or its smallest step;
-    without a position it is the mean of the velocity. Raises InputError where the record has no velocity, rad/s, or no torque, N*m.
+    The candidates depend on the data alone; `thresholds` decide which are accepted, where None by the noise floor. The
+    mean velocity is the slope of the position, whose count is `encoder_resolution`, rad, or its smallest step; without
+    a position it is the mean of the velocity. Raises InputError where the record has no velocity, rad/s, or no torque,
+    N*m.
     """
     if record.velocity is None or record.torque is None:
-        raise InputError(
-            f"{record.file}: a ramp run needs velocity and torque; name position or velocity, and torque, under signals"
-        )
+        remedy = "name position or velocity, and torque, under signals"
+        raise InputError(f"{record.file}: a ramp run needs velocity and torque; {remedy}")
     edges = (*record.starts, record.time.size)
     cut = [s for start, stop in pairwise(edges) for s in candidates(record.velocity, record.torque, start, stop)]
     usual = usual_scale(record, cut, encoder_resolution)
@@ -103,8 +103,8 @@ def find_segments(
         against = reasons(e, usual, thresholds)
         if longer is not None:
             message = (
-                f"Settling: it is the beginning or end of the plateau in {record.where(longer.start, longer.stop)}, which is judged separately; "
-                "a hold of its own would make it pass."
+                f"Settling: it is the beginning or end of the plateau in {record.where(longer.start, longer.stop)}, which "
+                "is judged separately; a hold of its own would make it pass."
             )
             against = (Finding("settling", NOTE, message), *against)
         part = slice(candidate.start, candidate.stop)
@@ -134,10 +134,11 @@ def find_segments(
 
 
 def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresholds: Thresholds) -> str:
-    """One message for the case that no candidate of any run is accepted: what each threshold rejected, and what unit mistake it looks like."""
+    """The message if no candidate is accepted: how many each threshold rejected, and the likely mistake of units."""
     counts = Counter(str(reason).partition(":")[0] for s in segments for reason in s.reasons)
     eaten = "; ".join(f"{what.lower()}: {count}" for what, count in counts.most_common()) or "no samples"
-    message = f"No segment at constant velocity is left of {len(segments)} candidates in {len(records)} runs (rejected as {eaten})."
+    total = f"{len(segments)} candidates in {len(records)} runs"
+    message = f"No segment at constant velocity is left of {total} (rejected as {eaten})."
     longest = max((s for s in segments if s.reasons), key=lambda s: (-len(s.reasons), s.stop - s.start), default=None)
     nearest = f" Nearest, {longest.where} of {longest.file}: {longest.reasons[0]}" if longest else ""
     wrong = next((str(x) for r in records for x in r.warnings if x.code.startswith("velocity-")), None)
@@ -147,7 +148,7 @@ def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresho
 
 
 def _settling(velocity: Array, cut: Sequence[CandidateSpan]) -> list[CandidateSpan | None]:
-    """The plateau that each begins or ends: three times as long, its speed held within 10 % from one to the other, over a third of it."""
+    """The plateau that each candidate begins or ends: 3 times as long, speeds within 10 % up to it, over 1/3 of it."""
     means = [float(np.mean(velocity[s.start : s.stop])) for s in cut]
     owner: list[CandidateSpan | None] = [None] * len(cut)
     for j, plateau in enumerate(cut):
@@ -166,7 +167,7 @@ def _settling(velocity: Array, cut: Sequence[CandidateSpan]) -> list[CandidateSp
 
 
 def _magnitudes(record: Record, thresholds: Thresholds) -> str | None:
-    """A threshold, or a sampling interval, that is out of all proportion to the data."""
+    """The likely mistake where a threshold or the sampling interval is out of proportion to the data."""
     duration = float(record.time[-1] - record.time[0])
     speed = 0.0 if record.velocity is None else float(np.max(np.abs(record.velocity)))
     load = 0.0 if record.torque is None else float(np.median(np.abs(record.torque)))

@@ -1,4 +1,4 @@
-"""Which column is which signal, in which unit, guessed from the columns' names."""
+"""Signals and units guessed from the names of columns."""
 
 import re
 from collections import Counter
@@ -22,8 +22,10 @@ _NAMES = {
     "current": ("i", "iq", "current", "curr", "amps", "strom"),
     "voltage": ("u", "v_in", "voltage", "volt", "volts", "spannung"),
 }  # fmt: skip  # a list of words
-_WITH_UNIT = {"position": ("x", "y", "p", "encoder"), "velocity": ("v", "w"), "torque": ("f", "m"), "voltage": ("v",)}
-"""Names that mean a signal where a unit of it follows."""
+# names that mean a signal only beside a unit of it
+_WITH_UNIT = {
+    "position": ("x", "y", "p", "enc", "encoder"), "velocity": ("v", "w"), "torque": ("f", "m", "t"), "voltage": ("v",),
+}  # fmt: skip  # a list of words
 _UNITS = {
     "time": {
         **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"), **dict.fromkeys(("ms", "msec", "millis"), "ms"),
@@ -42,22 +44,22 @@ _UNITS = {
     "current": {"%": "percent", **dict.fromkeys(("a", "amp", "amps", "ampere"), "A"), **dict.fromkeys(("ma", "milliamps"), "mA")},
     "voltage": {**dict.fromkeys(("v", "volt", "volts"), "V"), **dict.fromkeys(("mv", "millivolts"), "mV")},
 }  # fmt: skip  # a table
-_MEASURED = 2.0  # the least score of a name that says nothing of having been asked for
+_MEASURED = 2.0  # least score of a name that is not a command's
 LONGEST = 100  # characters of a column's name that may be a usual one
+# words that leave a short name what it is
 _BESIDE = frozenset((
     "joint", "motor", "link", "axis", "drive", "actuator", "servo", "arm", "load", "output", "out", "angular", "linear",
     "actual", "act", "meas", "measured", "m", "raw", "filt", "filtered", "sensor", "enc", "encoder",
 ))  # fmt: skip  # a list of words
-"""Words that leave a short name what it is."""
+# words of commands: a torque, current or voltage may be one, for want of a measured one
 _ASKED = frozenset((
     "ref", "reference", "des", "desired", "cmd", "command", "commanded", "target", "goal", "set", "setpoint", "sp",
     "ff", "feedforward", "demand",
 ))  # fmt: skip  # a list of words
-"""Words of what was asked for: a drive's torque, current or voltage may be that, for want of a measured one."""
+# words of a column that is no signal of the joint
 _OTHER = frozenset((
     "err", "error", "limit", "enable", "enabled", "mode", "max", "min", "std", "temp", "temperature", "status", "flag", "id", "count", "dt",
 ))  # fmt: skip  # a list of words
-"""Words of a column that is no signal of the joint."""
 
 
 class ColumnGuess(NamedTuple):
@@ -65,14 +67,15 @@ class ColumnGuess(NamedTuple):
 
     column: str
     unit: str | None  # none: not in the column's name
-    others: int = 0  # columns whose names say so just as well, which come later in the file
+    others: int = 0  # later columns whose names say so as plainly
 
 
 def guess_columns(names: Sequence[str], stated: Sequence[str] = ()) -> dict[str, ColumnGuess]:
-    """The column whose name says most plainly that it is a signal, signal by signal; a column that repeats is none.
+    """The column whose name most plainly means each signal; names that repeat are left out.
 
-    A name is cut into words, and perhaps a unit behind them: `motor_current_A`, `jointPosDeg`, `Torque [Nm]`. `stated` are the units that a file
-    states of its columns, empty where it states none; a column alone in a unit of time is the time.
+    A name is cut into words, and perhaps a unit behind them: `motor_current_A`, `jointPosDeg`, `Torque [Nm]`. `stated`
+    are the units that a file states of its columns, empty where it states none; a column alone in a unit of time is the
+    time.
     """
     once = [name for name, count in Counter(names).items() if count == 1 and len(name) <= LONGEST]
     units = dict(zip(names, stated, strict=False))
@@ -106,7 +109,7 @@ class _Reading(NamedTuple):
 
 @cache
 def _fits(unit: str, signal: str) -> bool:
-    """Whether a unit is one of a signal, of a joint that turns or slides."""
+    """Whether a unit fits a signal of a joint that turns or slides."""
     for kind in ("revolute", "prismatic"):
         with suppress(InputError):
             return bool(factor(unit, unit_of(COMMANDS.get(signal, signal), kind)))
@@ -114,8 +117,8 @@ def _fits(unit: str, signal: str) -> bool:
 
 
 def _readings(name: str, stated: str) -> list[_Reading]:
-    """What a name may mean, with the unit that the file states of it."""
-    # the name after the last dot or slash of a path, without an index, and the unit in brackets: `Torque[0] [Nm]` as (Torque, Nm)
+    """Signals that a name may mean, with the unit that the file states of it."""
+    # the last part of a path, without an index, and the unit in brackets: `Torque[0] [Nm]` as (Torque, Nm)
     bare = re.sub(r"\[\d+\]", "", name) if re.search(r"\w\[\d+\]", name) else name
     if re.fullmatch(r"/[\w./]+", bare):
         bare = bare.rsplit("/", 1)[-1]
@@ -141,7 +144,7 @@ def _readings(name: str, stated: str) -> list[_Reading]:
 
 
 def _score(words: list[str], signal: str, unit: str) -> float:
-    """How plainly some words mean a signal; 0: not at all."""
+    """How plainly words mean a signal; 0: not at all."""
     if signal in COMMANDS:
         stem = [word for word in words if word not in _ASKED]
         alone = signal == "command" and not set(words) - _ASKED - _BESIDE

@@ -1,4 +1,4 @@
-"""The constants between what a run logged and its torque, and what an error of each does to that torque."""
+"""Constants between the logged signals and the torque, and the effect of their errors on the torque."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -22,12 +22,11 @@ TORQUE_CONSTANT, RESISTANCE = "torque_constant", "resistance"
 _OF_DRIVE = {
     "torque": (), "current": (TORQUE_CONSTANT,), "voltage": (TORQUE_CONSTANT, RESISTANCE), "command": ("kp", "kd")
 }  # fmt: skip  # a table
-_SYMBOLS = {TORQUE_CONSTANT: "k_t", RESISTANCE: "R", "kp": "K_p", "kd": "K_d"}
-"""What of the motor stands between a logged signal and the torque."""
+_SYMBOLS = {TORQUE_CONSTANT: "k_t", RESISTANCE: "R", "kp": "K_p", "kd": "K_d"}  # of the motor
 
 
 class Constant(NamedTuple):
-    """A constant that a torque was computed with; it prints by name and value, by which it is told from others."""
+    """A constant that a torque was computed with; printed by name and value."""
 
     name: str  # `torque_constant`, `resistance`, or the scale of a signal
     value: float
@@ -42,7 +41,7 @@ class Constant(NamedTuple):
 def torque_constants(
     signals: Signals, motor: MotorConstants | None, context: Context, coasting: Coasting | None = None
 ) -> Iterator[Constant]:
-    """The constants that the torque of a run with these signals is computed with; a mere change of sign is none."""
+    """The constants that the torque of a run is computed with; a mere change of sign is none."""
     drive = signals.drive()
     if coasting is not None and coasting.known is not None:
         made, size = coasting.made_of, coasting.known
@@ -64,8 +63,7 @@ def torque_constants(
         yield Constant(f"scale of {drive}", number, None if relative is None else abs(number) * relative, unit)
 
 
-ONE = MotorConstants(kp=PlusMinus(value=1.0))
-"""Gains of a drive of which nothing is known: its torque is in rad of position error."""
+ONE = MotorConstants(kp=PlusMinus(value=1.0))  # of an unknown drive: its torque is in rad of position error
 
 
 def commanded_torque(
@@ -73,13 +71,13 @@ def commanded_torque(
 ) -> Array:
     """The torque that a drive makes of its commands, K_p (q_d - q) + K_d (dq_d - dq), within its limit, N*m, (n,).
 
-    Held commands are half a sample old in the mean, which the measurements of a drive that is faster than the log are not.
-    `rows` are the signals in SI, (n,) each, `starts` the first row of each part between gaps; the position wraps at `period`,
-    rad; None: nowhere.
+    Held commands are half a sample old in the mean, which the measurements of a drive that is faster than the log are
+    not. `rows` are the signals in SI, (n,) each, `starts` the first row of each part between gaps; the position wraps
+    at `period`, rad; None: nowhere.
     """
 
     def less(name: str, measured: Array, period: float | None = None) -> Array:
-        """A command less what was measured; held, the mean of this sample's and of the one before."""
+        """A command less the measurement; if held, the mean with the command of the sample before."""
         told, before = rows.get(name, np.zeros(measured.size)), np.zeros(measured.size)
         before[1:] = told[:-1]
         before[list(starts)] = told[list(starts)]
@@ -103,7 +101,7 @@ def commanded_torque(
 
 
 def followed_at_once(file: str, rows: Mapping[str, Array], motor: MotorConstants, context: Context) -> Finding:
-    """That commands are taken as not held between samples, and what it would change if they were."""
+    """The caution that commands are taken as not held between samples, with the effect if they were."""
     gain, step = motor.at_joint().kp, float(np.median(np.diff(rows["time"])))
     lower, of = step / 2 * (gain.value if gain else 0.0), "s" if motor is ONE else si("alpha_2", context)
     message = (
@@ -115,10 +113,10 @@ def followed_at_once(file: str, rows: Mapping[str, Array], motor: MotorConstants
 
 
 def coasted(record: Record, coasting: Coasting, context: Context) -> Record:
-    """The record of a joint that coasts, with the torque that what is known of it makes: gravity's, or less inertia times acceleration.
+    """The record of a coasting joint with the torque of its known part: gravity, or less inertia times acceleration.
 
-    Its position counts from where it hangs, which a regression of the acceleration on sin(q), cos(q), sgn(v) and v tells. Raises
-    InputError where gravity is known, and a run has no position or the joint slides.
+    The position counts from where the joint hangs, by `hangs_at`. Raises InputError where gravity is known, and a run
+    has no position or the joint slides.
     """
     size = 1.0 if coasting.known is None else coasting.known.value
     if coasting.made_of == "inertia":
@@ -133,7 +131,7 @@ def coasted(record: Record, coasting: Coasting, context: Context) -> Record:
 
 
 def hangs_at(record: Record, context: Context, effort: Array, *beside: Array) -> float:
-    """Where a joint hangs, rad: the zero of the sine that a regression of an effort on sin(q), cos(q), sgn(v), v and others, (n,) each, finds.
+    """Where a joint hangs, rad: zero of the sine in a regression of an effort on sin(q), cos(q), sgn(v), v and others.
 
     Raises InputError where the run has no position, or the joint slides.
     """
@@ -146,7 +144,7 @@ def hangs_at(record: Record, context: Context, effort: Array, *beside: Array) ->
 
 
 def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding | None:
-    """Which constants have an error, and which are taken as exact.
+    """The note on which constants have an error, and which are taken as exact.
 
     None where no torque was computed with any, and where data were simulated with exact ones.
     """
@@ -159,7 +157,7 @@ def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding |
             f"Torque: every interval contains the error of {known}, which moves the parameters together; "
             f"its part is shown as systematic{rest}."
         )
-        return Finding("torque-uncertain", NOTE, message, {"constants": uncertain, "rest": rest})
+        return Finding("torque-uncertain", NOTE, message, {"constants": uncertain, "rest": rest, "exact": assumed})
     if not exact:
         return None
     first = exact[0]
@@ -170,19 +168,15 @@ def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding |
         f"Torque: assuming {assumed} exact: no interval contains that error, which is often the largest; "
         f"give it, as in {line} for 2 %."
     )
-    return Finding("torque-exact", NOTE, message, {"constants": exact})
+    return Finding("torque-exact", NOTE, message, {"constants": exact, "exact": assumed})
 
 
 def torque_shifts(
-    record: Record,
-    signals: Signals,
-    motor: MotorConstants | None,
-    context: Context,
-    coasting: Coasting | None = None,
+    record: Record, signals: Signals, motor: MotorConstants | None, context: Context, coasting: Coasting | None
 ) -> dict[str, Array]:
-    """Change of a run's torque per standard error of each constant that has one, by how the constant prints, N*m, (n,).
+    """Change of a run's torque per standard error of each constant that has one, by the constant's text, N*m, (n,).
 
-    Torque from a current, or measured itself, goes with its constants by one factor; from a voltage it is (7)-(8).
+    Torque from a current, or measured itself, is proportional to its constants; from a voltage it is (7)-(8).
     """
     shifts: dict[str, Array] = {}
     for constant in torque_constants(signals, motor, context, coasting):

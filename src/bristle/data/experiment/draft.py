@@ -1,4 +1,4 @@
-"""A commented experiment file, drafted from logs: what was guessed is said, what cannot be is refused with the option that tells it."""
+"""Draft of a commented experiment file from logs; what cannot be guessed is an error that names the option."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,32 +16,29 @@ from bristle.data.encoder import unit_of_counts
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import COMMANDS, DRIVE
+from bristle.data.ros.bag import is_bag
 from bristle.data.ros.read import bag_columns, joint_states, read_bag, time_column
-from bristle.data.ros.storage import is_bag
 from bristle.data.text_layout import is_stamp, text_layout
 from bristle.data.text_table import is_text, naming, read_table
-from bristle.data.units import factor
+from bristle.data.units import factor, to_si
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.model.parameters import Kind
 from bristle.model.parameters import unit as unit_of
 
-SIGNALS = ("time", "position", "velocity", "torque", "current", "voltage")
-"""What a column can be told to be, of a robot too."""
+SIGNALS = ("time", "position", "velocity", "torque", "current", "voltage")  # that a column can be, of a robot too
 DRIVES = ("torque", "current", "voltage")
-"""In the order in which they are taken: each needs one constant more than the one before."""
+"""Efforts, in the order in which they are taken: each needs one constant more than the one before."""
 STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}  # of joint states, by signal
 _OF_MOTOR = ("torque_constant", "resistance", "kp", "kd", "torque_limit")
-_TABLES = {".csv", ".txt", ".mcap", ".bag", ".db3", *READERS}
-"""Endings by which a word is a file."""
-_LISTED = 120  # letters of their names in a sentence
-_SHOWN = 200  # columns that the draft lists
+_TABLES = {".csv", ".txt", ".mcap", ".bag", ".db3", *READERS}  # endings by which a word is a file
+_LISTED, _SHOWN = 120, 200  # characters of column names in a sentence; columns that the draft lists
 _STEPS = {"ms": 1.0, "us": 300.0, "ns": 3e5}
-"""Units of time, and the sampling intervals from which on a time without a unit is in them: below, it is in s."""
+"""Least sampling interval at which a time without a unit is in ms, us or ns; below, it is in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Told:
-    """What names and data do not tell, in the words of an experiment file, by signal."""
+    """What the user says of logs that their names and data do not, in the words of an experiment file, by signal."""
 
     columns: Mapping[str, str] = field(default_factory=dict)
     """Name, or number from 0; `FILE:NAME` of one that is logged in another file, with a time of its own."""
@@ -75,12 +72,12 @@ class Told:
 
     @property
     def motor(self) -> dict[str, str]:
-        """What was told of the motor, by its keys in an experiment file."""
+        """The options of the motor, by their keys in an experiment file."""
         return {name: value for name in _OF_MOTOR if (value := getattr(self, name)) is not None}
 
 
 class DraftedRun(NamedTuple):
-    """What a log is of."""
+    """The experiment of a log."""
 
     kind: RunKind
     why: str = ""
@@ -89,7 +86,7 @@ class DraftedRun(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draft:
-    """An experiment file but for what its logs are of."""
+    """An experiment file without the experiments of its logs."""
 
     head: tuple[str, ...]  # lines on the joint, its motor, its encoder, and the columns of the first file
     signals: tuple[str, ...]  # a line each
@@ -98,7 +95,7 @@ class Draft:
     guessed: tuple[str, ...]  # a sentence each
 
     def text(self, runs: Sequence[DraftedRun], fit: str = "") -> str:
-        """The experiment file, with what each file is of, and lines about the fit."""
+        """The experiment file, with the experiment of each log, and lines about the fit."""
         lines = [*self.head, "signals:", *(f"  {line}" for line in self.signals), ""]
         lines += [
             "# experiment: ramp | points | presliding | tracking; hold_out: true keeps a run for validation",
@@ -111,7 +108,7 @@ class Draft:
 
 
 def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Path | None = None) -> Draft:
-    """The draft of an experiment file for some logs of one joint, with the columns that the first of them has.
+    """The draft of an experiment file for logs of one joint, with the columns of the first.
 
     Data files are named relative to `folder`, where the draft will be saved; None: beside the first. Raises InputError
     where a file cannot be read, or something that is needed was neither told nor can be guessed.
@@ -126,12 +123,11 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     for name, path in apart.items():
         beside[name] = _Log(path, replace(told, columns={name: told.columns[name]}, rate=None))
         if "time" not in beside[name].guesses:
-            raise InputError(
-                f"{path}: no column is named as the time, which a signal of another file needs; write it into the draft of bristle new"
-            )
+            why = "no column is named as the time, which a signal of another file needs"
+            raise InputError(f"{path}: {why}; write it into the draft of bristle new")
     alone = len(files) == 1 and told.rate is None and "time" not in log.told
     if alone and (slower := _slower(log, beside)):
-        # at the times of the slower clock: what is drawn between its samples would be noise that is alike from row to row
+        # at the times of the slower clock: interpolation between its samples would correlate their noise
         moves: dict[str, str] = {x: f"{first}:{log.guesses[x].column}" for x in STATE_FIELDS if x in log.guesses}
         told = replace(told, columns={**moves, **told.columns}, name=told.name or _common(files))
         turned = draft_experiment([slower], told, folder)
@@ -175,7 +171,7 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
 
 def _head(files: Sequence[Path], kind: Kind, told: Told, log: "_Log") -> tuple[str, ...]:
     def braced(text: str) -> str:
-        """Keys with values in braces, which they may have already; else what is one value."""
+        """A mapping in braces, which it may have already; else a quoted value."""
         return f"{{{text.strip().removeprefix('{').removesuffix('}')}}}" if ":" in text else quoted(text)
 
     motor = [f"{name}: {quoted(value)}" for name, value in told.motor.items()]
@@ -190,19 +186,18 @@ def _head(files: Sequence[Path], kind: Kind, told: Told, log: "_Log") -> tuple[s
     else:
         lines += known
     of_joint = "" if told.coasting else inertia
+    count = f"encoder_resolution: {quoted(told.encoder_resolution)}" if told.encoder_resolution else ""
     return (
         *lines,
         of_joint or "# inertia: 0.0089 kg*m^2             # optional; x +/- s is a prior",
-        f"encoder_resolution: {quoted(told.encoder_resolution)}"
-        if told.encoder_resolution
-        else "# encoder_resolution: 4096 counts/rev  # optional",
+        count or "# encoder_resolution: 4096 counts/rev  # optional",
         "",
         f"# Columns of {quoted(files[0].name)}: {log.described}",
     )
 
 
 def _assumed(log: "_Log", guesses: Mapping[str, ColumnGuess], told: Told, drive: str, kind: Kind) -> Iterator[str]:
-    """What is said of a time without a unit, and of a drive without constants."""
+    """Sentences on a time without a unit, and on a drive without constants."""
     if log.by_step:
         yield f"unit of time: {log.by_step}, because a log has many samples a second"
     if drive in ("current", "voltage") and told.motor.keys().isdisjoint(("torque_constant", "resistance")):
@@ -216,9 +211,9 @@ def _assumed(log: "_Log", guesses: Mapping[str, ColumnGuess], told: Told, drive:
 
 
 def _apart(told: Told) -> tuple[dict[str, Path], Told]:
-    """The other files that signals are told to be of, as `FILE:COLUMN`, and what is told without them.
+    """The files of signals that are told as `FILE:COLUMN`, and `told` with the columns alone.
 
-    Raises InputError where what looks like a file is none.
+    Raises InputError where such a file does not exist.
     """
     parts = {name: column.rpartition(":") for name, column in told.columns.items()}
     apart = {name: Path(file) for name, (file, _, _) in parts.items() if file and Path(file).is_file()}
@@ -226,38 +221,34 @@ def _apart(told: Told) -> tuple[dict[str, Path], Told]:
         file = Path(parts[name][0] or column)
         if name not in apart and file.suffix.lower() in _TABLES:
             why = "is a file; name a column of it" if file.is_file() else "does not exist"
-            raise InputError(
-                f"--column {name}={column}: {short(str(file))} {why}; expected FILE:COLUMN, as in {name}={file}:{name}"
-            )
+            expected = f"expected FILE:COLUMN, as in {name}={file}:{name}"
+            raise InputError(f"--column {name}={column}: {short(str(file))} {why}; {expected}")
     return apart, replace(told, columns={**told.columns, **{name: parts[name][2] for name in apart}})
 
 
 def _slower(log: "_Log", beside: Mapping[str, "_Log"]) -> Path | None:
-    """The one other file, where its samples are a fifth further apart than the log's."""
-    others = {x.path: x for x in beside.values()}
-    logs = [log, *others.values()]
-    if len(others) != 1 or "time" not in log.guesses or any(x.is_dated(x.guesses["time"]) for x in logs):
+    """The other file, if there is one and its samples are a fifth further apart than the log's."""
+    logs = [log, *{x.path: x for x in beside.values()}.values()]
+    if len(logs) != 2 or "time" not in log.guesses or any(x.is_dated(x.guesses["time"]) for x in logs):
         return None
-    steps = []
-    for x in logs:
-        times = x.values(x.guesses["time"]) * factor(x.guesses["time"].unit or "s", "s")
-        steps.append(float(np.median(np.diff(times))) if times.size > 1 else 0.0)
-    return logs[1].path if steps[1] > 1.2 * steps[0] > 0 else None
+    times = (x.values(x.guesses["time"]) * factor(x.guesses["time"].unit or "s", "s") for x in logs)
+    step, other = (float(np.median(np.diff(t))) if t.size > 1 else 0.0 for t in times)
+    return logs[1].path if other > 1.2 * step > 0 else None
 
 
 def relative(path: Path, folder: Path) -> str:
-    """The path of a file from a folder, as drafts name it."""
+    """The path of a file relative to a folder, as drafts name it."""
     return Path(os.path.relpath(path, folder)).as_posix()
 
 
 def _common(files: Sequence[Path]) -> str:
-    """What the names of all files begin with, that of the first where they have nothing in common."""
+    """The common beginning of the names of all files, or the name of the first."""
     alike = os.path.commonprefix([file.stem for file in files])  # noqa: RUF071  # letter by letter, as is meant
     return (alike.rstrip("_-. ") or files[0].stem)[:200]
 
 
 class _Log:
-    """A log: what its columns are called, in which units, what they hold, and which signals they are."""
+    """A log: the names, units and contents of its columns, and which signals they are."""
 
     def __init__(self, path: Path, told: Told | None = None) -> None:
         self.path, self.told, self.layout = path, told.columns if told else {}, None
@@ -268,24 +259,20 @@ class _Log:
                 self.names = self.layout.names
             else:
                 self.names = bag_columns(path) if is_bag(path) else names_of(path)
-        self.stated = self.layout.units if self.layout else ()
-        """The unit that a text file states of each column, empty where it states none."""
+        self.stated = self.layout.units if self.layout else ()  # units of a text file's columns, empty where not stated
         self.described = ", ".join(
             [*(quoted(name[:LONGEST]) for name in self.names[:_SHOWN]), *["..."] * (len(self.names) > _SHOWN)]
         )
-        """What is told of the columns in the draft."""
         if self.layout and not self.names:
             first = self.layout.first
             some = [f"{k} (first value {quoted(x[:LONGEST])})" for k, x in enumerate(first[:_SHOWN]) if x]
             self.described = f"no header; {', '.join(some)}{', ...' if len(first) > _SHOWN else ''}"
         self.described = self.described or "none that is a vector of numbers"
         self.there = self.described if len(self.described) <= _LISTED else f"{self.described[:_LISTED]} ..."
-        """The same, as far as it fits into a sentence."""
         self.guesses, self.by_step = self._guesses(told) if told else ({}, None)
-        """Columns by signal; and the unit of time where its steps tell it."""
 
     def _guesses(self, told: Told) -> tuple[dict[str, ColumnGuess], str | None]:
-        """Columns by their names, of a bag those of its only joint, and as told."""
+        """Columns by signal, by name, of a bag's only joint, or as told; and the unit of time, where its steps tell it."""
         if is_bag(self.path):
             with naming(str(self.path)):
                 guesses = _bag_guesses(self.path, told.columns)
@@ -332,23 +319,20 @@ class _Log:
 
     def rises(self) -> bool:
         """Whether the first column of a text file grows in steps that could be those of seconds."""
-        if self.layout is None:
-            return False
-        if self.is_dated(_FIRST):
-            return True
-        try:
+        if self.layout is None or self.is_dated(_FIRST):
+            return self.layout is not None
+        steps = np.zeros(0)
+        with suppress(InputError):  # it may hold words
             steps = np.diff(self.values(_FIRST))
-        except InputError:  # it holds words
-            return False
         usual = np.median(steps) if steps.size else 0.0
         return bool(steps.size and steps.min() > 0 and 1e-5 < usual < 1 and steps.max() < 100 * usual)
 
 
-_FIRST = ColumnGuess("0", None)
+_FIRST = ColumnGuess("0", None)  # column of a text file
 
 
 def _bag_guesses(path: Path, told: Mapping[str, str]) -> dict[str, ColumnGuess]:
-    """The columns of a bag by signal: the stamps of the topic that was told or, where too little was, the only joint's states."""
+    """The columns of a bag by signal: the stamps of the topic that was told, or the states of its only joint."""
     first = next((told[name] for name in ("position", "velocity") if name in told), None)
     if first is not None and any(name in told for name in DRIVES):
         return {"time": ColumnGuess(time_column(path, first), "s")}
@@ -364,7 +348,7 @@ def _bag_guesses(path: Path, told: Mapping[str, str]) -> dict[str, ColumnGuess]:
 
 
 def is_there(path: Path, name: str) -> bool:
-    """Whether a column of a bag, which was read before, holds anything."""
+    """Whether a column of a bag holds anything."""
     try:
         read_bag(path, [Key(name)])
     except InputError:
@@ -373,64 +357,56 @@ def is_there(path: Path, name: str) -> bool:
 
 
 def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
-    """What drives the joint, empty where nothing does: which of torque, current and voltage is taken, or a command.
+    """Name of the effort that drives the joint: torque, current, voltage or command; empty where it coasts.
 
-    Raises InputError where none is known, or what is told contradicts it; constants that lack are asked for once the draft is loaded.
+    Raises InputError where none is known, or the options contradict the log.
     """
     driven = [name for name in (*DRIVES, *COMMANDS) if name in told.columns] + [f"--{name}" for name in told.motor]
     if told.coasting and driven:
-        raise InputError(
-            f"{log.path}: got --coasting and {driven[0]}; expected --coasting of a joint that nothing drives"
-        )
-    commands = [name for name in COMMANDS if name in guesses]
-    there = [*(name for name in DRIVES if name in guesses), *["command"] * bool(commands)]
+        got = f"got --coasting and {driven[0]}"
+        raise InputError(f"{log.path}: {got}; expected --coasting of a joint that nothing drives")
+    there = [*(name for name in DRIVES if name in guesses), *["command"] * (not COMMANDS.keys().isdisjoint(guesses))]
     partly = ("torque_constant" in told.motor) != ("resistance" in told.motor)
     computable = [name for name in there if name != "voltage" or not partly]
     asked = [name for name in there if name in told.columns or (name == "command" and "kp" in told.motor)]
     drive = "" if told.coasting else next(iter([*asked, *computable, *there]), None)
     if drive is None:
-        raise InputError(
-            f"{log.path}: no column is named as a torque, a current, a voltage or a command; name it, as in --column torque=NAME (of another "
-            f"file FILE:NAME) or command=NAME, or say --coasting (there are: {log.there})"
-        )
+        why = "no column is named as a torque, a current, a voltage or a command"
+        names = "--column torque=NAME (of another file FILE:NAME) or command=NAME, or say --coasting"
+        raise InputError(f"{log.path}: {why}; name it, as in {names} (there are: {log.there})")
     of_commands = [name for name in ("held", "fresh", "kp", "kd") if getattr(told, name) is not None]
     if of_commands and drive != "command":
         got = f"the log has a {drive}" if drive else "nothing drives the joint"
-        raise InputError(
-            f"{log.path}: --{of_commands[0]} is of commands, and {got}; leave it out, or name --column command=NAME"
-        )
+        remedy = "leave it out, or name --column command=NAME"
+        raise InputError(f"{log.path}: --{of_commands[0]} is of commands, and {got}; {remedy}")
     if told.rate is not None and "time" in guesses:
-        raise InputError(
-            f"{log.path}: got --rate beside column {short(guesses['time'].column)}, which is the time; leave --rate out, or name the right "
-            "column, as in --column time=NAME"
-        )
+        got = f"got --rate beside column {short(guesses['time'].column)}, which is the time"
+        raise InputError(f"{log.path}: {got}; leave --rate out, or name the right column, as in --column time=NAME")
     return drive
 
 
 def _of_points(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> bool:
     """Whether a file holds velocity-torque pairs. Raises InputError where a log lacks time, or position and velocity."""
     if "position" not in guesses and "velocity" not in guesses:
-        raise InputError(
-            f"{log.path}: no column is named as a position or a velocity; name it, as in --column position=NAME --unit position=deg "
-            f"(there are: {log.there})"
-        )
+        names = "name it, as in --column position=NAME --unit position=deg"
+        why = f"no column is named as a position or a velocity; {names}"
+        raise InputError(f"{log.path}: {why} (there are: {log.there})")
     if told.rate is not None or "time" in guesses:
         return False
     # 1000 rows: where time is not logged, more than so many are a log, and no velocity-torque pairs
     if "velocity" in guesses and log.values(guesses["velocity"]).size <= 1000:
         return True
-    raise InputError(
-        f"{log.path}: no column is named as the time; name it, as in --column time=NAME --unit time=s, or give --rate '1 kHz' "
-        f"(there are: {log.there})"
-    )
+    names = "name it, as in --column time=NAME --unit time=s, or give --rate '1 kHz'"
+    raise InputError(f"{log.path}: no column is named as the time; {names} (there are: {log.there})")
 
 
 def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
     """Whether a position in its unit, or else in rad, jumps by a full turn in one of the files."""
     unit, scale = told.units.get("position") or guess.unit or "rad", told.scales.get("position", 1.0)
-    if unit.startswith("count"):  # which nothing here tells the size of
+    count = None if told.encoder_resolution is None else to_si(told.encoder_resolution, "rad")
+    if unit.startswith("count") and count is None:  # which nothing here tells the size of
         return False
-    turn = 2 * np.pi / abs(factor(unit, "rad", scale=scale))
+    turn = 2 * np.pi / abs(factor(unit, "rad", scale=scale, resolution=count))
     jumps = (np.abs(np.diff(_Log(file).values(guess))) for file in files)
     # 0.1 of a full turn: a jump of the position that is as close to one is a wrap
     return any(bool((np.abs(jump / turn - 1) < 0.1).any()) for jump in jumps)
@@ -439,22 +415,22 @@ def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
 def _counted(
     log: "_Log", guesses: dict[str, ColumnGuess], told: Told, beside: Mapping[str, "_Log"]
 ) -> tuple[dict[str, ColumnGuess], tuple[str, ...]]:
-    """Columns with the unit of angles that the encoder's counts tell, where nothing else does; and what is said of it."""
+    """Columns with the unit in which a turn is a power of two of counts, where nothing states one; and a sentence."""
     unsaid = {x: guesses[x] for x in STATE_FIELDS if x in guesses and not (guesses[x].unit or x in told.units)}
     if "position" not in unsaid or "position" in told.scales:
         return guesses, ()
-    found = unit_of_counts(beside.get("position", log).values(unsaid["position"]))
-    if found is None:
+    if (found := unit_of_counts(beside.get("position", log).values(unsaid["position"]))) is None:
         return guesses, ()
     unit, counts = found
     of_each = {"position": unit, "velocity": f"{unit}/s"}
     more = {x: guess._replace(unit=of_each[x]) for x, guess in unsaid.items() if x in of_each}
-    said = f"unit of {' and '.join(more)}: {unit}{'' if len(more) == 1 else f' and {unit}/s'}, in which a turn has {counts} counts, a power of two"
+    units = " and ".join(guess.unit or "" for guess in more.values())
+    said = f"unit of {' and '.join(more)}: {units}, in which a turn has {counts} counts, a power of two"
     return guesses | more, (said,)
 
 
 def _signal(name: str, guess: ColumnGuess, kind: Kind, told: Told, log: _Log, guessed: list[str]) -> str:
-    """The line of a signal, but for its end; says what was guessed."""
+    """The line of a signal, without its end; guesses are added to `guessed`."""
     unit = told.units.get(name) or guess.unit or unit_of(COMMANDS.get(name, name), kind)
     shown = quoted(guess.column) if guess.column in log.names or not guess.column.isdecimal() else guess.column
     if name not in told.columns:
@@ -471,16 +447,16 @@ def _signal(name: str, guess: ColumnGuess, kind: Kind, told: Told, log: _Log, gu
 
 
 def quoted(text: str) -> str:
-    """The text as YAML on one line, in quotes; letters that cannot be seen are escaped."""
+    """The text as YAML on one line, in quotes; characters that cannot be seen are escaped."""
     import yaml
 
     return yaml.safe_dump(text, default_style='"', width=float("inf"), allow_unicode=text.isprintable()).rstrip("\n")
 
 
 def told_by(pairs: Sequence[str], option: str) -> dict[str, str]:
-    """What an option tells of signals: `torque=i` as {torque: i}.
+    """Signals and values of an option: `torque=i` as {torque: i}.
 
-    Raises InputError where it is no such pair, the signal is none, or is told twice.
+    Raises InputError where it is no such pair, there is no such signal, or it is given twice.
     """
     told: dict[str, str] = {}
     signals = (*SIGNALS, *COMMANDS)

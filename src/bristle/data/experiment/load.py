@@ -1,4 +1,4 @@
-"""The experiment file in SI, and the runs it names, read; m, N and kg stand in for rad, N*m and kg*m**2 where the joint is prismatic."""
+"""The experiment file in SI, and its runs; m, N and kg replace rad, N*m and kg*m**2 where the joint is prismatic."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -12,8 +12,7 @@ from bristle.data.cleaning import make_record
 from bristle.data.constant_velocity.acceptance import Thresholds
 from bristle.data.experiment import schema
 from bristle.data.experiment.constants import Constant, coasted, torque_constants, torque_shifts
-from bristle.data.experiment.gear import SIDED, Gear
-from bristle.data.experiment.signals import DRIVE, GAINS, Cleaning, Context, Signals, quantity, si
+from bristle.data.experiment.signals import DRIVE, GAINS, SIDED, Cleaning, Context, Gear, Signals, quantity, si
 from bristle.data.experiment.tables import RunFiles, Source, joined, keys_of, matches, part_of, read_columns, sources_of
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
 from bristle.data.record import Record
@@ -35,11 +34,11 @@ class Experiment(StrictModel):
     motor_constants: schema.MotorConstants | None = Field(default=None, alias="motor")
     inertia: Annotated[schema.PlusMinus, schema.read_constant("inertia", is_prior=True)] | None = None
     gravity: schema.Gravity | None = None
-    """What is known of it, which scales a torque that is known as a voltage, a current or a position error alone."""
+    """Known gravity: scales a torque that is known as a voltage, a current or a position error alone."""
+    # size of one count on the side of the gear that the encoder is on, rad
     declared_count: Annotated[float, quantity("position", of_motor=True), Field(gt=0)] | None = Field(
         default=None, alias="encoder_resolution"
     )
-    """Size of one count on the side of the gear that the encoder is on, rad."""
     signals: Signals = Signals()
     runs: Annotated[tuple[RunFiles, ...], Field(min_length=1)]
     cleaning: Cleaning = Cleaning()
@@ -48,7 +47,7 @@ class Experiment(StrictModel):
     coasting: Annotated[
         schema.Coasting | None, BeforeValidator(lambda x: ({} if x else None) if isinstance(x, bool) else x)
     ] = None
-    """That nothing drives the joint, with what is known of it; `true`: nothing is."""
+    """Of a joint that nothing drives, with what is known; `true`: nothing."""
     adapt: schema.AdaptOptions = schema.AdaptOptions()
     plan: schema.PlanOptions = schema.PlanOptions()
     simulated: StrictBool = False
@@ -57,7 +56,7 @@ class Experiment(StrictModel):
 
     @property
     def motor(self) -> Motor[float] | None:
-        """The motor as seen at the joint, k_t in N*m/A, R in ohm, L in H, J in kg*m**2; what is not known is nan, but L, which is then 0."""
+        """The motor as seen at the joint, k_t in N*m/A, R in ohm, L in H, J in kg*m**2; nan where not known, L 0."""
         m = None if self.motor_constants is None else self.motor_constants.at_joint()
         if m is None or m.torque_constant is None:
             return None
@@ -75,22 +74,18 @@ class Experiment(StrictModel):
         return {d: Lugre(**{name: _NAN if x is None else x for name, x in p}) for d, p in self.true_sets.items()}
 
     def signals_of(self, run: RunFiles) -> Signals:
-        """The signals of a run: its own, and those of the experiment that it does not replace."""
+        """The signals of a run: its own, else those of the experiment."""
         return (run.signals.over(self.signals) if run.signals else self.signals).timed()
 
     @property
     def torque_constants(self) -> tuple[Constant, ...]:
         """The constants that the torques of all runs are computed with, each once."""
-        found = (
-            constant
-            for run in self.runs
-            for constant in torque_constants(self.signals_of(run), self.motor_constants, self.context, self.coasting)
-        )
-        return tuple(dict.fromkeys(found))
+        known = self.motor_constants, self.context, self.coasting
+        return tuple(dict.fromkeys(x for run in self.runs for x in torque_constants(self.signals_of(run), *known)))
 
     @property
     def context(self) -> Context:
-        """What its units depend on."""
+        """What the units of the file depend on."""
         gear = self.motor_constants.gear if self.motor_constants else None
         return Context(kind=self.joint.kind, resolution=self.declared_count, gear=gear)
 
@@ -139,11 +134,8 @@ class Experiment(StrictModel):
                 "of a torque gravity is found, and of a joint that coasts it stands under coasting"
             )
         k_t = constants and constants.torque_constant
-        if (
-            drive not in ("torque", "command", None)
-            and not alone
-            and (constants is None or k_t is None or (drive == "voltage" and constants.resistance is None))
-        ):
+        lacking = constants is None or k_t is None or (drive == "voltage" and constants.resistance is None)
+        if drive in ("current", "voltage") and not alone and lacking:
             wanted, option = ("torque_constant", "--torque-constant") if k_t is None else ("resistance", "--resistance")
             yield f"torque from {drive} needs motor.{wanted} ({option}); add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
 
@@ -156,7 +148,7 @@ class Experiment(StrictModel):
 
 
 def load_experiment(path: str | Path) -> Experiment:
-    """The experiment that a YAML file describes; the data files are not read yet.
+    """The experiment of a YAML file; the data files are not read yet.
 
     Raises InputError in one sentence that names the file, the key or the line, what was got and what to do.
     """
@@ -164,12 +156,12 @@ def load_experiment(path: str | Path) -> Experiment:
 
 
 def experiment_of(text: str, path: Path) -> Experiment:
-    """The experiment that a YAML text describes, as if it stood at a path. Raises InputError as `load_experiment` does."""
+    """The experiment of a YAML text with the path that it would have. Raises InputError as `load_experiment` does."""
     return experiment_from(parse(text, str(path)), path, str(path))
 
 
 def experiment_from(data: dict[str, Any], path: Path, where: str) -> Experiment:
-    """The experiment of a file's keys; sentences open with `where`. Raises InputError as `load_experiment` does."""
+    """The experiment of a file's keys; errors open with `where`. Raises InputError as `load_experiment` does."""
     if "path" in data:
         raise InputError(f"{where}: unknown key 'path'; data files are named under runs, as files")
     data = {key: value for key, value in data.items() if value is not None}  # a heading with nothing under it
@@ -188,7 +180,7 @@ def experiment_from(data: dict[str, Any], path: Path, where: str) -> Experiment:
 
 
 def in_own_unit(experiment: Experiment, asked: tuple[str, ...] | None) -> Experiment:
-    """The joint whose torque is a current, a voltage or a position error, or known per inertia, all that follows with it, and these regressors."""
+    """The experiment of a joint whose torque is in A, V or rad, or per inertia, with these regressors."""
     drive = experiment.signals_of(experiment.runs[0]).drive()
     error = "in m" if experiment.joint.kind == "prismatic" else "in rad"
     effort = {"voltage": "in V", "current": "in A", "command": error}.get(drive or "", "per inertia")
@@ -197,39 +189,35 @@ def in_own_unit(experiment: Experiment, asked: tuple[str, ...] | None) -> Experi
         logged = signals.voltage if drive == "voltage" else signals.current
         return signals.model_copy(update={"current": None, "voltage": None, "torque": logged})
 
-    runs = tuple(
-        run if run.signals is None else run.model_copy(update={"signals": renamed(run.signals)})
-        for run in experiment.runs
-    )
+    runs = tuple(r.model_copy(update={"signals": r.signals and renamed(r.signals)}) for r in experiment.runs)
+    fit = experiment.fit
     changed = {
         "joint": experiment.joint.model_copy(update={"kind": f"{experiment.joint.kind} {effort}"}),
         "signals": renamed(experiment.signals),
         "runs": runs,
         "plan": experiment.plan.model_copy(update={"torque": None}),
+        "fit": fit if asked == fit.regressors else fit.model_copy(update={"regressors": asked}),
     }
-    if asked != experiment.fit.regressors:
-        changed["fit"] = experiment.fit.model_copy(update={"regressors": asked})
     return experiment.model_copy(update={**changed, "motor_constants": None, "inertia": None})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """One file that was read."""
+    """A run that was read."""
 
     kind: schema.RunKind
     record: Record
     hold_out: bool = False
 
     def having(self, **changed: Any) -> "Run":
-        """The run, with other fields of its record."""
+        """The run with some fields of its record changed."""
         return replace(self, record=replace(self.record, **changed))
 
 
 def read_runs(experiment: Experiment) -> tuple[Run, ...]:
-    """Every file that the experiment names, as a record with velocity and torque.
+    """Every run of the experiment as a record with velocity and torque; tracking runs have acceleration as well.
 
-    Tracking runs have acceleration as well. Raises InputError in one sentence that names the file and what is wrong
-    with it.
+    Raises InputError in one sentence that names the file and what is wrong with it.
     """
     return tuple(
         Run(kind=run.experiment, record=read_run(experiment, run, sources), hold_out=run.hold_out)
@@ -238,7 +226,7 @@ def read_runs(experiment: Experiment) -> tuple[Run, ...]:
 
 
 def files_of(experiment: Experiment) -> Iterator[tuple[RunFiles, list[Source]]]:
-    """Each run that an experiment names: its entry, and its files, each with the name that results show.
+    """The entry and the files of each run, each file with the name that results show.
 
     Raises InputError where there is none, or a file is in two runs.
     """
@@ -248,38 +236,32 @@ def files_of(experiment: Experiment) -> Iterator[tuple[RunFiles, list[Source]]]:
             again = [shown for path, shown in sources if path in [x for x, _ in files]]
             alike = run.experiment == other.experiment and experiment.signals_of(run) == experiment.signals_of(other)
             if again and alike and (run.joined or other.joined):
-                raise InputError(
-                    f"{experiment.path}: runs: {short(again[0])} is a part of a joined run and of another; name each run once"
-                )
+                why = f"{short(again[0])} is a part of a joined run and of another; name each run once"
+                raise InputError(f"{experiment.path}: runs: {why}")
     yield from found
 
 
 def run_of_table(experiment: Experiment, table: RawTable, shown: str) -> Run:
-    """The only run of an experiment, of columns that are no file's. Raises InputError as `read_runs`."""
+    """The only run of an experiment, from a table. Raises InputError as `read_runs`."""
     (run,) = experiment.runs
     return Run(kind=run.experiment, record=_record(experiment, run, table, shown), hold_out=run.hold_out)
 
 
 def read_run(experiment: Experiment, run: RunFiles, sources: list[Source], read: Reader = read_table) -> Record:
-    """One run as a record with velocity and torque; `read` reads columns. Raises InputError as `read_runs`."""
+    """One run as a record with velocity and torque. Raises InputError as `read_runs`."""
     return _record(experiment, run, *table_of_run(experiment, run, sources, experiment.signals_of(run), read))
 
 
 def table_of_run(
-    experiment: Experiment,
-    run: RunFiles,
-    sources: list[Source],
-    signals: Signals,
-    read: Reader = read_table,
+    experiment: Experiment, run: RunFiles, sources: list[Source], signals: Signals, read: Reader = read_table
 ) -> tuple[RawTable, str]:
-    """The columns of some signals of a run, on its time, and the name that results show. Raises InputError as `read_runs`."""
+    """The columns of some signals of a run, and the name that results show. Raises InputError as `read_runs`."""
 
     def find(file: str) -> tuple[Path, str]:
         found = matches(file, experiment.path)
         if len(found) > 1 or len(list(sources_of(run, experiment.path))) > 1 or run.joined:
-            raise InputError(
-                f"{experiment.path}: runs: a signal of {short(file)} goes with one file; give each run an entry of its own, with its signals"
-            )
+            remedy = "give each run an entry of its own, with its signals"
+            raise InputError(f"{experiment.path}: runs: a signal of {short(file)} goes with one file; {remedy}")
         return found[0]
 
     gap = experiment.cleaning.gap
@@ -317,13 +299,13 @@ def _record(experiment: Experiment, run: RunFiles, table: RawTable, shown: str) 
 
 
 def from_current(k_t: float, unit: str) -> Finding:
-    """That the torque is the current times k_t, in that unit."""
+    """The note that the torque is the current times k_t, in that unit."""
     message = f"Torque from current: k_t = {k_t:g} {unit}."
     return Finding("torque-from-current", NOTE, message, {"k_t": k_t, "unit": unit})
 
 
 def _complete(experiment: Experiment, kind: schema.RunKind, record: Record, drive: str | None) -> Record:
-    """The record with velocity and torque, for tracking with acceleration, and with the low pass that its kind needs."""
+    """The record with velocity, torque, for tracking acceleration, and the low pass that its kind needs."""
     from bristle.data.bandwidth import of_held_speeds, of_motion, of_slow_loading
     from bristle.data.differentiation import estimate_motion, let_go, without_rests
     from bristle.model.motor import drive_torque

@@ -1,4 +1,4 @@
-"""The parts of an experiment file: joint, motor, thresholds, fit options, runs; quantities are in SI once validated."""
+"""The parts of an experiment file: joint, motor, thresholds, fit options, plan; quantities are in SI once validated."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,8 +17,7 @@ from pydantic import (
 )
 
 from bristle.data import units
-from bristle.data.experiment.gear import Gear
-from bristle.data.experiment.signals import Context, Hertz, Seconds, Speed, motor_si, quantity, si
+from bristle.data.experiment.signals import Context, Gear, Hertz, Seconds, Speed, motor_si, quantity, si
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
 from bristle.model.laws.parts import Law
@@ -37,7 +36,7 @@ class PlusMinus:
     standard_error: float | None = None
 
     def times(self, factor: float) -> "PlusMinus":
-        """The same, so many times as large."""
+        """The quantity, `factor` times as large."""
         error = self.standard_error
         return PlusMinus(value=factor * self.value, standard_error=None if error is None else factor * error)
 
@@ -46,9 +45,9 @@ _SUREST = 1e-9  # of an inertia: a smaller error is none, and its weight would d
 
 
 def read_constant(name: str, *, of_motor: bool = False, is_prior: bool = False) -> BeforeValidator:
-    """Read `x` (exact) or `x ± s`, each with its unit; a number outside an experiment file stands for its SI value.
+    """Validator of `x` (exact) or `x ± s`, each with its unit; outside an experiment file a number is in SI.
 
-    The error of a prior may be larger than what it is of, but no smaller than `_SUREST` of it.
+    The error of a prior may be larger than its value, but no smaller than `_SUREST` of it.
     """
 
     def read(value: object, info: ValidationInfo) -> object:
@@ -73,7 +72,7 @@ _FIXABLE = (*Lugre._fields, "inertia", "offset", "gravity_sin", "gravity_cos", "
 
 
 def read_fixed(value: object, info: ValidationInfo) -> object:
-    """Read `{sigma_1: 0.02 N*m*s/rad, ...}`, each with its unit, and perhaps a direction's sign at its name's end."""
+    """Values in SI of `{sigma_1: 0.02 N*m*s/rad, ...}`; a name may end with the sign of a direction."""
     if not isinstance(value, dict):
         raise InputError(f"got {short(value)}; expected names with values, as {{sigma_1: 0.02 N*m*s/rad}}")
     wrong = [name for name in value if _bare(name) not in _FIXABLE and own_parameter(_bare(name)) is None]
@@ -92,12 +91,12 @@ def read_fixed(value: object, info: ValidationInfo) -> object:
 
 
 def _bare(name: object) -> str:
-    """The name without the sign of a direction, which is its last letter."""
+    """The name without the sign of a direction at its end."""
     return str(name)[:-1] if str(name).endswith(("+", "-")) else str(name)
 
 
 def _physical(fixed: dict[str, float]) -> dict[str, float]:
-    """The values; raises InputError where one has a sign that it cannot have, or is given twice over."""
+    """The values. Raises InputError where one has an impossible sign, or is given twice over."""
     for name, value in fixed.items():
         own = own_parameter(_bare(name))
         if own is not None:
@@ -107,14 +106,13 @@ def _physical(fixed: dict[str, float]) -> dict[str, float]:
         if not is_possible(_bare(name), value):
             raise InputError(f"{name}: got {value:g}; expected a value {'>' if is_positive(_bare(name)) else '>='} 0")
         if name != _bare(name) and _bare(name) in fixed:
-            raise InputError(
-                f"got both {_bare(name)} and {name}; expected either one value for both directions, or + and -"
-            )
+            expected = "expected either one value for both directions, or + and -"
+            raise InputError(f"got both {_bare(name)} and {name}; {expected}")
     return fixed
 
 
 Shown = Annotated[StrictStr, AfterValidator(lambda text: check_name(text, "the text"))]
-"""What pages and terminals show as it is."""
+"""Text that pages and terminals show as it is."""
 Label = Annotated[
     Shown,
     Field(max_length=200),
@@ -123,7 +121,7 @@ Label = Annotated[
 
 
 def _declared_kind(value: object) -> object:
-    """A kind that a file can name: that a torque is a current alone is found, and not declared."""
+    """A kind that a file can declare; others, such as a torque in A, are found."""
     if value not in ("revolute", "prismatic"):
         raise InputError(f"got {short(value)}; expected 'revolute' or 'prismatic'")
     return value
@@ -137,28 +135,27 @@ class JointDescription(StrictModel):
 
 
 class MotorConstants(StrictModel):
-    """What is known of the motor: its own constants where a gear is declared, else as seen at the joint, gear included."""
+    """Constants of the motor: its own where a gear is declared, else as seen at the joint, gear included."""
 
     torque_constant: Annotated[PlusMinus, read_constant("k_t", of_motor=True)] | None = None
     resistance: Annotated[PlusMinus, read_constant("R", of_motor=True)] | None = None
     inductance: Annotated[float, quantity("L"), Field(ge=0)] = 0.0
     inertia: Annotated[float, quantity("J", of_motor=True), Field(gt=0)] | None = None
     kp: Annotated[PlusMinus, read_constant("K_p", of_motor=True)] | None = None
-    """Gain of the drive from the command less the position to the torque, ..."""
+    """Gain of the drive on command less position."""
     kd: Annotated[PlusMinus, read_constant("K_d", of_motor=True)] | None = None
-    """... and from the velocity command, 0 where there is none, less the velocity: both err together, by the drive's torque constant."""
-    torque_limit: Annotated[float, quantity("torque", of_motor=True), Field(gt=0)] | None = None
-    """What the drive gives at the most."""
+    """Gain on velocity command (or 0) less velocity; errs with kp, by the drive's torque constant."""
+    torque_limit: Annotated[float, quantity("torque", of_motor=True), Field(gt=0)] | None = None  # of the drive
     gear: Gear | None = None
 
     def _problems(self) -> Iterator[str]:
         if self.torque_constant is None and self.gear is None and self.kp is None and self.kd is None:
             yield "motor.torque_constant: missing; add this key"
         if self.kp is not None and self.kd is not None and self.kd.standard_error is not None:
-            yield "motor.kd: got an error; expected it with kp: a drive's gains err together, by its torque constant"
+            yield "motor.kd: got an error; expected an error of kp alone: a drive's gains err together, by its torque constant"
 
     def at_joint(self) -> "MotorConstants":
-        """The same without a gear: k_t and a limit times abs(ratio), J and gains times its square; R and L are what they are."""
+        """The constants without a gear: k_t and a limit times abs(ratio), J and gains times its square."""
         if self.gear is None:
             return self
         ratio = abs(self.gear.ratio)
@@ -172,15 +169,14 @@ class MotorConstants(StrictModel):
 
 
 class Hung(StrictModel):
-    """What hangs on a joint that turns, in place of the torque of its gravity."""
+    """A mass on a joint that turns, in place of the torque of its gravity."""
 
     mass: Annotated[PlusMinus, read_constant("kg")]
-    centre: Annotated[PlusMinus, read_constant("m")]
-    """How far its centre of mass is from the axis, which is horizontal."""
+    centre: Annotated[PlusMinus, read_constant("m")]  # how far its centre of mass is from the axis, which is horizontal
 
     @property
     def torque(self) -> PlusMinus:
-        """Of its gravity a quarter turn from where it hangs, m g l, N*m; the errors of both are independent."""
+        """Torque of its gravity a quarter turn from where it hangs, m g l, N*m; both errors are independent."""
         parts = [x.standard_error / x.value for x in (self.mass, self.centre) if x.standard_error]
         size = self.mass.value * GRAVITY * self.centre.value
         return PlusMinus(value=size, standard_error=size * hypot(*parts) if parts else None)
@@ -196,7 +192,7 @@ Gravity = Annotated[
 
 
 class Coasting(StrictModel):
-    """That nothing drives the joint but its gravity and its inertia, of which one is known at the most."""
+    """Of a joint that nothing but gravity and inertia drives, of which at most one is known."""
 
     gravity: Gravity | None = None
     inertia: Annotated[PlusMinus, read_constant("inertia")] | None = None
@@ -207,17 +203,17 @@ class Coasting(StrictModel):
 
     @property
     def made_of(self) -> Literal["gravity", "inertia"]:
-        """What is known, from which the torque is made: the inertia, of 1, where nothing is."""
+        """The quantity from which the torque is computed; the inertia, of 1, where nothing is known."""
         return "inertia" if self.gravity is None else "gravity"
 
     @property
     def known(self) -> PlusMinus | None:
-        """Its size; None where nothing is known."""
+        """Value of the known quantity; None where nothing is known."""
         return self.gravity or self.inertia
 
 
 def read_rows(value: object) -> object:
-    """Read `12` or `12-40`: the first row and the last."""
+    """First and last row of `12` or `12-40`."""
     if isinstance(value, tuple):
         return value
     ends = str(value).split("-") if isinstance(value, int | str) and not isinstance(value, bool) else []
@@ -232,21 +228,20 @@ def read_rows(value: object) -> object:
 class ExcludedRows(StrictModel):
     """Points or segments that are not fitted."""
 
-    file: Annotated[StrictStr, Field(min_length=1, max_length=4096)]
-    """As `bristle inspect` prints it."""
+    file: Annotated[StrictStr, Field(min_length=1, max_length=4096)]  # as `bristle inspect` prints it
     rows: Annotated[tuple[int, int], BeforeValidator(read_rows)]
-    """As `bristle inspect` prints them, lines of a text file, else rows of data, from 1: 12 or 12-40; all that they touch are left out."""
+    """As `bristle inspect` prints them: lines of a text file, else rows of data, from 1; all that they touch are left
+    out."""
 
 
 def read_law(name: str) -> str:
-    """The name of a law, or `auto`; raises InputError where there is none of that name."""
+    """The name of a law, or `auto`. Raises InputError where there is none of that name."""
     law, load = apart(name)
     try:
         law_named(law.replace(WITHOUT_PEAK, PAPER))
     except KeyError as error:
-        raise InputError(
-            f"got {short(name)}; expected {PAPER}, {AUTO}, {WITHOUT_PEAK}, or one of {error.args[0]}; a load last, +{' or +'.join(LOADS)}"
-        ) from None
+        why = f"got {short(name)}; expected {PAPER}, {AUTO}, {WITHOUT_PEAK}, or one of {error.args[0]}"
+        raise InputError(f"{why}; a load last, +{' or +'.join(LOADS)}") from None
     if load and law == AUTO:
         raise InputError(f"got {short(name)}; expected {AUTO} alone, which tries the loads as well, or a law by name")
     return name
@@ -271,12 +266,12 @@ GONE = {
 
 
 PERIODIC = ("cogging", "ripple")
-"""Regressors that repeat with the position: each has its columns for every one of `fit.orders`."""
+"""Regressors that repeat with the position, each with columns for every one of `fit.orders`."""
 _MOST, _HIGHEST = 20, 100_000
 
 
 def read_orders(value: object) -> object:
-    """Read `[4, 11]` or `auto`; raises InputError of anything else."""
+    """Sorted orders of `[4, 11]`, or `auto`. Raises InputError of anything else."""
     if value is None or value == AUTO:
         return value
     numbers = value if isinstance(value, list | tuple) else [value]
@@ -289,43 +284,37 @@ def read_orders(value: object) -> object:
 
 
 class FitOptions(StrictModel):
-    """What is pinned of the fit: all else the data settle."""
+    """What the user fixes of the fit; the data decide the rest."""
 
     set_up: Literal["auto", "as-written"] = "auto"
-    """Whether the data decide what is not written, which points belong to the law, and whether there is a peak; or what is written is
-    fitted, and no more."""
+    """`auto`: the data decide what is not written, which points belong to the law, and whether there is a peak."""
     directions: Literal["auto", "separate", "symmetric"] = "separate"
-    """Of the friction: `auto` has the data choose between one set for both, about an offset, and one for each."""
+    """Of friction: `auto` lets the data choose between one set for both, with an offset, and one for each."""
     law: Annotated[StrictStr, AfterValidator(read_law)] = PAPER
-    """Of the friction: the paper's, the one that the data choose (`auto`), one by its name, as `lorentzian+quadratic`, or
-    `coulomb-viscous`."""
-    exclude: Annotated[tuple[ExcludedRows, ...], Field(max_length=1000)] = ()
-    """Points and segments that are left out."""
+    """Of friction: the paper's, the one that the data choose (`auto`), or one by name, as `lorentzian+quadratic`."""
+    exclude: Annotated[tuple[ExcludedRows, ...], Field(max_length=1000)] = ()  # points and segments that are left out
     regressors: tuple[Regressor, ...] | None = None
-    """None: those that the data ask for; as written, none for ramp and points, inertia (and offset, if symmetric) for tracking."""
+    """None: those that the data ask for; as written, inertia (and offset, if symmetric) for tracking, else none."""
     orders: Annotated[tuple[int, ...] | Literal["auto"] | None, BeforeValidator(read_orders)] = None
     """Of cogging and ripple, periods per turn of the joint, or per metre; None, as `auto`: those that the data show."""
     fixed: Annotated[dict[str, float], BeforeValidator(read_fixed), AfterValidator(_physical)] = Field(
         default_factory=dict
     )
-    """LuGre parameters, inertia and so on that the fit of all parameters takes as given, by name, a bare one for both
-    directions; SI."""
+    """Parameters that the fit of all parameters takes as given, by name, a bare one for both directions; SI."""
     predict: Literal["torque", "position"] = "torque"
-    """What the model of moving runs predicts: the torque of the measured velocity, or, the motor simulated, the
-    position."""
+    """Predicted by the model of moving runs: the torque of the measured velocity, or, with the motor, the position."""
     breakaway_displacement: Annotated[float, quantity("position"), Field(gt=0)] | None = None
-    """Displacement from rest that counts as breakaway, rad; None: where the speed leaves the noise floor and that of
-    loading."""
+    """Displacement from rest that counts as breakaway, rad; None: where the speed leaves noise and loading behind."""
     position_cutoff: Hertz | None = None
-    """Low pass of position before it is differentiated, tracking runs, Hz; None: by each run's own spectra."""
+    """Low pass of position before it is differentiated, tracking runs, Hz; None: by each run's spectra."""
     decimation: Annotated[int, Field(ge=1, le=10_000)] | None = None
-    """One sample of how many of the slowest moving run makes an equation; None: as the runs' spectra need."""
+    """Samples of the slowest moving run per equation; None: as the spectra need."""
     _gone: tuple[str, ...] = PrivateAttr(default=())
 
     @model_validator(mode="wrap")
     @classmethod
     def _without_gone(cls, value: Any, handler: ModelWrapValidatorHandler["FitOptions"]) -> "FitOptions":
-        """Read a file that has keys of earlier versions: what they asked for, where something still does that."""
+        """Options of a file with keys of earlier versions: what they asked for, where something still does that."""
         if not isinstance(value, dict) or not GONE.keys() & value.keys():
             return handler(value)
         kept = {key: x for key, x in value.items() if key not in GONE}
@@ -339,12 +328,12 @@ class FitOptions(StrictModel):
 
     @property
     def gone(self) -> tuple[str, ...]:
-        """Keys of earlier versions that the file has, of `GONE`."""
+        """Keys of `GONE` that the file has."""
         return self._gone
 
     @property
     def model(self) -> Literal["auto", "coulomb-viscous", "stribeck"]:
-        """Whether there is a peak: never, always, or where the data show it."""
+        """Whether the law has a peak: never, always, or where the data show it."""
         if self.law.split("+")[0] == WITHOUT_PEAK:
             return "coulomb-viscous"
         return "stribeck" if self.set_up == AS_WRITTEN else "auto"
@@ -356,17 +345,17 @@ class FitOptions(StrictModel):
 
     @property
     def every(self) -> int:
-        """One sample of how many makes an equation, once the runs are read."""
+        """Samples per equation, once the runs are read."""
         return self.decimation or 1
 
     @property
     def friction(self) -> Law:
-        """The law of the friction, the paper's before the data chose, without its load."""
+        """The law of friction without its load; the paper's before the data chose."""
         return law_named(apart(self.law)[0].replace(WITHOUT_PEAK, PAPER))
 
     @property
     def load(self) -> tuple[str, ...]:
-        """By which load, of `LOADS`, its level rises; none where it does not."""
+        """The loads, of `LOADS`, by which its level rises."""
         return apart(self.law)[1]
 
     def _problems(self) -> Iterator[str]:
@@ -392,8 +381,7 @@ class PidGains(StrictModel):
     K_p: Annotated[float, quantity("K_p"), Field(gt=0)]
     K_i: Annotated[float, quantity("K_i"), Field(ge=0)] = 0.0
     K_d: Annotated[float, quantity("K_d"), Field(ge=0)] = 0.0
-    filter_time: Annotated[float, quantity("time"), Field(ge=0)] = 0.0
-    """Of the derivative, s."""
+    filter_time: Annotated[float, quantity("time"), Field(ge=0)] = 0.0  # of the derivative, s
 
 
 Name = Annotated[StrictStr, Field(min_length=1, max_length=40)]
@@ -401,35 +389,29 @@ Plain = Annotated[float, Field(allow_inf_nan=True)]  # a number without a unit, 
 
 
 class AdaptOptions(StrictModel):
-    """The compensated loop and its adaptation; what is not given is taken from the joint, and said."""
+    """The compensated loop and its adaptation; what is not given is taken from the joint, with a note."""
 
-    amplitude: Annotated[float, quantity("position"), Field(gt=0)] | None = None
-    """Of the sinusoidal reference, rad."""
+    amplitude: Annotated[float, quantity("position"), Field(gt=0)] | None = None  # of the sinusoidal reference, rad
     centre: Annotated[float, quantity("position")] = 0.0
-    """The position about which the reference swings, rad; it matters where friction rises with gravity's load."""
-    frequency: Hertz | None = None
-    """Of the reference of the adaptation, Hz; the other experiments have 0.4 of it."""
-    period: Seconds = 1e-3
-    """Of controller, compensator and adaptation, s."""
+    """The position about which the reference swings, rad; friction may rise with gravity's load there."""
+    frequency: Hertz | None = None  # of the reference of the adaptation, Hz; the other experiments have 0.4 of it
+    period: Seconds = 1e-3  # of controller, compensator and adaptation, s
     gains: PidGains | None = None
     compensator: Name = "lugre"
-    """Of the LuGre ones, which alone can adapt: lugre (by reference velocity), lugre-feedback, lugre-observer."""
+    """lugre (by reference velocity), lugre-feedback and lugre-observer can adapt."""
     law: Name | None = None
     step: Name | None = None
     parameters: tuple[Name, ...] | None = None
     gamma: tuple[Plain, ...] | None = None
-    """Learning rates, one for each of `parameters`, 1/(rad*s) times what makes a rate."""
+    """Learning rates, one for each of `parameters`."""
     limits: tuple[Plain, Plain] | None = None
-    dead_zone: Plain | None = None
-    """rad."""
-    leakage: Plain | None = None
-    """1/s."""
-    forgetting: Plain | None = None
-    """1/s."""
+    dead_zone: Plain | None = None  # rad
+    leakage: Plain | None = None  # 1/s
+    forgetting: Plain | None = None  # 1/s
     start: Annotated[dict[Name, Annotated[float, Field(gt=0, le=100)]], Field(min_length=1)] = Field(
         default_factory=lambda: {"alpha_0": 0.3, "alpha_2": 0.5}
     )
-    """Where the adaptation begins, as shares of the identified parameters; the paper's Table 2."""
+    """Start of the adaptation, as shares of the identified parameters; the paper's Table 2."""
 
     def _problems(self) -> Iterator[str]:
         wrong = [name for name in self.start if not of_friction(name)]
@@ -449,29 +431,19 @@ class TrueSet(StrictModel):
 
 
 class PlanOptions(StrictModel):
-    """Limits of what `bristle plan` proposes, and how it is played.
-
-    What is not given comes from the measured runs, and is said.
-    """
+    """Limits of `bristle plan`; what is not given comes from the measured runs, with a note."""
 
     position: tuple[Annotated[float, quantity("position")], Annotated[float, quantity("position")]] | None = None
     """Lowest and highest position, rad."""
-    velocity: Speed | None = None
-    """Fastest speed, rad/s."""
-    minimum_velocity: Speed | None = None
-    """Slowest constant speed at which the drive does not stick and slip, rad/s."""
-    acceleration: Annotated[float, quantity("acceleration"), Field(gt=0)] | None = None
-    """Largest, rad/s**2."""
-    torque: Annotated[float, quantity("torque"), Field(gt=0)] | None = None
-    """Largest of the drive, N*m."""
-    time: Seconds | None = None
-    """All of it, s; None: as long as it takes."""
-    hold: Seconds | None = None
-    """Time over which each constant velocity is averaged, s."""
+    velocity: Speed | None = None  # fastest speed, rad/s
+    minimum_velocity: Speed | None = None  # slowest constant speed at which the drive does not stick and slip, rad/s
+    acceleration: Annotated[float, quantity("acceleration"), Field(gt=0)] | None = None  # largest, rad/s**2
+    torque: Annotated[float, quantity("torque"), Field(gt=0)] | None = None  # largest of the drive, N*m
+    time: Seconds | None = None  # all of it, s; None: as long as it takes
+    hold: Seconds | None = None  # time over which each constant velocity is averaged, s
     frequency: Hertz | None = None
-    """Highest of the tracking motion, Hz; None: 10 Hz, or less where that is too fast to be seen or written."""
-    rate: Annotated[float, quantity("Hz"), Field(gt=0, le=100_000)] = 100.0
-    """At which the references are written, Hz."""
+    """Highest of the tracking motion, Hz; None: 10 Hz, or less where that is too fast to see or write."""
+    rate: Annotated[float, quantity("Hz"), Field(gt=0, le=100_000)] = 100.0  # at which the references are written, Hz
 
     def _problems(self) -> Iterator[str]:
         if self.position is not None and not self.position[0] < self.position[1]:

@@ -1,4 +1,4 @@
-"""Which files a run is of, and their columns on one time: of one file, of signals with a time of their own, of consecutive files, or of a part."""
+"""Files of a run, and their columns on one time."""
 
 import glob
 import hashlib
@@ -28,7 +28,7 @@ _MOST, _LONGEST = 1000, 4096  # patterns of an entry, and characters of one
 
 
 class TimeRange(StrictModel):
-    """A part of a run by its time, as logged; an end that is not given is the run's."""
+    """A part of a run by its time as logged; an end that is not given is the run's."""
 
     start: Annotated[float, quantity("s")] | None = Field(default=None, alias="from")
     to: Annotated[float, quantity("s")] | None = None
@@ -41,36 +41,32 @@ class TimeRange(StrictModel):
 
 
 def _read_files(value: object) -> str | tuple[str, ...]:
-    """Read a path or glob, or a list of them."""
+    """Paths or globs, one or several."""
     several = tuple(value) if isinstance(value, list | tuple) else (value,)
     if not 1 <= len(several) <= _MOST or not all(isinstance(x, str) and 1 <= len(x) <= _LONGEST for x in several):
-        raise InputError(
-            f"got {short(value)}; expected a path or glob of at most {_LONGEST} characters, or a list of at most {_MOST} of them"
-        )
+        expected = f"a path or glob of at most {_LONGEST} characters, or a list of at most {_MOST} of them"
+        raise InputError(f"got {short(value)}; expected {expected}")
     return str(value) if isinstance(value, str) else tuple(map(str, several))
 
 
 class RunFiles(StrictModel):
     """One entry under runs: a file or several, and what they hold."""
 
+    # paths or globs, relative to the experiment file; ${NAME} is an environment variable
     files: Annotated[str | tuple[str, ...], PlainValidator(_read_files)]
-    """Paths or globs, relative to the experiment file; ${NAME} stands for an environment variable."""
-    joined: StrictBool = False
-    """Whether the files are parts of one run, in this order; else each is a run of its own."""
+    joined: StrictBool = False  # whether the files are parts of one run, in this order; else each is a run of its own
+    # part of each run that is used, in the lines or rows that `bristle inspect` prints, from 1
     rows: Annotated[tuple[int, int], BeforeValidator(read_rows)] | None = None
-    """The part of each run that is used, in the lines or rows that `bristle inspect` prints, from 1."""
-    time: TimeRange | None = None
-    """The same by time."""
+    time: TimeRange | None = None  # the same by time
     experiment: RunKind
     hold_out: StrictBool = False
     temperature: Label | None = None
     load: Label | None = None
-    signals: Signals | None = None
-    """Signals that differ from the experiment's."""
+    signals: Signals | None = None  # signals that differ from the experiment's
 
     @property
     def patterns(self) -> tuple[str, ...]:
-        """The paths or globs, of which there may be one."""
+        """The paths or globs."""
         return (self.files,) if isinstance(self.files, str) else self.files
 
     def _problems(self) -> Iterator[str]:
@@ -81,7 +77,7 @@ class RunFiles(StrictModel):
 
 
 def sources_of(run: RunFiles, experiment: Path) -> list[list[tuple[Path, str]]]:
-    """The files of each run of an entry, each with the name that results show: one of each, or all of the one that they are joined to.
+    """The files of each run of an entry, each with the name that results show: one file a run, or all, if joined.
 
     Raises InputError where a pattern matches none, or a file is named twice in a joined run.
     """
@@ -93,22 +89,19 @@ def sources_of(run: RunFiles, experiment: Path) -> list[list[tuple[Path, str]]]:
 
 
 def matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
-    """Paths that a pattern matches, sorted by name, each with the name that results show.
+    """Paths that a pattern matches, sorted by name, each with the name that results show, variables not filled in.
 
-    No variable in it is filled in. Raises InputError where there is none.
+    Raises InputError where there is none.
     """
     folder, variables = experiment.parent, {}
+    where = f"{experiment}: runs: files {short(files)}"
     for name in _VARIABLE.findall(files):
         if not os.environ.get(name):
-            raise InputError(
-                f"{experiment}: runs: files {short(files)} needs the environment variable {name}, which is not set; set it to a folder"
-            )
+            raise InputError(f"{where} needs the environment variable {name}, which is not set; set it to a folder")
         variables[name] = os.environ[name]
     pattern = _VARIABLE.sub(lambda match: variables[match[1]], files)
     if pattern.count("**") > 1:  # each may stand for any number of folders: together they search for ever
-        raise InputError(
-            f"{experiment}: runs: files {short(files)} has ** more than once; expected a glob such as logs/**/ramp*.csv"
-        )
+        raise InputError(f"{where} has ** more than once; expected a glob such as logs/**/ramp*.csv")
     try:
         if (folder / pattern).exists():
             found = [pattern]
@@ -120,12 +113,10 @@ def matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
             below = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
             found = sorted(f"{root}{x}" for x in below if not any(p.startswith(".") and p != ".." for p in x.parts))
     except OSError as error:
-        raise InputError(f"{experiment}: runs: files {short(files)} cannot be looked for ({error.strerror})") from error
+        raise InputError(f"{where} cannot be looked for ({error.strerror})") from error
     if not found:
         what = "matches no file" if glob.has_magic(pattern) else "is not a file"
-        raise InputError(
-            f"{experiment}: runs: files {short(files)} {what}; expected a path or glob relative to the folder of the experiment file"
-        )
+        raise InputError(f"{where} {what}; expected a path or glob relative to the folder of the experiment file")
     sources = []
     for match in found:
         name = os.path.relpath(match, folder) if Path(match).is_absolute() else match
@@ -139,28 +130,22 @@ def matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
 
 Source = tuple[Path, str]  # a file, and how it is called
 _APART = 100
-"""Gaps by which a file whose time begins anew is put after the one before: nothing tells what the joint did meanwhile."""
+"""Gaps between a file and one whose time begins anew after it: nothing tells what the joint did meanwhile."""
 
 
 def keys_of(signals: Signals) -> dict[str, Key]:
-    """Which column each signal is read from; none for a time that is given by its rate."""
+    """The column of each signal; none for a time that is given by its rate."""
     keys = {} if signals.time is None or signals.time.column is None else {"time": signals.time.columns()[0]}
     return keys | {name: Key(s.column, s.index, file=s.file) for name, s in signals if isinstance(s, Signal)}
 
 
 def read_columns(
-    signals: Signals,
-    source: Source,
-    cleaning_gap: float,
-    context: Context,
-    find: Callable[[str], Source],
-    read: Reader = read_table,
+    signals: Signals, source: Source, cleaning_gap: float, context: Context, find: Callable[[str], Source], read: Reader
 ) -> RawTable:
-    """The columns of a file on the time of the run; those with a time of their own are brought to it.
+    """The columns of a file, and those of signals with a time of their own, on the time of the run.
 
-    `find` gives the file that a signal names, `source` holds what no other file does; across more than `cleaning_gap`
-    median intervals nothing is interpolated. Raises InputError where a file cannot be read, or a signal has no time in
-    common with the others.
+    `find` gives the file that a signal names; across more than `cleaning_gap` median intervals nothing is interpolated.
+    Raises InputError where a file cannot be read, or a signal has no time in common with the others.
     """
     apart, keys = signals.apart(), keys_of(signals)
     common = [key for name, key in keys.items() if name not in apart]
@@ -177,7 +162,7 @@ def read_columns(
 
 
 def _seconds(table: RawTable, clock: TimeColumn) -> tuple[Array, int]:
-    """Time of each row, s, and since when, ns; from a rate where there is no column."""
+    """Time of each row, s, and its origin, ns; from a rate where there is no column."""
     keys = clock.columns()
     if not keys:
         return np.arange(table.rows) / getattr(clock, "rate", 1.0), 0
@@ -197,15 +182,14 @@ def _seconds(table: RawTable, clock: TimeColumn) -> tuple[Array, int]:
 def _with_signal(
     table: RawTable, name: str, signal: Signal, common: TimeColumn, source: Source, gap: float, context: Context
 ) -> RawTable:
-    """The table with a signal that has a time of its own, by linear interpolation; nan where it does not reach."""
+    """The table with a signal of its own time, interpolated linearly; nan where it does not reach."""
     own = signal.time or common
     own = own if own.unit else own.model_copy(update={"unit": common.unit or "s"})
     key = Key(signal.column, signal.index)
     read = read_table(source[0], [key, *own.columns()], source[1])
     if (own.unit == ISO) != (common.unit == ISO):
-        raise InputError(
-            f"{source[1]}: {name}: one time is of unit iso and the other is not, so that nothing tells how they go together; give both alike"
-        )
+        why = "one time is of unit iso and the other is not, so that nothing tells how they go together"
+        raise InputError(f"{source[1]}: {name}: {why}; give both alike")
     time, origin = _seconds(read, own)
     values = read.columns[key]
     if isinstance(signal, Position) and (period := signal.period(context)) is not None:
@@ -216,8 +200,8 @@ def _with_signal(
         onto = brought_to(np.asarray(table.time), time + (origin - table.origin) / 1e9, values, gap)
     samples, outside = int(np.isfinite(values).sum()), int(np.isnan(onto).sum())
     message = (
-        f"{name.capitalize()} has a time of its own ({samples} sample{'' if samples == 1 else 's'}): linear between its samples, and missing in "
-        f"{outside} row{'' if outside == 1 else 's'} of the run, beyond them or in their gaps."
+        f"{name.capitalize()} has a time of its own ({samples} sample{'s' * (samples != 1)}): linear between its samples, "
+        f"and missing in {outside} row{'s' * (outside != 1)} of the run, beyond them or in their gaps."
     )
     note = Finding("own-time", NOTE, message, {"samples": samples, "outside": outside})
     notes = (*table.notes, note, *(n for n in read.notes if signal.file is not None and n not in table.notes))
@@ -244,16 +228,13 @@ def joined(tables: Sequence[RawTable], names: Sequence[str], gap: float) -> RawT
             own, other = (x[np.isfinite(x)] for x in (np.asarray(table.time), np.asarray(tables[k - 1].time)))
             step = float(np.median(np.diff(begun))) if begun.size > 1 else 1.0
             if table.origin != tables[k - 1].origin or own[0] > other[0] + step or own[-1] < other[0]:
-                raise InputError(
-                    f"{names[k - 1]}, {names[k]}: the second begins before the first ends, and not anew; give the files in the order of "
-                    "time, each once"
-                )
+                why = "the second begins before the first ends, and not anew"
+                raise InputError(f"{names[k - 1]}, {names[k]}: {why}; give the files in the order of time, each once")
             time, restarts = time + float(ended[-1] - begun[0] + _APART * gap * step), restarts + 1
         times.append(time)
     notes = dict.fromkeys(note for table in tables for note in table.notes)
-    message = (
-        f"One run of {', '.join(names)}, in this order. Times that begin anew, and then follow after a gap: {restarts}."
-    )
+    anew = f"Times that begin anew, and then follow after a gap: {restarts}."
+    message = f"One run of {', '.join(names)}, in this order. {anew}"
     return RawTable(
         columns={key: np.concatenate([table.columns[key] for table in tables]) for key in tables[0].columns},
         rows=sum(table.rows for table in tables),
@@ -271,17 +252,16 @@ def _together(digests: Sequence[str]) -> str:
 
 
 def part_of(table: RawTable, run: RunFiles, name: str) -> tuple[RawTable, str]:
-    """The rows of a table that a run takes, all where it names none, and what that part is called.
+    """The rows of a table that a run takes, all where it names none, and the name of that part.
 
-    Raises InputError where there is none of them.
+    Raises InputError where there is none.
     """
     number = np.arange(1, table.rows + 1) + (table.header or 0)
     if run.rows is not None:
         word, (first, last) = "rows" if table.header is None else "lines", run.rows
         if last > number[-1]:
-            raise InputError(
-                f"{name}: rows: got {first}-{last}; expected {word} between {number[0]} and {number[-1]}, as bristle inspect prints them"
-            )
+            expected = f"{word} between {number[0]} and {number[-1]}, as bristle inspect prints them"
+            raise InputError(f"{name}: rows: got {first}-{last}; expected {expected}")
         inside, part = (number >= first) & (number <= last), f"{word} {first}-{last}"
     elif run.time is not None and table.time is not None:
         start, to = run.time.start, run.time.to

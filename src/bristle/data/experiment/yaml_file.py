@@ -1,4 +1,4 @@
-"""YAML to a validated model, or one sentence: where in the file, what was got, what was expected."""
+"""YAML to a validated model; errors say where in the file, what was got and what was expected."""
 
 import difflib
 from collections.abc import Hashable, Iterator
@@ -29,7 +29,7 @@ class StrictModel(BaseModel):
         return self
 
     def _problems(self) -> Iterator[str]:
-        """What of its parts, each of which is valid, does not go together: the first is told."""
+        """Contradictions between valid parts, of which the first is raised."""
         return iter(())
 
 
@@ -37,15 +37,14 @@ M = TypeVar("M", bound=StrictModel)
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML without aliases, which a few bytes can blow up to any size, and without a key given twice."""
+    """YAML without aliases, which a few bytes can blow up to any size, and without repeated keys."""
 
-    depth = 0
-    nodes = 0
+    depth = nodes = 0
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         """One node of the document.
 
-        Raises yaml.MarkedYAMLError at an anchor, an alias, too deep a nesting, or too many of them.
+        Raises yaml.MarkedYAMLError at an anchor, an alias, too deep a nesting, or too many nodes.
         """
         event, problem = self.peek_event(), ""  # type: ignore[no-untyped-call]  # types-PyYAML leaves the parser untyped
         self.depth += 1
@@ -63,23 +62,20 @@ class _Loader(yaml.SafeLoader):
         return node
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
-        """A mapping, whose keys occur once; raises yaml.MarkedYAMLError where one is repeated."""
+        """A mapping. Raises yaml.MarkedYAMLError where a key is repeated."""
         seen: set[str] = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode) and key.value in seen:
-                raise yaml.MarkedYAMLError(
-                    problem=f"key {short(key.value)} is given twice; keep one of them", problem_mark=key.start_mark
-                )
+                problem = f"key {short(key.value)} is given twice; keep one of them"
+                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
             seen.add(str(key.value))
         return super().construct_mapping(node, deep=deep)
 
     def construct_integer(self, node: yaml.ScalarNode) -> int:
-        """An integer, which is short; raises yaml.MarkedYAMLError where it is not."""
+        """A short integer. Raises yaml.MarkedYAMLError where it is long."""
         if len(node.value) > _DIGITS:
-            raise yaml.MarkedYAMLError(
-                problem=f"an integer of {len(node.value)} digits; expected at most {_DIGITS}, or text in quotes",
-                problem_mark=node.start_mark,
-            )
+            problem = f"an integer of {len(node.value)} digits; expected at most {_DIGITS}, or text in quotes"
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
         return int(self.construct_yaml_int(node))
 
 
@@ -92,13 +88,12 @@ def read_text(path: Path) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise InputError(
-            f"{path}: not text in UTF-8 (byte {error.start}); expected an experiment file in YAML"
-        ) from error
+        why = f"not text in UTF-8 (byte {error.start})"
+        raise InputError(f"{path}: {why}; expected an experiment file in YAML") from error
 
 
 def parse(text: str, name: str) -> dict[str, Any]:
-    """The mapping that a YAML text holds. Raises InputError with the line where it is malformed."""
+    """The mapping of a YAML text. Raises InputError with the line where it is malformed."""
     try:
         loader = _Loader(text)
         document = loader.get_single_data()
@@ -117,9 +112,8 @@ def parse(text: str, name: str) -> dict[str, Any]:
     except (ValueError, TypeError, LookupError, OverflowError, AttributeError) as error:  # as seen from PyYAML
         raise InputError(f"{name}: holds a value that YAML cannot read ({error}); put it in quotes") from error
     if not isinstance(document, dict):
-        raise InputError(
-            f"{name}: got {short(document)}; expected keys such as joint:, signals: and runs: (bristle new drafts them from a log)"
-        )
+        expected = "keys such as joint:, signals: and runs: (bristle new drafts them from a log)"
+        raise InputError(f"{name}: got {short(document)}; expected {expected}")
     return document
 
 
@@ -137,11 +131,11 @@ _IN_WORDS = {
     "constructor for the tag": "expected a value without !; take it away, or put the text in quotes",
     "expected '<document start>'": "expected keys such as joint:, signals: and runs:; begin with these",
 }
-"""What is expected, and what to do, by what PyYAML's sentence says."""
+"""What is expected, by a part of PyYAML's sentence."""
 
 
 def validate(model: type[M], data: dict[str, Any], name: str, context: object) -> M:
-    """The model that the data describe. Raises InputError naming the key, what was got and what to do."""
+    """The model of the data. Raises InputError with the key, what was got and what to do."""
     try:
         return model.model_validate(data, context=context)
     except ValidationError as error:
@@ -157,10 +151,9 @@ def validate(model: type[M], data: dict[str, Any], name: str, context: object) -
 _EFFICIENCY = (
     "efficiency is friction that depends on load and direction, and friction is what bristle identifies; leave it out"
 )
-_EXPECTED = {
+_EXPECTED = {  # by the kind of pydantic's error
     "too_short": "at least one entry", "invalid_key": "a key that is text, in quotes", "tuple_type": "a list, as [1, 2]",
 }  # fmt: skip  # a table
-"""What was expected, in a user's words, by the kind of pydantic's error."""
 
 
 def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
@@ -187,7 +180,7 @@ def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
 
 
 def _known(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
-    """The keys of the model that a path leads to."""
+    """The keys of the model at a path."""
 
     def inside(annotation: object) -> type[BaseModel] | None:
         if isinstance(annotation, type) and issubclass(annotation, BaseModel):

@@ -1,4 +1,4 @@
-"""The draft of a robot's file: joints from its URDF, columns from the joint states of a bag, from names, or as told."""
+"""Draft of a robot's file: joints from its URDF, columns from a bag's joint states, from names, or as told."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -8,28 +8,26 @@ from bristle.data.experiment.column_names import guess_columns
 from bristle.data.experiment.draft import DRIVES, SIGNALS, STATE_FIELDS, Told, is_there, quoted, relative
 from bristle.data.robot.robot_file import FREE
 from bristle.data.robot.urdf import Urdf, UrdfJoint, read_urdf
+from bristle.data.ros.bag import is_bag
 from bristle.data.ros.read import joint_states
-from bristle.data.ros.storage import is_bag
 from bristle.data.text_layout import text_layout
 from bristle.data.text_table import is_text, naming
 from bristle.errors import InputError, short_list
 from bristle.model.parameters import unit as unit_of
 
-OF_ROBOTS = ("columns", "units", "scales", "rate", "torque_constant")
-"""What can be told of a robot's logs; the rest of `Told` is of one joint."""
+OF_ROBOTS = ("columns", "units", "scales", "rate", "torque_constant")  # of `Told`; the rest is of one joint
 _NUMBERED = re.compile(r"(.*?)[\[_ ]?([0-9]{1,3})\]?")
 
 
 def draft_robot(urdf_path: Path, logs: Sequence[Path], told: Told, folder: Path | None) -> tuple[str, tuple[str, ...]]:
-    """The text of a robot's file for its URDF and logs of all its joints, and a sentence on each thing guessed.
+    """The text of a robot's file for its URDF and logs of all its joints, and a sentence on each guess.
 
-    Files are named relative to `folder`, where the text will be saved; None: beside the URDF. Raises InputError where there
-    is no log, or the columns of a signal can neither be guessed nor were told.
+    Files are named relative to `folder`, where the text will be saved; None: beside the URDF. Raises InputError where
+    there is no log, or the columns of a signal can neither be guessed nor were told.
     """
     if not logs:
-        raise InputError(
-            f"{urdf_path}: got a URDF alone; name a log of the joints as well, as in bristle new arm.urdf motion.csv"
-        )
+        remedy = "name a log of the joints as well, as in bristle new arm.urdf motion.csv"
+        raise InputError(f"{urdf_path}: got a URDF alone; {remedy}")
     urdf, base = read_urdf(urdf_path), folder or urdf_path.parent
     templates, joints, said = _columns(urdf, logs[0], told)
     drive = next((name for name in DRIVES if name in templates), None)
@@ -48,34 +46,27 @@ def draft_robot(urdf_path: Path, logs: Sequence[Path], told: Told, folder: Path 
         *(f"  - {_entry(joint, constant * (drive == 'current'), templates, units, told)}" for joint in joints),
         "",
         "signals:   # {joint} stands for the joint's name; columns: 1-6 for one column each",
-        *(
-            f"  {name}: {_signal(templates[name], units[name], told.scales.get(name))}"
-            for name in SIGNALS
-            if name in templates
-        ),
+        *(f"  {x}: {_signal(templates[x], units[x], told.scales.get(x))}" for x in SIGNALS if x in templates),
         *([f"  time: {{rate: {told.rate}}}"] if told.rate and "time" not in templates else []),
         "",
         "runs:",
-        *(
-            f"  - {{files: {quoted(relative(log, base))}, experiment: tracking{', hold_out: true' if 0 < k == len(logs) - 1 else ''}}}"
-            for k, log in enumerate(logs)
-        ),
+        *(f"  - {{files: {quoted(relative(log, base))}, experiment: tracking}}" for log in logs),
         "",
     ]
+    if len(logs) > 1:
+        lines[-2] = f"{lines[-2][:-1]}, hold_out: true}}"
+        said.append(f"runs: {logs[-1].name} is held out, for validation")
     if drive == "current" and constant == FREE:
-        said += [
-            "torque_constant: free: it comes out of the links' torque where that is large enough; write it down if you know it"
-        ]
+        how = "it comes out of the links' torque where that is large enough"
+        said.append(f"torque_constant: free: {how}; write it down if you know it")
     if drive == "torque" and "effort" in templates["torque"]:
-        said += [
-            "torque: effort is taken as a torque in N*m; where it is a current, give --column current= and its unit"
-        ]
-    said += [f"runs: {logs[-1].name} is held out, for validation"] if len(logs) > 1 else []
+        how = "where it is a current, give --column current= and its unit"
+        said.append(f"torque: effort is taken as a torque in N*m; {how}")
     return "\n".join(lines), tuple(said)
 
 
 def _columns(urdf: Urdf, log: Path, told: Told) -> tuple[dict[str, str], list[UrdfJoint], list[str]]:
-    """The columns of each signal, the joints that have them, and what is said of that."""
+    """The columns of each signal, the joints that have them, and sentences on both."""
     if not is_bag(log):
         templates, there = _of_names(log, [j.name for j in urdf.joints])
     else:
@@ -92,9 +83,8 @@ def _columns(urdf: Urdf, log: Path, told: Told) -> tuple[dict[str, str], list[Ur
         templates = {name: x for name, x in templates.items() if name not in DRIVES or name in told.columns}
     joints = [joint for joint in urdf.joints if not there or joint.name in there]
     if not joints:
-        raise InputError(
-            f"{log}: has joints {short_list(there)}, none of which {urdf.file} has; it has {short_list(j.name for j in urdf.joints)}"
-        )
+        own = short_list(j.name for j in urdf.joints)
+        raise InputError(f"{log}: has joints {short_list(there)}, none of which {urdf.file} has; it has {own}")
     absent = [joint.name for joint in urdf.joints if joint not in joints]
     if absent:
         said.append(f"joints: {short_list(absent)} not in the log, and taken as at rest at zero")
@@ -102,7 +92,7 @@ def _columns(urdf: Urdf, log: Path, told: Told) -> tuple[dict[str, str], list[Ur
 
 
 def _of_names(log: Path, joints: Sequence[str]) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Columns whose names hold those of the joints, or count them, and the time; the joints that are named."""
+    """The time, and columns whose names hold those of the joints, or count them; and the joints that are named."""
     with naming(str(log)):
         names = list(text_layout(log).names) if is_text(log) else []
     found: dict[str, str] = {}
@@ -126,7 +116,7 @@ def _of_names(log: Path, joints: Sequence[str]) -> tuple[dict[str, str], tuple[s
 
 
 def _meant(stem: str) -> str | None:
-    """The signal that a name without its joint unmistakably means."""
+    """The signal that a name without its joint means."""
     return next((signal for signal in guess_columns([stem]) if signal != "time"), None)
 
 

@@ -1,4 +1,4 @@
-"""What a robot's links ask of each joint (gravity, inertia and coupling of the whole arm, by Pinocchio), and how all joints move in a run."""
+"""Torque that a robot's links ask of each joint, by Pinocchio, and the motion of all joints in a run."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -29,7 +29,7 @@ MAX_JOINTS = 100  # most joints that move: what Pinocchio keeps for a robot grow
 
 @dataclass(frozen=True, slots=True)
 class RigidBody:
-    """A robot without friction, whose joints are in a given order; those that are not asked for rest at zero."""
+    """A robot without friction, with its joints in a given order; other joints rest at zero."""
 
     model: Any  # pinocchio's
     places: tuple[int, ...]  # where each joint stands among the model's
@@ -37,8 +37,8 @@ class RigidBody:
     def torques(self, q: Array, v: Array, a: Array, *, gravity: Sequence[float] | None = None) -> Array:
         """Torque of each joint along a motion, N*m or N, (n, joints): M(q) a + C(q, v) v + g(q).
 
-        Position q, rad or m, velocity v and acceleration a are (n, joints), gravity, m/s**2, in the frame of the base, (3,);
-        None: as the robot was made with.
+        Position q, rad or m, velocity v and acceleration a are (n, joints), gravity, m/s**2, in the frame of the base,
+        (3,); None: as the robot was made with.
         """
         import pinocchio
 
@@ -51,7 +51,7 @@ class RigidBody:
         return np.asarray(found[:, list(self.places)])
 
     def inertias(self, q: Array) -> Array:
-        """What each joint has to accelerate of the links while the others rest, kg*m**2 or kg, (n, joints): the diagonal of M(q)."""
+        """Inertia of the links at each joint while others rest, kg*m**2 or kg, (n, joints): the diagonal of M(q)."""
         zero, unit = np.zeros_like(q), np.eye(q.shape[1])
         still = self.torques(q, zero, zero)
         moved = [self.torques(q, zero, zero + e)[:, k] for k, e in enumerate(unit)]
@@ -59,22 +59,20 @@ class RigidBody:
 
 
 def largest_gravity(urdf: Urdf, name: str | None) -> float:
-    """Torque of a joint's gravity a quarter turn from where it hangs, N*m, while the others rest at zero; None: of the only joint.
+    """Torque of a joint's gravity a quarter turn from where it hangs, N*m, other joints at zero; None: the only joint.
 
     Raises InputError as `rigid_body`, where no joint of several is named, or it slides, or its axis is vertical.
     """
     known = [joint.name for joint in urdf.joints]
     if name is None and len(known) != 1:
-        raise InputError(
-            f"{urdf.file}: has {len(known)} joints: {short_list(known)}; name the one of the log, as in --name {known[0]}"
-        )
+        has = f"{urdf.file}: has {len(known)} joints: {short_list(known)}"
+        raise InputError(f"{has}; name the one of the log, as in --name {known[0]}")
     body = rigid_body(urdf, [name or known[0]], (0.0, 0.0, -GRAVITY), None)
     still = np.zeros((2, 1))
     size = float(np.hypot(*body.torques(np.array([[0.0], [np.pi / 2]]), still, still)[:, 0]))
     if urdf.joint(name or known[0]).kind != "revolute" or not size > 1e-9:
-        raise InputError(
-            f"{urdf.file}: gravity makes no torque of {name or known[0]}, which slides, or turns about a vertical axis"
-        )
+        why = "which slides, or turns about a vertical axis"
+        raise InputError(f"{urdf.file}: gravity makes no torque of {name or known[0]}, {why}")
     return size
 
 
@@ -86,9 +84,8 @@ def rigid_body(urdf: Urdf, names: Sequence[str], gravity: Sequence[float], paylo
     try:
         import pinocchio
     except ImportError as error:
-        raise InputError(
-            "robot.urdf needs Pinocchio, which is not installed; install it with pip install 'bristle[robot]', or leave robot out"
-        ) from error
+        remedy = "install it with pip install 'bristle[robot]', or leave robot out"
+        raise InputError(f"robot.urdf needs Pinocchio, which is not installed; {remedy}") from error
     if len(names) > MAX_JOINTS:
         raise InputError(f"got {len(names)} joints of {urdf.file}; expected at most {MAX_JOINTS}")
     own = [urdf.places[urdf.joint(name).name] for name in names]
@@ -113,14 +110,14 @@ _STILL = 1e-3  # rad or m: a joint that goes no further rests, too
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotMotion:
-    """One run: how each joint moves in it."""
+    """The motion of each joint in one run."""
 
     file: str  # as results call it
     moving: Mapping[str, Record]  # of each joint that moves: position, velocity, acceleration
     resting: Mapping[str, float]  # where each of the others rests, rad or m
 
     def at(self, time: Array, names: tuple[str, ...]) -> tuple[Array, Array, Array]:
-        """Position, velocity and acceleration of some joints at some times, s, (n, joints) each; linear between samples."""
+        """Position, velocity and acceleration of joints at some times, s, (n, joints) each; linear between samples."""
         q, v, a = (np.zeros((time.size, len(names))) for _ in range(3))
         for k, name in enumerate(names):
             if name in self.resting:
@@ -133,12 +130,11 @@ class RobotMotion:
 
 
 def reader_of(robot: Robot) -> Reader:
-    """What reads each log of a robot once, with all columns that will be asked of it: its joints share them."""
+    """A reader that reads each log of a robot once, with all columns that will be asked of it."""
     signals = [joint.everywhere.signals_of(run) for joint in robot.joints for run in joint.everywhere.runs]
     clocks = [key for x in signals if x.time is not None for key in x.time.columns()]
-    asked = dict.fromkeys(
-        [*clocks, *(key for x in signals for name, key in keys_of(x).items() if name not in x.apart())]
-    )
+    own = (key for x in signals for name, key in keys_of(x).items() if name not in x.apart())
+    asked = dict.fromkeys([*clocks, *own])
     tables: dict[Path, RawTable] = {}
 
     def read(path: Path, keys: Sequence[Key], shown: str | None = None) -> RawTable:
@@ -154,12 +150,11 @@ def reader_of(robot: Robot) -> Reader:
 
 
 def read_motions(robot: Robot, read: Reader) -> dict[str, RobotMotion]:
-    """How all joints move in each run that is a course over time, by what tells that from others.
+    """The motion of all joints in each run over time, by the run's key.
 
     Raises InputError where a joint has no position, or a file cannot be read as declared.
     """
-    records: dict[str, dict[str, Record | float]] = {}
-    called: dict[str, str] = {}
+    records, called = dict[str, dict[str, Record | float]](), dict[str, str]()
     for joint in robot.joints:
         experiment = joint.everywhere
         for run, sources in files_of(experiment):
@@ -186,17 +181,16 @@ def read_motions(robot: Robot, read: Reader) -> dict[str, RobotMotion]:
 
 
 def _key(run: RunFiles, sources: list[Source]) -> str:
-    """What tells the files of a run, and the part of them, from others."""
+    """Key of a run: its files, and the part of them."""
     return repr((sources, run.rows, run.time))
 
 
 def _motion(experiment: Experiment, run: RunFiles, sources: list[Source], read: Reader) -> tuple[str, Record | float]:
-    """What a run is called, and how one joint moves in it; where it rests, if it does not."""
+    """The name of a run, and the motion of one joint in it, or where it rests."""
     signals = experiment.signals_of(run).model_copy(update=dict.fromkeys(DRIVE))
     if signals.position is None:
-        raise InputError(
-            f"{experiment.path}: {experiment.joint.name} has no position, which a robot's joints need; name it under signals"
-        )
+        why = f"{experiment.joint.name} has no position, which a robot's joints need"
+        raise InputError(f"{experiment.path}: {why}; name it under signals")
     table, shown = table_of_run(experiment, run, sources, signals, read)
     keys = keys_of(signals)
     logged = table.columns[keys["position"]] * signals.position.factor("position", experiment.context)
@@ -214,10 +208,9 @@ def _motion(experiment: Experiment, run: RunFiles, sources: list[Source], read: 
 
 
 class LinkTorques:
-    """What the links ask of all joints in a run, computed once for the joints whose records have one time."""
+    """Link torques of all joints in a run, computed once for the joints whose records have the same times."""
 
     def __init__(self, body: RigidBody, names: tuple[str, ...]) -> None:
-        """`names`: of the joints, in the order of the body's."""
         self._body, self._names = body, names
         self._known: dict[str, tuple[Array, Array]] = {}
 
@@ -233,7 +226,7 @@ class LinkTorques:
 def runs_of(
     experiment: Experiment, motions: Mapping[str, RobotMotion], links: LinkTorques | None, read: Reader
 ) -> tuple[Run, ...]:
-    """The runs in which a joint moves, each with what the links ask of it where the robot is known.
+    """The runs in which a joint moves, with the torque of the links where the robot is known.
 
     Raises InputError as `read_runs`, and where the joint moves in no run.
     """
@@ -248,14 +241,13 @@ def runs_of(
             record = replace(record, link_torque=links.of(name, motion, record.time))
         runs.append(Run(kind=run.experiment, record=record, hold_out=run.hold_out))
     if not runs:
-        raise InputError(
-            f"{experiment.path}: {name} rests in every run; log it while it moves, or give it identify: false under joints"
-        )
+        remedy = "log it while it moves, or give it identify: false under joints"
+        raise InputError(f"{experiment.path}: {name} rests in every run; {remedy}")
     return tuple(runs)
 
 
 def without_links(run: Run) -> Run:
-    """A run at constant velocity, or of slow loading, without the links' torque; a moving one as it is: its fit takes it off."""
+    """A run at constant velocity, or of slow loading, less the links' torque; the fit of a moving run takes it off."""
     r = run.record
     if run.kind == "tracking" or r.link_torque is None or r.torque is None:
         return run

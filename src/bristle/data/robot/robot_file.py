@@ -1,4 +1,4 @@
-"""The file of a robot: one log of all joints, and an experiment of each; keys beside `joints` hold for all, those under a joint for that one."""
+"""The file of a robot: one log of all joints, and an experiment of each; a joint's keys replace those of all."""
 
 import re
 from collections.abc import Mapping
@@ -17,9 +17,8 @@ from bristle.data.text_table import naming
 from bristle.errors import InputError, short, short_list
 
 FREE = "free"  # what a torque constant is called that the links' torque is to tell
-_OWN = ("motor", "fit", "segments", "plan", "adapt", "signals")
-"""Keys of an experiment file whose parts a joint may replace one by one."""
-_WHOLE = ("inertia", "encoder_resolution", "kind", "truth", "assumptions")  # those that it replaces as a whole
+_OWN = ("motor", "fit", "segments", "plan", "adapt", "signals")  # keys that a joint replaces part by part
+_WHOLE = ("inertia", "encoder_resolution", "kind", "truth", "assumptions")  # keys that it replaces as a whole
 _RANGE = re.compile(r"\s*([0-9]{1,5})\s*-\s*([0-9]{1,5})\s*")
 
 
@@ -27,34 +26,29 @@ Pull = Annotated[float, Field(ge=-1e3, le=1e3)]  # of gravity in one direction, 
 
 
 class RobotDescription(StrictModel):
-    """The arm, whose links' torque is known from its URDF."""
+    """The arm, whose URDF tells the torque of its links."""
 
-    urdf: Annotated[StrictStr, Field(min_length=1, max_length=4096)]
-    """Path, relative to the file."""
-    gravity: tuple[Pull, Pull, Pull] = (0.0, 0.0, -9.81)
-    """m/s**2, in the frame of the base: of an arm that hangs, (0, 0, 9.81)."""
+    urdf: Annotated[StrictStr, Field(min_length=1, max_length=4096)]  # path, relative to the file
+    gravity: tuple[Pull, Pull, Pull] = (0.0, 0.0, -9.81)  # m/s**2, in the frame of the base
     payload: Payload | None = None
 
 
 class JointEntry(StrictModel):
-    """One joint, beside what it has of an experiment file."""
+    """One joint, without its keys of an experiment file."""
 
     name: Annotated[StrictStr, Field(min_length=1, max_length=200)]
+    # its column of each signal, from 0; None: its place among the joints
     index: Annotated[StrictInt, Field(ge=0, lt=10_000)] | None = None
-    """Which of the columns of each signal is its own, from 0; None: as it stands among the joints."""
-    torque_constant: StrictStr | None = None
-    """As under motor, or free."""
-    identify: StrictBool = True
-    """Whether its friction is asked for; its motion counts in any case."""
+    torque_constant: StrictStr | None = None  # as under motor, or free
+    identify: StrictBool = True  # whether its friction is asked for; its motion counts in any case
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointOfRobot:
-    """A joint of a robot: its experiment, and what is not an experiment's."""
+    """A joint of a robot: its experiment, and the robot's own keys."""
 
     experiment: Experiment  # where the torque constant is free, with one of 1 N*m/A: its torques are numbers of amperes
-    everywhere: Experiment
-    """The same with all runs of the robot, those of other joints alone too: it moves in them as well."""
+    everywhere: Experiment  # with all runs of the robot, those of other joints too: it moves in them as well
     free: bool  # whether the torque constant is to be found
     identify: bool
 
@@ -71,7 +65,7 @@ class Robot:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the joints, in the file's order."""
+        """Names of the joints, in the file's order."""
         return tuple(joint.experiment.joint.name for joint in self.joints)
 
 
@@ -81,7 +75,7 @@ def is_robot(data: Mapping[str, Any]) -> bool:
 
 
 def robot_of(data: dict[str, Any], path: Path) -> Robot:
-    """The robot that the keys of a YAML file describe; its logs are not read yet.
+    """The robot of a YAML file's keys; its logs are not read yet.
 
     Raises InputError in one sentence that names the file and the key, what was got and what to do.
     """
@@ -90,9 +84,8 @@ def robot_of(data: dict[str, Any], path: Path) -> Robot:
         raise InputError(f"{path}: got joint beside joints; a robot's file names its joints under joints alone")
     entries = data.get("joints")
     if not isinstance(entries, list) or not entries or not all(isinstance(x, dict) for x in entries):
-        raise InputError(
-            f"{path}: joints: got {short(entries)}; expected a list, as [{{name: elbow_joint, index: 2}}, ...]"
-        )
+        expected = "a list, as [{name: elbow_joint, index: 2}, ...]"
+        raise InputError(f"{path}: joints: got {short(entries)}; expected {expected}")
     given = data.get("robot")
     if given is not None and not isinstance(given, dict):
         raise InputError(f"{path}: robot: got {short(given)}; expected keys with values, as {{urdf: arm.urdf}}")
@@ -156,9 +149,8 @@ def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path,
     both = zip(everywhere.runs, data["runs"], strict=True)
     own_runs = tuple(run for run, given in both if given.get("joint") in (None, about.name))
     if not own_runs and about.identify:
-        raise InputError(
-            f"{where}: each of the runs is of another joint; add one of {short(about.name)}, or give it identify: false"
-        )
+        remedy = f"add one of {short(about.name)}, or give it identify: false"
+        raise InputError(f"{where}: each of the runs is of another joint; {remedy}")
     experiment = everywhere.model_copy(update={"runs": own_runs or everywhere.runs})
     if free and experiment.signals.current is None:
         raise InputError(f"{where}: torque_constant: free needs a current under signals; name it, or give the constant")
@@ -166,7 +158,7 @@ def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path,
 
 
 def _signals(signals: Any, name: str, index: int, where: str) -> Any:
-    """The signals with the column of one joint in place of those of all."""
+    """The signals with the columns of one joint."""
     if not isinstance(signals, dict):
         return signals
     own = dict(signals)
@@ -181,13 +173,11 @@ def _signals(signals: Any, name: str, index: int, where: str) -> Any:
             match = _RANGE.fullmatch(columns) if isinstance(columns, str) else None
             listed = list(range(int(match[1]), int(match[2]) + 1)) or None if match else columns
             if not isinstance(listed, list):
-                raise InputError(
-                    f"{where}.{key}.columns: got {short(columns)}; expected a range such as 1-6, or a list of columns"
-                )
+                got = f"{where}.{key}.columns: got {short(columns)}"
+                raise InputError(f"{got}; expected a range such as 1-6, or a list of columns")
             if index >= len(listed):
-                raise InputError(
-                    f"{where}.{key}.columns: got {len(listed)}; expected one for each joint, at least {index + 1}"
-                )
+                got = f"{where}.{key}.columns: got {len(listed)}"
+                raise InputError(f"{got}; expected one for each joint, at least {index + 1}")
             own[key] = {"column": listed[index], **rest}
         elif isinstance(column, str) and ("{joint}" in column or "{index}" in column):
             own[key] = {"column": column.replace("{joint}", name).replace("{index}", str(index)), **rest}
@@ -201,6 +191,5 @@ def pick(robot: Robot, name: str) -> JointOfRobot:
     for joint in robot.joints:
         if joint.experiment.joint.name == name:
             return joint
-    raise InputError(
-        f"joint {short(name)}: {robot.path} has none of that name; expected one of {short_list(robot.names)}"
-    )
+    why = f"{robot.path} has none of that name"
+    raise InputError(f"joint {short(name)}: {why}; expected one of {short_list(robot.names)}")

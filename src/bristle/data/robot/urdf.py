@@ -1,6 +1,7 @@
-"""A URDF, read with care: joints, limits, masses. What a parser could stumble on is refused before one sees it.
+"""A URDF: joints, limits, masses.
 
-Meshes, includes and whatever else it names are never opened; what goes on to Pinocchio is written anew from numbers.
+Meshes, includes and whatever else it names are never opened; the text for Pinocchio is written anew from checked
+numbers.
 """
 
 import math
@@ -26,6 +27,7 @@ _MOVES: dict[str, Literal["revolute", "prismatic"]]
 _MOVES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _TYPES = (*_MOVES, "fixed")
 _ENDS, _MOMENTS = ("parent", "child"), ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_ORIGIN = {"xyz": "0 0 0", "rpy": "0 0 0"}
 _FAR = 1e9  # no length, mass or limit of a robot is larger, in SI
 PAYLOAD = "bristle_payload"  # what the link of a payload is called
 
@@ -46,7 +48,7 @@ Metres = Annotated[float, quantity("m")]
 
 
 class Payload(StrictModel):
-    """What the robot holds: a point of mass, kg, somewhere in the frame of a link, m, (3,)."""
+    """What the robot holds: a point mass, kg, in the frame of a link, m, (3,)."""
 
     mass: Annotated[float, quantity("kg"), Field(gt=0)]
     center: tuple[Metres, Metres, Metres] = (0.0, 0.0, 0.0)
@@ -55,33 +57,30 @@ class Payload(StrictModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Urdf:
-    """What a URDF says of a robot: its joints that move, and a text of masses and joints alone."""
+    """The moving joints of a URDF, and a text of masses and joints alone."""
 
     file: str
     joints: tuple[UrdfJoint, ...]
     links: tuple[str, ...]
-    text: str
-    """A URDF without shapes: each number was read, and is finite; names are our own, which no parser takes for its own."""
+    text: str  # without shapes; each number is finite, and names are our own, which no parser takes for its own
     places: Mapping[str, str]  # what each joint is called there
 
     def joint(self, name: str) -> UrdfJoint:
-        """The joint of a name. Raises InputError where none that moves has it."""
+        """The moving joint of a name. Raises InputError where there is none."""
         for joint in self.joints:
             if joint.name == name:
                 return joint
-        raise InputError(
-            f"joint {short(name)} is none of {self.file}; expected one of {short_list(j.name for j in self.joints)}"
-        )
+        there = short_list(j.name for j in self.joints)
+        raise InputError(f"joint {short(name)} is none of {self.file}; expected one of {there}")
 
     def holding(self, payload: Payload) -> str:
         """The text with a payload fixed to a link. Raises InputError where the URDF has no such link."""
         if payload.link not in self.links:
-            raise InputError(
-                f"robot.payload.link: got {short(payload.link)}; expected a link of {self.file}: {short_list(self.links)}"
-            )
+            expected = f"a link of {self.file}: {short_list(self.links)}"
+            raise InputError(f"robot.payload.link: got {short(payload.link)}; expected {expected}")
         moments = " ".join(f'{key}="0.0"' for key in _MOMENTS)
         held = (
-            f'<link name="{PAYLOAD}"><inertial><origin xyz="{_text(payload.center)}" /><mass value="{payload.mass!r}" />'
+            f'<link name="{PAYLOAD}"><inertial><origin xyz="{" ".join(map(repr, payload.center))}" /><mass value="{payload.mass!r}" />'
             f'<inertia {moments} /></inertial></link><joint name="{PAYLOAD}_joint" type="fixed">'
             f'<parent link="link_{self.links.index(payload.link)}" /><child link="{PAYLOAD}" /></joint></robot>'
         )
@@ -89,10 +88,9 @@ class Urdf:
 
 
 def read_urdf(path: Path) -> Urdf:
-    """The robot that a URDF file describes.
+    """The robot of a URDF file.
 
-    Raises InputError, one sentence, where it cannot be read, is no URDF, holds a number that is none, or its joints make no
-    tree.
+    Raises InputError where it cannot be read, is no URDF, holds an invalid number, or its joints make no tree.
     """
     content = read_at_most(path, MAX_BYTES, "a URDF, without meshes")
     with naming(str(path)):
@@ -120,9 +118,10 @@ def read_urdf(path: Path) -> Urdf:
         _refuse_no_tree(links, joints)
         numbered = {key: f"link_{k}" for k, key in enumerate(links)}
         places = {key: f"joint_{k}" for k, key in enumerate(joints)}
-        parts = [_clean_link(key, x, numbered[key]) for key, x in links.items()]
-        parts += [_clean_joint(key, x, places[key], numbered) for key, x in joints.items()]
-    text = f'<robot name="robot">{"".join(parts)}</robot>'
+        clean = Xml.Element("robot", {"name": "robot"})
+        clean.extend([_clean_link(name, x, numbered[name]) for name, x in links.items()])
+        clean.extend([_clean_joint(name, x, places[name], numbered) for name, x in joints.items()])
+        text = Xml.tostring(clean, encoding="unicode")
     return Urdf(file=path.name, joints=moving, links=tuple(links), text=text, places=places)
 
 
@@ -152,39 +151,51 @@ def _moving_joints(joints: Mapping[str, Xml.Element]) -> Iterator[UrdfJoint]:
             yield UrdfJoint(name=name, kind=_MOVES[kind], lower=lower, upper=upper, velocity=velocity, effort=effort)
 
 
-def _clean_link(name: str, x: Xml.Element, own: str) -> str:
-    """The link with its mass, and nothing else."""
-    inertial = x.find("inertial")
-    if inertial is None:
-        return f'<link name="{own}" />'
-    mass = _number(inertial.find("mass"), "value", math.nan, name)
-    if not mass >= 0:
-        raise InputError(f"link {short(name)}: the mass is {mass:g}; expected a number that is not negative")
-    origin, tensor = _clean_origin(inertial, name), inertial.find("inertia")
-    moments = " ".join(f'{key}="{_number(tensor, key, 0.0, name)!r}"' for key in _MOMENTS)
-    return f'<link name="{own}"><inertial>{origin}<mass value="{mass!r}" /><inertia {moments} /></inertial></link>'
+def _clean_link(name: str, x: Xml.Element, own: str) -> Xml.Element:
+    """The link, named anew, with its mass alone."""
+    made, inertial = Xml.Element("link", {"name": own}), x.find("inertial")
+    if inertial is not None:
+        into = Xml.SubElement(made, "inertial")
+        _copy(inertial, into, "origin", _ORIGIN, name)
+        (mass,) = _copy(inertial, into, "mass", {"value": "nan"}, name)
+        if not mass >= 0:
+            raise InputError(f"link {short(name)}: the mass is {mass:g}; expected a number that is not negative")
+        _copy(inertial, into, "inertia", dict.fromkeys(_MOMENTS, "0"), name)
+    return made
 
 
-def _clean_joint(name: str, x: Xml.Element, own: str, numbered: Mapping[str, str]) -> str:
-    """The joint with where it stands and its axis; one without end turns between limits that nothing reaches."""
+def _clean_joint(name: str, x: Xml.Element, own: str, numbered: Mapping[str, str]) -> Xml.Element:
+    """The joint, named anew, with its place and axis; one without ends turns between limits that nothing reaches."""
     kind = x.get("type", "")
-    inside = _clean_origin(x, name)
-    inside += "".join(f'<{role} link="{numbered[end]}" />' for role, end in zip(_ENDS, _ends(x), strict=True))
+    made = Xml.Element("joint", {"name": own, "type": _MOVES.get(kind, kind)})
+    _copy(x, made, "origin", _ORIGIN, name)
+    for role, end in zip(_ENDS, _ends(x), strict=True):
+        Xml.SubElement(made, role, {"link": numbered[end]})
     if kind in _MOVES:
-        direction = _triple(x.find("axis"), "xyz", "1 0 0", name)
-        if not math.hypot(*direction) > 0:
+        if not any(_copy(x, made, "axis", {"xyz": "1 0 0"}, name)):
             raise InputError(f"joint {short(name)}: its axis has no direction; expected one such as 0 0 1")
-        inside += f'<axis xyz="{_text(direction)}" /><limit lower="-1e9" upper="1e9" effort="1e9" velocity="1e9" />'
-    return f'<joint name="{own}" type="{_MOVES.get(kind, kind)}">{inside}</joint>'
+        Xml.SubElement(made, "limit", {"lower": "-1e9", "upper": "1e9", "effort": "1e9", "velocity": "1e9"})
+    return made
 
 
-def _clean_origin(x: Xml.Element, name: str) -> str:
-    xyz, rpy = (_text(_triple(x.find("origin"), key, "0 0 0", name)) for key in ("xyz", "rpy"))
-    return f'<origin xyz="{xyz}" rpy="{rpy}" />'
+def _copy(x: Xml.Element, into: Xml.Element, tag: str, defaults: Mapping[str, str], name: str) -> list[float]:
+    """The numbers of a child of an element, or their defaults, which are copied into another one."""
+    child, found = x.find(tag), list[float]()
+    copied = Xml.SubElement(into, tag)
+    for key, default in defaults.items():
+        text = default if child is None else child.get(key, default)
+        cells, many = text.split(), len(default.split())
+        if len(cells) != many:
+            why = f"{short(name)}: got {short(text)}"
+            raise InputError(f"{why}; expected {'three numbers' if many > 1 else 'a number'}")
+        numbers = [_float(cell, f"{name}: {key}") for cell in cells]
+        copied.set(key, " ".join(map(repr, numbers)))
+        found += numbers
+    return found
 
 
 def _ends(joint: Xml.Element) -> list[str]:
-    """The links between which a joint is, parent and child; empty where it does not say."""
+    """The parent and the child of a joint; empty where it does not say."""
     ends = (joint.find(role) for role in _ENDS)
     return ["" if end is None else end.get("link", "") for end in ends]
 
@@ -196,36 +207,23 @@ def _refuse_no_tree(links: Mapping[str, Xml.Element], joints: Mapping[str, Xml.E
         above, below = _ends(x)
         missing = next((end for end in (above, below) if end not in links), None)
         if missing is not None:
-            raise InputError(
-                f"joint {short(name)} names the link {short(missing)}, which there is none of; add the link"
-            )
+            raise InputError(f"joint {short(name)} names the link {short(missing)}, which is missing; add the link")
         if below in parent:
-            raise InputError(
-                f"link {short(below)} is the child of two joints; expected a tree, each link with one parent"
-            )
+            expected = "expected a tree, each link with one parent"
+            raise InputError(f"link {short(below)} is the child of two joints; {expected}")
         parent[below] = above
     roots, tree = [link for link in links if link not in parent], TopologicalSorter({x: [y] for x, y in parent.items()})
     with suppress(CycleError):
         tree.prepare()
         if len(roots) == 1:
             return
-    raise InputError(
-        f"its joints make no single tree of its {len(links)} links ({len(roots)} without a parent); expected exactly one"
-    )
+    why = f"its joints make no single tree of its {len(links)} links ({len(roots)} without a parent)"
+    raise InputError(f"{why}; expected exactly one")
 
 
 def _number(x: Xml.Element | None, key: str, default: float, name: str) -> float:
     text = None if x is None else x.get(key)
     return default if text is None else _float(text, f"{name}: {key}")
-
-
-def _triple(x: Xml.Element | None, key: str, default: str, name: str) -> tuple[float, float, float]:
-    text = default if x is None else x.get(key, default)
-    cells = text.split()
-    if len(cells) != 3:
-        raise InputError(f"{short(name)}: got {short(text)}; expected three numbers")
-    first, second, third = (_float(cell, name) for cell in cells)
-    return first, second, third
 
 
 def _float(text: str, where: str) -> float:
@@ -237,7 +235,3 @@ def _float(text: str, where: str) -> float:
         remedy = "; run xacro on it first" if "${" in text else ""
         raise InputError(f"{where[:80]}: got {short(text)}; expected a number of at most {_FAR:g} in size{remedy}")
     return value
-
-
-def _text(numbers: tuple[float, float, float]) -> str:
-    return " ".join(map(repr, numbers))

@@ -1,4 +1,4 @@
-"""Columns of a ROS bag: from a name such as `/joint_states.position[elbow]` to a path in the messages of a topic, and to numbers."""
+"""Columns of a ROS bag, by names such as `/joint_states.position[elbow]`."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,22 +12,8 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.columns import Key, bounded, brought_to, reading
-from bristle.data.ros.messages import (
-    BASE,
-    MESSAGE,
-    NAMES,
-    NO_STAMP,
-    Messages,
-    NamedJoint,
-    Topic,
-    Types,
-    is_number,
-    is_stamp,
-    numbers_of,
-    types_of,
-)  # fmt: skip  # a list
-from bristle.data.ros.messages import Path as FieldPath
-from bristle.data.ros.storage import DAMAGED, WHAT, Bag, digest_of, open_bag, opened
+from bristle.data.ros import bag as ros
+from bristle.data.ros.bag import NO_STAMP, Bag, FieldPath, Messages, NamedJoint, Topic, Types, numbers_of, types_of
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.findings import NOTE, Finding
 
@@ -37,7 +23,7 @@ STAMP = FieldPath(("header", "stamp"), is_stamp=True)
 _LONGEST = 1000  # characters of a column's name
 _STEP = re.compile(r"([A-Za-z]\w*)(?:\[([^\[\]]*)\])?(\.|$)")
 _LISTED = 60  # columns of a topic that are listed
-_GAP = 5  # median intervals: across a longer one nothing is interpolated, as the default of `cleaning.gap` is
+_GAP = 5  # median intervals: nothing is interpolated across a longer one, as `cleaning.gap` has it by default
 
 
 class Target(NamedTuple):
@@ -53,9 +39,9 @@ class Target(NamedTuple):
 
 
 def topics_of(bag: Bag) -> dict[str, Topic]:
-    """The topics of a bag by name; one with messages of several types has none. Raises InputError where it cannot be read."""
+    """The topics of a bag by name; the kind is empty where there are several. Raises InputError where it cannot be read."""
     topics: dict[str, Topic] = {}
-    with opened(bag) as reader, reading(WHAT, DAMAGED):
+    with ros.opened(bag) as reader, reading(ros.WHAT, ros.DAMAGED):
         connections = list(reader.connections)
     for c in connections:
         name = check_name(c.topic, "the topic")
@@ -68,69 +54,67 @@ def topics_of(bag: Bag) -> dict[str, Topic]:
     return topics
 
 
+def _listed(topics: Mapping[str, Topic]) -> str:
+    return short_list(f"{topic.name} ({topic.kind})" for topic in topics.values())
+
+
 def target_of(key: Key, topics: Mapping[str, Topic]) -> Target:
     """What a column's name means. Raises InputError where there is no such topic or field, or it holds no number."""
     text = key.column
     if not isinstance(text, str) or len(text) > _LONGEST:
         raise InputError(f"column {key} is not a name; expected a topic and a field, as /joint_states.position[elbow]")
 
-    # the topic that the name begins with, or the only one that it can mean, and what follows
+    # the topic at the beginning of the name, or the only joint states, and the rest of the name
     fits = [name for name in topics if text.startswith((f"{name}.", f"{name.removeprefix('/')}."))]
-    there = short_list(f"{topic.name} ({topic.kind})" for topic in topics.values())
     states = [name for name, topic in topics.items() if topic.kind == JOINT_STATE]
     if not fits and text.startswith("/"):
-        raise InputError(f"column {short(text)} is of no topic of the bag; there are: {there}")
+        raise InputError(f"column {short(text)} is of no topic of the bag; there are: {_listed(topics)}")
     if not fits and len(states) != 1:
-        raise InputError(
-            f"column {short(text)} names no topic, which only a bag with exactly one of joint states allows; there are: {there}"
-        )
+        why = "names no topic, which only a bag with exactly one of joint states allows"
+        raise InputError(f"column {short(text)} {why}; there are: {_listed(topics)}")
     name = max(fits, key=len) if fits else states[0]
     rest = text.removeprefix("/")[len(name.removeprefix("/")) + 1 :] if fits else text
     topic = topics[name]
     if not topic.kind:
         raise InputError(f"topic {name} has messages of several types; record one, or name another topic")
-    if rest == RECEIVED and RECEIVED not in types_of(topic)[topic.kind]:
-        return Target(name, None)
-    return Target(name, _path(rest, key, topic, types_of(topic)))
+    types = types_of(topic)
+    received = rest == RECEIVED and RECEIVED not in types[topic.kind]
+    return Target(name, None if received else _path(rest, key, topic, types))
 
 
 def _path(text: str, key: Key, topic: Topic, types: Types) -> FieldPath:
-    """The way through a message that a name is, checked against what the message is made of; it ends at a number or at a stamp."""
-    part: Any = (MESSAGE, topic.kind)
+    """The path in a message that a name means, to a number or a stamp, checked against the message's type."""
+    part: Any = (ros.MESSAGE, topic.kind)
     steps, at = list[str | int | NamedJoint](), 0
-    named = any(name in types[topic.kind] for name in NAMES)
+    named = any(name in types[topic.kind] for name in ros.NAMES)
     while at < len(text):
         match = _STEP.match(text, at)
         if match is None:
-            raise InputError(
-                f"column {key}: {short(text[at:])} is not a field; expected names with dots between, as position[elbow]"
-            )
+            expected = "names with dots between, as position[elbow]"
+            raise InputError(f"column {key}: {short(text[at:])} is not a field; expected {expected}")
         name, element, _ = match.groups()
-        there = types[part[1]] if part[0] == MESSAGE else {}
+        there = types[part[1]] if part[0] == ros.MESSAGE else {}
         if name not in there:
-            received = f", or {topic.name}.{RECEIVED}, when messages were received"
-            also = received if "header" not in there and name == "header" else ""
-            raise InputError(
-                f"column {key}: no field {short(name)} in {topic.name}; there are: {short_list(there)}{also}"
-            )
+            received = f", or {topic.name}.{RECEIVED}, when messages were received" if name == "header" else ""
+            known = f"there are: {short_list(there)}{received}"
+            raise InputError(f"column {key}: no field {short(name)} in {topic.name}; {known}")
         part, at = there[name], match.end()
         steps.append(name + "_" * iskeyword(name))  # as rosbags calls it
         ends = [] if element is None else [(element, named)]
         ends += [(str(key.index), False)] if at == len(text) and key.index is not None else []
         for inner, by_name in ends:
-            if part[0] in (BASE, MESSAGE):
+            if part[0] in (ros.BASE, ros.MESSAGE):
                 raise InputError(f"column {key}: {name} is not an array; leave [{inner[:60]}] out")
             if not by_name and not (inner.isdecimal() and len(inner) < 10):
-                raise InputError(
-                    f"column {key}: got [{inner[:60]}]; expected a number from 0, for these messages name no joints"
-                )
+                expected = "a number from 0, for these messages name no joints"
+                raise InputError(f"column {key}: got [{inner[:60]}]; expected {expected}")
             steps.append(NamedJoint(inner) if by_name else int(inner))
             part = part[1][0]
-    if is_stamp(part) or is_number(part):
-        return FieldPath(tuple(steps), is_stamp=is_stamp(part))
-    if part[0] == MESSAGE:
+    if ros.is_stamp(part) or ros.is_number(part):
+        return FieldPath(tuple(steps), is_stamp=ros.is_stamp(part))
+    if part[0] == ros.MESSAGE:
         why = f"is not a number but a message with {short_list(types[part[1]])}; name one of these"
-    elif part[0] == BASE:
+    elif part[0] == ros.BASE:
         why = "holds text; name a number"
     else:
         why = f"is an array; say which element, as {topic.name}.position[elbow] for a joint, or [0] for the first"
@@ -140,28 +124,26 @@ def _path(text: str, key: Key, topic: Topic, types: Types) -> FieldPath:
 def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tuple[Finding, ...]]:
     """Columns of a bag, (messages of the topic of the time,), with its SHA-256 and notes.
 
-    A column is a topic and the path of a field, as `/joint_states.position[elbow]` or `/wrench.wrench.torque.z`.
+    A column is a topic and the path of a field, as `/joint_states.position[elbow]` or `/wrench.wrench.torque.z`. Times
+    are in s from the first one. Columns of other topics than that of the time are interpolated linearly at its stamps:
+    nan before their first message, after their last, and across gaps longer than five median intervals.
 
-    Times are in s from the first one on. Columns of other topics than that of the time are interpolated linearly at
-    its stamps: nan before their first message, after their last, and across gaps longer than five median intervals.
     Raises InputError; needs the extra `ros`.
     """
-    bag = open_bag(path)
+    bag = ros.open_bag(path)
     topics = topics_of(bag)
     targets = {key: target_of(key, topics) for key in keys}
     if not targets:
-        return {}, digest_of(bag), ()
+        return {}, ros.digest_of(bag), ()
     names = list(dict.fromkeys(target.topic for target in targets.values()))
     times = list(dict.fromkeys(target for target in targets.values() if target.is_time))
     if len(names) > 1 and len(times) != 1:
         got = f"the times of {short_list(t.topic for t in times)}" if times else "no stamp"
-        raise InputError(
-            f"signals come from the topics {short_list(names)}, with {got}; expected one time for all, as "
-            f"time: {{column: {names[0]}.header.stamp, unit: s}}"
-        )
+        expected = f"one time for all, as time: {{column: {names[0]}.header.stamp, unit: s}}"
+        raise InputError(f"signals come from the topics {short_list(names)}, with {got}; expected {expected}")
     base = next(iter([*times, *targets.values()]))
 
-    # where there are several topics, the stamps at which the messages of each stand: those in its header, if the time is one
+    # the clock of each of several topics: the stamps in its header, if the time is a stamp, else the receive times
     clocks: dict[str, FieldPath | None] = {}
     for name in names if len(names) > 1 else ():
         types = types_of(topics[name])
@@ -193,7 +175,7 @@ def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tu
                 raise InputError(f"{target.topic}: {error}") from error
         columns[key] = found
 
-    # what is said of how times were told, and of topics that were interpolated
+    # notes on receive times and on interpolated topics
     notes, clocked = list[Finding](), [*((t.topic, t.path) for t in targets.values()), *clocks.items()]
     if received := sorted({name for name, path in clocked if path is None}):
         message = f"Times of {', '.join(received)} are those at which messages were received, not those of a header."
@@ -202,15 +184,15 @@ def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tu
         without = np.any([np.isnan(columns[key]) for key, t in targets.items() if t.topic in others], axis=0)
         rows = int(without.sum())
         message = (
-            f"{', '.join(others)} interpolated linearly at the stamps of {base.topic}; {rows} row{'' if rows == 1 else 's'} outside them, or in "
-            f"gaps longer than {_GAP} intervals, left empty."
+            f"{', '.join(others)} interpolated linearly at the stamps of {base.topic}; {rows} row{'s' * (rows != 1)} "
+            f"outside them, or in gaps longer than {_GAP} intervals, left empty."
         )
         notes.append(Finding("topics-interpolated", NOTE, message, {"rows": rows}))
-    return columns, digest_of(bag), tuple(notes)
+    return columns, ros.digest_of(bag), tuple(notes)
 
 
 def _seconds(stamps: NDArray[np.int64], origin: int) -> Array:
-    """Stamps in ns as s since one of them, nan where there is none."""
+    """Stamps, ns, as s since one of them; nan where there is none."""
     return np.where(stamps == NO_STAMP, np.nan, (stamps - origin) / 1e9)
 
 
@@ -220,9 +202,8 @@ def _stamps(time: Target, messages: Messages) -> NDArray[np.int64]:
         return messages.received
     stamps: NDArray[np.int64] = messages.values[time.path]
     if not stamps.any():
-        raise InputError(
-            f"the stamps of {time.topic} are all zero; name the time as {time.topic}.{RECEIVED}, when its messages were received"
-        )
+        remedy = f"name the time as {time.topic}.{RECEIVED}, when its messages were received"
+        raise InputError(f"the stamps of {time.topic} are all zero; {remedy}")
     return stamps
 
 
@@ -233,12 +214,10 @@ def _refuse_empty(key: Key, target: Target, messages: Messages) -> None:
         return
     joint = next((x.name for x in (target.path.steps if target.path else ()) if isinstance(x, NamedJoint)), "")
     if joint and joint not in messages.joints and not joint.isdecimal():
-        raise InputError(
-            f"column {key}: no joint {short(joint)} in {target.topic}; there are: {short_list(messages.joints)}"
-        )
-    raise InputError(
-        f"column {key} is empty in all {found.size} messages of {target.topic}; leave it out, or name what was logged"
-    )
+        there = short_list(messages.joints)
+        raise InputError(f"column {key}: no joint {short(joint)} in {target.topic}; there are: {there}")
+    remedy = "leave it out, or name what was logged"
+    raise InputError(f"column {key} is empty in all {found.size} messages of {target.topic}; {remedy}")
 
 
 def joint_states(path: Path) -> tuple[str, tuple[str, ...]]:
@@ -246,13 +225,12 @@ def joint_states(path: Path) -> tuple[str, tuple[str, ...]]:
 
     Raises InputError where there is no such topic, or there are several; needs the extra `ros`.
     """
-    topics = topics_of(open_bag(path))
+    topics = topics_of(ros.open_bag(path))
     states = [name for name, t in topics.items() if t.kind == JOINT_STATE]
     if len(states) != 1:
-        there = short_list(f"{t.name} ({t.kind})" for t in topics.values())
         raise InputError(
             f"has {'several topics' if states else 'no topic'} of joint states; name each column with its topic, as in "
-            f"--column position=/joint_states.position[elbow] (there are: {there})"
+            f"--column position=/joint_states.position[elbow] (there are: {_listed(topics)})"
         )
     return states[0], _joints(topics[states[0]])
 
@@ -262,29 +240,27 @@ def _joints(topic: Topic) -> tuple[str, ...]:
 
 
 def bag_columns(path: Path) -> tuple[str, ...]:
-    """Names of the columns that a bag offers: stamps and plain numbers, and of joint states those of each joint; needs the extra `ros`."""
+    """The columns that a bag offers: stamps, plain numbers, and the joints of joint states; needs the extra `ros`."""
 
     def leaves(types: Types, kind: str, name: str, depth: int = 0) -> Iterator[str]:
         for field, part in types[kind].items():
-            if is_number(part) or is_stamp(part):
+            if ros.is_number(part) or ros.is_stamp(part):
                 yield f"{name}.{field}"
-            elif part[0] == MESSAGE and depth < 3:
+            elif part[0] == ros.MESSAGE and depth < 3:
                 yield from leaves(types, part[1], f"{name}.{field}", depth + 1)
 
     names = list[str]()
-    for topic in topics_of(open_bag(path)).values():
-        try:
+    for topic in topics_of(ros.open_bag(path)).values():
+        with suppress(InputError):  # of a topic that cannot be read, and may not be wanted
             names += list(leaves(types_of(topic), topic.kind, topic.name))[:_LISTED]
             joints = _joints(topic) if topic.kind == JOINT_STATE else ()
-        except InputError:  # of a topic that is not read, and may not be wanted
-            continue
-        names += [f"{topic.name}.{name}[{joint}]" for joint in joints for name in ("position", "velocity", "effort")]
+            names += [f"{topic.name}.{x}[{joint}]" for joint in joints for x in ("position", "velocity", "effort")]
     return tuple(names)
 
 
 def time_column(path: Path, column: str) -> str:
-    """The time of a column's topic: its stamps or, where it has none, when its messages were received. Raises InputError."""
-    topics = topics_of(open_bag(path))
+    """The time of a column's topic: its stamps, or its receive times where it has none. Raises InputError."""
+    topics = topics_of(ros.open_bag(path))
     topic = target_of(Key(column), topics).topic
     with suppress(InputError):
         read_bag(path, [Key(f"{topic}.header.stamp")])

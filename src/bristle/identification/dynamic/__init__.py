@@ -1,1 +1,1 @@
-"""All parameters from a motion, with those of the other experiments as priors."""
+"""All parameters from moving runs."""

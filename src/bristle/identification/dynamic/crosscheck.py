@@ -1,9 +1,4 @@
-"""The fit of moving data by a second route: the same problem as one CasADi expression, solved by IPOPT.
-
-The bristle's step is chained by `mapaccum` over the samples and the zero crossings between them; for a pair of sets the
-law itself chooses the one that acts at the beginning of each step. Gradients are CasADi's, by reverse differentiation
-of the whole chain; nothing of the rollout, its scan or its Jacobian is used.
-"""
+"""The moving fit by a second route: one CasADi expression of the law's own step (`mapaccum`), solved by IPOPT."""
 
 from typing import Any
 
@@ -20,28 +15,22 @@ from bristle.model import law
 from bristle.model.parameters import Lugre, ParameterName, fields_of, lugre_of, pair_of
 from bristle.model.time_refinement import Nodes, with_extra_nodes
 
-STARTS = 1
 _SEED = 0
-_APART = 0.2  # how far a start lies from the answer, as a share either way
+_APART = 0.2  # relative distance of the start from the answer
 _SAME = 1e-4
-"""Relative difference in cost within which the two routes agree: theirs treat a change of z's sign inside a step
-differently."""
+"""Relative difference in cost that counts as agreement: sign changes of z within a step are treated differently."""
 _OPTIONS = {"tol": 1e-9, "max_iter": 150, "hessian_approximation": "limited-memory", "limited_memory_max_history": 20}
 
 
 def check_tracking(solved: DynamicSolution) -> Crosscheck:
-    """The same problem by IPOPT, from a start about the answer: costs, differences in the fit's standard errors, and a verdict.
-
-    `solved` is the fit before anything is taken off for encoder counts.
-    """
+    """The IPOPT fit from near the answer, as a check of the fit before encoder bias is taken off."""
     posed, values = solved.solution.posed, solved.values
     unknowns, best = posed.unknowns, solved.solution.minimum.cost
     x = ca.MX.sym("x", len(unknowns.names))
     whole = solver("moving", x, _cost(solved, x) / (best or 1.0), **_OPTIONS)
     rng = np.random.default_rng(_SEED)
-    away = ({n: v * (1 + _APART * rng.uniform(-1, 1)) for n, v in values.items()} for _ in range(STARTS))
-    begun = [np.clip(unknowns.scaled(one), unknowns.lower, unknowns.upper) for one in away]
-    ended = ends(whole, unknowns, begun)
+    away = unknowns.scaled({n: v * (1 + _APART * rng.uniform(-1, 1)) for n, v in values.items()})
+    ended = ends(whole, unknowns, [np.clip(away, unknowns.lower, unknowns.upper)])
     costs = [float(np.sum(posed.evaluate(end)[0] ** 2)) for end in ended]
     errors = {name: e.standard_error for name, e in solved.fit.parameters.items() if e.standard_error}
     minima = [unknowns.values(end) for end in ended]
@@ -49,7 +38,7 @@ def check_tracking(solved: DynamicSolution) -> Crosscheck:
 
 
 def _cost(solved: DynamicSolution, x: ca.MX) -> ca.MX:
-    """The sum of squared residuals, priors included, as an expression of the scaled unknowns."""
+    """The sum of squared residuals, priors included, over the scaled unknowns."""
     problem, unknowns = solved.problem, solved.solution.posed.unknowns
     known: dict[Any, Any] = {**problem.fixed, **dict(zip(unknowns.names, natural(unknowns, x), strict=True))}
     p = ca.vertcat(*(known[ParameterName(name, d)] for d in problem.directions for name in fields_of(problem.law)))
@@ -70,7 +59,7 @@ def _cost(solved: DynamicSolution, x: ca.MX) -> ca.MX:
 
 
 def _torque(velocity: Array, step: Array, p: ca.MX, problem: DynamicProblem, z0: ca.MX, v_s: float) -> ca.MX:
-    """The friction torque at the samples, (n, 1), by the law's own step and torque."""
+    """Friction torque at the samples, (n, 1)."""
     nodes = with_extra_nodes(Nodes(velocity, step, slice(0, velocity.size)), v_s)
     z, u, q = ca.SX.sym("z"), ca.SX.sym("u", 3), ca.SX.sym("p", p.numel())
     a, b = law.bristle_step(u[0], u[1], u[2], _acting(q, problem, z, u[0] + u[1]))

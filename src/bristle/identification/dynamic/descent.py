@@ -1,8 +1,4 @@
-"""The descent over the scaled unknowns of moving data, from one start or several.
-
-alpha_0, v_s and sigma_0 stand as logarithms, the others over a typical size. Starts are one from the other stages,
-softnesses of the bristle, and those that an end suggests.
-"""
+"""Starts and descent of moving fits; alpha_0, v_s and sigma_0 as logarithms, others over a typical size."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -30,26 +26,26 @@ from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Paramete
 from bristle.model.rollout import rollout
 from bristle.progress import Progress
 
-FEWEST = 2  # equations for each unknown, at the least: fewer estimate nothing
-LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")  # what the descent sees as its logarithm
+FEWEST = 2  # least equations per unknown
+LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")  # descended as logarithms
 _LARGE = 50_000  # samples from which a descent begins on a few of them
-_EVERY = 8  # those few are every 8th, ...
-_ROUGH = 10.0  # ... with nodes this many times farther apart, ...
-_NEAR = 0.1  # ... and end within about a third of their own standard errors
-_MORE = 200  # steps more, where the lowest of the ends ran out of them
-_RISES = 0.1  # of a load, that friction rises by: a typical size
-_MOST = 10.0  # of the largest torque: alpha_1 at most
-_RUNGS, _DESCENT = 8, 6  # deflections of the bristle that are tried, and steps of a descent at each
-_LOST = 10.0  # times the lowest cost, from which no descent begins
+_EVERY = 8  # samples per one of those few
+_ROUGH = 10.0  # factor on their distance of nodes
+_NEAR = 0.1  # of the variance: where their descent ends
+_MORE = 200  # additional steps for the lowest end
+_RISES = 0.1  # typical rise of friction per load
+_MOST = 10.0  # of the largest torque: limit of alpha_1
+_RUNGS, _DESCENT = 8, 6  # deflections tried, and steps at each
+_LOST = 10.0  # of the lowest cost: no descent begins above
 _OFFSET = ParameterName("offset", Direction.SHARED)
-_WINDOWS = 2  # of a simulated position, for the jackknife over them
-_WORTH = 0.1  # a Stribeck term that noise alone would ask for less often than this is worth a start
+_WINDOWS = 2  # least windows for the jackknife
+_WORTH = 0.1  # p-value of a Stribeck term that is worth a start
 
 
 def fit(
     problem: DynamicProblem, start: Values, most: int = 60, enough: float = 0.0
 ) -> tuple[dict[Unknown, float], Minimum]:
-    """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns; `enough` and InputError as of `minimise`."""
+    """Values by name at the minimum near a start, and the minimum; `enough` and InputError as of `minimise`."""
     posed, minimum = solved(problem, start, most, enough=enough)
     return posed.unknowns.values(minimum.x), minimum
 
@@ -57,13 +53,13 @@ def fit(
 def solved(
     problem: DynamicProblem, start: Values, most: int, lowest: float = np.inf, enough: float = 0.0
 ) -> tuple[LeastSquares[Unknown], Minimum]:
-    """The least-squares problem about a start, and its minimum near there; `lowest` and `enough` as in `minimise`."""
+    """The least-squares problem about a start, and its minimum; `lowest` and `enough` as in `minimise`."""
     posed = least_squares(problem, start)
     unknowns = posed.unknowns
     begin, bounds = unknowns.scaled(start), (unknowns.lower, unknowns.upper)
     few, between = thinned(problem), thinned(problem, _EVERY // 2)
     if few is not problem:
-        # a quick descent over a few of many samples, if samples between those like its end better than the start
+        # a quick descent over few samples, kept if it also fits samples between them
         with suppress(InputError):
             rough = unknowns.values(minimise(_evaluation(few, unknowns), begin, *bounds, most, _NEAR).x)
             left = [np.sum((between.measured - np.concatenate(modelled(between, x))) ** 2) for x in (rough, start)]
@@ -72,7 +68,7 @@ def solved(
 
 
 def thinned(problem: DynamicProblem, first: int = 0) -> DynamicProblem:
-    """A predicted torque at every 8th of many samples, from that one on, unsmoothed; else the problem as it is."""
+    """A predicted torque at every 8th of many samples, unsmoothed; other problems as they are."""
     if problem.quantity != "torque" or sum(m.time.size for m in problem.motions) < _LARGE:
         return problem
     names, at = ("time", "velocity", "torque", "extra", "measured"), slice(first, None, _EVERY)
@@ -84,7 +80,7 @@ def thinned(problem: DynamicProblem, first: int = 0) -> DynamicProblem:
 def polished(
     problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
 ) -> tuple[LeastSquares[Unknown], Minimum]:
-    """A minimum that ran out of steps, brought to its end, where that is lower."""
+    """A minimum that ran out of steps, continued."""
     if minimum.converged or minimum.residuals.size < FEWEST * minimum.x.size:
         return posed, minimum
     values = posed.unknowns.values(minimum.x)
@@ -97,13 +93,7 @@ def polished(
 
 
 def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
-    """The problem over its scaled unknowns about some values; the rows of priors come last.
-
-    Typical sizes are those of the data, of z0 of the values `at`. What stands as a logarithm lies in the range that a motion
-    can show. None shows a v_s below 1e-4 of its fastest speed, nor one so near to it that the term is a bend over all
-    speeds; nor a bristle that bends by more than ten times the travel or less than a billionth of it; nor an alpha_1 far
-    above every torque, which would have held the joint. z0 lies within twice the typical deflection.
-    """
+    """The problem over scaled unknowns about some values, within what a motion can show; priors are the last rows."""
     torque, speed = max(float(np.abs(m.torque).max()) for m in problem.motions), problem.fastest
     travel = problem.travel or speed
     known: Values = {**problem.fixed, **at}
@@ -141,11 +131,11 @@ def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
 
 
 def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluate:
-    """The residuals, priors included, and their Jacobian as functions of the scaled unknowns."""
+    """Residuals with priors, and their Jacobian, as functions of the scaled unknowns."""
     weight = problem.weight if any(m.weight != 1 for m in problem.motions) else None
 
     def evaluate(x: Array) -> tuple[Array, Array]:
-        """Residuals, (n,), and Jacobian, (n, p), at scaled unknowns, (p,); a single infinite residual where they overflow."""
+        """Residuals, (n,), and Jacobian, (n, p); one infinite residual on overflow."""
         with np.errstate(over="ignore", invalid="ignore"):
             natural = unknowns.natural(x)
             if not np.isfinite(natural).all() or (natural[unknowns.logarithmic] <= 0).any():
@@ -168,22 +158,18 @@ def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluat
 
 
 def logarithms(names: Iterable[ParameterName]) -> set[ParameterName]:
-    """Those that the descent sees as their logarithm."""
+    """Names that the descent treats as logarithms."""
     return {name for name in names if name.name in LOGARITHMIC}
 
 
 def equations_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
-    """Measured less modelled of every equation at the minimum, without its run's weight, N*m or rad, (n,)."""
+    """Unweighted residuals of all equations, N*m or rad, (n,)."""
     weight = problem.weight
     return solution.minimum.residuals[: weight.size] / weight
 
 
 def with_deflections(problem: DynamicProblem, start: Values) -> dict[Unknown, float]:
-    """A start with what each motion begins with.
-
-    The deflection that carries its first torque, within the steady one, and the first position. Where a motion goes on
-    from the one before, the deflection is that to which the estimated velocity has brought it.
-    """
+    """A start with initial states: the deflection that carries the first torque, or that of the motion before."""
     p, out, end = parameters(problem, start), dict(start), 0.0
     for k, m in enumerate(problem.motions):
         acting = p if isinstance(p, Lugre) else p[int(m.torque[0] < 0)]
@@ -198,7 +184,7 @@ def with_deflections(problem: DynamicProblem, start: Values) -> dict[Unknown, fl
 
 
 def without_deflections(values: Values) -> dict[ParameterName, float]:
-    """The values without the deflections at the start of each segment."""
+    """Without initial states."""
     return {name: value for name, value in values.items() if isinstance(name, ParameterName)}
 
 
@@ -210,15 +196,7 @@ def solve_dynamic(
     *,
     search: bool = True,
 ) -> MultistartSolution[Unknown]:
-    """The lowest minimum from `others` and from a start, and the covariance there.
-
-    With `search` from softnesses of the bristle as well. Of two directions that each have their friction, one set for both is
-    searched for first, about an offset: it has half the unknowns, and where it ends is a start for the two. Where a direction
-    has no Stribeck term in the end, or one within its error, and the residuals ask for one, it is given the one that they ask
-    for: without it its v_s, and so its alpha_1, has no slope to follow.
-
-    Raises InputError where there is one window alone, whose error no other one tells.
-    """
+    """The lowest minimum from `others`, a start and those of a `search`. Raises InputError for a single window."""
     if problem.quantity == "position" and len(problem.motions) < _WINDOWS:
         raise InputError(
             f"{problem.motions[0].file}: fit.predict: the moving runs make one window; expected at least {_WINDOWS}, whose "
@@ -226,7 +204,7 @@ def solve_dynamic(
         )
     begins = [*others, with_deflections(problem, start)]
     if search and problem.quantity == "torque" and len(problem.directions) == len(SIGNED):
-        one = _of_both(problem)
+        one = _with_one_friction(problem)
         found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), progress=progress)
         both = carried(problem, {**one.fixed, **without_deflections(found.values)})
         begins.append(with_deflections(problem, {name: x for name, x in both.items() if name not in problem.fixed}))
@@ -235,7 +213,7 @@ def solve_dynamic(
     solve, finish = partial(solved, problem), partial(polished, problem)
     best = solve_from_starts(solve, begins, finish, progress)
     while search:
-        added = dict[Unknown, float]()  # the Stribeck terms that the residuals ask for
+        added = dict[Unknown, float]()  # Stribeck terms asked for by the residuals
         errors = dict(zip(best.names, (best.scaled_errors * best.posed.unknowns.scale).tolist(), strict=True))
         for direction in problem.directions:
             alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
@@ -253,10 +231,7 @@ def solve_dynamic(
 
 
 def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
-    """Starts at deflections of the bristle that leave less than those beside them, from a count to a third of the travel.
-
-    All else descends a little from where the stiffer one ended: over sigma_0 the cost has many minima, and a descent finds the next.
-    """
+    """Starts at deflections from a count to a third of the travel that beat their neighbours, by short descents."""
     few = thinned(problem)
     sigma_0 = [n for n in few.friction_names if n.name == "sigma_0" and n not in few.fixed and n not in few.with_prior]
     if not sigma_0:
@@ -279,8 +254,8 @@ def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
     return [end for k, end in enumerate(ends, 1) if costs[k] == min(costs[k - 1 : k + 2])]
 
 
-def _of_both(problem: DynamicProblem) -> DynamicProblem:
-    """The problem with one set of friction for both directions, about an offset, of which nothing but itself is told."""
+def _with_one_friction(problem: DynamicProblem) -> DynamicProblem:
+    """The problem with one friction for both directions about an offset."""
     motions, names = problem.motions, problem.extra_names
     if _OFFSET not in names:
         motions = tuple(replace(m, extra=np.column_stack([m.extra, np.ones(m.time.size)])) for m in motions)
@@ -296,14 +271,10 @@ def _of_both(problem: DynamicProblem) -> DynamicProblem:
 
 
 def carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
-    """Values of one problem by the names of another: one set for both directions, or the mean of two; 0 for what is not known.
-
-    The mean is geometric where both are positive.
-    An offset and half the difference of the two Coulomb terms are the same thing, and become one another.
-    """
+    """Values by the names of another problem: `both` or the mean of two; an offset is half their difference."""
 
     def value(name: str, direction: Direction) -> float:
-        """Its own, or of both directions, or between those of each."""
+        """Its own, of both directions, or the mean of both."""
         own = in_direction(known, name, direction)
         each = [x for d in SIGNED if (x := known.get(ParameterName(name, d))) is not None]
         if own is not None or not each:

@@ -1,15 +1,9 @@
-"""What encoder counts do to a fit of moving data.
+"""Bias of moving fits by encoder counts, from a parametric bootstrap at the estimate.
 
-A parametric bootstrap at the estimate measures the bias, and takes it off. The motion that stands for the true one is
-the smoothest that the counts allow: readings that are only differentiated carry the counts themselves, and counting
-them again shows hardly any bias. It keeps as near to the readings as these to the truth, q / sqrt(12) for a count q, so
-that by the triangle inequality it errs by at most twice as much as they do. A fit that explains it more than twice as
-badly as the readings is one of the counts, and so is one that, of its own torque, would leave more than twice what the
-readings leave of the measured one. Then nothing is taken off, and presliding and the peak are not identifiable.
-
-The bias b is that at the estimate. With a parameter theta it changes by about b / theta of itself on the way from the
-estimate to the truth; where this is more than half a standard error, and b more than one, the parameter is not
-identifiable.
+The smoothest motion within the counts stands for the true one, within q / sqrt(12) of the readings for a count q. If it
+explains the torque more than twice as badly as the readings, the fit is one of counts: nothing is subtracted, and
+presliding and the peak are not identifiable. A bias b changes by about b / theta of itself up to the truth; a parameter
+with more than half a standard error of that, and b above one, is not identifiable.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,30 +23,21 @@ from bristle.identification.fits import TrackingFit
 from bristle.identification.shared_findings import not_shown
 from bristle.model.parameters import ParameterName, of_friction
 
-REPETITIONS = 6  # rest positions inside a count at which the motion is measured again
-_STEPS = 8  # steps from the estimate to where counting moves it: what counts hide may take many more
-_EXACT = 0.03  # of a standard error, to which that place is found: six of them scatter by more
+REPETITIONS = 6  # rest positions in a count
+_STEPS = 8  # most steps of each fit
+_EXACT = 0.03  # of a standard error: tolerance of each fit
 _SEED = 0
-_LOST = 2.0  # times the residuals at the readings, which those at the smooth motion may have
-_UNSURE = 0.5  # of a standard error, by which the bias may change on the way to the truth
-_LADDER = 1.25  # between two cut-offs tried
-_SLOW = ("alpha_1", "v_s", "sigma_0", "sigma_1")  # what shows near reversals alone
+_LOST = 2.0  # ratio of residuals at the smooth motion and at the readings
+_UNSURE = 0.5  # of a standard error: largest change of the bias up to the truth
+_LADDER = 1.25  # ratio of successive cut-offs
+_SLOW = ("alpha_1", "v_s", "sigma_0", "sigma_1")  # seen near reversals alone
 Pose = Callable[[Sequence[Record], Mapping[ParameterName, float]], DynamicProblem]
 
 
 def without_count_bias(
     solved: DynamicSolution, records: Sequence[Record], pose: Pose, resolution: float
 ) -> TrackingFit:
-    """The fit with the bias that counting adds taken off each parameter, and its scatter added to the standard error.
-
-    The smoothest motion that the counts allow stands for the true one: at the estimate it gives a torque without noise;
-    counted anew, with the joint resting elsewhere in a count, and differentiated as the data were, it gives other
-    estimates. Their mean distance from that without counts, differentiated alike, is the bias: what filters alone do,
-    at the ends of runs above all, is not that of counts. What counts hide loses its value.
-
-    `records` are the training runs, whose velocity comes from the position; `pose` makes the problem from such runs, with
-    some parameters fixed; `resolution` is one count, rad.
-    """
+    """The fit with the bias of counts of `resolution`, rad, subtracted, its scatter added to the errors."""
     if any(r.position is None for r in records):
         return solved.fit
     rng, true = np.random.default_rng(_SEED), [between_counts(r, resolution) for r in records]
@@ -97,12 +82,7 @@ def without_count_bias(
 
 
 def between_counts(record: Record, resolution: float) -> Record:
-    """The record with the smoothest motion that leaves of its positions, (n,), no more than counts of this size do.
-
-    As it is where it has none. The low pass of `estimate_motion` with the lowest cut-off, from the record's own down, whose
-    root mean square distance from the readings is at most that of counts, resolution / sqrt(12), rad. Raises InputError
-    as `smoothed` does.
-    """
+    """The record with the smoothest motion within resolution / sqrt(12), rad, rms, of its positions."""
     if record.position is None:
         return record
     position = np.asarray(record.position)
@@ -117,7 +97,7 @@ def between_counts(record: Record, resolution: float) -> Record:
 
 
 def _of_counts(solved: DynamicSolution, ratio: float) -> TrackingFit:
-    """The fit where it is one of the counts: without what shows near reversals alone, and with its biases unknown."""
+    """The fit without what shows near reversals alone, and with a caution that counts decide it."""
     slow = (n for n, e in solved.fit.parameters.items() if n.name in _SLOW and n in solved.values and e.value)
     message = (
         "Not identifiable from this motion: a motion between the encoder's counts would explain the torque "
@@ -134,7 +114,7 @@ def _of_counts(solved: DynamicSolution, ratio: float) -> TrackingFit:
 
 
 def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[ParameterName, Finding]) -> TrackingFit:
-    """The fit without the values that counts hide, which stay fixed as they were found."""
+    """The fit without the values that counts hide, which stay fixed."""
     estimates = without_weak(solved.problem, warned(fit.parameters, doubts))
     unseen = [name for name, e in estimates.items() if e.value is None]
     lost = {n: solved.values[n] for n in unseen if n in solved.values}
@@ -145,7 +125,7 @@ def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[Paramete
 def _corrected(
     biased: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]
 ) -> tuple[TrackingFit, dict[ParameterName, Finding]]:
-    """The fit without the bias of each parameter, with its scatter, both in `moved`; and doubts where it changes too much up to the truth."""
+    """The fit less the bias, with its scatter, both in `moved`; and doubts where the bias is too large."""
     parameters, large, doubts = dict(biased.parameters), [], dict[ParameterName, Finding]()
     for name, e in biased.parameters.items():
         if e.value is None or e.standard_error is None or name not in moved:

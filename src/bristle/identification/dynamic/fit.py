@@ -1,4 +1,4 @@
-"""The fit of moving data: starts, intervals that know of correlated residuals, what the data do not see, hold-out runs."""
+"""The LuGre fit of moving runs, with intervals and warnings."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -42,7 +42,7 @@ from bristle.identification.dynamic.problem import (
     residuals,
     sets_of,
 )
-from bristle.identification.dynamic.what_is_left import Left, known_and_left, what_is_left
+from bristle.identification.dynamic.residual_analysis import ResidualAnalysis, analyse_residuals, jacobian_and_residuals
 from bristle.identification.fits import Estimate, HoldOut, TrackingFit
 from bristle.identification.shared_findings import (
     AT_BOUND,
@@ -57,16 +57,16 @@ from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import INERTIA, Kind, ParameterName, bends_down, least_of, of_friction, unit
 from bristle.progress import Progress
 
-_EDGE = 0.01  # in log(v_s): this near to the end of its range is at it
-_TRIES = 30  # steps that the start of a held-out window is given
-_BENT = 4.0  # times as large, beyond which the squares that are left without a term show one that bends the whole curve
-_UNEVEN = 1.5  # runs whose residuals differ by less than this factor count alike
-_NOTHING = 100.0  # percent: what no model at all would leave
-_UNSEEN = 1e-2  # a direction whose singular value is this share of the largest is not seen
+_EDGE = 0.01  # in log(v_s): distance from the end of its range
+_TRIES = 30  # steps for initial states of a held-out window
+_BENT = 4.0  # ratio of costs from which a term that bends the whole curve is kept
+_UNEVEN = 1.5  # ratio of run residuals from which runs are weighted
+_NOTHING = 100.0  # percent: the error of no model
+_UNSEEN = 1e-2  # of the largest singular value: directions below are hardly seen
 
 
 class DynamicSolution(NamedTuple):
-    """A fit, the problem as it was solved, with what is not shown fixed, every free value, and the minimum."""
+    """The fit, its problem, all free values and the minimum."""
 
     fit: TrackingFit
     problem: DynamicProblem
@@ -84,24 +84,17 @@ def fit_tracking(
     *,
     search: bool = True,
 ) -> DynamicSolution:
-    """All parameters of moving data with intervals and warnings.
-
-    `start` has LuGre parameters and extra regressors by name; `others` are starts before it, whole, as other fits ended, and with
-    `search` more are looked for, of which `progress` is told. `held` are hold-out runs by name, posed as the problem is; `kind` is the
-    joint's, for units.
-
-    Raises InputError where a start shows no dependence on any parameter.
-    """
+    """All parameters of moving runs from starts, more with `search`. Raises InputError where a start shows nothing."""
     problem, solution, dropped, shown = _settled(problem, start, others, progress, search=search)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
-    left = what_is_left(problem, solution, kind)
+    left = analyse_residuals(problem, solution, kind)
     estimates = estimates_of(problem, solution, kind, dropped, shown, left)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in solution.names if n in estimates)
     rows = equations_left(problem, solution)
-    friction, load = friction_and_load(problem, solution.values)
     torque = problem.quantity == "torque"  # of a simulated position, which drifts, nothing is said
+    friction, load = friction_and_load(problem, solution.values) if torque else (np.zeros(0), np.zeros(0))
     outcome = Finding("converged", NOTE, "The fit converged.")
     if not solution.minimum.converged:
         outcome = Finding("not-converged", CRITICAL, "The fit did not converge; it gives no estimates.")
@@ -127,7 +120,7 @@ def fit_tracking(
         names=free, covariance=solution.covariance[: len(free), : len(free)],
         fixed={**problem.fixed, **{name: solution.values[name] for name in unseen if name in solution.values}},
         time=problem.time, velocity=problem.velocity, measured=problem.measured, quantity=problem.quantity,
-        residuals=rows, friction=friction + rows if friction.size else friction, load=load,
+        residuals=rows, friction=friction + rows if torque else friction, load=load,
         starts_of_runs=problem.starts, late=left.late,
         windows=len(problem.motions) if problem.quantity == "position" else 0,
     )  # fmt: skip  # a list of values
@@ -137,11 +130,11 @@ def fit_tracking(
 def _settled(
     problem: DynamicProblem, start: Values, others: Sequence[Values], progress: Progress | None, *, search: bool
 ) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Finding], dict[ParameterName, str]]:
-    """The problem with the weights that its runs ask for, its solution, why Stribeck terms are not in it, and what spoke against those shown."""
-    if problem.size < FEWEST * len(problem.names):  # of which nothing is estimated
+    """The problem with its run weights, its solution, reasons of dropped Stribeck terms, and doubts on kept ones."""
+    if problem.size < FEWEST * len(problem.names):  # too few to estimate anything
         search, others = False, ()
     solution = solve_dynamic(problem, start, others, progress, search=search)
-    # weights that even out runs whose residuals scatter differently, by more than half
+    # weights for runs with different scatter
     _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
     by_run = np.repeat(run, [m.size for m in problem.motions])
     scatter = np.sqrt(np.bincount(by_run, equations_left(problem, solution) ** 2) / np.bincount(by_run))
@@ -157,17 +150,17 @@ def _settled(
         near = {name: value for name, value in without_deflections(solution.values).items() if name not in held}
         for name in (n for n, at in held.items() if n.name == "alpha_1" and not at):
             level, peak = name._replace(name="alpha_0"), solution.values[name]
-            if level in near and peak > near[level]:  # Coulomb friction that became a peak is Coulomb friction again
+            if level in near and peak > near[level]:  # a peak that took up Coulomb friction
                 near[level] += peak
         kinds = {why.code for _, why in more.values()}
         again = "unseen-bend" in kinds
         try:
             found = solve_dynamic(without, near, progress=progress, search=search and again)
-        except InputError:  # nothing to start from without it
+        except InputError:  # no start without it
             break
         if not found.minimum.converged:
             break
-        # the covariance tells less than the costs, where the law bends within the errors; a bend must explain most of what is left
+        # an F test of the costs, since the law bends within the errors; a bend must explain most of the cost
         ratio = found.minimum.cost / max(solution.minimum.cost, 1e-300)
         p = fdtrc(len(more), solution.freedom, solution.freedom / len(more) * max(ratio - 1, 0.0))
         if "unseen-wide" not in kinds and p < SIGNIFICANCE and (not again or ratio > _BENT):
@@ -182,11 +175,7 @@ def _settled(
 def _not_shown(
     problem: DynamicProblem, solution: MultistartSolution[Unknown], shown: Mapping[ParameterName, str]
 ) -> dict[ParameterName, tuple[float, Finding]]:
-    """What the motion does not show of Stribeck terms but those `shown`, alpha_1 and v_s: what it is held at, and why.
-
-    A term of no significance is none, and one that leaves alpha_0 unknown, or has v_s at the upper end of its range, is Coulomb
-    friction. One that is there, and whose size is not known, is no larger than Coulomb friction.
-    """
+    """Stribeck parameters that the motion does not show, but those `shown`: the value to hold, and the reason."""
     if problem.stribeck == "stribeck":
         return {}
     unknowns, doubts = solution.posed.unknowns, peak_doubts(problem, solution)
@@ -213,11 +202,7 @@ def _not_shown(
 
 
 def relative_error(problem: DynamicProblem, values: Values) -> float:
-    """100 * norm(measured - predicted) / norm(measured), percent, for runs that may not have been fitted.
-
-    Where the torque is predicted each motion starts in steady state. A simulated position is nothing without its start:
-    that of each window, and nothing else, is then fitted to it.
-    """
+    """100 * norm(measured - predicted) / norm(measured), percent; initial states are steady, of windows fitted."""
     known = without_deflections(values)
     whole = with_deflections(problem, known)
     if problem.quantity == "position":
@@ -233,12 +218,9 @@ def estimates_of(
     kind: Kind,
     dropped: Mapping[ParameterName, Finding],
     shown: Mapping[ParameterName, str],
-    left: Left,
+    left: ResidualAnalysis,
 ) -> dict[ParameterName, Estimate]:
-    """Each parameter but the deflections at the start; what the motion does not show has no value.
-
-    None has where the fit did not converge, or leaves more than there was.
-    """
+    """Each parameter's estimate; without a value where the motion does not show it, or the fit failed."""
     estimates = _estimates(solution._replace(scaled_errors=left.errors), kind)
     for name, why in dropped.items():
         estimates[name] = Estimate(value=None, unit=unit(name.name, kind), interval=(0.0, np.inf), warnings=(why,))
@@ -269,7 +251,7 @@ def estimates_of(
     only_sum = Finding("only-sum-seen", NOTE, "Were v_s above these speeds, this would contain alpha_1.")
     estimates = warned(estimates, dict.fromkeys(bent & estimates.keys(), only_sum))
     errors = dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True))
-    # without a term that the residuals ask for, and that moves them by more than an error
+    # parameters that take up an omitted term by more than an error
     for direction in problem.directions:
         without = problem.fixed.get(ParameterName("alpha_1", direction)) == 0
         moved = asked.moved if without and (asked := asked_peak(problem, solution, direction)) else {}
@@ -278,8 +260,8 @@ def estimates_of(
     estimates = warned(estimates, dict.fromkeys(beside, TAKES_UP_PEAK))
     J = estimates.get(INERTIA)
     if J is not None and J.interval is not None and J.interval[1] < 0:
-        # by how much friction would change without it, rms, to first order
-        (known, _), seen = known_and_left(problem, solution), solution.scaled_errors < np.inf
+        # rms change of friction without it, to first order
+        (known, _), seen = jacobian_and_residuals(problem, solution), solution.scaled_errors < np.inf
         names = [name for name, is_seen in zip(solution.names, seen, strict=True) if is_seen]
         at, of = names.index(INERTIA), [isinstance(n, ParameterName) and of_friction(n.name) for n in names]
         made = known[:, at] * solution.minimum.x[seen][at]
@@ -363,7 +345,7 @@ def search_findings(
 
 
 def seen_parameters(solution: MultistartSolution[Unknown]) -> list[int]:
-    """Columns of the parameters, starts of the motions apart, of which anything is seen."""
+    """Columns of parameters with an influence."""
     seen = np.flatnonzero(solution.scaled_errors < np.inf).tolist()
     return [k for k in seen if isinstance(solution.names[k], ParameterName)]
 
@@ -371,7 +353,7 @@ def seen_parameters(solution: MultistartSolution[Unknown]) -> list[int]:
 def hardly_seen_findings(
     solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName, Estimate]
 ) -> list[Finding]:
-    """The directions in parameter space that the data hardly see."""
+    """Directions in parameter space that the data hardly see."""
     keep, warnings = seen_parameters(solution), []
     jacobian = solution.minimum.jacobian[:, keep]
     _, values, directions = np.linalg.svd(jacobian / np.linalg.norm(jacobian, axis=0), full_matrices=False)
@@ -385,7 +367,7 @@ def hardly_seen_findings(
 
 
 def hardly_seen(members: Sequence[tuple[object, float]]) -> Finding:
-    """What data say of a direction that they hardly see; its members are names with their shares of it."""
+    """The finding on a hardly seen direction, from names and their shares."""
     if len(members) == 1:
         name = members[0][0]
         return Finding("hardly-seen", CAUTION, f"{name} is hardly identifiable from these data.", {"name": name})
@@ -407,7 +389,7 @@ OF_PHYSICS = frozenset({"not-passive", "curve-held", "odd-damping"})  # verdicts
 
 
 def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
-    """Passivity and damping in presliding, which need no data; none of what the motion does not show."""
+    """Findings on passivity and presliding damping."""
     warnings, J = [], values.get(INERTIA, problem.fixed.get(INERTIA))
     for d, lugre in sets_of(problem, values).items():
         if not is_passive(lugre) and not {ParameterName(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():

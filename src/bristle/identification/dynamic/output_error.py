@@ -1,14 +1,4 @@
-"""All parameters on moving data, the other way round: the motor is simulated, voltage (or torque) in, position out.
-
-No velocity is needed.
-
-    J dv/dt = k_t (V - k_t v) / R - T_f - offset - gravity - quadratic v abs(v),   dz/dt by (4),   dy/dt = v
-
-A friction that is a little off makes a simulated position drift without bound, so the runs are cut into windows. Each
-begins at a position, a velocity and a deflection of its own, which are unknowns beside the parameters (multiple
-shooting). The plant's step is that of the closed loop; CasADi differentiates it, and the sensitivities are stepped
-beside the state.
-"""
+"""The moving fit with a simulated motor: voltage (or torque) in, position out, in windows (multiple shooting)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -33,30 +23,28 @@ from bristle.workers import threads
 
 _NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0)
 _LOADS = tuple(ParameterName(name, Direction.SHARED) for name in LOADS)
-HORIZON = 0.5  # length of the windows that are simulated, s; half of a segment where that is less
-_EQUATIONS = 4  # in a window, at the least: its position, velocity and deflection at the start are unknown
-_SHORTEST = 16  # samples in a window
-_RING = 1.0  # a step of the plant is at most this share of a radian of the bristle's ringing, sqrt(sigma_0 / J)
-_MOST = 4  # steps of the plant between two samples, at most
+HORIZON = 0.5  # length of a window, s, at most half of a segment
+_EQUATIONS = 4  # least equations per window, beside three initial states
+_SHORTEST = 16  # samples of a window
+_RING = 1.0  # largest step of the plant, in radians of the bristle's ringing, sqrt(sigma_0 / J)
+_MOST = 4  # most steps of the plant between samples
 
 
 @dataclass(frozen=True, slots=True)
 class Simulated:
-    """The equations of windows: the plant from its start on, parameters apart."""
+    """The model of windows, simulated from their initial states."""
 
-    motor: Motor[float]
-    """k_t and R where the drive is a voltage."""
-    current: Current
-    """`motor.current` under a voltage, `motor.current_for` under a torque."""
+    motor: Motor[float]  # k_t and R of a voltage drive
+    current: Current  # `motor.current` under a voltage, `motor.current_for` under a torque
     law: Law = GAUSSIAN
 
     def __call__(
         self, problem: DynamicProblem, known: Values, _: Sequence[dict[Unknown, Array]]
     ) -> list[tuple[Array, dict[Unknown, Array]]]:
-        """Of each window measured less simulated position, rad, (N,), and the derivatives of the latter by each unknown, (N,)."""
+        """Of each window measured less simulated position, rad, (N,), and the derivatives of the latter, (N,)."""
         windows = problem.motions
         directions, fields, states = problem.directions, fields_of(self.law), problem.initial_states
-        # steps of the plant between two samples, seldom another number from step to step of the fit
+        # steps of the plant between two samples, a power of two that rarely changes during the fit
         J, stiffest = known[INERTIA], max(value for name, value in known.items() if name.name == "sigma_0")
         longest = max(float(window.step.max()) for window in windows)
         wanted = longest * np.sqrt(stiffest / J) / _RING if J > 0 else _MOST
@@ -68,7 +56,7 @@ class Simulated:
         for k, window in enumerate(windows):
             alike.setdefault(window.time.size, []).append(k)
         simulated: dict[int, tuple[Array, dict[Unknown, Array]]] = {}
-        for size, chosen in alike.items():  # windows of one length go in one call
+        for size, chosen in alike.items():  # windows of one length in one call
             x0 = np.array([[known[InitialState(name, k)] for name in states] for k in chosen]).T
             start = np.vstack(
                 [x0, np.repeat(np.eye(3, 3 + 2 * len(fields) + len(LOADS)).T.reshape(-1, 1), len(chosen), axis=1)]
@@ -95,14 +83,7 @@ def simulation(
     decimation: int,
     horizon: float | None = None,
 ) -> DynamicProblem:
-    """The problem that moving records, with position and voltage or torque, pose to the simulated motor.
-
-    `posed` is that of the torque, not decimated, the inertia among its regressors; `constants` are needed where the records have a
-    voltage. Over `decimation` samples of a window measured and simulated position are averaged to one equation. Windows are as long as
-    `horizon`, s; None: `HORIZON`, or half of a segment where that is less.
-
-    Raises InputError where a record has no position, or nothing tells the inertia.
-    """
+    """The problem of the simulated motor, from that of the torque. Raises InputError without position or inertia."""
     if INERTIA not in posed.extra_names:
         raise InputError(
             "fit.predict: position simulates the motor, which needs an inertia; give it as inertia, or among fit.regressors"
@@ -124,11 +105,11 @@ def simulation(
                 f"{record.file}: fit.predict: a window of {size} samples holds {size // every} equations of {every} samples; expected at least "
                 f"{_EQUATIONS}, more than it has unknowns at its start: lower fit.decimation, or measure longer"
             )
-        for first in range(0, whole.time.size, size):  # each of the same length, the last of what is left
+        for first in range(0, whole.time.size, size):  # equal windows, the last one shorter
             if whole.time.size - first < _SHORTEST:
                 break
             samples = slice(first, min(first + size, whole.time.size))
-            # means over blocks of samples, (blocks, samples); the last block takes what is left
+            # means over blocks of samples, (blocks, samples), the last one longer
             n = samples.stop - first
             block = np.minimum(np.arange(n) // every, max(n // every - 1, 0))
             means = sparse.csr_array(((1 / np.bincount(block))[block], (block, np.arange(n))))
@@ -147,7 +128,7 @@ def simulation(
 
 
 def with_more_torque(problem: DynamicProblem, constant: str, share: float) -> DynamicProblem:
-    """The simulated motor with its drive changed as by this share of a constant's standard error."""
+    """The problem with its drive changed by a share of a constant's standard error."""
     plant = problem.equations
     per = plant.motor.R / plant.motor.k_t if isinstance(plant, Simulated) else 1.0  # volts, or the torque itself
     moved = [
@@ -159,12 +140,9 @@ def with_more_torque(problem: DynamicProblem, constant: str, share: float) -> Dy
 
 @lru_cache(maxsize=16)
 def _chain(steps: int, every: int, current: Current, of: Law, windows: int) -> ca.Function:
-    """Steps of windows, with derivatives: (start, inputs, parameters) -> (1 + 3 + parameters, samples - 1), for each window.
-
-    The start is y, v, z and their derivatives, column by column; the outputs are y's, at every sample but the first.
-    """
+    """Simulated windows: (start, inputs, parameters) -> y and its derivatives at every sample but the first."""
     count = 2 * len(fields_of(of))
-    free = count + len(LOADS)  # what the state is differentiated by: a pair of sets, and the loads
+    free = count + len(LOADS)  # the state's derivatives: by a pair of sets and the loads
     x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", free + 2)
     by = ca.SX.sym("by", 3, 3 + free)
     # ((y, v, z), (drive, h), (pair, inertia and other loads, k_t, R)) -> (y, v, z) after h

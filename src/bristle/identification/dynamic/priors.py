@@ -1,4 +1,4 @@
-"""All parameters from moving runs beside the other stages: starts and priors from them, and whether they agree."""
+"""The moving fit alone and with priors from other stages, and their consistency."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -42,22 +42,19 @@ from bristle.model.parameters import INERTIA, Direction, ParameterName, of_frict
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress
 
-_SURER = 1.5  # times: one stage knows a parameter better than another if its error is smaller by this
-_WORSE = 1.5  # times the relative error of the moving runs alone, beyond which the joint fit is doubted
-_BENDS = 0.01  # a start for the bristle's deflection where no stage gives one, as a share of the travel
+_SURER = 1.5  # ratio of errors from which one stage knows a parameter better
+_WORSE = 1.5  # ratio of relative errors from which the joint fit is doubted
+_BENDS = 0.01  # of the travel: deflection of the bristle at the start by default
 
 Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
 
 
 class DynamicStages(NamedTuple):
-    """What moving runs tell, alone and beside the other stages; None, or empty, where there is no such thing."""
+    """Results of moving runs; None or empty where missing."""
 
     tracking: TrackingFit | None = None
-    """All parameters from the moving runs alone."""
-    joint_fit: TrackingFit | None = None
-    """The same with what the other stages say as priors."""
+    joint_fit: TrackingFit | None = None  # Moving runs alone, and with priors of the other stages
     consistency: tuple[Consistency, ...] = ()
-    """Each parameter of each stage beside these two."""
     presliding: Presliding | None = None
 
 
@@ -74,14 +71,10 @@ def fit_with_priors(
     uncertainty: bool = False,
     progress: Progress | None = None,
 ) -> DynamicStages:
-    """All parameters from moving runs: alone, with what the other stages say as priors, and how the two agree.
+    """All parameters from moving runs, alone and with priors of other stages. Raises InputError for missing signals.
 
-    Of `held` runs the errors are told. `static_is_apart`: the static fits rest on other data than these runs; `load` makes the
-    presliding stage from fits that tell g0, and is None where there are no such runs. A fit of the same runs with another filter,
-    delay or law, or its values, is `near`: theirs begins there. With `crosscheck` the problem is solved by CasADi and IPOPT as well,
-    which takes long; with `uncertainty` each parameter gets its intervals by profile and bootstrap too.
-
-    Raises InputError where a run lacks a signal, or shows none of the parameters.
+    `static_is_apart`: the static fits are of other data; `load` makes the presliding stage; `near` is a fit of the same
+    runs, or its values, to begin at. `crosscheck` adds IPOPT (slow), `uncertainty` intervals by profile and bootstrap.
     """
     moving, options = directions(experiment, records), experiment.fit
     kind, by_torque = experiment.joint.kind, options.predict == "torque"
@@ -91,7 +84,7 @@ def fit_with_priors(
     def fitted(
         posed: DynamicProblem, *others: Values, search: bool = False
     ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
-        """The fit of a problem from some starts; its profiles, where they are asked for, may improve it."""
+        """The fit of a problem from some starts, and its profiles if asked for."""
         refit = partial(fit_tracking, posed, start, kind, tests, progress=progress)
         solved = refit(others=others, search=search)
         if not uncertainty:
@@ -99,16 +92,16 @@ def fit_with_priors(
         return profile_until_stable(solved, lambda end: refit(others=[end], search=False), progress)
 
     def finished(solved: DynamicSolution, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
-        """The fit without the bias of counts, where there are any, and with intervals three ways, where they are asked for."""
+        """The fit without encoder bias, and with intervals three ways if asked for."""
         fit = without_count_bias(solved, records, pose, count) if count else solved.fit
         return with_three_ways(solved, fit, profiles) if uncertainty else fit
 
-    # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
+    # a static fit of the same runs is biased by presliding: then g0 comes from the moving fit
     slow = load(static) if load and static_is_apart else None
     problem, start = posed_and_start(experiment, moving, records, static, slow)
     tests = [(r.file, pose([r], problem.fixed)) for r in held]
     known = [with_deflections(problem, _from(problem, near, start))] if isinstance(near, TrackingFit) else []
-    if near is not None and not known:  # values of the same problem, beside which no other start is needed
+    if near is not None and not known:  # values of the same problem need no other start
         start = _from(problem, near, start)
     solved, profiles = fitted(problem, *known, search=by_torque and near is None)
     if crosscheck and by_torque:
@@ -147,15 +140,15 @@ def posed_and_start(
     static: Mapping[str, StaticFit],
     slow: Presliding | None,
 ) -> tuple[DynamicProblem, Mapping[ParameterName, float]]:
-    """The problem of the training runs, and where its fit begins."""
+    """The problem of the training runs, and its start."""
     whole = _problem(experiment, moving, records, {})
-    # what the peak has beside v_s as the static fit found it, which motion hardly shows; else the middle of what is searched
+    # shape parameters, hardly seen in motion: of the static fit, else the middle of their range
     shape = dict[ParameterName, float]()
     for d, own in product(whole.directions, whole.law.peak.own):
         fit = _static_of(static, d)
         shape[ParameterName(own.name, d)] = _value(fit.parameters.get(own.name) if fit else None, own.middle)
     fixed, known = {**whole.fixed, **shape}, (*whole.friction_names, *whole.extra_names)
-    if experiment.fit.model == "coulomb-viscous":  # v_s then multiplies nothing
+    if experiment.fit.model == "coulomb-viscous":  # v_s has no effect
         nothing = without_peak(whole.law)
         fixed |= {n: nothing[n.name] for n in whole.friction_names if n.name in nothing}
     for name, value in experiment.fit.fixed.items():  # a bare name stands for both directions
@@ -169,7 +162,7 @@ def posed_and_start(
     whole = replace(whole, fixed=fixed)
     if experiment.fit.predict == "torque":
         return whole, start
-    # a position takes long to simulate: begin where the velocity between the counts leads, with a peak where it shows none
+    # simulations are slow: begin at the fit of the velocity between counts, with a peak
     count = _count(experiment, records)
     smooth = [between_counts(r, count) for r in records] if count else records
     near = replace(_problem(experiment, moving, smooth, fixed), fixed=fixed)
@@ -182,7 +175,7 @@ def posed_and_start(
 def _from(
     problem: DynamicProblem, near: TrackingFit | Values, start: Mapping[ParameterName, float]
 ) -> dict[ParameterName, float]:
-    """Where a fit of the same runs ended, and a start where it tells nothing."""
+    """The end of a fit of the same runs, completed by a start."""
     known = near.known if isinstance(near, TrackingFit) else without_deflections(near)
     told = carried(problem, known)
     return {**start, **{n: x for n, x in told.items() if n in start and (x or n.name not in LOGARITHMIC)}}
@@ -195,7 +188,7 @@ def _problem(
     fixed: Mapping[ParameterName, float],
     predict: str = "torque",
 ) -> DynamicProblem:
-    """The problem that some records pose; where it predicts the position the motor is simulated, whose inertia is a parameter, fixed or not."""
+    """The problem of some records; of a position with a simulated motor."""
     (known, _), options, asked = inertia(experiment), experiment.fit, regressors(experiment)
     count, law = _count(experiment, records), options.friction
     if predict == "torque":
@@ -208,7 +201,7 @@ def _problem(
 
 
 def _count(experiment: Experiment, records: Sequence[Record]) -> float:
-    """The encoder's count where the velocity is made of positions, rad; 0 where it is logged, or no count is seen."""
+    """The encoder count where velocity comes from positions, rad; 0 otherwise."""
     return resolution(experiment, records) if experiment.signals.velocity is None else 0.0
 
 
@@ -219,7 +212,7 @@ def _static_of(static: Mapping[str, StaticFit], direction: Direction) -> StaticF
 def _start(
     problem: DynamicProblem, static: Mapping[str, StaticFit], slow: Presliding | None
 ) -> dict[ParameterName, float]:
-    """A first guess of every parameter, from the stages where they have one."""
+    """First values of every parameter, from the stages if known."""
     torque = float(np.median([np.abs(m.torque).mean() for m in problem.motions]))
     speed, travel = problem.fastest, problem.travel
     shared = {n: e for fit in static.values() for n, e in fit.parameters.items()}
@@ -241,13 +234,13 @@ def _start(
             "sigma_1": float(sigma_1),
         }
         out |= {ParameterName(name, d): value for name, value in first.items()}
-    if extra.get(INERTIA, 1.0) <= 0:  # a linear fit that knows no presliding may well find a negative one
+    if extra.get(INERTIA, 1.0) <= 0:  # negative inertia of a linear fit without presliding
         extra[INERTIA] = 1e-3 * torque / speed
     return out | extra
 
 
 def _stiffness(slow: Presliding | None, direction: Direction) -> Estimate | None:
-    """sigma_0 from presliding of one direction, or of both by their inverse variances; its error is normal, and scatters as its own does."""
+    """sigma_0 from presliding of one direction, or of both, with a normal error."""
     fits = [fit for d, fit in slow.fits.items() if direction in (Direction.BOTH, d)] if slow else []
     known = [
         (fit.sigma_0.value, fit.sigma_0.standard_error**2 * _scatter(fit.degrees_of_freedom), fit.sigma_0.shifts)
@@ -270,7 +263,7 @@ def _value(e: Estimate | None, otherwise: float) -> float:
 def _priors(
     problem: DynamicProblem, experiment: Experiment, static: Mapping[str, StaticFit], slow: Presliding | None
 ) -> list[Prior]:
-    """What static, presliding and the experiment file say, as normal distributions."""
+    """Static, presliding and experiment file as normal distributions."""
     priors = []
     for d in problem.directions:
         fit = _static_of(static, d)
@@ -297,14 +290,14 @@ def _priors(
 
 
 def _scatter(freedom: float) -> float:
-    """By how much the variance of a Student distribution exceeds the square of its standard error."""
+    """Variance of Student's t over its squared standard error, n / (n - 2)."""
     return 1 + 2 / (freedom - 2) if freedom > 2 else 4.0  # n / (n - 2)
 
 
 def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit) -> tuple[Consistency, ...]:
-    """Each parameter of each stage beside the moving data alone and the joint fit."""
+    """Each parameter of each stage, compared with the moving runs."""
     rows = []
-    # combined standard errors by which none of so many parameters differs by chance (normal, Bonferroni)
+    # limit of a normal difference (Bonferroni)
     count = sum(alone.parameters[name].value is not None for prior in priors for name in prior.names)
     limit = float(ndtri(1 - SIGNIFICANCE / (2 * max(count, 1))))
     for prior in priors:

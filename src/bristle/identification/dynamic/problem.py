@@ -1,9 +1,4 @@
-"""All parameters on moving data: the measured velocity drives LuGre, the measured torque is what it must explain.
-
-    T = T_f(v; alpha_0, alpha_1, alpha_2, v_s, sigma_0, sigma_1) + J dv/dt + offset + gravity
-
-Each segment between gaps has a bristle deflection z0 of its own to begin with. Both sides pass the decimation filter.
-"""
+"""The moving problem: the measured velocity drives LuGre, which must explain the measured torque."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -28,7 +23,7 @@ from bristle.model.rollout import AT_ONCE, rollout, rollout_into
 
 
 class InitialState(NamedTuple):
-    """What a motion begins with, and which motion: an unknown of its own."""
+    """An unknown initial state of a motion."""
 
     name: str
     motion: int
@@ -43,36 +38,24 @@ Values = Mapping[Any, float]  # of parameters, or of every unknown
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """A segment of a moving run between gaps, or a window of it that is simulated, of N samples and n equations."""
+    """A segment between gaps, or a simulated window, of N samples and n equations."""
 
     file: str
-    time: Array
-    """s from the start of its run, (N,)."""
-    velocity: Array
-    """rad/s, (N,)."""
-    torque: Array
-    """Measured, less what is known (a fixed inertia's), N*m, (N,)."""
-    extra: Array
-    """Columns of the extra regressors, (N, k)."""
-    smooth: sparse.csr_array | None
-    """The decimation filter, (n, N); None: none."""
-    continues_previous: bool = False
-    """Whether it begins where the motion before it ends."""
-    weight: float = 1.0
-    """What its residuals are multiplied by in the fit."""
-    measured: Array
-    """What is to be explained: the measured torque itself, N*m, or position, rad, (N,)."""
-    drive: Array = field(default_factory=lambda: np.zeros(0))
-    """Of a window: voltage, V, or torque, N*m, linear between samples, (N,)."""
-    position: Array = field(default_factory=lambda: np.zeros(0))
-    """rad, (N,); empty where unknown."""
-    coarsening: float = 1.0
-    """As in `rollout`."""
+    time: Array  # s from the start of its run, (N,)
+    velocity: Array  # rad/s, (N,)
+    torque: Array  # Measured, less a fixed inertia's, N*m, (N,)
+    extra: Array  # Columns of the extra regressors, (N, k)
+    smooth: sparse.csr_array | None  # The decimation filter, (n, N), or None
+    continues_previous: bool = False  # Whether it begins where the motion before it ends
+    weight: float = 1.0  # Factor on its residuals
+    measured: Array  # Measured torque, N*m, or position, rad, (N,)
+    drive: Array = field(default_factory=lambda: np.zeros(0))  # Of a window: voltage, V, or torque, N*m, (N,)
+    position: Array = field(default_factory=lambda: np.zeros(0))  # rad, (N,), or empty
+    coarsening: float = 1.0  # As in `rollout`
     shifts: Mapping[str, Array] = field(default_factory=dict)
-    """Change of the torque per standard error of each constant behind it, N*m, (N,)."""
+    """Change of the torque per standard error of each constant, N*m, (N,)."""
     load: Load | None = None
-    """What the friction level rises with, (N,); None: nothing. Its coefficients stand among the extra ones, whose columns are
-    then zero."""
+    """Load that the friction level rises with, (N,), or None; its coefficients have zero columns in `extra`."""
 
     @property
     def size(self) -> int:
@@ -85,66 +68,53 @@ class Motion:
         return np.diff(self.time)
 
     def smoothed(self, values: Array) -> Array:
-        """Values at the samples, (N,) or (N, k), as the equations see them, (n,) or (n, k)."""
+        """Values at samples, (N,) or (N, k), as the equations see them, (n,) or (n, k)."""
         return values if self.smooth is None else np.asarray(self.smooth @ values)
 
     def weighted(self, values: Array) -> Array:
-        """The same, as the equations weigh them."""
+        """`smoothed`, times the weight."""
         return self.weight * self.smoothed(values)
 
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """What another stage says of some parameters: a normal distribution."""
+    """A normal distribution of some parameters from another stage."""
 
-    stage: str
-    """`static`, `presliding` or `experiment file`."""
+    stage: str  # `static`, `presliding` or `experiment file`
     names: tuple[ParameterName, ...]
-    value: Array
-    """(p,)."""
-    root: Array
-    """The inverse of the Cholesky factor of their covariance, (p, p): `root @ (x - value)` scatters by one."""
+    value: Array  # (p,)
+    root: Array  # Inverse Cholesky factor of the covariance, (p, p): `root @ (x - value)` scatters by one
     shifts: Mapping[str, Array] = field(default_factory=dict)
-    """Change of `value` per standard error of each constant, (p,): a systematic error, which `root` knows nothing of."""
+    """Change of `value` per standard error of each constant, (p,)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DynamicProblem:
-    """The nonlinear least-squares problem of moving data."""
+    """Nonlinear least squares of moving data."""
 
     motions: tuple[Motion, ...]
-    directions: tuple[Direction, ...]
-    """`both`, or those of + and - in which there is motion."""
+    directions: tuple[Direction, ...]  # `both`, or those of + and - with motion
     extra_names: tuple[ParameterName, ...]
-    fixed: Mapping[ParameterName, float]
-    """Parameters that are not estimated."""
+    fixed: Mapping[ParameterName, float]  # Parameters that are not estimated
     law: Law = GAUSSIAN
     priors: tuple[Prior, ...] = ()
-    sigma: float = 1.0
-    """What residuals of the equations scatter by, N*m: the weight of the priors beside them."""
-    quantity: Literal["torque", "position"] = "torque"
-    """What the equations are about; where it is the position, residuals are in rad."""
-    initial_states: tuple[str, ...] = ("z0",)
-    """What each motion begins with, unknown."""
-    count: float = 0.0
-    """Encoder count where the velocity is made of positions, rad; 0 where none is seen."""
-    cutoff: float = 0.0
-    """Of the low pass through which motion is estimated, Hz; 0: none."""
-    stribeck: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"
-    """As `fit.model`."""
-    given: tuple[str, ...] = ()
-    """As in `Regression`."""
+    sigma: float = 1.0  # Scatter of the residuals, N*m: the weight of priors
+    quantity: Literal["torque", "position"] = "torque"  # What is predicted; residuals of a position are in rad
+    initial_states: tuple[str, ...] = ("z0",)  # Unknown initial states of each motion
+    count: float = 0.0  # Encoder count behind the velocity, rad, or 0
+    cutoff: float = 0.0  # Of the low pass of the motion, Hz, or 0
+    stribeck: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"  # As `fit.model`
+    given: tuple[str, ...] = ()  # As in `Regression`
     equations: "Equations" = field(default_factory=lambda: equation_error)
-    """The model."""
 
     @property
     def friction_names(self) -> tuple[ParameterName, ...]:
-        """The LuGre parameters, direction by direction."""
+        """LuGre parameters by direction."""
         return tuple(ParameterName(name, d) for d in self.directions for name in fields_of(self.law))
 
     @property
     def names(self) -> tuple[Unknown, ...]:
-        """The free parameters: LuGre, extra regressors, then z0 of each segment."""
+        """Unknowns: free LuGre parameters, extra regressors, initial states."""
         every = (*self.friction_names, *self.extra_names)
         starts = (InitialState(name, k) for k in range(len(self.motions)) for name in self.initial_states)
         return (*(n for n in every if n not in self.fixed), *starts)
@@ -161,17 +131,17 @@ class DynamicProblem:
 
     @property
     def travel(self) -> float:
-        """The longest way between two positions of a motion, rad."""
+        """Largest way between two positions of a motion, rad."""
         return max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in self.motions)
 
     @property
     def with_prior(self) -> frozenset[ParameterName]:
-        """The parameters of which another stage says something."""
+        """Parameters with a prior."""
         return frozenset(name for prior in self.priors for name in prior.names)
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """Each motion's equations, and which unknowns it begins with."""
+        """Equations and initial states of each motion."""
         count = len(self.initial_states)
         stops, first = np.cumsum([m.size for m in self.motions]).tolist(), len(self.names) - count * len(self.motions)
         return tuple(
@@ -181,63 +151,59 @@ class DynamicProblem:
 
     @property
     def file(self) -> NDArray[np.str_]:
-        """The run that each equation is of, (n,)."""
+        """Run of each equation, (n,)."""
         return np.repeat([m.file for m in self.motions], [m.size for m in self.motions])
 
     @property
     def starts(self) -> tuple[int, ...]:
-        """First equation of each segment between gaps, which may go on over several motions."""
+        """First equation of each segment between gaps."""
         first = np.cumsum([0, *(m.size for m in self.motions)])[:-1].tolist()
         return tuple(k for k, m in zip(first, self.motions, strict=True) if not m.continues_previous)
 
     @property
     def weight(self) -> Array:
-        """What the residual of each equation is multiplied by in the fit, (n,)."""
+        """Factor on each residual, (n,)."""
         return np.repeat([m.weight for m in self.motions], [m.size for m in self.motions])
 
     @property
     def measured(self) -> Array:
-        """What is to be explained, as the equations see it, (n,)."""
+        """Measured quantity of each equation, (n,)."""
         return np.concatenate([m.smoothed(m.measured) for m in self.motions])
 
     @property
     def extent(self) -> float:
-        """What residuals are relative to: the norm of the measured torque, or of the way from each motion's mean position."""
+        """Norm of the measured torque, or of positions about each motion's mean."""
         rows = [m.smoothed(m.measured) for m in self.motions]
         rows = rows if self.quantity == "torque" else [r - r.mean() for r in rows]
         return float(np.linalg.norm(np.concatenate(rows)))
 
     def percent(self, rows: Array) -> float:
-        """100 * norm(rows) / extent, percent; nan where its squares are too small to be numbers."""
+        """100 * norm(rows) / extent, percent; nan without an extent."""
         extent = self.extent
         return float(100 * np.linalg.norm(rows) / extent) if extent > 0 else float("nan")
 
     @property
     def velocity(self) -> Array:
-        """The velocity as the equations see it, rad/s, (n,)."""
+        """Of each equation, rad/s, (n,)."""
         return np.concatenate([m.smoothed(m.velocity) for m in self.motions])
 
     @property
     def position(self) -> Array:
-        """The position as the equations see it, rad, (n,); empty where it is not known throughout."""
+        """Of each equation, rad, (n,); empty if not known throughout."""
         known = all(m.position.size for m in self.motions)
         return np.concatenate([m.smoothed(m.position) for m in self.motions]) if known else np.zeros(0)
 
     @property
     def time(self) -> Array:
-        """The time as the equations see it, s, (n,)."""
+        """Of each equation, s, (n,)."""
         return np.concatenate([m.smoothed(m.time) for m in self.motions])
 
 
 Equations = Callable[
     [DynamicProblem, Values, Sequence[dict[Unknown, Array]]], Iterable[tuple[Array, dict[Unknown, Array]]]
 ]
-"""(problem, all values by name, memory) -> of each motion measured less modelled at its samples, and the model's
-derivatives by name, (N,) each.
-
-The memory, (N,) by name for each motion, is where derivatives may be put; what is there afterwards counts only if it is
-returned.
-"""
+"""(problem, values, memory) -> of each motion measured less modelled, and model derivatives by name, (N,) each. The
+memory may hold the derivatives."""
 
 
 def dynamic_problem(
@@ -249,11 +215,7 @@ def dynamic_problem(
     fixed: Mapping[ParameterName, float] | None = None,
     law: Law = GAUSSIAN,
 ) -> DynamicProblem:
-    """The problem that moving records pose.
-
-    Arguments as in `regression.from_records`, and what is fixed as in `DynamicProblem`. Raises InputError
-    where a record lacks what a regressor needs, is at rest, or has a segment too short for the filter.
-    """
+    """The problem of moving records, as `static.problem.from_records`. Raises InputError as that does."""
     motions: list[Motion] = []
     names: tuple[str, ...] = ()
     for record in records:
@@ -285,7 +247,7 @@ def dynamic_problem(
                 )
             )  # fmt: skip  # a list of values
     fastest = dict[ParameterName, float]()
-    for d in map(Direction, directions) if law.terms else ():  # up to which speed a law with terms has been measured
+    for d in map(Direction, directions) if law.terms else ():  # fastest measured speeds
         along = (m.velocity * DIRECTIONS[d] if d in DIRECTIONS else np.abs(m.velocity) for m in motions)
         fastest[ParameterName(FASTEST, d)] = max(float(v.max()) for v in along)
     return DynamicProblem(
@@ -296,24 +258,20 @@ def dynamic_problem(
 
 
 def sets_of(problem: DynamicProblem, values: Values) -> dict[Direction, Lugre[float]]:
-    """The LuGre set of each direction among some values by name."""
+    """LuGre set of each direction."""
     known: Values = {**problem.fixed, **values}
     one = lugre_of(problem.law)
     return {d: one(*(known[ParameterName(name, d)] for name in one._fields)) for d in problem.directions}
 
 
 def parameters(problem: DynamicProblem, values: Values) -> Lugre[float] | Pair[float]:
-    """The LuGre set, or pair of sets, among some values by name."""
+    """LuGre set, or pair of sets."""
     sets = sets_of(problem, values).values()
     return next(iter(sets)) if len(sets) == 1 else Pair(*sets)
 
 
 def residuals(problem: DynamicProblem, values: Values, chain: Array | None = None) -> tuple[Array, Array]:
-    """Measured less modelled torque (or position) of every equation, (n,), and its exact derivative, (n, p).
-
-    That is by the problem's `names`; priors are left out. `values` holds every name of `problem.names`; `chain` (p,)
-    multiplies each derivative.
-    """
+    """Measured less modelled, (n,), and its exact derivative by `names`, (n, p), times `chain` (p,), without priors."""
     known: Values = {**problem.fixed, **values}
     names = problem.names
     row_of = {name: j for j, name in enumerate(names)}
@@ -329,7 +287,7 @@ def residuals(problem: DynamicProblem, values: Values, chain: Array | None = Non
     for m, here, (rest, slope_of) in zip(problem.motions, blocks, by_motion, strict=True):
         seen = [name for name in slope_of if name in row_of]
         columns = [rest, *(slope_of[name] for name in seen)]
-        if m.smooth is not None:  # all at once: the matrix is read once
+        if m.smooth is not None:  # in one product, which is faster
             columns = list(np.asarray(m.smooth @ np.stack(columns, axis=1)).T)
         left[here] = columns[0]
         for name, column in zip(seen, columns[1:], strict=True):
@@ -340,10 +298,10 @@ def residuals(problem: DynamicProblem, values: Values, chain: Array | None = Non
 def equation_error(
     problem: DynamicProblem, known: Values, memory: Sequence[dict[Unknown, Array]]
 ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
-    """Of each motion measured less modelled torque, N*m, (N,), and the derivative of the latter by each unknown."""
+    """Of each motion measured less modelled torque, N*m, (N,), and the derivatives of the latter."""
     p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
     keys = problem.friction_names
-    for parts, raised, given in _together(problem, known):
+    for parts, raised, given in _rollout_groups(problem, known):
         size, (first, *others) = given["velocity"].size, parts
         every: tuple[Unknown, ...] = (*keys, InitialState("z0", first))
         own: dict[Unknown, Array] = {} if others else memory[first]  # a motion by itself has memory
@@ -359,13 +317,10 @@ def equation_error(
             yield m.torque - torque[at] - m.extra @ extra, slopes
 
 
-def _together(
+def _rollout_groups(
     problem: DynamicProblem, known: Values
 ) -> Iterator[tuple[dict[int, slice], tuple[ParameterName, ...], dict[str, Any]]]:
-    """Motions that are rolled out in one call, which costs as much as a thousand samples.
-
-    Which, each with where its samples stand; by what the derivatives of their level are; and what `rollout` is given.
-    """
+    """Groups of motions for one rollout: slices by motion, parameters of the level, arguments of `rollout`."""
     sizes = np.array([m.velocity.size for m in problem.motions])
     group = (np.cumsum(sizes) - sizes) // AT_ONCE
     for members in np.split(np.arange(sizes.size), np.flatnonzero(np.diff(group)) + 1):
@@ -376,18 +331,16 @@ def _together(
             dict(zip(which, map(slice, begins.tolist(), stops.tolist()), strict=True)),
             raised,
             {
-                "velocity": np.concatenate([m.velocity for m in motions]),
-                "step": np.concatenate([x for m in motions for x in (m.step, [1.0])])[:-1],
+                "velocity": np.concatenate([m.velocity for m in motions]), "coarsening": motions[0].coarsening,
+                "step": np.concatenate([x for m in motions for x in (m.step, [1.0])])[:-1], "begins": begins,
                 "z0": np.array([known[InitialState("z0", k)] for k in which]),
-                "coarsening": motions[0].coarsening,
                 "level": None if levels[0] is None else np.hstack(levels),
-                "begins": begins,
             },
-        )
+        )  # fmt: skip  # a list of values
 
 
 def _level(motion: Motion, known: Values) -> tuple[Array | None, tuple[ParameterName, ...]]:
-    """The rise of the level along a motion, N*m, and its derivatives, (1 + k, N), and by which parameters; None, and none, where it stays."""
+    """Rise of the level, N*m, with its derivatives, (1 + k, N), and their parameters; None and none without load."""
     load = motion.load
     if load is None:
         return None, ()
@@ -399,16 +352,16 @@ def _level(motion: Motion, known: Values) -> tuple[Array | None, tuple[Parameter
 
 
 def modelled(problem: DynamicProblem, values: Values) -> list[Array]:
-    """The modelled torque of every sample of each motion, what is known included, N*m, (N,) each."""
+    """Modelled torque at the samples of each motion, N*m, (N,) each."""
     known: Values = {**problem.fixed, **values}
     extra = np.array([known[name] for name in problem.extra_names])
     return [T + m.extra @ extra + (m.measured - m.torque) for m, T, _ in _frictions(problem, known)]
 
 
 def _frictions(problem: DynamicProblem, known: Values) -> Iterator[tuple[Motion, Array, Array | None]]:
-    """Each motion, its modelled friction, N*m, (N,), and how the level rises as `_level` has it."""
+    """Each motion, its modelled friction, N*m, (N,), and its level as in `_level`."""
     p = parameters(problem, known)
-    for parts, _, given in _together(problem, known):
+    for parts, _, given in _rollout_groups(problem, known):
         level = given.pop("level")
         torque = rollout(parameters=p, level=None if level is None else level[0], **given).torque
         for k, at in parts.items():
@@ -416,10 +369,10 @@ def _frictions(problem: DynamicProblem, known: Values) -> Iterator[tuple[Motion,
 
 
 def friction_and_load(problem: DynamicProblem, values: Values) -> tuple[Array, Array]:
-    """Modelled friction of every equation, N*m, (n,), and the load that its level rises with, (n,); both empty where it does not."""
+    """Modelled friction and load of each equation, N*m, (n,) each; the load is empty where there is none."""
     friction, carried = [np.zeros(0)], [np.zeros(0)]
     for m, T, level in _frictions(problem, {**problem.fixed, **values}):
+        friction.append(m.smoothed(T))
         if level is not None:
-            friction.append(m.smoothed(T))
             carried.append(m.smoothed(level[1]))
     return np.concatenate(friction), np.concatenate(carried)

@@ -1,16 +1,4 @@
-"""The 95 % intervals of a fit of moving data three ways: covariance, profile, bootstrap of blocks; and where they part.
-
-Each of several runs fitted apart as well, from where the fit of all ended, for `repeats`.
-
-What encoder counts add is taken off after the fit (`encoder_bias`): the estimate is moved, and its error widened by a
-factor. The profile's ends and the bootstrap's draws, which know nothing of it, are moved and spread about the estimate
-in the same way; an end that is open stays so.
-
-And what errors of constants do to a fit, to first order. A constant that is off by its standard error changes the
-measured torque by dT, and so the residuals by dr; the minimum then moves by -(J'J)**-1 J' dr, J being the Jacobian of
-the residuals. Rows of priors move as the stages behind them do: what has the same cause is not averaged out. An inertia
-that is given holds its ground.
-"""
+"""Intervals of moving fits by covariance, profile and bootstrap, moved by the encoder bias; and errors of constants."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -35,15 +23,15 @@ from bristle.model.parameters import ParameterName
 from bristle.progress import Progress
 
 _RESTARTS = 3
-_STEP = 1e-2  # of a standard error: by so much either way a constant is moved where the motor is simulated
+_STEP = 1e-2  # of a standard error of a constant, for differences
 
-Refit = Callable[[Values], DynamicSolution]  # fits again, also from a start with every unknown in it
+Refit = Callable[[Values], DynamicSolution]  # fits again from all unknowns
 
 
 def profile_until_stable(
     solved: DynamicSolution, refit: Refit, progress: Progress | None = None
 ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
-    """The profile of each parameter, and the fit; solved again, and saying so, where a profile found a better optimum."""
+    """The profile of each parameter, and the fit, repeated where a profile found a lower cost."""
     warnings: tuple[Finding, ...] = ()
     for refits in range(_RESTARTS + 1):
         found, better = profiles(solved.solution, progress, stop_at_better=refits < _RESTARTS)
@@ -59,7 +47,7 @@ def profile_until_stable(
 
 
 def with_three_ways(solved: DynamicSolution, fit: TrackingFit, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
-    """The fit, the bias of encoder counts taken off, with intervals three ways of the parameters of what was profiled."""
+    """The fit, encoder bias subtracted, with intervals three ways."""
     (drawn, blocks), three, parameters = bootstrap_at(solved.solution), {}, dict(fit.parameters)
     not_fitted = Finding("not-fitted", NOTE, "It was not fitted: there is nothing to profile or to resample.")
     for name, e in fit.parameters.items():
@@ -83,8 +71,8 @@ def _three(
     drawn: tuple[Array, Array] | None,
     blocks: int,
 ) -> Uncertainty:
-    """One parameter's intervals, and where they part; `drawn`: the ends of the bootstrap's interval, and its draws."""
-    # the bias of counts is taken off, and what lies apart is spread as that widens the error; ends that are open stay
+    """One parameter's intervals; `drawn` are ends and draws of the bootstrap."""
+    # the bias of counts is subtracted, distances spread with the error; open ends stay
     value, error = solved.values[name], solved.fit.parameters[name].standard_error
     limits = float(solved.solution.posed.unknowns.least[solved.problem.names.index(name)]), np.inf
     new, wider = value if e.value is None else e.value, e.standard_error / error if e.standard_error and error else 1.0
@@ -108,10 +96,7 @@ def _three(
 
 
 def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tuple[Array, Array]]]:
-    """The unknowns that have an influence; of each run the derivative of what is modelled by these, (n, p), and what it leaves, (n,).
-
-    It is by the logarithm of what the descent sees as its logarithm.
-    """
+    """Unknowns with an influence, and each run's model Jacobian (logarithms as such), (n, p), and residuals, (n,)."""
     minimum, unknowns = solved.solution.minimum, solved.solution.posed.unknowns
     free = np.flatnonzero(np.isfinite(solved.solution.scaled_errors))
     slope = np.where(unknowns.logarithmic, 1.0, unknowns.scale)[free]
@@ -121,7 +106,7 @@ def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tup
     shared = np.array([isinstance(name, ParameterName) for name in names])
 
     def part(rows: NDArray[np.intp]) -> tuple[Array, Array]:
-        """Beside what the run alone tells: with which deflection it begins."""
+        """Without what its initial states explain."""
         own, other = J[rows][:, ~shared], J[rows][:, shared]
         own = own[:, np.abs(own).max(axis=0, initial=0.0) > 0]
         made = np.linalg.lstsq(own, np.column_stack([other, left[rows]]), rcond=None)[0]
@@ -133,7 +118,7 @@ def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tup
 
 
 def shifts_of(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float]]:
-    """Change of each free parameter that lies at no bound, per standard error of each constant, by constant."""
+    """Change of each free parameter, -(J'J)**-1 J' dr, per standard error of each constant, by constant."""
     problem, posed, minimum = solved.problem, solved.solution.posed, solved.solution.minimum
     held = [*(m.shifts for m in problem.motions), *(prior.shifts for prior in problem.priors)]
     constants = dict.fromkeys(constant for by in held for constant in by)

@@ -1,4 +1,4 @@
-"""sigma_0 and sigma_1 from slow loading below breakaway (3.2 of the paper), with breakaway, loops, and (15)."""
+"""sigma_0 and sigma_1 from slow loading below breakaway (3.2 of the paper), with breakaway and loops."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -34,15 +34,14 @@ from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
 
-_FEW = 8  # count edges in a loading below which they are called few
-_MOVED = 3.0  # counts by which the end of a closed cycle has surely moved from its beginning, ...
-_MOVES = 0.01  # ... and the share of its range from which that is said
-_OUTLIER = 0.2  # a breakaway torque this far from the median, relative, is named
-_SINGLE = 0.1  # standard error of a breakaway torque seen once, relative: a guess, said where it is used
+_FEW = 8  # count edges per loading below which they are few
+_MOVED = 3.0  # counts by which the end of a cycle has moved
+_MOVES = 0.01  # least share of its range that is reported
+_OUTLIER = 0.2  # relative distance of an outlier from the median breakaway torque
+_SINGLE = 0.1  # assumed relative standard error of a single breakaway torque
 _CREEP = 1 / (ONSET - 1)
-"""Of a breakaway torque found by speed: how far above it g0 may lie. LuGre's creep is ONSET times as fast as at first where
-1 - T / g0 is one over ONSET; a joint that lets go at once slides there."""
-_SURE = 3.0  # standard errors of g0 above which a torque that was held contradicts it
+"""Share of a breakaway torque, found by speed, by which g0 may be higher, from LuGre's creep."""
+_SURE = 3.0  # standard errors of g0 above which a held torque contradicts it
 
 
 def identify_presliding(
@@ -53,13 +52,7 @@ def identify_presliding(
     resolution: float | None,
     kind: Kind,
 ) -> Presliding:
-    """Everything that presliding runs, with position and torque, show of a joint.
-
-    `levels` are g0 per direction, where other runs tell it; where none does, breakaway in these runs stands in, or else the largest
-    torque held, as a lower bound. The inertia, for (15), and the resolution, one encoder count, rad, may be unknown.
-
-    Raises InputError where a run holds no loading from zero torque, or slides from its start.
-    """
+    """The results of presliding runs; `levels` are g0 per direction. Raises InputError where a run loads nothing."""
     records = [r if r.cutoff else replace(r, cutoff=of_slow_loading(r)[0]) for r in records]
     found = find_all_loadings(records, resolution, options.breakaway_displacement)
     for record, of_record in zip(records, found, strict=True):
@@ -93,25 +86,21 @@ def identify_presliding(
 def fit_presliding(
     loadings: Sequence[Loading], level: KnownValue, inertia: KnownValue | None, kind: Kind
 ) -> PreslidingFit:
-    """sigma_0 of one direction by four estimators, side by side, and sigma_1 by (15).
-
-    Of loadings of that direction, at least one, and its g0, a lower bound where its error is infinite; without an inertia sigma_1
-    is absent, with the reason.
-    """
+    """sigma_0 of one direction by four estimators, and sigma_1 by (15) if an inertia is known."""
     quantum, direction = max(loading.quantum for loading in loadings), loadings[0].direction
     pieces = [of_loading(loading, level.value) for loading in loadings]
     counts = sum(piece.edge_y.size for piece in pieces)
     best = "edges" if quantum > 0 else "samples"
     by_bend = with_most(loadings, level)
     estimates = stiffness(loadings, by_bend, kind)
-    hidden = estimates["edges"] is estimates["samples"]  # one lower bound stands for all
+    hidden = estimates["edges"] is estimates["samples"]  # one lower bound for all
     warnings = list(estimates["samples"].warnings) if hidden else []
     sigma_0 = estimates[best]
     bent = by_bend.middle if by_bend.most < np.inf else level
     amplitudes, softens = ((), None) if sigma_0.value is None else stiffness_by_amplitude(loadings, bent, kind)
     if softens is not None:
         warnings.append(softens)
-        if sigma_0.interval is not None:  # one that holds the sigma_0 of each amplitude too, where no single one holds
+        if sigma_0.interval is not None:  # widened to hold the sigma_0 of each amplitude
             ends = [*sigma_0.interval, *(x.sigma_0 for x in amplitudes)]
             error = max(sigma_0.standard_error or 0.0, (max(ends) - min(ends)) / (2 * student(np.inf)))
             sigma_0 = replace(sigma_0, standard_error=error, interval=(min(ends), max(ends)))
@@ -122,7 +111,7 @@ def fit_presliding(
             "breakaway."
         )
         warnings.append(Finding("few-counts", CAUTION, message, {"edges": counts, "loadings": len(loadings)}))
-    more = softens  # why the interval is more than a sigma_0 at a given g0 explains
+    more = softens  # why the interval is wider than one at a given g0
     if level.is_bound:
         warnings.append(bound := _bounded(direction, level, by_bend))
         more = softens or bound
@@ -160,7 +149,7 @@ def fit_presliding(
 
 
 def _bounded(direction: str, level: KnownValue, by_bend: KnownValue) -> Finding:
-    """That g0 is a lower bound, and what the bend of the loadings leaves of it."""
+    """The caution that g0 is a lower bound."""
     bend, of = "", unit_of("torque")
     if by_bend.most < np.inf:
         bend = f", from {by_bend.value:.4g}{of} to {by_bend.most:.4g}{of} by the bend of LuGre's loading curve"
@@ -173,13 +162,13 @@ def _bounded(direction: str, level: KnownValue, by_bend: KnownValue) -> Finding:
 
 
 def with_damping(presliding: Presliding, inertia: KnownValue, kind: Kind) -> Presliding:
-    """The same with sigma_1 by (15) for an inertia that became known since."""
+    """The same with sigma_1 by (15) for another inertia."""
     fits = {d: replace(fit, sigma_1=_sigma_1(fit.sigma_0, inertia, kind)) for d, fit in presliding.fits.items()}
     return replace(presliding, fits=fits)
 
 
 def _breakaway(slid: Sequence[Loading], direction: str, kind: Kind) -> tuple[Estimate, list[Finding]]:
-    """The median breakaway torque of some loadings, and its outliers by name."""
+    """Median breakaway torque, and its outliers."""
     torque = np.array([loading.breakaway for loading in slid], dtype=float)
     middle, n = float(np.median(torque)), torque.size
     shifts = {name: middle * share for name, share in torque_shares(slid).items()}
@@ -203,7 +192,7 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: Kind) -> tuple[Est
 
 
 def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: float, creep: float) -> KnownValue:
-    """g0 from the breakaway of this direction, else of the other one if less was held, else at least the largest torque held."""
+    """g0 from breakaway in this direction, else in the other, else at least the largest torque held."""
     for d in (direction, "-" if direction == "+" else "+"):
         torque = breakaway[d].value if d in breakaway else None
         if torque is not None and (d == direction or held <= torque * (1 + creep)):
@@ -222,7 +211,7 @@ def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: flo
 
 
 def _moves_by_law(loop: Loop, fits: Mapping[str, PreslidingFit]) -> float:
-    """By how much of its range a cycle of a bristle of one stiffness ends away, as g0 differs between the directions; 0 where that is unknown."""
+    """Share of its range by which a cycle of LuGre ends away if g0 differs between directions; 0 if unknown."""
     ends, stiffness = (float(loop.torque.min()), float(loop.torque.max())), [fit.sigma_0.value for fit in fits.values()]
     known = [x for x in stiffness if x is not None]
     if len(known) < len(DIRECTIONS) or not all(max(map(abs, ends)) < fit.level for fit in fits.values()):
@@ -268,7 +257,7 @@ def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float], fits: Mapping
 
 
 def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: Kind) -> Estimate:
-    """(15): from an assumed damping ratio, no estimate, and without a standard error; with what errors of constants do to it."""
+    """sigma_1 by (15) from an assumed damping ratio, without a standard error."""
     known = inertia is not None and inertia.value > 0
     if inertia is None or not known or not sigma_0.value or sigma_0.value < 0:
         why = "no positive inertia is known: give inertia in the experiment file, or add moving runs"

@@ -1,14 +1,4 @@
-"""Stiffness against amplitude, and whether it falls by more than LuGre's own exponential makes it fall.
-
-LuGre bends by y = U / sigma_0, U = -g0 log(1 - T / g0): in U it is straight. Here y is a continuous line in U with knots,
-zero at zero, the same for all loadings of a direction, each of which rests somewhere in a count:
-
-    y of loading k = rest_k + f(U),  f(0) = 0,  f(U_j) = y_j at the knots.
-
-The secant stiffness at amplitude T_j is T_j / y_j; LuGre's, from the initial one on, T_j / U_j * U_1 / y_1. Softening is named
-where U / y falls from the first knot to the last by more than chance, counts, torque noise and the error of g0 together.
-Where no run breaks away, a g0 at which T is too straight, or too bent, over y is excluded by an F test.
-"""
+"""Stiffness against amplitude, and softening beyond LuGre's exponential: y = rest + f(U), f piecewise linear."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -27,18 +17,18 @@ from bristle.identification.fits import AmplitudeStiffness
 from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading, unbent
 from bristle.model.parameters import Kind, unit
 
-_BLOCKS = 32  # means over so many stretches of each loading stand for its samples where there are no counts
-_KNOTS = (3, 6)  # at least, for with two a curve is not told from its chords; and at the most
-_PER_KNOT = 6  # points above one for each loading, for each knot
+_BLOCKS = 32  # means per loading without counts
+_KNOTS = (3, 6)  # least (two do not tell a curve from its chords) and most
+_PER_KNOT = 6  # least points per knot, beyond one per loading
 _VAGUE = 0.3  # relative standard error of a displacement above which there are fewer knots
 _SINGULAR = 1e8  # condition above which the points do not determine the line
-_GRID = 64  # values of 1 / g0 between which its ends are sought ...
-_STRAIGHT = 1e-6  # ... as shares of the bound's, down to one that bends nothing
-_SMALLEST = 0.05  # a fall beyond LuGre's smaller than this is none: viscous torque and filters cause as much
+_GRID = 64  # values of 1 / g0 between which ends are sought
+_STRAIGHT = 1e-6  # smallest 1 / g0 over the bound's, which bends nothing
+_SMALLEST = 0.05  # least fall beyond LuGre's: viscous torque and filters cause less
 
 
 class _Points(NamedTuple):
-    """What all loadings of a direction show below REACH of g0."""
+    """Points of all loadings of a direction below REACH of g0."""
 
     y: Array
     T: Array
@@ -47,7 +37,7 @@ class _Points(NamedTuple):
 
 
 class _Bending(NamedTuple):
-    """f at the knots, with its covariance, and degrees of freedom."""
+    """f at the knots, with covariance."""
 
     U: Array
     y: Array
@@ -56,12 +46,12 @@ class _Bending(NamedTuple):
 
     @property
     def fall(self) -> float:
-        """Logarithm of U / y at the last knot over that at the first: zero for LuGre."""
+        """Logarithm of U / y at the last knot over that at the first; 0 for LuGre."""
         return float(np.log(self.U[-1] / self.y[-1] * self.y[0] / self.U[0]))
 
     @property
     def error(self) -> float:
-        """Of the fall, and of the logarithm of the ratio of the secants."""
+        """Standard error of the fall."""
         share = np.zeros(self.y.size)
         share[[0, -1]] = 1 / self.y[0], -1 / self.y[-1]
         return float(np.sqrt(share @ self.covariance @ share))
@@ -70,13 +60,9 @@ class _Bending(NamedTuple):
 def stiffness_by_amplitude(
     loadings: Sequence[Loading], level: KnownValue, kind: Kind
 ) -> tuple[tuple[AmplitudeStiffness, ...], Finding | None]:
-    """The stiffness of one direction at some amplitudes, the initial one first, and whether it softens beyond LuGre.
-
-    Nothing where the loadings show too few count edges, or too few samples. Where its g0 is a lower bound LuGre bends most at
-    the bound, and what falls more than that softens.
-    """
+    """Stiffness of one direction by amplitude, and a finding if it softens beyond LuGre; empty of too few points."""
     points, line = _points(loadings, level.value), None
-    # even knots, as many as the points determine, each with some of them before it
+    # even knots, as many as the points determine, with some points before each
     most = float(points.T.max(initial=0.0))
     for count in range(min(_KNOTS[1], points.T.size // _PER_KNOT), _KNOTS[0] - 1, -1):
         knots = most * np.arange(1, count + 1) / count
@@ -96,7 +82,7 @@ def stiffness_by_amplitude(
             strict=True,
         )
     )  # fmt: skip  # one row, one line
-    by_level = 0.0  # what the error of g0 adds to that of the fall
+    by_level = 0.0  # error of the fall by g0
     if level.standard_error and not level.is_bound:
         width = min(level.standard_error, 0.1 * level.value)
         falls = [other.fall for s in (-1, 1) if (other := _line(points, knots, level.value + s * width)) is not None]
@@ -117,11 +103,7 @@ def stiffness_by_amplitude(
 
 
 def with_most(loadings: Sequence[Loading], level: KnownValue) -> KnownValue:
-    """A lower bound of g0, and the largest g0, that the bend of the loadings of a direction does not exclude at 95 %.
-
-    By an F test of U = sigma_0 y with a rest position of each loading, the noise in T; as it is where there are too few
-    points for one, and where it is no bound.
-    """
+    """A lower bound of g0 with the largest g0 that the loadings' bend allows at 95 % (F test); else as given."""
     points = _points(loadings, level.value) if level.is_bound else None
     if points is None or points.T.size <= np.unique(points.loading).size + 2 or not np.ptp(points.y):
         return level
@@ -135,7 +117,6 @@ def with_most(loadings: Sequence[Loading], level: KnownValue) -> KnownValue:
         return np.asarray(u - y * float(y @ u) / float(y @ y))
 
     def cost(x: float) -> float:
-        """Their sum of squares."""
         return float(np.sum(left(x) ** 2))
 
     grid = np.linspace(0, 1, _GRID + 1)
@@ -156,7 +137,7 @@ def with_most(loadings: Sequence[Loading], level: KnownValue) -> KnownValue:
 
 
 def _points(loadings: Sequence[Loading], g0: float) -> _Points:
-    """Count edges, or means over stretches of samples where there are no counts."""
+    """Count edges, or means over stretches of samples without counts."""
     rows = []
     for k, loading in enumerate(loadings):
         piece = of_loading(loading, g0)
@@ -172,7 +153,7 @@ def _points(loadings: Sequence[Loading], g0: float) -> _Points:
 
 
 def _line(points: _Points, knots: Array, g0: float) -> _Bending | None:
-    """The line f by weighted least squares; None where the points do not determine it."""
+    """The line f by weighted least squares, or None."""
     U, at = (unbent(np.minimum(T, LIMIT * g0), g0) for T in (points.T, knots))
     columns = [np.interp(U, [0.0, *at], row) for row in np.eye(at.size + 1)[1:]]
     centred, used = _within_loadings(np.column_stack([points.y, *columns]), points)
@@ -190,7 +171,7 @@ def _line(points: _Points, knots: Array, g0: float) -> _Bending | None:
 
 
 def _within_loadings(columns: Array, points: _Points) -> tuple[Array, int]:
-    """Each column, (n, k), about the weighted mean of each loading, times the root of the weight; and how many loadings."""
+    """Columns, (n, k), less the weighted mean of each loading, times root weight; and the number of loadings."""
     member = points.loading[:, None] == np.unique(points.loading)
     mean = (member * points.weight[:, None]).T @ columns / (points.weight @ member)[:, None]
     return np.sqrt(points.weight)[:, None] * (columns - member @ mean), member.shape[1]

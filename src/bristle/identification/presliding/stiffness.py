@@ -1,15 +1,4 @@
-"""The stiffness sigma_0 from slow loading, by four estimators.
-
-(14) as printed, its closed-form inverse, edge to edge, and all samples. While the joint loads slowly from zero torque,
-T = g0 (1 - exp(-sigma_0 y / g0)), so U = -g0 log(1 - T / g0) is sigma_0 times the displacement y. Where inside a count
-the joint rests is not known: only differences of y are. One encoder count is q.
-
-    printed      T1 / x1 at the first displacement x1 that is measured (14)
-    corrected    U1 / x1: exact where rest lies on a count edge
-    edges        the slope of U over y at the count edges, each loading with an intercept of its own
-    samples      one over the slope of y over U, all samples, time as the instrument: neither counts nor
-                 torque noise follow the time
-"""
+"""sigma_0 from slow loading by four estimators; U = -g0 log(1 - T / g0) = sigma_0 y, one encoder count is q."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -30,34 +19,31 @@ from bristle.model import functions
 from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
 
-REACH = 0.8  # of g0: above, a little noise in T is much in log(1 - T / g0)
-LIMIT = 0.97  # of g0: noise may reach above REACH, but not to where U has no value
-_YIELDS = 3.0  # times below what the first count allows: an edge-to-edge stiffness of a joint that slides
-_STRAIGHT = 1e6  # times the largest torque held: a g0 that bends nothing, the other end of a lower bound
-_PHASES = 64  # where inside a count the joint may rest, for the spread that counts alone cause
-_NONE = 1e-60  # a compliance below is rounding: no signal is smaller than 1e-20 or larger than 1e20
+REACH = 0.8  # of g0: above, noise in T is amplified by log(1 - T / g0)
+LIMIT = 0.97  # of g0: noise above it is cut off, where U has no value
+_YIELDS = 3.0  # ratio below the first count's limit at which a joint slides
+_STRAIGHT = 1e6  # of the largest torque held: a g0 that bends nothing
+_PHASES = 64  # rest positions in a count, for the spread by counts
+_NONE = 1e-60  # a smaller compliance is rounding
 
 
 class KnownValue(NamedTuple):
-    """A quantity from elsewhere: g0 = alpha_0 + alpha_1, at which slow loading slides (N*m), or J (kg*m**2)."""
+    """g0 (N*m) or J (kg*m**2) from another stage."""
 
     value: float
-    standard_error: float
-    """Infinite where the value is a lower bound."""
+    standard_error: float  # Infinite for a lower bound
     source: Finding
-    shifts: Mapping[str, float] = MappingProxyType({})
-    """As of an `Estimate`."""
-    most: float = float("inf")
-    """Where the value is a lower bound: the largest that is not excluded."""
+    shifts: Mapping[str, float] = MappingProxyType({})  # As in `Estimate`
+    most: float = float("inf")  # Of a lower bound: the largest value allowed
 
     @property
     def is_bound(self) -> bool:
-        """Whether the value is a lower bound and no estimate."""
+        """Whether the value is a lower bound."""
         return bool(np.isinf(self.standard_error))
 
     @property
     def middle(self) -> "KnownValue":
-        """Itself; between a lower bound and the largest value, if there is one, that whose inverse is the mean of theirs."""
+        """The value; of a lower bound the harmonic mean with `most`."""
         value = 2 / (1 / self.value + 1 / self.most)
         error = (self.most - self.value) / (2 * student(np.inf))
         return self._replace(value=value, standard_error=error) if self.is_bound else self
@@ -65,28 +51,22 @@ class KnownValue(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A loading as the estimators take it."""
+    """A loading below REACH of g0."""
 
     time: Array
     y: Array
     U: Array
     edge_y: Array
     edge_U: Array
-    weight: Array
-    """Of the edges: one over the variance of U at constant noise in T."""
+    weight: Array  # Of edges: one over the variance of U
 
 
 Estimator = Callable[[Sequence[Piece]], tuple[float, float, float]]
-"""sigma_0 from pieces, its standard error and its degrees of freedom."""
+"""sigma_0, its standard error and degrees of freedom from pieces."""
 
 
 def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dict[str, Estimate]:
-    """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`, from at least one loading.
-
-    A lower bound where counts hide the motion. Where g0 itself is a lower bound, sigma_0 falls as g0 rises, nearly in
-    proportion to 1 / g0: its interval reaches from that of the largest g0 to that of the bound, and it is that of the
-    middle.
-    """
+    """sigma_0 of one direction by each estimator; a lower bound if counts hide the motion, its interval over all g0."""
     if level.is_bound:
         most = min(level.most, _STRAIGHT * level.value)
         each = (KnownValue(g0, 0.0, level.source) for g0 in (level.value, level.middle.value, most))
@@ -97,7 +77,7 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
             return found
 
         def weakest(w: Finding) -> Finding:
-            """A lower bound that a warning names is that of the interval, the weakest over all g0."""
+            """The finding with the lower bound over all g0."""
             named = w.code == "within-noise"
             return _within_noise(w.numbers["edges"], ends[0], w.numbers["unit"]) if named else w
 
@@ -106,7 +86,7 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
     pieces = [of_loading(loading, level.value) for loading in loadings]
     still = max((float(np.ptp(piece.y)) for piece in pieces if piece.y.size), default=0.0) == 0
     if still or (quantum > 0 and not any(piece.edge_y.size > 1 for piece in pieces)):
-        # what is left where the joint moves by no more than the encoder's noise
+        # a lower bound where the joint moves within the encoder's noise
         loaded = max((float(piece.U.max(initial=0.0)) for piece in pieces), default=0.0)
         crossed = max(piece.edge_y.size for piece in pieces)
         least = loaded / ((crossed + 1) * quantum) if quantum > 0 else 0.0
@@ -114,7 +94,7 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
         warnings = (_within_noise(crossings, least, of),)
         bound = Estimate(value=None, unit=of, interval=(least, float("inf")), warnings=warnings)
         return dict.fromkeys(("printed", "corrected", "edges", "samples"), bound)
-    # the last two with the uncertainty at given g0, and the one that g0 adds
+    # samples and edges, with the errors at given g0 and by g0
     value, error, freedom = by_samples(pieces)
     of_level = by_level(by_samples, loadings, level) * level.standard_error
     if quantum == 0:
@@ -128,7 +108,7 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
     if np.isinf(spread):
         message = "No estimate from all samples: at some rest positions inside a count they would show no motion."
         samples = Estimate(value=None, unit=samples.unit, warnings=(Finding("counts-hide", NOTE, message),))
-    elif samples.value is not None and abs(bias) > error:  # an interval that leaves the counts' bias out holds nothing
+    elif samples.value is not None and abs(bias) > error:  # an interval without the counts' bias would be wrong
         share = bias / value
         message = f"No interval: encoder counts bias this estimate by about {100 * share:.1f} %, more than its standard error."
         wrong = Finding("counts-bias", CAUTION, message, {"share": share})
@@ -147,7 +127,7 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
 
 
 def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
-    """The estimate in the middle, with the interval that g0 anywhere between leaves, and what near and far warn of, each kind once."""
+    """The middle estimate with the union of the intervals and warnings of near and far."""
     other, told = {x.code: x for x in far.warnings}, list[Finding]()
     for one in near.warnings:
         both = (one, other.pop(one.code, one))
@@ -166,12 +146,9 @@ def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
 
 
 def printed_bias(u: Array) -> tuple[Array, Array, Array]:
-    """Relative bias of (14) for u = sigma_0 q / g0 > 0, of its shape: -0.5 is half of the truth.
-
-    Where rest lies on a count edge, (1 - exp(-u)) / u - 1; then its mean and its standard deviation over rest anywhere in it.
-    """
+    """Relative bias of (14) at u = sigma_0 q / g0: rest on a count edge; mean over rest positions; its spread."""
     on_edge = -np.expm1(-u) / u
-    below = u < 1e-4  # where the differences below would be rounding
+    below = u < 1e-4  # the differences below would be rounding
     safe = np.where(below, 1.0, u)
     at = -np.expm1(-safe) / safe
     mean = np.where(below, 0.5 - u / 6, (1 - at) / safe)
@@ -180,19 +157,19 @@ def printed_bias(u: Array) -> tuple[Array, Array, Array]:
 
 
 def unbent(torque: Array, g0: float) -> Array:
-    """U = sigma_0 y of slow loading to this torque, N*m."""
+    """U of slow loading to a torque, N*m."""
     return evaluate(functions.loading_displacement_function(), torque, g0, 1.0)[0]
 
 
 def of_loading(loading: Loading, g0: float) -> Piece:
-    """A loading below REACH of g0, N*m, as the estimators take it."""
+    """A loading below REACH of g0, N*m."""
     low = loading.torque < REACH * g0
     stop = low.size if low.all() else int(np.argmin(low))
     reached = float(loading.displacement[:stop].max(initial=0.0))
     edge = loading.edge_displacement <= reached
     T = np.minimum(loading.edge_torque[edge], LIMIT * g0)
     y, U = loading.edge_displacement[edge], unbent(T, g0)
-    # 1 - T / g0 from a line through the edges: from T itself, noise that raises U would also lower its weight
+    # weights from a line through the edges, because noise in T raises U and would lower its weight
     along = y / y[-1] if y.size else y
     line = np.polynomial.polynomial.polyfit(along, U, min(y.size - 1, 1), w=1 - T / g0) if y.size else np.zeros(1)
     return Piece(
@@ -203,7 +180,7 @@ def of_loading(loading: Loading, g0: float) -> Piece:
 
 
 def by_level(estimator: Estimator, loadings: Sequence[Loading], level: KnownValue) -> float:
-    """How an estimate changes with g0, from it and those a little below and above, of which one may not exist."""
+    """Derivative of an estimate by g0."""
     width = max(1e-4 * level.value, min(level.standard_error, 0.1 * level.value))
     less, value, more = (estimator([of_loading(x, level.value + k * width) for x in loadings])[0] for k in (-1, 0, 1))
     steps = [x for x in (value - less, more - value) if np.isfinite(x)]
@@ -211,7 +188,7 @@ def by_level(estimator: Estimator, loadings: Sequence[Loading], level: KnownValu
 
 
 def _estimate(value: float, error: float, freedom: float, kind: Kind) -> Estimate:
-    """With its interval by Student's t; none where it is no stiffness."""
+    """With its interval by Student's t; without a value where it is no stiffness."""
     if not (0 < value < np.inf and np.isfinite(error)):
         message = "Not positive: the displacement does not increase with the torque."
         why = Finding("not-positive", CRITICAL, message)
@@ -224,14 +201,14 @@ def _estimate(value: float, error: float, freedom: float, kind: Kind) -> Estimat
 def _first_count(
     loadings: Sequence[Loading], pieces: Sequence[Piece], g0: float, quantum: float, kind: Kind, slope: float
 ) -> tuple[Estimate, Estimate, float]:
-    """(14) and its inverse, means over loadings, with intervals of any rest position and of noise; and the least sigma_0 that first counts allow."""
+    """(14) and its inverse, means over loadings, intervals for any rest position; and the least sigma_0 allowed."""
     T = first_torques(loadings, g0)
     if T.size == 0:
         none = Finding("nothing-below-g0", NOTE, "No displacement was measured below g0.")
         absent = Estimate(value=None, unit=unit("sigma_0", kind), warnings=(none,))
         return absent, absent, 0.0
     U = unbent(T, g0)
-    # of a count, to the first edge: uniform, whose mean over some loadings is nearly normal
+    # distance to the first edge, in counts: uniform, its mean over loadings nearly normal
     half = min(CONFIDENCE / 2, 1.96 / float(np.sqrt(12 * T.size)))
     nearest, farthest = (1 - CONFIDENCE, 1.0) if T.size == 1 else (0.5 - half, 0.5 + half)
     edges = edge_columns(pieces)
@@ -255,7 +232,7 @@ def _first_count(
 
 
 def _rest_excludes(low: float, high: float, of: str) -> Finding:
-    """That what an estimate by the first count assumes lies outside of what the rest positions leave, in this unit."""
+    """A note that the first count's assumption contradicts the interval, in this unit."""
     message = (
         "No interval: it assumes that the joint moves a whole count to the first edge, and over the rest positions "
         f"of these loadings sigma_0 lies in [{low:.3g}, {high:.3g}] {of}, which excludes it."
@@ -264,29 +241,28 @@ def _rest_excludes(low: float, high: float, of: str) -> Finding:
 
 
 def first_torques(loadings: Sequence[Loading], g0: float) -> Array:
-    """Torque at the first count edge of each loading that has one below g0, N*m, (k,)."""
+    """Torque at the first count edge below g0 of each loading, N*m, (k,)."""
     return np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
 
 
 class Columns(NamedTuple):
-    """What an estimator regresses, of all loadings: y = slope x, each about its mean in its own loading, (n,)."""
+    """Regression y = slope x of all loadings, each about its mean, (n,)."""
 
     x: Array
     y: Array
     instrument: Array
-    starts: list[int]
-    """The first row of each loading."""
+    starts: list[int]  # First row of each loading
 
 
 def _columns(parts: Sequence[tuple[Array, Array, Array]]) -> Columns:
-    """Of each loading's x, y and instrument."""
+    """From x, y and instrument of each loading."""
     starts = np.cumsum([0, *(x.size for x, *_ in parts)])[:-1].tolist()
     x, y, instrument = (np.concatenate(column) for column in zip(*parts, strict=True))
     return Columns(x, y, instrument, starts)
 
 
 def edge_columns(pieces: Sequence[Piece]) -> Columns | None:
-    """U over y at the edges of each loading that has two or more, times the root of the weight; None without any."""
+    """U over y at count edges, weighted; None without two edges in a loading."""
     parts = []
     for p in pieces:
         if p.edge_y.size > 1:
@@ -297,17 +273,14 @@ def edge_columns(pieces: Sequence[Piece]) -> Columns | None:
 
 
 def sample_columns(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) -> Columns | None:
-    """Displacement over U of all samples, with time as the instrument, of displacements `shifted` if given; None without any."""
+    """Displacement over U of all samples with time as instrument, or None; `shifted` replaces y."""
     shown = [(p.U, p.y if shifted is None else shifted[k], p.time) for k, p in enumerate(pieces) if p.time.size]
     parts = [(U - U.mean(), y - y.mean(), t - t.mean()) for U, y, t in shown]
     return _columns(parts) if parts else None
 
 
 def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
-    """Slope of U over y at the count edges by weighted least squares, its standard error and degrees of freedom.
-
-    Infinite, with an infinite error, where no loading has two edges.
-    """
+    """Slope of U over y at count edges, standard error, degrees of freedom; infinite without two edges."""
     edges = edge_columns(pieces)
     if edges is None:
         return np.inf, np.inf, 1.0
@@ -315,17 +288,14 @@ def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
     slope = float(y @ U / (y @ y))
     score, freedom = y * (U - slope * y), y.size - len(starts) - 1
     variance_inflation = inflation(score)
-    # two edges and an intercept leave no residual to judge by: then the slope may be off by as much as itself
+    # two edges and an intercept leave no residual: the error is then the slope itself
     scattered = float(score @ score) * y.size / max(freedom, 1) * variance_inflation / float(y @ y) ** 2
     variance = scattered if freedom > 0 else slope**2
     return slope, float(np.sqrt(variance)), max(y.size / variance_inflation - len(starts) - 1, 1.0)
 
 
 def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) -> tuple[float, float, float]:
-    """One over the slope of y over U with time as the instrument, its standard error, and its degrees of freedom.
-
-    Infinite, with an infinite error, where the displacement does not change with the torque.
-    """
+    """One over the slope of y over U, standard error, degrees of freedom; infinite without displacement."""
     samples = sample_columns(pieces, shifted)
     if samples is None:
         return np.inf, np.inf, 1.0
@@ -333,7 +303,7 @@ def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) 
     along = float(t @ U)
     compliance = float(t @ y) / along if along else 0.0
     rest = y - compliance * U
-    score = t * rest  # what scatters, correlated and of a variance that grows with the torque
+    score = t * rest  # correlated, with a variance that grows with the torque
     variance_inflation = inflation(score)
     freedom = max(y.size / variance_inflation - len(starts) - 1, 1.0)
     scatter = float(score @ score) * variance_inflation * y.size / max(y.size - len(starts) - 1, 1)
@@ -347,10 +317,10 @@ ESTIMATORS: Mapping[str, Estimator] = {"edges": by_edges, "samples": by_samples}
 
 
 def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[float, float]:
-    """Mean error and standard deviation of the all-sample estimate over where in a count the joint rests, by counting what was fitted."""
+    """Bias and standard deviation of the all-sample estimate over rest positions in a count, by simulation."""
     values = []
     for phase in (np.arange(_PHASES) + 0.5) / _PHASES:
-        rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # another one in each loading
+        rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # different for each loading
         shifted = [quantum * np.floor(p.U / (sigma_0 * quantum) + r) for p, r in zip(pieces, rest, strict=True)]
         values.append(by_samples(pieces, shifted)[0])
     if not np.isfinite(values).all():  # at some rest positions no sample would show any motion
@@ -359,7 +329,7 @@ def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[f
 
 
 def _within_noise(edges: str, least: float, of: str) -> Finding:
-    """That sigma_0 is bounded from below alone, in this unit."""
+    """A caution that sigma_0 is bounded from below alone, in this unit."""
     message = (
         f"The displacement stays within the encoder's noise ({edges} in the longest loading): sigma_0 is at least "
         f"{least:.3g} {of}; a finer encoder is needed for more."
@@ -368,7 +338,7 @@ def _within_noise(edges: str, least: float, of: str) -> Finding:
 
 
 def torque_shares(loadings: Sequence[Loading]) -> dict[str, float]:
-    """Relative change of the torque of some loadings per standard error of each constant: the mean, by their torque."""
+    """Relative change of the loadings' torque per standard error of each constant."""
     weight = [float(np.square(loading.torque).sum()) for loading in loadings]
     names = dict.fromkeys(name for loading in loadings for name in loading.shares)
     shares = {name: [loading.shares.get(name, 0.0) for loading in loadings] for name in names}
@@ -378,17 +348,13 @@ def torque_shares(loadings: Sequence[Loading]) -> dict[str, float]:
 def with_shifts(
     estimates: Mapping[str, Estimate], loadings: Sequence[Loading], level: KnownValue
 ) -> dict[str, Estimate]:
-    """The estimates of `stiffness` with what errors of constants do to them.
-
-    Where torque and g0 grow by one factor, so does sigma_0: a torque that grows by e does to it what g0 less by e does,
-    and e of its value beside. A g0 that is a lower bound is a torque of these loadings, and grows with them.
-    """
+    """The estimates with errors of constants: sigma_0 scales with torque and g0 together."""
     shares = torque_shares(loadings)
     constants = (*dict.fromkeys((*shares, *level.shifts)),)
     if not constants:
         return dict(estimates)
     moved = {c: level.shifts.get(c, 0.0) - level.value * shares.get(c, 0.0) for c in constants}
-    slopes: dict[str, float] = {}  # by g0, on which (14) as printed does not depend
+    slopes: dict[str, float] = {}  # by g0; (14) as printed does not depend on it
     if not level.is_bound:
         slopes = {name: by_level(estimator, loadings, level) for name, estimator in ESTIMATORS.items()}
         quantum, first = max(loading.quantum for loading in loadings), first_torques(loadings, level.value)

@@ -1,9 +1,4 @@
-"""Whether torque and displacement of slow loading turn at the same instant, as a bristle's do.
-
-A torque logged late turns later. About a turn the torque is one quartic of time on either side, which meet there. The
-displacement is a quadratic of LuGre's own (at vanishing speed) on either side, at the torque of a little later, of which
-the best delay is sought: scale and bend of either side are free, so that a joint that softens turns both at once too.
-"""
+"""Delay of the torque of slow loading: a bristle turns torque and displacement at the same time."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -21,21 +16,21 @@ from bristle.estimation.linear import inverse_gram
 from bristle.findings import CAUTION, Finding
 from bristle.identification.presliding.stiffness import by_samples, of_loading, unbent
 
-_SURE = 4.0  # standard errors from zero, beyond which it is said, ...
-_SHARE = 0.02  # ... and how much of sigma_0 it must change: less is not worth a sentence
+_SURE = 4.0  # standard errors of a reported lag
+_SHARE = 0.02  # least change of sigma_0 that is reported
 _ORDER = 5  # coefficients of the torque on each side
-_SIDE = 0.4  # of the time to the next turn: a side that is fitted
-_APART = 0.1  # of a side: next to a turn not fitted, since the low pass does not tell its time better
-_HELD = 4.0  # times the torque held back where its sides meet (two errors more), as a time: what it may do to a turn
-_BELOW = 1.05  # g0 over the torque of a turn, at the least
-_COUNTS = 8.0  # by which the joint moves on each side at the least: of fewer the turn is not told
-_PER_SIDE = 20  # samples on a side at the least
-_MOST = 2000  # samples about a turn, about: more are thinned
+_SIDE = 0.4  # of the time to the next turn: a fitted side
+_APART = 0.1  # of a side, next to the turn: not fitted, because the low pass distorts it
+_HELD = 4.0  # error of a turn's time per torque held back where the sides meet
+_BELOW = 1.05  # least ratio of g0 to the torque of a turn
+_COUNTS = 8.0  # least motion on each side, counts
+_PER_SIDE = 20  # least samples on a side
+_MOST = 2000  # samples about a turn; more are thinned
 _DRAWS = 100  # of the torque's coefficients, for the error of its turn
-_GRID = 601  # times at which it is sought
-_LOOKS = (0.4, 0.04, 0.004)  # sides about the last delay found in which it is sought, ...
-_LOOK = 21  # ... at so many
-_PIECE = 0.005  # of a side: a step of the derivative by the delay
+_GRID = 601  # times at which a turn is sought
+_LOOKS = (0.4, 0.04, 0.004)  # ranges of successive searches for the delay, in sides
+_LOOK = 21  # values per search
+_PIECE = 0.005  # of a side: step of the derivative by the delay
 _TINY = 1e-300  # no division by zero
 
 
@@ -46,11 +41,8 @@ def turning_lag(
     options: FitOptions,
     resolution: float | None,
 ) -> list[Finding]:
-    """That the torque of presliding runs was logged late or early, where it is sure and changes sigma_0.
-
-    `levels` are g0 per direction, N*m; `resolution` is one encoder count, rad; None: from the data.
-    """
-    # how much later the torque turns, and the standard error of that, s, at each turn before which nothing slides
+    """A caution where the torque is late or early and this changes sigma_0; `levels` are g0, N*m, resolution in rad."""
+    # lag of the torque and its standard error, s, at each turn before which nothing slides
     lags = list[tuple[float, float]]()
     for record in records:
         own = [x for x in loadings if x.file == record.file]
@@ -99,7 +91,7 @@ def turning_lag(
 
 
 def _turns(record: Record) -> list[tuple[int, int, int, float]]:
-    """Of each turn of the low-passed torque the samples of the turn or end before, its own and the one after; 1 at a top, -1 at a bottom."""
+    """Samples of each turn of the torque and of its neighbours; 1 at a top, -1 at a bottom."""
     torque = np.asarray(record.torque)
     slow = smoothed(record, torque, record.cutoff) if record.cutoff < 0.5 / record.step else torque
     found = list[tuple[int, int, int, float]]()
@@ -113,8 +105,8 @@ def _turns(record: Record) -> list[tuple[int, int, int, float]]:
 
 
 def _lag(s: Array, T: Array, y: Array, g0: float) -> tuple[float, float]:
-    """The lag and its error, in sides, from times, in sides about the turn, torques and displacements towards the turn, (n,)."""
-    # the torque is a quartic of time before the turn, and one after it, which meet there
+    """The lag and its error, in sides, from times about the turn, torques and displacements, (n,)."""
+    # the torque: two quartics of time, which meet at the turn
     rng, sides = np.random.default_rng(0), []
     for rows in (s < -_APART, s > _APART):
         powers = np.vander(s[rows], _ORDER)
@@ -138,7 +130,7 @@ def _lag(s: Array, T: Array, y: Array, g0: float) -> tuple[float, float]:
     top = float(np.clip(min(np.polyval(x, turn) for x in (up, down)), -most, most))
 
     def shapes(delay: float) -> Array:
-        """Of the displacement, the torque so much later: a constant, and LuGre's own with its square on either side, (n, 5)."""
+        """Columns of the displacement at the delayed torque, (n, 5)."""
         before = s + delay < turn
         load = np.clip(np.where(before, np.polyval(up, s + delay), np.polyval(down, s + delay)), -most, top)
         rise, fall = (unbent(x * load, g0) - unbent(np.array(x * top), g0) for x in (1, -1))
@@ -147,7 +139,7 @@ def _lag(s: Array, T: Array, y: Array, g0: float) -> tuple[float, float]:
         return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), _TINY))
 
     def fitted(delay: float) -> Array:
-        """The displacements, with the torque so much later, (n,)."""
+        """The fitted displacement, (n,)."""
         columns = shapes(delay)
         return columns @ (inverse_gram(columns) @ (columns.T @ y))
 

@@ -1,17 +1,4 @@
-"""The 95 % interval of a presliding stiffness three ways: covariance, profile, bootstrap.
-
-Profile. With g0 given, u is known with an error e(g0), u being sigma_0, or its inverse for the estimator by all samples.
-What g0 may be its own stage says, for the bend of the loading tells it only where the model is exact. So with
-x = (g0 - level) / its error
-
-    Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2,    u is inside where Q <= F(0.95; 1, freedom) = t**2,
-
-a problem that is linear in u once x is given, and so a conditional profile.
-
-Bootstrap-t. Blocks of count edges (or of samples) are drawn anew, one step each; each draw has a g0 of its own, and one
-by all samples a rest position in the count. A step of the data is how the estimate errs: the truth lies on the other side
-of it. A step of u(x) is where the truth lies.
-"""
+"""Intervals of a presliding stiffness: u is sigma_0, or its inverse for `samples`, x = (g0 - level) / its error."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -35,15 +22,15 @@ from bristle.identification.presliding.stiffness import (
     of_loading,
     sample_columns,
 )
-from bristle.identification.repeats import less, scatter_of
+from bristle.identification.repeats import limit_widening, scatter_of
 
 SEED = 0
-_LEAST_FREEDOM = 4.0  # degrees of freedom from which a run says by itself how sure it is
-_NODES = 17  # values of g0 at which the estimator is evaluated; linear between them, ...
-_LOOKS = Looks(first=4001, near=2, again=0, drawn=4001)  # ... at so many, in one look
-_LEAST = 0.2  # of g0: what it may be at least
+_LEAST_FREEDOM = 4.0  # degrees of freedom from which a run states its own error
+_NODES = 17  # values of g0 of the estimator, linear between them
+_LOOKS = Looks(first=4001, near=2, again=0, drawn=4001)  # one look at so many
+_LEAST = 0.2  # of g0: its least value
 _CURVE = 41
-_BEYOND = 1.3  # how far the curve is drawn, in half-widths of the interval
+_BEYOND = 1.3  # drawn range, in half-widths of the interval
 
 
 class _Line(NamedTuple):
@@ -56,11 +43,11 @@ class _Line(NamedTuple):
     reach: float  # t
 
     def at(self, x: Array | float) -> tuple[Array, Array]:
-        """U and e there, of x's shape."""
+        """The values of u and e at x."""
         return np.asarray(np.interp(x, self.x, self.u)), np.asarray(np.interp(x, self.x, self.e))
 
     def sigma_0(self, u: Array) -> Array:
-        """sigma_0 at u, none below zero: infinitely stiff where an inverse is."""
+        """sigma_0 >= 0 at u, infinite where an inverse is not positive."""
         if self.estimator == "edges":
             return np.maximum(u, 0.0)
         return np.asarray(np.divide(1.0, u, out=np.full(u.shape, np.inf), where=u > 0), dtype=np.float64)
@@ -69,7 +56,11 @@ class _Line(NamedTuple):
 def stiffness_uncertainty(
     loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate, seed: int = SEED
 ) -> Uncertainty:
-    """The intervals of sigma_0 of one direction by `edges` or `samples`; without a value it is a lower bound, which is all there is."""
+    """Intervals of sigma_0 by `edges` or `samples`; of a lower bound its interval alone.
+
+    By profile: Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2 <= t**2. By bootstrap-t: blocks, each with its own
+    g0.
+    """
     if estimate.value is None or not estimate.standard_error or estimate.value <= 0:
         return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, warnings=estimate.warnings)
     inverse = estimator == "samples"
@@ -79,7 +70,7 @@ def stiffness_uncertainty(
     line = _line(loadings, level, estimator, spread)
 
     def at(x: Array) -> Conditional:
-        """U at (g0 - level) / its error, (K, 1)."""
+        """At x, (K, 1)."""
         u, e = line.at(x)
         return Conditional(u, e[..., None] ** 2, x[:, 0] ** 2)
 
@@ -109,11 +100,7 @@ def stiffness_uncertainty(
 def stiffness_scatter(
     loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate
 ) -> RunScatter | None:
-    """How sigma_0 of one direction scatters over the runs.
-
-    g0 is given, and the same in each run: its error moves all of them alike, and is no part of their scatter, nor
-    widened by it. None where fewer than two runs show sigma_0. Arguments as in `stiffness_uncertainty`.
-    """
+    """Scatter of sigma_0 over the runs at given g0, whose error is common to all; None of fewer than two."""
     by_file = {x.file: [of_loading(own, level.value) for own in loadings if own.file == x.file] for x in loadings}
     solve = ESTIMATORS[estimator]
     quantum, alone = max(loading.quantum for loading in loadings), dict[str, tuple[float, float, float]]()
@@ -127,17 +114,17 @@ def stiffness_scatter(
     found = scatter_of(dict(zip(alone, values.tolist(), strict=True)), errors, freedoms, own, freedom)
     if found is None or not estimate.standard_error or not of_all:
         return None
-    share = min(own / estimate.standard_error, 1.0)  # without what g0 adds
-    return less(found, float(np.sqrt(1 + share**2 * (found.widened**2 - 1))))
+    share = min(own / estimate.standard_error, 1.0)  # without the error of g0
+    return limit_widening(found, float(np.sqrt(1 + share**2 * (found.widened**2 - 1))))
 
 
 def _line(loadings: Sequence[Loading], level: KnownValue, estimator: str, spread: float) -> _Line:
-    """The estimator at values of g0, as far as any edges lie below them; `spread` is what counts add to e."""
+    """The estimator at values of g0; `spread` is added to e for counts."""
 
     def at(g0: float) -> tuple[float, float, float]:
-        """u, e and degrees of freedom at one g0; no u where nothing is left to estimate from."""
+        """u, e and degrees of freedom at one g0; nan without edges."""
         pieces = [of_loading(loading, g0) for loading in loadings]
-        value, error, freedom = ESTIMATORS[estimator](pieces)  # infinite by edges where no loading has two
+        value, error, freedom = ESTIMATORS[estimator](pieces)  # infinite without two edges
         if not np.isfinite(value):
             return np.nan, np.nan, 1.0
         by_edges = estimator == "edges"
@@ -153,7 +140,7 @@ def _line(loadings: Sequence[Loading], level: KnownValue, estimator: str, spread
 
 
 def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int) -> tuple[Resampled, Array]:
-    """Errors of u in resampled blocks of edges or samples, also studentised with those of all sources, and u, (b,); `error` is the estimate's."""
+    """Bootstrap of u with errors of all sources, and draws of u, (b,); `error` is the estimate's."""
     inverse = line.estimator == "samples"
     columns = sample_columns(pieces) if inverse else edge_columns(pieces)
     x, y, instrument, starts = columns or (np.zeros(0), np.zeros(0), np.zeros(0), [])

@@ -1,4 +1,4 @@
-"""What the links of a robot tell of a joint beside its friction: the torque constant, and whether log and URDF go together."""
+"""The links of a robot: torque constants from their known torque, and plausibility of log and URDF."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -21,36 +21,32 @@ from bristle.identification.static.fit import estimate_static, fit_moving
 from bristle.identification.static.problem import from_records
 from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
-_SURELY = 3.0  # standard errors by which a number is surely not another
-_OFF = 0.1  # a scale of the links' torque that is off by less is within what masses of a URDF are
-_BETTER = 0.5  # by which another order lowers the sum of log(relative error) over the joints where it is the right one
-_SAMPLES = 4000  # samples by which orders are compared
+_SURELY = 3.0  # standard errors of a sure difference
+_OFF = 0.1  # smaller errors of the links' scale are within those of URDF masses
+_BETTER = 0.5  # fall of the sum of log(relative error) by which another order is right
+_SAMPLES = 4000  # by which orders are compared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkScale:
-    """How the torque of a joint goes with that of the links, both as the equations of its moving runs see them."""
+    """Scale of the links' torque in a joint's logged torque."""
 
-    scale: float
-    """Units of the logged torque per N*m."""
+    scale: float  # Units of the logged torque per N*m
     error: float
-    """Its standard error."""
-    explained: float
-    """RMS of what the links alone explain, in the unit of the logged torque."""
-    left: float
-    """RMS of what nothing explains."""
+    explained: float  # RMS explained by the links alone, in the logged unit
+    left: float  # RMS of the residuals
 
     @property
     def told(self) -> bool:
-        """Whether the links' torque stands out of what no term explains."""
+        """Whether the links' torque stands out of the residuals."""
         return self.explained > self.left and _SURELY * self.error < abs(self.scale)
 
 
-UNSEEN = LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)  # of links of which nothing tells
+UNSEEN = LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)  # without information
 
 
 def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale:
-    """The scale of the links' torque in some moving runs, by the static fit with the links as a regressor; UNSEEN of too few samples."""
+    """The scale by the static fit with links as regressor; UNSEEN of too few samples."""
     if not records:
         return UNSEEN
     asked = tuple(dict.fromkeys((*regressors(experiment), "links")))
@@ -60,7 +56,7 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale:
         return UNSEEN
     estimate = estimate_static(problem, experiment.fit, experiment.joint.kind)["links"]
     value, error = estimate.value or 0.0, estimate.standard_error or np.inf
-    # RMS of the links' column beside all other columns, and of the torque beside all
+    # RMS of the links' column beside the others, and of the torque beside all
     links = next(k for k, name in enumerate(problem.linear_names) if name.name == "links")
     others = np.delete(problem.linear, links, axis=1)
     pairs = ((problem.linear[:, links], others), (problem.torque, problem.linear))
@@ -70,12 +66,7 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale:
 
 
 def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], found: LinkScale) -> LinkScale:
-    """The scale of the links' torque by the fit of all LuGre parameters, where that explains the runs better.
-
-    The static fit takes presliding for something else, the links' torque among it: its error is wide, and stays where that fit
-    has a wider one, as beside parameters that a motion does not show. `experiment` has the
-    links among its regressors, and its torque in the logged unit.
-    """
+    """The scale by the LuGre fit with links as a regressor, where it is more precise and fits better."""
     if not found.scale:
         return found
     static, _ = fit_moving(experiment, records, ())
@@ -89,7 +80,7 @@ def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], fou
 
 
 def torque_constant(found: LinkScale, kind: Kind, effort: str = "A") -> Estimate:
-    """N*m or N per unit of an effort, that of a current its torque constant, as the links tell it; without a value where they do not."""
+    """N*m or N per unit of effort, as the links tell it; without a value where they do not."""
     of = unit("torque", kind)
     in_torque = f"{of}/{effort}"
     if found.scale + _SURELY * found.error < 0 and found.explained > found.left:
@@ -113,7 +104,7 @@ def torque_constant(found: LinkScale, kind: Kind, effort: str = "A") -> Estimate
 
 
 def scale_warnings(found: LinkScale) -> Iterator[Finding]:
-    """Whether links whose torque is taken as known would have another scale."""
+    """A caution where known links would fit with another scale."""
     if found.explained > found.left and abs(found.scale - 1) > max(_SURELY * found.error, _OFF):
         message = (
             f"The torque of the links would fit {found.scale:.3g} +/- {found.error:.2g} times as large as the URDF has it: "
@@ -124,19 +115,18 @@ def scale_warnings(found: LinkScale) -> Iterator[Finding]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """Motion and torques of all joints of a robot in one run, (n, joints) each, at common times, (n,)."""
+    """Motion and torques of all joints in one run, (n, joints), at times (n,)."""
 
     time: Array
     q: Array
     v: Array
     a: Array
-    torque: Array
-    """As logged, in any unit."""
+    torque: Array  # As logged
     kinds: tuple[str, ...]
 
 
 def thinned(course: Course, decimation: int, file: str) -> tuple[Course, Array]:
-    """The course through the decimation filter, at some thousand samples, and whether each joint moves up, then down, (n, 2 joints)."""
+    """The course through the decimation filter, and whether each joint moves up, then down, (n, 2 joints)."""
     smooth, _ = decimator([np.array([course.time.size])], decimation, file)
     moved = np.hstack([course.v > 0, course.v < 0]).astype(float)
     filtered = np.asarray(smooth @ np.hstack([course.q, course.v, course.a, course.torque, moved]))
@@ -147,7 +137,7 @@ def thinned(course: Course, decimation: int, file: str) -> tuple[Course, Array]:
 
 
 def _score(course: Course, moved: Array, links: Array) -> float:
-    """Sum over the joints of log(relative error): friction, own inertia and the links with a scale that is not negative."""
+    """Sum over joints of log(relative error) of friction, own inertia and scaled links."""
     joints, total = course.q.shape[1], 0.0
     for k in range(joints):
         y = course.torque[:, k]
@@ -162,11 +152,7 @@ def _score(course: Course, moved: Array, links: Array) -> float:
 def order_warnings(
     course: Course, moved: Array, names: Sequence[str], body: RigidBody, gravity: Sequence[float]
 ) -> tuple[Finding, ...]:
-    """Whether the log would go better with the URDF if its columns stood in another order, or gravity had another direction.
-
-    Tried are two columns swapped and the reversed order, of all signals and of the torque alone, and each axis of the base
-    as gravity. Which swaps a log cannot show depends on it: those of joints whose links weigh little.
-    """
+    """A finding where another order of columns (two swapped, or reversed) or another gravity fits the URDF better."""
     links = body.torques(course.q, course.v, course.a, gravity=gravity)
     as_given, found, identity = _score(course, moved, links), [], list(range(len(names)))
     swapped = ([k if x == i else i if x == k else x for x in identity] for i, k in combinations(identity, 2))
@@ -201,7 +187,7 @@ def order_warnings(
 
 
 def coupling(course: Course, moved: Array, joint: int) -> float:
-    """What the other joints' motion (sines of positions and their sums, accelerations) explains of a torque beside its own, share of its RMS."""
+    """Share of a torque's RMS that the motion of other joints explains."""
     joints, y, k = course.q.shape[1], course.torque[:, joint], joint
     own = [moved[:, k], -moved[:, joints + k], course.v[:, k], course.a[:, k], np.ones(len(y))]
     sums = [course.q[:, i : j + 1].sum(axis=1) for i in range(joints) for j in range(i, joints)]

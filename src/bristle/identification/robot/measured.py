@@ -1,4 +1,4 @@
-"""What the logs of a robot measured, joint by joint: each with the links' torque known, and its torque constant if that was free."""
+"""Measured runs of a robot, joint by joint, with known link torques."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -44,10 +44,10 @@ from bristle.model.parameters import unit
 from bristle.progress import Progress
 from bristle.workers import Share
 
-_BEYOND = 0.01  # rad or m: a position beyond a limit by more is none of that joint
-_PEAK, _NO_DRIVE = 1.5, 5.0  # of the effort that the URDF allows, perhaps the rated one: a peak, and what no drive has
-_LEAST = 0.05  # of a joint's torque: what the links may amount to, below which nothing is said
-_SAMPLES = 500  # samples over which the inertia of the links is averaged
+_BEYOND = 0.01  # rad or m beyond a limit that are reported
+_PEAK, _NO_DRIVE = 1.5, 5.0  # of the URDF's effort: a peak, and more than any drive has
+_LEAST = 0.05  # of a joint's torque: smaller link torques are not reported
+_SAMPLES = 500  # for the mean inertia of the links
 
 
 def measure_robot(
@@ -57,14 +57,9 @@ def measure_robot(
     only: str | None = None,
     constant: Estimate | None = None,
 ) -> tuple[Measured, ...]:
-    """What each joint of a robot measured that is to be identified.
+    """What each joint to identify measured; with a URDF also link torques, torque constants and plausibility checks.
 
-    With a URDF the torque of the links is known: it stands in each record, its scale gives a torque constant that is free,
-    and the order of joints and gravity's direction are checked against the log. Without one the other joints' motion is in
-    each torque, and it is said how much. `share` makes the joints' parts of the work, and `progress` is told of every step. `only` is
-    the one joint that is wanted, of which a torque constant that was free, and is found already, is `constant`.
-
-    Raises InputError where a file cannot be used as declared.
+    `share` maps the joints, `only` is the one wanted, `constant` its known torque constant. Raises InputError.
     """
     parts = [part._replace(constant=constant) for part in _parts(robot, progress) if only in (None, part.name)]
     measured: list[Measured] = []
@@ -72,7 +67,7 @@ def measure_robot(
         if progress:
             progress(f"links of {part.name}", len(measured), len(parts))
         measured.append(done)
-    # a torque constant that was free is doubted where another joint, whose constant is known, doubts the masses
+    # a joint with a known constant that contradicts the masses makes fitted constants doubtful
     scales = ((m.experiment.joint.name, w) for m in measured for w in m.findings if w.code == "links-scale")
     for name, scale in [(name, w.numbers["scale"]) for name, w in scales][:1]:
         message = (
@@ -87,7 +82,7 @@ def measure_robot(
 
 
 def against_urdf(robot: Robot) -> dict[str, tuple[Finding, ...]]:
-    """By joint, what the logs of a robot say against its URDF, without a search for torque constants. Raises InputError as `measure_robot`."""
+    """Findings of the logs against the URDF, by joint. Raises InputError as `measure_robot` does."""
     found = {}
     for part in _parts(robot, None):
         found[part.name] = (*part.findings, *(() if part.joint.free else scale_warnings(_scale(part))))
@@ -95,7 +90,7 @@ def against_urdf(robot: Robot) -> dict[str, tuple[Finding, ...]]:
 
 
 def _parts(robot: Robot, progress: Progress | None) -> list["_Part"]:
-    """Each joint that is to be identified, with what all together told of it."""
+    """The joints to identify, with findings of all together."""
     simulated = next((j.experiment for j in robot.joints if j.experiment.fit.predict == "position"), None)
     if simulated is not None and robot.urdf is not None:
         raise InputError(
@@ -126,35 +121,32 @@ def _parts(robot: Robot, progress: Progress | None) -> list["_Part"]:
 
 
 class _Part(NamedTuple):
-    """One joint, and what all together told of it."""
+    """A joint and findings of all together."""
 
     joint: JointOfRobot
     runs: tuple[Run, ...]
-    linked: bool
-    """Whether the links are known."""
+    linked: bool  # Whether link torques are known
     link_inertia: float | None
     findings: tuple[Finding, ...]
-    constant: Estimate | None = None
-    """The torque constant, where that was free and is found already."""
+    constant: Estimate | None = None  # The torque constant, if already found
 
     @property
     def name(self) -> str:
-        """Of the joint."""
         return self.joint.experiment.joint.name
 
 
 def _scale(part: _Part) -> LinkScale:
-    """How the joint's torque goes with that of the links, by the static law."""
+    """Scale of the links by the static fit."""
     return link_scale(part.joint.experiment, _training(part.runs)) if part.linked else UNSEEN
 
 
 def _measured(part: _Part) -> Measured:
-    """One joint: in N*m, or where its torque constant is not seen in A."""
+    """One joint, in N*m, or in A without a torque constant."""
     experiment, runs, seen = part.joint.experiment, part.runs, _scale(part)
     findings, constant = list(part.findings), None
     if part.linked and part.joint.free:
         beside = in_own_unit(experiment, tuple(dict.fromkeys((*regressors(experiment), "links"))))
-        # it may be told by more than the links: then it is a regressor, and no constant; where the log is not as declared, nothing is told
+        # no refinement where the log contradicts the declared order or gravity
         wrong = any(f.code in {"joint-order", "gravity-direction"} for f in findings)
         refined = seen if wrong else scale_beside_bristles(beside, _training(runs), seen)
         constant = part.constant or torque_constant(refined if seen.told else seen, experiment.joint.kind)
@@ -175,7 +167,7 @@ def _training(runs: Sequence[Run]) -> tuple[Record, ...]:
 def _with_constant(
     experiment: Experiment, runs: tuple[Run, ...], found: LinkScale, K: float | None, error: float | None
 ) -> tuple[Experiment, tuple[Run, ...]]:
-    """The joint with the torque constant that was found, or in A where none was: then the links are a regressor, or too small for one."""
+    """The joint in N*m by a torque constant; without one in A, links as regressor if clear."""
     if K is None:
         clear = found.scale > 2 * found.error
         beside = tuple(name for name in regressors(experiment) if name not in LEVELS)
@@ -201,7 +193,7 @@ def _with_constant(
 
 
 def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bool) -> list[Finding]:
-    """Positions, speeds and torques that the URDF says the joint cannot have; of a current alone nothing is said."""
+    """Positions, speeds and torques beyond the URDF's limits."""
     if urdf is None:
         return []
     joint = urdf.joint(name)
@@ -237,7 +229,7 @@ def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bo
 def _of_all(
     robot: Robot, motions: Mapping[str, RobotMotion], read: Mapping[str, tuple[Run, ...]], body: RigidBody | None
 ) -> dict[str, tuple[Finding, ...]]:
-    """By joint, what its torque says when all joints are looked at together, in the longest run where more than one moves."""
+    """Findings from all joints together in the longest run with several moving, by joint."""
     shared: dict[str, dict[str, Record]] = {}
     for name, runs in read.items():
         for record in _training(runs):
@@ -250,7 +242,7 @@ def _of_all(
     own = together[file]
     first = next(iter(own.values()))
     q, v, a = by_file[file].at(first.time, robot.names)
-    torque = np.ones_like(q)  # of a joint that rests, or is not identified
+    torque = np.ones_like(q)  # for joints at rest or not identified
     for name, r in own.items():
         torque[:, robot.names.index(name)] = np.interp(first.time, r.time, np.asarray(r.torque))
     kinds = tuple(joint.experiment.joint.kind for joint in robot.joints)
@@ -268,6 +260,6 @@ def _of_all(
             if share > 100 * _LEAST:
                 found[name] = (Finding("links-not-removed", CRITICAL, message, {"share": share}),)
         return found
-    if len(own) < len(robot.names):  # an order of joints that do not all move and have a torque cannot be told
+    if len(own) < len(robot.names):  # an order needs all joints moving, with torques
         return {}
     return dict.fromkeys(robot.names, order_warnings(course, moved, robot.names, body, robot.gravity))

@@ -1,10 +1,4 @@
-"""Many static data sets that share their velocities, in a few matrix products.
-
-Estimates and standard errors. What v_s changes - the Stribeck column and its slope, each off the linear columns, and
-their products with the data - is tabulated on a grid of log(v_s) once for all sets, and interpolated by polynomials
-through six neighbours. Each set then has a few small sums of its own. Tables and errors in closed form are for speed: a
-projection or a Jacobian for each set would take many times as long.
-"""
+"""Static fits of many data sets at the same velocities, from tables over log(v_s) interpolated by polynomials."""
 
 from math import ceil
 from typing import NamedTuple
@@ -17,9 +11,9 @@ from bristle.arrays import Array
 from bristle.identification.static.grid import Projected, solve
 from bristle.identification.static.problem import Regression, log_grid
 
-GRID = 128  # values of v_s: more than in one fit, for minimum and errors are interpolated between them
-_IN_CACHE = 400_000  # residuals of sets, of which robust errors are computed at a time
-COARSE = 48  # as many are enough for the minimum alone
+GRID = 128  # values of v_s, more than for one fit, because results are interpolated
+_IN_CACHE = 400_000  # residuals per block of robust errors
+COARSE = 48  # values of v_s for the minimum alone
 _NEWTON = 4
 _NEIGHBOURS = np.arange(-2, 4)
 _TO_POLYNOMIAL = np.linalg.inv(np.vander(_NEIGHBOURS.astype(float), increasing=True))
@@ -27,11 +21,7 @@ _TO_POLYNOMIAL = np.linalg.inv(np.vander(_NEIGHBOURS.astype(float), increasing=T
 
 
 class Tables(NamedTuple):
-    """What depends on v_s.
-
-    Of the Stribeck column s and its slope d by log(v_s), off the linear columns and relative to the length of s there.
-    So scaled, nothing vanishes where hardly a point is left within v_s, and polynomials hold over the whole range.
-    """
+    """Of the Stribeck column s and its slope d by log(v_s), off the linear columns, over the length of s there."""
 
     log_length: Array  # Logarithm of that length
     cross: Array  # s'd
@@ -41,14 +31,7 @@ class Tables(NamedTuple):
 
 
 class Batch:
-    """Sets of torques at the same velocities, solved as `solve` does; one peak.
-
-    Args:
-        problem: one of the sets; its torque is not looked at.
-        torques: N*m, (n, sets).
-        v_s_range: as in `solve`.
-        grid: as in `solve`, >= 8.
-    """
+    """Sets of torques, N*m, (n, sets), at the same velocities, solved as `solve` does; one peak, `grid` >= 8."""
 
     theta: Array
     """In the order of the problem's `names`, (p, sets)."""
@@ -56,7 +39,7 @@ class Batch:
     """J_s, (sets,)."""
 
     def __init__(self, problem: Regression, torques: Array, v_s_range: tuple[float, float], grid: int = GRID) -> None:
-        """Tabulate, and solve."""
+        """Tabulate and solve."""
         self.problem, self.torques, self.v_s_range, self.grid = problem, torques, v_s_range, grid
         self._step = np.log(v_s_range[1] / v_s_range[0]) / (grid - 1)
         projected = Projected(problem)
@@ -76,7 +59,7 @@ class Batch:
         along, last = self._tables.along, grid - 1
         coarse = np.maximum(along, 0.0).argmax(axis=0)
         near = np.clip(coarse, 2, grid - 4) + _NEIGHBOURS[:, None]
-        # where the polynomial of each set, > 0, is highest, by Newton's method
+        # maximum of each set's polynomial, by Newton's method
         of_set = _TO_POLYNOMIAL @ np.take_along_axis(along, near, axis=0)
         slope, bend, t = polyder(of_set), polyder(of_set, 2), np.zeros(along.shape[1])
         for _ in range(_NEWTON):
@@ -87,23 +70,19 @@ class Batch:
         self._x = np.clip(near[2] + t, 0.0, last)
         at = self._at(self._x[:, None])
         peak = at.along[:, 0]
-        with np.errstate(over="ignore"):  # a column of vanishing length: that set is solved alone
+        with np.errstate(over="ignore"):  # vanishing columns: solved alone below
             linear, alpha_1 = projected.back(in_q) - at.inside[0, :, :, 0] * peak, peak * np.exp(-at.log_length[:, 0])
         self.theta = np.vstack([linear, alpha_1, v_s_range[0] * np.exp(self._step * self._x)])
         self.cost = np.maximum(np.einsum("ns,ns->s", rest, rest) - np.maximum(peak, 0.0) ** 2, 0.0)
         alone = (self.theta[:-1] <= problem.least[:-1, None]).any(axis=0) | ~inside_grid
-        # those at an end of the range, or at a bound, one by one
+        # sets at an end of the range or at a bound, one by one
         for k in np.flatnonzero(alone | ~np.isfinite(self.theta).all(axis=0)).tolist():
             one = solve(problem.with_torque(torques[:, k]), v_s_range, grid)
             self.theta[:, k], self.cost[k] = one.theta, one.cost
             self._x[k] = np.clip(np.log(one.theta[-1] / v_s_range[0]) / self._step, 0.0, last)
 
     def errors(self, *, robust: bool = False) -> Array:
-        """Standard errors from the exact Jacobian, as `uncertainty.covariance` has them, (p, sets).
-
-        inf where alpha_1 is zero. Robust ones allow for a variance that differs from point to point (HC3: each residual
-        over one less its leverage).
-        """
+        """Standard errors as `estimation.covariance` has them, HC3 if `robust`, (p, sets); inf for alpha_1 = 0."""
         if robust:
             blocks = np.array_split(np.arange(self.cost.size), ceil(self.torques.size / _IN_CACHE))
             return np.hstack([self._robust_errors(sets) for sets in blocks])

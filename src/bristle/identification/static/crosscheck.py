@@ -1,8 +1,4 @@
-"""The full nonlinear fit beside the grid: the same data by CasADi + IPOPT, all static parameters at once.
-
-Nothing of the grid is used but its range of v_s: the model is the law's own expression (9) on CasADi symbols, derivatives
-are exact, variables are scaled (v_s by its logarithm), and the starts are random with a fixed seed.
-"""
+"""The full nonlinear static fit by CasADi and IPOPT, a check of the grid, of which it uses the range of v_s."""
 
 from collections.abc import Mapping
 
@@ -27,20 +23,17 @@ OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}  # of IPOPT
 
 
 def full_fit(problem: Regression, v_s_range: tuple[float, float], starts: int = STARTS) -> list[Array]:
-    """All parameters of a static problem at once, by IPOPT, v_s within a range, rad/s.
-
-    theta, in the order of the problem's `names`, where each of `starts` >= 1 random starts ended.
-    """
+    """theta, in the order of `names`, at the end of each IPOPT run from random starts; v_s within a range, rad/s."""
     unknowns, (low, high) = unknowns_of(problem, v_s_range), np.log(v_s_range).tolist()
     x = ca.MX.sym("x", len(problem.names))
-    # measured minus modelled torque in CasADi; where smoothed of fewer equations with the same sum of squares
+    # residuals in CasADi, of moving data in reduced equations
     few = reduced(problem, v_s_range)
     value = dict(zip(few.names, natural(unknowns, x), strict=True))
     others = [k for k, name in enumerate(few.linear_names) if not of_curve(name.name)]
     extra = ca.vertcat(*(value[few.linear_names[k]] for k in others))
     residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, others]), extra)
     one, shape = static_of(few.law), dict(zip(few.law.shape_parameters[1:], few.shape, strict=True))
-    nothing = without_peak(few.law) | {"alpha_2": 0.0}  # of one speed alone
+    nothing = without_peak(few.law) | {"alpha_2": 0.0}  # for a single speed
     given = {**nothing, **shape, FASTEST: float(np.abs(few.velocity).max())}
     for direction in few.directions:
         fitted = {name: value[key] for name in one._fields if (key := ParameterName(name, direction)) in value}
@@ -67,7 +60,7 @@ def full_fit(problem: Regression, v_s_range: tuple[float, float], starts: int = 
 def crosscheck(
     problem: Regression, found: Solution, errors: Mapping[ParameterName, float | None], v_s_range: tuple[float, float]
 ) -> Crosscheck:
-    """The full fit beside what the grid found in a range of v_s, rad/s: costs, differences in the grid fit's standard errors, a verdict."""
+    """The full fit as a check of the grid's solution; `errors` are the grid fit's, v_s_range in rad/s."""
     ended = full_fit(problem, v_s_range)
     costs = [float(np.sum(problem.residuals(end) ** 2)) for end in ended]
     same = _SAME * min(costs) + 1e-12 * float(problem.torque @ problem.torque)

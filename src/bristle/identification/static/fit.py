@@ -1,4 +1,4 @@
-"""A static fit of points at constant velocity or of moving runs: the grid's answer with intervals, warnings, and what stands beside it."""
+"""Static fits of points or of moving runs, with intervals and warnings."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -35,7 +35,7 @@ from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.points import PointSearch, groups, point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records, with_prior
-from bristle.identification.static.solution import StaticSolution, beside, solve_static
+from bristle.identification.static.solution import StaticSolution, other_fit, solve_static
 from bristle.identification.static.strays import most_strays
 from bristle.identification.static.uncertainty import parts_of_runs, three_ways
 from bristle.identification.systematic import with_systematic
@@ -50,25 +50,20 @@ from bristle.model.parameters import (
     unit,
 )
 
-_ONE_SPEED = 1.25  # times the slowest speed: where the fastest is less, they are one
-_MANY, _MIXED = 10, 0.5
-"""Points of a direction whose torque may go with their rows, and the rank correlation of speed and row up to which that is no matter of speed."""
-_LISTED = 50  # points that a warning names; of more it says how many there are
-_LOGARITHMIC = ("v_s",)  # what is compared, and widened, as its logarithm
+_ONE_SPEED = 1.25  # ratio of fastest to slowest speed below which they count as one
+_MANY, _MIXED = 10, 0.5  # of a drift by rows: least points of a direction, largest rank correlation of speed and row
+_LISTED = 50  # most points named in a warning
+_LOGARITHMIC = ("v_s",)  # widened as logarithms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointInfo:
-    """What is known of each equation beside its velocity and torque."""
+    """Origin of each equation."""
 
-    segments: tuple[Segment, ...] = ()
-    """The segment behind each point, (n,); empty for moving data."""
-    time: Array = field(default_factory=lambda: np.zeros(0))
-    """s from the start of its run, (n,); empty where unknown."""
-    position: Array = field(default_factory=lambda: np.zeros(0))
-    """rad, (n,); empty where unknown."""
-    search: PointSearch | None = None
-    """Which points do not belong to the law; None for moving data."""
+    segments: tuple[Segment, ...] = ()  # Of each point, (n,); empty for moving data
+    time: Array = field(default_factory=lambda: np.zeros(0))  # s from the start of its run, (n,); empty where unknown
+    position: Array = field(default_factory=lambda: np.zeros(0))  # rad, (n,); empty where unknown
+    search: PointSearch | None = None  # Strays; None for moving data
 
 
 def fit_static(
@@ -79,13 +74,9 @@ def fit_static(
     held: Sequence[tuple[str, Regression]] = (),
     runs: Sequence[tuple[str, Regression]] = (),
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Fit one static problem, with a peak in every direction, and everything that the report shows beside the fit.
-
-    Hold-out runs, and runs that can be fitted apart, by name, are posed as the problem is, without its priors. Returns fits and
-    cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit `shared`.
-    """
+    """Fits and cross-checks of one problem, by direction or `shared`; `held` to predict, `runs` to fit apart."""
     v_s_range = default_range(problem.velocity)
-    # of a direction that was measured at one speed alone viscous friction is told from Coulomb's by others
+    # a direction measured at one speed alone has no viscous friction of its own
     lost = set[ParameterName]()
     for d in problem.directions if problem.smooth is None else ():
         speeds = problem.speeds(d)
@@ -98,7 +89,7 @@ def fit_static(
     if too_few:
         return {d: _nothing(d, problem, kind, where, too_few) for d in problem.directions}, {}
     core = solve_static(problem, options, kind, v_s_range)
-    # the same parameters by other ways, and what is said of the whole
+    # other estimates of the same parameters, and warnings
     plain: dict[ParameterName, float] = {}
     if len(core.problem.peaks) == 1 and problem.smooth is None:
         plain = core.problem.named(plain_grid(core.problem, v_s_range)[2])
@@ -131,7 +122,7 @@ def fit_static(
             plain_grid={name.name: x for name, x in plain.items() if one or name.direction is d},
             strays=tuple(x for x in strays if DIRECTIONS.get(d, 0.0) * x.velocity >= 0),
         )  # fmt: skip  # a list of values
-        # as wide as the runs scatter, and then with the systematic errors
+        # widened by the scatter of runs, then by systematic errors
         own = {name.name: x for name, x in scatter.items() if one or name.direction is d}
         shifts = {c: {n.name: x for n, x in by.items() if one or n.direction is d} for c, by in core.shifts.items()}
         finished[d] = with_systematic(widened(fit, own, _LOGARITHMIC), shifts)
@@ -141,7 +132,7 @@ def fit_static(
 def estimate_static(
     problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple[float, float] | None = None
 ) -> Mapping[str, Estimate]:
-    """The parameters of one direction alone with their intervals: what a study of many data sets repeats."""
+    """Estimates of one direction alone, for studies of many data sets."""
     core = solve_static(problem, options, kind, v_s_range)
     return {name.name: e for name, e in core.estimates.items()}
 
@@ -180,7 +171,7 @@ def _nothing(direction: str, problem: Regression, kind: Kind, where: PointInfo, 
 def _without_sticking(
     problem: Regression, core: StaticSolution, options: FitOptions, kind: Kind, sticks: NDArray[np.bool_]
 ) -> tuple[list[Finding], set[Direction]]:
-    """What is said of the fit without the points that stick and slip, a mask, (n,); and the directions whose Stribeck term rests on them."""
+    """A finding on the fit without sticking points, (n,), and the directions that lose their Stribeck term by it."""
     if not sticks.any():
         return [], set()
     rest = problem.rows(np.logical_not(sticks))
@@ -190,14 +181,14 @@ def _without_sticking(
         message = f"{message} Without them no fit is possible."
         return [Finding("stick-slip-points", CAUTION, message, numbers)], set()
     alone = solve_static(rest, options, kind)
-    other = beside(core, alone)
+    other = other_fit(core, alone)
     message = f"{message} Without: {other.told}"
     said = Finding("stick-slip-points", CAUTION, message, {**numbers, **other.numbers}, {"torque": other.apart})
     return [said], {*core.problem.peaks} - {*alone.problem.peaks}
 
 
 def report_strays(core: StaticSolution, search: PointSearch, options: FitOptions, kind: Kind) -> tuple[Finding, ...]:
-    """What is said of the points of a solve that do not belong to its law, and the fit without them, or with them where they are left out."""
+    """Findings on the strays of a solve, with the fit without them, or with them if they are left out."""
     side = search.sides[0] if len(search.sides) == 1 else ""
     named, resting = _listed(search, search.strays), _listed(search, search.resting)
     warnings = []
@@ -223,13 +214,13 @@ def report_strays(core: StaticSolution, search: PointSearch, options: FitOptions
         return tuple(warnings)
     dropped, text = options.drops_strays and bool(search.left_out), core.problem.text
     second = solve_static(search.problem.rows(search.sliding if dropped else search.kept), options, kind)
-    other = beside(core, second)
+    other = other_fit(core, second)
     numbers |= {"count": len(search.strays), **other.numbers}
     message = f"{_points(len(search.strays))} off the law of the others"
     if dropped:
         message = f"{message}, left out: {'; '.join(named)}. With: {other.told} To keep, write `set_up: as-written` under fit."
         return (*warnings, Finding("strays-left-out", CAUTION, message, numbers))
-    # by more than a standard error, or one of the two is not identified
+    # moved by more than a standard error, or identified by one fit alone
     ours, theirs = ({n: e.value for n, e in x.parameters.items() if e.value is not None} for x in (core, second))
     errors = {n: core.parameters[n].standard_error or 0.0 for n in ours}
     alike = {n for n in ours.keys() & theirs.keys() if abs(ours[n] - theirs[n]) <= errors[n]}
@@ -245,7 +236,7 @@ def report_strays(core: StaticSolution, search: PointSearch, options: FitOptions
 
 
 def _advice(search: PointSearch, options: FitOptions) -> str:
-    """What to do about strays that are not left out."""
+    """What to do about strays that stay in."""
     if not options.drops_strays:
         return "To leave out, leave `set_up: as-written` out."
     speed = np.abs([s.velocity for s in search.points])
@@ -267,7 +258,7 @@ def _points(count: int) -> str:
 
 
 def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[str, ...]:
-    """The first points by name, and how many there are beside them."""
+    """The first points by name, and the number of others."""
     named, rest = list[str](), len(rows) - _LISTED
     for k in rows[:_LISTED]:
         s = search.points[k]
@@ -280,7 +271,7 @@ def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[str, ...]:
 
 
 def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[Finding]:
-    """Terms that the fit lacks, to first order; points in the order of velocity, in which a misfit correlates them."""
+    """Terms that the fit lacks, to first order; points in the order of velocity."""
     problem, theta = core.problem, core.solution.theta
     measured = slice(problem.torque.size - problem.priors)
     velocity = problem.equation_velocity[measured]
@@ -294,14 +285,15 @@ def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[F
         widened=False,
     )  # fmt: skip  # a list of values
     time, position = (x[order] if x.size == order.size else x for x in (where.time, where.position))
-    rows = candidates(velocity[order], time, position, [*(name.name for name in names), *problem.given], kind)
+    fitted = [*(name.name for name in names), *problem.given]
+    rows = candidates(velocity[order], time, position, fitted, kind, len(problem.directions))
     points = [where.segments[k] for k in order] if where.segments else []
     modelled = (problem.torque - core.solution.residuals)[measured][order]
     return explained(fit, [*rows, *_by_rows(points, modelled)]).findings
 
 
 def _by_rows(points: Sequence[Segment], torque: Array) -> list[Candidate]:
-    """That the torque, modelled, N*m, (n,), of given points goes with their rows, where their speeds go up and down in these."""
+    """A drift of the modelled torque, N*m, (n,), with the rows of given points whose speeds go up and down."""
     given = bool(points) and all(s.stop == s.start + 1 for s in points) and len({s.file for s in points}) == 1
     v, row = (np.array([getattr(s, name) for s in points], dtype=np.float64) for name in ("velocity", "start"))
     for side in (v > 0, v < 0):
@@ -334,7 +326,7 @@ def _static_fit(
     where: PointInfo,
     three: Mapping[ParameterName, Uncertainty],
 ) -> StaticFit:
-    """The part of a fit that belongs to one direction, to both, or to what two directions share; `three` are its intervals three ways."""
+    """The fit of one direction, of both, or of the shared parameters; `three` are intervals three ways."""
     problem, theta = core.problem, core.solution.theta
     two, velocity, residuals = len(problem.directions) == 2, problem.equation_velocity, problem.residuals(theta)
     rows = np.ones(residuals.size, dtype=bool)
@@ -343,7 +335,7 @@ def _static_fit(
     rows[rows.size - problem.priors :] = False
     names = [name for name in problem.names if not two or name.direction is part]
     parameters = {name.name: core.parameters[name] for name in names}
-    for name in names:  # what its three intervals say, unless it is at its bound
+    for name in names:  # warnings of the three intervals, unless at a bound
         one = parameters[name.name]
         if not any(warning.code == "at-bound" for warning in one.warnings):
             parameters[name.name] = replace(one, warnings=(*one.warnings, *three[name].warnings))
@@ -352,9 +344,9 @@ def _static_fit(
         names_lost = peak_parameters(problem.law)
         parameters |= {n: Estimate(value=None, unit=unit(n, kind), warnings=lost) for n in names_lost}
     parameters |= {name.name: e for name, e in core.beside.items() if name.direction is part}
-    whole = parameters.get("alpha_0")  # of what is shared there is none
+    whole = parameters.get("alpha_0")  # None for shared parameters
     if "alpha_2" not in parameters and whole is not None and whole.value is not None and whole.interval is not None:
-        # of one speed alone alpha_0 stands for all friction there, alpha_2 for none, with what is possible as their intervals
+        # at one speed alone alpha_0 holds all friction and alpha_2 none, with intervals of all splits
         speed, high = float(np.mean(problem.speeds(part))), whole.interval[1]
         message = (
             f"Friction is known at one speed alone, {speed:.3g}{unit_of('velocity')}: alpha_0 + alpha_2 v = {whole.value:.4g} +/- "
@@ -382,10 +374,7 @@ def _static_fit(
 
 
 def refuse_opposing_points(experiment: Experiment, points: Sequence[Segment], asked: Sequence[str]) -> None:
-    """Raise InputError where the torque of points is noise, or opposes their velocity: of each direction, or of both about an offset.
-
-    Where gravity is asked for, which may outweigh friction, nothing is refused.
-    """
+    """Raise InputError if the torque of points is noise or opposes velocity (about an offset if `asked`)."""
     v, T = (np.array([getattr(s, name) for s in points]) for name in ("velocity", "torque"))
     for d, sign in DIRECTIONS.items() if not asked else ():
         own = v * sign > 0
@@ -397,12 +386,9 @@ def refuse_opposing_points(experiment: Experiment, points: Sequence[Segment], as
 
 
 def fit_points(measured: Measured, points: Sequence[Segment]) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Static parameters and the declared regressors from points at constant velocity: fits and cross-checks.
-
-    Raises InputError where a regressor needs what points do not have, or torque opposes velocity.
-    """
+    """Static fits and cross-checks of points. Raises InputError for missing signals or opposing torque."""
     experiment, asked = measured.experiment, point_regressors(measured.experiment)
-    if "inertia" in (experiment.fit.regressors or ()) and not measured.moving(hold_out=False):  # which can tell it
+    if "inertia" in (experiment.fit.regressors or ()) and not measured.moving(hold_out=False):
         raise InputError(
             f"{experiment.path.name}: fit.regressors: inertia needs acceleration, which constant-velocity points do not have; "
             "leave it out, or give the runs as experiment: tracking"
@@ -417,7 +403,7 @@ def fit_points(measured: Measured, points: Sequence[Segment]) -> tuple[dict[str,
         both = by_file(s for s in held if np.sign(s.velocity) in signs), by_file(group)
         tests, apart = ([(file, points_problem(s, sides, asked, law)) for file, s in of.items()] for of in both)
         runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
-        # a run of one point has no course over time
+        # times are of no use where every run is one point
         known = [[s.time for s in group] if len(apart) < len(group) else [None], [s.position for s in group]]
         time, position = (np.zeros(0) if None in x else np.array(x, dtype=float) for x in known)
         where = PointInfo(segments=group, time=time, position=position, search=searches.get(sides))
@@ -429,7 +415,7 @@ def fit_points(measured: Measured, points: Sequence[Segment]) -> tuple[dict[str,
 
 
 def by_file(points: Iterable[Segment]) -> dict[str, list[Segment]]:
-    """The points of each run, in their order."""
+    """The points of each run, in order."""
     found = defaultdict[str, list[Segment]](list)
     for s in points:
         found[s.file].append(s)
@@ -439,22 +425,18 @@ def by_file(points: Iterable[Segment]) -> dict[str, list[Segment]]:
 def fit_moving(
     experiment: Experiment, records: Sequence[Record], held: Sequence[Record]
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Static parameters and the declared regressors from moving runs, by linear least squares with the grid.
-
-    Fits and cross-checks. Raises InputError where a run lacks a signal, is too short, or its torque opposes its
-    velocity.
-    """
+    """Static fits and cross-checks of moving runs, by the grid. Raises InputError where a signal is missing."""
     fixed, prior = inertia(experiment)
     moving, asked = directions(experiment, records), regressors(experiment)
 
     def problem(
         chosen: Sequence[Record], weights: Mapping[str, float] | None
     ) -> tuple[Regression, tuple[Array, Array], int]:
-        """The regression of some records, time and position of each equation, samples dropped at ends."""
+        """The regression of some records, time and position of its equations, samples dropped at ends."""
         return from_records(chosen, moving, asked, experiment.fit.every, fixed, experiment.fit.friction, weights)
 
     def fitted(weights: Mapping[str, float]) -> Mapping[ParameterName, float]:
-        """By the grid, with gravity and links that weigh so much where the level rises with their load."""
+        """By the grid, with these coefficients of gravity and links."""
         one = problem(records, weights)[0]
         return one.named(solve(one, default_range(one.velocity)).theta)
 
@@ -471,13 +453,8 @@ def fit_moving(
     return fit_static(training, experiment.fit, experiment.joint.kind, where, tests, runs)
 
 
-def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:
-    """The static fits of moving runs; where the fit of all parameters of the same runs knows their friction, their outcome says so.
-
-    A static law is LuGre's with a bristle that does not bend: the poorer model of the same runs, whose errors do not know what
-    presliding does to it. One fit gives a joint's values; what is said of the other is then no reason to doubt them. One that
-    estimated nothing says why, as before.
-    """
+def reconcile_static(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:
+    """The static fits of moving runs, superseded where LuGre fits the same runs: presliding biases a static law."""
     if moving is None or all(e.value is None for name, e in moving.parameters.items() if name.name == "alpha_0"):
         return dict(static)
     found = dict(static)
@@ -493,5 +470,5 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
 
 
 def is_superseded(fit: StaticFit) -> bool:
-    """Whether the fit of all parameters of the same runs is the one to use."""
+    """Whether the LuGre fit of the same runs is the one to use."""
     return fit.outcome.code == "static-superseded"

@@ -1,10 +1,4 @@
-"""Static parameters by a grid over v_s with linear least squares inside, (10)-(13): variable projection.
-
-For each v_s the other parameters are solved exactly, so the cost as a function of v_s is its profile. With the linear
-columns projected out (Q from QR), one Stribeck column s leaves alpha_1 = s'r / s's and lowers the cost by (s'r)**2 /
-s's. All grid values are solved in a few array operations; the minimum is then refined to the continuous one. Every grid
-over v_s, of one set of torques or of many, and every profile rests on it.
-"""
+"""Static fits by variable projection, (10)-(13): a grid over v_s with linear least squares inside, then refined."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -26,44 +20,33 @@ from bristle.model.parameters import ParameterName
 
 T = TypeVar("T")
 _NONE = np.zeros(0, dtype=np.intp)
-_FLAT = 1e-10  # a Stribeck column this close to the others, relative, tells nothing
+_FLAT = 1e-10  # relative distance of a Stribeck column from the others below which it tells nothing
 GRID = 32  # values of v_s in the refined grid
 PLAIN_GRID = 500  # values of v_s in the paper's plain grid
-_TO_QUARTIC = np.linalg.inv(np.vander(np.arange(-2.0, 3.0)))  # from five equally spaced values, highest power first
-_BLOCK = 500  # values of v_s worked on at a time, of many sets
-_AT_ONCE = 4_000_000  # elements of the columns of one set, over values of v_s, worked on at a time
+_TO_QUARTIC = np.linalg.inv(np.vander(np.arange(-2.0, 3.0)))  # from five equally spaced values to coefficients
+_BLOCK = 500  # values of v_s at a time, for many sets
+_AT_ONCE = 4_000_000  # elements of columns over v_s at a time, for one set
 _STEPS = 20
-_SETTLED = 1e-12  # of the residuals' variance: a step that lowers the cost by less is not worth it
-_UNTOUCHED = 1e-200  # squared length of a peak's column off the others that touches no point
+_SETTLED = 1e-12  # of the residuals' variance: smaller gains end the steps
+_UNTOUCHED = 1e-200  # squared length below which a peak touches no point
 
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """A static problem solved at given v_s, or at its continuous minimum, with the grid."""
+    """A static problem solved at given v_s, or at its continuous minimum."""
 
-    theta: Array
-    """The parameters, in the order of the problem's `names`."""
-    cost: float
-    """J_s (10)."""
+    theta: Array  # In the order of the problem's `names`
+    cost: float  # J_s (10)
     at_bound: tuple[ParameterName, ...]
-    """Parameters held at a physical bound."""
-    residuals: Array
-    """Measured minus modelled torque, (n,)."""
-    jacobian: Array
-    """Exact derivative of the modelled torque with respect to theta, (n, len(theta))."""
-    base_costs: tuple[float, ...] = ()
-    """Per peak, the cost without it."""
-    grid: Array = field(default_factory=lambda: np.zeros(0))
-    """v_s, rad/s, (k,)."""
-    profiles: tuple[Array, ...] = ()
-    """Per peak, the cost on the grid, minimised over all other parameters, (k,)."""
+    residuals: Array  # Measured minus modelled torque, (n,)
+    jacobian: Array  # Exact derivative of the modelled torque by theta, (n, p)
+    base_costs: tuple[float, ...] = ()  # Cost without each peak
+    grid: Array = field(default_factory=lambda: np.zeros(0))  # v_s, rad/s, (k,)
+    profiles: tuple[Array, ...] = ()  # Cost on the grid per peak, minimised over all other parameters, (k,)
 
 
 class Projected:
-    """A problem of n equations with its linear columns projected out, for one set of torques or for many.
-
-    Linear parameters, alpha_1 of a peak among them, that are `dropped` are zero: a face of the problem.
-    """
+    """A problem with its linear columns projected out; `dropped` linear parameters are zero."""
 
     def __init__(self, problem: Regression, dropped: Sequence[ParameterName] = ()) -> None:
         m, self.problem, self.size = len(problem.linear_names), problem, len(problem.linear_names) + len(problem.peaks)
@@ -86,12 +69,12 @@ class Projected:
         return float(broken @ broken)
 
     def without(self, columns: Array) -> tuple[Array, Array]:
-        """The coefficients in Q of some columns, (m, k), and what is left of them off the linear ones, (n, k)."""
+        """Coefficients of columns, (n, k), in Q, (m, k), and the rest of them, (n, k)."""
         inside = self.q.T @ columns
         return inside, columns - self.q @ inside
 
     def off(self, v_s: Array, direction: int = 0) -> tuple[Array, Array]:
-        """Stribeck columns off the linear ones (n, k), and their squared lengths (k,), inf where one vanishes."""
+        """Stribeck columns off the linear ones, (n, k), and their squared lengths, (k,), inf where one vanishes."""
         shapes = self.problem.shapes(v_s, direction)
         inside, _, length = self._split(shapes)
         return shapes - self.q @ inside, length
@@ -106,7 +89,7 @@ class Projected:
         costs = np.maximum(self.rest_cost - alpha_1 * along, 0.0)
         if not broken.size:
             return costs
-        # the least on any face that breaks no bound
+        # least cost over the faces that keep all bounds
         bounded = [name for name, low in zip(self.problem.linear_names, self.lower, strict=True) if np.isfinite(low)]
         costs[broken], shapes = np.inf, shapes[:, broken]
         for dropped in subsets(bounded)[1:]:
@@ -118,7 +101,7 @@ class Projected:
         return costs
 
     def at(self, v_s: float) -> Solution:
-        """The problem at one v_s, from what is projected already; one peak."""
+        """The solution at one v_s; one peak."""
         shape, slope = self.problem.slopes(np.array([v_s]))
         inside, left = self.without(shape)
         off = left[:, 0]
@@ -144,7 +127,7 @@ class Projected:
         return inside, along, length
 
     def _peak(self, shapes: Array) -> tuple[Array, Array, NDArray[np.intp]]:
-        """For one Stribeck column at a time: alpha_1 >= 0, s'r without it (k,), and which v_s break another bound."""
+        """For one Stribeck column at a time: alpha_1 >= 0, s'r, (k,) each, and which v_s break another bound."""
         inside, along, length = self._split(shapes)
         alpha_1 = np.maximum(along / length, 0.0)
         below = self.back(self.torque_in_q[:, None] - inside * alpha_1) < self.lower[:, None]
@@ -152,7 +135,7 @@ class Projected:
         return alpha_1, along, broken
 
     def profile(self, v_s: Array, peak: int, others: Array) -> Array:
-        """J_s at each v_s (k,) of one peak, minimised over all else, the other peak's v_s over `others`."""
+        """J_s at each v_s, (k,), of one peak, minimised over all else; `others` are values of the other v_s."""
         if len(self.problem.peaks) == 1:
             return self.costs(v_s)
         surface, _ = self.surface(v_s, others) if peak == 0 else self.surface(others, v_s)
@@ -164,7 +147,7 @@ class Projected:
         along_0, along_1 = (self.rest @ off_0)[:, None], (self.rest @ off_1)[None, :]
         length_0, length_1 = length_0[:, None], length_1[None, :]
         across = off_0.T @ off_1
-        with np.errstate(invalid="ignore", divide="ignore"):  # where two peaks are one, and what follows is not taken
+        with np.errstate(invalid="ignore", divide="ignore"):  # for coinciding peaks, not used below
             determinant = length_0 * length_1 - across**2
             first = (along_0 * length_1 - along_1 * across) / determinant
             second = (along_1 * length_0 - along_0 * across) / determinant
@@ -177,7 +160,7 @@ class Projected:
         return np.maximum(self.rest_cost - gain, 0.0), without
 
     def conditional(self, v_s: Array) -> Conditional:
-        """The linear parameters, bounds apart, at v_s, (K, peaks); alpha_1 is zero where a peak touches no point."""
+        """Linear parameters without bounds at v_s, (K, peaks); alpha_1 is zero where a peak touches no point."""
         K, P, p = v_s.shape[0], len(self.peaks), self.size
         off, inside = np.empty((K, P, self.rest.size)), np.empty((K, P, self.q.shape[1]))
         for row, k in enumerate(self.peaks):
@@ -205,7 +188,7 @@ class Projected:
 
 
 def solve_at(problem: Regression, v_s: Sequence[float]) -> Solution:
-    """Linear least squares (13) at given v_s, one per peak, bounded where the free solution breaks a bound."""
+    """Linear least squares (13) at given v_s, one per peak, bounded where needed."""
     design, slopes = problem.columns(v_s)
     solution = least_squares(design, problem.torque)
     held: tuple[ParameterName, ...] = ()
@@ -221,16 +204,12 @@ def solve_at(problem: Regression, v_s: Sequence[float]) -> Solution:
 
 
 def subsets(items: Sequence[T]) -> list[tuple[T, ...]]:
-    """Every subset, the empty one first: the faces of what some bounds leave, by which of them hold."""
+    """Every subset, the empty one first."""
     return list(chain.from_iterable(combinations(items, size) for size in range(len(items) + 1)))
 
 
 def default_range(velocity: Array) -> tuple[float, float]:
-    """Where v_s is searched: from a third of the slowest speed to the fastest, rad/s.
-
-    Below, the Stribeck term touches no point (exp(-9)); above, it is a bend over all of them and not a peak. Moving
-    data pass through every speed down to noise: nothing slower than a thousandth of the fastest counts.
-    """
+    """The search range of v_s, rad/s: from a third of the slowest speed, where no point is touched, to the fastest."""
     speed = np.abs(velocity[velocity != 0])
     high = float(speed.max())
     low = max(float(speed.min()), 1e-3 * high) / 3
@@ -238,10 +217,7 @@ def default_range(velocity: Array) -> tuple[float, float]:
 
 
 def solve(problem: Regression, v_s_range: tuple[float, float], grid: int = GRID) -> Solution:
-    """The grid over v_s, of `grid` >= 3 values even in log(v_s), refined to its continuous minimum, with alpha_0, alpha_1, alpha_2 >= 0.
-
-    Of more equations than linear parameters; the range of v_s, rad/s, has 0 < low < high.
-    """
+    """The solution by a grid of v_s even in log(v_s), refined to its minimum, with alpha_0, alpha_1, alpha_2 >= 0."""
     values, projected = log_grid(v_s_range, grid), Projected(problem)
     if not problem.peaks:
         return replace(solve_at(problem, []), grid=values)
@@ -256,16 +232,16 @@ def solve(problem: Regression, v_s_range: tuple[float, float], grid: int = GRID)
 
 
 def descended(problem: Regression, v_s: Sequence[float], v_s_range: tuple[float, float]) -> Solution:
-    """The continuous minimum, over all parameters at once, nearest to some v_s, one per peak."""
+    """The minimum over all parameters nearest to some v_s, one per peak."""
     unknowns = unknowns_of(problem, v_s_range)
 
     def linearised(x: Array) -> tuple[Array, Array]:
-        """Residuals, (n,), and their exact Jacobian, (n, p), at scaled parameters, (p,)."""
+        """Residuals, (n,), and Jacobian, (n, p), at scaled parameters."""
         theta = unknowns.natural(x)
         return problem.residuals(theta), -problem.jacobian(theta) * unknowns.slopes(x)
 
     start = unknowns.scaled(problem.named(solve_at(problem, v_s).theta))
-    with suppress(InputError):  # where nothing depends on v_s, they stay
+    with suppress(InputError):  # without influence v_s stays
         start = minimise(linearised, start, unknowns.lower, unknowns.upper, settled=_SETTLED).x
     return solve_at(problem, unknowns.natural(start)[len(problem.names) - len(v_s) :].tolist())
 
@@ -273,18 +249,14 @@ def descended(problem: Regression, v_s: Sequence[float], v_s_range: tuple[float,
 def plain_grid(
     problem: Regression, v_s_range: tuple[float, float], count: int = PLAIN_GRID
 ) -> tuple[Array, Array, Array]:
-    """The paper's method as it stands, (13), in one direction: evenly spaced v_s (count,), J_s there, and theta at the best."""
+    """The paper's method (13) for one direction: evenly spaced v_s, J_s there, (count,) each, and theta at the best."""
     values = np.linspace(*v_s_range, count)
     costs = Projected(problem).costs(values)
     return values, costs, solve_at(problem, [float(values[costs.argmin()])]).theta
 
 
 def plain_grids(problem: Regression, torques: Array, v_s_range: tuple[float, float], count: int = PLAIN_GRID) -> Array:
-    """`plain_grid`'s theta (p, sets) for torques (n, sets) at the problem's velocities.
-
-    (13) at each value, for all sets in one matrix product. A set whose free solution at the best value breaks a bound
-    is solved by itself.
-    """
+    """`plain_grid`'s theta, (p, sets), for torques (n, sets), all at once; sets at a bound are solved alone."""
     projected, values = Projected(problem), np.linspace(*v_s_range, count)
     gain, best = np.full(torques.shape[1], -1.0), np.zeros(torques.shape[1], dtype=np.intp)
     for first in range(0, count, _BLOCK):
@@ -306,11 +278,11 @@ def plain_grids(problem: Regression, torques: Array, v_s_range: tuple[float, flo
 
 
 def _refine(projected: Projected, values: Array, costs: Array) -> Solution:
-    """The problem at the continuous minimum of the profile between the neighbours of its lowest grid value.
+    """The solution at the continuous minimum of the profile, between the neighbours of its lowest grid value.
 
-    The start is the minimum of the quartic through five grid values; from there the exact slope is followed by the
-    secant method, to where rounding ends. By the envelope theorem -dJ_s/du / 2 = v_s alpha_1 s_v_s'r, with r the
-    residuals at the inner minimum and u = log(v_s); with `bend` = J_s'' / 2, a step lowers the cost by slope**2 / bend.
+    From the minimum of the quartic through five values the secant method follows the slope. By the envelope theorem
+    -dJ_s/du / 2 = v_s alpha_1 s_v_s'r with u = log(v_s); with `bend` = J_s'' / 2 a step lowers the cost by slope**2 /
+    bend.
     """
     best, last = int(costs.argmin()), values.size - 1
     first, step = float(values[0]), log(values[-1] / values[0]) / last
@@ -334,7 +306,7 @@ def _refine(projected: Projected, values: Array, costs: Array) -> Solution:
 
 
 def _lowest(quartic: list[float], t: float) -> tuple[float, float]:
-    """Where a quartic near t is lowest, by Newton's method, and half its second derivative there."""
+    """Minimum of a quartic near t by Newton's method, and half its second derivative there."""
     a, b, c, d, _ = quartic
     bend = c
     for _ in range(4):

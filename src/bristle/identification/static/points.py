@@ -1,4 +1,4 @@
-"""Velocity-torque points as static problems, one for each solve, and those of them that do not belong to the law."""
+"""Points at constant velocity as static problems, and their strays."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -24,48 +24,39 @@ from bristle.identification.static.strays import all_but, find_strays, refit
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 
-_MOST, _NEIGHBOURS, _MOVES = 0.1, 3, 0.01
-"""Of the points: more than this are no strays, nor are so many in a row; of the curve: what moves it by less is none of its business."""
-_ASLEEP = 0.85  # of alpha_0 of faster points: what is slow and has less does not slide
+_MOST, _NEIGHBOURS = 0.1, 3  # largest share of strays, and number of neighbours that are no strays
+_MOVES = 0.01  # of the curve: strays that move it by less stay in
+_ASLEEP = 0.85  # of alpha_0 of faster points: slow points with less friction do not slide
 
 
 @result
 class PointSearch:
-    """The points of one solve, and which of them do not belong to its law."""
+    """The strays of one solve."""
 
-    sides: tuple[str, ...]
-    """The directions of the solve, or `both`."""
+    sides: tuple[str, ...]  # Directions of the solve
     points: tuple[Segment, ...]
-    problem: Regression
-    """Of all these points."""
-    strays: tuple[int, ...] = ()
-    """The strays among the points that slide, the one that lowers the cost most first."""
-    resting: tuple[int, ...] = ()
-    """Points slower than all others whose torque is below the law: below breakaway."""
-    matter: bool = False
-    """Whether the curve moves without them."""
-    apart: bool = True
-    """Whether they are few and far between: more, or neighbours, are a term that the law lacks."""
-    misfit: bool = False
-    """Whether more points would have to be left out than can be strays."""
-    deviations: Array
-    """Torque of each point less the law's of those that belong, in standard deviations of that difference, (n,)."""
-    expected: Array
-    """The law's torque, N*m, (n,)."""
+    problem: Regression  # Of all points
+    strays: tuple[int, ...] = ()  # Sliding points off the law, the one that lowers the cost most first
+    resting: tuple[int, ...] = ()  # Slow points below breakaway
+    matter: bool = False  # Whether the curve moves without them
+    apart: bool = True  # Whether strays are few and isolated; others show a term that the law lacks
+    misfit: bool = False  # Whether there are more strays than allowed
+    deviations: Array  # Torque less that of the law, in standard deviations, (n,)
+    expected: Array  # Torque of the law, N*m, (n,)
 
     @property
     def left_out(self) -> tuple[int, ...]:
-        """The strays that are none of friction's."""
+        """Strays to leave out."""
         return self.strays if self.matter and self.apart and not self.misfit else ()
 
     @property
     def sliding(self) -> NDArray[np.bool_]:
-        """Which points slide, (n,)."""
+        """Mask of points that slide, (n,)."""
         return all_but(len(self.points), self.resting)
 
     @property
     def kept(self) -> NDArray[np.bool_]:
-        """Which points belong to the law, (n,)."""
+        """Mask of points on the law, (n,)."""
         return all_but(len(self.points), (*self.resting, *self.strays))
 
 
@@ -75,7 +66,7 @@ def sliding_points(searches: Sequence[PointSearch]) -> list[Segment]:
 
 
 def search_points(experiment: Experiment, points: Sequence[Segment], law: Law | None = None) -> tuple[PointSearch, ...]:
-    """The points of an experiment that do not belong to the law of the others, solve by solve; None: the experiment's law."""
+    """The strays of each solve, under the experiment's law or another."""
     asked, law = point_regressors(experiment), law or experiment.fit.friction
     found = tuple(_search(sides, group, asked, law) for sides, group in groups(experiment, points))
     few = sum(len(x.strays) for x in found) <= max(_MOST * len(points), 1)
@@ -85,10 +76,7 @@ def search_points(experiment: Experiment, points: Sequence[Segment], law: Law | 
 def strays_under_all(
     experiment: Experiment, searches: Sequence[PointSearch], laws: Sequence[Law]
 ) -> frozenset[tuple[str, int, int]]:
-    """The places of the points that belong neither to the law of `searches` nor to one of some others.
-
-    What is off one law may be what another has and that one lacks: only a point that is off all of them is none of friction's.
-    """
+    """Places of the points that are strays under all laws: under one alone the law may lack a term."""
     places, points = None, sliding_points(searches)
     for found in chain([searches], (search_points(experiment, points, law) for law in laws)):
         own = frozenset(x.points[k].place for x in found if not x.misfit for k in x.strays)
@@ -107,7 +95,7 @@ def _search(sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence
     search = find_strays(problem.rows(all_but(n, resting)))
     strays = tuple(sliding[list(search.rows)].tolist())
     if not search.misfit and strays:
-        # of n points one is explained that is no further off than its own standard error lets expect
+        # points within the scatter of their own standard errors are no strays
         (residuals, _), sure = _from_the_law(problem, (*strays, *resting)), ndtri(1 - SIGNIFICANCE / (2 * n))
         strays = tuple(k for k in strays if not abs(residuals[k]) <= sure * (points[k].standard_error or 0.0))
     found = PointSearch(
@@ -120,7 +108,7 @@ def _search(sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence
     expected = problem.torque - residuals
     with_all = refit(problem.rows(found.sliding)).theta
     moved = (problem.torque - problem.residuals(with_all) - expected)[found.sliding]
-    # no three are neighbours in the order of velocity, nor one at an end, where nothing holds the law against it
+    # isolated: no three neighbours in order of velocity, none at an end
     among = np.pad(np.isin(np.argsort(problem.velocity), strays).astype(float), _NEIGHBOURS - 1, constant_values=1.0)
     apart = among.size < _NEIGHBOURS or np.convolve(among, np.ones(_NEIGHBOURS)).max() < _NEIGHBOURS
     return replace(
@@ -130,7 +118,7 @@ def _search(sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence
 
 
 def _from_the_law(problem: Regression, rows: Sequence[int]) -> tuple[Array, Array]:
-    """Torque of each point less that of the law of all but some, N*m, and the standard deviation of that, (n,)."""
+    """Torque less that of the law of all other points, N*m, and its standard deviation, (n,)."""
     belongs = problem.rows(all_but(problem.torque.size, rows))
     law = refit(belongs)
     free = np.linalg.norm(law.jacobian, axis=0) > 0
@@ -142,10 +130,7 @@ def _from_the_law(problem: Regression, rows: Sequence[int]) -> tuple[Array, Arra
 
 
 def _resting(problem: Regression) -> tuple[int, ...]:
-    """The slowest points, of either direction a third at most, that do not slide: their friction is far below alpha_0 of the faster ones.
-
-    Less than that no law has. By a score test of a step below each speed, of which the best is taken.
-    """
+    """The slowest points (at most a third) with friction far below alpha_0 of the faster ones, by a score test."""
     speed, sign = np.abs(problem.velocity), np.sign(problem.velocity)
     ends = np.unique(speed[speed > 0])
     ends = ends[: ends.size // 3]
@@ -166,7 +151,7 @@ def _resting(problem: Regression) -> tuple[int, ...]:
 
 
 def without_strays(experiment: Experiment, searches: Sequence[PointSearch]) -> Iterator[Segment]:
-    """The points that are left out, each with the reason: those below breakaway, and unless `fit.set_up: as-written` those that move the curve."""
+    """The points to leave out, each with the reason."""
     dropped = experiment.fit.drops_strays
     for search in searches:
         for k in search.resting:
@@ -187,19 +172,19 @@ def without_strays(experiment: Experiment, searches: Sequence[PointSearch]) -> I
 
 
 def point_regressors(experiment: Experiment) -> tuple[str, ...]:
-    """Regressors of the points: as asked for, without the inertia, which needs acceleration."""
+    """Regressors of the points: as asked for, without the inertia."""
     return tuple(name for name in declared(experiment) or () if name != "inertia")
 
 
 def groups(
     experiment: Experiment, points: Sequence[Segment]
 ) -> tuple[tuple[tuple[str, ...], tuple[Segment, ...]], ...]:
-    """The points of each solve, with the directions that it is of."""
+    """The points of each solve, with its directions."""
     if experiment.fit.directions == "symmetric":
         return ((("both",), tuple(points)),) if points else ()
     apart = [((d,), tuple(s for s in points if s.velocity * sign > 0)) for d, sign in DIRECTIONS.items()]
     present = [(sides, group) for sides, group in apart if group]
-    if point_regressors(experiment) and len(present) == 2:  # what both directions share comes from one solve
+    if point_regressors(experiment) and len(present) == 2:  # shared regressors need one solve
         return ((tuple(DIRECTIONS), tuple(points)),)
     return tuple(present)
 
@@ -207,10 +192,7 @@ def groups(
 def points_problem(
     points: Sequence[Segment], sides: tuple[str, ...], asked: Sequence[str], law: Law = GAUSSIAN
 ) -> Regression:
-    """The regression of some points in these directions, with the regressors asked for and the friction of a law.
-
-    Raises InputError where one of them needs a position and a point has none.
-    """
+    """The regression of some points. Raises InputError where a regressor needs a position and a point has none."""
     placed = [name.partition("_")[0] for name in asked if "position" in terms_of(name).needs]
     if placed and any(s.position is None for s in points):
         raise InputError(

@@ -1,12 +1,4 @@
-"""The static problem as arrays: measured torque against linear columns and one Stribeck column per direction.
-
-    T_ss = sum over directions of (alpha_0 sgn(v) + alpha_2 v + alpha_1 exp(-(v / v_s)**2) sgn(v)) + extra regressors
-    (9)-(12)
-
-with another peak and more terms where the law has them. Everything is linear but v_s, and what else the shape of a
-law's peak takes, which is held (`shape`). theta = (linear..., alpha_1 per peak, v_s per peak), where a peak is a direction
-that has a Stribeck term. Moving data pass both sides through one linear smoothing; points pass as they are.
-"""
+"""Static problems as arrays, linear but for v_s and the `shape` of the law's peak, which is held: (9)-(12)."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -30,71 +22,61 @@ from bristle.model.laws.parts import Law
 from bristle.model.parameters import INERTIA, Direction, ParameterName, least_of, of_curve
 from bristle.model.vectorize import evaluate
 
-_AT_ONCE = 1_000_000  # samples times values of v_s that are smoothed together
+_AT_ONCE = 1_000_000  # samples times values of v_s smoothed at a time
 Tables = tuple[Array, ...]
-"""Columns over v_s, one table per output of a function, each (n, k)."""
+"""Columns over v_s, (n, k), one table per output of a function."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Regression:
-    """One static problem: n equations from N samples (n = N where nothing is smoothed)."""
+    """A static problem of n equations from N samples (n = N unless smoothed)."""
 
-    directions: tuple[Direction, ...]
-    """`both`, or those of + and - that were measured."""
-    peaks: tuple[Direction, ...]
-    """The directions that have a Stribeck term."""
-    velocity: Array
-    """rad/s, shape (N,); no element is zero in a direction's set of points."""
-    torque: Array
-    """N*m, shape (n,), smoothed like the columns."""
-    linear: Array
-    """Columns that multiply the linear parameters but alpha_1, shape (n, m)."""
+    directions: tuple[Direction, ...]  # `both`, or those of + and - that were measured
+    peaks: tuple[Direction, ...]  # Directions with a Stribeck term
+    velocity: Array  # rad/s, (N,)
+    torque: Array  # N*m, (n,)
+    linear: Array  # Columns of the linear parameters but alpha_1, (n, m)
     linear_names: tuple[ParameterName, ...]
-    """alpha_0, alpha_2 and the coefficients of the law's terms per direction, then the extra regressors."""
+    """alpha_0, alpha_2 and the law's coefficients per direction, then the extra regressors."""
     law: Law = GAUSSIAN
-    shape: tuple[float, ...] = ()
-    """What the shape of the law's peak takes beside v_s, of every peak."""
-    smooth: sparse.csr_array | None = None
-    """The decimation filter as a matrix, shape (n, N)."""
+    shape: tuple[float, ...] = ()  # Parameters of the peak beside v_s
+    smooth: sparse.csr_array | None = None  # The decimation filter, (n, N)
     memory: dict[tuple[object, str, bytes, tuple[float, ...]], Tables] = field(default_factory=dict, repr=False)
-    """Columns that were smoothed already, which takes long: every fit asks for the same grid."""
-    priors: int = 0
-    """How many of the last equations are priors, not measurements."""
+    """Smoothed columns, which take long."""
+    priors: int = 0  # Number of the last equations that are priors
     shifts: Mapping[str, Array] = field(default_factory=dict)
-    """Change of `torque` per standard error of each constant behind it, (n,)."""
-    given: tuple[str, ...] = ()
-    """Parameters of what `torque` was made of, where the joint coasts."""
-    known: Array | None = None
-    """Torque already taken off `torque` (a fixed inertia's), shape (n,)."""
+    """Change of `torque` per standard error of each constant, (n,)."""
+    given: tuple[str, ...] = ()  # Parameters that `torque` was made of, where the joint coasts
+    known: Array | None = None  # Torque taken off `torque` (a fixed inertia's), (n,)
     weights: Mapping[str, float] = field(default_factory=dict)
-    """What gravity and links were taken to be, by coefficient, where the level rises with that load; else empty."""
+    """Assumed coefficients of gravity and links, where the level rises with load."""
 
     @property
     def names(self) -> tuple[ParameterName, ...]:
-        """Which parameters theta's elements are."""
+        """The names of theta."""
         return (*self.linear_names, *(ParameterName(name, d) for name in ("alpha_1", "v_s") for d in self.peaks))
 
     def without(self, names: Collection[ParameterName]) -> "Regression":
-        """The problem without some of its linear columns."""
+        """The problem without some linear columns."""
         keep = [k for k, name in enumerate(self.linear_names) if name not in names]
         return replace(self, linear=self.linear[:, keep], linear_names=tuple(self.linear_names[k] for k in keep))
 
     def named(self, theta: Array) -> dict[ParameterName, float]:
-        """Values by name: of theta, or of its linear elements."""
+        """Values of theta, or of its linear part, by name."""
         return dict(zip(self.names, theta.tolist(), strict=False))
 
     def text(self, name: ParameterName) -> str:
-        """How a parameter prints beside a fit of these directions: bare where there is but one."""
+        """A parameter in print, bare where there is one direction."""
         return name.name if len(self.directions) == 1 else str(name)
 
     def speeds(self, direction: str) -> Array:
-        """The speeds of a direction, or of `both`, that are not zero, rad/s."""
+        """Nonzero speeds of a direction, or of `both`, rad/s."""
         moving = {"+": self.velocity > 0, "-": self.velocity < 0}.get(direction, self.velocity != 0)
         return np.asarray(np.abs(self.velocity[moving]))
 
     @property
     def least(self) -> Array:
-        """What each of `names` may be at least: 0 for friction, -inf for the extra regressors, the inertia too."""
+        """Lower bounds of `names`: 0 for friction, -inf for extra regressors."""
         return np.array([-np.inf if name == INERTIA else least_of(name.name) for name in self.names])
 
     @property
@@ -104,12 +86,12 @@ class Regression:
 
     @property
     def logarithmic(self) -> NDArray[np.bool_]:
-        """Which parameters a step moves by their logarithm: v_s; in the order of `names`."""
+        """Which of `names` are stepped as logarithms: v_s."""
         return np.array([name.name == "v_s" for name in self.names])
 
     @property
     def measured(self) -> Array:
-        """`torque` with what was taken off it, N*m, (n,)."""
+        """`torque` and what was taken off it, N*m, (n,)."""
         return self.torque if self.known is None else self.torque + self.known
 
     @property
@@ -118,24 +100,24 @@ class Regression:
         return self.velocity if self.smooth is None else self.smooth @ self.velocity
 
     def shapes(self, v_s: Array, direction: int = 0) -> Array:
-        """The Stribeck column of peak number `direction` for each v_s (k,), shape (n, k)."""
+        """Stribeck columns of a peak for each v_s, (n, k)."""
         return self._columns(stribeck_shape_function(self.law), v_s, direction)[0]
 
     def slopes(self, v_s: Array, direction: int = 0) -> tuple[Array, Array]:
-        """`shapes`, and its derivative with respect to v_s, by CasADi; each of shape (n, k)."""
+        """`shapes` and their derivatives by v_s, (n, k) each."""
         shapes, slopes, *_ = self._columns(stribeck_shape_slope_function(self.law), v_s, direction)
         return shapes, slopes
 
     def own_slopes(self, v_s: float, direction: int = 0) -> Tables:
-        """The derivatives of `shapes` at one v_s with respect to what else the shape takes, each (n, 1)."""
+        """Derivatives of `shapes` at one v_s by the other shape parameters, (n, 1) each."""
         return self._columns(stribeck_shape_slope_function(self.law), np.array([v_s]), direction)[2:]
 
     def design(self, v_s: Sequence[float] | Array) -> Array:
-        """All linear columns at given v_s, one per peak: shape (n, m + peaks)."""
+        """All linear columns at given v_s, one per peak, (n, m + peaks)."""
         return np.concatenate([self.linear, *(self.shapes(np.array([s]), d) for d, s in enumerate(v_s))], axis=1)
 
     def columns(self, v_s: Sequence[float] | Array) -> tuple[Array, Array]:
-        """`design`, and the derivative of its last columns with respect to their v_s, (n, peaks)."""
+        """`design`, and the derivative of its last columns by their v_s, (n, peaks)."""
         if not self.peaks:
             return self.linear, np.zeros((self.torque.size, 0))
         tables = [self.slopes(np.array([s]), d) for d, s in enumerate(v_s)]
@@ -143,29 +125,29 @@ class Regression:
         return np.concatenate([self.linear, *shapes], axis=1), np.concatenate(slopes, axis=1)
 
     def jacobian(self, theta: Array) -> Array:
-        """Exact derivative of the modelled torque with respect to theta, shape (n, len(theta))."""
+        """Exact derivative of the modelled torque by theta, (n, p)."""
         linear, v_s = self.split(theta)
         design, slopes = self.columns(v_s)
         return np.concatenate([design, slopes * linear[self.linear.shape[1] :]], axis=1)
 
     def residuals(self, theta: Array) -> Array:
-        """Measured minus modelled torque, shape (n,)."""
+        """Measured minus modelled torque, (n,)."""
         linear, v_s = self.split(theta)
         modelled: Array = self.design(v_s) @ linear
         return self.torque - modelled
 
     def relative_error(self, theta: Array) -> float:
-        """100 * norm(measured - modelled) / norm(measured), percent; nan where nothing was measured but zeros."""
+        """100 * norm(measured - modelled) / norm(measured), percent; nan for a torque of zero."""
         norm = float(np.linalg.norm(self.measured))
         return 100 * float(np.linalg.norm(self.residuals(theta))) / norm if norm else float("nan")
 
     def split(self, theta: Array) -> tuple[Array, Array]:
-        """Split theta into its linear part, (m + peaks,), and v_s, (peaks,)."""
+        """Linear part, (m + peaks,), and v_s, (peaks,), of theta."""
         count = theta.size - len(self.peaks)
         return theta[:count], theta[count:]
 
     def friction(self, theta: Array) -> Array:
-        """Measured torque less what the extra regressors explain, shape (n,)."""
+        """Measured torque less the extra regressors, (n,)."""
         extra = [k for k, name in enumerate(self.linear_names) if not of_curve(name.name)]
         known: Array = self.linear[:, extra] @ theta[extra]
         return self.torque - known
@@ -175,7 +157,7 @@ class Regression:
         return replace(self, torque=torque.copy(), memory={})
 
     def rows(self, keep: NDArray[np.bool_]) -> "Regression":
-        """The same problem with only some equations, no prior among them; `keep` is a mask, (n,)."""
+        """The problem with some of its equations, by mask, (n,), without priors."""
         return replace(
             self, velocity=self.velocity[keep] if self.smooth is None else self.velocity, torque=self.torque[keep],
             linear=self.linear[keep], smooth=None if self.smooth is None else self.smooth[np.flatnonzero(keep)],
@@ -190,7 +172,7 @@ class Regression:
             return self._raw(function, v_s, direction)
         key = (function, direction, v_s.tobytes(), self.shape)
         if key not in self.memory:
-            # a few values of v_s at a time: N samples times k values need not stand in memory at once
+            # a few values of v_s at a time, to save memory
             parts = np.array_split(v_s, min(ceil(v_s.size * smooth.shape[1] / _AT_ONCE), v_s.size))
             by_v_s = [[np.asarray(smooth @ t) for t in self._raw(function, part, direction)] for part in parts]
             self.memory[key] = tuple(np.concatenate(columns, axis=1) for columns in zip(*by_v_s, strict=True))
@@ -205,7 +187,7 @@ class Regression:
 
 
 def log_grid(v_s_range: tuple[float, float], grid: int) -> Array:
-    """Values of v_s spaced evenly in log(v_s), both ends included, (grid,)."""
+    """Values of v_s even in log(v_s), both ends included, (grid,)."""
     low, high = v_s_range
     return np.asarray(low * np.exp(np.arange(grid) * (np.log(high / low) / (grid - 1))))
 
@@ -214,12 +196,26 @@ def from_points(
     velocity: Array,
     torque: Array,
     directions: tuple[str, ...],
-    extra: dict[str, Array] | None = None,
+    extra: Mapping[str, Array] | None = None,
     shifts: Mapping[str, Array] | None = None,
     law: Law = GAUSSIAN,
+    smooth: sparse.csr_array | None = None,
 ) -> Regression:
-    """The problem (12) for points, rad/s and N*m, (n,), known columns by name, and shifts as in `Regression`."""
-    return replace(_build(velocity, torque, directions, extra or {}, None, law), shifts=shifts or {})
+    """The problem (12) for points, rad/s and N*m, (n,), with extra columns and `shifts` by name."""
+    names, shapes = ("alpha_0", "alpha_2", *law.coefficients), evaluate(linear_shapes_function(law), velocity)
+    friction, sides, extra = dict[ParameterName, Array](), tuple(map(Direction, directions)), extra or {}
+    for direction in sides:
+        mask = None if len(sides) == 1 else _moves(velocity, direction)
+        for name, shape in zip(names, shapes, strict=True):
+            friction[ParameterName(name, direction)] = shape if mask is None else mask * shape
+    columns = np.array([*friction.values(), *extra.values()]).T
+    if smooth is not None:
+        columns, torque = smooth @ columns, smooth @ torque
+    return Regression(
+        directions=sides, peaks=sides, velocity=velocity, torque=torque, linear=columns,
+        linear_names=(*friction, *(ParameterName(name, Direction.SHARED) for name in extra)), law=law,
+        shape=tuple(own.middle for own in law.peak.own), smooth=smooth, shifts=shifts or {},
+    )  # fmt: skip  # a list of values
 
 
 def from_records(
@@ -231,15 +227,12 @@ def from_records(
     law: Law = GAUSSIAN,
     weights: Mapping[str, float] | None = None,
 ) -> tuple[Regression, tuple[Array, Array], int]:
-    """The problem for moving data, as robot identification poses it.
+    """The problem for moving data: both sides pass a zero-phase Butterworth filter to one sample in `decimation`.
 
-    Both sides of the equation, sgn(v) formed before, go through one zero-phase filter that keeps one sample in `decimation`:
-    4th-order Butterworth, forward and backward, at 0.8 of the new Nyquist frequency. Equations whose kernel reaches past an
-    end of a segment between gaps are dropped. An `inertia` that is known, kg*m**2, is taken off; `weights` are coefficients of
-    gravity and links, where the level rises with that load; None: as the linear columns alone have them.
-
-    Returns the problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation; samples
-    dropped at ends. Raises InputError where a segment is too short for the filter, or a record lacks a signal.
+    A known `inertia`, kg*m**2, is taken off; `weights` are coefficients of gravity and links where the level rises with
+    load; None: those without a peak. Returns the problem, time (s from the start of its run) and position (rad, or
+    empty) of each equation, and the samples dropped at ends. Raises InputError where a segment is too short or a signal
+    is missing.
     """
     filters = [
         decimator([np.diff([*r.starts, r.time.size])], r.decimation(decimation), r.file, at_limits(r)) for r in records
@@ -250,7 +243,7 @@ def from_records(
     torque = np.concatenate([needed(r, "torque") for r in records])
 
     def fitted(weights: Mapping[str, float]) -> Mapping[ParameterName, float]:
-        """The linear parameters, without a Stribeck term, with gravity and links that weigh so much."""
+        """The linear parameters, without a peak, with these coefficients of gravity and links."""
         p = from_records(records, directions, regressors, decimation, inertia, weights=weights)[0]
         return p.named(bounded_least_squares(p.linear, p.torque, p.lower))
 
@@ -261,12 +254,8 @@ def from_records(
     ]
     extra = {name: np.concatenate([of_record[name] for of_record in columns]) for name in columns[0]}
     shifts = {name: smooth @ shift for name, shift in torque_shifts(records).items()}
-    problem = replace(
-        _build(velocity, torque, directions, extra, smooth, law),
-        shifts=shifts,
-        weights=weights,
-        given=given_by(records),
-    )
+    built = from_points(velocity, torque, directions, extra, shifts, law, smooth)
+    problem = replace(built, weights=weights, given=given_by(records))
     off = [x for r in records if (x := known_torque(r, inertia, regressors)) is not None]
     if off:
         known = smooth @ np.concatenate(off)
@@ -294,32 +283,6 @@ def with_prior(
     )  # fmt: skip  # a list of values
 
 
-def _build(
-    velocity: Array,
-    torque: Array,
-    directions: tuple[str, ...],
-    extra: dict[str, Array],
-    smooth: sparse.csr_array | None,
-    law: Law,
-) -> Regression:
-    one = len(directions) == 1
-    names, shapes = ("alpha_0", "alpha_2", *law.coefficients), evaluate(linear_shapes_function(law), velocity)
-    friction: dict[ParameterName, Array] = {}
-    sides = tuple(map(Direction, directions))
-    for direction in sides:
-        mask = None if one else _moves(velocity, direction)
-        for name, shape in zip(names, shapes, strict=True):
-            friction[ParameterName(name, direction)] = shape if mask is None else mask * shape
-    columns = np.array([*friction.values(), *extra.values()]).T
-    if smooth is not None:
-        columns, torque = smooth @ columns, smooth @ torque
-    return Regression(
-        directions=sides, peaks=sides, velocity=velocity, torque=torque, linear=columns,
-        linear_names=(*friction, *(ParameterName(name, Direction.SHARED) for name in extra)), law=law,
-        shape=tuple(own.middle for own in law.peak.own), smooth=smooth,
-    )  # fmt: skip  # a list of values
-
-
 def _moves(velocity: Array, direction: str) -> Array:
     return np.where(velocity > 0 if direction == "+" else velocity < 0, 1.0, 0.0)
 
@@ -331,10 +294,8 @@ def unknowns_of(problem: Regression, v_s_range: tuple[float, float]) -> Unknowns
     columns[columns == 0] = 1.0
     low, high = np.log(v_s_range)
     return Unknowns(
-        names=problem.names,
-        logarithmic=problem.logarithmic,
+        names=problem.names, logarithmic=problem.logarithmic, least=problem.least,
         scale=np.concatenate([torque / columns, np.full(peaks, torque), np.ones(peaks)]),
         lower=np.concatenate([problem.lower, np.zeros(peaks), np.full(peaks, low)]),
         upper=np.concatenate([np.full(columns.size + peaks, np.inf), np.full(peaks, high)]),
-        least=problem.least,
-    )
+    )  # fmt: skip  # a list of values

@@ -1,10 +1,4 @@
-"""The exact profile of every parameter of a static fit: where its cost, minimised over all others, is below a threshold.
-
-At given v_s the problem is linear: see `estimation.conditional_profile`; eta is log(v_s). Moving data are profiled in few
-equations: the same static problem, a hundred times smaller (`reduced`). What the shape of a peak takes beside v_s, as the
-free exponent does, is searched around the grid, which holds it: its interval comes of the cost over it, and those of the
-others are the union over what that allows.
-"""
+"""Exact profiles of the parameters of a static fit (`estimation.conditional_profile`, eta = log(v_s))."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -30,49 +24,40 @@ _LOOKS = (
     Looks(first=25, near=7, again=5, drawn=33),
 )
 """Over how many v_s extremes are looked for, by the number of peaks."""
-_DRAWN = 61  # values of a parameter at which its profile is drawn
-_NEAR = 40  # values of v_s around the minimum at which its profile is drawn
-_BEYOND = 0.5  # how far beyond its interval, in widths of it
-_AROUND = (0.5, 2.0, 101)  # of two peaks, where the other v_s is searched, over its best: from, to, values
-_ROUNDING = 1e-13  # of what the linear columns leave of the torque: costs this near are the same
-_NODES = 1000  # velocities that stand for all of moving data
-_SLOWEST = 1e-7  # of the fastest speed: where they begin
-_FIRST = 7  # values even in their logarithm at which each parameter is tried first ...
-_STEPS = 14  # ... and at most so many more, between the neighbours of the best
-_SETTLED = 1e-4  # of its logarithm: a parameter that moves less is found
-_WITHIN = 5  # values between the ends of its interval at which the intervals of the others are worked out
+_DRAWN = 61  # values on a drawn profile
+_NEAR = 40  # values of v_s around the minimum on a drawn profile
+_BEYOND = 0.5  # drawn range beyond the interval, in widths
+_AROUND = (0.5, 2.0, 101)  # range of the other v_s of two peaks, over its best: from, to, values
+_ROUNDING = 1e-13  # of the torque off the linear columns: closer costs are equal
+_NODES = 1000  # velocities of a reduced problem
+_SLOWEST = 1e-7  # of the fastest speed: the slowest node
+_FIRST = 7  # logarithmic values of a shape parameter tried first
+_STEPS = 14  # most refinements between the neighbours of the best
+_SETTLED = 1e-4  # of its logarithm: tolerance of a shape parameter
+_WITHIN = 5  # values within its interval at which the others' intervals are evaluated
 
 
 class StaticProfiles(NamedTuple):
-    """The profiles of a solved problem."""
+    """Profiles of a solved problem."""
 
-    intervals: dict[ParameterName, tuple[float, float]]
-    """The 95 % interval of each parameter by its profile, by name."""
-    threshold: float
-    """What a parameter inside its interval costs at most."""
-    problem: Regression
-    """As it was profiled, in few equations."""
-    linear: ConditionalProfiles
-    """Of the linear parameters, alpha_1 among them."""
+    intervals: dict[ParameterName, tuple[float, float]]  # 95 % intervals, by name
+    threshold: float  # The largest cost within an interval
+    problem: Regression  # The problem in few equations
+    linear: ConditionalProfiles  # Of the linear parameters, alpha_1 included
 
     def curve(self, name: ParameterName, value: float, low: float, high: float) -> Array:
-        """A linear parameter's profile, (2, k), from half a width below its interval to half a width above."""
+        """A linear parameter's profile, (2, k), to half a width beyond its interval."""
         j, wide = self.problem.names.index(name), high - low
         least = 0.0 if self.linear.bounded[j] else -np.inf
         ends = max(low - _BEYOND * wide, least), high + _BEYOND * wide
-        values = np.unique([np.linspace(value, end, _DRAWN // 2) for end in ends])  # a skewed one is steep to one side
+        values = np.unique([np.linspace(value, end, _DRAWN // 2) for end in ends])  # steep on one side if skewed
         return np.stack([values, self.linear.heights(j, values, _BEYOND)])
 
 
 def profiled(
     problem: Regression, solution: Solution, variance_inflation: float = 1.0, threshold: float | None = None
 ) -> StaticProfiles:
-    """The profiles of a problem's solution.
-
-    `variance_inflation` is by how much correlated residuals inflate the variance; `threshold` that of the least cost,
-    where this is not the solution's, which may lie below it. v_s is open, 0 or inf, where its profile stays below the
-    threshold to the end of the range; alpha_1 goes with it, and has no upper end then.
-    """
+    """The profiles of a solution; v_s, 0 or inf, is open where its profile stays below the threshold."""
     if threshold is None:
         parameters = len(problem.names) + len(problem.shape)
         threshold = profile_threshold(solution.cost, problem.torque.size, parameters, variance_inflation)
@@ -112,7 +97,7 @@ def profiled(
 def drawn_profiles(
     problem: Regression, solution: Solution, v_s_range: tuple[float, float], threshold: float
 ) -> dict[Direction, Profile]:
-    """The profile over v_s of each peak, as it is drawn, with as many values as the paper's grid has."""
+    """The profile over v_s of each peak, for figures."""
     profiles = {}
     projected = Projected(problem)
     for k, direction in enumerate(problem.peaks):
@@ -120,7 +105,7 @@ def drawn_profiles(
         costs = partial(projected.profile, peak=k, others=others(solution, len(problem.peaks), k))
         plain = len(problem.peaks) == 1 and problem.smooth is None
         plain_v_s = np.linspace(*v_s_range, PLAIN_GRID) if plain else solution.grid
-        # even in log(v_s), where the profile is below ten times the threshold's height
+        # even in log(v_s), below ten times the threshold
         grid, low = solution.grid, solution.profiles[k] <= solution.cost + 10 * (threshold - solution.cost)
         near = np.append(np.flatnonzero(low), np.searchsorted(grid, best))
         first, last = max(int(near.min()) - 1, 0), min(int(near.max()) + 1, grid.size - 1)
@@ -134,10 +119,7 @@ def drawn_profiles(
 
 
 def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
-    """The problem in fewer equations and velocities, with the same costs for every v_s in the range, to about 1e-8 of the torque's.
-
-    Points that are not smoothed are returned as they are.
-    """
+    """The problem in fewer equations and velocities, with the same costs to 1e-8 over the range of v_s."""
     if problem.smooth is None:
         return problem
     # orthonormal directions, (n, r), that span torque and columns for every v_s in the range, to 1e-8
@@ -170,13 +152,13 @@ def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
 
 
 def others(solution: Solution, peaks: int, peak: int) -> Array:
-    """Values of the other of two v_s over which a peak's profile is minimised: near its best, and the grid, (k,)."""
+    """Values of the other of two v_s: near its best, and the grid, (k,)."""
     other = float(solution.theta[solution.theta.size - 1 - peak])
     return solution.grid if peaks < 2 else np.append(other * np.geomspace(*_AROUND), solution.grid)
 
 
 def with_best_shape(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
-    """The problem with the shape at which its cost is least; itself where its peak has nothing beside v_s."""
+    """The problem with the best shape of its peak."""
     if not problem.law.peak.own or not problem.peaks:
         return problem
     ranges = tuple(own.searched for own in problem.law.peak.own)
@@ -187,7 +169,7 @@ def with_best_shape(problem: Regression, v_s_range: tuple[float, float]) -> Regr
 def _searched(
     cost: Callable[[tuple[float, ...]], float], ranges: tuple[tuple[float, float], ...]
 ) -> tuple[tuple[float, ...], float]:
-    """Where a cost is least within ranges, one after another: for each value of the first, the best of the rest."""
+    """The minimum of a cost within ranges, nested: for each value of the first, the best of the rest."""
     if not ranges:
         return (), cost(())
     (low, high), *rest = ranges
@@ -209,7 +191,7 @@ def _searched(
 
 
 def own_columns(problem: Regression, solution: Solution) -> Array:
-    """The derivative of the modelled torque with respect to each of the shape's parameters, (n, k)."""
+    """Derivatives of the modelled torque by the shape parameters, (n, k)."""
     columns = np.zeros((problem.torque.size, len(problem.shape) if problem.peaks else 0))
     if not columns.size:
         return columns
@@ -223,20 +205,16 @@ def own_columns(problem: Regression, solution: Solution) -> Array:
 def over_shapes(
     problem: Regression, likelihood: StaticProfiles, v_s_range: tuple[float, float]
 ) -> tuple[Mapping[ParameterName, tuple[float, float]], Mapping[str, tuple[float, float]]]:
-    """The intervals of the problem's parameters, over every shape of the peak that the data allow; and those of the shape's.
-
-    Along each parameter of the shape, the others at their best: where the cost stays below the threshold. An end is 0 or
-    infinite where it does so to the end of what is searched.
-    """
+    """Intervals over every allowed shape, and those of the shape parameters, 0 or inf where they do not end."""
     of_shape, every, threshold = dict[str, tuple[float, float]](), [likelihood.intervals], likelihood.threshold
 
     def solved(k: int, value: float) -> tuple[Regression, Solution]:
-        """With another value of one parameter of the shape."""
+        """With another value of one shape parameter."""
         one = replace(problem, shape=(*problem.shape[:k], value, *problem.shape[k + 1 :]))
         return one, solve(one, v_s_range)
 
     def above(k: int, u: float) -> float:
-        """The cost less the threshold at a logarithm of it."""
+        """Cost less threshold at its logarithm."""
         return solved(k, float(np.exp(u)))[1].cost - threshold
 
     for k, own in enumerate(problem.law.peak.own if problem.shape and problem.peaks else ()):

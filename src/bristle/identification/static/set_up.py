@@ -1,8 +1,4 @@
-"""Whether another set-up of the fit would explain the data clearly better: regressors and directions, each tried on parts that are held out in turn.
-
-Friction without a bristle, with columns at a few v_s in place of the Stribeck term: linear, so every choice costs one
-small solve.
-"""
+"""Trials of regressors and directions by cross-validation of linear fits, with columns at a few v_s for the peak."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -23,54 +19,51 @@ from bristle.identification.moving_runs import (
     inertia,
     regressor_line,
     regressors,
-    swings,
+    shows_gravity,
     terms_of,
 )
 from bristle.identification.static.grid import subsets
 from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records
 from bristle.identification.static.strays import refit
-from bristle.model.parameters import of_curve, slides
+from bristle.model.parameters import of_curve
 
-_PARTS = 5  # held out in turn; ...
-_BLOCKS = 25  # ... of moving runs each is every fifth of so many stretches, for none to be a motion by itself
-_BENT = (0.03, 0.1, 0.3)  # shares of the fastest speed: v_s of the columns that stand in for the Stribeck term
-_CLEARLY = 0.75  # of the error of what was asked for: another set-up has to bring it below that, to be named
-_WORTH = 1.05  # times the error of the best set-up: one more parameter is not worth less
-_SPARE = 2  # equations per column, at the least
-_FREE = 4  # points more than parameters, with which BIC tells one friction from two
-_RANK = 1e-10  # of the largest eigenvalue: what is below is not told apart
+_PARTS = 5  # held out in turn
+_BLOCKS = 25  # stretches of moving runs, each part every fifth, so that none is a motion of one kind
+_BENT = (0.03, 0.1, 0.3)  # of the fastest speed: v_s of the columns in place of the Stribeck term
+_CLEARLY = 0.75  # ratio of errors below which another set-up is clearly better
+_WORTH = 1.05  # ratio of errors within which the smaller set-up is taken
+_SPARE = 2  # least equations per column
+_FREE = 4  # least points beyond the parameters for BIC
+_RANK = 1e-10  # of the largest eigenvalue: smaller ones count as zero
 
 
 @dataclass(frozen=True, slots=True)
 class SetUp:
-    """What a fit takes beside Coulomb, viscous and Stribeck friction."""
+    """Directions and regressors of a fit."""
 
     directions: tuple[str, ...]
-    """`both`, or each that was measured."""
     regressors: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class BetterSetUp:
-    """A set-up that explains the data clearly better than the one asked for."""
+    """A set-up with a smaller error than the one asked for."""
 
     asked: SetUp
     set_up: SetUp
-    asked_error: float
-    """100 * norm(error) / norm(measured torque) on the parts held out, percent, as asked for."""
-    error: float
-    """The same with this set-up."""
+    asked_error: float  # 100 * norm(error) / norm(torque) on held-out parts, percent, as asked for ...
+    error: float  # ... and with this set-up.
 
     @property
     def lines(self) -> str:
-        """What to write under `fit`, on one line."""
+        """The lines for `fit`, in one."""
         apart = "directions: separate, " if self.set_up.directions != self.asked.directions else ""
         return f"{apart}{regressor_line(self.set_up.regressors)}"
 
 
 class Trial(NamedTuple):
-    """What can be tried on some data, parts of which are held out in turn."""
+    """The set-ups that can be tried on some data."""
 
     asked: SetUp
     sides: tuple[str, ...]  # The directions in which the data go
@@ -79,26 +72,23 @@ class Trial(NamedTuple):
     blocks: int  # Into so many stretches the equations are cut, of which a part is every fifth
 
     def better(self) -> BetterSetUp | None:
-        """A clearly better set-up than the one asked for, with all of that, or more, or directions apart; None where there is none."""
+        """A clearly better set-up with at least what was asked for, or None."""
         both = self.asked.directions == ("both",)
         better = self._simplest(self.asked, (("both",), tuple(DIRECTIONS)) if both else (self.asked.directions,))
         return better if better and better.error < _CLEARLY * better.asked_error else None
 
     def proposed(self) -> BetterSetUp | None:
-        """The set-up to begin with, where nobody has asked for one, beside the plainest one; None where nothing can be tried."""
+        """The set-up to begin with, compared with the plainest one; None where nothing can be tried."""
         ways = (("both",), self.sides) if len(self.sides) == len(DIRECTIONS) else (self.sides,)
         return self._simplest(SetUp(ways[0], tuple(x for x in self.possible if x == "inertia")), ways)
 
     def _simplest(self, asked: SetUp, ways: Sequence[tuple[str, ...]]) -> BetterSetUp | None:
-        """The set-up of fewest parameters that predicts parts held out as well as the best one, within one standard error over them.
-
-        None has friction that drives. None where nothing can be tried.
-        """
+        """The smallest set-up within one standard error of the best on held-out parts, without driving friction."""
         tried = list[tuple[int, Array, SetUp]]()
         for sides in ways:
             problem = self.pose(sides)
             products, driven = _products(problem, self.blocks), _drives(problem)
-            # all that was asked for with any of what is possible beside; an offset where one friction serves both directions
+            # what was asked for with any possible regressors; offsets for one friction alone
             told, beside = (
                 [x for x in names if x != "offset" or sides == ("both",)] for names in (asked.regressors, self.possible)
             )
@@ -112,7 +102,7 @@ class Trial(NamedTuple):
         if first is None:
             return None
         best = min((errors for _, errors, _ in tried), key=lambda x: float(x @ x))
-        # within one standard error over the parts, or hardly more than the best
+        # within one standard error of the best over the parts, or hardly worse
         as_good = []
         for one in tried:
             more = one[1] ** 2 - best**2
@@ -124,47 +114,39 @@ class Trial(NamedTuple):
 
 
 def trial_of_motion(experiment: Experiment, records: Sequence[Record]) -> Trial:
-    """Of moving runs; parts held out are stretches. Raises InputError as the fit of moving runs does."""
+    """Of moving runs; parts are stretches of time. Raises InputError as their fit does."""
     fixed, _ = inertia(experiment)
     signals, asked = ("position", "velocity", "acceleration"), regressors(experiment)
     has = {name for name in signals if all(getattr(r, name) is not None for r in records)}
     has |= {"link_torque"} if "links" in asked else set()  # else it is known, and no column
     known = {*(r.made_of for r in records), *(() if fixed is None else ("inertia",))}
     possible = [name for name, terms in REGRESSORS.items() if set(terms.needs) <= has]
-    possible += [name for name in asked if name not in REGRESSORS]  # what repeats with the position is not tried
-    turns = not slides(experiment.joint.kind) and "position" in has
-    if not (turns and swings([np.asarray(r.position) for r in records])):
+    possible += [name for name in asked if name not in REGRESSORS]  # periodic regressors are not tried, only kept
+    if not ("position" in has and shows_gravity(experiment.joint.kind, *(np.asarray(r.position) for r in records))):
         known.add("gravity")
     possible = [name for name in possible if name not in known]
     velocity = np.concatenate([np.zeros(1) if r.velocity is None else r.velocity for r in records])
-    return Trial(
-        asked=SetUp(directions(experiment, records), asked),
-        sides=tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any()),
-        possible=possible,
-        pose=lambda sides: from_records(records, sides, possible, experiment.fit.every, fixed)[0],
-        blocks=_BLOCKS,
-    )
+    sides = tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())
+
+    def pose(sides: tuple[str, ...]) -> Regression:
+        return from_records(records, sides, possible, experiment.fit.every, fixed)[0]
+
+    return Trial(SetUp(directions(experiment, records), asked), sides, possible, pose, _BLOCKS)
 
 
 def trial_of_points(experiment: Experiment, points: Sequence[Segment]) -> Trial:
-    """Of points at constant velocity; a part is every fifth of them in the order of speed."""
+    """Of points at constant velocity; a part is every fifth by speed."""
     ordered, sides, asked = sorted(points, key=lambda s: s.velocity), sides_of(points), point_regressors(experiment)
-    possible = ["offset", *(["gravity"] if all(s.position is not None for s in points) else []), "quadratic"]
+    at = np.array([s.position for s in points if s.position is not None])
+    gravity = at.size == len(points) and shows_gravity(experiment.joint.kind, at)
+    possible = ["offset", *["gravity"] * gravity, "quadratic"]
     possible += [name for name in asked if name not in REGRESSORS]
-    return Trial(
-        asked=SetUp(sides if experiment.fit.directions == "separate" else ("both",), asked),
-        sides=sides,
-        possible=possible,
-        pose=lambda sides: points_problem(ordered, sides, possible),
-        blocks=len(ordered),
-    )
+    own = SetUp(sides if experiment.fit.directions == "separate" else ("both",), asked)
+    return Trial(own, sides, possible, lambda sides: points_problem(ordered, sides, possible), len(ordered))
 
 
 def directions_of_points(experiment: Experiment, points: Sequence[Segment]) -> dict[str, float]:
-    """BIC of points that go both ways, with one friction for both about an offset (`SYMMETRIC`), and with one for each (`APART`).
-
-    Infinite where there are too few, or a friction would drive; empty where both are, or they go one way.
-    """
+    """BIC of points in both directions by `SYMMETRIC`, about an offset, and `APART`; infinite of too few, or empty."""
     sides = sides_of(points)
     asked = tuple(name for name in point_regressors(experiment) if name != "offset")
     ways = {SYMMETRIC: (("both",), (*asked, "offset")), APART: (sides, asked)}
@@ -180,12 +162,12 @@ def directions_of_points(experiment: Experiment, points: Sequence[Segment]) -> d
 
 
 def sides_of(points: Sequence[Segment]) -> tuple[str, ...]:
-    """The directions in which points go."""
+    """The directions of some points."""
     return tuple(d for d, sign in DIRECTIONS.items() if any(s.velocity * sign > 0 for s in points))
 
 
 def _drives(problem: Regression) -> bool:
-    """Whether what would be called the friction of a direction drives the joint, as gravity may; not asked of both or of one alone."""
+    """Whether the friction of one of two directions drives the joint, as gravity may."""
     if len(problem.directions) == 1:
         return False
     levels = problem.linear[:, [name.name == "alpha_0" for name in problem.linear_names]]
@@ -193,7 +175,7 @@ def _drives(problem: Regression) -> bool:
 
 
 class _Products(NamedTuple):
-    """What predicting parts of the equations from the rest takes: sums over each of k parts, columns of unit length."""
+    """Normal equations of each of k parts, columns of unit length."""
 
     names: list[str]  # The parameter of each column, empty where it is friction's, (p,)
     gram: Array  # (k, p, p)
@@ -203,7 +185,7 @@ class _Products(NamedTuple):
     n: int
 
     def falls(self, regressors: Sequence[str]) -> bool:
-        """Whether a quadratic term would be no drag, but drive."""
+        """Whether a quadratic term would drive."""
         if "quadratic" not in regressors:
             return False
         keep = self._columns(regressors)
@@ -212,12 +194,12 @@ class _Products(NamedTuple):
         return bool(theta[[self.names[k] for k in keep].index("quadratic")] < 0)
 
     def _columns(self, regressors: Sequence[str]) -> list[int]:
-        """Of friction, and of these."""
+        """Columns of friction and of these regressors."""
         wanted = {name for regressor in regressors for name in terms_of(regressor).names}
         return [k for k, name in enumerate(self.names) if name in wanted or not name]
 
     def errors(self, regressors: Sequence[str]) -> tuple[int, Array] | None:
-        """Parameters, and the relative error of each part, percent of the whole torque, (k,); None where there are too few equations."""
+        """Number of parameters and relative error of each part, percent, (k,); None of too few equations."""
         keep = self._columns(regressors)
         if self.n < _SPARE * len(keep) or not self.norm:
             return None
@@ -236,11 +218,6 @@ def _products(problem: Regression, blocks: int) -> _Products:
     X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
     names = ["" if of_curve(name.name) else name.name for name in problem.linear_names]
     parts = [np.arange(y.size) * blocks // y.size % _PARTS == k for k in range(_PARTS)]
-    return _Products(
-        names=names + [""] * (X.shape[1] - len(names)),
-        gram=np.array([X[m].T @ X[m] for m in parts]),
-        moment=np.array([X[m].T @ y[m] for m in parts]),
-        power=np.array([y[m] @ y[m] for m in parts]),
-        norm=float(np.linalg.norm(problem.measured)),
-        n=y.size,
-    )
+    gram, moment = (np.array([X[m].T @ other[m] for m in parts]) for other in (X, y))
+    power, norm = np.array([y[m] @ y[m] for m in parts]), float(np.linalg.norm(problem.measured))
+    return _Products(names + [""] * (X.shape[1] - len(names)), gram, moment, power, norm, y.size)

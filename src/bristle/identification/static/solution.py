@@ -1,4 +1,4 @@
-"""One static problem solved and judged: which Stribeck terms the data support, and an interval and warnings on each parameter."""
+"""A static problem solved: supported Stribeck terms, intervals, warnings."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -33,35 +33,30 @@ from bristle.identification.systematic import all_shifted
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
-UNTOUCHED = 0.34  # of the slowest speed: at a smaller v_s nothing is left of the term, and alpha_1 is invented
+_MIN_SPEED_RATIO = 0.34  # of the slowest speed: at a smaller v_s nothing is left of the term, and alpha_1 is invented
 _OPEN = Finding("interval-open", CAUTION, "No finite interval: the data allow it to the end of what is searched.")
 _THERE = {"peak-left-out", "bend", "one-speed", "v-s-down-to-zero", "v-s-up-to-any", "none-below-v-s"}
-"""Reasons to drop a term that is more than noise."""
+"""Reasons to drop a term that is not noise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StaticSolution:
-    """A solved and judged problem."""
+    """A solved problem."""
 
     problem: Regression
     solution: Solution
-    parameters: Mapping[ParameterName, Estimate]
-    """With the statistical error alone."""
-    shifts: Mapping[str, Mapping[ParameterName, float]]
-    """By constant, the change of each parameter per standard error of it."""
+    parameters: Mapping[ParameterName, Estimate]  # With statistical errors
+    shifts: Mapping[str, Mapping[ParameterName, float]]  # Change of each parameter per standard error of each constant
     names: tuple[ParameterName, ...]
     covariance: Array
     freedom: float
     outcome: Finding
     warnings: tuple[Finding, ...]
     profiles: Mapping[Direction, Profile]
-    dropped: Mapping[Direction, Finding]
-    """Directions without a Stribeck term, with the reason."""
+    dropped: Mapping[Direction, Finding]  # Directions without a Stribeck term, with the reason
     profiled: StaticProfiles
-    student: Mapping[ParameterName, tuple[float, float]]
-    """Intervals by the covariance, by name."""
-    beside: Mapping[ParameterName, Estimate]
-    """What the law has beside the problem's parameters: of the peak's shape, and the fastest speed."""
+    student: Mapping[ParameterName, tuple[float, float]]  # 95 % intervals by Student's t
+    beside: Mapping[ParameterName, Estimate]  # Shape parameters of the peak, and the fastest speed of laws with terms
 
     @property
     def estimates(self) -> dict[ParameterName, Estimate]:
@@ -69,19 +64,16 @@ class StaticSolution:
         return {**all_shifted(self.parameters, self.shifts), **self.beside}
 
 
-class OtherPoints(NamedTuple):
-    """A fit of another choice of points, beside one."""
+class OtherFit(NamedTuple):
+    """A fit of another choice of points."""
 
-    told: str
-    """Its values with their errors, and what it leaves."""
-    numbers: Mapping[str, float]
-    """Its values, by name."""
-    apart: float
-    """By how much it differs over the points of the other, N*m, rms."""
+    told: str  # Its values with their errors, and what it leaves
+    numbers: Mapping[str, float]  # Its values, by name
+    apart: float  # By how much it differs over the points of the other, N*m, rms
 
 
-def beside(one: StaticSolution, other: StaticSolution) -> OtherPoints:
-    """Another fit of some of the points, as findings tell of it beside one."""
+def other_fit(one: StaticSolution, other: StaticSolution) -> OtherFit:
+    """The values of another fit of some of the points, compared with `one`, for findings."""
     posed = replace(one.problem, peaks=other.problem.peaks)
     moved = posed.residuals(other.solution.theta) - one.problem.residuals(one.solution.theta)
     values, numbers = list[str](), dict[str, float]()
@@ -93,16 +85,13 @@ def beside(one: StaticSolution, other: StaticSolution) -> OtherPoints:
             numbers[text] = e.value
     error, now = (x.problem.relative_error(x.solution.theta) for x in (other, one))
     told = f"{', '.join(values)}; relative error {error:.2g} % instead of {now:.2g} %."
-    return OtherPoints(told, numbers, float(np.sqrt(np.mean(moved**2))))
+    return OtherFit(told, numbers, float(np.sqrt(np.mean(moved**2))))
 
 
 def solve_static(
     problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple[float, float] | None = None
 ) -> StaticSolution:
-    """Solve, drop the Stribeck terms that the data do not support, and put an interval on each parameter.
-
-    With each interval go its warnings. `v_s_range`, rad/s, is from the problem's speeds, if not given.
-    """
+    """Solve, drop the Stribeck terms that the data do not support, and give each parameter an interval and warnings."""
     v_s_range = v_s_range or default_range(problem.velocity)
     problem = with_best_shape(problem, v_s_range)
     problem, solution, likelihood, dropped = _settled(problem, options, v_s_range)
@@ -121,7 +110,7 @@ def solve_static(
     doubted = {
         d for d, reason in dropped.items() if {reason.code, getattr(reason.numbers.get("why"), "code", None)} & _THERE
     }
-    # each parameter with its interval by the profile; the standard error is that of the exact Jacobian
+    # interval by the profile, standard error by the exact Jacobian
     errors, parameters = np.full(len(problem.names), np.nan), dict[ParameterName, Estimate]()
     errors[free] = np.sqrt(np.diag(covariance)[: free.sum()])
     for name, value, error in zip(problem.names, solution.theta.tolist(), errors.tolist(), strict=True):
@@ -140,7 +129,13 @@ def solve_static(
     reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
     ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
     warnings = _fit_warnings(problem, solution, intervals, profiles, v_s_range)
-    outcome = _outcome(problem, dropped)
+    outcome = Finding("static-converged", NOTE, "Converged.")
+    if dropped and not problem.peaks:
+        message = "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted."
+        outcome = Finding("static-no-stribeck", NOTE, message)
+        if all(reason.code in {"peak-left-out", "no-stribeck-asked"} for reason in dropped.values()):
+            message = "Coulomb and viscous friction alone are fitted, as fit.law asks."
+            outcome = Finding("static-as-asked", NOTE, message)
     return StaticSolution(
         problem=problem, solution=solution, parameters=parameters,
         shifts={constant: dict(zip(names, by.tolist(), strict=True)) for constant, by in moved.items()},
@@ -153,7 +148,7 @@ def solve_static(
 def _beside(
     problem: Regression, of_shape: Mapping[str, tuple[float, float]], errors: Array, solution: Solution, kind: Kind
 ) -> dict[ParameterName, Estimate]:
-    """What the law has beside the problem's parameters, of each direction."""
+    """Parameters of the law beside the problem's, by direction."""
     beside = dict[ParameterName, Estimate]()
     for d in problem.directions:
         own = zip(of_shape.items(), problem.shape, errors.tolist(), strict=False) if d in problem.peaks else ()
@@ -173,10 +168,7 @@ def _beside(
 def _settled(
     problem: Regression, options: FitOptions, v_s_range: tuple[float, float]
 ) -> tuple[Regression, Solution, StaticProfiles, dict[Direction, Finding]]:
-    """The problem as it is fitted in the end, with its solution and profiles; solved again where these found a lower minimum.
-
-    And the directions that get no Stribeck term, each with the reason: it is not asked for, not supported, or not bounded.
-    """
+    """The final problem with solution and profiles, and the directions that lose their Stribeck term, with reasons."""
     not_asked = Finding("no-stribeck-asked", NOTE, "Not fitted: fit.law is coulomb-viscous.")
     asked, points, least = options.model == "coulomb-viscous", problem.torque.size, len(problem.names) + 1
     dropped, solution, judged = dict[Direction, Finding](), None, options.model != "stribeck"
@@ -207,7 +199,7 @@ def _settled(
 
 
 def _without_peak(problem: Regression, why_not: Callable[[int, Direction], Finding | None]) -> dict[Direction, Finding]:
-    """The directions that get no Stribeck term, each with the reason, as one has it."""
+    """The directions without a Stribeck term, with the reasons that `why_not` gives."""
     found = dict[Direction, Finding]()
     for k, direction in enumerate(problem.peaks):
         why = why_not(k, direction)
@@ -220,7 +212,7 @@ def _without_peak(problem: Regression, why_not: Callable[[int, Direction], Findi
 def _unbounded(
     problem: Regression, solution: Solution, likelihood: StaticProfiles, k: int, direction: Direction
 ) -> Finding | None:
-    """That the v_s of a peak has an end outside the range searched, or no speed below it."""
+    """Why v_s of a peak is not bounded within its range, or None."""
     low, high = likelihood.intervals[ParameterName("v_s", direction)]
     slowest, v_s = float(problem.speeds(direction).min()), float(problem.split(solution.theta)[1][k])
     if low == 0:
@@ -236,7 +228,7 @@ def _unbounded(
 
 
 def _unsupported(problem: Regression, solution: Solution, k: int, direction: Direction) -> Finding | None:
-    """That the Stribeck term of a peak is noise, or a bend over all speeds instead of a peak."""
+    """Why the Stribeck term of a peak is noise or no peak, or None."""
     projected, noise = Projected(problem), 1e-20 * float(problem.torque @ problem.torque)
     off, length = projected.off(solution.grid, k)
     gain = max(solution.base_costs[k] - solution.cost, 0.0)
@@ -260,22 +252,16 @@ def _unsupported(problem: Regression, solution: Solution, k: int, direction: Dir
         f"its v_s of {v_s:.3g}{of} would lie below a third of the slowest speed, {slowest:.3g}{of}, so the term would depend "
         "on that one speed (slower ones would decide)"
     )
-    return Finding("one-speed", NOTE, message, {"v_s": v_s, "slowest": slowest}) if v_s < UNTOUCHED * slowest else None
+    return (
+        Finding("one-speed", NOTE, message, {"v_s": v_s, "slowest": slowest})
+        if v_s < _MIN_SPEED_RATIO * slowest
+        else None
+    )
 
 
 def _inflation(problem: Regression, solution: Solution) -> float:
-    """By how much correlated residuals inflate the variance; points stand alone."""
+    """Variance inflation by correlated residuals; 1 for points."""
     return inflation(solution.residuals) if problem.smooth is not None else 1.0
-
-
-def _outcome(problem: Regression, dropped: Mapping[Direction, Finding]) -> Finding:
-    if dropped and not problem.peaks:
-        if all(reason.code in {"peak-left-out", "no-stribeck-asked"} for reason in dropped.values()):
-            message = "Coulomb and viscous friction alone are fitted, as fit.law asks."
-            return Finding("static-as-asked", NOTE, message)
-        message = "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted."
-        return Finding("static-no-stribeck", NOTE, message)
-    return Finding("static-converged", NOTE, "Converged.")
 
 
 def _fit_warnings(
@@ -285,7 +271,7 @@ def _fit_warnings(
     profiles: Mapping[Direction, Profile],
     v_s_range: tuple[float, float],
 ) -> tuple[Finding, ...]:
-    """Each warning about a fit as a whole."""
+    """Warnings about a fit as a whole."""
     warnings = []
     low, high = v_s_range
     for direction, profile in profiles.items():
@@ -299,11 +285,6 @@ def _fit_warnings(
                 f"{high:.3g}{unit_of('velocity')}."
             )
             warnings.append(Finding("at-edge", CRITICAL, message, {"direction": direction, "low": low, "high": high}))
-        inner = np.r_[False, (profile.cost[1:-1] < profile.cost[:-2]) & (profile.cost[1:-1] < profile.cost[2:]), False]
-        inner &= np.abs(np.log(profile.v_s / profile.best)) > 2 * np.log(profile.v_s[1] / profile.v_s[0])
-        for v_s in profile.v_s[inner & (profile.cost <= profile.threshold)].tolist():
-            message = f"The cost has a second minimum{where} at v_s = {v_s:.3g}, below the 95 % threshold."
-            warnings.append(Finding("second-minimum", CAUTION, message, {"direction": direction, "v_s": v_s}))
         speeds = np.abs(problem.velocity) if direction == "both" else problem.speeds(direction)
         below, points = int(np.count_nonzero(speeds < profile.best)), speeds.size
         if below < 3:

@@ -1,13 +1,7 @@
-"""Points that do not belong to the law: which ones, left out, lower the refitted cost by more than chance.
+"""Strays: points without which the refitted cost is lower by more than chance (F test), one after another.
 
-One after another the point is left out whose absence lowers the cost of the refit (10) most, while an F test says that
-this is no chance; where no point alone is, pairs are tried, then threes, for strays can hide each other. At most an
-eighth of the points are strays: where one more would be, it is the law that does not fit.
-
-At a given v_s the cost falls by r**2 / (1 - h), with r the point's residual and h its leverage, and by a quadratic form
-for two or three: all are tried at every v_s of a grid, and the best few are refitted exactly (Cook and Weisberg, Residuals
-and Influence in Regression, 1982). Of more than a thousand points one hardly moves the law: the grid is then the v_s of
-the fit, and those are left out together that the test finds and that are at least half as far off as the farthest.
+At a given v_s the cost falls by r**2 / (1 - h), with leverage h (Cook and Weisberg, Residuals and Influence in
+Regression, 1982); pairs and threes are tried where no single point is significant.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,28 +20,25 @@ from bristle.identification.static.grid import Projected, Solution, default_rang
 from bristle.identification.static.problem import Regression, log_grid
 
 SHARE = 8
-"""At most one point in so many is a stray; of few points two, for such as hide each other, where the rest has as many
-degrees of freedom as the law has parameters."""
-_GRIDS = {1: 96, 2: 24}  # values of v_s for each of so many peaks
-_LEVELS = {1: SIGNIFICANCE, 2: SIGNIFICANCE, 3: RARE}  # by how many are left out at once: of threes there are many
-SINGLY = 1000  # points up to which strays are left out, and looked at, one by one
-_ALIKE = 0.25  # of the largest fall of the cost: of many points, strays with as large a one are left out with it
-_TRIED = {1: None, 2: 200, 3: 24}  # by how many at once: of more points those that lower the cost most alone
-_REFITTED = 5  # of the points, pairs or threes that lower the cost most on the grid, so many are refitted
-_VANISHED = 1e-9  # a point with less than this share of itself off the fit's columns is fitted whatever its torque is
+"""At most one stray in so many points, or two of few."""
+_GRIDS = {1: 96, 2: 24}  # values of v_s by number of peaks
+_LEVELS = {1: SIGNIFICANCE, 2: SIGNIFICANCE, 3: RARE}  # by size of a set: there are many threes
+SINGLY = 1000  # points up to which strays are left out one by one
+_ALIKE = 0.25  # of the largest fall of the cost: of many points, others above it are left out together
+_TRIED = {1: None, 2: 200, 3: 24}  # most points that form sets of a size, by their single falls of the cost
+_REFITTED = 5  # sets that are refitted, of the largest falls on the grid
+_VANISHED = 1e-9  # share off the fit's columns below which a point is always fitted
 
 
 class StraySearch(NamedTuple):
-    """What does not belong to a problem's law."""
+    """The strays of a problem."""
 
-    rows: tuple[int, ...]
-    """Equations left out, the one that lowers the cost most first."""
-    misfit: bool
-    """Whether one more would be significant than can be strays."""
+    rows: tuple[int, ...]  # The one that lowers the cost most first
+    misfit: bool  # Whether there are more than allowed
 
 
 def find_strays(problem: Regression) -> StraySearch:
-    """The points of a problem, not moving data, that do not belong to its law; none where there are too few to tell."""
+    """The strays of a problem of points."""
     n, most, out = problem.torque.size, most_strays(problem), list[int]()
     while True:
         kept = np.delete(np.arange(n), out)
@@ -60,13 +51,13 @@ def find_strays(problem: Regression) -> StraySearch:
 
 
 def most_strays(problem: Regression) -> int:
-    """How many points of a problem can be strays."""
+    """Largest number of strays of a problem."""
     n = problem.torque.size
     return max(n // SHARE, 2 if n >= 2 * len(problem.names) + 2 else 0)
 
 
 def _significant(problem: Regression) -> list[int]:
-    """The point, or else the two or three, without which the refitted cost is lower by more than chance; none otherwise."""
+    """The most significant point, else pair or three, or nothing."""
     n, parameters = problem.torque.size, len(problem.names)
     if n < parameters + 2:
         return []
@@ -91,7 +82,7 @@ def _significant(problem: Regression) -> list[int]:
 
 
 def refit(problem: Regression) -> Solution:
-    """The problem's own solution, over the range of v_s that its speeds give."""
+    """The solution over the default range of v_s."""
     return solve(problem, default_range(problem.velocity))
 
 
@@ -103,7 +94,7 @@ def all_but(n: int, rows: Sequence[int]) -> NDArray[np.bool_]:
 
 
 def _candidates(problem: Regression, v_s: Array) -> Iterator[tuple[NDArray[np.intp], Array]]:
-    """The single points, (k, 1), by how much they lower the cost at values of v_s, (k,), most first; then the pairs and the threes."""
+    """Sets of points, (k, size), and their falls of the cost over v_s, (k,), largest first: singles, pairs, threes."""
     n = problem.torque.size
     nodes = list(_nodes(problem, v_s))
     order = np.arange(n)
@@ -119,17 +110,14 @@ def _candidates(problem: Regression, v_s: Array) -> Iterator[tuple[NDArray[np.in
 
 
 class _Node(NamedTuple):
-    """The problem at one v_s of each peak."""
+    """The problem at one v_s per peak."""
 
     cost: float
     residuals: Array  # (n,)
     basis: Array  # Orthonormal columns of the fit, (n, p)
 
     def falls(self, among: NDArray[np.intp], at: NDArray[np.intp]) -> Array:
-        """By how much the cost falls without each of some sets of points, (k,): r' (I - H)**-1 r of their own, by elimination.
-
-        The sets, (k, size), are places `at` which their points stand in `among`.
-        """
+        """Falls of the cost without each set of points, (k,), r' (I - H)**-1 r; `at`, (k, size), indexes `among`."""
         size, r, rows = at.shape[1], list(self.residuals[among][at.T]), self.basis[among]
         if size == 1:  # of any number of points
             left = {(0, 0): 1 - np.einsum("np,np->n", rows, rows)}
@@ -150,7 +138,7 @@ class _Node(NamedTuple):
 
 
 def _nodes(problem: Regression, v_s: Array) -> Iterator[_Node]:
-    """The problem at each v_s, (peaks, k), without the Stribeck terms that would be negative there; bounds on the others are left to the refit."""
+    """The problem at each v_s, (peaks, k), without negative Stribeck terms."""
     projected = Projected(problem)
     peaks = len(problem.peaks)
     if not peaks:

@@ -1,8 +1,4 @@
-"""The 95 % intervals of a static fit three ways, covariance, profile, bootstrap, and where they part; and what runs say, for `repeats`.
-
-The bootstrap draws points anew at the same velocities and fits them again by the whole grid; what is costly to fit goes
-by one step. v_s is stepped by its logarithm: an interval need be neither symmetric nor normal.
-"""
+"""Intervals of a static fit by covariance, profile and bootstrap; v_s as its logarithm."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,13 +17,13 @@ from bristle.identification.static.solution import StaticSolution
 from bristle.model.parameters import ParameterName
 
 SEED = 0  # of the bootstrap
-MANY = 2_000  # points from which on one step does for the bootstrap: the law does not bend within such small errors
-_FEW = 8  # points beyond the parameters, below which they are few
-_DRAWN, _BEYOND = 61, 0.6  # values of v_s on its drawn profile, and how far beyond its interval, in widths of it
+MANY = 2_000  # points from which one step replaces a refit, because errors are small
+_FEW = 8  # points beyond the parameters below which they are few
+_DRAWN, _BEYOND = 61, 0.6  # values of v_s on a drawn profile, and its range beyond the interval, in widths
 
 
 def three_ways(solved: StaticSolution, v_s_range: tuple[float, float]) -> dict[ParameterName, Uncertainty]:
-    """The intervals of every parameter of a solved and judged problem, by its names."""
+    """Intervals of every parameter, by name."""
     n, names = solved.problem.torque.size, solved.problem.names
     spare = n - len(names)
     drawn = resample(solved.problem, solved.solution, v_s_range, covariance=solved.covariance)
@@ -51,11 +47,11 @@ def _curve(solved: StaticSolution, name: ParameterName, value: float) -> Array:
     reach = solved.student[name][1] - value
     open_ = not np.isfinite(high)
     high = value + 3 * reach if open_ else high
-    if not np.isfinite([low, high]).all():  # nothing bounds it on a side that could be drawn
+    if not np.isfinite([low, high]).all():  # unbounded on a side
         return np.zeros((2, 0))
     if name.name != "v_s":
         curve = solved.profiled.curve(name, value, low, high)
-        # open alpha_1 goes on as v_s does, but it is drawn within the range searched
+        # open alpha_1 is drawn within the range searched
         return curve[:, (curve[0] <= value) | (curve[1] <= 1)] if open_ else curve
     grid = solved.solution.grid
     low = low if low > 0 else max(float(grid[0]), value - 3 * reach)
@@ -68,15 +64,11 @@ def _curve(solved: StaticSolution, name: ParameterName, value: float) -> Array:
 
 
 class StaticDraws(NamedTuple):
-    """What draws do to p parameters, in their units."""
+    """Bootstrap of p parameters, in their units."""
 
-    low: Array
-    """Lower ends of the 95 % intervals, (p,); -inf, or 0 for what is positive, where too many draws do not show the
-    parameter; nan: there is none."""
+    low: Array  # Lower ends, (p,); -inf, or 0 if positive, where draws do not show the parameter; nan: no interval
     high: Array
-    """(p,)."""
-    draws: Array
-    """(p, b)."""
+    draws: Array  # (p, b)
 
 
 def resample(
@@ -87,19 +79,14 @@ def resample(
     seed: int = SEED,
     covariance: Array | None = None,
 ) -> StaticDraws:
-    """Intervals of every parameter in the order of the problem's `names`, by so many `draws`, >= 40 (of moving data always as many).
-
-    Points of which each stands alone, with at most one peak, are fitted again, up to `MANY`; parameters of others go one
-    step of Gauss and Newton, those at a bound none, and none does where moving data leave too few blocks to draw: of these the
-    `covariance` of the parameters at no bound is needed.
-    """
+    """Bootstrap intervals in the order of `names`: few points are refitted, others go a Gauss-Newton step."""
     keep = np.ones(len(problem.names), dtype=bool)
     alone = problem.smooth is None and len(problem.peaks) < 2 and not problem.shape
     if alone and problem.torque.size <= MANY:
         center, as_logarithm = solution.theta[:, None], problem.logarithmic[:, None]
 
         def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
-            """How far the grid's estimates lie off, and their errors, inf where nothing is seen of a parameter."""
+            """Distances of the estimates, and their errors."""
             torques = (problem.torque - solution.residuals)[:, None] + residuals
             if not problem.peaks:
                 theta, errors = bootstrap.linear_refit(problem.linear, torques, uneven)
@@ -129,14 +116,14 @@ def resample(
                 -J[:measured], left[:measured], priors=-J[measured:], sigma=sigma, seed=seed
             )
             errors = np.sqrt(np.diag(covariance)[: size.size]) / size
-        errors = errors[: size.size]  # what the shape has beside stands after them
+        errors = errors[: size.size]  # shape parameters come after them
     if problem.smooth is not None and drawn.blocks < interval_comparison.FEW:
         keep[:], errors = False, errors[:0]
     ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())]).reshape(-1, 2)
     best, logarithmic, floor = (each[keep, None] for each in (solution.theta, problem.logarithmic, problem.least))
 
     def moved(steps: Array) -> Array:
-        """All parameters moved by steps, (p, k); nan for what is not stepped."""
+        """All parameters moved by steps, (p, k); nan if not stepped."""
         out = np.full((keep.size, steps.shape[1]), np.nan)
         with np.errstate(over="ignore", invalid="ignore"):
             off = np.where(logarithmic, best * np.exp(steps), best + steps)
@@ -150,10 +137,7 @@ def resample(
 def parts_of_runs(
     core: StaticSolution, runs: Sequence[tuple[str, Regression]]
 ) -> tuple[list[ParameterName], dict[str, tuple[Array, Array]]]:
-    """The parameters at no bound, and of each run the derivative of its torques by these, (n, p), by log(v_s), and what it leaves, (n,).
-
-    One that has a prior is none of them: runs do not settle it.
-    """
+    """Parameters at no bound or prior, and each run's Jacobian by these (of log(v_s)), (n, p), and residuals, (n,)."""
     posed = {file: replace(one, peaks=core.problem.peaks) for file, one in runs}
     names, theta = core.problem.names, core.solution.theta
     free = [k for k, name in enumerate(names) if name not in core.solution.at_bound]

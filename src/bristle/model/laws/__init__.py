@@ -1,1 +1,1 @@
-"""Friction laws: which peak the level has in slow sliding, and what is added to viscous friction. A file holds one."""
+"""Friction laws: the Stribeck peak, and terms beside viscous friction, one per file."""

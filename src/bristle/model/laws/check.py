@@ -1,4 +1,4 @@
-"""Whether a peak or a term from outside is what the equations take it for: tried on speeds, before a law is made of it."""
+"""Numerical checks of peaks and terms from outside."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,11 +12,11 @@ from bristle.model.laws.parts import Expression, Peak, ViscousTerm
 _V_S = 0.1  # the Stribeck velocity at which a peak is tried, rad/s
 _SPEEDS = np.concatenate([[0.0], _V_S * np.geomspace(1e-6, 1e4, 250)])
 _CLOSE = 1e-9
-_LEFT = 0.1  # of a peak at the highest of these speeds, at most: one with a slow tail falls by and by
+_LEFT = 0.1  # largest remainder of a peak at the highest speed
 
 
 def fault_of(part: Peak | ViscousTerm) -> str | None:
-    """What is wrong with a part, in words that follow its name; None where nothing is."""
+    """What is wrong with a part, in words that follow its name, or None."""
     if isinstance(part, Peak):
         if part.reach <= 0:
             return f"got a reach of {part.reach:g}; expected more than 0"
@@ -64,7 +64,7 @@ def _fault_of_rate(rate: Callable[[Expression], Expression]) -> str | None:
 
 
 def _tried(expression: Callable[[Any], Expression], speeds: Array) -> tuple[tuple[Array, Array] | None, str | None]:
-    """An expression and its derivative at some speeds, (n,) each, or what CasADi says of it."""
+    """An expression and its derivative at some speeds, (n,) each, or CasADi's error."""
     v = ca.SX.sym("v")
     try:
         value = ca.SX(expression(v))

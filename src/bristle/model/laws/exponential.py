@@ -1,8 +1,4 @@
-"""Tustin's peak: an exponential of the speed.
-
-A. Tustin, "The effects of backlash and of speed-dependent friction on the stability of closed-cycle control systems",
-J. IEE 94 (1947).
-"""
+"""Tustin's peak: an exponential of the speed (J. IEE 94, 1947)."""
 
 import casadi as ca
 

@@ -1,8 +1,6 @@
-"""A peak whose exponent delta is estimated: 1 is Tustin's, 2 the paper's.
+"""A peak with an estimated exponent: 1 is Tustin's, 2 the paper's (Armstrong-Helouvry et al., Automatica 30, 1994).
 
-B. Armstrong-Helouvry, P. Dupont and C. Canudas de Wit, "A survey of models, analysis tools and compensation methods for
-the control of machines with friction", Automatica 30 (1994). On measured joints delta often runs to an end of its
-range, and does not predict speeds that were left out: it is there for those who ask for it by name.
+On measured joints delta often runs to an end of its range, so it does not compete.
 """
 
 import casadi as ca

@@ -1,8 +1,4 @@
-"""A Lorentzian peak, whose tail falls with the square of the speed.
-
-D. P. Hess and A. Soom, "Friction at a lubricated line contact operating at oscillating sliding velocities", J.
-Tribology 112 (1990).
-"""
+"""A Lorentzian peak (D. P. Hess and A. Soom, J. Tribology 112, 1990)."""
 
 from bristle.model.laws.parts import Expression, Peak
 

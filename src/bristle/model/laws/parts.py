@@ -1,9 +1,6 @@
-"""What a friction law is made of: a Stribeck peak, and terms beside viscous friction.
+"""Parts of a friction law: a Stribeck peak s, and terms r beside viscous friction.
 
-    T_ss(v) = (alpha_0 + alpha_1 s(v; v_s, ...)) sgn(v) + v (alpha_2 + alpha_k r(abs(v)) + ...)
-
-A `Peak` is s, even in v, one at rest and falling to zero; a `ViscousTerm` is r. The parameters that all laws share are those of
-`Lugre`; what a peak or a term brings of its own is an `OwnParameter`.
+T_ss(v) = (alpha_0 + alpha_1 s(v; v_s, ...)) sgn(v) + v (alpha_2 + alpha_k r(abs(v)) + ...).
 """
 
 from collections.abc import Callable
@@ -14,55 +11,54 @@ from typing import Any
 Expression = Any  # a float or a CasADi symbol: CasADi carries no types
 
 FASTEST = "v_end"
-"""The parameter that a law with terms has beside their coefficients: the fastest speed that was measured, rad/s. It is
-given, never estimated."""
+"""Parameter of laws with terms: the fastest measured speed, rad/s, given and never estimated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnParameter:
-    """A parameter that not every law has."""
+    """A parameter of some laws alone."""
 
     name: str
     """A Python name, unlike any other parameter's."""
     symbol: str
-    """In print, as `alpha_3` is α₃; mathematical text may stand between dollars."""
+    """In print, such as α₃; mathematical text may stand between dollars."""
     units: tuple[str, str]
-    """SI, of a revolute and of a prismatic joint, as pint reads them."""
+    """SI, revolute and prismatic, as pint reads them."""
     least: float = 0.0
-    """What it may be at least, in SI; -inf where it has a sign."""
+    """Least value, SI; -inf where it has a sign."""
     searched: tuple[float, float] = (0.0, 0.0)
-    """Of a peak's own, which is nonlinear: between which values it is looked for, both > 0."""
+    """Search range of a peak's parameter, both > 0."""
 
     @property
     def middle(self) -> float:
-        """The geometric mean of what is searched: where nothing is known of it."""
+        """Geometric mean of the search range."""
         return sqrt(self.searched[0] * self.searched[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Peak:
-    """How the Stribeck term falls with speed."""
+    """The fall of the Stribeck term with speed."""
 
     name: str
-    """What `fit.law` takes: letters and hyphens."""
+    """In `fit.law`: letters and hyphens."""
     title: str
     """In a sentence: a ... peak."""
     shape: Callable[..., Expression]
     """(v, v_s, *own) -> s, dimensionless: CasADi's operations alone, even in v, 1 at v = 0, falling to 0."""
     own: tuple[OwnParameter, ...] = ()
-    """What it has beside v_s, in the order of the arguments."""
+    """Parameters beside v_s, in the order of the arguments."""
     reach: float
-    """At so many v_s nine tenths of it are gone."""
+    """Multiple of v_s at which nine tenths are gone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ViscousTerm:
-    """What is added to viscous friction: v times a coefficient times a rate that depends on the speed."""
+    """Added to viscous friction: v times a coefficient times a rate of the speed."""
 
     name: str
-    """What `fit.law` takes after a +: letters and hyphens."""
+    """In `fit.law` after a +: letters and hyphens."""
     title: str
-    """What the coefficient multiplies, as v·|v|."""
+    """What the coefficient multiplies, such as v·|v|."""
     coefficient: OwnParameter
     rate: Callable[[Expression], Expression]
     """(abs(v)) -> r, >= 0, rising from 0 at rest: CasADi's operations alone."""
@@ -77,7 +73,7 @@ class Law:
 
     @property
     def name(self) -> str:
-        """As `fit.law` has it: the peak's, then those of the terms, with + between them."""
+        """As in `fit.law`: peak and terms, with + between them."""
         return "+".join((self.peak.name, *(term.name for term in self.terms)))
 
     @property
@@ -93,15 +89,15 @@ class Law:
 
     @property
     def coefficients(self) -> tuple[str, ...]:
-        """The linear parameters beside alpha_0, alpha_1 and alpha_2."""
+        """Linear parameters beside alpha_0, alpha_1 and alpha_2."""
         return tuple(term.coefficient.name for term in self.terms)
 
     @property
     def own(self) -> tuple[OwnParameter, ...]:
-        """What it has beside the parameters of `Lugre` and `FASTEST`."""
+        """Parameters beside those of `Lugre` and `FASTEST`."""
         return (*self.peak.own, *(term.coefficient for term in self.terms))
 
     @property
     def more(self) -> tuple[str, ...]:
-        """The fields that its parameters have after those of every law."""
+        """Fields after those of every law."""
         return (*(own.name for own in self.own), *((FASTEST,) if self.terms else ()))

@@ -1,7 +1,4 @@
-"""Viscous friction that bends: alpha_3 v abs(v) beside alpha_2 v.
-
-Above zero it is drag, below zero a lubricant that thins with speed.
-"""
+"""Viscous friction that bends, alpha_3 v abs(v): drag if positive, a lubricant that thins if negative."""
 
 from bristle.model.laws.parts import Expression, OwnParameter, ViscousTerm
 

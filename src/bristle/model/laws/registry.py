@@ -1,4 +1,4 @@
-"""Which laws there are, by name: bristle's own, those of packages that name theirs under `bristle.laws`, and what a program registers."""
+"""The known friction laws by name: bristle's own, of installed packages (`bristle.laws`), and registered ones."""
 
 import logging
 import re
@@ -20,14 +20,14 @@ LOADS = {
     "gear-load": ("gear_load",),
     "gear-load-squared": ("gear_load", "gear_load_squared"),
 }
-"""By which load the level rises (`law.load_levels`): what `fit.law` takes after a +, and its coefficients."""
+"""Loads by which the level rises (`law.load_levels`), as in `fit.law` after a +, and their coefficients."""
 _GROUP = "bristle.laws"
 _PARTS: dict[str, Peak | ViscousTerm] = {
     part.name: part for part in (gaussian.PEAK, exponential.PEAK, lorentzian.PEAK, free_exponent.PEAK, quadratic.TERM)
 }
 _COMPETE = {gaussian.PEAK.name, exponential.PEAK.name, lorentzian.PEAK.name, quadratic.TERM.name}
-"""Those that `auto` chooses from; the free exponent is fitted by name alone."""
-_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")  # what a parameter may be called: it is a name in C and MATLAB as well
+"""Choices of `auto`; the free exponent is fitted by name alone."""
+_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")  # names of parameters, valid in C and MATLAB
 _LOG = logging.getLogger(__name__)
 _looked: list[bool] = []  # not empty once installed packages have been asked for theirs
 
@@ -80,9 +80,9 @@ def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
 
 
 def law_named(name: str) -> Law:
-    """The law of a name such as `lorentzian+quadratic`; `paper` is the Gaussian peak, and so is `auto` before the data chose.
+    """The law of a name such as `lorentzian+quadratic`; `paper` and `auto` are the Gaussian peak.
 
-    Raises KeyError, with the names that there are, where there is none.
+    Raises KeyError, with the known names, for others.
     """
     if name == AUTO:
         return GAUSSIAN
@@ -98,7 +98,7 @@ def law_named(name: str) -> Law:
 
 
 def apart(name: str) -> tuple[str, tuple[str, ...]]:
-    """What `fit.law` takes as the name of a law, and the load, of `LOADS`, by which its level rises; none where it does not.
+    """The name of a law without its load, and the load, of `LOADS`, or none.
 
     >>> apart("lorentzian+quadratic+gear-load")
     ('lorentzian+quadratic', ('gear-load',))
@@ -108,7 +108,7 @@ def apart(name: str) -> tuple[str, tuple[str, ...]]:
 
 
 def with_load(law: Law, coefficients: Collection[str]) -> str:
-    """The name of a law whose level rises by these coefficients, as `fit.law` takes it; that of the law where there are none.
+    """The name of a law with the load of these coefficients, as in `fit.law`.
 
     >>> with_load(GAUSSIAN, ["link_load"])
     'gaussian+link-load'
@@ -117,7 +117,7 @@ def with_load(law: Law, coefficients: Collection[str]) -> str:
 
 
 def competing() -> tuple[Law, ...]:
-    """The laws that `auto` chooses from, the paper's first: every peak, with and without each term."""
+    """The choices of `auto`, the paper's first: every peak, with and without each term."""
     _look()
     peaks = [part for part in _PARTS.values() if isinstance(part, Peak) and part.name in _COMPETE]
     terms = [part for part in _PARTS.values() if isinstance(part, ViscousTerm) and part.name in _COMPETE]
@@ -126,19 +126,19 @@ def competing() -> tuple[Law, ...]:
 
 
 def own_parameters() -> dict[str, OwnParameter]:
-    """What the known peaks and terms have beside the parameters of every law, by name."""
+    """Parameters of known peaks and terms, by name."""
     return {own.name: own for part in _PARTS.values() for own in _own(part)}
 
 
 def own_parameter(name: str) -> OwnParameter | None:
-    """The one of a name, those of installed packages included; None where no law has it."""
+    """A parameter of a known law or of an installed package, or None."""
     if name not in own_parameters():
         _look()
     return own_parameters().get(name)
 
 
 def friction_names() -> frozenset[str]:
-    """The parameters of friction that not every law has."""
+    """Friction parameters that not every law has."""
     return frozenset((*own_parameters(), FASTEST))
 
 
@@ -151,7 +151,7 @@ def _named(kind: type[Peak] | type[ViscousTerm]) -> list[str]:
 
 
 def _look() -> None:
-    """Ask the installed packages, once."""
+    """Load the laws of installed packages, once."""
     if not _looked:
         _looked.append(True)
         for entry in entry_points(group=_GROUP):

@@ -1,1 +1,1 @@
-"""What compensation of an identified joint is worth: the paper's sections 3.3 to 5, and beyond."""
+"""The effect of friction compensation on an identified joint: sections 3.3 to 5 of the paper, and beyond."""

@@ -1,4 +1,4 @@
-"""Every compensator, by measured or reference velocity, behind encoders and delays, at more and less than all of the friction: what each is worth."""
+"""Comparison of all compensators over encoder resolution, delay and compensated share of the friction."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,15 +17,13 @@ from bristle.model.parameters import Pair
 from bristle.simulation.joint_loop import JointLoop
 
 SHARES = (0.5, 0.75, 1.0, 1.25, 1.5)  # of the identified friction that is compensated
-BITS = (20, 14, 12)  # the encoder has 2**bits counts in 2 pi times the amplitude of the reference
+BITS = (20, 14, 12)  # an encoder has 2**bits counts in 2 pi times the amplitude of the reference
 DELAYS = (0, 2, 5)  # control periods from the command to the drive
-HOLD = 2.0  # the joint is held at rest this long at the end, s
-_WATCHED = 1.5  # and watched for limit cycles over the last of it, s
-_SWINGS, _COUNTS, _SWAY = 4, 3.0, 0.02
-"""A held joint cycles where it swings through its mean so often, over more than so many counts and this share of one bristle deflection."""
-_LEAD = 0.1
-"""A joint leads where its mean error along the motion is more negative than this share of the RMS error without compensation."""
-_LOST = 10.0  # a loop diverges where its error is so many amplitudes
+HOLD = 2.0  # time at rest at the end, s
+_WATCHED = 1.5  # part of it in which limit cycles are looked for, s
+_SWINGS, _COUNTS, _SWAY = 4, 3.0, 0.02  # a limit cycle: least swings, width in counts, width in bristle deflections
+_LEAD = 0.1  # least mean lead of an over-compensated joint, as a share of the RMS error without compensation
+_LOST = 10.0  # RMS error of a loop that diverges, amplitudes
 WAYS: dict[str, Compensator] = {
     "none": Compensator(name="none"),
     "Coulomb, reference velocity": Compensator(name="coulomb"),
@@ -39,29 +37,22 @@ WAYS: dict[str, Compensator] = {
 
 
 class AblationRow(NamedTuple):
-    """One compensator under one set of tried."""
+    """One compensator with one encoder, delay and compensated share."""
 
     compensator: str
     encoder_bits: int
-    delay: int
-    """Control periods."""
+    delay: int  # control periods
     share: float
-    rms_error: float
-    """While the reference moves, rad."""
-    over_none: float
-    """That over the one without friction compensation, same encoder, no delay."""
-    chatter: float
-    """Total variation of the torque, N*m/s, at rest."""
-    limit_cycle: bool
-    """The held joint swings on."""
-    over_compensated: bool
-    """The joint leads its reference, by more than a tenth of the error without compensation: more than its friction is compensated."""
+    rms_error: float  # while the reference moves, rad
+    over_none: float  # ratio to the error without compensation, same encoder, no delay
+    chatter: float  # total variation of the torque at rest, N*m/s
+    limit_cycle: bool  # whether the joint swings when it is held
+    over_compensated: bool  # whether the joint leads its reference, by `_LEAD`
     diverges: bool
-    """The loop has no bound."""
 
 
 def ablate(loop: JointLoop) -> tuple[AblationRow, ...]:
-    """All of them; the joint moves back and forth twice, then is held at rest."""
+    """Every compensator under every condition; the joint moves back and forth twice, then is held at rest."""
     reference, moving = _back_and_forth(loop)
     tried = [(bits, share) for bits in BITS for share in SHARES]
     scaled = (loop.case(model=_scaled(loop.model, share)) for _, share in tried)
@@ -77,25 +68,24 @@ def ablate(loop: JointLoop) -> tuple[AblationRow, ...]:
             found = _judged(loop, run, moving, [tried[k][0] for k in chosen], bare)
             for k, (rms, chatter, cycles, leads, diverges) in zip(chosen, found, strict=True):
                 bits, share = tried[k]
-                share = share if way != "none" else 0.0  # nothing is compensated
                 ends = rms, rms / bare.setdefault(bits, rms), chatter, cycles, leads, diverges
-                rows.append(AblationRow(way, bits, delay, share, *ends))
+                rows.append(AblationRow(way, bits, delay, share if way != "none" else 0.0, *ends))
     return tuple(rows)
 
 
 def _count(loop: JointLoop, bits: int) -> float:
-    """One count, rad."""
+    """One encoder count, rad."""
     return float(2 * pi * loop.amplitude / 2**bits)
 
 
 def _scaled(model: Pair[float], share: float) -> Pair[float]:
-    """The model whose torque is that share of the model's at any motion: T_f is of degree one in all parameters but those of speed."""
+    """A model with this share of the torque: T_f is of degree one in all parameters but the speeds."""
     kept = {*model.law.shape_parameters, FASTEST}
     return Pair(*(p._replace(**{n: share * x for n, x in p._asdict().items() if n not in kept}) for p in model))
 
 
 def _back_and_forth(loop: JointLoop) -> tuple[Reference, NDArray[np.bool_]]:
-    """Forth and back twice by the amplitude, at rest at both ends, then held; and where it moves fast enough to tell lead from lag."""
+    """The reference: back and forth twice, then held; and the samples fast enough to tell lead from lag."""
     w, h = 2 * np.pi * loop.frequency, loop.period
     t: Array = h * np.arange(round((2 / loop.frequency + HOLD) / h) + 1, dtype=np.float64)
     on, half = t < 2 / loop.frequency, loop.amplitude / 2
@@ -107,7 +97,7 @@ def _back_and_forth(loop: JointLoop) -> tuple[Reference, NDArray[np.bool_]]:
 def _judged(
     loop: JointLoop, run: Trajectory, moving: NDArray[np.bool_], bits: Sequence[int], bare: dict[int, float]
 ) -> list[tuple[float, float, bool, bool, bool]]:
-    """Of each case: RMS error in motion, chatter at rest, whether it cycles there, leads its reference, and diverges; `bare` RMS errors by bits."""
+    """RMS error, chatter, limit cycle, lead and divergence of each case; `bare`: RMS errors without, by bits."""
     late = run.time >= run.time[-1] - _WATCHED
     heading = np.sign(np.gradient(run.reference))
     with np.errstate(over="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""The compensated joint as matplotlib figures: Figs 5 to 12 of the paper, and what goes beyond them."""
+"""Matplotlib figures of a compensation study: Figs 5 to 12 of the paper, and others."""
 
 from collections.abc import Mapping
 
@@ -21,8 +21,7 @@ _GREY, _BLUE, _VERMILION, _GREEN, _BLACK = "#999999", "#0072B2", "#D55E00", "#00
 LAWS = {
     "not adapted": (_GREY, (0, (1, 1))), "printed": (_VERMILION, "--"), "partial": (_BLUE, "-"),
     "partial-theta": (_BLACK, ":"), "total": (_GREEN, "-."),
-}  # fmt: skip  # a table
-"""Colour and line of each adaptation."""
+}  # fmt: skip  # colour and line of each adaptation law
 
 
 def _line(ax: Axes, run: Trajectory, values: Array, colour: str, line: object, label: str) -> None:
@@ -31,21 +30,15 @@ def _line(ax: Axes, run: Trajectory, values: Array, colour: str, line: object, l
 
 
 @styled
-def followed_figure(study: Study) -> Figure:
-    """Figs 5 to 7: reference and position, position error, and control, without and with friction compensation."""
-    return _courses(study, {"without": study.followed["without"], "with compensation": study.followed["with"]})
-
-
-def _courses(study: Study, runs: Mapping[str, Trajectory]) -> Figure:
-    """Two runs of one reference by their labels: position, position error and control over time."""
+def courses_figure(study: Study, runs: Mapping[str, Trajectory]) -> Figure:
+    """Figs 5 to 7 and 10 to 12: two runs of one reference, by label: position, position error and control vs time."""
     kind = study.loops[0].kind
     figure, (above, middle, below) = panels(0.5 + 3 * 2.2, study.loops[0].name, True, 3, sharex=True)
     looks, last = ((_VERMILION, "--"), (_BLUE, "-")), list(runs.values())[-1]
     _line(above, last, last.reference, _GREY, "-", "reference")
-    for (label, run), (colour, line) in zip(runs.items(), looks, strict=True):
-        _line(above, run, run.position[0], colour, line, label)
-        _line(middle, run, run.error[0], colour, line, label)
-        _line(below, run, run.torque[0], colour, line, label)
+    for (label, run), look in zip(runs.items(), looks, strict=True):
+        for ax, values in ((above, run.position[0]), (middle, run.error[0]), (below, run.torque[0])):
+            _line(ax, run, values, *look, label)
     above.set_ylabel(axis("position", kind))
     middle.set_ylabel(axis("position", kind, "error of"))
     below.set_ylabel(axis("torque", kind, "control"))
@@ -58,7 +51,7 @@ def _courses(study: Study, runs: Mapping[str, Trajectory]) -> Figure:
 
 @styled
 def errors_figure(study: Study) -> Figure:
-    """Fig. 8: RMS error of each joint without, with, and with adaptive compensation, as bars with numbers; one panel for each frequency."""
+    """Fig. 8: RMS errors of each joint without, with and with adaptive compensation, as bars; a panel per frequency."""
     kind = study.loops[0].kind
     rows = [row for row in study.errors if not row.inertia]
     names = list(dict.fromkeys(row.joint for row in rows))
@@ -88,14 +81,14 @@ def errors_figure(study: Study) -> Figure:
 
 @styled
 def gains_figure(study: Study) -> Figure:
-    """Fig. 9: the adapted parameters over time by each law, with what the paper reports as lines across."""
-    shown, a = study.adapted, study.adapted.adaptation
-    count = len(a.parameters)
+    """Fig. 9: the adapted parameters vs time by each law, with the paper's final values as horizontal lines."""
+    parameters = study.adapting.adaptation.parameters
+    count = len(parameters)
     figure, axes = panels(0.5 + 2.6 * count, study.loops[0].name, True, count, sharex=True)
     own = "the true value" if study.paper else "the identified value"
-    for k, (ax, name) in enumerate(zip(axes, a.parameters, strict=True)):
+    for k, (ax, name) in enumerate(zip(axes, parameters, strict=True)):
         begun = study.adapting.start.get(name, 1.0)
-        for law, run in shown.runs.items():
+        for law, run in study.adapted.runs.items():
             if law != "not adapted":
                 _line(ax, run, begun * run.theta[0, k], *LAWS[law], law)
         if study.paper and name in TABLE_2_ADAPTED:
@@ -109,15 +102,8 @@ def gains_figure(study: Study) -> Figure:
 
 
 @styled
-def adapted_figure(study: Study) -> Figure:
-    """Figs 10 to 12: position, position error and control while the plan's law adapts, beside the same wrong model without adaptation."""
-    law, runs = study.adapted.adaptation.law, study.adapted.runs
-    return _courses(study, {"wrong model": runs["not adapted"], f"adapted ({law})": runs[law]})
-
-
-@styled
 def adaptation_map_figure(study: Study) -> Figure:
-    """Where the adapted parameters end, as heat maps with numbers: rate vs frequency, and amplitude vs frequency."""
+    """Final values of the adapted parameters as heat maps with numbers: rate and amplitude, vs frequency."""
     m, kind = study.adaptation_map, study.loops[0].kind
     parameters = study.adapting.adaptation.parameters
     figure = new_figure(0.8 + 2.7 * len(parameters), width=6.6)
@@ -146,13 +132,13 @@ def _in_cell(ax: Axes, column: int, row: int, text: str, size: float, *, on_ligh
 
 
 def _above(ax: Axes, text: str, by: int, size: int) -> None:
-    """So many points above the axes, at their left."""
+    """A heading, this many points above the left end of the axes."""
     ax.annotate(text, (0.0, 1.0), (0, by), xycoords="axes fraction", textcoords="offset points", fontsize=size)
 
 
 @styled
 def ablation_figure(study: Study) -> Figure:
-    """RMS error relative to that without compensation: each compensator by share, encoder (rows of panels) and delay (columns), marked."""
+    """RMS error over that without compensation, by compensator and share; a panel per encoder (rows) and delay."""
     tried = [x for x in study.ablation if x.compensator != "none"]
     rows = list(dict.fromkeys(x.compensator for x in tried))
     bits_of, delays = (list(dict.fromkeys(k)) for k in ((x.encoder_bits for x in tried), (x.delay for x in tried)))
@@ -184,7 +170,7 @@ def ablation_figure(study: Study) -> Figure:
 
 @styled
 def band_figure(study: Study) -> Figure | None:
-    """The tracking error on joints that the identified covariance allows, and on the plant; None where there is no covariance."""
+    """The tracking error on joints drawn from the covariance, and on the plant; None without a covariance."""
     band, kind = study.band, study.loops[0].kind
     if band is None:
         return None
@@ -202,7 +188,7 @@ def band_figure(study: Study) -> Figure | None:
 
 @styled
 def replay_figure(study: Study, at: int) -> Figure:
-    """One replay: torque measured, predicted with gains of 1 and adapted, and the ratios vs time."""
+    """A replay: torque measured, predicted with gains of 1 and adapted, and the gains, vs time."""
     replay, loop = study.replays[at], study.loops[0]
     kind = loop.kind
     figure, (above, below) = panels(5.5, loop.name, loop.simulated, 2, sharex=True)

@@ -1,8 +1,8 @@
-"""Adaptation off line on measured motion: what the gains would have done, and what the torque predicted with them is worth.
+"""Off-line adaptation on measured runs.
 
-The measured velocity drives the model, as in the feedback scheme. The gains learn from an error of torque, converted to one of position by the loop's
-proportional gain: e = (T_model - T_measured) / K_p, rad, which has the sign of y - y_ref: a model that gives too little leaves the joint behind.
-So the rates are those of the loop. A run with gaps is replayed segment by segment, the gains continuing from one to the next.
+The measured velocity drives the model, as in the feedback scheme. The gains learn from the torque error, converted to a
+position error by the loop's proportional gain: e = (T_model - T_measured) / K_p, rad, which has the sign of y - y_ref.
+So the rates are those of the loop. A run with gaps is replayed segment by segment, the gains continue.
 """
 
 from dataclasses import dataclass
@@ -28,34 +28,26 @@ from bristle.model.rollout import rollout
 from bristle.model.vectorize import chained
 from bristle.simulation.joint_loop import JointLoop
 
-_MOVED = 0.01  # a gain that differs from 1, or from a limit, by no more than this share is there
+_MOVED = 0.01  # largest relative difference of a gain that counts as at 1, or at its limit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replay:
-    """One run, replayed with the gains adapted and with gains of 1; arrays over its samples."""
+    """One run, replayed with adapted gains and with gains of 1; arrays over its n samples."""
 
     file: str
-    begun: str
-    """`identified`, or the shares at which the model began."""
-    time: Array
-    """s, (n,)."""
-    velocity: Array
-    """rad/s, (n,)."""
-    measured: Array
-    """Measured friction torque: without inertia, offset and gravity, N*m, (n,)."""
-    fixed: Array
-    """Predicted with gains of 1, N*m, (n,)."""
-    adapted: Array
-    """Predicted with the gains of each instant, N*m, (n,)."""
-    theta: Array
-    """Shares of the identified parameters, (parameters, n)."""
-    start: Array
-    """Those at which it began, (parameters,)."""
+    begun: str  # `identified`, or the initial ratios to the identified parameters
+    time: Array  # s, (n,)
+    velocity: Array  # rad/s, (n,)
+    measured: Array  # friction torque: measured without inertia, offset and gravity, N*m, (n,)
+    fixed: Array  # predicted with gains of 1, N*m, (n,)
+    adapted: Array  # predicted with adapted gains, N*m, (n,)
+    theta: Array  # ratios to the identified parameters, (parameters, n)
+    start: Array  # initial ratios, (parameters,)
     adaptation: Adaptation
 
     def relative_errors(self) -> tuple[float, float]:
-        """100 norm(measured - predicted) / norm(measured) with gains of 1, and adapted, over the second half, percent."""
+        """100 norm(measured - predicted) / norm(measured) of the second half, gains of 1 and adapted, percent."""
         late, norm = slice(self.time.size // 2, None), np.linalg.norm
         over = float(norm(self.measured[late])) or 1.0
         before, after = (100 * float(norm((self.measured - x)[late])) / over for x in (self.fixed, self.adapted))
@@ -63,12 +55,12 @@ class Replay:
 
     @property
     def ratios(self) -> tuple[tuple[str, float], ...]:
-        """Where the gains end, as shares of the identified parameters, by name."""
+        """Each parameter with its final ratio to the identified value."""
         return tuple(zip(self.adaptation.parameters, self.theta[:, -1].tolist(), strict=True))
 
     @property
     def shares(self) -> str:
-        """The same in words."""
+        """`ratios` in words."""
         return ", ".join(f"{name} {share:.3g}" for name, share in self.ratios)
 
     @property
@@ -85,13 +77,13 @@ class Replay:
                 "otherwise leave it off, or lower gamma."
             )
             return Finding("gain-at-limit", CAUTION, message, numbers)
-        if self.begun == "identified" and before > 50.0:  # percent: such a run is not described by it
+        if self.begun == "identified" and before > 50.0:  # percent
             message = (
                 f"The identified model leaves {before:.3g} % of this run's friction torque unexplained ({after:.3g} % adapted): check "
                 "units, sign and columns of the run; until then its gains mean nothing."
             )
             return Finding("model-unfit", CAUTION, message, {"before": before, "after": after})
-        little = max(0.3, 0.02 * before)  # percentage points of the torque: a smaller difference is none
+        little = max(0.3, 0.02 * before)  # largest difference that counts as none, percentage points
         if after < before - little:
             return Finding("adaptation-helps", NOTE, f"It helps here: {left}, at ratios {self.shares}.", numbers)
         if after <= before + little:
@@ -102,13 +94,13 @@ class Replay:
 
 
 def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, ...]:
-    """Every tracking run, held-out too: by the loop's law from the identified model and from the wrong start, by the total one from the former."""
+    """Replays of tracking runs: by the loop's law from the identified and the wrong model, by its diagnostic law."""
     held, _ = inertia(measured.experiment)
     known = {INERTIA: loop.J} | (joint.moving.known if joint.moving is not None else {})
     wrong = ", ".join(f"{share:g} {name}" for name, share in loop.start.items())
     ways = [("identified", loop.model, loop.adaptation), (wrong, loop.wrong_start(loop.model), loop.adaptation)]
     ways += [("identified", loop.model, loop.diagnostic_law)] if loop.diagnostic_law else []
-    fitted = regressors_of([name.name for name in known], joint.kind)  # with the orders that were found
+    fitted = regressors_of([name.name for name in known], joint.kind)
     rises = rises_of(joint)
     loads = (name for name, terms in LEVELS.items() if {*terms.names} == {*rises})
     own = (*regressors(measured.experiment), *(x for x in fitted if x not in REGRESSORS), *loads)
@@ -117,7 +109,7 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
         problem = dynamic_problem([record], ("both",), asked, 1, held)
         extra = np.array([known.get(name, 0.0) for name in problem.extra_names])
         weights = {name.name: x for name, x in zip(problem.extra_names, extra.tolist(), strict=True)}
-        levels = []  # what the load along each motion adds to alpha_0, N*m, (n,)
+        levels = []  # rise of alpha_0 with the load along each motion, N*m, (n,)
         for m in problem.motions:
             terms = () if m.load is None else m.load.levels
             columns = np.zeros((0, m.velocity.size)) if m.load is None else m.load.by(weights)[0]

@@ -1,4 +1,4 @@
-"""The report of joints that were compensated: the paper's experiments, what goes beyond them, and replays of measured runs."""
+"""The report of a compensation study."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -15,41 +15,38 @@ from bristle.model.parameters import unit
 from bristle.page.page import Drawing, begun
 from bristle.page.report import Report, Section, Table
 from bristle.page.wording import in_print, number, pretty, symbol
-from bristle.questions.compensation import figures, paper_experiments
+from bristle.questions.compensation import experiments, figures
 from bristle.questions.compensation.study import WORSE, Study, adverse, outcomes_of, thousandths
 from bristle.workers import Share
 
 _MOST_REPLAYS = 6  # replays drawn; the table has all
 _Draw = Callable[[Study], Figure | None]
-_Show = Callable[..., Section]
-"""Makes a section of its title, what draws a study, the kind of figure that this is, and its caption."""
+_Show = Callable[..., Section]  # `show` of `sections`
 
 
 def report(study: Study) -> Report:
-    """All that was tried; the terminal has each error, where each adapted parameter ends, and the verdict on each replay."""
+    """The whole study; the terminal has each error, each final adapted parameter and each replay's verdict."""
     names = [loop.name for loop in study.loops]
     return Report(
         f"Friction compensation of {names[0] if len(names) == 1 else f'{len(names)} joints'}",
-        sections(study),
-        about="LuGre feed-forward and its adaptation.",
+        sections(study), about="LuGre feed-forward and its adaptation.",
         simulated="The joint was not measured but simulated." if study.loops[0].simulated else "",
-        seed=SEED,
-        tables=study.tables(),
-    )
+        seed=SEED, tables=study.tables(),
+    )  # fmt: skip  # a list of values
 
 
 def sections(study: Study, share: Share | None = None) -> tuple[Section, ...]:
-    """What a page says of it, its figures begun by whoever shares the work; their tables are those of the study."""
+    """The sections of its page; with `share` the figures begin to be drawn at once."""
 
     def show(title: str, draw: _Draw, kind: str, caption: str, table: Table | None = None, **more: Any) -> Section:
-        """A section with a figure, marked SIMULATED where nothing else is said."""
+        """A section with a figure, SIMULATED unless said otherwise."""
         label, more = f"{kind} of {study.loops[0].name}, compensated", {"simulated": True, **more}
         made = Drawing(partial(draw, study), f"compensation-{kind}", label, caption, **more)
         return Section(title, figure=begun(made, share) if share else made, table=table)
 
-    # Every compensator, and how many of the cases fail, by how; its figure takes longest.
-    rows, ways = study.ablation, ("limit_cycle", "over_compensated", "diverges")
-    cycling, leading, diverging = (sum(getattr(x, way) for x in rows) for way in ways)
+    # The comparison of compensators comes first, because its figure takes longest.
+    rows, failures = study.ablation, ("limit_cycle", "over_compensated", "diverges")
+    cycling, leading, diverging = (sum(getattr(x, failure) for x in rows) for failure in failures)
     caption = (
         f"{cycling} of {len(rows)} cases end in a limit cycle, {leading} over-compensate, {diverging} diverge. RMS error in percent of that "
         "without compensation, moving back and forth by the amplitude; encoders with 2^bits counts in 2π amplitudes, delays in control periods. "
@@ -60,12 +57,24 @@ def sections(study: Study, share: Share | None = None) -> tuple[Section, ...]:
     ablation = show(title, figures.ablation_figure, "ablation", caption, data="ablation")
     frames = study.tables()
     heading, *parts = *_opening(study), *_replays(study, frames, show), *_errors(study, show)
-    parts += [*_adaptation(study, frames, show), *_beyond(study, frames), ablation, *_band(study, show)]
+    parts += [*_adaptation(study, frames, show), ablation]
+    if (band := study.band) is not None:
+        q, simulated, span = thousandths(study), study.loops[0].simulated, band.rms_systematic
+        (low, middle, high), actual = (f"{1e3 * x:.3g}" for x in band.rms), f"{1e3 * band.rms_actual:.3g}"
+        ends = " to ".join(f"{1e3 * x:.3g}" for x in span or ())
+        alone = f", of which the errors of constants alone make {ends} {q}" if span else ""
+        caption = (
+            f"RMS position error {middle} {q} with the identified model, in 95 % of cases from {low} to {high} {q}, on {band.joints} joints "
+            f"drawn from the identified covariance of friction and inertia{' and the errors of constants' * bool(span)} (seed {SEED}){alone}; "
+            f"on {'the true joint' if simulated else 'the joint as identified'} {actual} {q}."
+        )
+        title = "Effect of the parameters' uncertainty on the tracking error"
+        parts.append(show(title, figures.band_figure, "band", caption))
     return (heading, *(replace(x, form="part") for x in parts))
 
 
 def _opening(study: Study) -> Iterator[Section]:
-    """What compensation is worth, what speaks against it, and what is assumed."""
+    """The worth of compensation, the cases against it, and the assumptions."""
     first = study.loops[0]
     yield Section(
         f"Compensation of {first.name}",
@@ -76,26 +85,8 @@ def _opening(study: Study) -> Iterator[Section]:
         id="compensation",
     )
     yield Section("", findings=(_worth(study),), lines=())
-    if against := (*adverse(study), *_as_good(study)):
-        yield Section("Where less does as well", findings=against, coded=True, lines=())
-    assumed = f"Assumed, not measured{', and not in the paper' * study.paper}"
-    yield Section(assumed, findings=tuple(first.assumptions), lines=())
-
-
-def _worth(study: Study) -> Finding:
-    """What LuGre feed-forward does to the first error, in numbers: that of the slow reference, without inertia feed-forward."""
-    row, q = study.errors[0], thousandths(study)
-    without, identified, percent = 1e3 * row.without, 1e3 * row.identified, 100 * row.identified / row.without
-    numbers = {"joint": row.joint, "frequency": row.frequency, "without": without, "identified": identified}
-    change = f"the RMS error of {row.joint} at {row.frequency:g} Hz from {without:.3g} {q} to {identified:.3g} {q} ({percent:.2g} %)."
-    if row.identified < row.without:
-        return Finding("error-reduced", NOTE, f"LuGre feed-forward reduces {change}", numbers)
-    return Finding("error-increased", CAUTION, f"LuGre feed-forward increases {change}", numbers)
-
-
-def _as_good(study: Study) -> Iterator[Finding]:
-    """Where the steady curve compensates as well as LuGre: the motion shows little of the bristle."""
-    best, first = (max(row.encoder_bits for row in study.ablation), 0, 1.0), study.loops[0]
+    # The steady curve compensates as well as LuGre where the motion shows little of the bristle.
+    best, against = (max(row.encoder_bits for row in study.ablation), 0, 1.0), [*adverse(study)]
     tried = [x for x in study.ablation if (x.encoder_bits, x.delay, x.share) == best and not x.diverges]
     rms = {row.compensator: row.rms_error for row in tried}
     stribeck, lugre = (rms.get(f"{name}, reference velocity") for name in ("Stribeck", "LuGre"))
@@ -105,11 +96,26 @@ def _as_good(study: Study) -> Iterator[Finding]:
             f"{1e3 * lugre:.3g} {thousandths(study)}, both driven by the reference velocity, with the finest encoder and no delay."
         )
         numbers = {"joint": first.name, "stribeck": 1e3 * stribeck, "lugre": 1e3 * lugre}
-        yield Finding("stribeck-as-good", NOTE, message, numbers)
+        against.append(Finding("stribeck-as-good", NOTE, message, numbers))
+    if against:
+        yield Section("Where less does as well", findings=tuple(against), coded=True, lines=())
+    assumed = f"Assumed, not measured{', and not in the paper' * study.paper}"
+    yield Section(assumed, findings=tuple(first.assumptions), lines=())
+
+
+def _worth(study: Study) -> Finding:
+    """The effect of LuGre feed-forward on the RMS error at the slow reference, without inertia feed-forward."""
+    row, q = study.errors[0], thousandths(study)
+    without, identified, percent = 1e3 * row.without, 1e3 * row.identified, 100 * row.identified / row.without
+    numbers = {"joint": row.joint, "frequency": row.frequency, "without": without, "identified": identified}
+    change = f"the RMS error of {row.joint} at {row.frequency:g} Hz from {without:.3g} {q} to {identified:.3g} {q} ({percent:.2g} %)."
+    if row.identified < row.without:
+        return Finding("error-reduced", NOTE, f"LuGre feed-forward reduces {change}", numbers)
+    return Finding("error-increased", CAUTION, f"LuGre feed-forward increases {change}", numbers)
 
 
 def _replays(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -> Iterator[Section]:
-    """Where the gains end on each measured run, and whether to switch the adaptation on."""
+    """The final gains on each measured run, and whether to switch the adaptation on."""
     if not study.replays:
         return
     started = [(x, "the identified model" if x.begun == "identified" else x.begun) for x in study.replays]
@@ -125,7 +131,7 @@ def _replays(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -> I
     yield Section(
         "Would adaptation help? Replays of the measured runs",
         text="The measured velocity drives the model; the gains adapt to the error of its torque divided by K_p, as in the loop. The table "
-        f"shows where they end, and how much of the friction torque is then unexplained.\n\nThe rows of the {study.adapted.adaptation.law} law "
+        f"shows where they end, and how much of the friction torque is then unexplained.\n\nThe rows of the {study.adapting.adaptation.law} law "
         "that are initialised at the identified model answer whether to switch it on. To see which parameter changed, read the row of the "
         "total law: the gradients of α₀ and α₂ by the partial law are nearly proportional, so it corrects the torque but divides a change "
         "between the two. The rows from wrong values show how closely the law returns to the identified ones.",
@@ -143,14 +149,15 @@ def _replays(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -> I
 
 
 def _errors(study: Study, show: _Show) -> Iterator[Section]:
-    """Figs 5 to 8: one sinusoidal reference over time, and the errors at each."""
+    """Figs 5 to 8: a sinusoidal reference vs time, and the RMS errors."""
     worth, q, paper = in_print(_worth(study)), thousandths(study), "Figs 5 to 7" * study.paper
     followed = (
         f"{worth} Reference and position, position error, and control, without friction compensation (dashed) and with LuGre feed-forward of "
         "the identified model (solid)."
     )
     title = f"{paper or 'With and without'}: a sinusoidal reference"
-    yield show(title, figures.followed_figure, "followed", followed, paper=paper)
+    runs = {"without": study.followed["without"], "with compensation": study.followed["with"]}
+    yield show(title, partial(figures.courses_figure, runs=runs), "followed", followed, paper=paper)
     errors = (
         f"{worth} RMS position error from 10 s to 30 s, no inertia feed-forward. A large error left at a fast reference comes from the "
         "inertia, not from friction: the table has both."
@@ -167,8 +174,8 @@ def _errors(study: Study, show: _Show) -> Iterator[Section]:
 
 
 def _adaptation(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -> Iterator[Section]:
-    """Table 2 and Figs 9 to 12: from wrong parameters, by each law; then where others end."""
-    loop, settled = study.adapting, paper_experiments.SETTLE
+    """Table 2 and Figs 9 to 12: adaptation from wrong parameters; then maps, drift and other controllers."""
+    loop, settled = study.adapting, experiments.SETTLE
     a, q = loop.adaptation, thousandths(study)
     initial = " and ".join(f"{share} {symbol(name)}" for name, share in loop.start.items())
     laws = (
@@ -193,12 +200,14 @@ def _adaptation(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -
         "law. Adapted factors vs time, by each law."
     )
     yield show("", figures.gains_figure, "gains", gains, data="table_2", paper="Fig. 9" * study.paper)
-    before, after = (1e3 * float(study.adapted.runs[way].rms_error(settled)[0]) for way in ("not adapted", a.law))
+    runs = {"wrong model": study.adapted.runs["not adapted"], f"adapted ({a.law})": study.adapted.runs[a.law]}
+    before, after = (1e3 * float(run.rms_error(settled)[0]) for run in runs.values())
     adapted = (
         f"RMS position error after {settled:g} s: {number(before, 3)} {q} not adapted, {number(after, 3)} {q} adapted by the {a.law} law. "
         f"Position, position error and control with the wrong model, not adapted (dashed) and adapted by the {a.law} law (solid)."
     )
-    yield show("", figures.adapted_figure, "adapted", adapted, paper="Figs 10 to 12" * study.paper)
+    figure = partial(figures.courses_figure, runs=runs)
+    yield show("", figure, "adapted", adapted, paper="Figs 10 to 12" * study.paper)
 
     m, spans = study.adaptation_map, []
     for k, name in enumerate(a.parameters):  # over the loops that do not diverge
@@ -212,10 +221,6 @@ def _adaptation(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -
     )
     title = "Adapted values vs rate, amplitude and frequency"
     yield show(title, figures.adaptation_map_figure, "landings", landings, data="adaptation_map")
-
-
-def _beyond(study: Study, frames: Mapping[str, pd.DataFrame]) -> Iterator[Section]:
-    """What no figure shows: friction that drifts, and other controllers."""
     yield Section(
         "Friction that drifts",
         text="α₀ and α₂ of the plant rise by half over 30 s. Known: the model drifts with the plant, the best that adaptation can reach. "
@@ -231,25 +236,8 @@ def _beyond(study: Study, frames: Mapping[str, pd.DataFrame]) -> Iterator[Sectio
     )
 
 
-def _band(study: Study, show: _Show) -> Iterator[Section]:
-    """The tracking error on joints that the identified covariance allows, where there is one."""
-    band, q, simulated = study.band, thousandths(study), study.loops[0].simulated
-    if band is None:
-        return
-    (low, middle, high), actual = (f"{1e3 * x:.3g}" for x in band.rms), f"{1e3 * band.rms_actual:.3g}"
-    of_constants, span = " and the errors of constants" * bool(band.rms_systematic), band.rms_systematic or ()
-    ends = " to ".join(f"{1e3 * x:.3g}" for x in span)
-    alone = f", of which the errors of constants alone make {ends} {q}" if span else ""
-    caption = (
-        f"RMS position error {middle} {q} with the identified model, in 95 % of cases from {low} to {high} {q}, on {band.joints} joints drawn "
-        f"from the identified covariance of friction and inertia{of_constants} (seed {SEED}){alone}; on "
-        f"{'the true joint' if simulated else 'the joint as identified'} {actual} {q}."
-    )
-    yield show("Effect of the parameters' uncertainty on the tracking error", figures.band_figure, "band", caption)
-
-
 def _part(study: Study, frame: pd.DataFrame) -> pd.DataFrame:
-    """A table as the page shows it: under other names, errors in thousandths."""
+    """A table of the page, with its headings; errors in thousandths."""
     q, T = thousandths(study), pretty(unit("torque", study.loops[0].kind))
     small = {
         "without": f"without ({q})", "true_model": f"true ({q})", "identified_model": f"identified ({q})", "adaptive": f"adaptive ({q})",

@@ -1,4 +1,4 @@
-"""Everything that is tried of one or more joints: the paper's experiments, what goes beyond them, and replays of measured runs."""
+"""The compensation study of one or more joints: the paper's experiments, other studies, replays of measured runs."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -10,10 +10,9 @@ from bristle.findings import CAUTION, NOTE, Finding
 from bristle.model.parameters import unit
 from bristle.progress import Progress, teller
 from bristle.questions.compensation import ablation as ablating
-from bristle.questions.compensation import paper_experiments, parameter_studies
+from bristle.questions.compensation import experiments
 from bristle.questions.compensation.ablation import AblationRow
-from bristle.questions.compensation.paper_experiments import Adapted, Errors
-from bristle.questions.compensation.parameter_studies import AdaptationMap, Band, Controlled, Drift
+from bristle.questions.compensation.experiments import AdaptationMap, Adapted, Band, Controlled, Drift, Errors
 from bristle.questions.compensation.replay import Replay
 from bristle.simulation.edro import TABLE_2_ADAPTED
 from bristle.simulation.joint_loop import JointLoop, one_way
@@ -22,16 +21,16 @@ from bristle.workers import Share, called
 if TYPE_CHECKING:
     import pandas as pd
 
-WORSE = 1.1  # an error so many times another is larger; a smaller one is as good
+WORSE = 1.1  # least ratio of two RMS errors at which they count as different
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Study:
-    """What was tried. Errors and drifts are of every joint, all else of the first."""
+    """Results of a compensation study. Errors and drifts are of every joint, all else of the first."""
 
     loops: tuple[JointLoop, ...]
     adapting: JointLoop
-    """The first joint as the adaptation has it: the paper's Table 2 has the positive friction in both directions."""
+    """The first joint with the friction of the adaptation: in the paper's Table 2 the positive one both ways."""
     paper: bool
     """Whether these are the paper's joints and experiments."""
     errors: tuple[Errors, ...]
@@ -45,7 +44,7 @@ class Study:
     replays: tuple[Replay, ...] = ()
 
     def to_frame(self) -> "pd.DataFrame":
-        """Fig. 8: a row for each joint, frequency and inertia feed-forward; errors in rad (m), torques in N*m (N), and what is left of the error."""
+        """Fig. 8: a row per joint, frequency and inertia feed-forward; errors in rad (m), torques in N*m (N)."""
         import pandas as pd
 
         rows = [(*x, *(share / x.without for share in (x.true, x.identified, x.adaptive))) for x in self.errors]
@@ -56,10 +55,10 @@ class Study:
         return pd.DataFrame(rows, columns=columns)
 
     def tables(self) -> "dict[str, pd.DataFrame]":
-        """Every table by the name of its file; errors in rad (m), torques in N*m (N), energy in J, what replays leave unexplained in percent."""
+        """Tables by file name; errors in rad (m), torques in N*m (N), energy in J, errors of replays in percent."""
         import pandas as pd
 
-        # Table 2: the original value of each adapted parameter under each law, and initial, early and final shares, the paper's beside them.
+        # Table 2: original value of each adapted parameter, and initial, early, final and the paper's ratio to it.
         plan, paper = self.adapting, TABLE_2_ADAPTED if self.paper else {}
         p, kind = plan.model.positive, plan.kind
         table_2 = [
@@ -67,7 +66,7 @@ class Study:
             for x in self.adapted.factors
         ]  # fmt: skip  # one row, one line
         of_table_2 = ["law", "parameter", "original", "unit", "initial", "at_4_s", "at_20_s", "paper"]
-        # Where adapted parameters end over rate and frequency, and over amplitude and frequency.
+        # Final ratios over rate and frequency, and over amplitude and frequency.
         m, top = self.adaptation_map, max(plan.adaptation.gamma)
         by_gamma = ([(g, plan.amplitude) for g in m.gammas.tolist()], m.by_gamma)
         by_amplitude = ([(top, a) for a in m.amplitudes.tolist()], m.by_amplitude)
@@ -96,37 +95,33 @@ class Study:
 def study(
     loops: Sequence[JointLoop], replays: Sequence[Replay] = (), progress: Progress | None = None, *, paper: bool = False
 ) -> Study:
-    """Run all of it; for the `paper`'s joints its Table 2 as it has that.
-
-    Raises InputError where a loop cannot be run: a control period longer than it bears.
-    """
+    """The study of some loops; `paper`: with its Table 2. Raises InputError where a loop cannot be run."""
     return begin_study(loops, replays, progress, map, paper=paper)()
 
 
 def begin_study(
     loops: Sequence[JointLoop], replays: Sequence[Replay], progress: Progress | None, share: Share, *, paper: bool
 ) -> Callable[[], Study]:
-    """`study`, begun by whoever shares the work; what is returned waits for the end, and raises what `study` does."""
+    """Begin `study` in the processes of `share`; the function returned waits for the end, and raises as `study`."""
     first = loops[0]
     adapting = one_way(first) if paper else first
     of_first: dict[str, partial[Any]] = {  # the longest first
         "ablation": partial(ablating.ablate, first),
-        "adaptation_map": partial(parameter_studies.map_adaptation, adapting),
-        "band": partial(parameter_studies.band, first),
-        "adapted": partial(paper_experiments.adapted, adapting),
-        "controllers": partial(parameter_studies.compare_controllers, first),
-        "followed": partial(paper_experiments.followed, first),
+        "adaptation_map": partial(experiments.map_adaptation, adapting),
+        "band": partial(experiments.band, first),
+        "adapted": partial(experiments.adapted, adapting),
+        "controllers": partial(experiments.compare_controllers, first),
+        "followed": partial(experiments.followed, first),
     }
     of_each: dict[str, Callable[[JointLoop], tuple[Any, ...]]] = {
-        "errors": paper_experiments.errors,
-        "drifts": parameter_studies.drifts,
+        "errors": experiments.errors,
+        "drifts": experiments.drifts,
     }
     parts = list(of_first.items())
     parts += [(name, partial(run, loop)) for name, run in of_each.items() for loop in loops]
     results = iter(share(called, [run for _, run in parts]))
 
     def ended() -> Study:
-        """All of it, once it has come."""
         found: dict[str, Any] = dict.fromkeys(of_each, ())
         tell = teller(progress, len(parts))
         for name, _ in parts:
@@ -139,7 +134,7 @@ def begin_study(
 
 
 def outcomes_of(study: Study) -> Iterator[Finding]:
-    """What compensation does to each error without inertia feed-forward, and where each adapted parameter ends."""
+    """The effect of compensation on each error without inertia feed-forward, and the final adapted parameters."""
     first, q = study.loops[0], thousandths(study)
     for row in study.errors:
         if not row.inertia:
@@ -162,8 +157,8 @@ def outcomes_of(study: Study) -> Iterator[Finding]:
 
 
 def worth_of_each(study: Study) -> Iterator[tuple[str, str]]:
-    """Per joint the RMS error of its slowest sine without and with the identified model."""
-    for row in reversed(study.errors):  # the first of a joint is its slowest, and stays
+    """Name of each joint, and the RMS error at its slowest sine without and with the identified model."""
+    for row in reversed(study.errors):  # the slowest sine of a joint comes last, and replaces the others
         if not row.inertia:
             without, fed = (f"{1e3 * x:.3g} {thousandths(study)}" for x in (row.without, row.identified))
             error = f"RMS position error (SIMULATED) at {row.frequency:g} Hz"
@@ -171,7 +166,7 @@ def worth_of_each(study: Study) -> Iterator[tuple[str, str]]:
 
 
 def adverse(study: Study) -> Iterator[Finding]:
-    """Where adaptation leaves a larger error than the identified model alone does, by a tenth or more."""
+    """Errors that adaptation makes larger than the identified model alone does, by `WORSE`."""
     for row in study.errors:
         if row.adaptive > WORSE * row.identified and not row.inertia:
             identified, adaptive, q = 1e3 * row.identified, 1e3 * row.adaptive, thousandths(study)
@@ -182,5 +177,5 @@ def adverse(study: Study) -> Iterator[Finding]:
 
 
 def thousandths(study: Study) -> str:
-    """The unit of a position error in thousandths: mrad (mm)."""
+    """Unit of a position error on the page: mrad (mm)."""
     return f"m{unit('position', study.loops[0].kind)}"

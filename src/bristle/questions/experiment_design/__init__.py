@@ -1,1 +1,1 @@
-"""What to measure next."""
+"""Design of the next measurements of a joint."""

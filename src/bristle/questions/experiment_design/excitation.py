@@ -1,7 +1,4 @@
-"""Along which motion to drive the joint next: what a motion should tell, and the best found.
-
-The motion is a sum of sines; its information is J'J / noise**2 with J = dT/dp through the bristle.
-"""
+"""Design of the tracking motion, a sum of sines with the information J'J / noise**2, J = dT/dp through the bristle."""
 
 from dataclasses import dataclass, replace
 
@@ -21,75 +18,60 @@ from bristle.simulation.references import Multisine
 
 LINES = 6  # sines of a motion
 SEED = 0
-TRIES, STEPS = 30, 500  # motions to begin with, and exchanges tried from the best of them
-_REACH = (0.02, 0.4)  # least and largest standard deviation of an exchange, as a share of the range
-_ROUGH = 10.0
-"""Nodes so many times farther apart while motions are compared: errors a few percent off, in a quarter of the time."""
+TRIES, STEPS = 30, 500  # random motions, and exchanges from the best of them
+_REACH = (0.02, 0.4)  # least and largest standard deviation of an exchange, over the range
+_ROUGH = 10.0  # coarsening while motions are compared: errors within a few percent in a quarter of the time
 _UNSURE = 1.0  # standard deviation of the logarithm of a guess
-_GOOD = 0.97  # of each limit is used, for what lies between samples
+_GOOD = 0.97  # used share of each limit, because of peaks between samples
 
 
 @result
 class MotionDesign:
-    """A motion to track, and what it should tell."""
+    """A motion to track, and the expected errors."""
 
-    lines: Multisine
-    """As they are played: scaled to the limits."""
-    duration: float
-    """s."""
-    torque: float
-    """Largest of the drive that it takes, N*m."""
-    errors: Array
-    """Expected standard errors, what is known before included, (p,); inf where not seen."""
+    lines: Multisine  # scaled to the limits
+    duration: float  # s
+    torque: float  # largest torque of the drive, N*m
+    errors: Array  # expected standard errors with the prior, (p,); inf: not identifiable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionProblem:
-    """What a motion is judged by."""
+    """The problem that a motion is to solve."""
 
-    sets: tuple[Pair[float] | Lugre[float], ...]
-    """The estimate, then what else the joint may be."""
+    sets: tuple[Pair[float] | Lugre[float], ...]  # the estimate, then other plausible joints
     inertias: tuple[float, ...]
-    prior_information: Array
-    """Before it, (p, p)."""
-    noise: float
-    """Of an equation, N*m."""
-    step: float
-    """Time between equations, s."""
+    prior_information: Array  # (p, p)
+    noise: float  # of an equation, N*m
+    step: float  # time between equations, s
     limits: Limits
-    duration: float
-    """s."""
-    aims: tuple[int, ...]
-    """Of which parameters the errors count."""
+    duration: float  # s
+    aims: tuple[int, ...]  # indices of the parameters whose errors count
 
 
 def motion_problem(start: Start, limits: Limits, prior_information: Array, aim: str, duration: float) -> MotionProblem:
-    """What the tracking motion is judged by, for a parameter, in both directions, or `all`; other joints are drawn where parameters are unsure."""
+    """The problem for a parameter or `all`; other plausible joints are drawn where parameters are unsure."""
     relative = covariance(start.known)[0] / np.abs(start.estimate)
     guessed = np.array([name in start.guessed for name in start.names])
     spread = np.where(guessed, _UNSURE, np.where(np.isfinite(relative), np.minimum(relative, _UNSURE), 0.0))
     rng = np.random.default_rng(SEED)
-    others = 2 if spread.max() > 0.2 else 0  # too unsure for a motion that is the best at the estimate alone
+    others = 2 if spread.max() > 0.2 else 0
     drawn = [
         start.estimate,
         *(start.estimate * np.exp(spread * rng.standard_normal(spread.size)) for _ in range(others)),
     ]
-    # finer than the equations where it must be, of as much noise
+    # Samples may be finer than the equations, with the same information.
     step = min(start.equation_step, 1 / (SAMPLES * limits.frequency))
     return MotionProblem(
-        sets=tuple(map(start.at, drawn)),
-        inertias=tuple(float(x[-1]) for x in drawn),
-        prior_information=prior_information,
-        noise=start.equation_noise * float(np.sqrt(start.equation_step / step)),
-        step=step,
-        limits=limits,
-        duration=duration,
+        sets=tuple(map(start.at, drawn)), inertias=tuple(float(x[-1]) for x in drawn),
+        prior_information=prior_information, noise=start.equation_noise * float(np.sqrt(start.equation_step / step)),
+        step=step, limits=limits, duration=duration,
         aims=tuple(k for k, n in enumerate(start.names) if n not in start.given and aim in ("all", n.name)),
-    )
+    )  # fmt: skip  # a list of values
 
 
 def errors_of_measured(measured: Measured, problem: MotionProblem) -> Array | None:
-    """Errors to expect, (p,), after the longest motion measured so far in place of the planned one, and as long; None where there is none."""
+    """Expected errors, (p,), with the longest motion measured so far in place of the planned one; None without one."""
     parts = [(record, part) for record in measured.moving(hold_out=False) for part in between_gaps(record)]
     record, part = max(parts, key=lambda x: x[1].stop - x[1].start, default=(None, slice(0)))
     if record is None or record.velocity is None or record.acceleration is None:
@@ -102,13 +84,13 @@ def errors_of_measured(measured: Measured, problem: MotionProblem) -> Array | No
 
 
 def course(lines: Multisine, limits: Limits, duration: float, step: float) -> Reference:
-    """The motion about the middle of the positions, faded in and out; scaled down where it would leave a limit."""
+    """The motion about the middle of the positions, faded in and out, and scaled to the limits."""
     found = _faded(limited(lines, limits, duration, step), duration, step)
     return found._replace(position=(limits.position[0] + limits.position[1]) / 2 + found.position)
 
 
 def limited(lines: Multisine, limits: Limits, duration: float, step: float) -> Multisine:
-    """The same sines scaled down by one factor where they would leave a limit of position, velocity or acceleration: as they are played."""
+    """The sines, scaled down by one factor to the limits of position, velocity and acceleration."""
     moved, most = _faded(lines, duration, step)[:3], (limits.travel / 2, limits.velocity, limits.acceleration)
     share = min(_GOOD * x / max(float(np.abs(own).max()), 1e-300) for x, own in zip(most, moved, strict=True))
     return lines._replace(amplitude=lines.amplitude * min(1.0, share))
@@ -121,14 +103,14 @@ def _faded(lines: Multisine, duration: float, step: float) -> Reference:
 
 
 def plain_lines(limits: Limits) -> Multisine:
-    """A plain multisine: frequencies spaced evenly in log(f), all sines of the same speed, Schroeder's phases."""
+    """A plain multisine: frequencies evenly spaced in log(f), equal speeds, Schroeder's phases."""
     frequency = np.geomspace(2.0 / 15.0, limits.frequency, LINES)
     k, amplitude = np.arange(LINES), limits.velocity / (2 * np.pi * frequency * np.sqrt(LINES))
     return Multisine(amplitude, frequency, -np.pi * k * (k - 1) / LINES)
 
 
 def evaluate_motion(lines: Multisine, problem: MotionProblem) -> MotionDesign:
-    """A motion with its sines as they are played, and what it should tell of each parameter, at the estimate."""
+    """A motion scaled to the limits, with the expected errors at the estimate."""
     lines = limited(lines, problem.limits, problem.duration, 1 / problem.limits.rate)
     run = course(lines, problem.limits, problem.duration, problem.step)
     matrix, torque = information(run.velocity, run.acceleration, problem)
@@ -137,7 +119,7 @@ def evaluate_motion(lines: Multisine, problem: MotionProblem) -> MotionDesign:
 
 
 def within_torque(lines: Multisine, problem: MotionProblem) -> Multisine:
-    """The same scaled down, where it would take more torque than the drive has, until it does not at the estimate."""
+    """The sines, scaled down to the drive's torque at the estimate."""
     for _ in range(20):
         run = course(lines, problem.limits, problem.duration, problem.step)
         _, torque = information(run.velocity, run.acceleration, problem, coarsening=_ROUGH)
@@ -149,11 +131,7 @@ def within_torque(lines: Multisine, problem: MotionProblem) -> Multisine:
 
 
 def best_motion(problem: MotionProblem, progress: Progress | None = None) -> MotionDesign:
-    """The sum of sines that shrinks the widest relative intervals: the best of the plain one and some at random, then random coordinate exchange.
-
-    Least log of the sum of squared relative standard errors of `aims`, averaged over `sets`. Amplitudes, frequencies
-    and phases are free; each step changes up to three of them, by less the longer none has helped.
-    """
+    """The sum of sines with the least squared relative errors of `aims`, mean over `sets`, by random exchange."""
     rng, limits = np.random.default_rng(SEED), problem.limits
     # Of each sine log(speed amplitude), log(frequency) and phase, within these bounds.
     ends = (np.log([0.5 * limits.slowest, limits.velocity]), np.log([0.1, limits.frequency]), np.array([0, 2 * np.pi]))
@@ -187,7 +165,7 @@ def _unpacked(x: Array) -> Multisine:
 
 
 def _cost(x: Array, problem: MotionProblem) -> float:
-    """The criterion; where the motion takes more torque than the drive has, it is worse by as much."""
+    """The criterion, with a penalty on torque beyond the drive's."""
     run = course(_unpacked(x), problem.limits, problem.duration, problem.step)
     total = 0.0
     for k, p in enumerate(problem.sets):
@@ -202,10 +180,7 @@ def _cost(x: Array, problem: MotionProblem) -> float:
 def information(
     velocity: Array, acceleration: Array, problem: MotionProblem, which: int = 0, coarsening: float = 1.0
 ) -> tuple[Array, float]:
-    """What a motion (n,) tells of all parameters at one of the problem's sets, (p, p), and its largest torque, N*m.
-
-    `coarsening` as in `rollout`.
-    """
+    """Information of a motion (n,) at one of the problem's sets, (p, p), and its largest torque, N*m."""
     p = problem.sets[which]
     rows = np.empty((len(fields_of(p.law)) * (1 if isinstance(p, Lugre) else 2) + 1, velocity.size))
     rolled = rollout_into(list(rows), velocity, problem.step, p, None, coarsening)  # the last: by the start, is steady

@@ -1,10 +1,9 @@
-"""A plan as matplotlib figures."""
+"""Matplotlib figures of a plan."""
 
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -16,32 +15,22 @@ from bristle.page.style import DIRECTION, decimal_log, panels, styled, thinned
 from bristle.page.wording import axis, direction, symbol, two_digits
 from bristle.questions.experiment_design.plan import Plan
 
-CEILING = 200.0  # percent: an error beyond is drawn as this; nothing is seen of the parameter
-_APART, _ROW = 0.055, 0.085  # least distance of two counts in a row, and height of a row, as shares of the axes
+CEILING = 200.0  # percent: the largest error that is drawn
+_APART, _ROW = 0.055, 0.085  # least distance of two counts in a row, and height of a row, over the axes
 
 
 def _panels(plan: Plan, height: float, count: int = 1, **how: Any) -> tuple[Figure, list[Axes]]:
-    """Panels under the name of the plan's joint."""
     return panels(height, plan.joint.name, plan.joint.simulated, count, **how)
 
 
 def percentage(error: float) -> str:
-    """A relative standard error in percent, in two digits; one that is drawn at the ceiling as beyond it."""
+    """A relative standard error in percent, in two digits, at most `CEILING`."""
     return two_digits(error) if error < CEILING else f">{CEILING:g}"
-
-
-def _logarithmic(axis: Axis) -> None:
-    """A logarithmic axis with plain decimal labels: at 1, 2 and 5 where it spans little, at powers of ten where it spans much."""
-    low, high = axis.get_view_interval()
-    wide = high > 200 * low
-    axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0), numticks=12))
-    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    axis.set_minor_formatter(NullFormatter())
 
 
 @styled
 def velocities_figure(plan: Plan) -> Figure:
-    """The curve at the estimate, what was measured, what v_s may be, and the velocities to run with how often."""
+    """The curve at the estimate, measured points, plausible v_s, and the velocities to run, with their counts."""
     figure, axes = _panels(plan, 0.6 + 2.6 * len(plan.velocities), len(plan.velocities))
     for ax, velocities in zip(axes, plan.velocities, strict=True):
         p, problem, look = velocities.problem.p, velocities.problem, DIRECTION[velocities.direction]
@@ -58,7 +47,7 @@ def velocities_figure(plan: Plan) -> Figure:
         there = sign * evaluate(functions.steady_torque_function(p.law), speeds, *p.stribeck)[0]
         ax.plot(speeds, there, look.marker, color=look.colour, markersize=8, label="to run, how often")
         decimal_log(ax)
-        # How often each speed is run, above all that is drawn: in rows, so that neighbours do not meet.
+        # The number of runs above the curve, in rows, so that neighbours do not overlap.
         low, high = np.log(ax.get_xlim())
         across, last = (np.log(speeds) - low) / (high - low), list[float]()
         for speed, at, n in zip(speeds.tolist(), across.tolist(), counts.tolist(), strict=True):
@@ -82,7 +71,7 @@ def velocities_figure(plan: Plan) -> Figure:
 
 @styled
 def intervals_figure(plan: Plan) -> Figure:
-    """Relative standard error of each free parameter now and after each part of the plan, which have a row each."""
+    """Relative standard error of each free parameter, a row each, now and after each part of the plan."""
     names = [plan.start.names[k] for k in plan.free]
     relative = {stage: plan.percent(errors)[plan.free] for stage, errors in plan.standard_errors.items()}
     first, *_, last = (np.minimum(errors, CEILING) for errors in relative.values())
@@ -93,7 +82,10 @@ def intervals_figure(plan: Plan) -> Figure:
     for (label, errors), (colour, marker) in zip(relative.items(), looks, strict=True):
         ax.plot(np.minimum(errors, CEILING), y, marker, color=colour, markersize=6, label=label, clip_on=False)
     ax.set_xscale("log")
-    _logarithmic(ax.xaxis)
+    low, high = ax.xaxis.get_view_interval()  # labels at 1, 2 and 5 of a narrow axis, at powers of ten of a wide one
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0,) if high > 200 * low else (1.0, 2.0, 5.0), numticks=12))
+    ax.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_yticks(y, [symbol(name) for name in names])
     ax.set_ylim(-0.7, len(names) + 0.8)
     ax.set_xlabel("Standard error (% of the value)")

@@ -1,7 +1,7 @@
-"""How to load the joint below breakaway next, so that it shows sigma_0 best.
+"""Design of slow loading below breakaway, to determine sigma_0.
 
-At count edge k the torque T_k is read with noise, y(T_k; g0, sigma_0) = k q - y0, with y of `law.loading_displacement`
-and y0, where inside a count the joint rested, not known.
+At count edge k the torque T_k is read with noise: y(T_k; g0, sigma_0) = k q - y0, with y of `law.loading_displacement`
+and an unknown rest position y0.
 """
 
 from collections.abc import Sequence
@@ -18,12 +18,10 @@ from bristle.model.parameters import Direction, Lugre
 from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design.start import Start, inverse
 
-PEAKS = np.linspace(0.1, 0.8, 36)
-"""Where loading may turn, as shares of g0 = alpha_0 + alpha_1: above, a little noise in the torque is much
-displacement."""
+PEAKS = np.linspace(0.1, 0.8, 36)  # over g0 = alpha_0 + alpha_1; near 1 noise of the torque moves the joint far
 RISES = np.array([5.0, 8.0, 14.0, 25.0, 40.0])  # times to the peak, s
 CYCLES = 2  # rises in a run
-_TENTH = 0.1  # what torque noise of slow loading is referred to, s
+_TENTH = 0.1  # averaging time of the torque noise of slow loading, s
 
 
 @result
@@ -31,31 +29,23 @@ class LoadingDesign:
     """Slow loading of one direction."""
 
     direction: Direction
-    peak: float
-    """Torque where it turns, N*m."""
-    share: float
-    """Of g0."""
-    rise: float
-    """Time from zero to the peak, s."""
-    counts: float
-    """Encoder counts that the joint should move; inf: a count is not known."""
-    viscous_share: float
-    """Torque of sigma_1 and alpha_2 at the end of the rise, which the estimate neglects, as a share of its torque."""
-    noise_error: float
-    """Expected standard error of sigma_0 by noise alone, N*m/rad, of `CYCLES` rises; inf: not seen."""
-    error: float
-    """The same with `viscous_share` times sigma_0 counted as an error beside it (root of the sum of squares),
-    N*m/rad."""
+    peak: float  # torque where it turns, N*m
+    share: float  # of g0
+    rise: float  # time from zero to the peak, s
+    counts: float  # encoder counts that the joint should move; inf: a count is not known
+    viscous_share: float  # neglected torque of sigma_1 and alpha_2 at the end of the rise, over its torque
+    noise_error: float  # expected standard error of sigma_0 by noise, N*m/rad, of `CYCLES` rises; inf: not identifiable
+    error: float  # root of the sum of squares of that and `viscous_share` times sigma_0, N*m/rad
 
 
 def plan_loading(
     measured: Measured, joint: Joint, start: Start, direction: Direction, limits: Limits, share: float
 ) -> LoadingDesign:
-    """Slow loading in a direction, + or -, from what is known of the joint and the noise of its loadings so far."""
+    """Slow loading in a direction, + or -, by the estimates and the noise of the loadings so far."""
     p, hold_noise = start.p(direction), start.noise[start.direction_of(direction)]
     of_g0 = seen_covariance(start.known, start.indices(direction, ("alpha_0", "alpha_1")))
     g0_error = float(np.sqrt(of_g0.sum())) if of_g0.size else hold_noise
-    # What a tenth of a second's mean torque scatters by at the count edges of measured loadings, where there are enough.
+    # Noise of a tenth of a second's mean torque at the count edges of measured loadings, if there are enough.
     slow = joint.presliding.fits.get(direction) if joint.presliding else None
     g0, residuals = p.alpha_0 + p.alpha_1, []
     for loading in slow.loadings if slow else ():
@@ -75,15 +65,10 @@ def plan_loading(
 def design_loading(
     direction: Direction, p: Lugre[float], g0_error: float, noise: float, count: float, share: float = 1.0
 ) -> LoadingDesign:
-    """The peak and the rise of slow loading that show sigma_0 best; what the quasi-static estimate neglects counts as an error.
+    """The peak and rise with the least error of sigma_0.
 
-    Args:
-        direction: + or -.
-        p: the estimate.
-        g0_error: standard error of alpha_0 + alpha_1, N*m.
-        noise: torque noise of a tenth of a second's mean, white, N*m.
-        count: one encoder count, rad; 0: not known, edges then do not limit.
-        share: of the time in `RISES` that there is.
+    `g0_error`: standard error of alpha_0 + alpha_1, N*m; `noise`: of a tenth of a second's mean torque, N*m; `count`: of
+    the encoder, rad, or 0; `share`: of the times in `RISES`.
     """
     g0, rises = p.alpha_0 + p.alpha_1, share * RISES
     scatter, viscous, y = loading_errors(p, g0_error, noise, count, rises)
@@ -98,10 +83,8 @@ def design_loading(
     )  # fmt: skip  # a list of values
 
 
-def loading_errors(
-    p: Lugre[float], g0_error: float, noise: float, count: float, rises: Array
-) -> tuple[Array, Array, Array]:
-    """Standard error of sigma_0 by noise and the viscous share, of each rise and each of `PEAKS`, (m, k); displacement at these, (k,)."""
+def loading_errors(p: Lugre[float], g0_error: float, noise: float, count: float, rises: Array) -> tuple[Array, ...]:
+    """Standard error of sigma_0 by noise, and viscous share, by rise and peak, (m, k); displacement at peaks, (k,)."""
     g0, noise = p.alpha_0 + p.alpha_1, noise / CYCLES**0.5
     scatter = np.array([[_stiffness_error(p, r * g0, g0_error, noise, count, rise) for r in PEAKS] for rise in rises])
     y, y_T = evaluate(functions.loading_displacement_function(), PEAKS * g0, g0, p.sigma_0)[:2]
@@ -109,20 +92,20 @@ def loading_errors(
 
 
 def seen_covariance(information: Array, at: Sequence[int]) -> Array:
-    """Covariance of those at the indices `at`, ascending, that are seen at all, whatever the other parameters are."""
+    """Marginal covariance of the identifiable parameters at the indices `at`, ascending."""
     seen = np.flatnonzero(np.diag(information) > 0)
     among = np.flatnonzero(np.isin(seen, at))
     return inverse(information[np.ix_(seen, seen)])[np.ix_(among, among)]
 
 
 def _stiffness_error(p: Lugre[float], peak: float, g0_error: float, noise: float, count: float, rise: float) -> float:
-    """Standard error of sigma_0 from one rise to a peak, the rest position unknown and g0 known with an error; inf below two edges."""
+    """Standard error of sigma_0 from one rise to a peak with unknown rest position; inf below two edges."""
     g0 = p.alpha_0 + p.alpha_1
     reach = float(evaluate(functions.loading_displacement_function(), peak, g0, p.sigma_0)[0])
     edges = reach / count if count else np.inf
     if edges < 2:
         return np.inf
-    looked = int(min(edges, 400))  # of a finer encoder they stand for the others
+    looked = int(min(edges, 400))  # edges computed
     T = g0 * -np.expm1(-p.sigma_0 / g0 * reach * (np.arange(looked) + 0.5) / looked)  # where the edges are, no model
     _, y_T, y_g0, y_sigma_0 = evaluate(functions.loading_displacement_function(), T, g0, p.sigma_0)
     averages = rise / _TENTH

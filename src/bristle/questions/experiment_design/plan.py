@@ -1,4 +1,4 @@
-"""What to measure next, all of it: constant velocities, slow loading and a tracking motion within limits, and the intervals to expect."""
+"""A plan of what to measure next: constant velocities, slow loading and a tracking motion, with expected intervals."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -33,7 +33,7 @@ VELOCITIES = 12  # runs at constant velocity in each direction
 DURATION = 15.0  # longest tracking motion, s
 _MOST = 1000
 NORMAL = 1.96  # half of a 95 % interval in standard errors
-_UNSEEN = 0.5  # a parameter whose expected relative standard error is wider is not seen
+_UNSEEN = 0.5  # largest relative standard error of an identifiable parameter
 
 
 @result
@@ -49,23 +49,23 @@ class Plan:
     """One for each direction, or one for both."""
     loadings: tuple[LoadingDesign, ...]
     motion: MotionDesign
-    """The tracking motion, after what was known and the rest of the plan."""
+    """The tracking motion, with the errors after the whole plan."""
     errors_of_measured: Array | None
-    """The errors were the longest motion measured so far repeated in its place, (p,); None where there is none."""
+    """The errors with the longest motion measured so far in its place, (p,); None without one."""
     standard_errors: Mapping[str, Array]
-    """Of every parameter, (p,): `now`, and as expected `with velocities`, `with loading`, `with motion`; inf where not seen."""
+    """Of every parameter, (p,): `now`, and expected `with velocities`, `with loading`, `with motion`; inf: unknown."""
     references: tuple[PlannedRun, ...]
     assumptions: tuple[Finding, ...]
-    """What the expected intervals rest on: limits that nobody declared, the start, and the design itself."""
+    """Assumptions of the expected intervals: limits, the start, and the design."""
 
     @property
     def free(self) -> list[int]:
-        """Where the parameters stand that are not given as exact, among the start's names."""
+        """Indices of the parameters that are not exact, among the start's names."""
         return [k for k, name in enumerate(self.start.names) if name not in self.start.given]
 
     @property
     def aimed(self) -> list[int]:
-        """Where the free parameters stand that the plan is for."""
+        """Indices of the free parameters of the aim."""
         return [k for k in self.free if self.aim in ("all", self.start.names[k].name)]
 
     def percent(self, errors: Array) -> Array:
@@ -74,12 +74,12 @@ class Plan:
 
     @property
     def duration(self) -> float:
-        """Of all references, s."""
+        """Duration of all references, s."""
         return sum(r.position.size for r in self.references) / self.limits.rate
 
     @property
     def worth(self) -> Finding:
-        """What to measure, and how well alpha_0 and v_s, or what is aimed for, are then known: in the direction in which it is known worse."""
+        """What to measure, and the predicted intervals of alpha_0 and v_s, or of the aim, in the worse direction."""
         then, limit = NORMAL * self.percent(self.standard_errors["with motion"]), 100 * NORMAL * _UNSEEN
         speeds = np.unique(np.concatenate([x.chosen.speeds for x in self.velocities]))
         runs, loads = (len({r.run for r in self.references if r.kind == kind}) for kind in ("ramp", "presliding"))
@@ -97,17 +97,16 @@ class Plan:
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """What even this plan would not show, and what would."""
+        """Limits of the plan, and how to lift them."""
         relative = self.standard_errors["with motion"] / np.abs(self.start.estimate)
         warnings = []
         if unseen := tuple(self.start.names[k] for k in self.free if not relative[k] <= _UNSEEN):
             named = ", ".join(map(str, unseen))
             message = f"Even after this plan {named} would not be identifiable within these limits."
             warnings.append(Finding("still-unseen", CAUTION, message, {"names": unseen}))
-        # Of what the planned motion tells clearly less than the measured one.
-        less = self.motion.errors > 1.1 * np.asarray(
-            np.inf if self.errors_of_measured is None else self.errors_of_measured
-        )
+        # Parameters that the planned motion determines clearly less well than the measured one.
+        measured = np.inf if self.errors_of_measured is None else self.errors_of_measured
+        less = self.motion.errors > 1.1 * np.asarray(measured)
         if worse := tuple(self.start.names[k] for k in self.free if less[k]):
             message = (
                 f"The planned motion determines {', '.join(map(str, worse))} less well than the motion measured so far, because it serves all "
@@ -133,7 +132,7 @@ class Plan:
         return tuple(warnings)
 
     def to_frame(self) -> "pd.DataFrame":
-        """One row per parameter that is not given as exact: half of its 95 % interval now, and as expected after each part of the plan."""
+        """One row per parameter that is not exact: half of its 95 % interval now, and expected after each part."""
         import pandas as pd
 
         rows = []
@@ -147,7 +146,7 @@ class Plan:
         return pd.DataFrame(rows).astype(dict.fromkeys((*self.standard_errors, "in percent"), object))
 
     def reference_frame(self) -> "pd.DataFrame":
-        """Every sample to play, in order: time, experiment, run, and references of position and velocity, or of torque, with units in their names."""
+        """Every sample to play: time, experiment, run, and references of position, velocity and torque."""
         import pandas as pd
 
         runs, sizes = self.references, [r.position.size for r in self.references]
@@ -160,14 +159,14 @@ class Plan:
         return frame
 
     def reference_csv(self) -> str:
-        """The references that a controller plays, as CSV; what is not commanded is empty."""
-        from bristle.page.columns import to_csv
+        """The references for a controller as CSV, empty where not commanded."""
+        from bristle.page.plain import to_csv
 
         return to_csv(self.reference_frame(), "%.10g")
 
 
 def finite(x: float) -> float | None:
-    """The number, or None where there is none."""
+    """The number, or None if it is not finite."""
     return float(x) if np.isfinite(x) else None
 
 
@@ -176,11 +175,10 @@ def plan(
 ) -> Plan:
     """What to measure next on an identified joint.
 
-    It was identified from what is measured, with limits under `plan` in its experiment file. The aim is the parameter whose interval is to shrink,
-    of the joint's law or `inertia`, or `all`; `velocities` are the runs at constant velocity in each direction.
+    `velocities`: runs at constant velocity in each direction; `aim`: the parameter whose interval is to shrink, of the
+    joint's law or `inertia`, or `all`. Limits are those under `plan` in the experiment file.
 
-    Raises InputError where the aim is no parameter, nothing is known of friction vs velocity, or the limits leave
-    nothing to plan.
+    Raises InputError where the aim is no parameter, no friction vs velocity is known, or the limits leave no plan.
     """
     check_plan(velocities, aim, joint.law)
     step(progress, "velocities")
@@ -192,8 +190,8 @@ def plan(
         )
     limits, of_frequency = followed(limits, measured.experiment.plan.frequency)
     share = 1.0
-    while share > 0.02:  # every time is shortened by one share where all of it would take longer
-        short = replace(limits, hold=limits.hold * share)  # all take this share of their time
+    while share > 0.02:  # all times are shortened by one share until the plan fits into the time
+        short = replace(limits, hold=limits.hold * share)
         runs = tuple(plan_velocities(start, d, short, velocities, aim, share) for d in start.directions)
         loadings = tuple(plan_loading(measured, joint, start, d, short, share) for d in SIGNED)
         parts = in_turn([v for x in runs for v in x.velocities], largest_deflection(start), short)
@@ -222,7 +220,7 @@ def plan(
     problem = excitation.motion_problem(start, limits, whole, aim, share * DURATION)
     motion = excitation.best_motion(problem, progress)
 
-    # What the design assumes.
+    # Assumptions of the design.
     others = len(problem.sets) - 1
     local = (
         "The design is local: errors are those at the estimates, to first order; velocities are averaged over"
@@ -252,10 +250,7 @@ def plan(
 
 
 def check_plan(velocities: int, aim: str, law: Law | None = None) -> None:
-    """Whether so many velocities (4 to 1000, for four parameters) can be planned for an aim: `all`, `inertia`, or a parameter of a law.
-
-    Raises InputError where they cannot. Without a law, which is not known before a joint is identified, any of one counts.
-    """
+    """Raise InputError where the number of velocities is out of range, or the aim is no parameter of a law."""
     static, aims = static_estimated_of(law or GAUSSIAN), (*estimated_of(law or GAUSSIAN), INERTIA.name)
     if not len(static) <= velocities <= _MOST:
         few = "four" if len(static) == len(Stribeck._fields) else len(static)

@@ -1,7 +1,7 @@
-"""The runs of a plan within its limits: which holds make a run at constant velocity, in which order, and the whole plan as samples to play.
+"""References of a plan within its limits: holds at constant velocity, their order, and all samples to play.
 
-Each hold begins with a run-in that is not averaged. Runs back and forth are ordered so that the position stays within its limits, with moves between
-them where it would not.
+Each hold begins with a run-in that is not averaged. Runs go back and forth within the limits of position, with moves
+between them where needed.
 """
 
 from collections.abc import Sequence
@@ -20,25 +20,23 @@ from bristle.questions.experiment_design.loading import CYCLES, LoadingDesign
 from bristle.simulation.references import FASTEST, HARDEST, STEEPEST, Hold, Move, SlowLoads
 
 SETTLE = 0.6  # least run-in before a hold is averaged, s
-DEFLECTIONS = 8.0  # bristle deflections travelled in a run-in: what came before is then forgotten to exp(-8)
+DEFLECTIONS = 8.0  # bristle deflections travelled in a run-in: the earlier state decays to exp(-8)
 TURN = 0.2  # least time from rest to a constant velocity, s
 SHORTEST = 0.25  # least averaging time of one pass, s
 _REST = 0.5  # rest before and after each run that starts from rest, s
-_USED = 0.999  # of each limit, so that rounding in a file stays within it
+_USED = 0.999  # used share of each limit, because of rounding in a file
+MOST = 2_000_000  # most samples of all references: five hours at the usual rate
 
-MOST = 2_000_000  # samples of all references at the most: five hours at the usual rate
-
-Parts = list[tuple[Hold | Move, float]]  # holds and moves, each with where it begins, rad
+Parts = list[tuple[Hold | Move, float]]  # holds and moves, each with its initial position, rad
 Kind = Literal["ramp", "presliding", "tracking", "move"]
 
 
 @result
 class PlannedRun:
-    """One run; position, rad, velocity, rad/s, and torque, N*m, have the shape (n,), n >= 1; what is not commanded is nan."""
+    """One run: position, rad, velocity, rad/s, torque, N*m, (n,); nan where not commanded."""
 
     kind: Kind
-    run: int
-    """Its number, from 1; 0 for a move."""
+    run: int  # its number, from 1; 0 for a move
     position: Array
     velocity: Array
     torque: Array
@@ -50,12 +48,12 @@ def ramp_time(velocity: float, limits: Limits) -> float:
 
 
 def run_in(speed: float, deflection: float) -> float:
-    """Time at a speed (rad/s) before its hold is averaged, s: until a bristle that bends by `deflection` rad has forgotten; at least `SETTLE`."""
+    """Run-in at a speed, rad/s, with a bristle deflection, rad, before a hold is averaged, s."""
     return max(SETTLE, DEFLECTIONS * deflection / speed)
 
 
 def passes(velocity: float, run: int, deflection: float, limits: Limits) -> list[Hold]:
-    """The holds of a run, as many as the travel asks for, averaged over `limits.hold` in all. Raises InputError where it is too short for any."""
+    """The holds of a run, averaged over `limits.hold` together. Raises InputError where the travel is too short."""
     before, ramp = run_in(abs(velocity), deflection), ramp_time(velocity, limits)
     room = _USED * limits.travel / abs(velocity) - before - ramp
     if room < min(SHORTEST, limits.hold):
@@ -68,10 +66,7 @@ def passes(velocity: float, run: int, deflection: float, limits: Limits) -> list
 
 
 def fastest(deflection: float, limits: Limits) -> float:
-    """The largest speed up to `limits.velocity` at which the travel leaves a hold of half of `limits.hold`, or of SHORTEST, rad/s.
-
-    Raises InputError where that is not above the slowest.
-    """
+    """Largest speed, rad/s, at which the travel leaves a hold. Raises InputError where it is not above the slowest."""
     speeds = np.geomspace(limits.slowest, limits.velocity, 400)
     least = max(SHORTEST, 0.5 * limits.hold)
     needed = [v * (run_in(v, deflection) + least + ramp_time(v, limits)) for v in speeds.tolist()]
@@ -85,7 +80,7 @@ def fastest(deflection: float, limits: Limits) -> float:
 
 
 def ordered(holds: Sequence[Hold], limits: Limits) -> list[tuple[float, Hold]]:
-    """Every pass with the position at which it starts, rad: back and forth in turn, as near as can be to where the last one ended."""
+    """Every pass with its initial position, rad: back and forth in turn, near the end of the last one."""
     forth = sorted((h for h in holds if h.velocity > 0), key=lambda h: abs(h.travel))
     back = sorted((h for h in holds if h.velocity < 0), key=lambda h: abs(h.travel))
     found, at, ahead, spare = [], _middle(limits), True, (1 - _USED) * limits.travel / 2
@@ -100,7 +95,7 @@ def ordered(holds: Sequence[Hold], limits: Limits) -> list[tuple[float, Hold]]:
 
 
 def move_within(start: float, stop: float, limits: Limits) -> Move:
-    """From rest to rest elsewhere, never at a constant velocity."""
+    """A move from rest to rest within the limits."""
     way = abs(stop - start)
     fast = FASTEST * way / (_USED * limits.velocity)
     hard = (HARDEST * way / (_USED * limits.acceleration)) ** 0.5
@@ -108,19 +103,19 @@ def move_within(start: float, stop: float, limits: Limits) -> Move:
 
 
 def slow_loads(plan: LoadingDesign) -> SlowLoads:
-    """The loads of a direction, which rise and fall, open loop, the joint at rest."""
+    """The loads of a direction, which rise and fall."""
     peak = -plan.peak if plan.direction is Direction.NEGATIVE else plan.peak
     return SlowLoads((peak,) * CYCLES, plan.rise, 0.2 * plan.rise, rest=_REST, pause=_REST)
 
 
 def samples_of(part: Hold | Move | SlowLoads, step: float) -> float:
-    """How many samples it takes until a run is over; a number of any size, since nothing is sampled yet."""
+    """Number of samples of a part."""
     duration = part.duration - 1e-9 * step if isinstance(part, Hold) else part.duration
     return float(np.ceil(duration / step)) + 1
 
 
 def played(part: Hold | Move | SlowLoads, step: float, start: float = 0.0, run: int = 0) -> PlannedRun:
-    """A hold or a move, or loads as a run of that number, sampled every step, s; `start`: where a hold begins, rad."""
+    """A hold, a move, or loads as a run, sampled every step, s; `start`: initial position of a hold, rad."""
     time = np.arange(int(samples_of(part, step)), dtype=np.float64) * step
     if isinstance(part, Hold):
         return _driven("ramp", part.run, part.at(time, start))
@@ -136,7 +131,7 @@ def _driven(kind: Kind, run: int, by: Reference) -> PlannedRun:
 
 
 def in_turn(velocities: Sequence[float], deflection: float, limits: Limits) -> Parts:
-    """The runs at constant velocity, rad/s, in the order to play, and the moves between them. Raises InputError as `passes` does."""
+    """The runs at constant velocity, rad/s, in order, with moves between them. Raises InputError as `passes`."""
     holds = [hold for run, v in enumerate(velocities, 1) for hold in passes(v, run, deflection, limits)]
     parts: Parts = []
     position = _middle(limits)
@@ -149,7 +144,7 @@ def in_turn(velocities: Sequence[float], deflection: float, limits: Limits) -> P
 
 
 def duration(parts: Parts, loadings: Sequence[LoadingDesign], limits: Limits, motion: float) -> float:
-    """What all of it takes at most, s, with a motion of so many. Raises InputError where it has more samples than a file may have."""
+    """Most time of all references, s, with a `motion` of this time, s. Raises InputError beyond `MOST` samples."""
     step = 1 / limits.rate
     move = move_within(limits.position[0], _middle(limits), limits)
     every = [*(part for part, _ in parts), *map(slow_loads, loadings), move]
@@ -165,7 +160,7 @@ def duration(parts: Parts, loadings: Sequence[LoadingDesign], limits: Limits, mo
 def schedule(
     parts: Parts, loadings: Sequence[LoadingDesign], limits: Limits, motion: MotionDesign
 ) -> tuple[PlannedRun, ...]:
-    """The whole plan in the order to play, runs numbered from 1: these parts, loading where they end, and the motion about the middle."""
+    """The whole plan in order, runs numbered from 1: constant velocities, slow loading, and the tracking motion."""
     step = 1 / limits.rate
     ramps = [played(part, step, begin) for part, begin in parts]
     runs = max(r.run for r in ramps)

@@ -1,4 +1,4 @@
-"""The report of a plan: what it is worth, its limits, and each part of it."""
+"""The report of a plan."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -26,12 +26,11 @@ _UNITS = {
     "velocity": ("velocity", "velocity"), "peak": ("peak", "torque"),
     "by_noise": ("error by noise", "sigma_0"), "standard_error": ("with the viscous share", "sigma_0"),
     "amplitude": ("amplitude", "position"),
-}  # fmt: skip  # a table
-"""The page's heading of each column of a table that has another one there: by itself, or with the unit of a quantity."""
+}  # fmt: skip  # headings of columns with the unit of a quantity
 
 
 def report(plan: Plan) -> Report:
-    """What to measure and what it is worth, its limits, and each part of it; the terminal has the parts before the errors to expect."""
+    """What to measure, the expected intervals, limits, and each part of the plan; the terminal has the parts first."""
     name, kind, aim = plan.joint.name, plan.joint.kind, plan.aim
     simulated = " (identified from SIMULATED data)" if plan.joint.simulated else ""
     planned_for = f"  Planned for {'all parameters' if aim == 'all' else aim}{simulated}."
@@ -39,7 +38,7 @@ def report(plan: Plan) -> Report:
     if plan.warnings:
         lines = tuple(f"  {warning.coded}" for warning in plan.warnings)
         sections.append(Section("What it would not show", findings=plan.warnings, lines=lines, turn=2, coded=True))
-    runs, assumed = max(r.run for r in plan.references), (f"  assumed: {said.flagged}" for said in plan.assumptions)
+    assumed = (f"  assumed: {said.flagged}" for said in plan.assumptions)
     x, (q, v, a, T) = plan.limits, (pretty(unit(y, kind)) for y in ("position", "velocity", "acceleration", "torque"))
     limits = (
         ("position", f"{x.position[0]:.4g} to {x.position[1]:.4g} {q}"),
@@ -50,34 +49,14 @@ def report(plan: Plan) -> Report:
     )
     kinds = Counter(kind for kind, _ in dict.fromkeys((r.kind, r.run) for r in plan.references))
     whole = _drawing(
-        plan,
-        figures.whole_figure,
-        f"all references of {name}",
+        plan, figures.whole_figure, f"all references of {name}",
         f"The plan takes {number(plan.duration, 3)} s: {kinds['ramp']} runs at constant velocity, {kinds['presliding']} of slow loading, "
         f"{counted(kinds['tracking'], 'tracking motion')}",
         f"References at {number(plan.limits.rate)} Hz: runs at constant velocity with the moves between them, slow loading by torque, and the "
         "tracking motion; dashed: position limits.",
-    )
+    )  # fmt: skip  # a list of values
     sections += [
-        Section(
-            "What it is worth",
-            text=f"{runs} runs in {number(plan.duration, 3)} s: constant velocities, slow loading, one tracking motion. The table shows half of "
-            "each 95 % interval in the parameter's unit: now, and as expected after each part of the plan.",
-            figure=_intervals(plan),
-            table=_table(
-                plan,
-                "intervals",
-                "Half of each 95 % interval",
-                plan.to_frame(),
-                "Parameters given as exact are not listed. Now: as fitted. After: predicted, not measured, and lower bounds: 1.96 times the "
-                "standard errors by the Cramér-Rao bound at the estimates. Statistical errors only: those of constants, as of the torque's "
-                "scale, come on top, and no run lowers them. A dash: not identifiable. A guess is assumed, because no run identifies the "
-                "parameter.",
-            ),
-            lines=_expected(plan),
-            turn=1,
-            id="expected",
-        ),
+        _worth(plan),
         Section("Limits", facts=limits),
         Section("Assumed", findings=plan.assumptions, lines=tuple(assumed), turn=3, form="part"),
         _of_velocities(plan),
@@ -95,31 +74,23 @@ def report(plan: Plan) -> Report:
 
 
 def _drawing(plan: Plan, draw: Callable[[Plan], Figure], label: str, caption: str, how: str) -> Drawing:
-    """A figure; its caption begins with a finding."""
     name = draw.__name__.removesuffix("_figure")
     return Drawing(partial(draw, plan), f"plan-{name}", label, f"{caption}.", how)
 
 
-def _intervals(plan: Plan) -> Drawing:
-    """Errors before and after: the parameter that stays widest, or those that the plan is for; which of them stay open where any does."""
+def _worth(plan: Plan) -> Section:
+    """Intervals before and after the plan: the widest one, those of the aim, or those that stay open."""
     now, then = (plan.percent(plan.standard_errors[stage]).tolist() for stage in ("now", "with motion"))
     largest, unseen = plan.aim == "all", [k for k in plan.aimed if not then[k] < CEILING]
     widest = [max(plan.aimed, key=then.__getitem__)] if largest else plan.aimed
-    errors = (f"{percentage(then[k])} % of {_names(plan, [k])}, from {percentage(now[k])} % now" for k in widest)
-    found = f"{'Largest standard' if largest else 'Standard'} error expected after the plan: {'; '.join(errors)}"
+    told = (f"{percentage(then[k])} % of {_names(plan, [k])}, from {percentage(now[k])} % now" for k in widest)
+    found = f"{'Largest standard' if largest else 'Standard'} error expected after the plan: {'; '.join(told)}"
     if unseen:
         found = f"Standard error over {CEILING:g} %, not identifiable, even after the plan: {_names(plan, unseen)}"
-    return _drawing(
-        plan,
-        figures.intervals_figure,
-        f"errors of {plan.joint.name} before and after",
-        found,
+    figure = _drawing(
+        plan, figures.intervals_figure, f"errors of {plan.joint.name} before and after", found,
         "Relative standard error of each parameter: now (squares), and as expected after velocities, loading and motion (circles).",
-    )
-
-
-def _expected(plan: Plan) -> tuple[str, ...]:
-    """The errors to expect, line by line, as the terminal has them."""
+    )  # fmt: skip  # a list of values
     errors = plan.standard_errors
     rows = [("", "estimate", *(stage.removeprefix("with ") for stage in errors))]
     for k in plan.free:
@@ -129,16 +100,28 @@ def _expected(plan: Plan) -> tuple[str, ...]:
         estimate = f"{pair(value, known)} {unit(name.name, plan.joint.kind)}"
         half = (f"{two_digits(100 * NORMAL * error)} %" if error < 1 else "open" for error in relative)
         rows.append((str(name), f"{estimate}{' (a guess)' * (name in plan.start.guessed)}", *half))
-    return (
+    note = (
+        "Parameters given as exact are not listed. Now: as fitted. After: predicted, not measured, and lower bounds: 1.96 times the "
+        "standard errors by the Cramér-Rao bound at the estimates. Statistical errors only: those of constants, as of the torque's "
+        "scale, come on top, and no run lowers them. A dash: not identifiable. A guess is assumed, because no run identifies the "
+        "parameter."
+    )
+    lines = (
         "  half of each 95 % interval, in percent of the value: now as fitted; then predicted with each part of the plan added, "
         "at the least (Cramer-Rao bound); open: not identifiable.",
         "  Statistical errors only: those of constants, as of the torque's scale, come on top, and no run lowers them.",
         *columns(rows, indent=2),
     )
+    runs = max(r.run for r in plan.references)
+    return Section(
+        "What it is worth",
+        text=f"{runs} runs in {number(plan.duration, 3)} s: constant velocities, slow loading, one tracking motion. The table shows half of "
+        "each 95 % interval in the parameter's unit: now, and as expected after each part of the plan.",
+        figure=figure, table=_table(plan, "intervals", "Half of each 95 % interval", plan.to_frame(), note), lines=lines, turn=1, id="expected",
+    )  # fmt: skip  # a list of values
 
 
 def _of_velocities(plan: Plan) -> Section:
-    """The runs at constant velocity."""
     static, hold = plan.velocities[0], number(plan.limits.hold, 3)
     what = "c-optimal runs for one parameter alone"
     if static.chosen.aim == "all":
@@ -160,13 +143,11 @@ def _of_velocities(plan: Plan) -> Section:
         many, at = counted(len(x.velocities), "run"), counted(len(run), "speed")
         speeds.append(f"{direction(x.direction)}: {many} at {at}, {' to '.join(ends)} {pretty(si)}")
     chosen = _drawing(
-        plan,
-        figures.velocities_figure,
-        f"velocities to run on {plan.joint.name}",
+        plan, figures.velocities_figure, f"velocities to run on {plan.joint.name}",
         f"Constant velocities, {'; '.join(speeds)}",
         "Friction curve at the estimate with the speeds to run and, above, how often; grey: the plausible values of vₛ, over which the design "
         "is averaged; crosses: measured so far.",
-    )
+    )  # fmt: skip  # a list of values
     rows = [(x.direction, speed, count) for x in plan.velocities for speed, count in x.chosen.runs]
     frame = pd.DataFrame(rows, columns=["direction", "velocity", "runs"])
     runs = _table(plan, "velocities", "Constant velocities to run", frame, digits=None)
@@ -174,7 +155,6 @@ def _of_velocities(plan: Plan) -> Section:
 
 
 def _of_loading(plan: Plan) -> Section:
-    """Slow loading below breakaway."""
     torque, stiffness = (unit(x, plan.joint.kind) for x in ("torque", "sigma_0"))
     lines = []
     for load in plan.loadings:
@@ -216,13 +196,11 @@ def _of_motion(plan: Plan) -> Section:
     ends = (np.abs(run.velocity).max(), run.position.min(), run.position.max())
     fastest, least, most = (number(float(end), 3) for end in ends)
     motion = _drawing(
-        plan,
-        figures.motion_figure,
-        f"tracking motion of {plan.joint.name}",
+        plan, figures.motion_figure, f"tracking motion of {plan.joint.name}",
         f"Peak velocity {fastest} {v}, {number(limits.velocity, 3)} {v} allowed; positions {least} to {most} {q}, "
         f"{' to '.join(number(x, 3) for x in limits.position)} {q} allowed",
         "Position and velocity of the motion; dashed: the velocity limit.",
-    )
+    )  # fmt: skip  # a list of values
     text = "A sum of sines within the limits, faded in and out, that minimises the relative standard errors."
     note = (
         "As played, scaled to the limits: amplitude · sin(2π frequency · time + phase), with time from the start of the motion, about "
@@ -233,7 +211,7 @@ def _of_motion(plan: Plan) -> Section:
 
 
 def _table(plan: Plan, file: str, title: str, frame: pd.DataFrame, note: str = "", digits: int | None = 4) -> Table:
-    """A frame, shown under the page's headings with numbers to so many digits, and None, not nan, where there is none."""
+    """A table of the page: with its headings, numbers to `digits`, and None for missing ones."""
     shown = frame
     if digits is not None:
         rounded = frame.astype(object).map(lambda x: float(f"{x:.{digits}g}") if isinstance(x, float) else x)

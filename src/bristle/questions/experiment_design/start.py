@@ -1,4 +1,4 @@
-"""What a plan starts from: each direction's parameters, how well they are known, and the noise of what will be measured."""
+"""The start of a plan: parameters of each direction, information about them, and the noise of measurements."""
 
 from collections.abc import Mapping, Sequence
 
@@ -23,65 +23,41 @@ from bristle.identification.known_joint import (
 from bristle.identification.limits import Limits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
+from bristle.model import parameters
 from bristle.model.law import DAMPING_RATIO, viscous_rates
 from bristle.model.laws.parts import FASTEST, Law
-from bristle.model.parameters import (
-    INERTIA,
-    SIGNED,
-    Direction,
-    Lugre,
-    Pair,
-    ParameterName,
-    estimated_of,
-    lugre_of,
-    of_curve,
-    of_shape,
-    peak_parameters,
-    unit,
-)
+from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName, unit
 
-_PEAK = 0.1  # Stribeck amplitude to look for where none was found, as a share of alpha_0
-_VISCOUS = 0.1  # viscous friction at the fastest speed where nothing shows it, as a share of alpha_0
-_TORQUE = 0.02  # standard error of a hold's mean torque where nothing shows it, as a share of alpha_0
-_EQUATION = 0.01  # time between independent equations of a moving run where there was none, s
+# Guesses over alpha_0: Stribeck amplitude, viscous friction at the fastest speed, noise of a hold's mean torque.
+_PEAK, _VISCOUS, _TORQUE = 0.1, 0.1, 0.02
+_EQUATION = 0.01  # time between independent equations without a moving run, s
 
 
 @result
 class Start:
-    """A joint as it is known before the next measurement."""
+    """A joint before the next measurement."""
 
-    directions: tuple[Direction, ...]
-    """`+` and `-`, or `both` where they share one set."""
-    sets: Pair[float]
-    """Estimates, with a guess where nothing was seen."""
+    directions: tuple[Direction, ...]  # `+` and `-`, or `both` where they share one set
+    sets: Pair[float]  # estimates and guesses
     guessed: tuple[ParameterName, ...]
-    """Parameters that are guesses."""
-    names: tuple[ParameterName, ...]
-    """Every parameter that is estimated: six of each direction, or as many as the law has, then inertia."""
-    estimate: Array
-    """Their values, (p,)."""
-    known: Array
-    """Information gained so far, (p, p)."""
-    given: tuple[ParameterName, ...]
-    """Parameters that are given as exact and not estimated: an inertia without a standard error."""
-    noise: Mapping[Direction, float]
-    """Standard error of the mean torque of a hold by direction, N*m."""
-    equation_noise: float
-    """What one equation of a moving run scatters by, correlation of its residuals included, N*m."""
-    equation_step: float
-    """Time between equations, s."""
-    resolution: float
-    """One encoder count, rad; 0: not known."""
+    names: tuple[ParameterName, ...]  # parameters of each direction (six of the paper's law), then inertia
+    estimate: Array  # their values, (p,)
+    known: Array  # information so far, (p, p)
+    given: tuple[ParameterName, ...]  # exact parameters: an inertia without a standard error
+    noise: Mapping[Direction, float]  # standard error of the mean torque of a hold by direction, N*m
+    equation_noise: float  # of one equation of a moving run, widened for correlation, N*m
+    equation_step: float  # time between equations, s
+    resolution: float  # one encoder count, rad; 0: not known
     assumptions: tuple[Finding, ...]
 
     @property
     def law(self) -> Law:
-        """Of its friction."""
+        """Friction law."""
         return self.sets.law
 
     def at(self, values: Array) -> Lugre[float] | Pair[float]:
-        """One set, or a pair, with these values of all parameters, (p,); v_end stays."""
-        names, own = estimated_of(self.law), np.reshape(values[:-1], (len(self.directions), -1)).tolist()
+        """One set or a pair with these values of all parameters, (p,)."""
+        names, own = parameters.estimated_of(self.law), np.reshape(values[:-1], (len(self.directions), -1)).tolist()
         found = [p._replace(**dict(zip(names, x, strict=True))) for p, x in zip(self.sets, own, strict=False)]
         return found[0] if len(found) == 1 else Pair(*found)
 
@@ -90,16 +66,16 @@ class Start:
         return self.sets.negative if direction == Direction.NEGATIVE else self.sets.positive
 
     def direction_of(self, direction: Direction) -> Direction:
-        """The direction itself, or `both` where the two share one set."""
+        """The direction, or `both` where the two share one set."""
         return direction if direction in self.directions else Direction.BOTH
 
     def indices(self, direction: Direction, names: Sequence[str]) -> list[int]:
-        """Where some of a direction's parameters stand among all."""
+        """Indices of a direction's parameters in `names`."""
         return [self.names.index(ParameterName(name, self.direction_of(direction))) for name in names]
 
 
 def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
-    """What is known of an identified joint; the rest is guessed and said. Raises InputError where nothing is known of its friction vs velocity."""
+    """The start of a plan for an identified joint. Raises InputError where no friction vs velocity is known."""
     law, one_set = joint.law, known_joint(joint).directions == (Direction.BOTH,)
     directions = (Direction.BOTH,) if one_set else SIGNED
     assumptions = list(without_load(joint))
@@ -124,7 +100,7 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
         sets[d], missing = _filled(law, seen, held, limits, J)
         guessed += [ParameterName(name, d) for name in missing]
         assumptions += [_guess(ParameterName(name, d), getattr(sets[d], name), joint) for name in missing]
-    names = (*(ParameterName(name, d) for d in directions for name in estimated_of(law)), INERTIA)
+    names = (*(ParameterName(name, d) for d in directions for name in parameters.estimated_of(law)), INERTIA)
     values = np.array([getattr(sets[d], name) for name, d in names[:-1]] + [J])
     known, exact = _known(joint, names, estimates), tuple[ParameterName, ...]()
     declared = measured.experiment.inertia
@@ -158,15 +134,17 @@ def embedded(names: Sequence[ParameterName], members: Sequence[ParameterName], m
 
 
 def inverse(matrix: Array) -> Array:
-    """Of a covariance or an information, (p, p), whose parameters may differ by any factor in size."""
+    """Inverse of a covariance or an information, (p, p), scaled to a unit diagonal."""
     size = np.sqrt(np.diag(matrix))
     return np.asarray(np.linalg.inv(matrix / size[:, None] / size) / size[:, None] / size, dtype=np.float64)
 
 
 def _estimates(joint: Joint, direction: Direction) -> dict[str, Estimate]:
-    """What is known of one direction; without what has no value, or is zero. A sigma_0 seen in one direction alone is that of both."""
+    """Estimates of one direction that are not zero; a sigma_0 of one direction counts for both."""
     known = known_joint(joint)
-    seen = {name: e for name in estimated_of(joint.law) if (e := known.estimate(name, direction)) is not None}
+    seen = {
+        name: e for name in parameters.estimated_of(joint.law) if (e := known.estimate(name, direction)) is not None
+    }
     if direction is Direction.BOTH and "sigma_0" not in seen and (e := known.estimate("sigma_0", Direction.POSITIVE)):
         seen["sigma_0"] = e
     return {name: e for name, e in seen.items() if e.value}
@@ -175,11 +153,15 @@ def _estimates(joint: Joint, direction: Direction) -> dict[str, Estimate]:
 def _filled(
     law: Law, seen: Mapping[str, Estimate], held: Mapping[str, float], limits: Limits, J: float
 ) -> tuple[Lugre[float], list[str]]:
-    """One direction's set with guesses for what has no value, and their names; `held`: what of the law's own was not fitted."""
+    """A direction's set, and names of its guesses; `held`: parameters of the law that were not fitted."""
     alpha_0 = seen["alpha_0"].value or 0.0
-    missing = [name for name in estimated_of(law) if name not in seen and not (of_shape(name) and held.get(name))]
-    if {"alpha_1", "v_s"} & set(missing):  # nothing of a peak is anything without the other
-        missing = [n for n in estimated_of(law) if n in missing or n in peak_parameters(law)]
+    missing = [
+        name
+        for name in parameters.estimated_of(law)
+        if name not in seen and not (parameters.of_shape(name) and held.get(name))
+    ]
+    if {"alpha_1", "v_s"} & set(missing):  # parameters of a peak are meaningless without each other
+        missing = [n for n in parameters.estimated_of(law) if n in missing or n in parameters.peak_parameters(law)]
     sigma_0 = (seen["sigma_0"].value if "sigma_0" in seen else assumed_stiffness(alpha_0, limits.travel)) or 0.0
     rates = viscous_rates(limits.velocity, law).items()
     viscous = {name: _VISCOUS * alpha_0 / (limits.velocity * float(rate)) for name, rate in rates}
@@ -190,7 +172,7 @@ def _filled(
     }  # fmt: skip  # a list of values
     guess |= {name: x for name, x in held.items() if x and name not in missing}
     guess |= {n: e.value for n, e in seen.items() if e.value is not None and n not in missing}
-    return lugre_of(law)(**guess), missing
+    return parameters.lugre_of(law)(**guess), missing
 
 
 def _guess(parameter: ParameterName, value: float, joint: Joint) -> Finding:
@@ -201,7 +183,7 @@ def _guess(parameter: ParameterName, value: float, joint: Joint) -> Finding:
         "v_s": "in the middle of the speeds; the design allows any value among them",
         "sigma_0": f"a bristle that bends by {DEFLECTION:g} of the travel",
         "sigma_1": f"(15), a damping ratio of {DAMPING_RATIO:g}",
-    }.get(name, "in the middle of where it is looked for" if of_shape(name) else viscous)
+    }.get(name, "in the middle of where it is looked for" if parameters.of_shape(name) else viscous)
     message = f"{name}{_named(direction)}: a guess, {value:.3g} {unit(name, joint.kind)}, {why}."
     return Finding("guessed", CAUTION, message, {"name": name, "direction": direction, "value": value})
 
@@ -213,7 +195,7 @@ def _named(direction: Direction) -> str:
 def _noises(
     measured: Measured, joint: Joint, sets: Mapping[Direction, Lugre[float]], limits: Limits, assumptions: list[Finding]
 ) -> tuple[dict[Direction, float], float, float]:
-    """Standard error of a hold's mean torque by direction, what an equation of a moving run scatters by, N*m, and the time between these, s."""
+    """Noise of a hold's mean torque by direction and of an equation of a moving run, N*m, and step of equations, s."""
     T, moving = unit("torque", joint.kind), joint.moving
     noise = _scatters(joint, tuple(sets), assumptions) if measured.points(hold_out=False) else {}
     if moving is not None and moving.quantity == "torque":
@@ -247,7 +229,7 @@ def _of_holds(scatter: float, T: str, direction: Direction = Direction.BOTH) -> 
 
 
 def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[Finding]) -> dict[Direction, float]:
-    """What points scatter by about their fit, N*m, which is among the assumptions; of the other's where a direction has none, empty where neither."""
+    """Scatter of the points about their fit, N*m, by direction, from another fit where a direction has none."""
     T, scatters = unit("torque", joint.kind), dict[Direction, float]()
     fits = {d: joint.static.get(d) for d in directions}
     usable = [fit for fit in joint.static.values() if fit.names and fit.rms]
@@ -270,9 +252,9 @@ def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[F
 
 
 def scatter(fit: StaticFit) -> tuple[float, float]:
-    """What points scatter by about their fit, N*m: 1.4826 times their median distance, which a few far ones do not rule; and root mean square.
+    """Scatter of points about their fit, N*m: 1.4826 times the median distance, and RMS, both by degrees of freedom.
 
-    Both on the degrees of freedom that the fit has left. With fewer than four of these, or half of the points on the curve, both are the second.
+    Both are the RMS with fewer than four degrees of freedom, or half of the points on the curve.
     """
     free = max(fit.n - len(fit.names), 1)
     more = float(np.sqrt(fit.n / free))
@@ -284,19 +266,21 @@ def scatter(fit: StaticFit) -> tuple[float, float]:
 def _known(
     joint: Joint, names: Sequence[ParameterName], estimates: Mapping[Direction, Mapping[str, Estimate]]
 ) -> Array:
-    """Information gained so far, (p, p): of the moving runs and what they were told, or else of each stage by itself."""
+    """Information so far, (p, p): of the moving runs and of held shape parameters, or of each stage."""
     fit = joint.moving
     whole = np.zeros((len(names), len(names)))
     if fit is not None:
         at = [k for k, n in enumerate(fit.names) if n in names and fit.parameters[n].standard_error]
-        told = {ParameterName(n, d): e for d, seen in estimates.items() for n, e in seen.items() if of_shape(n)}
+        told = {
+            ParameterName(n, d): e for d, seen in estimates.items() for n, e in seen.items() if parameters.of_shape(n)
+        }
         held = {n: e.standard_error**-2 for n, e in told.items() if n not in fit.names and e.standard_error}
         whole += embedded(names, list(held), np.diag(list(held.values()))) if held else 0.0
         return whole + embedded(names, [fit.names[k] for k in at], inverse(fit.covariance[np.ix_(at, at)]))
     for d, seen in estimates.items():
         static = joint.static.get(d)
         if static is not None and static.names:
-            at = [k for k, n in enumerate(static.names) if of_curve(n) and ParameterName(n, d) in names]
+            at = [k for k, n in enumerate(static.names) if parameters.of_curve(n) and ParameterName(n, d) in names]
             members = [ParameterName(static.names[k], d) for k in at]
             whole += embedded(names, members, inverse(static.covariance[np.ix_(at, at)]))
         stiffness = seen.get("sigma_0")

@@ -1,11 +1,11 @@
-"""Which constant velocities to measure next: exact D- and c-optimal designs by exchange, from what is known already.
+"""Design of constant velocities: exact D- and c-optimal designs by exchange.
 
     F = known + sum over runs of s(v) s(v)' / noise**2,    s = dT_ss / dp (9)
     D-optimal: least -log det F;    c-optimal for one parameter: least log (F**-1)_kk
 
-(9) is linear in all parameters but v_s, and alpha_1 only scales one column: a design depends on v_s alone. So each
-criterion is averaged over what v_s may be, and a poor estimate of it does not ruin the plan. What else the shape of a
-law's peak takes stays at its estimate, and p are as many as the law has. One direction at a time; speeds are positive.
+(9) is linear in all parameters but v_s, and alpha_1 only scales one column, so a design depends on v_s alone, and each
+criterion is averaged over plausible values of v_s. Other shape parameters of a peak stay at their estimates. One
+direction at a time; speeds are positive.
 """
 
 from typing import Any, NamedTuple
@@ -25,57 +25,47 @@ from bristle.questions.experiment_design.loading import seen_covariance
 from bristle.questions.experiment_design.references import fastest
 from bristle.questions.experiment_design.start import Start, inverse
 
-CANDIDATES = 200  # speeds that the exchange chooses from, spaced evenly in log(v)
-NODES = 5  # values of v_s that a criterion is averaged over, of equal probability
-STARTS = 3  # designs at random that the exchange also begins with, beside the log-spaced and the evenly spaced one
+CANDIDATES = 200  # speeds of the exchange, evenly spaced in log(v)
+NODES = 5  # values of v_s of equal probability
+STARTS = 3  # random initial designs, beside the log-spaced and the evenly spaced one
 SEED = 0
-_UNSEEN = 1e-300  # information of a parameter that no speed shows at all
-_V_S = Stribeck._fields.index("v_s")  # where it stands among the static parameters of any law
+_UNSEEN = 1e-300  # information about a parameter that is not identifiable
+_V_S = Stribeck._fields.index("v_s")  # also its index among the static parameters of any law
 
 
 @result
 class DesignProblem:
-    """What is known of one direction, and where it may be measured."""
+    """Estimate and limits of one direction."""
 
-    p: Lugre[float]
-    """The estimate; sigma_0 and sigma_1 do not matter."""
-    nodes: Array
-    """What v_s may be, rad/s, (k,)."""
-    prior_information: Array
-    """Information gained already in the order of `names`, (4, 4)."""
-    noise: float
-    """Standard error of one run's mean torque, N*m, > 0."""
-    low: float
-    """Slowest speed, rad/s, > 0."""
-    high: float
-    """Fastest speed, rad/s, > low."""
+    p: Lugre[float]  # the estimate; sigma_0 and sigma_1 do not matter
+    nodes: Array  # plausible values of v_s, rad/s, (k,)
+    prior_information: Array  # in the order of `names`, (4, 4)
+    noise: float  # standard error of one run's mean torque, N*m, > 0
+    low: float  # slowest speed, rad/s, > 0
+    high: float  # fastest speed, rad/s, > low
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What constant velocities show: the four of `Stribeck`, or what the law has of these."""
+        """Parameters of the curve: the four of `Stribeck`, or those of another law."""
         return static_estimated_of(self.p.law)
 
     @property
     def estimate(self) -> Array:
-        """Of `names`."""
+        """Values of `names`."""
         return np.array([getattr(self.p, name) for name in self.names])
 
 
 class Design(NamedTuple):
-    """Constant velocities to run, and what they should give."""
+    """Constant velocities to run, and the expected errors."""
 
-    aim: str
-    """The parameter that it is c-optimal for, or `all`: D-optimal."""
-    speeds: Array
-    """One per run, rad/s, ascending, repeated where a speed is to be run again, (n,)."""
-    errors: Array
-    """Expected standard errors in the order of the problem's names, what is known already included; inf where not seen, (4,)."""
-    alone: Array
-    """The same of these runs alone."""
+    aim: str  # parameter of a c-optimal design, or `all`: D-optimal
+    speeds: Array  # one per run, rad/s, ascending, (n,)
+    errors: Array  # expected standard errors of the problem's `names`, with the prior; inf: not identifiable, (4,)
+    alone: Array  # of these runs alone
 
     @property
     def runs(self) -> list[tuple[float, int]]:
-        """Each distinct speed, ascending, and how often it is run."""
+        """Distinct speeds, ascending, and their number of runs."""
         speeds, counts = np.unique(self.speeds, return_counts=True)
         return list(zip(speeds.tolist(), counts.tolist(), strict=True))
 
@@ -90,7 +80,7 @@ class VelocityPlan:
 
     @property
     def velocities(self) -> list[float]:
-        """One per run, rad/s, with its sign; where both directions share a set each speed is run back and forth."""
+        """One per run, rad/s, signed; with one set for both directions each speed is run back and forth."""
         signs = {Direction.POSITIVE: (1,), Direction.NEGATIVE: (-1,)}.get(self.direction, (1, -1))
         return [sign * speed for speed in self.chosen.speeds.tolist() for sign in signs]
 
@@ -98,14 +88,13 @@ class VelocityPlan:
 def plan_velocities(
     start: Start, direction: Direction, limits: Limits, count: int, aim: str, share: float
 ) -> VelocityPlan:
-    """The design of `count` runs of one direction; where both share a set, each speed is run back and forth.
+    """The design of `count` runs of one direction for an aim; `share`: of the plan's usual time.
 
-    An aim that constant velocities do not show counts as `all`; `share` is that of its time that the plan is cut to.
     Raises InputError where the drive's torque or the travel leaves no speeds to choose from.
     """
     p, passes = start.p(direction), 2 if direction is Direction.BOTH else 1
 
-    # The fastest speed at which there is a hold, and steady sliding takes no more torque than the drive may give.
+    # The fastest speed with a hold at which steady sliding is within the drive's torque.
     speeds = np.geomspace(limits.slowest, fastest(largest_deflection(start), limits), CANDIDATES)
     within = speeds[np.abs(evaluate(functions.steady_torque_function(p.law), speeds, *p.stribeck)[0]) <= limits.torque]
     if within.size < 2:
@@ -114,8 +103,7 @@ def plan_velocities(
         )
     high = float(within[-1])
 
-    # What is known, whatever the other parameters are. Nothing counts as known where one of them is a guess: what is
-    # known of the others then rests on there being no peak.
+    # Marginal information about the curve; none where one of its parameters is a guess, on which the others rest.
     names = static_estimated_of(start.law)
     at = start.indices(direction, names)
     prior_information, v_s_error = np.zeros((len(names), len(names))), np.inf
@@ -136,18 +124,18 @@ def plan_velocities(
 
 
 def largest_deflection(start: Start) -> float:
-    """The largest steady deflection of the bristle, of both directions, rad."""
+    """Largest steady deflection of the bristle in both directions, rad."""
     return max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in start.sets)
 
 
 def nodes_of(v_s: float, relative_error: float) -> Array:
-    """Values of v_s of equal probability about an estimate, (k,), the middle one; log-normal with this relative standard error, at most 1.2."""
+    """Values of v_s of equal probability, (k,), log-normal with this relative standard error, at most 1.2."""
     middle = (np.arange(NODES) + 0.5) / NODES
     return np.asarray(v_s * np.exp(min(relative_error, 1.2) * ndtri(middle)))
 
 
 def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
-    """The best `count` runs (at least as many as parameters) for one of the problem's names or `all`: greedy exchange; near ones become one."""
+    """The best `count` runs (one per parameter or more) for a parameter or `all`, by exchange, near speeds merged."""
     grid = np.geomspace(problem.low, problem.high, CANDIDATES)
     criterion = _Criterion(problem, aim)
     rows = criterion.rows(grid)
@@ -157,7 +145,7 @@ def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
     starts += [rng.integers(0, grid.size, count) for _ in range(STARTS)]
     ends = dict.fromkeys(tuple(np.sort(_exchange(criterion, rows, start)).tolist()) for start in starts)
     best = min((grid[[*end]] for end in ends), key=criterion.value)
-    # Near speeds become one, their mean or an end of all, where that costs hardly any of the logarithm of the variance: few are easier to run.
+    # Near speeds are merged where that costs at most 0.01 of the logarithm of the variance.
     best = np.sort(best)
     few = []
     for factor in (1.05, 1.1, 1.2):
@@ -171,22 +159,20 @@ def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
 
 
 def evaluate_design(problem: DesignProblem, speeds: Array, aim: str = "") -> Design:
-    """Any speeds (n,), rad/s, with the standard errors that they should give."""
+    """The design of given speeds, (n,), rad/s."""
     speeds = np.sort(speeds)
     information = static_information(speeds, problem.p, problem.noise)
     return Design(aim, speeds, covariance(problem.prior_information + information)[0], covariance(information)[0])
 
 
 class _Criterion:
-    """What a design is judged by, averaged over v_s, with parameters in units that make the information 1 on its diagonal."""
+    """Criterion of a design, averaged over v_s, with parameters scaled to a unit diagonal of the information."""
 
     def __init__(self, problem: DesignProblem, aim: str) -> None:
-        """Scale what is known, with a little added so that a design too poor to be inverted has a value, a bad one."""
+        """Scale the prior, regularised so that the information can be inverted."""
         self.problem, self.aim = problem, None if aim == "all" else problem.names.index(aim)
-        sets, speeds = (
-            [problem.p._replace(v_s=float(x)) for x in problem.nodes],
-            np.geomspace(problem.low, problem.high, 50),
-        )
+        speeds = np.geomspace(problem.low, problem.high, 50)
+        sets = (problem.p._replace(v_s=float(x)) for x in problem.nodes)
         whole = [problem.prior_information + static_information(speeds, p, problem.noise) for p in sets]
         self.size = np.sqrt(np.maximum(np.diagonal(whole, axis1=1, axis2=2), _UNSEEN))
         scale = self.size[:, :, None] * self.size[:, None, :]
@@ -202,7 +188,7 @@ class _Criterion:
         return np.asarray(rows / self.problem.noise / self.size[:, None, :])
 
     def value(self, speeds: Array) -> float:
-        """The criterion of some speeds (n,)."""
+        """The criterion of speeds (n,)."""
         rows = self.rows(speeds)
         whole = self.known + np.einsum("knp,knq->kpq", rows, rows)
         if self.aim is None:
@@ -210,7 +196,7 @@ class _Criterion:
         return float(np.log(np.linalg.inv(whole)[:, self.aim, self.aim]).mean())
 
     def with_one(self, rest: Array, rows: Array) -> Array:
-        """The criterion, (m,), with each row (k, m, 4) alone added to an information (k, 4, 4): changes of rank one."""
+        """The criterion, (m,), with each row (k, m, 4) added to an information (k, 4, 4) by updates of rank one."""
         inverse = np.linalg.inv(rest)
         along = rows @ inverse
         grown = np.einsum("kmp,kmp->km", along, rows)
@@ -221,12 +207,12 @@ class _Criterion:
 
 
 def _exchange(criterion: _Criterion, rows: Array, start: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Fedorov's exchange, indices (n,): the best swap of one run for one candidate (k, m, 4), until none helps."""
+    """Fedorov's exchange of indices (n,): the best swap of a run for a candidate (k, m, 4), until none helps."""
     chosen, value = np.array(start), np.inf
     while True:
         run = rows[:, chosen]
         whole = criterion.known + np.einsum("knp,knq->kpq", run, run)
-        swaps = []  # the criterion, which candidate leaves and which comes for it
+        swaps = []  # criterion, candidate removed and candidate added
         for leaving in np.unique(chosen):
             out = rows[:, leaving]
             values = criterion.with_one(whole - out[:, :, None] * out[:, None, :], rows)

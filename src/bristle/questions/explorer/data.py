@@ -1,6 +1,6 @@
-"""What the explorer knows of each joint, as plain JSON: values with their intervals and truth, what was measured, and each fit's own cost.
+"""Data of the explorer's page as JSON: values with intervals and truth, measurements, and the cost of each fit.
 
-Numbers keep every digit. An open bound is "inf" or "-inf", as in results.json; what does not exist is null.
+An open bound is "inf" or "-inf", as in results.json; a missing value is null.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,49 +24,26 @@ from bristle.identification.known_joint import (
     without_load,
 )
 from bristle.identification.results import Joint
-from bristle.model import functions
+from bristle.model import functions, parameters
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
-from bristle.model.parameters import (
-    SIGNED,
-    Direction,
-    ParameterName,
-    effort,
-    fields_of,
-    in_direction,
-    is_possible,
-    least_of,
-    unit,
-)
+from bristle.model.parameters import SIGNED, Direction, ParameterName, effort, unit
 from bristle.model.vectorize import evaluate
 from bristle.page.style import thinned
 from bristle.page.wording import in_print, pretty, printable
 from bristle.questions.explorer.engine import loop_options
 from bristle.simulation.joint_loop import PAPER_ASSUMPTIONS, JointLoop, fastest_measured, one_way
 
-MOST_SAMPLES = 4000
-"""Of a measured run, at the most."""
-MOST_DRAWN = 300
-"""Samples of a loading or a loop, at the most."""
-_PIECES = {"alpha_0": 4.0, "v_s": 10.0, "sigma_0": 10.0}
-"""Sliders that are logarithmic, and up to what factor of the identified value they go."""
-_TIMES = 4.0
-"""Up to how many times the identified value the other sliders go, from zero, or to both sides of it."""
-_SHOWN = ("position", "velocity", "torque", "K_p", "K_i", "K_d")
-"""What the page has units of, beside the parameters."""
-_FREQUENCY = 0.5
-"""Hz, of a sine at the fastest measured speed: its acceleration and amplitude stand for what is not known."""
+MOST_SAMPLES = 4000  # of a measured run
+MOST_DRAWN = 300  # samples of a loading or a loop
+_PIECES = {"alpha_0": 4.0, "v_s": 10.0, "sigma_0": 10.0}  # logarithmic sliders, and their range as a factor
+_TIMES = 4.0  # range of the other sliders, over the identified value
+_SHOWN = ("position", "velocity", "torque", "K_p", "K_i", "K_d")  # quantities with units on the page
+_FREQUENCY = 0.5  # Hz, of a sine at the fastest measured speed, for an unknown travel or inertia
 
 
 def explored(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> dict[str, Any]:
-    """Everything that the page knows, as JSON.
-
-    Args:
-        joints: identified, with what has an entry per sample.
-        loops: by joint its loop, or the sentence why it has none.
-
-    Raises InputError where no law of friction over velocity is known of any of them.
-    """
+    """The data of some joints, and their loops or why there is none. Raises InputError where no friction is known."""
     known = [(joint, known_joint(joint)) for joint in joints]
     left_out = [joint.name for joint, one in known if not one.directions]
     if len(left_out) == len(joints):
@@ -104,7 +81,7 @@ def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, 
         "law": joint.law.name,
         "law_title": "" if joint.law == GAUSSIAN else f"Law: {joint.law.title}.",
         "simulated": joint.simulated,
-        "units": {name: pretty(unit(name, joint.kind)) for name in (*fields_of(joint.law), *_SHOWN)},
+        "units": {name: pretty(unit(name, joint.kind)) for name in (*parameters.fields_of(joint.law), *_SHOWN)},
         "effort": effort(joint.kind),
         "directions": [str(d) for d in known.directions],
         "sets": sets,
@@ -130,7 +107,7 @@ def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, 
 
 
 def _plans(loop: JointLoop | str) -> list[dict[str, Any]] | str:
-    """The cases in which the joint runs in its loop, a joint of the paper first as in its Table 2; else why there is none."""
+    """The cases of the joint's loop, of the paper's joints first that of Table 2, or why there is none."""
     if isinstance(loop, str):
         return loop
     if loop.plant.law != loop.model.law:
@@ -148,49 +125,52 @@ def _plans(loop: JointLoop | str) -> list[dict[str, Any]] | str:
     ]  # fmt: skip  # a list of values
 
 
-_Values = dict[str, dict[str, dict[str, Any]]]
-"""What is known of each parameter, by direction."""
+_Values = dict[str, dict[str, dict[str, Any]]]  # what is known of each parameter, by direction
 
 
 def _sets(joint: Joint, known: KnownJoint, travel: float, J: float) -> Iterator[dict[str, Any]]:
-    """The values to use, then those of each direction's own stages, and of the fit of moving runs, where they are others, and a joint's."""
+    """The values to use, then those of the stages and of moving runs, if they differ and are possible."""
     source = {row.parameter: str(row.source) for row in chosen(joint)}
     use: _Values = {}
     for d in known.directions:
         missing, use[str(d)] = known.missing(d), {}
         for name, value in known.filled(d, travel, J)._asdict().items():
             estimate = None if name in missing else known.estimate(name, d)
-            of = "assumed" if name in missing else in_direction(source, name, d) or "given"
+            of = "assumed" if name in missing else parameters.in_direction(source, name, d) or "given"
             use[str(d)][name] = _value(value, estimate, of)
     yield {"key": "use", "label": "values to use", "values": use}
 
-    # Of constant velocity and slow loading, else those to use; none where a direction has no such fit.
+    # Values of constant velocity and slow loading; none where a direction has no such fit.
     stages: _Values = {}
     own = {row.parameter: row for row in stage_estimates(joint)}
     for side, rows in use.items():
         fit = joint.static.get(side)
         if fit is not None and (law := fit.values()) is not None:
             stages[side] = dict(rows)
-            for name in fields_of(joint.law):
+            for name in parameters.fields_of(joint.law):
                 row = own.get(ParameterName(name, Direction(side)))
                 estimate = None if row is None else row.estimate
                 value = getattr(law, name, None if estimate is None else estimate.value)
                 if value is not None:
                     stages[side][name] = _value(value, estimate, str(Source.STATIC if row is None else row.source))
 
-    # Of moving runs, what they do not show as it was held; none where a direction has no whole set.
+    # Values of moving runs; none where a direction has no complete set.
     moving: _Values = {}
     for side in use:
         if (run := joint.moving) is not None and (p := run.values(side)) is not None:
-            parts = ((n, x, in_direction(run.parameters, n, side)) for n, x in p._asdict().items())
+            parts = ((n, x, parameters.in_direction(run.parameters, n, side)) for n, x in p._asdict().items())
             moving[side] = {n: _value(x, estimate, str(Source.TRACKING)) for n, x, estimate in parts}
 
     for key, label, values in (
         ("stages", "fits of constant velocity and slow loading alone", stages),
         ("moving", "fit of moving runs", moving),
     ):
-        pairs = [(n, values[d][n]["value"], use[d][n]["value"]) for d in values for n in fields_of(joint.law)]
-        other = any(value != used for _, value, used in pairs) and all(is_possible(n, value) for n, value, _ in pairs)
+        pairs = [
+            (n, values[d][n]["value"], use[d][n]["value"]) for d in values for n in parameters.fields_of(joint.law)
+        ]
+        other = any(value != used for _, value, used in pairs) and all(
+            parameters.is_possible(n, value) for n, value, _ in pairs
+        )
         if other and len(values) == len(use):
             yield {"key": key, "label": label, "values": values}
 
@@ -206,10 +186,10 @@ def _value(value: float, estimate: Estimate | None, source: str) -> dict[str, An
 
 
 def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
-    """One fit of constant velocities: its points and cost, as the page computes them anew.
+    """One fit of constant velocities: its points and cost.
 
-    `torque` is friction's: what other regressors take is off it. `norm` is
-    what the relative error is relative to. A cost that two directions share is taken for this direction alone, the other as it was fitted.
+    `torque` is without other regressors, `norm` the divisor of the relative error. A cost that two directions share is
+    that of this direction, with the other as fitted.
     """
     p, v = fit.values(), fit.velocity
     extra = np.zeros(0)
@@ -225,33 +205,27 @@ def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
         k = thinned(profile.near_v_s.size, MOST_DRAWN)
         drawn = {"v_s": profile.near_v_s[k].tolist(), "cost": (profile.near_cost - other)[k].tolist()}
     return {
-        "direction": direction,
-        "velocity": v.tolist(),
-        "torque": torque.tolist(),
+        "direction": direction, "velocity": v.tolist(), "torque": torque.tolist(),
         "standard_error": errors if len(errors) == v.size else None,
         "stick_slip": [bool(s.stick_slip) for s in fit.segments],
         "place": [printable(f"{s.file} {s.where}") for s in fit.segments],
         "norm": 100 * left / fit.relative_error if fit.relative_error else float(np.linalg.norm(fit.torque)),
-        "rms": fit.rms,
-        "relative_error": fit.relative_error,
-        "cost": cost,
+        "rms": fit.rms, "relative_error": fit.relative_error, "cost": cost,
         "least": None if profile is None else profile.best_cost - other,
-        "threshold": None if profile is None else profile.threshold - other,
-        "profile": drawn,
+        "threshold": None if profile is None else profile.threshold - other, "profile": drawn,
         "strays": [_point(s) for s in fit.strays],
-    }
+    }  # fmt: skip  # a list of values
 
 
 def _point(s: Any) -> dict[str, Any]:
-    """A segment or a stray, as a point beside the fitted ones."""
     return {"velocity": s.velocity, "torque": s.torque, "place": printable(f"{s.file} {s.where}")}
 
 
 def _presliding(fit: PreslidingFit) -> dict[str, Any]:
-    """What slow loading of one direction showed, each loading from its rest by the recommended sigma_0."""
+    """Slow loading of one direction, each loading from its rest position by the recommended sigma_0."""
     loadings, sigma_0 = [], fit.sigma_0.value
     for x in fit.loadings:
-        # Where the joint rested: the mean over count edges of what was travelled less what the torque there takes.
+        # The rest position: mean over count edges of the displacement less that of the model.
         rest, below = 0.0, fit.level > x.edge_torque
         if sigma_0 and sigma_0 > 0 and below.any():
             T = x.edge_torque[below]
@@ -272,7 +246,7 @@ def _drawn(displacement: Array, torque: Array) -> dict[str, Any]:
 
 
 def _moving(fit: TrackingFit | None) -> dict[str, Any] | None:
-    """The equations of the fit of moving runs, with the set at which their residuals are; None where torque is not what it predicts."""
+    """The equations of the fit of moving runs, with its set; None unless it predicts torque."""
     if fit is None or fit.quantity != "torque" or fit.velocity.size < 2:
         return None
     sets = {d: p for d in SIGNED if (p := fit.values(d) or fit.values(Direction.BOTH)) is not None}
@@ -281,23 +255,18 @@ def _moving(fit: TrackingFit | None) -> dict[str, Any] | None:
     one = next(iter(sets.values()))
     n, steps = min(fit.velocity.size, MOST_SAMPLES), np.diff(fit.time)
     usual = float(np.median(steps))
-    # First equation of each run, and of each stretch behind a gap: where the time steps back, or by more than two steps.
+    # First equation of each run and after each gap: time steps back, or by more than two steps.
     starts = [0, *(1 + np.flatnonzero((steps <= 0) | (steps > 2 * usual))).tolist()]
     return {
         "pair": {"law": fit.law.name, **{str(d): sets.get(d, one)._asdict() for d in SIGNED}},
-        "step": usual,
-        "time": fit.time[:n].tolist(),
-        "velocity": fit.velocity[:n].tolist(),
-        "residuals": fit.residuals[:n].tolist(),
-        "starts": [k for k in starts if k < n],
-        "norm": float(np.linalg.norm(fit.measured[:n])),
-        "equations": int(fit.velocity.size),
+        "step": usual, "time": fit.time[:n].tolist(), "velocity": fit.velocity[:n].tolist(),
+        "residuals": fit.residuals[:n].tolist(), "starts": [k for k in starts if k < n],
+        "norm": float(np.linalg.norm(fit.measured[:n])), "equations": int(fit.velocity.size),
         "relative_error": float(fit.relative_error) if n == fit.velocity.size else None,
     }  # fmt: skip  # a list of values
 
 
 def _correlations(joint: Joint) -> Iterator[dict[str, Any]]:
-    """The correlation matrix of each fit."""
     fits: list[tuple[str, Sequence[str], Array]] = [
         (f"constant velocity {d}", fit.names, fit.covariance) for d, fit in joint.static.items() if fit.names
     ]
@@ -311,25 +280,20 @@ def _correlations(joint: Joint) -> Iterator[dict[str, Any]]:
 
 
 def ranges(law: Law, sets: Sequence[Mapping[str, float | None]], fastest: float) -> dict[str, dict[str, Any]]:
-    """Of each slider its ends, what the parameter may be at least, and whether it goes by the logarithm; as JSON.
+    """Ends of each parameter's slider, its least value, and whether it is logarithmic.
 
-    What else shapes a peak goes as far as it is searched. The fastest measured speed is given and has no slider.
-
-    Args:
-        law: of the friction.
-        sets: the values that sliders are to show, both directions.
-        fastest: measured speed, rad/s.
+    `sets`: the values to be shown, of both directions; `fastest`: measured speed, rad/s, which has no slider.
     """
-    names = [name for name in fields_of(law) if name != FASTEST]
+    names = [name for name in parameters.fields_of(law) if name != FASTEST]
     rows = {name: [x for p in sets if (x := p[name]) is not None] for name in names}
     searched = {own.name: own.searched for own in law.peak.own}
-    # What a parameter of one makes at that speed, of those that may be zero: that of others is no measure.
+    # Torque of a parameter of one at the fastest speed, for those that may be zero.
     columns = evaluate(functions.linear_shapes_function(law), fastest)
     named = zip(("alpha_0", "alpha_2", *law.coefficients), columns, strict=True)
     torques = {"alpha_1": 1.0} | {name: float(x) for name, x in named}
     found: dict[str, dict[str, Any]] = {}
     for name, values in rows.items():
-        positive, least = [x for x in values if x > 0], least_of(name)
+        positive, least = [x for x in values if x > 0], parameters.least_of(name)
         if name in searched:
             ends = [*searched[name], *positive]
             own = {"low": min(ends), "high": max(ends), "log": True}

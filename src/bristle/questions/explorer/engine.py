@@ -1,12 +1,7 @@
-"""The explorer's physics: one JavaScript constant, `bristle`, with the functions that its page calls.
-
-Every equation in it is printed from the CasADi functions that bristle itself evaluates, once for each friction law that
-the page has; engine.js, which goes round them, holds loops alone, and says at its top what each function takes and
-returns.
-"""
+"""The explorer's physics: one JavaScript constant, `bristle`, printed from CasADi functions around engine.js."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,48 +19,61 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Expression
 from bristle.model.laws.parts import Law as FrictionLaw
 from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, fields_of, least_of, lugre_of, pair_of
-from bristle.questions.explorer import javascript
+from bristle.model.printing import FUNCTIONS, INFIX, Language, Term, statements
 from bristle.simulation.joint_loop import JointLoop
 from bristle.simulation.references import Sine
 
-DURATION, SETTLE = 20.0, 10.0
-"""s: a run in the loop, and from when on its error counts."""
-_SETTINGS = (*OF_COMPENSATOR, *OF_ADAPTATION, "limits", "gamma")
-"""What is a number of a compensator and its adaptation, in the order in which a control period takes them."""
-_LOGGED = ("position", "velocity", "deflection", "torque", "friction", "compensation")
-"""What a control period logs beside the gains."""
+DURATION, SETTLE = 20.0, 10.0  # of a run in the loop, and the start of its RMS error, s
+_SETTINGS = (*OF_COMPENSATOR, *OF_ADAPTATION, "limits", "gamma")  # numbers of a compensator, in order
+_LOGGED = ("position", "velocity", "deflection", "torque", "friction", "compensation")  # beside the gains
+HELPERS = """\
+// NaN counts as missing, as in C.
+const fmin = (x, y) => (x <= y || y !== y ? x : y);
+const fmax = (x, y) => (x >= y || y !== y ? x : y);
+const copysign = (x, y) => (y < 0 || Object.is(y, -0) ? -Math.abs(x) : Math.abs(x));
+"""  # of operations that `Math` lacks
+
+_INFIX = {**INFIX, ca.OP_FMOD: "%"}
+_TRUTH = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "===", ca.OP_NE: "!=="}
+_HELPED = {ca.OP_FMIN: "fmin", ca.OP_FMAX: "fmax", ca.OP_COPYSIGN: "copysign"}
+_OTHERS: dict[int, Callable[..., str]] = {
+    ca.OP_ASSIGN: "{}".format,
+    ca.OP_NEG: "-{}".format,
+    ca.OP_SQ: "{0} * {0}".format,
+    ca.OP_TWICE: "2 * {}".format,
+    ca.OP_INV: "1 / {}".format,
+    ca.OP_AND: "{} !== 0 && {} !== 0 ? 1 : 0".format,
+    ca.OP_OR: "{} !== 0 || {} !== 0 ? 1 : 0".format,
+    ca.OP_NOT: "{} === 0 ? 1 : 0".format,
+    ca.OP_IF_ELSE_ZERO: "{} !== 0 ? {} : 0".format,
+}
 
 
 class Way(NamedTuple):
-    """What is compiled of a compensator: all that is no number."""
+    """A compensator without its numbers."""
 
     name: Name
     velocity: Velocity = "reference"
-    law: Law | None = None
-    """None: nothing adapts."""
+    law: Law | None = None  # None: nothing adapts
     step: Step = "gradient"
     parameters: tuple[str, ...] = ()
 
     @property
     def key(self) -> str:
-        """By which the script knows it."""
+        """Its key in the script."""
         parts = (self.name, self.velocity, *((self.law, self.step, *self.parameters) if self.law else ()))
         return " ".join(parts)
 
 
 def script(loops: Sequence[JointLoop] = (), laws: Iterable[FrictionLaw] = (GAUSSIAN,)) -> str:
-    """JavaScript that defines the constant `bristle`, and `module.exports` where there is a `module`; always the same text.
-
-    It knows these friction laws and those of the loops. Its closed loop runs these joints, and any others that differ
-    from them, or from the paper's, in numbers alone.
-    """
+    """JavaScript that defines `bristle`, and exports it if there is a `module`, for some laws and loops."""
     ways: dict[FrictionLaw, dict[Way, None]] = {
         law: dict.fromkeys(_ways(Compensator(), Adaptation()).values())
         for law in (*laws, *(loop.model.law for loop in loops))
     }
     for loop in loops:
         ways[loop.model.law] |= dict.fromkeys(_ways(loop.compensator, loop.adaptation).values())
-    # The functions that the glue calls of any law, by their names there.
+    # Functions of every law, by their names in engine.js.
     T, g0, sigma_0, t, amplitude, frequency = map(_symbol, ("T", "g0", "sigma_0", "t", "amplitude", "frequency"))
     y = Sine(amplitude, frequency).position(t)
     y_t, displacement = ca.jacobian(y, t), functions.loading_displacement_function()(T, g0, sigma_0)[0]
@@ -75,12 +83,12 @@ def script(loops: Sequence[JointLoop] = (), laws: Iterable[FrictionLaw] = (GAUSS
     )
     parts = [
         'const bristle = (() => {\n"use strict";\n',
-        javascript.HELPERS,
+        HELPERS,
         *_constants({
             "FINE": time_refinement._FINE, "NEAR": time_refinement._NEAR, "MOST": time_refinement._MOST,
             "GAINS": Gains._fields, "SETTINGS": _SETTINGS, "LOGGED": _LOGGED, "FASTEST": FASTEST,
         }),
-        *(javascript.printed(f, f.name()) for f in common),
+        *(printed(f, f.name()) for f in common),
         "const LAWS = {};\n",
         *(_of_law(law, tuple(own)) for law, own in ways.items()),
         Path(__file__).with_name("engine.js").read_text(encoding="utf-8"),
@@ -90,30 +98,20 @@ def script(loops: Sequence[JointLoop] = (), laws: Iterable[FrictionLaw] = (GAUSS
 
 
 def loop_options(loop: JointLoop) -> dict[str, Any]:
-    """What `bristle.closedLoop` takes, as plain JSON: the joint under its own adaptation, from its wrong start.
-
-    All numbers may be changed there; `law` is a key of `laws`.
-    """
+    """Arguments of `bristle.closedLoop` as JSON: the joint under its own adaptation, from its wrong start."""
     compensator, adaptation = loop.compensator, loop.adaptation
     return {
-        "law": adaptation.law,
-        "laws": {law: way.key for law, way in _ways(compensator, adaptation).items()},
-        "plant": _by_direction(loop.plant),
-        "model": _by_direction(loop.model),
+        "law": adaptation.law, "laws": {law: way.key for law, way in _ways(compensator, adaptation).items()},
+        "plant": _by_direction(loop.plant), "model": _by_direction(loop.model),
         "start": {name: float(loop.start.get(name, 1.0)) for name in adaptation.parameters} | dict(loop.start),
-        "J": float(loop.J),
-        "gains": {name: float(x) for name, x in loop.gains._asdict().items()},
+        "J": float(loop.J), "gains": {name: float(x) for name, x in loop.gains._asdict().items()},
         "parameters": [*adaptation.parameters],
         "gamma": {law: [*loop.comparable_rates(law)] for law in laws_for(adaptation.parameters)},
         "limits": [*map(float, adaptation.limits)],
         **{name: float(getattr(compensator, name)) for name in OF_COMPENSATOR},
-        **{name: float(getattr(adaptation, name)) for name in OF_ADAPTATION},
-        "amplitude": float(loop.amplitude),
-        "frequency": float(loop.frequency),
-        "period": float(loop.period),
-        "duration": DURATION,
-        "settle": SETTLE,
-    }
+        **{name: float(getattr(adaptation, name)) for name in OF_ADAPTATION}, "amplitude": float(loop.amplitude),
+        "frequency": float(loop.frequency), "period": float(loop.period), "duration": DURATION, "settle": SETTLE,
+    }  # fmt: skip  # a list of values
 
 
 def _by_direction(pair: Pair[float]) -> dict[str, Any]:
@@ -122,7 +120,7 @@ def _by_direction(pair: Pair[float]) -> dict[str, Any]:
 
 
 def _ways(compensator: Compensator, adaptation: Adaptation) -> dict[str, Way]:
-    """The ways in which a joint runs: `none`, `fixed`, and each law that can adapt these parameters."""
+    """The compensators of a joint: `none`, `fixed`, and each law that can adapt these parameters."""
     fixed = Way(compensator.name, compensator.velocity)
     ways = {"none": Way("none"), "fixed": fixed}
     for law in laws_for(adaptation.parameters):
@@ -132,7 +130,7 @@ def _ways(compensator: Compensator, adaptation: Adaptation) -> dict[str, Way]:
 
 @cache
 def _of_law(law: FrictionLaw, ways: tuple[Way, ...]) -> str:
-    """The entry of one law in the script's `LAWS`: its parameters, its equations, and its loops in these ways."""
+    """The entry of a law in the script's `LAWS`: its parameters, equations, and loops."""
     equations, loops = _equations(law), [_loop(way, k, law) for k, way in enumerate(ways)]
     table = [
         f"  {json.dumps(way.key)}: {{ rest: rest{k}, period: period{k}, size: {rest.numel_out(0)} }},\n"
@@ -147,7 +145,7 @@ def _of_law(law: FrictionLaw, ways: tuple[Way, ...]) -> str:
     parts = [
         f"LAWS[{json.dumps(law.name)}] = (() => {{\n",
         *_constants(constants),
-        *(javascript.printed(f, f.name()) for f in (*equations, *(f for pair in loops for f in pair))),
+        *(printed(f, f.name()) for f in (*equations, *(f for pair in loops for f in pair))),
         f"const LOOPS = {{\n{''.join(table)}}};\n",
         f"return {{ {', '.join(named)} }};\n}})();\n",
     ]
@@ -155,22 +153,17 @@ def _of_law(law: FrictionLaw, ways: tuple[Way, ...]) -> str:
 
 
 def _constants(values: Mapping[str, Any]) -> list[str]:
-    """Values as constants of JavaScript, whose `Infinity` is JSON's as Python writes it."""
     return [f"const {name} = {json.dumps(value)};\n" for name, value in values.items()]
 
 
 def _equations(law: FrictionLaw) -> list[ca.Function]:
-    """The functions of a law that the glue calls, by their names there.
-
-    `q` is a pair, the positive set first, for the paper's law (12, 1), and `p` one set.
-    """
+    """The functions of a law, by their names in engine.js; `q`: a pair, the positive set first, `p`: one set."""
     kind, count = lugre_of(law), len(fields_of(law))
     q, p = _symbol("q", 2 * count), _symbol("p", count)
     z, v, v0, v1, h = map(_symbol, ("z", "v", "v0", "v1", "h"))
     shape = [_symbol("v_s"), *(_symbol(f"own{k}") for k, _ in enumerate(law.peak.own))]
 
     def acting(z: Expression, v: Expression) -> Lugre[Any]:
-        """The set that acts there."""
         return kind(*functions.active_function(law)(z, v, *ca.vertsplit(q)))
 
     steady, (level, *viscous) = acting(v, v), functions.linear_shapes_function(law)(v)
@@ -187,10 +180,10 @@ def _equations(law: FrictionLaw) -> list[ca.Function]:
 
 
 def _loop(way: Way, k: int, law: FrictionLaw) -> tuple[ca.Function, ca.Function]:
-    """What the loop remembers at rest, and one control period of it, by a drive that takes the torque; numbers are inputs.
+    """The loop at rest, and one control period of it, with an ideal drive.
 
-    (position, settings) -> memory, and (memory, y, v, a, plant, model, J, gains, settings, h) -> memory, what is
-    logged, and gains of the adapted parameters. Settings are as in the script's `SETTINGS`, then gamma.
+    (position, settings) -> memory, and (memory, y, v, a, plant, model, J, gains, settings, h) -> memory, `_LOGGED`, and
+    gains of the adapted parameters. Settings as in the script's `SETTINGS`, then gamma.
     """
     names = setting_names(len(way.parameters))
     settings = _symbol("settings", len(names))
@@ -220,11 +213,52 @@ def _loop(way: Way, k: int, law: FrictionLaw) -> tuple[ca.Function, ca.Function]
 
 
 def _symbol(name: str, size: int = 1) -> Expression:
-    """A column of so many symbols."""
     return ca.SX.sym(name, size)
 
 
 def _function(name: str, inputs: Sequence[Expression], *outputs: Expression) -> ca.Function:
-    """One function of all outputs as one vector; its inputs have the names of their symbols."""
+    """A function of all outputs as one vector, with inputs named as their symbols."""
     names = [x.name() if x.is_scalar() else x[0].name().rsplit("_", 1)[0] for x in inputs]
     return ca.Function(name, [*inputs], [ca.densify(ca.vertcat(*outputs))], names, ["out"], {"cse": True})
+
+
+def operation(code: int, operands: Sequence[Term]) -> Term:
+    """CasADi's operation with this code as a JavaScript expression. Raises KeyError for erf and erfinv."""
+    texts = [x.text for x in operands]
+    if code in _INFIX:
+        return Term(f" {_INFIX[code]} ".join(texts))
+    if code in _TRUTH:
+        return Term(f" {_TRUTH[code]} ".join(texts) + " ? 1 : 0")
+    if code in FUNCTIONS and code != ca.OP_ERF:
+        return Term(f"{_HELPED.get(code) or f'Math.{FUNCTIONS[code]}'}({', '.join(texts)})")
+    return Term(_OTHERS[code](*texts))
+
+
+def _number(value: float) -> str:
+    text = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}.get(repr(value)) or repr(value).removesuffix(".0")
+    return f"({text})" if text.startswith("-") else text
+
+
+def printed(function: ca.Function, name: str) -> str:
+    """A CasADi function in JavaScript with that name.
+
+    Arguments are the inputs by name: a number, or an array of elements, column by column. A function of one number
+    returns it; others write all elements of all outputs to their last argument, `out`.
+
+    Raises ValueError where an operation has no counterpart.
+    """
+    arguments = [function.name_in(k) for k in range(function.n_in())]
+    scalar = [function.numel_in(k) == 1 for k in range(function.n_in())]
+
+    def operand(place: int, element: int) -> str:
+        return arguments[place] if scalar[place] else f"{arguments[place]}[{element}]"
+
+    javascript = Language("JavaScript", operation, _number, lambda name, value: f"const {name} = {value.text};")
+    lines, outputs = statements(function, operand, javascript)
+    if len(outputs) == 1:
+        last = [f"return {outputs[0].text};"]
+    else:
+        arguments.append("out")
+        last = [f"out[{k}] = {x.text};" for k, x in enumerate(outputs)]
+    body = "".join(f"  {line}\n" for line in (*lines, *last))
+    return f"function {name}({', '.join(arguments)}) {{\n{body}}}\n"

@@ -1,7 +1,4 @@
-"""The explorer's figures as Bokeh models: axes, marks and empty sources, which the page's script fills by their names.
-
-No text of a user goes in here. A source's name is its renderer's; the script finds figures and sources by them.
-"""
+"""The explorer's figures as Bokeh models: axes, marks and empty sources, which the page's script finds by name."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -11,13 +8,10 @@ from bristle.page.style import DIRECTION
 if TYPE_CHECKING:
     from bokeh.models import Plot
 
-GREY = "#767676"
-"""3:1 on white and on near black."""
-TRUE, SECOND = "#009E73", "#CC79A7"
-"""Of the true values, beside GREY, the identified ones, and of what stands beside the current ones; 3:1 on white and on near black."""
+# Contrast 3:1 on white and on near black: identified values, true values, and a second kind.
+GREY, TRUE, SECOND = "#767676", "#009E73", "#CC79A7"
 PLUS, MINUS = DIRECTION["+"].colour, DIRECTION["-"].colour
-PAPER: dict[str, float] = {"paper.alpha_0": 0.84, "paper.alpha_2": 1.05}
-"""What the adapted factors of the paper's section 5 converge to."""
+PAPER: dict[str, float] = {"paper.alpha_0": 0.84, "paper.alpha_2": 1.05}  # adapted factors of the paper's section 5
 
 
 class Mark(NamedTuple):
@@ -37,16 +31,11 @@ class Panel(NamedTuple):
     height: int
     marks: Sequence[Mark]
     x_log: bool = False
-    shaded: Sequence[str] = ()
-    """Names of hatched regions, which the script places."""
-    spans: Mapping[str, Literal["width", "height"]] = {}  # never changed
-    """Names of straight lines across the figure, and how each runs: width or height."""
-    framed: bool = False
-    """Whether the script sets the ranges, which then stay while a curve moves within them: a new range lays the figure out anew."""
-    follows: str = ""
-    """The figure whose x-axis this one shares."""
-    tips: bool = False
-    """Whether points tell their place when the pointer is over them."""
+    shaded: Sequence[str] = ()  # names of hatched regions, which the script places
+    spans: Mapping[str, Literal["width", "height"]] = {}  # straight lines across the figure, by name; never changed
+    framed: bool = False  # whether the script sets the ranges
+    follows: str = ""  # the figure whose x-axis this one shares
+    tips: bool = False  # whether points tell their place when the pointer is over them
 
 
 _XY = {"x": "x", "y": "y"}
@@ -148,10 +137,7 @@ PANELS: dict[str, tuple[Panel, ...]] = {
 
 
 def keys() -> dict[str, list[tuple[str, str, str, str]]]:
-    """By figure its key, once for each source: this, its name, how its sample looks, and its colour.
-
-    The page has it: a legend of Bokeh's takes a third of the time to paint.
-    """
+    """Legend of each figure for the page: source, name, look and colour; Bokeh's own is slow to paint."""
     found: dict[str, list[tuple[str, str, str, str]]] = {}
     seen = set[str]()
     for panel in (panel for panels in PANELS.values() for panel in panels):
@@ -173,12 +159,11 @@ def figures() -> dict[str, list["Plot"]]:
 
 
 def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plot":
-    """One figure; one source may have marks in several."""
+    """One figure; a source may be shared by several."""
     from bokeh.models import BasicTickFormatter, ColumnDataSource, HoverTool
     from bokeh.models.annotations.geometry import BoxAnnotation, Span
     from bokeh.plotting import figure
 
-    # As wide as its place, on the ground of the page.
     shared: dict[str, Any] = {"x_range": drawn[panel.follows].x_range} if panel.follows else {}
     if panel.framed:
         shared = {"x_range": (0.1, 1.0), "y_range": (0.0, 1.0)}
@@ -187,7 +172,7 @@ def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plo
         x_axis_type="log" if panel.x_log else "linear", toolbar_location="above", background_fill_alpha=0.0,
         border_fill_alpha=0.0, outline_line_color=None, min_border_left=64, output_backend="canvas", **shared,
     )  # fmt: skip  # a list of values
-    plot.toolbar.update(logo=None, active_drag=None)  # a finger that is drawn over a figure scrolls the page
+    plot.toolbar.update(logo=None, active_drag=None)  # a finger on a figure scrolls the page
     drawn[panel.name] = plot
     for name in panel.shaded:
         plot.add_layout(BoxAnnotation(
@@ -195,10 +180,8 @@ def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plo
             hatch_alpha=0.35, hatch_scale=10, line_color=None, visible=False,
         ))  # fmt: skip  # a list of values
     for name, dimension in panel.spans.items():
-        look: dict[str, Any] = {
-            "line_color": GREY,
-            "line_dash": "solid" if "zero" in name or "no_" in name else "dashed",
-        }
+        dash = "solid" if "zero" in name or "no_" in name else "dashed"
+        look: dict[str, Any] = {"line_color": GREY, "line_dash": dash}
         plot.add_layout(Span(name=name, location=PAPER.get(name, 0.0), dimension=dimension, line_width=1, **look))
     told = []
     for mark in panel.marks:
@@ -212,7 +195,7 @@ def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plo
         torque = panel.name if panel.name != "log" else "torque"
         tips = [("from", "@place"), ("velocity", "@x{0.0000}"), (torque, "@y{0.000000}")]
         plot.add_tools(HoverTool(renderers=told, tooltips=tips))
-    # Labels upright, and kept a place for until the page's script sets them; no powers of ten from 1e-6 up.
+    # Upright labels, with room until the page's script sets them; no powers of ten from 1e-6 up.
     for axis in plot.axis:
         axis.update(axis_label_text_font_style="normal", axis_label=" ")
         if isinstance(axis.formatter, BasicTickFormatter):

@@ -1,8 +1,7 @@
-"""The explorer's page: one HTML file with Bokeh, the physics and everything known of the joints in it; it loads nothing.
+"""The explorer's page: one HTML file with Bokeh, the physics and the data of the joints, which loads nothing.
 
-The controls are the browser's own, which have labels and keys; Bokeh draws the figures. No text of a user meets Bokeh or
-HTML: it lies in one block of JSON and is set as text. A policy in the page forbids every connection, and every script but
-the page's own, by their digests. Cost maps are computed by a worker, which is made of the text of some of these scripts.
+Texts of users are in one block of JSON and are set as text. A policy in the page forbids connections, and scripts other
+than the page's, by their digests. Cost maps are computed by a worker made of the text of some of these scripts.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,7 +26,6 @@ from bristle.simulation.joint_loop import JointLoop
 
 _HERE = Path(__file__).parent
 _SCRIPTS = ("costs", "app", "friction", "presliding", "response", "compensation", "identifiability", "values", "start")
-"""The page's own, in this order."""
 _VIEWS = {"friction": "Friction curve", "presliding": "Presliding", "response": "Time response"}
 _VIEWS |= {name: name.capitalize() for name in ("compensation", "identifiability", "values")}
 
@@ -42,33 +40,29 @@ class Explorer:
     """The whole page."""
 
     def write(self, path: Path | str) -> Path:
-        """Write the page as one file; an older file is never replaced.
-
-        Raises InputError where it cannot be written, or another file is there.
-        """
+        """Write the page as one file. Raises InputError where it cannot be written, or another file is there."""
         write_bytes(Path(path), encoded(self.html))
         return Path(path)
 
     def __repr__(self) -> str:
-        """In a line: whose it is, not the page."""
         return f"Explorer({', '.join(map(repr, self.joints))}: {len(self.html)} characters)"
 
 
 def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> Explorer:
-    """The page of some joints; arguments and what is raised as of `data.explored`. Equal arguments give equal bytes."""
+    """The page of some joints; arguments and errors as of `data.explored`. Equal arguments give equal bytes."""
     from bokeh.resources import Resources
 
     known = explored(joints, loops)
     document, roots = _drawing()
     laws = tuple(dict.fromkeys((*(x.law for x in joints), *(p.law for x in joints for p in x.truth.values()))))
-    words = dict(PARAMETERS)  # what each parameter with a slider is: those of all laws, then what some have beside them
+    words = dict(PARAMETERS)  # of each parameter with a slider
     for law in laws:
         words |= {own.name: f"{law.peak.title} peak" for own in law.peak.own}
         words |= {term.coefficient.name: f"of {term.title}" for term in law.terms}
     symbols = {name: symbol(name) for law in laws for name in fields_of(law)}
     settings = {"parameters": [*words], "symbols": symbols, "paper": PAPER}
     data = {"known": known, "settings": settings, "document": document, "roots": roots}
-    # Scripts by name: Bokeh's core, without widgets, tables and mathematics, then our own; the policy knows each by its digest.
+    # Scripts by name: Bokeh's core, without widgets, tables and mathematics, then our own.
     texts = {
         "bokeh": "\n".join(Resources(mode="inline", components=["bokeh"], minified=True).js_raw),
         "bristle": script([loop for loop in loops.values() if isinstance(loop, JointLoop)], laws),
@@ -79,7 +73,7 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
         "default-src 'none'", f"script-src {' '.join(map(digest, scripts.values()))}", "worker-src blob:", "style-src 'unsafe-inline'",
         "img-src data: blob:", "font-src data:", "base-uri 'none'", "form-action 'none'",
     )  # fmt: skip  # a list of values
-    # JSON in which no tag can begin; null stands for what is no finite number.
+    # JSON without characters of tags; null for numbers that are not finite.
     block = to_json(data, inf_nan_mode="null").decode()
     block = block.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
     named = {
@@ -93,17 +87,17 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
 
 @cache
 def _drawing() -> tuple[dict[str, Any], dict[str, str]]:
-    """The figures, empty, as Bokeh's JSON, and the id of each by its name: the same on every page, and most of its time."""
+    """The empty figures as Bokeh's JSON, and the id of each by name; cached, as they take most of a page's time."""
     from bokeh.document import Document
 
     plots = [plot for view in figures().values() for plot in view]
     document, numbers = Document(), dict[str, str]()
-    with document.models.freeze():  # else every model is looked through anew at each
+    with document.models.freeze():  # no search of all models at each
         for plot in plots:
             document.add_root(plot)
 
     def numbered(part: Any) -> Any:
-        """A part in which each model's id is its number in the order of writing, from 1: Bokeh counts on in a process."""
+        """A part with ids of models numbered from 1, because Bokeh counts on in a process."""
         if isinstance(part, list):
             return [numbered(x) for x in part]
         if not isinstance(part, dict):

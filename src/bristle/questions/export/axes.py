@@ -1,14 +1,11 @@
-"""URDF and SDFormat 1.6 and later: `<dynamics>` of a joint, as a small model of its own or merged into a given file.
-
-It holds Coulomb friction and damping of the joint, N*m and N*m*s/rad (N and N*s/m where it slides), and no rotor inertia.
-"""
+"""Export to URDF and SDFormat (1.6 and later): `<dynamics>` of joints in a small model, or merged into a given file."""
 
 from collections.abc import Sequence
 
 from bristle.errors import InputError, short
 from bristle.model.parameters import slides
-from bristle.questions.export.artefact import slug
 from bristle.questions.export.coulomb_viscous import CoulombViscous, comment_lines, target_of
+from bristle.questions.export.export import slug
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named
 
@@ -17,13 +14,12 @@ _HOLDS = (
 )
 _HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 _PLACEHOLDERS = "{} are placeholders, so that this file loads; copy <dynamics> into your own {}, or export into that."
-_FAR = "1000"  # a limit that is none
-_TYPES = {False: ("revolute", "continuous"), True: ("prismatic",)}
-"""Of a joint in a URDF or an SDF, by whether the exported one slides."""
+_FAR = "1000"  # stands for no limit
+_TYPES = {False: ("revolute", "continuous"), True: ("prismatic",)}  # of joints, by whether the exported one slides
 
 
 def _new_urdf(found: Sequence[CoulombViscous]) -> bytes:
-    """A robot of these joints, each with a link of its own on one base."""
+    """A robot of these joints, each with a link on one base."""
     head = f'<robot name={attribute(slug([one.joint for one in found]))}>\n  <link name="base"/>'
     note = comment(_PLACEHOLDERS.format("Links, axes and limits", "URDF"))
     return "\n".join([_HEAD + note, head, *map(_urdf_joint, range(len(found)), found), "</robot>", ""]).encode()
@@ -34,7 +30,7 @@ def _urdf_dynamics(one: CoulombViscous) -> str:
 
 
 def _urdf_joint(k: int, one: CoulombViscous) -> str:
-    """A joint and its link, which has the identified inertia, or 1 where none is known."""
+    """A joint and its link, with the identified inertia or 1."""
     sliding, J = slides(one.joint.kind), repr(one.joint.inertia or 1.0)
     mass, moment = (J, "1") if sliding else ("1", J)
     limit = f' lower="-{_FAR}" upper="{_FAR}"' if sliding else ""
@@ -68,7 +64,7 @@ def _into_urdf(document: XmlDocument, one: CoulombViscous) -> None:
 
 
 def _new_sdf(found: Sequence[CoulombViscous]) -> bytes:
-    """A model of these joints, each between the world and a link of its own."""
+    """A model of these joints, each between the world and a link."""
     head = f'<sdf version="1.6">\n  <model name={attribute(slug([one.joint for one in found]))}>'
     note, joints = comment(_PLACEHOLDERS.format("Links and axes", "SDF")), map(_sdf_joint, range(len(found)), found)
     return "\n".join([_HEAD + note, head, *joints, "  </model>\n</sdf>", ""]).encode()
@@ -82,7 +78,7 @@ def _sdf_dynamics(one: CoulombViscous, indent: str = "") -> str:
 
 
 def _sdf_joint(k: int, one: CoulombViscous) -> str:
-    """A joint and its link, which has the identified inertia, or 1 where none is known."""
+    """A joint and its link, with the identified inertia or 1."""
     sliding, J = slides(one.joint.kind), one.joint.inertia or 1.0
     mass, moment = (J, 1.0) if sliding else (1.0, J)
     return f"""\
@@ -125,7 +121,7 @@ def _into_sdf(document: XmlDocument, one: CoulombViscous) -> None:
 
 
 def _only(parent: XmlElement, tag: str, where: str, within: str = "") -> XmlElement | None:
-    """The child of a tag, if there is one. Raises InputError where there are two."""
+    """The child with a tag, if any. Raises InputError where there are two."""
     found = [x for x in parent.children if x.tag == tag]
     if len(found) > 1:
         raise InputError(f"{where} has two <{tag}>{within}; keep one of them")
@@ -133,22 +129,18 @@ def _only(parent: XmlElement, tag: str, where: str, within: str = "") -> XmlElem
 
 
 def _note(one: CoulombViscous) -> str:
-    """What stands beside `<dynamics>`; its first two words mark it as ours."""
+    """The comment beside `<dynamics>`; its first two words mark it as ours."""
     return "\n     ".join(comment_lines(one, _HOLDS))
 
 
 def _values(one: CoulombViscous) -> dict[str, str]:
-    """What `<dynamics>` has, every digit."""
     return {"damping": repr(one.viscous), "friction": repr(one.coulomb)}
 
 
 def _place(
     document: XmlDocument, elements: Sequence[XmlElement], joint: ExportedJoint, remedy: str = ""
 ) -> tuple[XmlElement, str]:
-    """The one element of a file's joints that has the joint's name, and how a sentence about it begins.
-
-    Raises InputError where there is none, opening the list of its joints with a remedy, or two, or it does not move as the exported one.
-    """
+    """`joint_named`, which also raises InputError where the element moves in another way than the joint."""
     found, where = joint_named(document.what, elements, joint.name, remedy)
     got, expected = found.attributes.get("type", ""), _TYPES[slides(joint.kind)]
     if got not in expected:

@@ -1,7 +1,7 @@
-"""Prints a CasADi function as C99: `model.printing` in the language of controllers.
+"""Printing of CasADi functions as C99.
 
-`br_real` is double, or float with BRISTLE_SINGLE. Comparisons are `int`; equality is written as a pair of < and >, so that no compiler warns of it,
-and no operation can raise the flag of a division by zero that Python's does not.
+`br_real` is double, or float with BRISTLE_SINGLE. Comparisons are `int`; equality is a pair of < and >, of which no
+compiler warns. No operation raises a flag of division by zero that Python's does not.
 """
 
 import re
@@ -30,23 +30,19 @@ _OTHERS: dict[int, Callable[..., str]] = {
     ca.OP_TWICE: "{0} + {0}".format,
     ca.OP_INV: "BR_C(1.0) / {}".format,
 }
-_SMALLEST, _LARGEST = 1e-24, 1e30
-"""Numbers of single precision stay within these, so that their products and quotients do."""
+_SMALLEST, _LARGEST = 1e-24, 1e30  # of numbers of single precision, so that products and quotients stay finite
 _ALWAYS = ("exp", "expm1", "log", "pow", "sqrt", "sin", "cos", "tanh")
-_OWN = ("abs", "sign", "min", "max")  # what the header has of its own
+_OWN = ("abs", "sign", "min", "max")  # defined in the header
 
 
 def math_of(lines: Sequence[str]) -> tuple[str, ...]:
-    """Functions of math.h that printed code may call, as BR_EXP and so on, and the rare ones that these lines do."""
+    """Functions of math.h that the header defines: the usual ones, and rare ones that these lines call."""
     called = {name for line in lines for name in re.findall(r"BR_([A-Z0-9]+)\(", line)}
     return (*_ALWAYS, *(x for x in FUNCTIONS.values() if x not in _ALWAYS and x.upper() in called))
 
 
 def constant(value: float) -> str:
-    """A number of br_real, every digit of it; what single precision cannot hold is its nearest end there.
-
-    Raises InputError where it is not finite.
-    """
+    """A constant of br_real with all digits. Raises InputError where it is not finite."""
     if not isfinite(value):
         raise InputError(f"got {value}, which has no constant in C99; write the expression without it")
     size = abs(value)
@@ -56,10 +52,7 @@ def constant(value: float) -> str:
 
 
 def operation(code: int, operands: Sequence[Term]) -> Term:
-    """CasADi's operation of that number on these operands, as an expression in C.
-
-    Raises KeyError where the printed C has no such operation.
-    """
+    """CasADi's operation with this code as an expression in C. Raises KeyError where C has none."""
     if code in (ca.OP_NOT, ca.OP_AND, ca.OP_OR):
         asked = [_answer(x) for x in operands]
         joined = {ca.OP_NOT: "!({0})", ca.OP_AND: "({0}) && ({1})", ca.OP_OR: "({0}) || ({1})"}
@@ -81,10 +74,7 @@ def _answer(x: Term) -> str:
 
 
 def printed(function: ca.Function, operand: Callable[[int, int], str]) -> Printed:
-    """The statements of a CasADi function of numbers in C, and the expressions of its outputs; `operand`: (input, element of it) -> its name in C.
-
-    Raises InputError where an operation has no counterpart.
-    """
+    """Statements in C of a CasADi function, and its outputs; `operand`: (input, element) -> its name in C."""
 
     def assignment(name: str, value: Term) -> str:
         return f"const {'int' if value.truth else 'br_real'} {name} = {value.text};"
@@ -93,13 +83,13 @@ def printed(function: ca.Function, operand: Callable[[int, int], str]) -> Printe
 
 
 def escaped(text: str) -> str:
-    """A text for a comment: printable ASCII, without what ends a comment, begins a trigraph or joins lines."""
+    """A text for a comment in C: printable ASCII, without comment marks, trigraphs or joined lines."""
     plain = "".join(c if c.isascii() and c.isprintable() else f"<U+{ord(c):04X}>" for c in text)
     return re.sub(r"\?(?=\?)", "? ", plain).replace("*/", "* /").replace("/*", "/ *").replace("\\", "<U+005C>")
 
 
 def filled(template: str, context: Mapping[str, object]) -> str:
-    """A template of an export, C or about it, with what it names."""
+    """A template of an export, filled."""
     return _environment().get_template(template).render(context)
 
 

@@ -1,7 +1,4 @@
-"""The compensator as one C99 header: for a microcontroller, a ros2_control controller, an S-function or an FMU.
-
-Its arithmetic is printed from the CasADi expressions that bristle evaluates; the template around it checks, names and explains.
-"""
+"""Export of the compensator as one C99 header, printed from CasADi expressions into a template."""
 
 import hashlib
 import textwrap
@@ -23,34 +20,31 @@ from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import Pair, has_own_unit, lugre_of, slides, unit
 from bristle.page.wording import shortened
 from bristle.questions.export import c_code
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, notes
 from bristle.questions.export.c_numbers import c_field, digits, identifier, range_of, stem_of
 from bristle.questions.export.c_step import NamedFunction, PrintedStep, printed_joint, printed_step
+from bristle.questions.export.export import Artefact, ExportTarget, Request, artefact_of, notes
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import losses, lugre, stated_motions
 
 _STEPS, _DT, _HERTZ = 48, 5e-3, 2.5  # the test vector: steps, their length, s, and the frequency of its sine, Hz
-_DOUBLE, _SINGLE = 1e-12, 5e-6  # how far a torque of the test vector may be off, over the largest
+_DOUBLE, _SINGLE = 1e-12, 5e-6  # tolerances of the test vector, over its largest torque
 
 
 def numbers_of(joint: ExportedJoint) -> Pair[float]:
-    """The joint's sets; without a bristle for compensators that have none, a stiffness of 1 standing for what does not enter."""
+    """The joint's sets; without a bristle with a stiffness of 1, which is not used."""
     if joint.has_bristle:
         return joint.pair
     return Pair(*(lugre_of(joint.law)(**p._asdict(), sigma_0=1.0, sigma_1=0.0) for p in joint.curves))
 
 
 def top_speed(joint: ExportedJoint) -> float:
-    """The speed up to which the printed C is tried, rad/s: half of the fastest measured one, or, of a law with terms, beyond v_end.
-
-    Viscous friction is another there where a term is below zero.
-    """
+    """Largest speed of the test vector, rad/s: half of the fastest measured one; of a law with terms beyond v_end."""
     beyond = [getattr(p, FASTEST) for p in joint.curves] if joint.law.terms else []
     return min(1.2 * max(beyond), 0.9 * range_of("velocity")[1]) if beyond else 0.5 * joint.fastest
 
 
 def python_torque(joint: ExportedJoint, compensator: Compensator, inputs: dict[str, Array]) -> Array:
-    """What the compensator in Python makes of it from rest, N*m, (n,)."""
+    """Torque of the compensator in Python from rest, N*m, (n,)."""
     rises = joint.rises
     running = RunningCompensator(compensator, numbers_of(joint), rises=rises)
     motion = ("dt", "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity")
@@ -64,10 +58,7 @@ def python_torque(joint: ExportedJoint, compensator: Compensator, inputs: dict[s
 
 
 def header(joint: ExportedJoint, compensator: Compensator) -> str:
-    """The header of one joint.
-
-    Raises InputError where the compensator does nothing, or a parameter is out of the range of the code.
-    """
+    """The header of one joint. Raises InputError for no compensator, or where a parameter is out of range."""
     if compensator.name == "none":
         raise InputError(
             "compensator: none has no code; expected coulomb, stribeck, lugre, lugre-feedback or lugre-observer"
@@ -91,7 +82,7 @@ def header(joint: ExportedJoint, compensator: Compensator) -> str:
     adapts = f", adapting {', '.join(a.parameters)} by the {a.law} law, {a.step} step" if a else ", without adaptation"
     about.append(f"compensator: {compensator.name}{adapts}")
     torque, cogging = unit("torque", joint.kind), list[str]()
-    if joint.cogging:  # the statements of its torque at a position
+    if joint.cogging:
         lines, (wave,) = c_code.printed(cogging_function(joint.cogging), lambda *_: "position")
         cogging = [*lines, f"return {wave.text};"]
     if slides(joint.kind) or has_own_unit(joint.kind):
@@ -111,9 +102,9 @@ def header(joint: ExportedJoint, compensator: Compensator) -> str:
 
 
 def test_vector(joint: ExportedJoint, compensator: Compensator, printed: PrintedStep) -> Array:
-    """What goes in and the torque that comes out, by the compensator in Python from rest at position 0, (steps, inputs + 1).
+    """Inputs and torque of the compensator in Python from rest at position 0, (steps, inputs + 1).
 
-    A sine up to `top_speed`, a standstill, and a sine in presliding. Every input is a number of single precision.
+    A sine up to `top_speed`, a standstill, and a sine in presliding. Inputs are numbers of single precision.
     """
     k = np.arange(1, _STEPS + 1)
     w = 2 * np.pi * _HERTZ
@@ -135,7 +126,7 @@ def test_vector(joint: ExportedJoint, compensator: Compensator, printed: Printed
 
 
 def kind_of(compensator: Compensator) -> Compensator:
-    """The compensator of its kind whose numbers are the default's: what is printed is the same for all of a kind."""
+    """The compensator with default numbers, which is printed the same."""
     a = compensator.adaptation
     kind = a and Adaptation(law=a.law, step=a.step, parameters=a.parameters, gamma=(0.0,) * len(a.parameters))
     return Compensator(name=compensator.name, velocity=compensator.velocity, adaptation=kind)
@@ -143,22 +134,19 @@ def kind_of(compensator: Compensator) -> Compensator:
 
 @cache
 def _code(compensator: Compensator, law: Law, rises: tuple[str, ...]) -> dict[str, Any]:
-    """What the template names that is the same for all compensators of a kind, of joints of a law and of load."""
+    """The part of the template's context that is the same for all compensators of a kind, of a law and load."""
     printed = printed_step(compensator, law, rises)
     gradient = printed.gradient
     field = partial(c_field, adapts=compensator.adaptation is not None)
     parts: dict[str, Any] = {
-        "loaded": bool(rises),
-        "fields": [field(name, law) for name in printed.fields],
-        "parameters": [*map(field, printed.settings)],
-        "memory": [*map(field, printed.memory)],
-        "inputs": [*map(field, printed.inputs)],
-        "start": [*_lines(printed.start, ("p->",), "s->")],
+        "loaded": bool(rises), "fields": [field(name, law) for name in printed.fields],
+        "parameters": [*map(field, printed.settings)], "memory": [*map(field, printed.memory)],
+        "inputs": [*map(field, printed.inputs)], "start": [*_lines(printed.start, ("p->",), "s->")],
         "gains": [name for name in printed.memory if stem_of(name) == "theta"],
         "advance": [*_lines(printed.advance, ("p->", "p->", "s->", "in->"), "next->")],
         "gradient": [*_lines(gradient, ("p->", "p->", "s->"), None)] if gradient else [],
         "simulate": [*_lines(printed_joint(law), ("p->", "j->", ""), "j->")] if gradient else [],
-    }
+    }  # fmt: skip  # a list of values
     code = [line for name in ("start", "advance", "gradient", "simulate") for line in parts[name]]
     parts |= {"math": c_code.math_of(code), "units": {name: unit(name) for name in ("position", "velocity", "torque")}}
     digest = hashlib.sha256(repr(parts).encode()).hexdigest()
@@ -166,10 +154,9 @@ def _code(compensator: Compensator, law: Law, rises: tuple[str, ...]) -> dict[st
 
 
 def _lines(printed: NamedFunction, owners: Sequence[str], target: str | None) -> Iterator[str]:
-    """The statements of a function whose inputs belong to these structs, and its outputs to one, or to an array."""
+    """Statements of a function whose inputs are members of the owners, and its outputs of the target, or an array."""
 
     def operand(place: int, element: int) -> str:
-        """A member of a struct, or an argument."""
         return owners[place] + printed.inputs[place][element]
 
     lines, outputs = c_code.printed(printed.function, operand)
@@ -186,7 +173,7 @@ def _write(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     whole = request.compensator.name.startswith("lugre")
 
     def alone(v: Array, step: float) -> Array:
-        """What a compensator without a bristle gives at each velocity by itself, N*m, (n,)."""
+        """Torque of a compensator without a bristle at each velocity, N*m, (n,)."""
         running = RunningCompensator(request.compensator, numbers_of(joint))
         return np.array([running.step(step, (0.0, x), 0.0, x) for x in v.tolist()])
 

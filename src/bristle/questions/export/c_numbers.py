@@ -1,4 +1,4 @@
-"""The numbers of the printed C: what each is called, what it is, its unit, and within which ends the arithmetic is sound."""
+"""Names, units, meanings and ranges of the numbers in the printed C."""
 
 from typing import NamedTuple
 
@@ -6,8 +6,8 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law, OwnParameter
 from bristle.model.parameters import unit
 from bristle.page.wording import PARAMETERS
-from bristle.questions.export.artefact import slug
 from bristle.questions.export.c_code import escaped
+from bristle.questions.export.export import slug
 from bristle.questions.export.exported import ExportedJoint
 
 _Range = tuple[float, float]
@@ -15,14 +15,12 @@ _AS_DOCUMENTED = "as docs/compensation.md has it"
 
 
 class _Number(NamedTuple):
-    """What is the same of a number in every header."""
+    """A number of any header."""
 
     unit: str
     what: str
-    double: _Range = (-1e30, 1e30)
-    """Lowest and highest value, within which nothing overflows."""
-    single: _Range | None = None
-    """The same of a compensator that adapts in single precision, where that is narrower: its gradients are squared."""
+    double: _Range = (-1e30, 1e30)  # lowest and highest value without overflow
+    single: _Range | None = None  # in single precision with adaptation, which squares gradients, if narrower
 
 
 _NUMBERS = {
@@ -61,9 +59,8 @@ _NUMBERS = {
     "motor_load": _Number(unit("motor_load"), "friction per torque of the motor", (0.0, 10.0)),
     "gear_load": _Number(unit("gear_load"), "friction per torque that the gear carries, motor_torque - link_torque", (0.0, 10.0)),
     "gear_load_squared": _Number(unit("gear_load_squared"), "the same per its square", (0.0, 1e3)),
-}  # fmt: skip  # a table
-"""By what they are called, or their stem."""
-_STRONGEST = 1e4  # the coefficient of a term, either way
+}  # fmt: skip  # by name, or stem of the name
+_STRONGEST = 1e4  # largest coefficient of a term
 
 
 class CField(NamedTuple):
@@ -74,17 +71,16 @@ class CField(NamedTuple):
     what: str
     low: str
     high: str
-    shown: str
-    """Its range, for a reader."""
+    shown: str  # its range, for a reader
 
 
 def identifier(joint: ExportedJoint) -> str:
-    """What a joint's parameters are called in C."""
+    """Name of a joint's parameters in C."""
     return f"bristle_{slug([joint])}"
 
 
 def range_of(name: str, law: Law = GAUSSIAN) -> _Range:
-    """Lowest and highest value of a number: of a parameter of this law, or of what has the name in every header."""
+    """Lowest and highest value of a parameter of this law, or of another number."""
     own = _own(name, law)
     if own is None:
         return _NUMBERS[stem_of(name)].double
@@ -102,7 +98,7 @@ def ranges(name: str, law: Law = GAUSSIAN, *, adapts: bool) -> tuple[_Range, _Ra
 
 
 def c_field(name: str, law: Law = GAUSSIAN, *, adapts: bool) -> CField:
-    """A number of a struct, of a compensator that adapts or does not; of a set, with the law whose parameters it has."""
+    """A number of a struct, of a compensator that adapts or not; `law`: of a parameter."""
     double, single = ranges(name, law, adapts=adapts)
     low, high = (
         f"BR_C({digits(x)})" if x == y else f"BR_K({digits(x)}, {digits(y)})"
@@ -120,7 +116,7 @@ def c_field(name: str, law: Law = GAUSSIAN, *, adapts: bool) -> CField:
 
 
 def stem_of(name: str) -> str:
-    """What a number is of a kind: gamma_1 -> gamma, theta_alpha_0 -> theta."""
+    """Kind of a number: gamma_1 -> gamma, theta_alpha_0 -> theta."""
     return name.split("_", 1)[0] if name.startswith(("gamma_", "theta_", "sensitivity_", "covariance_")) else name
 
 

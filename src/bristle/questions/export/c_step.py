@@ -1,4 +1,4 @@
-"""The functions of a compensator, and of a simulated joint, that are printed as C: of named numbers, and of nothing that they do not use."""
+"""Functions of a compensator and of a simulated joint to be printed as C, of the numbers that they use."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ from bristle.questions.export.exported import WAYS
 _INPUTS = (
     "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity", "dt", "motor_torque", "link_torque",
 )  # fmt: skip  # a list of names
-JOINT = ("position", "velocity", "deflection")  # what a simulated joint remembers
+JOINT = ("position", "velocity", "deflection")  # state of a simulated joint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChangingAdaptation(SymbolicAdaptation):
-    """One that gives the change of each gain; the C adds it, in single precision without losing what is small beside the gain."""
+    """Adaptation that returns the change of each gain, which the C adds without loss in single precision."""
 
     def moved(self, theta: Expression, change: Expression) -> Expression:  # noqa: ARG002  # the C adds
         """The change alone."""
@@ -34,41 +34,37 @@ class ChangingAdaptation(SymbolicAdaptation):
 
 
 class NamedFunction(NamedTuple):
-    """A function of groups of numbers, each of which has a name."""
+    """A function of groups of named numbers."""
 
     function: ca.Function
-    inputs: tuple[tuple[str, ...], ...]
-    """The names of each input's elements."""
+    inputs: tuple[tuple[str, ...], ...]  # the names of each input's elements
     outputs: tuple[str, ...]
 
 
 class PrintedStep(NamedTuple):
-    """A compensator as it is printed."""
+    """A compensator to be printed."""
 
-    fields: tuple[str, ...]
-    """The parameters of a set that it depends on."""
-    settings: tuple[str, ...]
-    """Its own numbers, beside those of the pair."""
+    fields: tuple[str, ...]  # parameters of a set that it uses
+    settings: tuple[str, ...]  # numbers beside those of the pair
     memory: tuple[str, ...]
     inputs: tuple[str, ...]
-    start: NamedFunction
-    """(settings) -> memory at rest."""
+    start: NamedFunction  # (settings) -> memory at rest
     advance: NamedFunction
-    """(pair, settings, memory, inputs) -> memory one control period later, of gains their changes, and the torque, N*m."""
+    """(pair, settings, memory, inputs) -> memory after a control period, with changes of gains, and the torque, N*m."""
     gradient: NamedFunction | None
-    """(pair, settings, memory) -> the derivative of the friction torque by each of the set that acts, at a given deflection; None: no bristle."""
+    """(pair, settings, memory) -> derivatives of the friction torque at given z by the acting set; None: no bristle."""
 
 
 def sets_of(of: Law) -> tuple[str, ...]:
-    """The numbers of a pair, as C calls them: twelve of the paper's law."""
+    """Names in C of the numbers of a pair."""
     return tuple(f"{WAYS[d]}.{name}" for d in SIGNED for name in fields_of(of))
 
 
 @lru_cache(maxsize=64)
 def printed_step(compensator: Compensator, of: Law = GAUSSIAN, rises: tuple[str, ...] = ()) -> PrintedStep:
-    """What is printed of a compensator for joints of a law: what its torque depends on, and no more.
+    """A compensator for joints of a law, with the numbers that its torque depends on.
 
-    `rises` are the coefficients by which friction rises with load (`law.load_levels`); they are among the settings.
+    `rises`: coefficients by which friction rises with load (`law.load_levels`), which are among the settings.
     """
     n, sets = compensating.adapted_count(compensator), sets_of(of)
     names = (*setting_names(n), *rises)
@@ -83,15 +79,13 @@ def printed_step(compensator: Compensator, of: Law = GAUSSIAN, rises: tuple[str,
     level = law.load_rise({name: own[name] for name in rises}, tau_m, tau_l)
     new, T = compensating.step(symbolic, state, Reference(y_ref, v_ref, a_ref, level=level), Measurement(y, v), h)
     out = ca.densify(ca.vertcat(*compensating.packed(new), T))
-    reach, rows = (
-        set[int](),
-        [out.numel() - 1],
-    )  # elements of the memory that reach the torque, the last of `out`, now or later
+    # Elements of the memory that the torque, the last of `out`, depends on, now or later.
+    reach, rows = set[int](), [out.numel() - 1]
     while new_ones := {*_depends(out[rows], m)} - reach:
         reach |= new_ones
         rows = sorted(new_ones)
     kept = sorted(reach)
-    # the names of what it remembers, in the order of `compensator.packed`
+    # Names of the memory, in the order of `compensator.packed`.
     adapted = compensator.adaptation.parameters if compensator.adaptation else ()
     learnt = [f"{what}_{x}" for what in ("theta", "sensitivity") for x in adapted]
     learnt += [f"covariance_{a}_{b}" for a in adapted for b in adapted]
@@ -111,24 +105,21 @@ def printed_step(compensator: Compensator, of: Law = GAUSSIAN, rises: tuple[str,
         _, _, *by = functions.torque_sensitivity_function(p.law)(z, v, *acting)
         gradient = _named("gradient", groups, fields_of(of), by)
     return PrintedStep(
-        fields=tuple(name for name in fields_of(of) if name in read),
-        settings=tuple(settings),
-        memory=tuple(memory),
-        inputs=tuple(inputs),
-        start=_named("start", [(settings, s[used])], memory, begun),
+        fields=tuple(name for name in fields_of(of) if name in read), settings=tuple(settings), memory=tuple(memory),
+        inputs=tuple(inputs), start=_named("start", [(settings, s[used])], memory, begun),
         advance=_named("advance", [*groups, (inputs, w[given])], [*memory, "torque"], told),
         gradient=gradient,
-    )
+    )  # fmt: skip  # a list of values
 
 
 def _depends(out: Expression, by: Expression) -> list[int]:
-    """Which elements of a vector some expressions depend on."""
+    """Elements of a vector that some expressions depend on."""
     return [k for k, enters in enumerate(ca.which_depends(out, by, 1, False)) if enters]
 
 
 @lru_cache(maxsize=16)
 def printed_joint(of: Law = GAUSSIAN) -> NamedFunction:
-    """(pair, joint at an instant, (inertia, torque, dt)) -> the joint after dt seconds, and its friction then, N*m: `plant.plant_step`."""
+    """`plant.plant_step`: (pair, joint, (inertia, torque, dt)) -> joint after dt seconds, and its friction, N*m."""
     sets = sets_of(of)
     q, x, w = ca.SX.sym("q", len(sets)), ca.SX.sym("x", 3), ca.SX.sym("w", 3)
     pair, (J, T, h) = pair_of(ca.vertsplit(q), of), ca.vertsplit(w)

@@ -1,11 +1,8 @@
-"""What is handed over of an identified joint: one value of each parameter with its interval and source, and what must be said of it.
-
-What the data do not show is filled in only where a target cannot do without it, and is marked as assumed wherever it stands.
-"""
+"""An identified joint for export: parameters with interval and source, assumed only where a target needs them."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,175 +18,128 @@ from bristle.identification.known_joint import (
     chosen,
     inertia_of,
     known_joint,
-    load_left_out,
     rises_among,
 )
 from bristle.identification.results import Joint
 from bristle.identification.shared_findings import not_passive
 from bristle.identification.verdict import Trust, verdict
+from bristle.model import parameters
 from bristle.model.law import DAMPING_RATIO, is_passive
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import with_load
-from bristle.model.parameters import (
-    INERTIA,
-    SIGNED,
-    Direction,
-    Kind,
-    Pair,
-    ParameterName,
-    Stribeck,
-    effort,
-    fields_of,
-    has_own_unit,
-    in_direction,
-    is_positive,
-    lugre_of,
-    of_friction,
-    peak_parameters,
-    periodic,
-    slides,
-    static_fields_of,
-    static_of,
-    unit,
-    units_of,
-)
+from bristle.model.parameters import INERTIA, SIGNED, Direction, Kind, Pair, ParameterName, Stribeck, unit
 from bristle.simulation.joint_loop import bristle_filled, fastest_measured
 
 T = TypeVar("T")
-WAYS = dict(zip(Direction, ("positive", "negative", "both", "shared"), strict=True))
-"""What a direction is called where + and - cannot stand, as in C and MATLAB."""
+WAYS = dict(zip(Direction, ("positive", "negative", "both", "shared"), strict=True))  # directions in C and MATLAB
 FREQUENCY = 0.5  # Hz, of the motions along which torques are compared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedParameter:
-    """One parameter as it is handed over."""
+    """One exported parameter."""
 
     parameter: ParameterName
     value: float
     unit: str
-    standard_error: Number | None
-    """None: there is none, as of what is given or assumed."""
-    interval: Interval | None
-    """95 %."""
-    source: str
-    """The fit that it comes from, as `static` or `joint`; `given` in the experiment file, or `assumed`."""
+    standard_error: Number | None  # None of a value that is given or assumed
+    interval: Interval | None  # 95 %
+    source: str  # a fit, as `static` or `joint`; `given` in the experiment file, or `assumed`
 
     @property
     def assumed(self) -> bool:
-        """Whether the data do not show it, and it had to be filled in."""
+        """Whether it is not identified, and its value is assumed."""
         return self.source == "assumed"
-
-    @property
-    def cells(self) -> dict[str, Any]:
-        """What each document renders of it, by name."""
-        columns = ("value", "unit", "standard_error", "interval", "source", "assumed")
-        return {name: getattr(self, name) for name in columns}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Origin:
-    """Where the numbers come from."""
+    """Origin of the numbers."""
 
-    bristle: str
-    """Version that exports."""
-    results_sha256: str | None
-    """Of the results.json that was exported; None: there is no such file."""
-    experiment: str | None
-    """Name of the experiment file."""
-    logs: Mapping[str, str]
-    """SHA-256 of each log, by its name."""
+    bristle: str  # version that exports
+    results_sha256: str | None  # of the results.json, if there is one
+    experiment: str | None  # name of the experiment file
+    logs: Mapping[str, str]  # SHA-256 of each log, by its name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedJoint:
-    """One joint as it is handed over. Units are those of a revolute joint; rad stands for m and N*m for N where it slides."""
+    """One exported joint. Units are those of a revolute joint; rad stands for m and N*m for N where it slides."""
 
     name: str
     kind: Kind
-    simulated: bool
-    """Whether it was identified from simulated data."""
+    simulated: bool  # whether it was identified from simulated data
     trust: Trust
-    reason: Finding | None
-    """Why not to trust it without care."""
+    reason: Finding | None  # why not to trust it without care
     parameters: tuple[ExportedParameter, ...]
-    """The six of each direction (`both`, or + and -), or four where no bristle is known; then what is of no direction, as inertia or offset."""
-    inertia: float | None
-    """What the joint accelerates, kg*m**2: identified, or declared, with the links of a robot; None: nothing tells it."""
-    rotor_inertia: float | None
-    """The same without the links of a robot, kg*m**2: what a simulator that has the links takes as armature; None: nothing tells it."""
-    law: LawByName = GAUSSIAN
-    """Of the friction, without the load, whose coefficients are among the parameters."""
-    fastest: float
-    """The fastest measured speed, rad/s: up to there the model was identified."""
-    said: tuple[Finding, ...]
-    """What was assumed, and what of the values is doubtful, beside the reason."""
+    """Six of each direction (`both`, or + and -), four without a bristle; then those of no direction, as inertia."""
+    inertia: float | None  # all that the joint accelerates, kg*m**2, with the links of a robot; None: not known
+    rotor_inertia: float | None  # without the links of a robot, kg*m**2: the armature of a simulator; None: not known
+    law: LawByName = GAUSSIAN  # of the friction without load
+    fastest: float  # fastest measured speed, rad/s
+    said: tuple[Finding, ...]  # what was assumed, and which values are doubtful, beside the reason
     origin: Origin
 
     @property
     def curves(self) -> tuple[Stribeck[float], Stribeck[float]]:
         """Friction vs velocity of both directions, + first. Raises KeyError where a parameter is missing."""
-        one = static_of(self.law)
+        one = parameters.static_of(self.law)
         return self._set(one, Direction.POSITIVE), self._set(one, Direction.NEGATIVE)
 
     @property
     def pair(self) -> Pair[float]:
-        """Both directions, whole. Raises KeyError where the bristle is not known."""
-        return Pair(*(self._set(lugre_of(self.law), d) for d in SIGNED))
+        """Both directions. Raises KeyError where the bristle is not known."""
+        return Pair(*(self._set(parameters.lugre_of(self.law), d) for d in SIGNED))
 
     @property
     def quadratic(self) -> float:
-        """What multiplies v abs(v) beside the friction of the pair, N*m*s**2/rad**2; 0 where no such term was fitted."""
+        """Coefficient of v abs(v) beside the friction of the pair, N*m*s**2/rad**2; 0 where none was fitted."""
         return next((x.value for x in self.parameters if x.parameter.name == "quadratic"), 0.0)
 
     @property
     def cogging(self) -> tuple[tuple[float, float, float], ...]:
-        """Its waves: of each k, rad per rad (per m where the joint slides), and what multiplies sin(k q) and cos(k q), N*m."""
+        """Waves: k, rad per rad (per m where the joint slides), and coefficients of sin(k q) and cos(k q), N*m."""
         found: dict[int, dict[str, float]] = {}
         for x in self.parameters:
-            if (of := periodic(x.parameter.name)) is not None and of[0] == "cogging":
+            if (of := parameters.periodic(x.parameter.name)) is not None and of[0] == "cogging":
                 found.setdefault(of[2], {})[of[1]] = x.value
-        turn = 2 * np.pi if slides(self.kind) else 1.0
+        turn = 2 * np.pi if parameters.slides(self.kind) else 1.0
         return tuple((k * turn, x.get("sin", 0.0), x.get("cos", 0.0)) for k, x in sorted(found.items()))
 
     @property
     def cogging_names(self) -> tuple[str, ...]:
-        """The parameters that `cogging` is of."""
+        """The parameters of `cogging`."""
         return tuple(x.parameter.name for x in self.parameters if x.parameter.name.startswith("cogging"))
 
     @property
     def rises(self) -> dict[str, float]:
-        """The coefficients by which friction rises with load (`law.load_levels`), by name; none where it does not."""
+        """The coefficients by which friction rises with load (`law.load_levels`), by name."""
         return rises_among({x.parameter: x.value for x in self.parameters})
 
     @property
     def law_name(self) -> str:
-        """Of the law and the load by which friction rises, as `fit.law` takes it."""
+        """Name of the law and of the load by which friction rises, as of `fit.law`."""
         return with_load(self.law, self.rises)
-
-    def without_load(self) -> "ExportedJoint":
-        """The joint for a target that takes it without load: what that leaves out is said."""
-        return replace(self, said=(*load_left_out(self.rises, self.kind), *self.said))
 
     @property
     def has_bristle(self) -> bool:
-        """Whether the data show the bristle's stiffness in both directions."""
+        """Whether sigma_0 is identified in both directions."""
         rows = {x.parameter: x for x in self.parameters}
-        found = [in_direction(rows, "sigma_0", d) for d in SIGNED]
+        found = [parameters.in_direction(rows, "sigma_0", d) for d in SIGNED]
         return all(row is not None and not row.assumed for row in found)
 
     def _set(self, of: type[T], direction: Direction) -> T:
         rows = {x.parameter: x.value for x in self.parameters}
-        found = {name: in_direction(rows, name, direction) for name in of._fields}  # type: ignore[attr-defined]  # a set of parameters
+        found = {name: parameters.in_direction(rows, name, direction) for name in of._fields}  # type: ignore[attr-defined]  # a set of parameters
         if missing := [name for name, value in found.items() if value is None]:
             raise KeyError(f"{missing[0]}{direction}")
         return of(**found)
 
     def in_newton(self, target: str) -> "ExportedJoint":
-        """The joint. Raises InputError where its torque is known in another unit alone, which the target does not take."""
-        if has_own_unit(self.kind):
-            of, K_t = effort(self.kind), "motor.torque_constant"
+        """The joint. Raises InputError where its torque is known in another unit alone."""
+        if parameters.has_own_unit(self.kind):
+            of, K_t = parameters.effort(self.kind), "motor.torque_constant"
             lacks = {"current": K_t, "voltage": f"{K_t} and motor.resistance", "position error": "motor.kp"}
             raise InputError(
                 f"{self.name}: its torque is known as a {of} alone, and {target} takes N*m or N; give "
@@ -198,7 +148,7 @@ class ExportedJoint:
         return self
 
     def with_bristle(self, target: str) -> "ExportedJoint":
-        """The joint. Raises InputError where no stage shows its bristle's stiffness, without which the target's model is not its own."""
+        """The joint. Raises InputError where its sigma_0 is not identified."""
         if not self.has_bristle:
             raise InputError(
                 f"{self.name}: sigma_0 is not identified, and {target} holds a LuGre bristle; add a presliding or tracking run "
@@ -208,23 +158,37 @@ class ExportedJoint:
 
 
 def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> ExportedJoint:
-    """What is handed over of a joint. Raises InputError where nothing is known of the friction vs velocity in a direction."""
+    """A joint for export. Raises InputError where no friction vs velocity is known in a direction."""
     known = known_joint(joint)
     known.check_law(*SIGNED, remedy="; an export needs ramp, points or tracking runs in both directions")
     J = inertia_of(experiment, joint)
-    signed = any(row.parameter.direction in SIGNED for row in chosen(joint) if of_friction(row.parameter.name))
+    signed = any(
+        row.parameter.direction in SIGNED for row in chosen(joint) if parameters.of_friction(row.parameter.name)
+    )
     ways = (Direction.BOTH,) if known.directions == (Direction.BOTH,) and not signed else SIGNED
     sources = {row.parameter: str(row.source) for row in chosen(joint)}
-    rows = [row for d in ways for row in _direction(joint, known, d, J, sources)]
+    rows = []
+    for d in ways:  # without the bristle where its stiffness is not known
+        values, missing = known.values(d), known.missing(d)
+        if "sigma_0" not in missing and "sigma_1" in missing:
+            values["sigma_1"] = assumed_damping(values["sigma_0"], J) if J else 0.0
+        for name in parameters.static_fields_of(known.law) if "sigma_0" in missing else parameters.fields_of(known.law):
+            e = None if name in missing else known.estimate(name, d)
+            if e is not None and e.value is not None:
+                source = "assumed" if _priors(e) else parameters.in_direction(sources, name, d) or "given"
+            else:
+                e = Estimate(value=values[name], unit=unit(name, joint.kind))
+                source = "assumed" if name in missing else "given"
+            rows.append(_exported(ParameterName(name, d), e, source))
     said = [*_assumed(known, ways, rows, joint.kind, J)]
-    for row in chosen(joint):  # what is of no direction, as far as it has a value
-        if not of_friction(row.parameter.name) and row.estimate.value is not None:
-            name = ParameterName.parse(str(row.parameter))  # which is shared, whatever stage it is from
-            rows.append(_exported(name, row.estimate, sources[row.parameter]))
+    for row in chosen(joint):  # without a direction
+        if not parameters.of_friction(row.parameter.name) and row.estimate.value is not None:
+            shared = ParameterName.parse(str(row.parameter))
+            rows.append(_exported(shared, row.estimate, sources[row.parameter]))
     found = verdict(joint)
     said += _doubts(rows, ways, known.law)
     rotor = inertia_of(experiment, replace(joint, link_inertia=None))
-    units, told = units_of(joint.kind), (x for x in dict.fromkeys(said) if _about(x) != _about(found.reason))
+    units, told = parameters.units_of(joint.kind), (x for x in dict.fromkeys(said) if _about(x) != _about(found.reason))
     return ExportedJoint(
         name=joint.name, kind=joint.kind, simulated=joint.simulated, trust=found.trust, reason=found.reason,
         law=known.law, parameters=tuple(rows), inertia=J, rotor_inertia=rotor,
@@ -233,25 +197,8 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
 
 
 def _about(said: Finding | None) -> tuple[str, str] | None:
-    """What a diagnostic says of which direction."""
+    """Code and direction of a finding."""
     return None if said is None else (said.code, str(said.numbers.get("direction", "")))
-
-
-def _direction(
-    joint: Joint, known: KnownJoint, d: Direction, J: float | None, sources: Mapping[ParameterName, str]
-) -> Iterator[ExportedParameter]:
-    """The parameters of a direction: without those of the bristle where its stiffness is not known."""
-    values, missing = known.values(d), known.missing(d)
-    if "sigma_0" not in missing and "sigma_1" in missing:
-        values["sigma_1"] = assumed_damping(values["sigma_0"], J) if J else 0.0
-    for name in static_fields_of(known.law) if "sigma_0" in missing else fields_of(known.law):
-        e = None if name in missing else known.estimate(name, d)
-        if e is not None and e.value is not None:
-            source = "assumed" if _priors(e) else in_direction(sources, name, d) or "given"
-        else:
-            e = Estimate(value=values[name], unit=unit(name, joint.kind))
-            source = "assumed" if name in missing else "given"
-        yield _exported(ParameterName(name, d), e, source)
 
 
 def _exported(name: ParameterName, e: Estimate, source: str) -> ExportedParameter:
@@ -267,20 +214,20 @@ def _priors(e: Estimate) -> list[Finding]:
 def _assumed(
     known: KnownJoint, ways: Sequence[Direction], rows: Sequence[ExportedParameter], kind: Kind, J: float | None
 ) -> Iterator[Finding]:
-    """What was assumed of each direction; what is assumed alike of both is said once, of both."""
+    """What was assumed of each direction, once where it is the same of both."""
     of_each = [x for d in ways for x in _assumed_of(known, d, d, rows, kind, J)]
     of_both = [x for d in ways for x in _assumed_of(known, d, Direction.BOTH, rows, kind, J)]
     for own, both in zip(of_each, of_both, strict=True):
-        numbers = {**both.numbers, "direction": Direction.BOTH}  # a prior names none by itself
+        numbers = {**both.numbers, "direction": Direction.BOTH}
         yield replace(both, numbers=numbers) if of_both.count(both) > 1 else own
 
 
 def _assumed_of(
     known: KnownJoint, d: Direction, named: Direction, rows: Sequence[ExportedParameter], kind: Kind, J: float | None
 ) -> Iterator[Finding]:
-    """What was assumed of direction `d`, with `named` as the direction in the message."""
+    """What was assumed of direction `d`; `named`: the direction in the message."""
     missing, numbers = known.missing(d), {"direction": named}
-    if peak := tuple(name for name in peak_parameters(known.law) if name in missing):
+    if peak := tuple(name for name in parameters.peak_parameters(known.law) if name in missing):
         taken = "without a Stribeck peak, as alpha_1 = 0"
         if held := known.values(d).get("alpha_1", 0.0):
             taken = f"with alpha_1 = {held:.3g}, as the fit held it: the curve is known, its parts are not"
@@ -302,13 +249,13 @@ def _assumed_of(
 
 
 def _doubts(rows: list[ExportedParameter], ways: tuple[Direction, ...], law: Law) -> Iterator[Finding]:
-    """Intervals that hold zero, and sets that are not passive."""
+    """Findings on intervals that hold zero, and on sets that are not passive."""
     for row in rows:
         name, _ = row.parameter
-        of_model = of_friction(name) or name == INERTIA.name
+        of_model = parameters.of_friction(name) or name == INERTIA.name
         if of_model and row.interval is not None and row.interval[0] <= 0 <= row.interval[1]:
             holds_zero, named = f"{row.parameter}: its 95 % interval holds zero", {"name": str(row.parameter)}
-            if is_positive(name):
+            if parameters.is_positive(name):
                 message = f"{holds_zero}, which it cannot be; the exported value may be off by any factor."
                 yield Finding("interval-with-zero-impossible", CAUTION, message, named)
             else:
@@ -316,6 +263,6 @@ def _doubts(rows: list[ExportedParameter], ways: tuple[Direction, ...], law: Law
                 yield Finding("interval-with-zero", NOTE, message, named)
     for d in ways:
         values = {x.parameter.name: x.value for x in rows if x.parameter.direction == d}
-        p = lugre_of(law)(**{name: values.get(name, 0.0) for name in fields_of(law)})
+        p = parameters.lugre_of(law)(**{name: values.get(name, 0.0) for name in parameters.fields_of(law)})
         if not is_passive(p):
             yield not_passive(p, d)

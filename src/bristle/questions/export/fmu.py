@@ -1,4 +1,4 @@
-"""Joint and friction as an FMU, FMI 2.0 for co-simulation: the printed C with the functions of FMI around it, and a linux64 binary of it."""
+"""Export of joint and friction as an FMU, FMI 2.0 for co-simulation: C sources, and a linux64 binary."""
 
 import hashlib
 import math
@@ -11,71 +11,55 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import pandas as pd
-
 from bristle import __version__
 from bristle.control.compensator import Compensator
 from bristle.errors import InputError, one_line
 from bristle.model.parameters import SIGNED, effort, fields_of, unit
 from bristle.page.output_folder import zipped
-from bristle.page.page import encoded, tables_of
-from bristle.page.report import Report, Section, Table
 from bristle.page.wording import shortened
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, c_compiler, notes
 from bristle.questions.export.c_code import filled
 from bristle.questions.export.c_header import header
 from bristle.questions.export.c_numbers import identifier, range_of
+from bristle.questions.export.export import Artefact, ExportTarget, Request, artefact_of, c_compiler
 from bristle.questions.export.exported import WAYS, ExportedJoint
-from bristle.questions.export.loss import Loss, all_motions, losses, lugre
+from bristle.questions.export.loss import all_motions, losses, lugre
 
 _FLAGS = (
     "-std=c99", "-O2", "-g0", "-fPIC", "-shared", "-fvisibility=hidden", "-fno-fast-math", "-ffp-contract=off",
     "-Wl,--build-id=none", "-Wl,-s",
-)  # fmt: skip  # a list of words
-"""Of the binary; the last two so that its bytes do not tell when and where it was made."""
+)  # fmt: skip  # of the binary; the last two make it reproducible
 _LARGEST = 1e30
-_STEP, _RANGE = 1e-3, (1e-6, 1e-2)
-"""Longest internal step, s: the default is no longer than that; between these it may be set."""
+_STEP, _RANGE = 1e-3, (1e-6, 1e-2)  # longest internal step, s: largest default, and range
 _SHARE = 50  # internal steps in the shorter one of the joint's two times
 _INERTIA = (1e-9, range_of("inertia")[1])
 _TORQUE = (-1e6, 1e6)
+# Phases in which a variable may be set.
 _ANY, _BEFORE, _NEVER = ("BR_INSTANTIATED | BR_INITIALISING | BR_STEPPING", "BR_INSTANTIATED | BR_INITIALISING", "0")
-"""Phases in which a variable may be set."""
 _BASE = {
     **{name: {name: 1} for name in ("rad", "s", "m", "kg", "A")},
     "N": {"kg": 1, "m": 1, "s": -2},
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
-}
-"""Exponents of the SI base units."""
+}  # exponents of the SI base units
 _PRODUCT = r"(?:1|[a-zA-Z]+(?:\*\*\d+)?)(?:\*[a-zA-Z]+(?:\*\*\d+)?)*"
 _UNIT = re.compile(rf"{_PRODUCT}(?:/{_PRODUCT})?")
 
-_USE = (
-    "A communication step is cut into equal internal steps, none longer than longest_step; the torque is held over it. The default longest_step is "
-    "a fiftieth of the shorter one of two times, of both directions: sqrt(inertia / sigma_0) and inertia v_s / (alpha_0 + alpha_1). A value out of "
-    "its range, a step of no length and a communication point that is not the end of the last step are refused, with the reason to the logger; "
-    "the instance stays as it was."
-)
-
 
 class FmuVariable(NamedTuple):
-    """A variable of the FMU; its value reference is its place."""
+    """A variable of the FMU; its value reference is its index."""
 
     name: str
     what: str
     unit: str
     causality: str
-    member: str
-    """In the C."""
+    member: str  # in C
     low: float = -_LARGEST
     high: float = _LARGEST
-    start: float | None = None
-    """None: it is computed."""
+    start: float | None = None  # None: it is computed
     settable: str = _NEVER
 
     @property
     def variability(self) -> str:
-        """As FMI calls it."""
+        """FMI's variability."""
         if self.causality != "parameter":
             return "continuous"
         return "fixed" if self.settable == _BEFORE else "tunable"
@@ -109,8 +93,8 @@ def fmu_variables(joint: ExportedJoint) -> tuple[FmuVariable, ...]:
 def longest_step(joint: ExportedJoint) -> float:
     """Longest internal step, s: 1, 2 or 5 times a power of ten, and 1 ms at most.
 
-    No longer than a fiftieth of sqrt(J / sigma_0), a radian of the joint's oscillation in stick, and of J v_s / (alpha_0 + alpha_1), in which
-    friction at breakaway changes the velocity by v_s. Velocity is then within 0.001 % or so of the continuous equations (benchmarks/export_fmu.py).
+    At most a fiftieth of sqrt(J / sigma_0), a radian of the oscillation in stick, and of J v_s / (alpha_0 + alpha_1), in
+    which friction at breakaway changes the velocity by v_s: the velocity is within 0.001 % of the continuous equations.
     """
     J = _inertia(joint)
     times = [t for p in joint.pair for t in (math.sqrt(J / p.sigma_0), J * p.v_s / (p.alpha_0 + p.alpha_1))]
@@ -132,10 +116,7 @@ def _inertia(joint: ExportedJoint) -> float:
 
 
 def base_units(text: str) -> dict[str, int] | None:
-    """Exponents of the SI base units, rad among them, of a unit such as N*m*s/rad or kg*m**2.
-
-    None where a law from outside has a unit that FMI cannot tell: one of other units, or of broken powers.
-    """
+    """Exponents of the SI base units, and rad, of a unit such as N*m*s/rad; None of other units, as of a user's law."""
     if not _UNIT.fullmatch(text) or not {*re.findall("[a-zA-Z]+", text)} <= _BASE.keys():
         return None
     exponents: dict[str, int] = {}
@@ -146,24 +127,20 @@ def base_units(text: str) -> dict[str, int] | None:
     return {base: n for base, n in exponents.items() if n}
 
 
-def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
-    """The files but the binary. The token is a hash of what it is made of, which the page is not."""
+def _sources(joint: ExportedJoint) -> dict[str, bytes]:
+    """The files without the binary; the token is a hash of them."""
     variables = fmu_variables(joint)
     context: dict[str, object] = {
-        "joint": joint.name,
-        "name": identifier(joint),
-        "tool": f"bristle {__version__}",
+        "joint": joint.name, "name": identifier(joint), "tool": f"bristle {__version__}",
         "description": f"{shortened(joint.name)}: joint and LuGre friction, {effort(joint.kind)} in"
         + (", identified from SIMULATED data" if joint.simulated else ""),
-        "cogging": bool(joint.cogging),
-        "variables": variables,
+        "cogging": bool(joint.cogging), "variables": variables,
         "first_parameter": [v.causality for v in variables].index("parameter"),
         "outputs": [k + 1 for k, v in enumerate(variables) if v.causality == "output"],
         "units": {v.unit: base_units(v.unit) for v in variables},
-    }
+    }  # fmt: skip  # a list of values
 
     def files(token: str) -> dict[str, bytes]:
-        """As they are with that token."""
         places = {"modelDescription.xml": "modelDescription.xml", "sources/fmu.c": "fmu.c"}
         made = {place: filled(template, {**context, "token": token}) for place, template in places.items()}
         own = {place: (text.rstrip("\n") + "\n").encode() for place, text in made.items()}
@@ -172,33 +149,7 @@ def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
     digest = hashlib.sha256()
     for name, content in sorted(files("").items()):
         digest.update(f"{name} {len(content)}\n".encode() + content)
-    return {
-        **files(f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"),
-        **{f"documentation/{place}": content for place, content in _page(joint, lost).items()},
-    }
-
-
-def _page(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
-    """What the FMU says of itself, and the table beside it, by relative path."""
-    frame = pd.DataFrame(
-        {
-            "name": v.name, "unit": v.unit, "what": f"{v.what}, {v.causality}, {v.variability}",
-            "range": "" if v.start is None else f"{v.low!r} to {v.high!r}", "start value": "" if v.start is None else repr(v.start),
-        }
-        for v in fmu_variables(joint)
-    )  # fmt: skip  # a table
-    report = Report(
-        f"{shortened(joint.name)}: joint and friction",
-        (
-            Section("Where the numbers are from", text="\n\n".join(one_line(x, 10_000) for x in notes(joint, lost))),
-            Section("Variables", table=Table("variables", "Every variable, its range and its start", frame)),
-            Section("Use", text=_USE),
-        ),
-        about=f"{_HOLDS[0].upper()}{_HOLDS[1:]}. FMI 2.0 for co-simulation: torque in; position, velocity, friction and the deflection z "
-        "of the bristle out.",
-        simulated="The joint was identified from simulated data." if joint.simulated else "",
-    )
-    return {"index.html": encoded(report.html()), **tables_of(report.frames)}
+    return files(f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}")
 
 
 def fmu_binary(sources: Mapping[str, bytes], name: str) -> bytes | str:
@@ -223,15 +174,12 @@ _HOLDS = "the joint, its inertia and LuGre friction with both directions, as bri
 
 
 def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  # noqa: ARG001  # as targets are
-    """The FMU of one joint.
-
-    Raises InputError where its bristle or its inertia is not known, or a parameter is out of the range of the code.
-    """
+    """The FMU of one joint. Raises InputError without a bristle or an inertia, or where a parameter is out of range."""
     (joint,) = joints
     joint = joint.with_bristle("fmu")
     name = identifier(joint)
     lost = losses(joint, lugre(joint.pair), all_motions(joint)) if joint.quadratic else ()
-    files = _sources(joint, lost)
+    files = _sources(joint)
     binary = fmu_binary(files, name)
     form = f"as C sources alone: {binary!s}; fmpy compile makes the binary"
     if isinstance(binary, bytes):

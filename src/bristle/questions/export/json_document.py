@@ -1,4 +1,4 @@
-"""JSON of schema bristle-export/1, read off the classes themselves: all that is known of the joints, to the last digit; and how it is read back."""
+"""Export as JSON of schema bristle-export/1, which is generated from the classes, and its reader."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -15,42 +15,41 @@ from bristle.identification.document import check_most, parsed, schema_of, valid
 from bristle.identification.known_joint import fault_of
 from bristle.identification.results import first_reason
 from bristle.model.parameters import INERTIA, fields_of, of_friction, units_of
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
+from bristle.questions.export.export import Artefact, ExportTarget, Request, slug
 from bristle.questions.export.exported import ExportedJoint
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 SCHEMA: Literal["bristle-export/1"] = "bristle-export/1"
-_LARGEST = 10_000_000  # bytes that a document may have; a joint has about 10 000
+_LARGEST = 10_000_000  # most bytes of a document; a joint has about 10 000
 _HOLDS = "everything that is exported of the joints, every digit of it; schema bristle-export/1"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportDocument:
-    """Identified joints, as they are handed over. A bound that is open is "inf" or "-inf"; what does not exist is null."""
+    """Exported joints. An open bound is "inf" or "-inf"; a missing value is null."""
 
     schema: Literal["bristle-export/1"] = SCHEMA
-    bristle: str
-    """Version that wrote it."""
+    bristle: str  # version that wrote it
     joints: tuple[ExportedJoint, ...]
 
 
 @cache
 def document_adapter() -> "TypeAdapter[ExportDocument]":
-    """What writes and reads the document."""
+    """Writer and reader of the document."""
     from pydantic import TypeAdapter
 
     return TypeAdapter(ExportDocument)
 
 
 def export_schema() -> dict[str, Any]:
-    """The JSON schema of bristle-export/1, docs/export.schema.json; every field is written, and so every field is required."""
+    """The JSON schema of bristle-export/1, docs/export.schema.json; every field is required."""
     return schema_of(document_adapter(), SCHEMA)
 
 
 def as_json(joints: Sequence[ExportedJoint]) -> str:
-    """The document as JSON. Floats keep every digit."""
+    """The document as JSON; floats keep all digits."""
     document = ExportDocument(bristle=__version__, joints=tuple(map(_with_units, joints)))
     return document_adapter().dump_json(document, indent=1).decode() + "\n"
 
@@ -64,7 +63,7 @@ TARGET = ExportTarget(write=write_json, loaded=True)
 
 
 def read_export(path: Path) -> tuple[ExportedJoint, ...]:
-    """The joints of a document of schema bristle-export/1. Raises InputError where it cannot be read, or is no such document."""
+    """The joints of a file of schema bristle-export/1. Raises InputError where it cannot be read, or is none."""
     data = read_at_most(path, _LARGEST, "an export of bristle")
     try:
         return joints_in(data.decode("utf-8"))
@@ -76,10 +75,7 @@ def read_export(path: Path) -> tuple[ExportedJoint, ...]:
 
 
 def joints_in(text: str) -> tuple[ExportedJoint, ...]:
-    """The joints of a document in JSON, whoever wrote it.
-
-    Raises InputError, or ValueError as pydantic does, where it is none of the schema, or holds a joint that none can be.
-    """
+    """The joints of a document in JSON. Raises InputError or ValueError where it is not of the schema."""
     document = validated(parsed(text), document_adapter())
     check_most("joints", len(document.joints))
     if twice := [name for name, n in Counter(joint.name for joint in document.joints).items() if n > 1]:
@@ -88,7 +84,7 @@ def joints_in(text: str) -> tuple[ExportedJoint, ...]:
 
 
 def _whole(joint: ExportedJoint) -> ExportedJoint:
-    """The joint, whose diagnostics know their units. Raises InputError where a parameter is missing, there twice, or has an impossible value."""
+    """The joint with units in its findings. Raises InputError where a parameter is missing, doubled or impossible."""
     check_most("parameters of a joint", len(joint.parameters))
     if twice := [name for name, n in Counter(x.parameter for x in joint.parameters).items() if n > 1]:
         raise InputError(f"joint {short(joint.name)} has parameter {short(str(twice[0]))} twice")
@@ -108,13 +104,13 @@ def _whole(joint: ExportedJoint) -> ExportedJoint:
         if row.standard_error is not None and row.standard_error < 0:
             raise InputError(f"joint {short(joint.name)}: {row.parameter} has a standard error below zero")
         fault = fault_of(row.parameter, row.value, row.unit, row.interval)
-        if fault and row.parameter != INERTIA:  # of a rotor beside links: `rotor_inertia` has it where it is one
+        if fault and row.parameter != INERTIA:  # of a rotor beside links, checked as `rotor_inertia`
             raise InputError(f"joint {short(joint.name)}: {fault}")
     return _with_units(joint)
 
 
 def _with_units(joint: ExportedJoint) -> ExportedJoint:
-    """The joint, whose sentences have units: a file keeps the sentences, and not by which units they are made."""
+    """The joint with units in its findings."""
     units = units_of(joint.kind)
     reason = joint.reason and replace(joint.reason, message=in_units(joint.reason.message, units))
     return replace(joint, reason=reason, said=tuple(replace(x, message=in_units(x.message, units)) for x in joint.said))

@@ -1,7 +1,4 @@
-"""LaTeX: a table of the parameters with their uncertainty, unit, 95 % interval and source; plain `tabular`, no package needed.
-
-Where the friction law is not the paper's, its equations stand below the table.
-"""
+"""Export to LaTeX: a plain `tabular` of the parameters; a law other than the paper's has its equations below."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -9,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from bristle.model.formula import abbreviated, as_latex, formula_of, symbol_of
 from bristle.model.parameters import SIGNED, Direction, Lugre, of_friction
 from bristle.page.wording import FITS, measured, shortened, slugs, span
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, equations, in_ascii, notes, slug
+from bristle.questions.export.export import Artefact, ExportTarget, Request, equations, in_ascii, notes, slug
 from bristle.questions.export.exported import ExportedJoint
 
 _HOLDS = "each parameter, rounded to two digits of its standard error, with unit, 95 % interval and source"
@@ -22,12 +19,11 @@ _SIGNS = {Direction.POSITIVE: "^+", Direction.NEGATIVE: "^-"}
 _PLAIN = {
     r"\operatorname": r"\mathrm", r"\text{": r"\mbox{",
     r"\begin{cases}": r"\left\{\begin{array}{ll}", r"\end{cases}": r"\end{array}\right.",
-}  # fmt: skip  # a table
-"""What SymPy writes for a package, and LaTeX without it."""
+}  # fmt: skip  # SymPy's commands of packages, and plain LaTeX
 
 
 def write_latex(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  # noqa: ARG001  # nothing is lost along any motion
-    """The table, with a caption and a label; several joints stand one below the other."""
+    """The table with caption and label, of several joints one below the other."""
     comments = "".join(f"% {in_ascii(line)}\n" for joint in joints for line in notes(joint))
     rows = []
     for joint in joints:
@@ -36,7 +32,6 @@ def write_latex(joints: Sequence[ExportedJoint], request: Request) -> Artefact: 
             mark = "$^*$" if one.assumed else ""
             interval = "" if one.interval is None else _math(span(one.interval).replace("∞", r"\infty"))
             value = _math(measured(one.value, one.standard_error).replace("±", r"\pm"))
-            # powers of a unit are raised, its factors set apart
             unit = re.sub(r"\*\*([0-9])", r"$^\1$", one.unit).replace("*", r"\,")
             name, direction = one.parameter
             symbol = latex_text(name)
@@ -71,7 +66,7 @@ Parameter & Value & Unit & 95 \\% interval & Source \\\\
 
 
 def _equations(joint: ExportedJoint) -> Iterator[str]:
-    """A paragraph for each sign that the coefficients of the law's terms have in a direction; none of the paper's law."""
+    """The equations of a law other than the paper's, of each direction if signs of coefficients differ."""
     found = [*equations(joint)]
     signs = [tuple(getattr(p, name) < 0 for name in joint.law.coefficients) for p in joint.curves]
     alike = signs[0] == signs[1]
@@ -94,9 +89,9 @@ def _math(text: str) -> str:
 
 
 def latex_text(text: str) -> str:
-    """A text, whatever it holds, in one line of at most 80 characters; letters that no plain LaTeX font has by their code."""
+    """A text escaped for LaTeX, in at most 80 characters; letters without a glyph in plain LaTeX by their code."""
     line = shortened(" ".join(text.split()), 80).replace("…", "...")
-    # As they are: ASCII, and the letters of Western Europe that every font encoding of LaTeX has.
+    # All but ASCII, and letters of Western Europe that every font encoding of LaTeX has.
     odd = {c for c in line if not (c.isascii() or (c.isalpha() and "\u00c0" <= c <= "\u00ff" and c not in "ÐðÞþ"))}
     return "".join(_ESCAPED.get(c) or (f"[U+{ord(c):04X}]" if c in odd else c) for c in line)
 

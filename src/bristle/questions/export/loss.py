@@ -1,7 +1,7 @@
-"""What a target loses that cannot hold the joint's friction, and with which values it loses least.
+"""Losses of targets that cannot hold the joint's friction, and their best values.
 
-A loss is the root mean square of the torque error along stated motions, in percent. Simulators hold Coulomb and viscous friction, or one LuGre set
-for both directions, alone or with a constant bias.
+A loss is the RMS torque error along stated motions, in percent. Simulators hold Coulomb and viscous friction, or one
+LuGre set for both directions, alone or with a constant bias.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,18 +23,16 @@ from bristle.page.wording import in_percent
 from bristle.questions.export.exported import FREQUENCY, ExportedJoint
 from bristle.simulation.references import Sine
 
-LARGE = 10.0  # percent: a loss above it is said in a sentence
-_NONE = 1e-6  # percent: less is rounding
-_PERIODS = 3  # that are simulated, from a bristle that is not bent; the last one counts
+LARGE = 10.0  # percent: a larger loss gets a finding
+_NONE = 1e-6  # percent: a smaller loss is rounding
+_PERIODS = 3  # simulated from an undeflected bristle; the last one counts
 _SAMPLES = 2000  # of a period
-_SLOW = 0.1  # of the fastest measured speed: the slow motion where no Stribeck velocity is below it
-
-_REACH = np.log(1e3)
-"""How far a parameter may go from the mean of both directions, as a logarithm: what no motion shows would run away."""
+_SLOW = 0.1  # largest peak speed of the slow motion, over the fastest measured speed
+_REACH = np.log(1e3)  # bound of a parameter about the mean of both directions, as a logarithm
 
 
 class StatedMotion(NamedTuple):
-    """A sine of the position, rad and Hz, along which torques are compared."""
+    """A sine of the position, rad and Hz."""
 
     name: str
     amplitude: float
@@ -42,7 +40,7 @@ class StatedMotion(NamedTuple):
 
     @property
     def velocity(self) -> Array:
-        """rad/s, (n,), of all simulated periods; `last` is the part that counts."""
+        """rad/s, (n,), of all simulated periods."""
         time = self.step * np.arange(_PERIODS * _SAMPLES, dtype=np.float64)
         return np.asarray(Sine(self.amplitude, self.frequency).at(time).velocity)
 
@@ -53,11 +51,10 @@ class StatedMotion(NamedTuple):
 
 
 class Loss(NamedTuple):
-    """Of one model along one motion."""
+    """RMS torque error of a model along a motion."""
 
     motion: StatedMotion
-    percent: float
-    """100 * rms(model - friction) / rms(friction)."""
+    percent: float  # 100 * rms(model - friction) / rms(friction)
 
 
 Friction = Callable[[Array, float], Array]  # (velocity (n,), step) -> torque (n,): rad/s, s, N*m
@@ -65,42 +62,39 @@ Friction = Callable[[Array, float], Array]  # (velocity (n,), step) -> torque (n
 
 @dataclass(frozen=True, slots=True)
 class OwnFriction:
-    """The joint's own friction, as a value: equal where its numbers are, so that what is made of it can be kept."""
+    """The joint's own friction, as a value that can be cached."""
 
     law: Law
     curves: tuple[Stribeck[float], Stribeck[float]]
-    pair: Pair[float] | None
-    """None: its bristle is not known."""
+    pair: Pair[float] | None  # None without a bristle
     quadratic: float
 
     def __call__(self, v: Array, step: float) -> Array:
-        """Torque, N*m; without a bristle that of the curve of friction vs velocity, which has no memory."""
+        """Torque, N*m; without a bristle that of the curve of friction vs velocity."""
         if self.pair is not None:
             own = lugre(self.pair)(v, step)
         else:
             positive, negative = (evaluate(functions.steady_torque_function(self.law), v, *p)[0] for p in self.curves)
             own = np.where(v < 0, negative, positive)
-        # and what is proportional to v abs(v)
         terms, zero = functions.load_terms_function(), np.zeros_like(v)
         names = [terms.name_out(k) for k in range(terms.n_out())]
         return own + self.quadratic * evaluate(terms, zero, v, zero, zero)[names.index("quadratic")]
 
 
 def friction_of(joint: ExportedJoint) -> OwnFriction:
-    """The joint's own friction, v abs(v) included; where its bristle is not known, the curve of friction vs velocity."""
+    """The joint's own friction with v abs(v); without a bristle the curve of friction vs velocity."""
     return OwnFriction(joint.law, joint.curves, joint.pair if joint.has_bristle else None, joint.quadratic)
 
 
 def lugre(p: Lugre[float] | Pair[float], bias: float = 0.0) -> Friction:
-    """LuGre from a bristle that is not bent, and a constant bias, N*m."""
+    """LuGre from an undeflected bristle, and a constant bias, N*m."""
     return lambda v, step: rollout(v, step, p, 0.0).torque + bias
 
 
 def coulomb_viscous(coulomb: float, viscous: float) -> Friction:
-    """Coulomb friction, N*m, and viscous friction, N*m*s/rad: all that most simulators hold."""
+    """Coulomb friction, N*m, and viscous friction, N*m*s/rad."""
 
     def torque(v: Array, step: float) -> Array:  # noqa: ARG001  # it has no memory
-        """At each velocity by itself."""
         by_coulomb, by_viscous = evaluate(functions.linear_shapes_function(), v)
         return coulomb * by_coulomb + viscous * by_viscous
 
@@ -108,10 +102,9 @@ def coulomb_viscous(coulomb: float, viscous: float) -> Friction:
 
 
 def stated_motions(joint: ExportedJoint) -> tuple[StatedMotion, ...]:
-    """Three sines at 0.5 Hz: medium and slow sliding, and presliding.
+    """Sines at 0.5 Hz in medium and slow sliding, and with a bristle in presliding.
 
-    Medium: up to half of the fastest measured speed. Slow: up to the mean Stribeck velocity, or a tenth of the fastest
-    speed where that is not below it. Presliding, where the bristle was identified: half as far as it bends at breakaway.
+    Up to half of the fastest speed; the mean v_s, or a tenth of that speed; half of the deflection at breakaway.
     """
     w = 2 * np.pi * FREQUENCY
     peaked = [p.v_s for p in joint.curves if p.alpha_1 > 0]
@@ -126,17 +119,14 @@ def stated_motions(joint: ExportedJoint) -> tuple[StatedMotion, ...]:
 def all_motions(
     joint: ExportedJoint, amplitude: float | None = None, frequency: float | None = None
 ) -> tuple[StatedMotion, ...]:
-    """The motion for which a target's values are the best, then the stated ones.
-
-    That one is a sine up to the fastest measured speed at 0.5 Hz, unless one is asked for.
-    """
+    """The motion of the fit, by default up to the fastest measured speed at 0.5 Hz, then the stated ones."""
     f = frequency or FREQUENCY
     return StatedMotion("fitted", amplitude or joint.fastest / (2 * np.pi * f), f), *stated_motions(joint)
 
 
 @lru_cache(maxsize=64)
 def along(friction: Friction, motion: StatedMotion) -> tuple[Array, Array]:
-    """Velocity and torque over the last period, (n,) each, read-only: rad/s and N*m."""
+    """Velocity, rad/s, and torque, N*m, over the last period, (n,) each, read-only."""
     v = motion.velocity
     found = v[-_SAMPLES:], friction(v, motion.step)[-_SAMPLES:]
     for array in found:
@@ -145,21 +135,18 @@ def along(friction: Friction, motion: StatedMotion) -> tuple[Array, Array]:
 
 
 def losses(joint: ExportedJoint, model: Friction, motions: Sequence[StatedMotion]) -> tuple[Loss, ...]:
-    """How far a model's torque is from the joint's, motion by motion."""
+    """Losses of a model of the joint, by motion."""
     own = friction_of(joint)
     return tuple(Loss(motion, rms_percent(along(model, motion)[1], along(own, motion)[1])) for motion in motions)
 
 
 def rms_percent(found: Array, true: Array) -> float:
-    """The root mean square of the difference over that of the true one, percent."""
+    """RMS of the difference over the RMS of the true torque, percent."""
     return 100 * float(np.sqrt(np.mean((found - true) ** 2) / np.mean(true**2)))
 
 
 def best_coulomb_viscous(joint: ExportedJoint, motion: StatedMotion, *, viscous: bool = True) -> tuple[float, float]:
-    """Coulomb friction, N*m, and viscous friction, N*m*s/rad, neither negative, of the least squared torque error along a motion.
-
-    Without `viscous` the second is zero, and the first the best alone.
-    """
+    """Coulomb, N*m, and viscous friction, N*m*s/rad, or 0 without `viscous`, by least squares, none negative."""
     v, T = along(friction_of(joint), motion)
     columns = np.column_stack(evaluate(functions.linear_shapes_function(), v))
     kept = columns if viscous else columns[:, :1]
@@ -168,24 +155,22 @@ def best_coulomb_viscous(joint: ExportedJoint, motion: StatedMotion, *, viscous:
 
 
 class SymmetricSet(NamedTuple):
-    """What a simulator holds of a joint whose directions differ."""
+    """One set of a joint whose directions differ."""
 
     parameters: Lugre[float]
-    bias: float
-    """Constant torque, N*m, that is part of the friction: positive against positive motion."""
+    bias: float  # constant part of the friction, N*m, positive against positive motion
 
     @property
     def friction(self) -> Friction:
-        """Along a velocity; as a pair of two equal sets, so that what it loses of such a pair is exactly nothing."""
+        """Its friction, as of a pair of equal sets, so that the loss of such a pair is exactly zero."""
         return lugre(Pair(self.parameters, self.parameters), self.bias)
 
 
 def best_symmetric(joint: ExportedJoint, motions: Sequence[StatedMotion], *, bias: bool = True) -> SymmetricSet:
-    """The set and the bias of the least squared torque error along motions, each divided by the mean square of its torque.
+    """The set of the paper's law and the bias by least squares along motions, each over the mean square of its torque.
 
-    By trust-region steps with exact Jacobians, in logarithms of the parameters; one that is zero in both directions
-    stays zero, and v_s is free only where there is a Stribeck term. Without `bias` that is zero. A joint of the paper's
-    law whose directions are the same keeps their set as it is; of another law it is the closest set of the paper's.
+    Trust-region steps with exact Jacobians in logarithms of the parameters; a parameter that is zero in both directions
+    stays zero, and v_s without a Stribeck term stays. Equal directions of the paper's law keep their set.
     """
     return _best(friction_of(joint), joint.pair, joint.fastest, tuple(motions), bias)
 
@@ -194,8 +179,15 @@ def best_symmetric(joint: ExportedJoint, motions: Sequence[StatedMotion], *, bia
 def _best(
     own: OwnFriction, pair: Pair[float], fastest: float, motions: tuple[StatedMotion, ...], bias: bool
 ) -> SymmetricSet:
-    """The same, found once: of a robot, each joint is asked for alone and with the others."""
-    positive, negative = (_gaussian(p, fastest) for p in pair)
+    """`best_symmetric`, cached: each joint of a robot is asked for alone and with the others."""
+    # Similar sets of the paper's law: the peak vanishes at the same speed, viscous friction as at half the fastest.
+    positive, negative = (
+        Lugre(*p[:6])._replace(
+            v_s=p.v_s * (p.law.peak.reach / gaussian.PEAK.reach),
+            alpha_2=max(float(law.viscous_rate(fastest / 2, p)), 0.0),
+        )
+        for p in pair
+    )
     if positive == negative and not own.quadratic and own.law == gaussian.GAUSSIAN:
         return SymmetricSet(positive, 0.0)
     mean = Lugre(*((p + n) / 2 for p, n in zip(positive, negative, strict=True)))
@@ -207,14 +199,13 @@ def _best(
     count = len(free) + bias
 
     def held(x: Array) -> SymmetricSet:
-        """The set that the unknowns stand for: logarithms of the ratio of each free parameter to the mean, then the bias in units of `level`."""
+        """The set at x: logarithms of the ratios of the free parameters to the mean, then the bias over `level`."""
         values = list(mean)
         for k, ratio in zip(free, np.exp(x[: len(free)]).tolist(), strict=True):
             values[k] *= ratio
         return SymmetricSet(Lugre(*values), level * float(x[-1]) if level else 0.0)
 
     def residuals(x: Array) -> Array:
-        """Of all motions, one after the other."""
         p, constant = held(x)
         return np.concatenate([
             weight * (rollout(motion.velocity, motion.step, p, 0.0).torque[-T.size :] + constant - T)
@@ -222,7 +213,6 @@ def _best(
         ])  # fmt: skip  # one motion in a line
 
     def slopes(x: Array) -> Array:
-        """Their derivatives by the unknowns."""
         p, _ = held(x)
         rows = []
         for motion, T, weight in wanted:
@@ -239,14 +229,8 @@ def _best(
     return held(np.asarray(solved.x, dtype=np.float64))
 
 
-def _gaussian(p: Lugre[float], fastest: float) -> Lugre[float]:
-    """A set of the paper's law to begin with: the peak gone at the same speed, viscous friction as at half the fastest one."""
-    v_s = p.v_s * (p.law.peak.reach / gaussian.PEAK.reach)
-    return Lugre(*p[:6])._replace(v_s=v_s, alpha_2=max(float(law.viscous_rate(fastest / 2, p)), 0.0))
-
-
 def told(found: Sequence[Loss], joint: ExportedJoint) -> str:
-    """The losses in one line, with each motion."""
+    """The losses with their motions, in one line."""
     q = unit("position", joint.kind)
     return ", ".join(
         f"{'0 %' if x.percent < _NONE else in_percent(x.percent / 100)} {x.motion.name} "

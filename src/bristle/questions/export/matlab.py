@@ -1,8 +1,4 @@
-"""MATLAB and Octave: a script that assigns a struct with every parameter, its unit, error, interval and source.
-
-Where the friction law is not the paper's, the struct has its equations as well, as anonymous functions, which `model.printing` prints. Such a one
-holds no statements, so each value stands where it is used.
-"""
+"""Export to MATLAB and Octave: a script that assigns a struct of parameters, and equations of other laws."""
 
 import math
 import re
@@ -15,7 +11,7 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import unit
 from bristle.model.printing import FUNCTIONS, Language, Term, statements
 from bristle.page.wording import slugs
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, equations, in_ascii, notes, slug
+from bristle.questions.export.export import Artefact, ExportTarget, Request, equations, in_ascii, notes, slug
 from bristle.questions.export.exported import WAYS, ExportedJoint
 
 _LONGEST = 50  # characters of an identifier; MATLAB takes 63
@@ -23,13 +19,12 @@ _WORDS = frozenset({
     "break", "case", "catch", "classdef", "continue", "do", "else", "elseif", "end", "endfor", "endfunction", "endif", "endwhile", "for",
     "function", "global", "if", "otherwise", "parfor", "persistent", "return", "spmd", "switch", "try", "until", "unwind_protect", "while",
     "struct", "true", "false", "uint8", "native2unicode", "inf", "nan",
-})  # fmt: skip  # a list of words
-"""Of MATLAB and of Octave, and what the script calls."""
+})  # fmt: skip  # keywords of MATLAB and Octave, and names that the script calls
 _HOLDS = "every parameter with unit, standard error, 95 % interval and source; warnings as comments"
 
 
 def write_matlab(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  # noqa: ARG001  # nothing is lost along any motion
-    """The script: of one joint the struct has its name, of several `robot` has a field for each."""
+    """The script: a struct of one joint, or `robot` with a field per joint."""
     names = [_identifier(name) for name in slugs([joint.name for joint in joints])]
     name = _identifier(slug(joints))
     places = [name] if len(joints) == 1 else [f"{name}.{field}" for field in names]
@@ -40,7 +35,6 @@ def write_matlab(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
 
 
 def _identifier(text: str) -> str:
-    """A text as a name of MATLAB, which is none of its words."""
     name = re.sub(r"\W+", "_", text, flags=re.ASCII).strip("_")[:_LONGEST]
     return name if name[:1].isalpha() and name not in _WORDS else f"joint_{name}"
 
@@ -57,9 +51,9 @@ def _lines(joint: ExportedJoint, place: str) -> Iterator[str]:
     yield f"{place}.bristle = {_constant(joint.origin.bristle)};"
     yield f"{place}.results_sha256 = {_constant(joint.origin.results_sha256 or '')};"
     for one in joint.parameters:
-        fields = ", ".join(f"'{name}', {_constant(value)}" for name, value in one.cells.items())
+        columns = ("value", "unit", "standard_error", "interval", "source", "assumed")
+        fields = ", ".join(f"'{name}', {_constant(getattr(one, name))}" for name in columns)
         yield f"{place}.{WAYS[one.parameter.direction]}.{_identifier(one.parameter.name)} = struct({fields});"
-    # The law's name and its equations, each a function of the bristle's deflection z, the velocity v and a set p of parameters.
     if joint.law != GAUSSIAN:
         yield f"{place}.law = {_constant(joint.law.name)};"
         yield "% Of a set p such as .positive, chosen by the sign of v; of two sets sigma_0 goes by the sign of z, the deflection of the bristle."
@@ -69,7 +63,7 @@ def _lines(joint: ExportedJoint, place: str) -> Iterator[str]:
 
 
 def _constant(x: str | float | tuple[float, ...] | None) -> str:
-    """A value as MATLAB has it: every digit of a number, what is not printable ASCII by its bytes in UTF-8, [] where there is none."""
+    """A value in MATLAB: numbers with all digits, other text than printable ASCII by its bytes, [] for None."""
     if x is None or isinstance(x, tuple):
         return f"[{', '.join(map(_constant, x or ()))}]"
     if isinstance(x, bool):
@@ -88,13 +82,13 @@ _PATTERNS = {
     ca.OP_POW: "{0} .^ {1}", ca.OP_CONSTPOW: "{0} .^ {1}", ca.OP_FMOD: "rem({0}, {1})",
     ca.OP_LT: "{0} < {1}", ca.OP_LE: "{0} <= {1}", ca.OP_EQ: "{0} == {1}", ca.OP_NE: "{0} ~= {1}",
     ca.OP_NOT: "~{0}", ca.OP_AND: "{0} & {1}", ca.OP_OR: "{0} | {1}",
-    ca.OP_IF_ELSE_ZERO: "min(max({1}, -realmax .* {0}), realmax .* {0})",  # a product would make NaN of what is left out
+    ca.OP_IF_ELSE_ZERO: "min(max({1}, -realmax .* {0}), realmax .* {0})",  # a product with infinity is NaN
 }  # fmt: skip  # a table
 _COMPARED = frozenset({ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR})
 
 
 def in_matlab(expression: Any, operand: Callable[[str], str]) -> str:
-    """A scalar CasADi expression (SX) of named symbols as one of MATLAB and Octave, element by element; `operand`: (symbol) -> its name there.
+    """A scalar CasADi expression (SX) in MATLAB and Octave, elementwise; `operand`: name of a symbol -> name there.
 
     Raises InputError where an operation has no counterpart.
     """
@@ -113,7 +107,7 @@ def in_matlab(expression: Any, operand: Callable[[str], str]) -> str:
     lines, (value,) = statements(function, lambda place, _: operand(symbols[place].name()), matlab)
     known: dict[str, str] = {}
 
-    def whole(text: str) -> str:  # each name stands for its value
+    def whole(text: str) -> str:  # names replaced by their values, as an anonymous function has no statements
         return re.sub(r"#\d+", lambda name: known[name[0]], text)
 
     for line in lines:

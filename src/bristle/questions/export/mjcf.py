@@ -1,13 +1,8 @@
-"""MuJoCo: one LuGre set for both directions and a constant bias, as actuators of a joint, or frictionloss and damping of the joint itself.
+"""Export to MuJoCo: one LuGre set for both directions and a bias as actuators, or frictionloss and damping of a joint.
 
-By themselves, or merged into a given MJCF.
-
-`<dcmotor lugre=...>` is LuGre exactly in continuous time; MuJoCo steps its bristle by the exact exponential at the
-velocity that the step begins with, which is of first order. Without a voltage, and with a motor constant of 1e-9,
-nothing of the motor is left (MuJoCo 3.7.0 to 4.0.0 take it so; with the real constant its back-EMF would brake).
-
-Without LuGre a joint has Coulomb friction, N*m, and damping, N*m*s/rad, in any version of MuJoCo (N and N*s/m where it slides).
-MuJoCo's dry friction is a soft constraint: near standstill it is steep and viscous, so that a joint creeps where it should stick.
+`<dcmotor lugre=...>` is LuGre exactly in continuous time; MuJoCo steps its bristle by the exponential at the velocity
+at the start of the step, which is of first order. Without a voltage, and with a motor constant of 1e-9, the motor has
+no other torque (MuJoCo 3.7.0 to 4.0.0). Frictionloss is a soft constraint: a joint creeps where it should stick.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,8 +15,8 @@ from bristle.errors import InputError, one_line, short
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import Lugre, slides, unit
 from bristle.page.wording import shortened
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, notes
 from bristle.questions.export.coulomb_viscous import CoulombViscous, comment_lines, target_of
+from bristle.questions.export.export import Artefact, ExportTarget, Request, artefact_of, notes
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import Loss, SymmetricSet, all_motions, best_symmetric, losses, told
 from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named, model_read
@@ -29,25 +24,23 @@ from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute
 NAME, FRICTIONLOSS_NAME = "mujoco", "mujoco-frictionloss"
 STEP = 0.002  # time step of the example, s
 _NO_SPRING = "0 0"
-_MODEL = ("MJCF", "mujoco")  # what is merged into, and its root
+_MODEL = ("MJCF", "mujoco")  # to merge into, and its root element
 _HOLDS = "one LuGre set for both directions, as <dcmotor lugre> (MuJoCo 3.7.0 or newer)"
 _HOLDS_FRICTIONLOSS = "Coulomb friction and damping, the same in both directions, as <joint frictionloss damping>; no Stribeck peak and no presliding"
 _CLOSEST = "its peak is Gaussian and its viscous friction linear, the closest to another law of the joint"
 
 
 class MjcfHeld(NamedTuple):
-    """What MuJoCo holds of a joint."""
+    """The symmetric set of a joint for MuJoCo, and its losses."""
 
     joint: ExportedJoint
-    alone: tuple[Loss, ...]
-    """Of the best symmetric set without a bias."""
-    symmetric: SymmetricSet
-    """With the bias: what is exported."""
+    alone: tuple[Loss, ...]  # of the best symmetric set without a bias
+    symmetric: SymmetricSet  # with a bias, as exported
     lost: tuple[Loss, ...]
 
 
 def write_mjcf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
-    """One `<dcmotor>` for each joint, one more for each order of cogging, and a `<general>` where there is a bias."""
+    """A `<dcmotor>` per joint and order of cogging, and a `<general>` for a bias."""
     found = [mjcf_held(joint, request) for joint in joints]
     text = "\n".join(f"{_comment(one)}\n{mjcf_actuators(one)}" for one in found)
     if request.into is None:
@@ -72,7 +65,7 @@ def write_mjcf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
 
 
 def mjcf_held(joint: ExportedJoint, request: Request) -> MjcfHeld:
-    """The symmetric set that is exported, with what it loses."""
+    """The symmetric set of a joint, with its losses."""
     joint = joint.in_newton(NAME).with_bristle(NAME)
     motions = all_motions(joint, request.amplitude, request.frequency)
     sets = [best_symmetric(joint, motions, bias=bias) for bias in (False, True)]
@@ -81,7 +74,7 @@ def mjcf_held(joint: ExportedJoint, request: Request) -> MjcfHeld:
 
 
 def mjcf_actuators(held: MjcfHeld) -> str:
-    """The elements of one joint; every attribute that a default class of the model may have changed is written."""
+    """The elements of one joint, with all attributes that a default class may change."""
     name, (p, bias) = held.joint.name, held.symmetric
     numbers = " ".join(map(repr, (p.sigma_0, p.sigma_1, p.alpha_0, p.alpha_0 + p.alpha_1, p.v_s)))
     lines = [
@@ -103,7 +96,7 @@ def mjcf_actuators(held: MjcfHeld) -> str:
 
 
 def own_actuator(name: str) -> str:
-    """What the actuator that holds a joint's friction is called."""
+    """Name of the actuator with a joint's friction."""
     return f"{name} friction"
 
 
@@ -129,16 +122,16 @@ def _comment(held: MjcfHeld) -> str:
 
 
 def _largest_step(p: Lugre[float]) -> float:
-    """Above it the step of velocity and bristle in stick has an eigenvalue outside the unit circle, s.
+    """Largest step without an eigenvalue outside the unit circle in stick, s.
 
-    MuJoCo takes z + h v for z and v - h / (J + h d) (sigma_0 z + d v) for v, d = sigma_1 + alpha_2: the determinant is
-    (J + h**2 sigma_0) / (J + h d), for the semi-implicit step (1 - h d / J + h**2 sigma_0 / J); both are 1 there.
+    MuJoCo steps z + h v and v - h / (J + h d) (sigma_0 z + d v), d = sigma_1 + alpha_2, with the determinant
+    (J + h**2 sigma_0) / (J + h d); of the semi-implicit step it is 1 - h d / J + h**2 sigma_0 / J. Both are 1 there.
     """
     return (p.sigma_1 + p.alpha_2) / p.sigma_0
 
 
 def _joint_lines(joint: ExportedJoint) -> Iterator[str]:
-    """Lines for a comment: what was written into the joint itself."""
+    """Lines of a comment on the attributes of the joint itself."""
     yield "damping and frictionloss of the joint itself are set here, so that friction does not count twice."
     J, rest = joint.rotor_inertia, "the rotor's inertia, without the links."
     if joint.inertia == J:
@@ -148,7 +141,7 @@ def _joint_lines(joint: ExportedJoint) -> Iterator[str]:
 
 
 def _attributes(joint: ExportedJoint, damping: str = "0 0 0", frictionloss: str = "0") -> dict[str, str]:
-    """Those of the joint itself; its armature where an inertia is known."""
+    """Attributes of the joint itself, with an armature if an inertia is known."""
     armature = {} if joint.rotor_inertia is None else {"armature": repr(joint.rotor_inertia)}
     return {**armature, "damping": damping, "frictionloss": frictionloss, "springdamper": _NO_SPRING}
 
@@ -158,14 +151,14 @@ def _type(joint: ExportedJoint) -> str:
 
 
 def mjcf_example(found: Sequence[MjcfHeld], actuators: str) -> bytes:
-    """A whole small model with each joint, and these elements."""
+    """A small model with the joints and these actuators."""
     step = max(1e-5, min(STEP, *(_largest_step(one.symmetric.parameters) / 2 for one in found)))
     bodies = [_example_body(one.joint, _attributes(one.joint)) for one in found]
     return _example_model(bodies, step, f"<actuator>\n{indent(actuators, '  ')}\n</actuator>")
 
 
 def _example_body(joint: ExportedJoint, attributes: Mapping[str, str]) -> str:
-    """A body that hangs on one joint: next to no inertia of its own, or 1 where none is known."""
+    """A body on one joint, with an inertia of 1e-9, or 1 where none is known."""
     own = "1" if joint.rotor_inertia is None else "1e-9"
     written = "".join(f" {name}={attribute(value)}" for name, value in attributes.items())
     return (
@@ -175,7 +168,7 @@ def _example_body(joint: ExportedJoint, attributes: Mapping[str, str]) -> str:
 
 
 def _example_model(bodies: Sequence[str], step: float, rest: str = "") -> bytes:
-    """A model that MuJoCo loads as it is; its bodies are an example, its joints and actuators are to be copied."""
+    """A model that MuJoCo loads; its joints and actuators are to be copied."""
     note = comment("An example: copy the attributes of each joint, and what stands beside, into your own model.")
     inner = (
         f'{note}\n<option timestep="{step!r}" gravity="0 0 0" integrator="implicitfast"/>\n'
@@ -185,7 +178,7 @@ def _example_model(bodies: Sequence[str], step: float, rest: str = "") -> bytes:
 
 
 def _joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
-    """The joint of that name in <worldbody>. Raises InputError where it is not there once, or cannot take the friction."""
+    """The joint of this name in <worldbody>. Raises InputError where it is not there, or cannot take the friction."""
     own = own_actuator(joint.name)
     actuators = [x for section in document.root.children if section.tag == "actuator" for x in section.children]
     if {x.attributes.get("name") for x in actuators} & {own, f"{own} bias", f"{own} cogging 1"}:
@@ -222,7 +215,7 @@ def _note(one: CoulombViscous) -> str:
 
 
 def frictionloss_example(found: Sequence[CoulombViscous]) -> bytes:
-    """A whole small model with each joint."""
+    """A small model with the joints."""
     bodies = [f"{comment(_note(one))}\n{_example_body(one.joint, _own_attributes(one))}" for one in found]
     return _example_model(bodies, STEP)
 

@@ -1,7 +1,4 @@
-"""An XML file edited at its bytes: what an edit does not concern stays as it was, down to blanks, quotes, comments and line ends.
-
-Expat parses it and tells where elements begin and end; only the inside of one start tag, which Expat found sound, is searched here.
-"""
+"""Edits of an XML file that keep all other bytes. Expat finds where elements begin and end."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,36 +14,26 @@ MAX_ELEMENTS = 200_000  # most elements of a file, comments included
 MAX_DEPTH = 200  # deepest nesting
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*("[^"]*"|'[^']*')""")
 _START_TAG = re.compile(rb"""<[^\s/>]+((?:\s+[^\s=/>]+\s*=\s*(?:"[^"]*"|'[^']*'))*)\s*(/?)>""")
-_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""What XML 1.0 cannot hold, not even as a reference."""
+_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # not allowed in XML 1.0
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class XmlElement:
-    """An element as it stands in a file; two are the same only where they are one place of one file."""
+    """An element at its place in a file."""
 
-    tag: str
-    """As it is written, with its prefix."""
-    attributes: Mapping[str, str]
-    """Names as they are written; references resolved."""
+    tag: str  # with its prefix
+    attributes: Mapping[str, str]  # references resolved
     children: list["XmlElement"] = field(default_factory=list)
-    comments: list["XmlElement"] = field(default_factory=list)
-    """Those right within it, as elements without a tag, whose attribute `text` is what they say."""
-    line: int
-    """On which it begins, from 1."""
-    start: int
-    """Byte of its `<`."""
-    told: int = 0
-    """Byte after its last attribute."""
-    opened: int = 0
-    """Byte after its start tag."""
-    closing: int = 0
-    """Byte of its end tag; `opened` where it closes itself."""
-    end: int = 0
-    """Byte after it."""
+    comments: list["XmlElement"] = field(default_factory=list)  # as elements without a tag, with the attribute `text`
+    line: int  # first line, from 1
+    start: int  # byte of its `<`
+    told: int = 0  # byte after its last attribute
+    opened: int = 0  # byte after its start tag
+    closing: int = 0  # byte of its end tag; `opened` where it closes itself
+    end: int = 0  # byte after it
 
     def find_all(self, tag: str = "") -> Iterator["XmlElement"]:
-        """The elements of a tag, or all, depth first, in the order of the file: itself and those within."""
+        """Itself and the elements within, with this tag or all, in the order of the file."""
         if tag in ("", self.tag):
             yield self
         for child in self.children:
@@ -55,12 +42,10 @@ class XmlElement:
 
 @dataclass(slots=True, kw_only=True)
 class XmlDocument:
-    """A file with its elements, and the edits that were asked for."""
+    """A file with its elements and edits."""
 
     content: bytes
-    """As it was read."""
-    what: str
-    """How the file is called in sentences."""
+    what: str  # name of the file in messages
     root: XmlElement
     _attributes: dict[XmlElement, dict[str, str]] = field(default_factory=dict)
     _inserted: dict[XmlElement, list[str]] = field(default_factory=dict)
@@ -68,10 +53,10 @@ class XmlDocument:
 
     @classmethod
     def read(cls, content: bytes, what: str) -> "XmlDocument":
-        """A file of UTF-8, with or without a byte order mark.
+        """A file in UTF-8, with or without a byte order mark.
 
-        Raises InputError, one sentence with file and line, where it is not well-formed, declares a document type or an entity, is encoded otherwise,
-        has more than 8 MB or 200000 elements, or is nested deeper than 200.
+        Raises InputError with file and line where it is not well-formed, not UTF-8, too large or too deep, or declares a
+        document type or an entity.
         """
         if len(content) > MAX_BYTES:
             raise InputError(f"{what}: has more than {MAX_BYTES} bytes; expected a model without meshes")
@@ -86,19 +71,16 @@ class XmlDocument:
         return cls(content=content, what=what, root=_root(content, what))
 
     def set_attributes(self, element: XmlElement, values: Mapping[str, str]) -> None:
-        """Add attributes, whose names are ASCII, or replace their values; others stay."""
+        """Add attributes with ASCII names, or replace their values."""
         self._attributes.setdefault(element, {}).update(values)
 
     def insert_last(self, parent: XmlElement, text: str) -> None:
-        """Insert elements or comments as the last children, indented as the file is; lines of the text end with a line feed.
-
-        Raises InputError where the text is not well-formed by itself.
-        """
+        """Insert elements or comments as the last children, indented as the file is. Raises InputError as `replace`."""
         _check_fragment(text)
         self._inserted.setdefault(parent, []).append(text)
 
     def annotate(self, parent: XmlElement, text: str) -> None:
-        """Insert a comment as the last child, in the place of an older one that begins with the same two words."""
+        """Insert a comment as the last child, or replace one that begins with the same two words."""
         words = text.split(maxsplit=2)[:2]
         for old in parent.comments:
             if old.attributes["text"].split(maxsplit=2)[:2] == words:
@@ -106,17 +88,14 @@ class XmlDocument:
         return self.insert_last(parent, comment(text))
 
     def replace(self, element: XmlElement, text: str) -> None:
-        """Put a text, elements or comments, in the place of an element or a comment. Raises InputError where it is not well-formed by itself."""
+        """Replace an element or a comment by a text. Raises InputError where it is not well-formed."""
         _check_fragment(text)
         self._replaced[element] = text
 
     def written(self) -> bytes:
-        """The file with the edits.
-
-        Raises ValueError where an edit lies within an element that is replaced, and InputError where the file is not what `read` takes, as too long.
-        """
+        """The edited file. Raises ValueError where an edit lies within another, and InputError as `read`."""
         out, at = [], 0
-        splices = []  # of each edit from where, to where, and what stands there afterwards
+        splices = []  # start, end and new content of each edit
         for element, text in self._replaced.items():
             splices.append((element.start, element.end, self._laid_out(text, self._indent(element) or b"")))
         for element, values in self._attributes.items():
@@ -144,7 +123,7 @@ class XmlDocument:
         if own is None if empty else b"\n" not in inside[len(body) :]:  # all on one line
             new = b"".join(self._laid_out(text, b"") for text in texts)
         else:
-            # as its last child that is the first on its line is indented; else one step further than itself
+            # Indented as its last child that begins a line; else one step further than itself.
             known = (found for child in reversed(parent.children) if (found := self._indent(child)) is not None)
             indent = next(known, None)
             indent = (own or b"") + self._step if indent is None else indent
@@ -156,14 +135,14 @@ class XmlDocument:
         return parent.opened - 2, parent.opened, b">" + new + b"</" + parent.tag.encode("utf-8") + b">"
 
     def _indent(self, element: XmlElement) -> bytes | None:
-        """The blanks before an element that is the first on its line; None where it is not."""
+        """The blanks before an element that begins a line, else None."""
         line = self.content[self.content.rfind(b"\n", 0, element.start) + 1 : element.start]
         line = line.removeprefix(b"\xef\xbb\xbf")
         return None if line.strip(b" \t") else line
 
     @property
     def _step(self) -> bytes:
-        """By which the file indents: that of the first child which is further in than its parent; else two blanks."""
+        """Indentation of the first child that is further in than its parent; else two blanks."""
         for element in self.root.find_all():
             own = self._indent(element)
             for child in element.children[:1]:
@@ -178,12 +157,12 @@ class XmlDocument:
         return b"\r\n" if first > 0 and self.content[first - 1 : first] == b"\r" else b"\n"
 
     def _laid_out(self, text: str, indent: bytes) -> bytes:
-        """A text whose second and later lines are indented, and end as those of the file."""
+        """A text with indented lines and the line ends of the file."""
         return (self._newline + indent).join(text.encode("utf-8").split(b"\n"))
 
 
 def model_read(into: bytes | None, name: str, kind: str, root: str) -> XmlDocument:
-    """The model to merge into, a URDF, say. Raises InputError as `XmlDocument.read`, and where its root is another."""
+    """The model to merge into. Raises InputError as `XmlDocument.read`, and where its root is another."""
     document = XmlDocument.read(into or b"", name or "into")
     if (tag := document.root.tag) != root:
         article = "a" if kind == "URDF" else "an"
@@ -194,10 +173,7 @@ def model_read(into: bytes | None, name: str, kind: str, root: str) -> XmlDocume
 
 
 def joint_named(what: str, joints: Sequence[XmlElement], name: str, remedy: str = "") -> tuple[XmlElement, str]:
-    """The one of a file's joints that has the name, and how a sentence about it begins.
-
-    Raises InputError where none has it, opening the list of names with a remedy, or two.
-    """
+    """The joint of a name, and the beginning of a sentence about it. Raises InputError where none or two have it."""
     found = [x for x in joints if x.attributes.get("name") == name]
     if not found:
         names = short_list(short(known) for x in joints if (known := x.attributes.get("name")))
@@ -209,13 +185,13 @@ def joint_named(what: str, joints: Sequence[XmlElement], name: str, remedy: str 
 
 
 def attribute(value: str) -> str:
-    """A value as an attribute has it, quoted; what XML cannot hold becomes U+FFFD, and what does not print a reference."""
+    """A value as a quoted attribute; characters that XML cannot hold become U+FFFD, unprintable ones references."""
     text = escape(_NO_XML.sub("\N{REPLACEMENT CHARACTER}", value), {'"': "&quot;"})
     return '"' + "".join(c if c.isprintable() else f"&#x{ord(c):X};" for c in text) + '"'
 
 
 def comment(text: str) -> str:
-    """A text as a comment, whatever it holds: no two hyphens in a row, and what does not print, but a line feed, as Python escapes it."""
+    """A text as a comment, without double hyphens, and with unprintable characters but line feeds escaped."""
     shown = "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
     return f"<!-- {re.sub('-(?=-)', '- ', shown)} -->"
 
@@ -225,7 +201,7 @@ def _check_fragment(text: str) -> None:
 
 
 def _root(content: bytes, what: str) -> XmlElement:
-    """The outermost element of a file. Raises InputError where it is not as `XmlDocument.read` takes it."""
+    """The root element of a file. Raises InputError as `XmlDocument.read`."""
     parser: Any = expat.ParserCreate("UTF-8")
     stack, count = [XmlElement(tag="", attributes={}, line=0, start=0)], 0
 

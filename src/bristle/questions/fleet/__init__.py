@@ -1,1 +1,1 @@
-"""Friction of many joints over many sessions: which joints changed, and which units differ from their type."""
+"""Many joints over many sessions: the joints that changed, and the units that differ from their type."""

@@ -1,7 +1,6 @@
-"""The catalog of a fleet: which file is which unit's session; a table, or a pattern of folders and files that tells it.
+"""The catalog of a fleet, a table or a pattern of paths: the file of each session of each unit.
 
-A catalog as a whole is refused where its columns are wrong or it is empty. A row that cannot be used is a failure of that row
-alone, with a sentence; the others are done.
+A catalog with wrong columns or without rows is refused. A row that cannot be used is a failure of that row alone.
 """
 
 import csv
@@ -28,16 +27,16 @@ _MOST_BYTES = 2**30
 _SEPARATORS = (",", ";", "\t")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 _COLDEST, _HOTTEST = -273.15, 5000.0  # deg C
-_MOST_LOAD = 1e9  # of a load, whatever its unit: so that squares of it are numbers
+_MOST_LOAD = 1e9  # in any unit, so that squares stay finite
 _FIELD = re.compile(r"\{([^{}]*)\}")
 _YEARS = (1900, 2200)
 
 
 class CatalogRow(NamedTuple):
-    """A row as it was read; text that is not given is empty, a number nan."""
+    """A row of a catalog; missing text is empty, a missing number nan."""
 
-    file: str  # as the catalog has it
-    path: str  # the same from anywhere: an absolute path, or a URL
+    file: str  # as written
+    path: str  # absolute path or URL
     unit: str
     session: datetime | None  # UTC, without zone
     joint: str
@@ -45,7 +44,7 @@ class CatalogRow(NamedTuple):
     temperature: float  # deg C
     load: float
     tags: str
-    failure: str  # why it cannot be used; empty where it can
+    failure: str  # why it cannot be used, or empty
 
 
 class _Texts(NamedTuple):
@@ -53,33 +52,27 @@ class _Texts(NamedTuple):
 
     rows: list[tuple[str, ...]]  # each of the columns of `CATALOG`
     base: str  # the folder that files are relative to
-    wrong: Mapping[int, str]  # by row, why it is none
+    wrong: Mapping[int, str]  # rows that cannot be read, with the reason
 
 
 def read_catalog(catalog: "str | Path | pd.DataFrame") -> list[CatalogRow]:
-    """The rows of a catalog; rows that are equal count once.
+    """The rows of a catalog, equal ones once.
 
     A catalog is a CSV file (with comma, semicolon or tab), a Parquet file, a DataFrame, or a pattern such as
-    `logs/{unit}/{session}/{type}.yaml`, whose fields in braces match inside one part of a path; `*` and `**` as in globs. Files and
-    patterns may be URLs of fsspec.
-
-    Raises InputError where it cannot be read, has other columns, has no row or too many, or a pattern matches nothing.
+    `logs/{unit}/{session}/{type}.yaml`, whose fields match inside one part of a path; `*` and `**` as in globs. Files and
+    patterns may be URLs of fsspec. Raises InputError where it cannot be read, or has wrong columns or no row.
     """
-    texts = _texts(catalog)
+    texts, shown = _texts(catalog), str(catalog) if isinstance(catalog, str | Path) else "catalog"
     if not texts.rows:
-        raise InputError(f"{_shown(catalog)}: holds no row; expected a row for each file of a unit's session")
+        raise InputError(f"{shown}: holds no row; expected a row for each file of a unit's session")
     if len(texts.rows) > MOST_ROWS:
-        raise InputError(f"{_shown(catalog)}: got {len(texts.rows)} rows; expected at most {MOST_ROWS}")
+        raise InputError(f"{shown}: got {len(texts.rows)} rows; expected at most {MOST_ROWS}")
     seen, rows = set[tuple[str, ...]](), []
     for k, row in enumerate(texts.rows):
         if row not in seen or k in texts.wrong:
             seen.add(row)
             rows.append(_row(dict(zip(CATALOG, row, strict=True)), texts.base, texts.wrong.get(k, "")))
     return rows
-
-
-def _shown(catalog: "str | Path | pd.DataFrame") -> str:
-    return str(catalog) if isinstance(catalog, str | Path) else "catalog"
 
 
 def _texts(catalog: "str | Path | pd.DataFrame") -> _Texts:
@@ -95,20 +88,16 @@ def _texts(catalog: "str | Path | pd.DataFrame") -> _Texts:
         raise InputError(
             f"{name}: {error.strerror or error}; expected a catalog: a CSV or Parquet file, or a pattern with {{unit}} and {{session}}"
         ) from error
-    if name.lower().endswith((".parquet", ".pq")):
-        return _of_frame(_parquet(data, name), name, base)
-    return _of_csv(data, name, base)
-
-
-def _parquet(data: bytes, name: str) -> "pd.DataFrame":
+    if not name.lower().endswith((".parquet", ".pq")):
+        return _of_csv(data, name, base)
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:  # what the file says of pandas is not believed
+    try:
         frame: pd.DataFrame = pq.read_table(io.BytesIO(data)).to_pandas(ignore_metadata=True)
-        return frame
     except (pa.ArrowException, ValueError, OSError) as error:
         raise InputError(f"{name}: is not a readable Parquet file ({one_line(str(error), 120)})") from error
+    return _of_frame(frame, name, base)
 
 
 def _of_csv(data: bytes, name: str, base: str) -> _Texts:
@@ -134,7 +123,7 @@ def _of_csv(data: bytes, name: str, base: str) -> _Texts:
 
 
 def _places(header: Sequence[object], name: str) -> list[int]:
-    """Where each column of a catalog stands in a table; -1 where it does not. Raises InputError where a column is wrong."""
+    """Index of each column of a catalog in a table, or -1. Raises InputError where a column is wrong."""
     columns = [str(column) for column in header]
     for column in columns:
         if column not in CATALOG:
@@ -162,14 +151,14 @@ def _of_frame(frame: "pd.DataFrame", name: str, base: str) -> _Texts:
 
 
 def _text(value: object) -> str:
-    """An entry as text; what is missing is empty."""
+    """An entry as text, empty where it is missing."""
     if value is None or type(value).__name__ in ("NAType", "NaTType") or value != value:  # noqa: PLR0124  # nan
         return ""
     return cast("datetime", value).isoformat() if hasattr(value, "isoformat") else str(value).strip()
 
 
 def is_pattern(catalog: str) -> bool:
-    """Whether a catalog is a pattern, by the braces in it."""
+    """Whether a catalog is a pattern: it has braces."""
     return bool(_FIELD.search(catalog))
 
 
@@ -186,7 +175,7 @@ def _of_pattern(pattern: str) -> _Texts:
             f"{pattern}: has no {{{lacking[0]}}}; expected a pattern such as logs/{{unit}}/{{session}}.yaml"
         )
     whole = pattern if is_remote(pattern) else str(Path(pattern).absolute())
-    # Its regular expression, in which a field that is named twice must agree.
+    # As a regular expression, in which equal fields must agree.
     parts, seen = list[str](), set[str]()
     known = {"**/": "(?:.*/)?", "**": ".*", "*": "[^/]*", "?": "[^/]"}
     for token in re.split(r"(\{[^{}]*\}|\*\*/?|\*|\?)", whole):
@@ -202,7 +191,7 @@ def _of_pattern(pattern: str) -> _Texts:
     except OSError as error:
         raise InputError(f"{pattern}: cannot be looked for ({error.strerror or error})") from error
     rows = []
-    before = whole.removesuffix(pattern) if whole.endswith(pattern) else ""  # files as given: from here, or anywhere
+    before = whole.removesuffix(pattern) if whole.endswith(pattern) else ""
     for path in found:
         if match := matching.fullmatch(path):
             of = match.groupdict()
@@ -245,7 +234,7 @@ _EXPECTED = {
 
 
 def _shown_text(text: str, column: str, reasons: list[str]) -> str:
-    """An entry that can be shown."""
+    """An entry that can be shown; what was wrong with it is added to the reasons."""
     if len(text) <= LONGEST_TEXT and text.isprintable():
         return text
     if len(text) > LONGEST_TEXT:
@@ -286,7 +275,7 @@ def time_of(text: str) -> datetime:
 
 
 def called(catalog: "str | Path | pd.DataFrame") -> str:
-    """What a catalog is called: its file's name, or the last folder before what varies in a pattern."""
+    """The name of a catalog: its file's, or the last fixed folder of a pattern."""
     if not isinstance(catalog, str | Path):
         return "catalog"
     name = str(catalog)

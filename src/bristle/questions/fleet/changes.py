@@ -1,7 +1,7 @@
-"""Which joints of a fleet changed, and which units differ from their type.
+"""Joints of a fleet that changed, and units that differ from their type.
 
-A step test of every parameter in every direction, and the false discovery rate over the joints; random effects, and each unit's own value
-drawn to the type's mean as far as it is uncertain.
+A step test of every parameter and direction with a false discovery rate over the joints; random effects of a type, with
+each unit's value shrunken to the type's mean.
 """
 
 from collections.abc import Sequence
@@ -19,32 +19,28 @@ from bristle.estimation.covariance import student
 from bristle.estimation.multiple_tests import false_discovery, false_discovery_within, simes
 from bristle.estimation.robust import Population, population, without_each
 from bristle.estimation.step_test import Levels, Steps, step_scan
-from bristle.questions.fleet.quantities import Adjusted, padded
-from bristle.questions.fleet.roster import Roster
+from bristle.questions.fleet.quantities import Adjusted, Roster, padded
 
-COMPARED = 0.05
-"""Level at which the estimates' own errors are compared, where the scatter between sessions is hardly known."""
-LEAST_UNITS = 5  # joints of a type from which on its mean and spread are told
-MOST_LEFT_OUT = 50
-"""Joints of a type up to which each is judged by the others alone: of more one hardly moves the spread."""
+COMPARED = 0.05  # false discovery rate of steps by the estimates' own errors alone
+LEAST_UNITS = 5  # least joints of a type for its mean and spread
+MOST_LEFT_OUT = 50  # most joints of a type of which each is compared with the others alone
 _UNIT_COLUMNS = {
     "unit": "str", "joint": "str", "type": "str", "parameter": "str", "direction": "str", "value_unit": "str", "sessions": "int64",
     "value": "float64", "standard_error": "float64", "percent": "float64", "z": "float64", "adjusted_p": "float64", "outside": "bool",
     "shrunken": "float64", "shrunken_error": "float64", "borrowed_percent": "float64",
-}  # fmt: skip  # a table
-"""Columns of the units, and their types."""
+}  # fmt: skip  # columns of the units, and their types
 
 
 class StepTests(NamedTuple):
     """The step tests of one quantity, a joint each."""
 
     one: Adjusted
-    which: NDArray[np.intp]  # which of the quantity's joints, (t,)
+    which: NDArray[np.intp]  # indices of the quantity's joints, (t,)
     steps: Steps
 
 
 def step_tests(one: Adjusted, baseline: int) -> StepTests:
-    """The tests of the joints that have more than `baseline` sessions since their last baseline began."""
+    """The tests of joints with more than `baseline` sessions since their last baseline began."""
     which = np.flatnonzero((np.bincount(one.of.joint) > baseline) & one.of.now)
     levels = padded(one)
     part = Levels(levels.y[which], levels.variance[which], levels.regressors[which], levels.covariance)
@@ -55,18 +51,18 @@ def step_tests(one: Adjusted, baseline: int) -> StepTests:
 
 
 class Decided(NamedTuple):
-    """All tests of a fleet, and what they come to at a false discovery rate; t tests of m joints."""
+    """All t tests of a fleet of m joints, decided at a false discovery rate."""
 
     joint: NDArray[np.intp]  # number of the joint of each test, (t,)
     p: Array  # (t,)
     z: Array  # (t,)
     named: NDArray[np.bool_]  # whether the parameter of each test changed, (t,)
-    adjusted: Array  # of each joint of the fleet, nan where it was not tested, (m,)
+    adjusted: Array  # p-value of each joint, nan where it was not tested, (m,)
     changed: NDArray[np.bool_]  # (m,)
 
 
 def decide(tests: Sequence[StepTests], joints: int, rate: float) -> Decided:
-    """Which joints changed, of so many, and in which parameters."""
+    """The joints that changed, and their parameters; `joints`: number of joints of the fleet."""
     number = _joined([x.one.of.joints[x.which] for x in tests]).astype(np.intp)
     p, z = _joined([x.steps.p for x in tests]), _joined([x.steps.z for x in tests])
     adjusted, changed, named = np.full(joints, np.nan), np.zeros(joints, dtype=bool), np.zeros(p.size, dtype=bool)
@@ -84,7 +80,7 @@ def _joined(parts: Sequence[Array | NDArray[np.intp]]) -> Array:
 
 
 def change_rows(tests: Sequence[StepTests], decided: Decided, frame: pd.DataFrame) -> pd.DataFrame:
-    """A row per test, and the number of its joint."""
+    """A row per test, with the number of its joint."""
     parts = []
     for one, which, steps in tests:
         q, counts = one.of, np.bincount(one.of.joint)
@@ -103,12 +99,11 @@ def change_rows(tests: Sequence[StepTests], decided: Decided, frame: pd.DataFram
 _COLUMNS = {
     "type": "str", "parameter": "str", "direction": "str", "sessions": "int64", "value_unit": "str", "before": "float64", "after": "float64",
     "percent": "float64", "percent_lower": "float64", "percent_upper": "float64", "since": "datetime64[us]", "sessions_after": "int64",
-}  # fmt: skip  # a table
-"""Columns of the tests, and their types."""
+}  # fmt: skip  # columns of the tests, and their types
 
 
 def ranked(people: Roster, changes: pd.DataFrame, decided: Decided) -> pd.DataFrame:
-    """A row per joint with its clearest test, those that changed first, by p-value; the index is the number of its last baseline."""
+    """A row per joint with its clearest test, by p-value; the index is the number of its last baseline."""
     first = changes.assign(size=-changes["z"].abs()).sort_values(["number", "p", "size"], kind="stable")
     first = first.drop_duplicates("number").set_index("number")
     own = [
@@ -121,7 +116,7 @@ def ranked(people: Roster, changes: pd.DataFrame, decided: Decided) -> pd.DataFr
 
 
 def beyond_errors(quantities: Sequence[Adjusted], frame: pd.DataFrame) -> pd.DataFrame:
-    """Each joint's clearest step by the estimates' own errors alone, as `compare` judges, at a false discovery rate of 5 %: as `change_rows`."""
+    """Significant steps by the estimates' own errors alone, as `compare` tests; columns as of `change_rows`."""
     bare = [replace(x, fit=x.fit._replace(variance=0.0, freedom=inf)) for x in quantities]
     tests = [step_tests(x, 1) for x in bare]
     decided = decide(tests, int(max((x.of.joints.max() for x in bare), default=-1)) + 1, COMPARED)
@@ -131,7 +126,7 @@ def beyond_errors(quantities: Sequence[Adjusted], frame: pd.DataFrame) -> pd.Dat
 
 
 def own_levels(one: Adjusted, most: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Mean of each joint over its first sessions, so many of each, on the scale, and its variance: (m,) each."""
+    """Mean of each joint over its first `most` sessions, on the scale, and its variance: (m,) each."""
     levels = padded(one, most)
     weight = np.where(np.isfinite(levels.variance), 1 / levels.variance, 0.0)
     total = weight.sum(axis=1)
@@ -139,7 +134,7 @@ def own_levels(one: Adjusted, most: NDArray[np.intp]) -> tuple[Array, Array]:
 
 
 def population_of(one: Adjusted, most: NDArray[np.intp]) -> Population[float] | None:
-    """Mean and spread of a type; None where it has too few joints."""
+    """Mean and spread of a type; None with too few joints."""
     now = one.of.now
     if now.sum() < LEAST_UNITS:
         return None
@@ -150,11 +145,7 @@ def population_of(one: Adjusted, most: NDArray[np.intp]) -> Population[float] | 
 def unit_rows(
     quantities: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]], people: Roster, rate: float
 ) -> pd.DataFrame:
-    """A row per joint and quantity of the types whose spread is known; `settled`: sessions of each joint before it changed.
-
-    A joint is outside where its own value is beyond what the scatter of the others of its type makes likely, at the false
-    discovery rate over all joints, as for changes.
-    """
+    """A row per joint and quantity of types with a known spread; `settled`: sessions before a joint's change."""
     parts, numbers, ps = [], [], []
     for one, most in zip(quantities, settled, strict=True):
         known = population_of(one, most)

@@ -1,4 +1,4 @@
-"""Dask's cluster: one of this machine, or one that runs already; whether its workers can do the work, and work that is spread over them."""
+"""Dask clusters: a local or a running one, checks of its workers, and calls spread over them."""
 
 import asyncio
 import logging
@@ -20,25 +20,23 @@ from bristle.workers import cores, pinned
 Client = Any  # a `distributed.Client`
 _LOOPBACK = "127.0.0.1"
 _DASHBOARD = 8787
-_WAIT = 60.0
-"""Seconds that a scheduler or its first worker is waited for, and that nothing may end until workers are asked."""
-_POLL = 0.02  # seconds between two looks at what has ended
-_UNINTERRUPTED = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
-"""What a worker of our own does first: it leaves an interrupt to the client, which ends it."""
+_WAIT = 60.0  # s, for a scheduler or its first worker, and until workers without a result are asked
+_POLL = 0.02  # s, between two looks at what has ended
+_UNINTERRUPTED = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"  # of our own workers, at their start
 _LEAN = {
     "distributed.worker.profile.enabled": False,
     "distributed.deploy.lost-worker-timeout": "1h",
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 2**28,
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 2**28,
 }
-"""Workers that keep the memory of freed arrays, and watch themselves less: each task is a tenth faster; and whose process may take long to begin
-anew: of one that has not begun after Dask's 15 s no other ever would."""
+"""Workers keep the memory of freed arrays and have no profiler, which makes a task a tenth faster; and a process may
+take longer than Dask's 15 s to restart, after which it would be given up."""
 _LOGGERS = ("distributed", "tornado", "bokeh")
 _UNGUARDED = 'in a script, put the call of bristle.fleet below if __name__ == "__main__":, because the worker processes read the script as well'
 
 
 class SchedulerLostError(OSError):
-    """The scheduler cannot be reached any more."""
+    """The scheduler was lost."""
 
     def __init__(self, client: Client) -> None:
         address = client.scheduler.address if client.scheduler else ""
@@ -47,7 +45,7 @@ class SchedulerLostError(OSError):
 
 @contextmanager
 def told_where_lost(client: Client) -> Iterator[None]:
-    """Raise SchedulerLostError where a call of a client ends because its scheduler does."""
+    """Raise SchedulerLostError where a call of a client fails because its scheduler has ended."""
     from distributed import TimeoutError as DaskTimeoutError
     from distributed.comm import CommClosedError
 
@@ -55,14 +53,14 @@ def told_where_lost(client: Client) -> Iterator[None]:
         yield
     except (CommClosedError, DaskTimeoutError, TimeoutError) as error:
         raise SchedulerLostError(client) from error
-    except (RuntimeError, AttributeError) as error:  # of a client that has noticed, or has let go of its scheduler
+    except (RuntimeError, AttributeError) as error:  # of a client without a scheduler
         if client.status == "running":
             raise
         raise SchedulerLostError(client) from error
 
 
 def check_installed() -> None:
-    """Raise InputError where what a fleet needs is not installed."""
+    """Raise InputError where a package that a fleet needs is not installed."""
     try:
         import distributed  # noqa: F401
         import fsspec  # noqa: F401
@@ -72,7 +70,7 @@ def check_installed() -> None:
 
 
 def known_client(client: Client | None) -> Client | None:
-    """A client that can be used: the one that is given, else that of this process. Raises InputError where it is none, or asynchronous."""
+    """The client given, or that of this process. Raises InputError where it is no synchronous client."""
     import distributed
 
     if client is None:
@@ -87,18 +85,15 @@ def known_client(client: Client | None) -> Client | None:
 
 @contextmanager
 def local_client(workers: int | None = None, memory: str | None = None) -> Iterator[Client]:
-    """A client of a cluster of this machine, whose processes have one thread each; it and its dashboard listen on loopback.
+    """A client of a cluster of this machine, with one thread per process, on loopback.
 
-    Args:
-        workers: processes; None: as many as there are cores.
-        memory: of each, as `2 GiB`; a process that needs more is ended. None: its share of the machine's.
-
-    Raises InputError where the memory is no size.
+    `workers`: processes, by default one per core; `memory`: most of each, as `2 GiB`, by default its share. Raises
+    InputError where the memory is no size, or the processes do not start.
     """
     import dask
     import distributed
 
-    # A worker that begins runs the user's script to get there.
+    # A starting worker runs the user's script up to here.
     if getattr(current_process(), "_inheriting", False):
         raise SystemExit(_UNGUARDED)
     processes, limit, port = workers or cores(), _bytes_of(memory), _DASHBOARD
@@ -141,16 +136,13 @@ def _bytes_of(memory: str | None) -> int | None:
 
 @contextmanager
 def remote_client(scheduler: str, certificates: Mapping[str, str] | None = None) -> Iterator[Client]:
-    """A client of a scheduler, by its address; with certificates (`ca`, `cert`, `key`) by TLS alone.
-
-    Raises InputError where there is none at the address, or a certificate cannot be used.
-    """
+    """A client of a scheduler, perhaps by TLS (`ca`, `cert`, `key`). Raises InputError where none answers."""
     from distributed import Client as DaskClient
 
     with quiet():
         try:
             security = _security(certificates)
-            with ThreadPoolExecutor(1) as thread:  # which has no event loop, wherever the caller is
+            with ThreadPoolExecutor(1) as thread:  # without an event loop
                 thread.submit(lambda: asyncio.run(_greeted(scheduler, security))).result()
             client = DaskClient(scheduler, security=security, timeout=_WAIT / 4, set_as_default=False)
         except (OSError, ValueError, RuntimeError, TypeError) as error:
@@ -163,7 +155,7 @@ def remote_client(scheduler: str, certificates: Mapping[str, str] | None = None)
 
 
 async def _greeted(scheduler: str, security: Any) -> None:
-    """Connect to a scheduler, and part: a client would wait for ever for one that takes the call and says nothing."""
+    """Connect to a scheduler once: a client would wait for ever for a server that does not answer."""
     from distributed.comm import connect
 
     known = {} if security is None else security.get_connection_args("client")
@@ -181,7 +173,7 @@ def _security(certificates: Mapping[str, str] | None) -> Any:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Log lines of Dask and of what it stands on are not shown meanwhile: what matters of them is a sentence of ours."""
+    """Hide the log lines of Dask and the libraries below it."""
     known = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in _LOGGERS]
     loggers = [logging.getLogger(name) for name in {*known, *_LOGGERS}]
     before = [logger.level for logger in loggers]
@@ -195,7 +187,7 @@ def quiet() -> Iterator[None]:
 
 
 def dashboard_of(client: Client) -> str:
-    """The address of the dashboard; empty where there is none."""
+    """The address of the dashboard, or an empty string."""
     try:
         return str(client.dashboard_link or "") if "dashboard" in client.scheduler_info()["services"] else ""
     except (AttributeError, KeyError, ValueError, OSError):
@@ -208,7 +200,7 @@ def threads_of(client: Client) -> int:
 
 
 def wait_for_worker(client: Client) -> None:
-    """Raise InputError where there is no worker for a minute."""
+    """Wait for a worker. Raises InputError after a minute."""
     from distributed import TimeoutError as DaskTimeoutError
 
     try:
@@ -220,17 +212,17 @@ def wait_for_worker(client: Client) -> None:
 
 
 def check_workers(client: Client) -> None:
-    """Raise InputError where there is no worker, or one has another version of what results depend on, or no bristle."""
+    """Raise InputError where there is no worker, or one has no bristle or another version of a library."""
     wait_for_worker(client)
     here = versions()
     for worker, found in client.get_versions(check=False)["workers"].items():
         python = str(found["packages"].get("python", "")) if "packages" in found else str(dict(found["host"])["python"])
         known = (*(x for x in here if x[0] != "Python"), ("Python", ".".join(python.split(".")[:2])))
-        if wrong := version_difference(here, known, worker):  # before anything is sent that another Python cannot read
+        if wrong := version_difference(here, known, worker):  # another Python cannot read what is sent
             raise InputError(wrong)
 
     def theirs() -> Any:
-        """Versions there, or why bristle cannot be imported; sent by value, for bristle need not be there."""
+        """Versions of the worker, or why bristle cannot be imported; sent by value."""
         try:
             from bristle.questions.fleet.tasks import versions as its
         except ImportError as error:
@@ -247,7 +239,7 @@ def check_workers(client: Client) -> None:
 
 
 def reached(client: Client, names: list[str]) -> bool:
-    """Whether all workers read the same in some files as this process does."""
+    """Whether all workers read the same content of some files as this process."""
 
     def digests() -> list[str] | None:
         with suppress(OSError, InputError):
@@ -259,26 +251,24 @@ def reached(client: Client, names: list[str]) -> bool:
 
 
 class _UnderWay:
-    """Calls of a function that workers were given, by the key of each one's latest attempt."""
+    """Calls that were given to workers, by the key of the latest attempt of each."""
 
     def __init__(self, client: Client, name: str, function: Callable[..., Any]) -> None:
         from distributed import as_completed
 
         self.client, self.function, self.looked = client, function, monotonic()
-        self.keys = map(
-            f"{name}-{secrets.token_hex(4)}-{{}}".format, count()
-        )  # by which nobody knows an earlier attempt
+        self.keys = map(f"{name}-{secrets.token_hex(4)}-{{}}".format, count())
         self.ended = as_completed(loop=client.loop, with_results=True, raise_errors=False)
         self.calls: dict[Any, tuple[tuple[Any, ...], Any]] = {}
 
     def begin(self, arguments: tuple[Any, ...]) -> None:
-        """Give a call to the workers, once more where it was before."""
+        """Give a call to the workers."""
         future = self.client.submit(self.function, *arguments, key=next(self.keys), pure=False)
         self.calls[future.key] = arguments, future
         self.ended.add(future)
 
     def ends(self) -> Iterator[tuple[tuple[Any, ...], Any, Any]]:
-        """The arguments of the next calls that end, each with its future and its result; waits for one."""
+        """Arguments, future and result of the next calls that end; waits for one."""
         while not self.ended.has_ready():
             sleep(_POLL)
             if self.client.status != "running":
@@ -293,7 +283,7 @@ class _UnderWay:
                 future.release()
 
     def _again(self) -> None:
-        """Begin anew what no worker holds: dying workers may take it along without a word to the client."""
+        """Begin anew calls that no worker holds: dying workers may lose them without notice."""
         wait_for_worker(self.client)
         self.looked = monotonic()
         if not any(self.client.processing().values()):
@@ -306,12 +296,11 @@ class _UnderWay:
 def spread(
     client: Client, name: str, function: Callable[..., Any], calls: Iterable[tuple[Any, ...]], window: int
 ) -> Iterator[tuple[tuple[Any, ...], Any]]:
-    """Call a function on workers, at most `window` times at once; gives the arguments of each call with its result or exception as it ends.
+    """Call a function on workers, at most `window` times at once; yields the arguments and result or exception of each.
 
-    What was lost with a worker, and what no worker holds although it has not ended, is called again. Where workers died of a call,
-    it ends last and alone: others may have died with it.
+    Lost calls are repeated. Calls of which workers died are repeated last, one by one: others may have died with them.
 
-    Raises SchedulerLostError where the scheduler cannot be reached any more, and InputError where no worker is left.
+    Raises SchedulerLostError where the scheduler is lost, and InputError where no worker is left.
     """
     from distributed import KilledWorker
 
@@ -335,7 +324,7 @@ def spread(
                     yield call, future.exception()
     finally:
         left = [future for _, future in under_way.calls.values()]
-        with suppress(Exception):  # a scheduler that is gone has nothing to cancel
+        with suppress(Exception):  # the scheduler may be gone
             if left and client.status == "running":
                 client.cancel(left)
     if deadly:

@@ -1,17 +1,13 @@
-"""The dataset of a fleet: Parquet, a row per unit, joint, session, direction and parameter; written per task, then as one file.
-
-The columns are `COLUMNS`. Equal results give equal bytes: rows have one order, and nothing tells when they were written.
-"""
+"""The dataset of a fleet in Parquet, with equal bytes for equal results, and the files of its tasks."""
 
 import io
-import re
 from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 from bristle.errors import InputError, one_line
 from bristle.page.output_folder import RESULTS, TASKS
-from bristle.questions.fleet.files import joined_path, make_folder, names_in, read_bytes, remove, write_whole
+from bristle.questions.fleet.files import joined_path, make_folder, names_in, read_bytes, write_whole
 from bristle.questions.fleet.survey import SCHEMA
 
 if TYPE_CHECKING:
@@ -24,22 +20,19 @@ COLUMNS = {
     "value_unit": _TEXT, "standard_error": _NUMBER, "lower": _NUMBER, "upper": _NUMBER, "source": _TEXT, "severity": _TEXT,
     "warnings": _TEXT, "use": _TEXT, "kind": _TEXT, "simulated": "truth", "temperature": _NUMBER, "load": _NUMBER, "tags": _TEXT,
     "file": _TEXT, "key": _TEXT, "failure": _TEXT, "left_out": _TEXT,
-}  # fmt: skip  # a table
-"""Columns of the dataset and what each holds: text (a dictionary), a number (float64), a time (UTC, microseconds), or a truth."""
+}  # fmt: skip  # text (a dictionary), number (float64), time (UTC, microseconds), truth (bool)
 _TEXTS = [name for name, holds in COLUMNS.items() if holds == _TEXT]
 OF_TASK = (
     "direction", "parameter", "value", "value_unit", "standard_error", "lower", "upper", "source", "severity", "warnings", "use", "kind",
     "simulated", "key", "failure",
-)  # fmt: skip  # a list
-"""Columns that a task gives; the others are the catalog's."""
+)  # fmt: skip  # columns of a task; the others are the catalog's
 ORDER = ("unit", "joint", "session", "direction", "parameter", "file", "failure")
 DATASET = f"{RESULTS}/dataset.parquet"  # in an output
-_PART = re.compile(r"part-\d{5}-[0-9a-f]{8}\.parquet")  # what version 0.1 wrote in its place
 _READERS = 16
 
 
 def schema_of(columns: Sequence[str], *, coded: bool) -> "pa.Schema":
-    """The Arrow schema of some columns, text as a dictionary where it is `coded`."""
+    """The Arrow schema of some columns; `coded`: text as a dictionary."""
     import pyarrow as pa
 
     text = pa.dictionary(pa.int32(), pa.string()) if coded else pa.string()
@@ -48,17 +41,17 @@ def schema_of(columns: Sequence[str], *, coded: bool) -> "pa.Schema":
 
 
 def task_bytes(key: str, rows: Sequence[Mapping[str, Any]], failure: str | None = None) -> bytes:
-    """The rows of a joint that was identified, each with the other columns of `OF_TASK`, or the one of a failure, as Parquet."""
+    """The rows of an identified joint, or one row of a failure, as Parquet with the columns `OF_TASK`."""
     import pyarrow as pa
 
-    told = {"key": key, "failure": failure and one_line(failure)}
-    whole = [{**row, **told} for row in rows or [dict.fromkeys(OF_TASK)]]
+    common = {"key": key, "failure": failure and one_line(failure)}
+    whole = [{**row, **common} for row in rows or [dict.fromkeys(OF_TASK)]]
     table = pa.Table.from_pylist(whole, schema=schema_of(OF_TASK, coded=False))
     return parquet_of(table, compression="none", use_dictionary=False, write_statistics=False, store_schema=False)
 
 
 def parquet_of(table: "pa.Table", **how: Any) -> bytes:
-    """A table as the bytes of a Parquet file; `how` as of `pyarrow.parquet.write_table`."""
+    """A table as Parquet; `how` as of `pyarrow.parquet.write_table`."""
     import pyarrow.parquet as pq
 
     sink = io.BytesIO()
@@ -67,7 +60,7 @@ def parquet_of(table: "pa.Table", **how: Any) -> bytes:
 
 
 def read_parquet(name: str, **how: Any) -> "pa.Table":
-    """The table of a Parquet file; `how` as of `pyarrow.parquet.ParquetFile.read`. Raises what Arrow does, ValueError or OSError."""
+    """The table of a Parquet file; `how` and errors as of `pyarrow.parquet.ParquetFile.read`."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -75,18 +68,18 @@ def read_parquet(name: str, **how: Any) -> "pa.Table":
 
 
 def task_file(folder: str, key: str) -> str:
-    """Where the rows of a task lie."""
+    """Path of the rows of a task."""
     return joined_path(folder, f"{TASKS}/{key}.parquet")
 
 
 def task_keys(folder: str) -> set[str]:
-    """The keys of the tasks whose rows lie in an output."""
+    """Keys of the tasks whose rows are in an output."""
     names = names_in(joined_path(folder, TASKS))
     return {name.removesuffix(".parquet") for name in names if name.endswith(".parquet") and not name.startswith(".")}
 
 
 def read_tasks(folder: str, keys: Collection[str]) -> tuple["pa.Table", set[str]]:
-    """The rows of some tasks, and the keys of those whose file is damaged or gone."""
+    """The rows of some tasks, and the keys of those whose file is damaged or missing."""
     import pyarrow as pa
 
     def read(key: str) -> "pa.Table | None":
@@ -104,14 +97,14 @@ def read_tasks(folder: str, keys: Collection[str]) -> tuple["pa.Table", set[str]
 
 
 def read_dataset(folder: str) -> "pa.Table":
-    """The dataset of an output; without rows where there is none. Raises InputError where its file is damaged, or none of bristle's."""
+    """The dataset of an output, perhaps without rows. Raises InputError where the file is damaged or not bristle's."""
     import pyarrow as pa
 
     name, schema = joined_path(folder, DATASET), schema_of(tuple(COLUMNS), coded=True)
     try:
         table = read_parquet(name)
         known = (table.schema.metadata or {}).get(b"bristle")
-        # Another version's results are identified anew; a column that only it has is left out.
+        # Results of another version are identified anew.
         rows = table.select(schema.names).cast(schema) if known == SCHEMA.encode() else schema.empty_table()
     except FileNotFoundError:
         return schema.empty_table()
@@ -123,7 +116,7 @@ def read_dataset(folder: str) -> "pa.Table":
 
 
 def known_results(folder: str) -> "pa.Table":
-    """What the dataset of the last run knows by key, as the tasks gave it, each once."""
+    """The rows of the tasks in the dataset of the last run, each once."""
     import pyarrow.compute as pc
 
     table = read_dataset(folder)
@@ -133,25 +126,23 @@ def known_results(folder: str) -> "pa.Table":
 
 
 def assembled(sessions: "pd.DataFrame", results: "pa.Table") -> "pa.Table":
-    """The dataset: to each joint session (columns of `JointSession`) the rows of its key, or its failure; in the order of `ORDER`."""
+    """The dataset: the rows of each joint session (columns of `JointSession`) by its key, or its failure."""
     import pyarrow as pa
 
     known = results.cast(schema_of(OF_TASK, coded=False)).to_pandas()
     own = sessions.rename(columns={"failure": "why"})
-    own["key"] = own["key"].where(own["why"] == "", None)  # a failure is a row of its own
+    own["key"] = own["key"].where(own["why"] == "", None)
     rows = own.merge(known, how="left", on="key")
     rows["failure"] = rows["failure"].where(rows["failure"].notna() | (rows["why"] == ""), rows["why"])
     empty = [name for name in _TEXTS if name not in OF_TASK]
     rows[empty] = rows[empty].where(rows[empty] != "")
-    rows[_TEXTS] = rows[_TEXTS].astype("category")  # text is in the order of its dictionary; what is missing comes last
+    rows[_TEXTS] = rows[_TEXTS].astype("category")
     ordered = rows.sort_values(list(ORDER))
     table = pa.Table.from_pandas(ordered, schema_of(tuple(COLUMNS), coded=True), preserve_index=False)
     return table.replace_schema_metadata({"bristle": SCHEMA})
 
 
 def write_dataset(folder: str, table: "pa.Table") -> None:
-    """Write the dataset of an output, in place of what it was. Raises OSError where it cannot be written."""
+    """Write the dataset of an output. Raises OSError where it cannot be written."""
     make_folder(joined_path(folder, RESULTS))
     write_whole(joined_path(folder, DATASET), parquet_of(table, compression="zstd", use_dictionary=_TEXTS))
-    for name in filter(_PART.fullmatch, names_in(joined_path(folder, RESULTS))):
-        remove(joined_path(folder, f"{RESULTS}/{name}"))

@@ -1,6 +1,6 @@
-"""A run of a fleet on Dask: what is new or changed is identified, and the dataset of the output brought up to date.
+"""A run of a fleet on Dask: new and changed joint sessions are identified, and the dataset of the output is updated.
 
-What is finished stays whatever ends the run: the rows of each task lie in the output, and the next run goes on from them.
+The rows of each finished task stay in the output, however the run ends, and the next run continues from them.
 """
 
 import os
@@ -24,23 +24,23 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-BATCH = 50  # files that one task looks at
-LEAST_WINDOW, WINDOW = 200, 20  # tasks under way: so many, or so many a thread
-SENT_WINDOW = 2  # the same a thread where each carries its logs
+BATCH = 50  # files per task of the survey
+LEAST_WINDOW, WINDOW = 200, 20  # least tasks under way, and tasks per thread
+SENT_WINDOW = 2  # tasks per thread where logs are sent with them
 _MEMORY = "its worker died {times}, perhaps for want of memory; give each worker more with --memory"
 
 
 class FleetRun(NamedTuple):
-    """What a run came to."""
+    """Result of a run."""
 
     table: "pa.Table"  # the dataset
-    identified: int  # tasks that were run and have rows
-    unchanged: int  # joint sessions whose results were known
-    failed: int  # those without a result
+    identified: int  # tasks of this run with rows
+    unchanged: int  # joint sessions with known results
+    failed: int  # joint sessions without a result
 
 
 def _telling(progress: Progress | None, what: str, total: int) -> Callable[[int], None]:
-    """What tells how many are done of a work that begins now, how fast it goes and how long it will take."""
+    """A function that reports how many of `total` are done, the rate and the remaining time."""
     begun = monotonic()
 
     def tell(done: int) -> None:
@@ -61,11 +61,11 @@ def run_fleet(
     verify: bool = False,
     progress: Progress | None = None,
 ) -> FleetRun:
-    """Identify what is new or changed of a fleet, and bring the dataset in the folder `output`, which is `held`, up to date.
+    """Identify new and changed joint sessions, and update the dataset in the folder `output`, which is `held`.
 
-    `identify` identifies a joint of a file, and can be pickled; with `verify` every input is hashed anew. Raises InputError where
-    the workers cannot be used, or nothing at all is identified, and OSError where the output is full, or the scheduler is lost.
-    What is finished by then stays.
+    `identify`, which can be pickled, identifies a joint of a file; with `verify` every input is hashed anew. Raises
+    InputError where the workers cannot be used, or nothing is identified, and OSError where the output is full or the
+    scheduler is lost. Finished tasks stay.
     """
     import pyarrow as pa
     import pyarrow.compute as pc
@@ -75,7 +75,7 @@ def run_fleet(
     try:
         with cluster.told_where_lost(client):
             cluster.check_workers(client)
-            # By the first file of each file system that is there.
+            # Workers reach the inputs if they read the first file of each file system.
             samples: dict[str, str] = {}
             for row in rows:
                 system = row.path.partition("://")[0] if files.is_remote(row.path) else ""
@@ -110,7 +110,7 @@ def run_fleet(
     sessions.loc[failed, "failure"] = sessions.loc[failed, "key"].map(failures)
     sessions.loc[sessions["failure"] != "", "key"] = ""
 
-    # The dataset; then what tasks wrote is removed. Where nothing at all is identified, what was known stays.
+    # The files of tasks are removed once the dataset is written. Where nothing is identified, the old dataset stays.
     table = dataset.assembled(sessions, pa.concat_tables([known.cast(read.schema), read]))
     ended = [dataset.task_file(output, key) for key in dataset.task_keys(output)]
     some = table["failure"].null_count > 0
@@ -131,7 +131,7 @@ def run_fleet(
 
 @contextmanager
 def held(output: str) -> Iterator[None]:
-    """The folder, marked as bristle's and written by this run alone. Where the run is refused and nothing is finished, it is left as it was.
+    """Mark the folder as bristle's and lock it for this run; a refused run without results restores a new folder.
 
     Raises InputError where the folder is neither empty nor marked as bristle's, or another run writes there.
     """
@@ -143,7 +143,7 @@ def held(output: str) -> Iterator[None]:
     if folder is None:
         yield
         return
-    # The lock is a new file, or the one that is there, which is neither a link nor emptied.
+    # An existing lock file is neither emptied nor followed as a link.
     flags = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0)
     try:
         opened = os.open(folder / LOCK, flags | os.O_CREAT | os.O_EXCL, 0o644)
@@ -183,10 +183,10 @@ def _survey(
     verify: bool,
     reached: bool,
 ) -> dict[str, Surveyed]:
-    """What each file of the catalog goes back to; by the workers, where they reach the inputs."""
+    """The survey of each file of the catalog, on the workers if they reach the inputs."""
     import pyarrow as pa
 
-    # By path, what the last run found of a file; nothing where there is no ledger, or none that can be read.
+    # The last run's survey of each file, if its ledger can be read.
     ledger: dict[str, str] = {}
     with suppress(OSError, pa.ArrowException, ValueError, KeyError):
         table = dataset.read_parquet(files.joined_path(output, LEDGER), columns=["path", "found"])
@@ -208,7 +208,7 @@ def _survey(
 
 
 def _of_worker(error: BaseException) -> str:
-    """Why a task has no result although it raises nothing."""
+    """Why a task ended without a result."""
     from distributed import KilledWorker
 
     if isinstance(error, KilledWorker):
@@ -226,13 +226,13 @@ def _identified(
     *,
     sent: bool,
 ) -> tuple[set[str], dict[str, str]]:
-    """Identify the joints of `todo` on workers, and write rows as they come; keys done, and failures to try again. Raises as `run_fleet`."""
+    """Identify the joints of `todo` and write their rows; returns keys done, and failures to retry."""
 
     def calls() -> Iterator[tuple[FleetTask, Identify]]:
         for key, path, joint in zip(todo.index, todo["path"], todo["name"], strict=True):
             one, logs = surveys[path], None
             if sent:
-                with suppress(OSError):  # then the worker says what is missing
+                with suppress(OSError):  # the worker reports what is missing
                     logs = {x.name: files.read_bytes(x.path) for x in one.inputs}
             yield FleetTask(str(key), joint, one, logs, versions()), identify
 

@@ -1,4 +1,4 @@
-"""A fleet as matplotlib figures: a joint over its sessions, and kinds of warnings over time."""
+"""Matplotlib figures of a fleet: a joint over its sessions, and warnings over time."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -15,13 +15,12 @@ from bristle.page.style import DIRECTION, panels, styled, thinned
 from bristle.page.wording import shortened
 
 _BLUE, _VERMILION, _GREY = DIRECTION["+"].colour, DIRECTION["-"].colour, "#767676"
-POINTS = 200  # sessions of a panel that are drawn, at most
-_BEYOND = 3.0  # ends of intervals and limits count for an axis up to so many times the range of the values
-CODES = 5  # kinds of warnings drawn over time, at most, beside failed sessions
+POINTS = 200  # most sessions drawn in a panel
+_BEYOND = 3.0  # largest reach of an axis for intervals and limits, over the range of the values
+CODES = 5  # most warnings drawn over time, beside failed sessions
 _LOOKS = (
     (_BLUE, "o", "-"), (_VERMILION, "s", "--"), ("#009E73", "^", ":"), ("#CC79A7", "D", "-."), ("#997700", "v", "-"), (_GREY, "x", "--"),
-)  # fmt: skip  # a table
-"""Colour, marker and line of the most frequent codes, and last of failed sessions: told apart without colours too."""
+)  # fmt: skip  # colour, marker and line of the most frequent codes, and of failed sessions
 
 
 class Course(NamedTuple):
@@ -29,12 +28,12 @@ class Course(NamedTuple):
 
     label: str  # with the unit
     rows: pd.DataFrame  # of `Findings.series`, by session
-    step: Any  # its row of `Findings.changes`; None where it was not tested
+    step: Any  # row of `Findings.changes`; None if it was not tested
 
 
 @styled
 def joint_figure(name: str, first: pd.Timestamp, courses: Sequence[Course], *, simulated: bool) -> Figure:
-    """Courses of a joint, whose baseline began at `first`: values with intervals, adjusted, the limits for one more session, and the step."""
+    """Courses of a joint, whose baseline began at `first`: values, intervals, adjusted values, limits and the step."""
     figure, axes = panels(1.1 + 1.7 * len(courses), name, simulated, len(courses), sharex=True)
     figure.subplots_adjust(left=0.2, hspace=0.16)
     for ax, one in zip(axes, courses, strict=True):
@@ -58,7 +57,7 @@ def _course(ax: Axes, one: Course, first: pd.Timestamp) -> None:
     core = core[np.isfinite(core)] if np.isfinite(core).any() else np.array([0.0, 1.0])
     bars = (upper - lower)[np.isfinite(upper - lower)]
     wide = max(np.ptp(core), bars.max(initial=0.0), 1e-9 * abs(core.max()), 1e-300)
-    # Round all values, and those ends of intervals and limits that are not too far from them.
+    # The axis holds all values, and ends of intervals and limits that are not too far from them.
     ends = np.concatenate([lower, upper, low, high])
     ends = ends[(ends > core.min() - _BEYOND * wide) & (ends < core.max() + _BEYOND * wide)]
     bottom, top = ends.min(initial=core.min()), ends.max(initial=core.max())
@@ -82,13 +81,13 @@ def _course(ax: Axes, one: Course, first: pd.Timestamp) -> None:
 
 
 def _days(times: pd.Series) -> Array:
-    """Times as matplotlib has them: days since 1970."""
+    """Times in matplotlib's days since 1970."""
     days: Array = times.to_numpy("datetime64[us]").astype(float) / 86_400e6
     return days
 
 
 def _dated(ax: Axes) -> None:
-    """An axis of times in UTC; matplotlib's own limits of a single one are years."""
+    """An axis of times in UTC, at least four days wide."""
     locator = AutoDateLocator(minticks=3, maxticks=7)  # type: ignore[no-untyped-call]
     ax.xaxis.set_major_locator(locator)
     ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
@@ -100,7 +99,7 @@ def _dated(ax: Axes) -> None:
 
 @styled
 def quality_figure(quality: pd.DataFrame, codes: Sequence[str], *, simulated: bool) -> Figure | None:
-    """Percent of the joint-sessions of each period that have these kinds of warnings, of which `failed` is one. None where there are none."""
+    """Percent of the joint-sessions of each period with these codes, `failed` among them; None without codes."""
     if not codes:
         return None
     figure, (ax,) = panels(3.0, "Data quality", simulated)

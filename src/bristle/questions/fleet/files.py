@@ -1,4 +1,4 @@
-"""Files of a fleet, on a disk of this machine or wherever fsspec reaches: looked at, read, and written whole or not at all."""
+"""Local and remote files (by fsspec) of a fleet; they are written whole or not at all."""
 
 import hashlib
 import secrets
@@ -13,21 +13,20 @@ from bristle.page.output_folder import MARKER, claim, listed, marker_of
 _LOCAL = ("file://", "local://")
 _MODIFIED = (
     "mtime", "LastModified", "last_modified", "updated", "modified", "created", "ETag", "etag", "md5", "version",
-)  # fmt: skip  # a list of names
-"""What file systems call that by which a file is known to be the same."""
+)  # fmt: skip  # of file systems, by which a file is known to be the same
 _WHOLE = frozenset({"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "oci", "memory", "github", "http", "https"})
-"""Protocols where a file that is put is there whole or not at all."""
+"""Protocols with atomic writes."""
 
 
 class Stamp(NamedTuple):
-    """By what a file is taken to be the same without being read."""
+    """Size and modification of a file, by which it is known to be the same without being read."""
 
     size: int
-    modified: str  # the time of its last modification, or what the file system has instead
+    modified: str  # time of modification, or an equivalent of the file system
 
 
 def is_remote(name: str) -> bool:
-    """Whether a name is a URL of another file system than this machine's."""
+    """Whether a name is a URL of a remote file system."""
     return "://" in name and not name.startswith(_LOCAL)
 
 
@@ -39,7 +38,7 @@ def local_path(name: str) -> Path:
 
 
 def joined_path(folder: str, name: str) -> str:
-    """A file by its name from a folder; a URL or an absolute path stands for itself."""
+    """A file by its name relative to a folder; a URL or an absolute path is kept."""
     if is_remote(name) or name.startswith(_LOCAL):
         return name
     if is_remote(folder):
@@ -48,7 +47,7 @@ def joined_path(folder: str, name: str) -> str:
 
 
 def folder_of(name: str) -> str:
-    """The folder that a file is in."""
+    """The folder of a file."""
     return name.rpartition("/")[0] if is_remote(name) else str(local_path(name).parent)
 
 
@@ -59,7 +58,7 @@ def name_of(name: str) -> str:
 
 @contextmanager
 def _system(name: str) -> Iterator[tuple[Any, str]]:
-    """The file system of a name, and its path there. Raises InputError where there is none, and OSError for what its library raises."""
+    """The file system of a name, and its path there. Raises InputError where there is none; other errors as OSError."""
     from fsspec.core import url_to_fs
     from fsspec.implementations.local import LocalFileSystem
 
@@ -78,7 +77,7 @@ def _system(name: str) -> Iterator[tuple[Any, str]]:
 
 
 def stamp(name: str) -> Stamp:
-    """Size and time of modification of a file. Raises OSError where there is none, and InputError where it is no file."""
+    """The stamp of a file. Raises OSError where there is none, and InputError where it is no file."""
     if not is_remote(name):
         path = local_path(name)
         check_regular(path)
@@ -98,7 +97,7 @@ def read_bytes(name: str, most: int | None = None) -> bytes:
             data = bytes(system.cat_file(place, end=None if most is None else most + 1))
         if most is None or len(data) <= most:
             return data
-    else:  # by its size: a read of so many bytes at the most would reserve them all
+    else:
         check_regular(path := local_path(name))
         if most is None or path.stat().st_size <= most:
             return path.read_bytes()
@@ -106,7 +105,7 @@ def read_bytes(name: str, most: int | None = None) -> bytes:
 
 
 def digest_of(name: str) -> str:
-    """SHA-256 of a file, which is read once, in pieces. Raises OSError where it cannot be read."""
+    """SHA-256 of a file, read in pieces. Raises OSError where it cannot be read."""
     if not is_remote(name):
         check_regular(local_path(name))
     with _system(name) as (system, place), system.open(place, "rb") as file:
@@ -114,19 +113,19 @@ def digest_of(name: str) -> str:
 
 
 def exists(name: str) -> bool:
-    """Whether there is a file or a folder."""
+    """Whether a file or folder exists."""
     with _system(name) as (system, place):
         return bool(system.exists(place))
 
 
 def is_folder(name: str) -> bool:
-    """Whether there is a folder."""
+    """Whether a folder exists."""
     with _system(name) as (system, place):
         return bool(system.isdir(place))
 
 
 def names_in(folder: str) -> list[str]:
-    """The names in a folder, sorted; none where there is no such folder."""
+    """The names in a folder, sorted; empty without such a folder."""
     with _system(folder) as (system, place):
         system.invalidate_cache()
         try:
@@ -136,28 +135,25 @@ def names_in(folder: str) -> list[str]:
 
 
 def glob_of(pattern: str) -> list[str]:
-    """The files that a pattern matches, sorted: absolute paths, or URLs. `**` stands for any number of folders."""
+    """Absolute paths or URLs of the files that match a pattern, sorted; `**` matches any number of folders."""
     with _system(pattern) as (system, path):
         found = sorted(map(str, system.glob(path)))
     inside = path.lstrip("/")
     if not is_remote(pattern):
         return found
-    if not pattern.endswith(inside):  # as in a chain of file systems
+    if not pattern.endswith(inside):  # a chain of file systems
         return [str(system.unstrip_protocol(one)) for one in found]
     return [f"{pattern.removesuffix(inside)}{one.lstrip('/')}" for one in found]
 
 
 def make_folder(folder: str) -> None:
-    """Make a folder, and those above it. Raises OSError where it cannot be made."""
+    """Make a folder and its parents. Raises OSError where it cannot be made."""
     with _system(folder) as (system, place), suppress(FileExistsError):
         system.makedirs(place, exist_ok=True)
 
 
 def claim_folder(folder: str, claims: Collection[str]) -> None:
-    """Mark a folder as bristle's, with these names in it.
-
-    Raises InputError where it is neither empty nor marked already, or holds one of the names that the marker does not list.
-    """
+    """Mark a folder as bristle's, with these names. Raises InputError where others' files are in the way."""
     if not is_remote(folder):
         claim(local_path(folder), claims)
         return
@@ -170,7 +166,7 @@ def claim_folder(folder: str, claims: Collection[str]) -> None:
 
 
 def write_whole(name: str, data: bytes) -> None:
-    """Write a file whole or not at all, in place of an older one. Raises OSError where it cannot be written."""
+    """Write or replace a file, whole or not at all. Raises OSError where it cannot be written."""
     if is_remote(name):
         with _system(name) as (system, place):
             protocols = {system.protocol} if isinstance(system.protocol, str) else set(system.protocol)
@@ -185,13 +181,13 @@ def write_whole(name: str, data: bytes) -> None:
     try:
         aside.write_bytes(data)
         aside.replace(path)
-    except OSError as error:  # a full disk names no file, and other errors the temporary one
+    except OSError as error:  # names no file, or the temporary one
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
     finally:
         aside.unlink(missing_ok=True)
 
 
 def remove(name: str) -> None:
-    """Remove a file, where it is there. Raises OSError where it cannot be removed."""
+    """Remove a file, if it exists. Raises OSError where it cannot be removed."""
     with _system(name) as (system, place), suppress(FileNotFoundError):
         system.rm_file(place)

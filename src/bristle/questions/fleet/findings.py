@@ -1,13 +1,14 @@
-"""What the estimates of a fleet tell: which joints changed, which units differ from their type, and how the quality of the data went.
+"""Findings of a fleet: joints that changed, units that differ from their type, and the quality of the data over time.
 
-A joint's p-value is Simes's over the step tests of all its parameters and directions; Benjamini and Hochberg's procedure over
-all joints of the fleet says which changed, and within one of these, at the rate times the share of joints that changed, which
-parameters did (Benjamini and Bogomolov, 2014). docs/fleet.md has the rest of the method.
+A joint's p-value is Simes's over the step tests of its parameters and directions. Benjamini and Hochberg's procedure over
+all joints says which changed, and within these, at the rate times the share of joints that changed, which parameters
+(Benjamini and Bogomolov, 2014). docs/fleet.md has the rest of the method.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -16,21 +17,23 @@ from numpy.typing import NDArray
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.estimation.robust import variance_interval
-from bristle.findings import CAUTION, NOTE, Finding
-from bristle.questions.fleet import changes
-from bristle.questions.fleet.notes import anew, compared, headline, notes
-from bristle.questions.fleet.quality import failures, new_warnings, quality, warned, warnings_begun
-from bristle.questions.fleet.quantities import COVARIATES, Adjusted, QuantityKey, adjusted, quantity_of
-from bristle.questions.fleet.roster import Roster, named_rows, roster
+from bristle.findings import CAUTION, NOTE, Finding, Severity
+from bristle.model.parameters import Direction, ParameterName
+from bristle.page.wording import counted
+from bristle.questions.fleet import changes, quantities
+from bristle.questions.fleet import quality as data_quality
+from bristle.questions.fleet.quantities import COVARIATES, LEAST_FREEDOM, Adjusted, QuantityKey, Roster
 
-RATE = 0.05  # of false discoveries among the joints that are said to have changed, on average
-BASELINE = 3  # first sessions of a joint, in which it is taken not to have changed
-_MOST = 10_000  # sessions of one joint
+RATE = 0.05  # of false discoveries among the joints that changed
+BASELINE = 3  # first sessions of a joint, without a change
+_MOST = 10_000  # most sessions of one joint
+_FEW = 10.0  # degrees of freedom below which a note says that the scatter rests on few sessions
+_NAMED = 5  # steps that a sentence names
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:
-    """Tables of what was found: one row per joint, per test, and so on; docs/fleet.md lists their columns."""
+    """Tables of findings; docs/fleet.md lists their columns."""
 
     headline: Finding
     notes: tuple[Finding, ...]
@@ -53,7 +56,7 @@ class Findings:
 
 
 def check_rate(rate: float, baseline: int) -> None:
-    """Raises InputError where these are no options of findings."""
+    """Raise InputError where rate or baseline is out of range."""
     if not 0 < rate < 1:
         raise InputError(f"rate: got {rate:g}; expected a false discovery rate between 0 and 1, as 0.05")
     if not 1 <= baseline <= _MOST:
@@ -61,10 +64,10 @@ def check_rate(rate: float, baseline: int) -> None:
 
 
 def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) -> Findings:
-    """What a dataset of `bristle fleet` tells, at a false discovery rate, against so many first sessions. Raises InputError as `check_rate`."""
+    """Findings of a dataset, against the first `baseline` sessions of each joint. Raises InputError as `check_rate`."""
     check_rate(rate, baseline)
-    whole, frame = frame, named_rows(frame)
-    people, said = roster(frame, whole), list[Finding]()
+    whole, frame = frame, quantities.named_rows(frame)
+    people, said = quantities.roster(frame, whole), list[Finding]()
     every = list(_quantities(frame, people, said))
     known = [x for x in every if x.tested]
     said.extend(compared(known, frame, people))
@@ -73,14 +76,14 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     steps = changes.change_rows(tests, decided, frame)
     joints = changes.ranked(people, steps, decided)
     parts = np.split(decided.named, np.cumsum([x.which.size for x in tests], dtype=int))  # and an empty one at the end
-    # Of each joint of each quantity how many of its sessions are before a change that was named: all where there was none.
+    # Sessions of each joint of each quantity before a change that was named, or all.
     settled = [np.bincount(x.one.of.joint) for x in tests]
     for most, test, named in zip(settled, tests, parts, strict=False):
         most[test.which[named]] = test.steps.after[named]
     units = changes.unit_rows(known, settled, people, rate)
-    begun = warnings_begun(frame, people)
+    begun = data_quality.warnings_begun(frame, people)
     said.extend(anew(people))
-    fresh = new_warnings(begun, frame, people, dict(joints.loc[joints["changed"], "since"]))
+    fresh = data_quality.new_warnings(begun, frame, people, dict(joints.loc[joints["changed"], "since"]))
     outside = units.loc[units["outside"].astype(bool), ["unit", "joint"]].drop_duplicates()
     odd = set(zip(outside["unit"], outside["joint"], strict=True))
     why = np.where(
@@ -100,8 +103,8 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     return Findings(
         headline=headline(joints, rate), notes=notes(whole, every, joints, said, baseline),
         joints=joints.reset_index(drop=True)[list(_JOINTS)], changes=steps, series=_series(known, settled, frame),
-        types=_types(known, settled), units=units, quality=quality(frame[frame["left_out"].isna()]),
-        warned=warned(begun, people), failures=failures(whole), rate=rate, baseline=baseline,
+        types=_types(known, settled), units=units, quality=data_quality.quality(frame[frame["left_out"].isna()]),
+        warned=data_quality.warned(begun, people), failures=data_quality.failures(whole), rate=rate, baseline=baseline,
         simulated=bool((frame["simulated"] == True).any()),  # noqa: E712  # where it is known
     )  # fmt: skip  # a list of values
 
@@ -113,14 +116,14 @@ _JOINTS = (
 
 
 def _quantities(frame: pd.DataFrame, people: Roster, said: list[Finding]) -> Iterator[Adjusted]:
-    """Each parameter in each direction of each type; `said` gets what is said of values that are left out."""
+    """Each parameter and direction of each type; notes on values that are left out are added to `said`."""
     where = np.flatnonzero(people.usable)
     columns = [
         "parameter", "direction", "source", "value", "standard_error", "lower", "upper", "value_unit", *COVARIATES,
     ]  # fmt: skip  # a list of names
     used = frame.iloc[where][columns].reset_index(drop=True)
     used["joint"], used["type"] = people.joint[where], people.table["type"].to_numpy()[people.joint[where]]
-    # The fit from which most values of a joint's parameter come: two fits may differ without any wear.
+    # Values of the fit from which most values of a joint's parameter come.
     series = ["joint", "parameter", "direction"]
     told = used[[*series, "source"]].astype(dict.fromkeys(("parameter", "direction", "source"), str))
     count_of = told.groupby([*series, "source"]).size().rename("count").reset_index()
@@ -147,10 +150,10 @@ def _quantities(frame: pd.DataFrame, people: Roster, said: list[Finding]) -> Ite
                 numbers = {"type": str(key[0]), "unit": most, "other": other, "count": count}
                 said.append(Finding("mixed-value-units", CAUTION, message, numbers))
         at = rows.index.to_numpy()[(units == most).to_numpy()]
-        one = quantity_of(QuantityKey(*map(str, key)), rows.loc[at], where[at], people)
+        one = quantities.quantity_of(QuantityKey(*map(str, key)), rows.loc[at], where[at], people)
         if one is not None:
             found.append(one)
-    yield from (adjusted(one, len(found)) for one in found)
+    yield from (quantities.adjusted(one, len(found)) for one in found)
 
 
 _TYPES = (
@@ -159,8 +162,7 @@ _TYPES = (
         "mean", "mean_lower", "mean_upper", "spread_percent", "spread_lower", "spread_upper", "scatter_percent", "scatter_lower", "scatter_upper",
         "temperature_percent", "temperature_lower", "temperature_upper", "load_percent", "load_lower", "load_upper", "shift_percent", "shift_p",
     ), "float64")
-)  # fmt: skip  # a table
-"""Columns of the types, and their types."""
+)  # fmt: skip  # columns of the types, and their types
 
 
 def _types(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]]) -> pd.DataFrame:
@@ -192,7 +194,7 @@ def _ends(name: str, percent: float, lower: float, upper: float) -> dict[str, fl
 
 
 def _series(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]], frame: pd.DataFrame) -> pd.DataFrame:
-    """A row per joint, parameter, direction and session, with 95 % limits for one more before a change; none before a new baseline."""
+    """A row per joint, parameter, direction and session, with the 95 % limits of one more session before a change."""
     names = ["unit", "joint", "parameter", "direction", "session", "value", "lower", "upper", "value_unit"]
     parts = [np.zeros((3, 0))]
     for one, most in zip(every, settled, strict=True):
@@ -204,3 +206,129 @@ def _series(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]], fram
     rows = np.concatenate([np.zeros(0, dtype=np.intp), *(one.of.rows for one in every)])
     level, low, high = np.concatenate(parts, axis=1)
     return frame.iloc[rows][names].assign(adjusted=level, limit_low=low, limit_high=high).reset_index(drop=True)
+
+
+def headline(joints: pd.DataFrame, rate: float) -> Finding:
+    """The number of joints that changed, and the clearest of them; `joints` are ranked."""
+    tested, changed = joints["adjusted_p"].notna(), joints[joints["changed"]]
+    if not tested.any():
+        return Finding("fleet-untested", NOTE, "No joint was tested for a change; the notes say why.")
+    numbers = {"changed": len(changed), "tested": int(tested.sum()), "rate": 100 * rate}
+    at_rate = f"at a false discovery rate of {100 * rate:.3g} %"
+    if changed.empty:
+        message = f"None of {numbers['tested']} joints changed beyond the scatter between sessions, {at_rate}."
+        return Finding("fleet-unchanged", NOTE, message, numbers)
+    more = f"; {counted(len(changed) - 1, 'other')} changed as well" if len(changed) > 1 else ""
+    message = f"{len(changed)} of {numbers['tested']} joints changed, {at_rate}; the clearest: {_step(changed.iloc[0])}{more}."
+    return Finding("fleet-changed", NOTE, message, numbers)
+
+
+def notes(
+    frame: pd.DataFrame, every: Sequence[Adjusted], joints: pd.DataFrame, left_out: Sequence[Finding], baseline: int
+) -> tuple[Finding, ...]:
+    """Notes on a dataset, its quantities and ranked joints, cautions first; `left_out`: those on values left out."""
+    said = []
+    # Shifts common to a type, one sentence for all its parameters.
+    shifted = [x for x in every if x.knots.size]
+    for type_ in dict.fromkeys(x.of.key.type for x in shifted):
+        own = [x for x in shifted if x.of.key.type == type_]
+        names = tuple(str(ParameterName(x.of.key.parameter, Direction(x.of.key.direction))) for x in own)
+        count = max(int(x.of.now.sum()) for x in own)
+        percent = max((float(y) for x in own for y in x.of.percent(x.shift)), key=abs)
+        logged = any("temperature" in x.of.names for x in own)
+        cause = (
+            "Temperature is already corrected for; look for a new lot of grease, new firmware or another torque constant."
+            if logged
+            else "Temperature is not in the catalog; log it, because it can cause this."
+        )
+        message = (
+            f"{', '.join(names)} of all {count} joints of type {type_} shifted together, by up to {percent:+.2g} %: the cause is "
+            f"common to the type. The shift is taken off, and no joint is accused of it. {cause}"
+        )
+        numbers = {"type": type_, "names": names, "joints": count, "percent": percent, "temperature_logged": logged}
+        said.append(Finding("common-shift", CAUTION, message, numbers))
+
+    warned = joints.loc[joints["changed"] & (joints["new_warnings"] != ""), "new_warnings"]
+    if len(warned):
+        codes = data_quality.most_common(code for x in warned for code in x.split())
+        message = (
+            f"{len(warned)} of the joints that changed have warnings since that they did not have before: {', '.join(codes)}. "
+            "Look at their logs first; a failing sensor is not wear."
+        )
+        said.append(Finding("warned-since", CAUTION, message, {"count": len(warned), "codes": codes}))
+    said += left_out
+
+    # Types whose scatter rests on few differences.
+    few = [x for x in every if LEAST_FREEDOM <= x.fit.freedom < _FEW]
+    for type_ in dict.fromkeys(x.of.key.type for x in few):
+        count = max(int((x.of.joint[1:] == x.of.joint[:-1]).sum()) for x in few if x.of.key.type == type_)
+        message = (
+            f"The scatter between sessions of type {type_} rests on {count} pairs of successive sessions, so only large changes "
+            "are told from it; more joints of the type, or more sessions, narrow it."
+        )
+        said.append(Finding("scatter-of-few", CAUTION, message, {"type": type_, "count": count}))
+
+    # Joints that are not tested, and sessions and values that are left out.
+    not_tested = joints[joints["untested"] != ""]
+    if count := len(not_tested):
+        short = int(not_tested["untested"].str.startswith("fewer").sum())
+        why = [f"{short} without values in more than {baseline} sessions"] * (short > 0)
+        if count > short:
+            why.append(f"{count - short} whose type has too few repeated sessions to estimate the scatter between them")
+        message = f"Not tested for a change: {counted(count, 'joint')}; {'; '.join(why)}."
+        said.append(Finding("joints-untested", NOTE, message, {"count": count, "short": short}))
+    keys = ["unit", "joint", "session"]
+    total = len(frame[keys].drop_duplicates())
+    failed, unused = (frame[frame[column].notna()] for column in ("failure", "left_out"))
+    if len(failed):
+        count, first = len(failed[keys].drop_duplicates()), failed["failure"].iloc[0]
+        message = f"{count} of {counted(total, 'joint session')} without a result; the first: {first}"
+        said.append(Finding("sessions-failed", NOTE, message, {"failed": count, "total": total}))
+    if len(unused):
+        count, first = len(unused[keys].drop_duplicates()), unused["left_out"].iloc[0]
+        message = f"{counted(count, 'joint session')} left out of the findings; the first: {first}"
+        said.append(Finding("sessions-left-out", NOTE, message, {"count": count}))
+    rows = frame[(frame["severity"] == "critical") & frame["value"].notna()]
+    if len(rows):
+        codes = data_quality.most_common(
+            str(code) for code in data_quality.codes_of(rows)["code"] if data_quality.severity(code) == "critical"
+        )
+        message = f"{counted(len(rows), 'value')} with a critical warning left out of the findings; the commonest: {', '.join(codes)}."
+        said.append(Finding("values-critical", NOTE, message, {"count": len(rows), "codes": codes}))
+    return tuple(sorted(said, key=lambda x: list(Severity).index(x.severity)))
+
+
+def anew(people: Roster) -> Iterator[Finding]:
+    """The joints with a new baseline, by a tag."""
+    every = people.table
+    again = every[every["now"] & every.duplicated(["unit", "joint"], keep=False) & every["first"].notna()]
+    if len(again):
+        last = again.sort_values("first", kind="stable").iloc[-1]
+        message = (
+            f"{counted(len(again), 'joint')} began anew at a session tagged baseline; "
+            f"the last: {last['unit']} {last['joint']} on {last['first']:%Y-%m-%d}."
+        )
+        yield Finding("baselines-begun", NOTE, message, {"count": len(again)})
+
+
+def compared(every: Sequence[Adjusted], frame: pd.DataFrame, people: Roster) -> Iterator[Finding]:
+    """Steps by the errors of the estimates alone, of types whose scatter rests on few sessions."""
+    few = [x for x in every if x.tested and x.fit.freedom < _FEW]
+    rows = changes.beyond_errors(few, frame)
+    for type_, own in rows.groupby("type", sort=False):
+        head = own.head(_NAMED)
+        named = head.join(people.table[["unit", "joint"]], on="number")
+        steps = "; ".join(map(_step, named.to_dict("records")))
+        more = f", {len(own) - len(head)} more" if len(own) > len(head) else ""
+        yield Finding(
+            "beyond-errors",
+            NOTE,
+            f"Type {type_}: by the errors of the estimates alone, as compare judges two sessions, there are steps: {steps}{more}. "
+            "Whether they are more than what sessions scatter by is not told from so few.",
+            {"type": str(type_), "steps": len(own)},
+        )
+
+
+def _step(row: "Mapping[Hashable, Any] | pd.Series[Any]") -> str:
+    name = ParameterName(row["parameter"], Direction(row["direction"]))
+    return f"{row['unit']} {row['joint']}, {name} by {row['percent']:+.3g} % since {row['since']:%Y-%m-%d}"

@@ -1,35 +1,32 @@
-"""The quality of a fleet's data over time, by the kinds of warnings: so that a failing sensor is not called wear."""
+"""Quality of a fleet's data over time: warnings per period, and warnings that began."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from bristle.estimation.levels import NAMED
-from bristle.page.entries import entries
-from bristle.questions.fleet.roster import Roster
+from bristle.page.said import entries
+from bristle.questions.fleet.quantities import Roster
 
 FAILED = "failed"  # the code of a session that was not identified
-_COUNT = ("caution", "critical")  # severities of warnings that say something of the data
-_PERIODS = ((31, "D"), (366, "W-SUN"), (np.inf, "M"))
-"""Days that the sessions cover, up to which a period is a day, a week that ends on Sunday, a month."""
+_COUNT = ("caution", "critical")  # severities of warnings that concern the data
+_PERIODS = ((31, "D"), (366, "W-SUN"), (np.inf, "M"))  # most days covered by sessions, and the period
 _COLUMNS = {
     "period": "datetime64[us]", "code": "str", "severity": "str", "joint_sessions": "int64", "of": "int64", "percent": "float64",
-}  # fmt: skip  # a table
-"""Columns of the quality over time, and their types."""
+}  # fmt: skip  # columns of the quality over time, and their types
 
 
-def _severity(code: str) -> str:
-    """The severity of a code; a caution where it has no entry."""
+def severity(code: str) -> str:
+    """The severity of a code; caution if it has no entry."""
     if code == FAILED:
         return "critical"
     return entries()[code].severity if code in entries() else "caution"
 
 
 def codes_of(frame: pd.DataFrame, *whose: str) -> pd.DataFrame:
-    """Which warnings each joint session has, once each: session, code, and whose (unit and joint, if not said)."""
+    """Warnings of each joint session, once each: session, code, and the columns `whose` (default: unit and joint)."""
     kept = [*(whose or ("unit", "joint")), "session"]
     said = frame["warnings"].astype(object).map({x: str(x).split() for x in frame["warnings"].dropna().unique()})
     warned = frame[kept].assign(code=said)[said.notna()].explode("code").dropna(subset="code").astype({"code": "str"})
@@ -38,7 +35,7 @@ def codes_of(frame: pd.DataFrame, *whose: str) -> pd.DataFrame:
 
 
 def quality(frame: pd.DataFrame) -> pd.DataFrame:
-    """How many joint sessions have each code in each period, 0 included: period, code, severity, joint_sessions, of, percent."""
+    """Joint sessions with each code in each period: period, code, severity, joint_sessions, of, percent."""
     every = frame[["unit", "joint", "session"]].drop_duplicates()
     every, found = every[every["session"].notna()], codes_of(frame)
     if every.empty:
@@ -50,34 +47,34 @@ def quality(frame: pd.DataFrame) -> pd.DataFrame:
     every_one = pd.MultiIndex.from_product([of.index, sorted(found["code"].unique())], names=["period", "code"])
     count = found.groupby(["period", "code"]).size().reindex(every_one, fill_value=0)
     counts = count.rename("joint_sessions").reset_index()
-    counts["severity"] = counts["code"].map(_severity)
+    counts["severity"] = counts["code"].map(severity)
     counts["of"] = counts["period"].map(of)
     counts["percent"] = 100 * counts["joint_sessions"] / counts["of"]
     return counts.sort_values(["period", "code"], ignore_index=True)[list(_COLUMNS)].astype(_COLUMNS)
 
 
 def failures(frame: pd.DataFrame) -> pd.DataFrame:
-    """Sessions without a result, and those that findings leave out, each with its sentence: unit, joint, session, file, failure."""
+    """Sessions without a result, or left out of the findings: unit, joint, session, file, failure."""
     said = frame["failure"].astype(object).where(frame["failure"].notna(), frame["left_out"].astype(object))
     rows = frame.assign(failure=said)[said.notna()]
     return rows[["unit", "joint", "session", "file", "failure"]].drop_duplicates(ignore_index=True)
 
 
 def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
-    """Warnings that a joint had not at first since its last baseline began, and then in most of its sessions; those that count alone.
+    """Warnings that a joint did not have at first since its last baseline, and then in most of its sessions.
 
-    number of the joint, code, severity, since, sessions with it, `of` all since then, `before`, `place` of the first among the joint's sessions,
-    and `chance`: how likely that is at the rate of the other joints.
+    Columns: number of the joint, code, severity, since, sessions with it, `of` all since then, `before`, `place` of the
+    first among the joint's sessions, and `chance`: the probability at the rate of the other joints.
     """
     whose = ["number", "session"]
     every = pd.DataFrame({"number": people.joint, "session": frame["session"]}).drop_duplicates().sort_values(whose)
     every["place"] = every.groupby("number").cumcount()
     of_joint = every.groupby("number").size()
     told = codes_of(frame.assign(number=people.joint), "number")
-    told = told[told["code"].map(_severity).isin(_COUNT)].merge(every, on=whose)
+    told = told[told["code"].map(severity).isin(_COUNT)].merge(every, on=whose)
     by = told.groupby(["number", "code"])
     rows = by.agg(sessions=("place", "size"), place=("place", "min"), since=("session", "min")).reset_index()
-    rows["severity"] = rows["code"].map(_severity)
+    rows["severity"] = rows["code"].map(severity)
     own = of_joint.reindex(rows["number"]).to_numpy(float)
     rows["before"], rows["of"] = rows["place"], own - rows["place"]
     of_code = told["code"].value_counts().reindex(rows["code"]).to_numpy(float)
@@ -88,7 +85,7 @@ def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
 
 
 def warned(begun: pd.DataFrame, people: Roster) -> pd.DataFrame:
-    """Of those the ones that are no chance among so many: unit, joint, code, severity, since, sessions, of."""
+    """Warnings begun that are significant: unit, joint, code, severity, since, sessions, of."""
     sure = begun[(begun["before"] > 1) & (begun["chance"] * max(len(begun), 1) < NAMED)]
     rows = sure.join(people.table[["unit", "joint"]], on="number")
     rows = rows[["unit", "joint", "code", "severity", "since", "sessions", "of"]]
@@ -99,7 +96,7 @@ def warned(begun: pd.DataFrame, people: Roster) -> pd.DataFrame:
 def new_warnings(
     begun: pd.DataFrame, frame: pd.DataFrame, people: Roster, since: Mapping[int, pd.Timestamp]
 ) -> dict[int, str]:
-    """Codes of each joint, by its number, that begin at a time or one session beside it, joined by a space."""
+    """Codes that begin within a session of the time `since`, by number of the joint, joined by a space."""
     if not since:
         return {}
     own = np.isin(people.joint, list(since))
@@ -111,11 +108,6 @@ def new_warnings(
     return {number: " ".join(sorted(near.loc[near["number"] == number, "code"])) for number in since}
 
 
-def critical(codes: "pd.Series[Any]") -> Iterator[str]:
-    """Those of some codes that are critical."""
-    return (str(code) for code in codes if _severity(code) == "critical")
-
-
 def most_common(codes: Iterator[str]) -> tuple[str, ...]:
-    """The three most frequent of some codes."""
+    """The three most frequent codes."""
     return tuple(code for code, _ in Counter(codes).most_common(3))

@@ -1,9 +1,10 @@
-"""One parameter in one direction of all joints of a type: a common scale, what temperature, load and the calendar do to all, and what is left.
+"""A parameter in a direction of all joints of a type, adjusted for temperature, load and a shift common to the type.
 
-A value is its joint's level, plus what temperature, load and time do to every joint of the type, plus the scatter of a session,
-plus its own error. All is by logarithms where every value is positive, else in parts of the type's median.
+A value is the joint's level, plus the effects of temperature, load and time on every joint of the type, plus the scatter
+of a session, plus its own error: in logarithms where every value is positive, else in units of the type's median.
 """
 
+import re
 from dataclasses import dataclass
 from math import inf, nan
 from typing import NamedTuple
@@ -18,20 +19,96 @@ from bristle.estimation.covariance import student
 from bristle.estimation.moderation import normal_errors
 from bristle.estimation.robust import RobustFit, differences_of, fit_differences
 from bristle.estimation.step_test import Levels
-from bristle.questions.fleet.roster import Roster
 
-KNOTS = 12  # of the shift common to all joints over time, at the most
-PER_KNOT = 20  # differences between sessions for each
-LEAST_JOINTS = 10  # joints of a type from which on a common shift is told from a change of one
+KNOTS = 12  # most knots of the common shift over time
+PER_KNOT = 20  # differences between sessions per knot
+LEAST_JOINTS = 10  # least joints of a type for a common shift
 SHIFTED = 1e-3  # level of the test of a common shift, over all quantities of the fleet
-CLEAR = 2.0  # standard errors that the median of a parameter is from zero, for it to be compared
-LEAST_FREEDOM = 1.5  # degrees of freedom of the scatter between sessions, below which nothing is tested
-_FAR = 300.0  # of a logarithm: what is further out is no value of friction
+CLEAR = 2.0  # least median of a parameter that is compared, in standard errors
+LEAST_FREEDOM = 1.5  # least degrees of freedom of the scatter between sessions for a test
+_FAR = 300.0  # largest logarithm of a value
 COVARIATES = ("temperature", "load")
+_EPOCH = np.datetime64("1970-01-01", "us")
+_DAY = np.timedelta64(1, "D")
+_BEGINS = re.compile(r"(?:^|[\s,;])baseline(?=$|[\s,;])", re.IGNORECASE)  # among the tags of a session
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Roster:
+    """Every joint of a dataset, once per baseline."""
+
+    joint: NDArray[np.intp]  # number of the joint of each row, (rows,)
+    unit: NDArray[np.intp]  # number of the unit of each row, (rows,)
+    day: Array  # of each row's session, days, (rows,)
+    usable: NDArray[np.bool_]  # rows whose values the findings use, (rows,)
+    table: pd.DataFrame
+    """By number of the joint: unit, joint, type, sessions, first, latest, file, now (without a later baseline)."""
+
+
+def named_rows(frame: pd.DataFrame) -> pd.DataFrame:
+    """The rows with unit, joint and session."""
+    known = frame[["unit", "joint", "session"]].notna().all(axis=1)
+    return frame if known.all() else frame[known].reset_index(drop=True)
+
+
+def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
+    """The joints of the named rows of a whole dataset; their type is that of their last row that is not left out.
+
+    A marked session without a known joint begins new baselines of all joints of its unit, or of its type.
+    """
+    unit = frame["unit"].astype("category").cat.codes.to_numpy(np.intp)
+    name = frame["joint"].astype("category").cat.codes.to_numpy(np.intp)
+    pairs = unit * (int(name.max(initial=0)) + 1) + name
+    day = (frame["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
+    kept = frame["left_out"].isna().to_numpy()
+    marks = [pd.DataFrame({"pair": pairs, "day": day, "marked": _marked(frame["tags"]) & kept})]
+    # Marks of sessions without a known joint, for each joint of their unit, and of their type where it is given.
+    unknown = whole[whole["joint"].isna() & whole["unit"].notna() & whole["session"].notna()]
+    unknown = unknown[_marked(unknown["tags"])]
+    if len(unknown):
+        known = pd.DataFrame({"unit": frame["unit"].astype(str), "type": frame["type"].astype(str), "pair": pairs})
+        days = (unknown["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
+        names = unknown[["type"]].assign(unit=unknown["unit"].astype(str), day=days)
+        both = names.merge(known.drop_duplicates(), on="unit", suffixes=("_asked", ""))
+        asked = both["type_asked"]
+        own = asked.isna() | (asked.astype(str) == both["type"])
+        marks.append(both.loc[own, ["pair", "day"]].assign(marked=True))
+    marked = pd.concat(marks)
+    begun = np.zeros(pairs.size, dtype=np.intp)
+    if marked["marked"].any():  # the first of successive marked sessions begins the baseline
+        sessions = marked.groupby(["pair", "day"])["marked"].any()
+        before = sessions.groupby("pair").shift(fill_value=False)
+        count = (sessions & ~before).groupby("pair").cumsum()
+        begun = np.asarray(count.reindex(pd.MultiIndex.from_arrays([pairs, day])), dtype=np.intp)
+    most = int(begun.max(initial=0)) + 1
+    every, first, joint = np.unique(pairs * most + begun, return_index=True, return_inverse=True)
+    table = pd.DataFrame({key: frame[key].astype(str).to_numpy()[first] for key in ("unit", "joint")})
+    last = pd.DataFrame({"joint": joint, "day": np.where(kept, day, -np.inf)})
+    rows = last.sort_values(["joint", "day"], kind="stable").drop_duplicates("joint", keep="last").index.to_numpy()
+    table["type"] = frame["type"].astype(str).to_numpy()[rows]
+    seen = pd.DataFrame({"joint": joint, "session": frame["session"]})[kept]
+    visits = seen.drop_duplicates().groupby("joint")["session"]
+    table["sessions"] = visits.size().reindex(range(len(table)), fill_value=0).to_numpy(int)
+    table["first"] = visits.min().reindex(range(len(table))).to_numpy("datetime64[us]")
+    table["latest"] = frame["session"].to_numpy("datetime64[us]")[rows]
+    table["file"] = frame["file"].astype(str).to_numpy()[rows]
+    table["now"] = ~np.isin(every + 1, every) | (every % most == most - 1)
+    # Usable: with a value and an error, without a critical warning, in a session that is not left out.
+    value, error = (frame[name].to_numpy(float) for name in ("value", "standard_error"))
+    usable = np.isfinite(value) & np.isfinite(error) & (error > 0) & (frame["severity"] != "critical").to_numpy()
+    usable = usable & (frame["failure"].isna() & frame["left_out"].isna()).to_numpy(bool)
+    return Roster(joint=joint.astype(np.intp), unit=unit.astype(np.intp), day=day, usable=usable, table=table)
+
+
+def _marked(tags: "pd.Series[str]") -> NDArray[np.bool_]:
+    """Rows whose tags begin a new baseline, (rows,)."""
+    text = tags.astype("category")
+    begins = np.array([_BEGINS.search(str(tag)) is not None for tag in text.cat.categories], dtype=bool)
+    return np.append(begins, False)[text.cat.codes]
 
 
 class QuantityKey(NamedTuple):
-    """Which quantity it is."""
+    """Names of a quantity."""
 
     type: str
     parameter: str
@@ -43,15 +120,14 @@ class Quantity:
     """A parameter in a direction, of a type of joints; rows are sorted by joint and session."""
 
     key: QuantityKey
-    rows: NDArray[np.intp]  # which rows of the frame, (n,)
-    joint: NDArray[np.intp]  # its joint, numbered from 0 within the quantity, (n,)
-    joints: NDArray[np.intp]  # their numbers in the fleet, (m,)
-    now: NDArray[np.bool_]
-    """Whether no later baseline of the joint began; where one did, its sessions tell of the type's scatter, and are not judged, (m,)."""
+    rows: NDArray[np.intp]  # indices in the frame, (n,)
+    joint: NDArray[np.intp]  # joint of each row, numbered from 0 within the quantity, (n,)
+    joints: NDArray[np.intp]  # numbers of the joints in the fleet, (m,)
+    now: NDArray[np.bool_]  # whether no later baseline of the joint began, so that it is tested, (m,)
     y: Array  # value on the scale, (n,)
     known: Array  # its variance, (n,)
-    scale: float  # what one is on the scale, in the parameter's unit; 0: logarithms
-    covariates: Array  # less their medians, nan where not known, (n, c)
+    scale: float  # unit of the scale, in the parameter's unit; 0: logarithms
+    covariates: Array  # minus their medians, nan where not known, (n, c)
     names: tuple[str, ...]  # of the covariates, (c,)
     time: Array  # days since the first session, (n,)
     unit: NDArray[np.intp]  # the unit of each row, (n,)
@@ -62,12 +138,12 @@ class Quantity:
         return level * self.scale if self.scale else np.exp(np.clip(level, -_FAR, _FAR))
 
     def percent(self, difference: Array) -> Array:
-        """Differences on the scale, in percent; of logarithms of the value before, else of the type's median."""
+        """Differences on the scale in percent: of the value before, or of the type's median."""
         return 100 * (difference if self.scale else np.expm1(np.minimum(difference, _FAR)))
 
 
 def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], people: Roster) -> Quantity | None:
-    """The quantity of some rows, whose numbers in the whole frame are `where`; None where its values cannot be scaled."""
+    """The quantity of some rows, at the indices `where` of the frame; None where its median is not clear of zero."""
     joint, day = people.joint[where], people.day[where]
     order = np.lexsort((day, joint))
     columns = ("value", "standard_error", "lower", "upper")
@@ -92,14 +168,14 @@ def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], p
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Adjusted:
-    """A quantity without what its type has in common."""
+    """A quantity without the effects common to its type."""
 
     of: Quantity
     fit: RobustFit
-    regressors: Array  # what was taken off, (n, p)
-    known: Array  # variances with those of covariates that are not known, (n,)
-    knots: Array  # days between which the common shift is linear, (k,); none where there is no such shift
-    shift_p: float  # how often chance alone makes a common shift as significant; nan where it cannot be told
+    regressors: Array  # of the common effects, (n, p)
+    known: Array  # variances, with those of unknown covariates, (n,)
+    knots: Array  # days, of the piecewise linear common shift, (k,); empty without a shift
+    shift_p: float  # p-value of the common shift; nan where it was not tested
 
     @property
     def y(self) -> Array:
@@ -117,7 +193,7 @@ class Adjusted:
         return self.fit.freedom >= LEAST_FREEDOM and bool((self.variance > 0).all())
 
     def effect(self, name: str) -> tuple[float, float, float]:
-        """What a covariate does to the type, in percent per K or per unit of load, with its 95 % interval; nan where it is not known."""
+        """The effect of a covariate in percent per K or per unit of load, with its 95 % interval; nan if not known."""
         if name not in self.of.names:
             return nan, nan, nan
         k = self.of.names.index(name)
@@ -128,17 +204,17 @@ class Adjusted:
 
     @property
     def shift(self) -> Array:
-        """The shift common to all joints at the knots, on the scale, (k,): 0 at the first."""
+        """The common shift at the knots, on the scale, (k,): 0 at the first."""
         if not self.knots.size:
             return np.zeros(0)
         return np.concatenate([[0.0], self.fit.coefficients[len(self.of.names) :]])
 
 
 def adjusted(quantity: Quantity, tests: int) -> Adjusted:
-    """The quantity without what temperature and load do, and without a shift common to its joints where there is one.
+    """The quantity without the effects of temperature and load, and without a significant shift common to its joints.
 
-    A session without its temperature is in none of these fits; it has the median instead, and the variance that this leaves.
-    `tests`: quantities of the fleet, for each of which such a shift is looked for.
+    A session without temperature is in none of these fits; it gets the median and a larger variance.
+    `tests`: quantities of the fleet that are tested for a shift.
     """
     gaps = ~np.isfinite(quantity.covariates)
     covariates = np.where(gaps, 0.0, quantity.covariates)
@@ -150,11 +226,17 @@ def adjusted(quantity: Quantity, tests: int) -> Adjusted:
         days = np.unique(np.round(quantity.time))
         knots = days if days.size <= most else np.unique(np.quantile(quantity.time, np.linspace(0, 1, most)))
     if knots.size > 1:
-        # Functions linear between knots, each 1 at one of them and 0 at the others, without the first: (n, k - 1).
+        # Hat functions of the knots but the first, (n, k - 1).
         hats = np.stack([np.interp(quantity.time, knots, row) for row in np.eye(knots.size)[1:]], axis=1)
         both = np.concatenate([covariates, hats], axis=1)
         shifted = fit_differences(quantity.y, quantity.known, both, first, quantity.unit)
-        p = _shift_p(shifted, covariates.shape[1])
+        # Wald's test that the coefficients of the shift are zero.
+        first_hat = covariates.shape[1]
+        b, cov = shifted.coefficients[first_hat:], shifted.covariance[first_hat:, first_hat:]
+        free = shifted.freedom_of_coefficients - b.size + 1
+        if free >= 1 and np.isfinite(cov).all() and (rank := int(np.linalg.matrix_rank(cov, hermitian=True))):
+            statistic = float(b @ np.linalg.pinv(cov, hermitian=True) @ b) / rank * free
+            p = float(fdtrc(rank, free, statistic / max(shifted.freedom_of_coefficients, 1.0)))
         if p < SHIFTED / max(tests, 1):
             fit, X = shifted, both
     if X is covariates:
@@ -163,21 +245,8 @@ def adjusted(quantity: Quantity, tests: int) -> Adjusted:
     return Adjusted(of=quantity, fit=fit, regressors=X, known=quantity.known + gaps @ spread, knots=knots, shift_p=p)
 
 
-def _shift_p(fit: RobustFit, first: int) -> float:
-    """Wald's test that the coefficients from one on are all zero."""
-    b, cov = fit.coefficients[first:], fit.covariance[first:, first:]
-    free = fit.freedom_of_coefficients - b.size + 1
-    if free < 1 or not np.isfinite(cov).all():
-        return nan
-    rank = int(np.linalg.matrix_rank(cov, hermitian=True))
-    if not rank:
-        return nan
-    statistic = float(b @ np.linalg.pinv(cov, hermitian=True) @ b) / rank * free / max(fit.freedom_of_coefficients, 1.0)
-    return float(fdtrc(rank, free, statistic))
-
-
 def padded(one: Adjusted, most: NDArray[np.intp] | None = None) -> Levels:
-    """The joints' series, a row each; `most`: how many sessions of each joint, (m,), None: all."""
+    """The joints' series, a row each; `most`: number of sessions of each joint, (m,); None: all."""
     joint = one.of.joint
     place = np.arange(joint.size) - np.searchsorted(joint, joint)
     counts = np.bincount(joint)

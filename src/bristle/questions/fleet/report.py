@@ -1,8 +1,7 @@
-"""The report of a fleet: which joints changed, which units differ from their type, and how good the data are."""
+"""The report of a fleet: joints that changed, units that differ from their type, and data quality."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -17,22 +16,14 @@ from bristle.questions.fleet import figures, tables
 from bristle.questions.fleet.findings import Findings
 from bristle.questions.fleet.tables import change, day, label, probability, quantity, rows_of, value_unit
 
-_DRAWN = 30  # joints with a figure, at most: those that changed
-_LEAST_DRAWN = 3  # joints with a figure, at least: those that are ranked first, whether they changed or not
-_PANELS = 4  # parameters in it
+_DRAWN = 30  # most joints with a figure
+_LEAST_DRAWN = 3  # least joints with a figure, whether they changed or not
+_PANELS = 4  # parameters in a figure
 _MOST_CHANGED, _MOST_OUTSIDE, _MOST_CODES = 20, 10, 4  # lines of the terminal
 
 
-def report(found: Findings, output: str = "", base: str = "") -> Report:
-    """The headline, the joints that changed, then pages of units and of data quality; the terminal has the first of each list.
-
-    Reports of joints that lie in `output`, which it is meant for, are linked; commands make the others, of files below `base`.
-    """
-    # Of each joint's latest session the report, where it is there, or the command that makes it.
-    reports: dict[tables.Name, str | Link] = dict(tables.report_commands(found.joints, output, base)) if output else {}
-    for name, slug in tables.report_folders(found.joints).items() if output and "://" not in output else ():
-        if (Path(output) / "reports" / slug / "index.html").is_file():
-            reports[name] = Link("report", f"reports/{slug}/index.html")
+def report(found: Findings) -> Report:
+    """The headline, the joints that changed, then pages of units and of data quality; the terminal has short lists."""
     tested, outside = int(found.joints["adjusted_p"].notna().sum()), int(found.units["outside"].sum())
     simulated = ("SIMULATED data.",) if found.simulated else ()
     units = f"{outside} of {counted(len(found.units), 'value')} are outside their type."
@@ -44,8 +35,26 @@ def report(found: Findings, output: str = "", base: str = "") -> Report:
         f"first {found.baseline} at least. A session with the tag baseline, written in the catalog once a change is seen to, begins them "
         f"anew. Joints are ranked by the adjusted p-value, at a false discovery rate of {100 * found.rate:g} % over all joints. "
         "Temperature, load and shifts common to the type are taken off.",
-        table=_table("joints", "Joints, by rank", found.joints, tables.in_joints(found.joints, reports)),
+        table=_table("joints", "Joints, by rank", found.joints, tables.in_joints(found.joints)),
         lines=(),
+    )
+    of_units = (
+        Section(
+            "Which units differ from their type",
+            text=f"{outside} of {len(found.units)} values are outside their type. The shrunken value is the own one drawn to the "
+            "type's mean as far as it is uncertain; borrowed: the share of the mean in it. Of a joint that changed, these are its "
+            "sessions before the change.",
+            table=_table(
+                "units", "Values of units, those outside their type first", found.units, tables.in_units(found.units)
+            ),
+        ),
+        Section(
+            "Types",
+            text="Per type, parameter and direction: the mean of its units; their scatter about it, between units; the scatter of one joint "
+            "between sessions; and what temperature and load do, each with its 95 % interval. A common shift, the largest over time, is "
+            "taken off all joints of the type.",
+            table=_table("types", "Types, parameters and directions", found.types, tables.in_types(found.types)),
+        ),
     )
     return Report(
         "Friction of a fleet",
@@ -62,11 +71,11 @@ def report(found: Findings, output: str = "", base: str = "") -> Report:
                 lines=tuple(_lines(found)),
             ),
             joints,
-            *_drawn_joints(found, reports),
+            *_drawn_joints(found),
         ),
         about=f"{counted(len(found.joints), 'joint')} over their sessions.",
         pages=(
-            Page("units.html", "Units and types", "which units differ from their type", tuple(_unit_sections(found))),
+            Page("units.html", "Units and types", "which units differ from their type", of_units),
             Page("quality.html", "Data quality", "warnings and failures over time", tuple(_quality_sections(found))),
         ),
         simulated="At least one session was not measured but simulated." if found.simulated else "",
@@ -83,8 +92,8 @@ def _table(name: str, title: str, whole: pd.DataFrame, printed: pd.DataFrame) ->
     return Table(name, title, part=printed, note=cut * (len(whole) > tables.MOST))
 
 
-def _drawn_joints(found: Findings, reports: Mapping[tables.Name, str | Link]) -> Iterator[Section]:
-    """Each of the joints that changed, which are ranked first, with its figure."""
+def _drawn_joints(found: Findings) -> Iterator[Section]:
+    """The joints that changed, which are ranked first, each with its figure."""
     chosen = found.joints.head(min(max(found.changed, _LEAST_DRAWN), _DRAWN))
     series, changes = (
         frame[frame["unit"].isin(chosen["unit"]) & frame["joint"].isin(chosen["joint"])]
@@ -92,14 +101,14 @@ def _drawn_joints(found: Findings, reports: Mapping[tables.Name, str | Link]) ->
     )
     for row in rows_of(chosen):
         own, steps = (x[(x["unit"] == row.unit) & (x["joint"] == row.joint)] for x in (series, changes))
-        yield _joint(found, row, own, steps, reports.get((str(row.unit), str(row.joint))))
+        yield _joint(found, row, own, steps)
     if found.changed > _DRAWN:
         text = f"Figures show the first {_DRAWN} of the {found.changed} joints that changed; tables/changes.csv and the dataset have all."
         yield Section("Further joints", text=text, form="part", lines=())
 
 
-def _joint(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame, made: str | Link | None) -> Section:
-    """One joint: what is said of it, its clearest parameters over its sessions, and the step of each."""
+def _joint(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame) -> Section:
+    """One joint: its finding, its clearest parameters over its sessions, and the steps of all."""
     own_type = "" if row.type == row.joint else f" of type {row.type}"
     anew = len(series) and series["session"].min() < row.first
     sessions = counted(int(row.sessions), "session")
@@ -121,7 +130,7 @@ def _joint(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame,
     return Section(
         f"{shortened(str(row.unit))}, joint {shortened(str(row.joint))}{shortened(own_type)}",
         text=text,
-        facts=((f"Report of its latest session, {day(row.latest)}", made),) if made else (),
+        facts=((f"File of its latest session, {day(row.latest)}", shortened(str(row.file))),) if row.file else (),
         figure=_course(found, row, series, steps) if len(series) else None,
         table=Table("changes", f"All parameters of {name}: the most likely step of each", part=tables.in_steps(steps)),
         form="part" if row.changed else "folded",
@@ -130,7 +139,7 @@ def _joint(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame,
 
 
 def _course(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame) -> Drawing:
-    """The figure of one joint: the parameters that changed, or else the one with the clearest step."""
+    """The figure of one joint: the parameters that changed, or the one with the clearest step."""
     tested = {(str(x.parameter), str(x.direction)): x for x in rows_of(steps.sort_values("p", kind="stable"))}
     of_quantity = {
         (str(key[0]), str(key[1])): rows.sort_values("session", kind="stable")
@@ -139,7 +148,13 @@ def _course(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame
     ranked = [key for key in tested if key in of_quantity] or list(of_quantity)[:1]
     shown = [key for key in ranked if key in tested and tested[key].changed][:_PANELS] or ranked[:1]
     drawn = [(of_quantity[key], tested.get(key)) for key in shown]
-    courses = [figures.Course(_axis(next(rows_of(rows))), rows, step) for rows, step in drawn]
+    courses = []
+    for rows, step in drawn:
+        one = next(rows_of(rows))
+        axis = f"{label(one)} ({value_unit(one)})" if value_unit(one) else label(one)
+        courses.append(
+            figures.Course("\n".join((*filter(None, (PARAMETERS.get(str(one.parameter)),)), axis)), rows, step)
+        )
     name, first = f"{row.unit} {row.joint}", tested.get(shown[0])
     if first is None:
         finding = f"{label(next(rows_of(of_quantity[shown[0]])))}: not tested for a change."
@@ -151,39 +166,12 @@ def _course(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame
     thinned = f" Of {count} sessions {figures.POINTS} are drawn." if count > figures.POINTS else ""
     return Drawing(
         partial(figures.joint_figure, name, row.first, courses, simulated=found.simulated),
-        f"joint-{row.rank}",
-        f"{shortened(name)} over {counted(int(row.sessions), 'session')}",
-        f"{finding}{thinned}",
+        f"joint-{row.rank}", f"{shortened(name)} over {counted(int(row.sessions), 'session')}", f"{finding}{thinned}",
         "Circles: values with 95 % intervals; diamonds: adjusted for temperature, load and common shift; shaded: the 95 % limits for one "
         "more session, from the sessions before the change; dashed: the level before and after the step; dotted line: the step; solid "
         "line: where its baseline began anew.",
-        data="changes",
-        simulated=found.simulated,
-    )
-
-
-def _axis(row: Any) -> str:
-    """A parameter as an axis has it."""
-    words, unit = PARAMETERS.get(str(row.parameter), ""), value_unit(row)
-    return "\n".join(filter(None, (words, f"{label(row)} ({unit})" if unit else label(row))))
-
-
-def _unit_sections(found: Findings) -> Iterator[Section]:
-    units, types = found.units, found.types
-    yield Section(
-        "Which units differ from their type",
-        text=f"{int(units['outside'].sum())} of {len(units)} values are outside their type. The shrunken value is the own one drawn to the "
-        "type's mean as far as it is uncertain; borrowed: the share of the mean in it. Of a joint that changed, these are its sessions "
-        "before the change.",
-        table=_table("units", "Values of units, those outside their type first", units, tables.in_units(units)),
-    )
-    yield Section(
-        "Types",
-        text="Per type, parameter and direction: the mean of its units; their scatter about it, between units; the scatter of one joint "
-        "between sessions; and what temperature and load do, each with its 95 % interval. A common shift, the largest over time, is "
-        "taken off all joints of the type.",
-        table=_table("types", "Types, parameters and directions", types, tables.in_types(types)),
-    )
+        data="changes", simulated=found.simulated,
+    )  # fmt: skip  # a list of values
 
 
 def _quality_sections(found: Findings) -> Iterator[Section]:
@@ -195,13 +183,11 @@ def _quality_sections(found: Findings) -> Iterator[Section]:
         most = next(rows_of(whole[whole["code"] == grave[0]]))
         figure = Drawing(
             partial(figures.quality_figure, found.quality, codes, simulated=found.simulated),
-            "quality",
-            "percent of joint-sessions with a warning, over time",
+            "quality", "percent of joint-sessions with a warning, over time",
             f"{grave[0]} is the most frequent: {two_digits(most.percent)} % of {most.of} joint-sessions. Cautions, critical warnings and failed "
             "sessions in percent of each period's joint-sessions.",
-            data="quality",
-            simulated=found.simulated,
-        )
+            data="quality", simulated=found.simulated,
+        )  # fmt: skip  # a list of values
     none = "" if len(whole) else "\n\nNo session has a warning."
     yield Section(
         "Data quality",
@@ -225,7 +211,7 @@ def _quality_sections(found: Findings) -> Iterator[Section]:
 
 
 def _lines(found: Findings) -> Iterator[str]:
-    """What the terminal has below the headline: lists that are cut, and the notes."""
+    """Lines of the terminal below the headline: shortened lists, and the notes."""
     changed = found.joints[found.joints["changed"].astype(bool)]
     yield from _listed(
         "Joints that changed", "with 95 % interval and adjusted p", changed, _MOST_CHANGED,
@@ -261,7 +247,7 @@ def _lines(found: Findings) -> Iterator[str]:
 
 
 def _listed(what: str, more: str, whole: pd.DataFrame, most: int, cells: Any) -> Iterator[str]:
-    """The first rows of a list below its title; nothing where there is none. `cells`: those of a row behind its unit and joint."""
+    """The title and the first rows of a list that is not empty; `cells`: of a row, beside unit and joint."""
     rows = whole.head(most)
     if len(rows):
         cut = "" if len(rows) == len(whole) else f", the first {len(rows)}"

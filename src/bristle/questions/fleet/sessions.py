@@ -1,4 +1,4 @@
-"""The joint sessions of a fleet: what the rows of a catalog and the joints of their files come to, and which of them do not go together."""
+"""The joint sessions of a catalog, with failures and sessions that are left out."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple
@@ -10,8 +10,7 @@ from bristle.questions.fleet.survey import Surveyed
 if TYPE_CHECKING:
     import pandas as pd
 
-_IN_ORDER = 0.8
-"""Of all steps from a joint's session to its next one, in the order of a catalog: with fewer forward the catalog is in no order of time."""
+_IN_ORDER = 0.8  # least share of steps forward in time, between sessions of a joint, of a catalog in order of time
 _OLDEST = "2001-01-01"  # clocks that were reset show 1970, 1980 or 2000
 
 
@@ -21,14 +20,14 @@ class JointSession(NamedTuple):
     unit: str
     joint: str
     type: str
-    session: object  # a datetime; None where it is not known
+    session: object  # a datetime, or None
     temperature: float
     load: float
     tags: str
     file: str
-    path: str  # of the file, from anywhere
-    name: str  # of the joint, in the file
-    key: str  # by which its results are known; empty where it cannot be identified
+    path: str  # absolute path or URL of the file
+    name: str  # of the joint in the file
+    key: str  # of its results; empty where it cannot be identified
     failure: str
     left_out: str = ""
 
@@ -36,10 +35,10 @@ class JointSession(NamedTuple):
 def joint_sessions(rows: Iterable[CatalogRow], files: Mapping[str, Surveyed]) -> "pd.DataFrame":
     """A row per joint and session, with the columns of `JointSession`, in the order of the catalog.
 
-    Where two rows are of one joint and session, all of them are one failure. Of a joint of several types, the sessions of those that are not
-    the commonest are left out. So are sessions from before 2001, where most are later, and sessions whose clock went back, by this rule: of
-    all steps from one session of a joint to its next in the catalog at least 80 % go forward, and those of this joint but one; then the rows
-    behind that one step are left out as far as they are earlier than what stands before it.
+    Several rows of one joint and session are one failure. Left out are: sessions of a joint with another type than most
+    of its sessions; sessions before 2001, where most are later; and sessions whose clock went back: in a catalog in order
+    of time (80 % of the steps between sessions of a joint go forward) of a joint with one step back, the sessions behind
+    it that are earlier than those before it.
     """
     import pandas as pd
 

@@ -1,7 +1,4 @@
-"""What each file of a catalog goes back to: its inputs, by size, time of modification and SHA-256, and the joints in it.
-
-A file whose stamp and inputs are as the ledger of the last run has them is not read again.
-"""
+"""Survey of a catalog's files: inputs, by size, time of modification and SHA-256, and joints."""
 
 import hashlib
 import json
@@ -19,45 +16,45 @@ from bristle.data.robot.robot_file import Robot, is_robot, robot_of
 from bristle.errors import InputError, check_regular, one_line, short, unreadable
 from bristle.questions.fleet import files
 
-SCHEMA = "bristle-fleet/1"  # of the dataset: another one has other keys
-OWN = "."  # how the experiment file is called among its inputs: whatever its name, its content counts
+SCHEMA = "bristle-fleet/1"  # of the dataset; part of the keys
+OWN = "."  # name of the experiment file among its inputs
 _KEY = 32  # hexadecimal digits of a key
 _BAG = (".mcap", ".db3", ".yaml")  # files of a folder that is a bag
 
 
 class FleetInput(NamedTuple):
-    """A file that goes into the results."""
+    """An input of the results."""
 
-    name: str  # from the folder of the experiment file
+    name: str  # relative to the folder of the experiment file
     path: str
     stamp: files.Stamp
     sha256: str
 
 
 class Surveyed(NamedTuple):
-    """What a file of a catalog goes back to."""
+    """The inputs and joints of a file of a catalog."""
 
     path: str
     inputs: tuple[FleetInput, ...] = ()  # the file itself first
-    patterns: tuple[str, ...] = ()  # by which its logs are found
+    patterns: tuple[str, ...] = ()  # of its logs
     beside: tuple[str, ...] = ()  # other files that it names, as a URDF
-    joints: tuple[str, ...] = ()  # those that can be identified
+    joints: tuple[str, ...] = ()  # to be identified
     robot: bool = False
-    apart: bool = False  # whether signals have files of their own: then the digest of a run is not that of its file
+    apart: bool = False  # whether signals have files of their own, so that a run's digest is not that of its file
     failure: str = ""  # why it cannot be used
 
     def key(self, joint: str) -> str:
-        """By which results of a joint are known: content, joint, version; not where it lies, or whose it is."""
+        """Key of the results of a joint: a hash of content, joint and version."""
         known = [__version__, SCHEMA, joint, sorted((one.name, one.sha256) for one in self.inputs)]
         return hashlib.sha256(json.dumps(known).encode()).hexdigest()[:_KEY]
 
     def written(self) -> str:
-        """As the ledger has it."""
+        """Its text in the ledger."""
         return json.dumps([__version__, *self], separators=(",", ":"))
 
 
 def surveyed_of(text: str) -> Surveyed | None:
-    """What a ledger has of a file; None where another version of bristle wrote it."""
+    """A file from its text in the ledger; None where another version of bristle wrote it."""
     version, *rest = json.loads(text)
     if version != __version__ or len(rest) != len(Surveyed._fields):
         return None
@@ -67,13 +64,10 @@ def surveyed_of(text: str) -> Surveyed | None:
 
 
 def survey(path: str, known: Surveyed | None = None, *, verify: bool = False) -> Surveyed:
-    """Look at a file of a catalog and all that it names; `known` is what the last run found.
-
-    With `verify` everything is read again. What cannot be used has a sentence, which names no folder of this machine.
-    """
+    """Survey a file of a catalog and its inputs; `known`: the last run's survey; `verify`: read all again."""
     try:
         if known is not None and not verify and not known.failure and files.stamp(path) == known.inputs[0].stamp:
-            others = known.inputs[1:]  # every input is there with the same stamp, and no other: nothing is read
+            others = known.inputs[1:]  # nothing is read where all inputs have the same stamps
             found = _found(known.path, known.patterns, known.beside)
             if found == [(x.name, x.path) for x in others] and all(files.stamp(x.path) == x.stamp for x in others):
                 return known
@@ -89,7 +83,7 @@ def survey(path: str, known: Surveyed | None = None, *, verify: bool = False) ->
 
 
 def without_folder(sentence: str, path: str, *folders: str) -> str:
-    """A sentence without the folders that files lie in: where an experiment lies is no part of what is found."""
+    """A sentence without the folders of files."""
     for folder in (*folders, files.folder_of(path)):
         sentence = sentence.replace(f"{folder.rstrip('/')}/", "") if folder.strip("/.") else sentence
     return one_line(sentence)
@@ -104,7 +98,7 @@ def _looked_at(path: str, known: Mapping[str, FleetInput]) -> Surveyed:
         else:
             experiments = tuple(joint.everywhere for joint in loaded.joints)
             joints = tuple(one.experiment.joint.name for one in loaded.joints if one.identify)
-    # By the paths and globs of runs, and by the files of signals that have their own.
+    # Patterns of runs, and files of signals.
     runs = [(one, run) for one in experiments for run in one.runs]
     of_signals = (getattr(signal, "file", None) for one, run in runs for _, signal in one.signals_of(run))
     own_files = [file for file in of_signals if file]
@@ -113,14 +107,14 @@ def _looked_at(path: str, known: Mapping[str, FleetInput]) -> Surveyed:
     found = Surveyed(path, (own,), patterns, beside, joints, robot=isinstance(loaded, Robot), apart=bool(own_files))
     try:
         if isinstance(loaded, Experiment) and not files.is_remote(path):
-            list(files_of(loaded))  # refuses files that are named twice
+            list(files_of(loaded))  # raises where files are named twice
         return found._replace(inputs=(own, *(_input(name, at, known) for name, at in _found(path, patterns, beside))))
-    except InputError as error:  # of a log: whose it is is known
+    except InputError as error:  # of a log; the joints are known
         return found._replace(failure=without_folder(str(error), path))
 
 
 def _input(name: str, path: str, known: Mapping[str, FleetInput]) -> FleetInput:
-    """A file with its digest, which is as known where its stamp is."""
+    """A file with its digest, from the last survey if its stamp is the same."""
     found, before = files.stamp(path), known.get(path)
     same = before is not None and before.stamp == found
     return FleetInput(name, path, found, before.sha256 if same and before else files.digest_of(path))
@@ -128,7 +122,7 @@ def _input(name: str, path: str, known: Mapping[str, FleetInput]) -> FleetInput:
 
 @contextmanager
 def _described(path: str) -> Iterator[tuple[Experiment | Robot, str | None]]:
-    """What a file describes, and the URDF that it names."""
+    """The experiment or robot of a file, and the URDF that it names."""
     if not files.is_remote(path):
         yield _loaded(files.local_path(path))
         return
@@ -161,7 +155,7 @@ def _urdf_of(data: Mapping[str, Any]) -> str | None:
 
 
 def _found(path: str, patterns: Sequence[str], beside: Sequence[str]) -> list[tuple[str, str]]:
-    """The files by these patterns, and those beside, each with its name from the folder of the file; sorted."""
+    """Names and paths of the files by these patterns, and of those beside; sorted."""
     found = dict[str, str]()
     for pattern in patterns:
         for name, at in _matches(path, pattern):
@@ -177,7 +171,7 @@ def _found(path: str, patterns: Sequence[str], beside: Sequence[str]) -> list[tu
 
 
 def _matches(path: str, pattern: str) -> list[tuple[str, str]]:
-    """Files and folders by a pattern; elsewhere than on this machine variables of the environment and absolute paths mean nothing."""
+    """Names and paths of files and folders by a pattern; a remote one must be relative."""
     if not files.is_remote(path):
         return [(name, str(at)) for at, name in matches(pattern, files.local_path(path))]
     folder, shown = files.folder_of(path), f"{files.name_of(path)}: runs: files {short(pattern)}"
@@ -195,10 +189,7 @@ def _matches(path: str, pattern: str) -> list[tuple[str, str]]:
 
 
 def laid_out(folder: Path, name: str, contents: Mapping[str, bytes]) -> Path:
-    """Write files by their names from the folder of an experiment file, of this name; returns its path.
-
-    Raises InputError where a name leads nowhere in there.
-    """
+    """Write an experiment file and its inputs into a folder. Raises InputError where a name leads out of it."""
     up = max((PurePosixPath(one).parts.count("..") for one in contents), default=0)
     base = folder.joinpath(*(["in"] * up))
     for one, data in contents.items():

@@ -1,6 +1,5 @@
-"""The tables of a fleet in print, as its page has them, and how a change, a probability and a time are written."""
+"""The tables of a fleet's page."""
 
-import shlex
 from collections.abc import Iterator, Mapping
 from math import floor, isfinite, isnan, log10
 from typing import Any
@@ -8,19 +7,16 @@ from typing import Any
 import pandas as pd
 
 from bristle.model.parameters import Direction, ParameterName
-from bristle.page.entries import entries
-from bristle.page.said import Link
-from bristle.page.wording import MISSING, in_print, measured, number, pretty, shortened, slugs, span, symbol
-from bristle.questions.fleet.files import joined_path
+from bristle.page.said import Link, entries
+from bristle.page.wording import MISSING, in_print, measured, number, pretty, shortened, span, symbol
 
 MOST = 2000  # rows of a table on a page
-_LONG = 160  # characters of a text of a user on the page
-_LEAST = 1e-30  # p-values below this are shown as below it
-Name = tuple[str, str]  # unit and joint
+_LONG = 160  # characters of a user's text on the page
+_LEAST = 1e-30  # least p-value that is shown
 
 
 def change(value: float, low: float, high: float) -> str:
-    """A change with its interval, to the second digit of a quarter of its width: +15.2 [12.1, 18.3]; the value alone where it has none."""
+    """A change with its interval, to the second digit of a quarter of its width: +15.2 [12.1, 18.3]."""
     if not isfinite(value):
         return MISSING
     width = high - low
@@ -31,12 +27,12 @@ def change(value: float, low: float, high: float) -> str:
 
 
 def estimate(value: float, low: float, high: float) -> str:
-    """The same of what is no change: 3.02 [2.91, 3.14]."""
+    """A value with its interval, as `change`, without a sign: 3.02 [2.91, 3.14]."""
     return change(value, low, high).removeprefix("+")
 
 
 def probability(p: float) -> str:
-    """A p-value in two digits, or as below the least that is shown."""
+    """A p-value in two digits, or as below `_LEAST`."""
     return MISSING if isnan(p) else f"< {_LEAST:g}" if p < _LEAST else number(p, 2)
 
 
@@ -46,30 +42,30 @@ def day(time: Any) -> str:
 
 
 def rows_of(frame: pd.DataFrame) -> Iterator[Any]:
-    """The rows of a table, each with its columns by name."""
+    """The rows of a table, with the columns as attributes."""
     yield from frame.itertuples(index=False)
 
 
 def quantity(row: Any) -> ParameterName | None:
-    """The parameter and direction of a row; None where the row is about none."""
+    """The parameter and direction of a row, if it has one."""
     if pd.isna(row.parameter):
         return None
     return ParameterName(str(row.parameter), Direction(str(row.direction)))
 
 
 def label(row: Any) -> str:
-    """A row's parameter as the paper writes it, with its direction; a dash where the row is about none."""
+    """The symbol of a row's parameter, with its direction."""
     name = quantity(row)
     return MISSING if name is None else symbol(name)
 
 
 def value_unit(row: Any) -> str:
-    """The unit of a row's values in print; nothing where they have none."""
+    """The unit of a row's values in print."""
     return "" if row.value_unit == "1" else pretty(str(row.value_unit))
 
 
 def totals(quality: pd.DataFrame) -> pd.DataFrame:
-    """Per code over all periods that have any warning, the most frequent first: code, severity, joint_sessions, of, percent."""
+    """Warnings over all periods, the most frequent first: code, severity, joint_sessions, of, percent."""
     every = int(quality.drop_duplicates("period")["of"].sum())
     whole = quality.groupby(["code", "severity"], observed=True, as_index=False)["joint_sessions"].sum()
     whole = whole.assign(of=every, percent=100 * whole["joint_sessions"] / max(every, 1))
@@ -78,42 +74,10 @@ def totals(quality: pd.DataFrame) -> pd.DataFrame:
 
 
 def outside_first(units: pd.DataFrame) -> pd.DataFrame:
-    """The units' rows, those outside first, and the farthest from their type's mean first."""
+    """The units' rows, those outside their type first, and then by distance from the type's mean."""
     far = units.assign(far=-units["z"].astype(float).abs(), within=~units["outside"].astype(bool))
     order = ["within", "far", "unit", "joint", "parameter", "direction"]
     return far.sort_values(order, kind="stable", ignore_index=True).drop(columns=["far", "within"])
-
-
-def report_folders(joints: pd.DataFrame) -> dict[Name, str]:
-    """By unit and joint the folder below `reports/` for its latest session: a slug with the time; joints in one file, as a robot's, share it."""
-    rows = joints.sort_values(["unit", "joint"], kind="stable").astype(dict.fromkeys(("unit", "joint", "file"), str))
-    count = rows.groupby(["unit", "file", "latest"], dropna=False)["joint"].transform("size")
-    asked = rows["unit"].where((rows["file"] != "") & (count > 1), rows["unit"] + " " + rows["joint"])
-    every = list(asked.unique())
-    slug = dict(zip(every, slugs(every), strict=True))
-    return {
-        (row.unit, row.joint): slug[said] + ("" if pd.isna(row.latest) else f"-{row.latest:%Y-%m-%d-%H%M}")
-        for row, said in zip(rows_of(rows), asked, strict=True)
-    }
-
-
-def report_commands(joints: pd.DataFrame, output: str, base: str = "") -> dict[Name, str]:
-    """By unit and joint the command that makes the report of its latest session, for a POSIX shell, below a fleet's output folder.
-
-    The catalog's files are relative to `base`. There is none of a file behind a URL, which a report does not read; a name that
-    begins with a hyphen gets ./ before it.
-    """
-    folders, below = report_folders(joints), output.rstrip("/")
-    files = {(str(row.unit), str(row.joint)): joined_path(base, str(row.file)) for row in rows_of(joints) if row.file}
-    return {
-        name: f"bristle report {shlex.quote(_no_option(file))} -o {shlex.quote(f'{_no_option(below)}/reports/{folders[name]}')}"
-        for name, file in files.items()
-        if "://" not in file
-    }
-
-
-def _no_option(path: str) -> str:
-    return f"./{path}" if path.startswith("-") else path
 
 
 def code_link(code: str) -> str | Link:
@@ -121,21 +85,17 @@ def code_link(code: str) -> str | Link:
     return Link(code, f"#warning-{code}") if code in entries() else code
 
 
-def in_joints(joints: pd.DataFrame, reports: Mapping[Name, str | Link]) -> pd.DataFrame:
-    """The ranked joints; `reports`: of the latest session of each a link, or the command that makes it."""
+def in_joints(joints: pd.DataFrame) -> pd.DataFrame:
+    """The ranked joints."""
     return _printed({
-        "Rank": row.rank, "Unit": _user(row.unit), "Joint": _user(row.joint), "Finding": _finding(row),
+        "Rank": row.rank, "Unit": _user(row.unit), "Joint": _user(row.joint),
+        "Finding": f"{'changed' if row.changed else f'not tested: {row.untested}' if row.untested else 'no change found'}"
+        + "; outside its type" * bool(row.outside),
         "Change (%) [95 %]": _whole(change(row.percent, row.percent_lower, row.percent_upper)), "Parameter": _whole(label(row)),
         "Since": day(row.since), "Adjusted p": _p(row.adjusted_p), "New warnings": tuple(map(code_link, str(row.new_warnings).split())),
         "Sessions since": None if pd.isna(row.sessions_after) else int(row.sessions_after), "Type": _user(row.type),
-        "Report of the latest session": reports.get((str(row.unit), str(row.joint)), ""),
+        "File of the latest session": _user(row.file),
     } for row in rows_of(joints.head(MOST)))  # fmt: skip  # a table
-
-
-def _finding(row: Any) -> str:
-    """What was found of a joint, in a word or two."""
-    said = "changed" if row.changed else f"not tested: {row.untested}" if row.untested else "no change found"
-    return f"{said}; outside its type" if row.outside else said
 
 
 def in_steps(changes: pd.DataFrame) -> pd.DataFrame:
@@ -148,7 +108,7 @@ def in_steps(changes: pd.DataFrame) -> pd.DataFrame:
 
 
 def in_units(units: pd.DataFrame) -> pd.DataFrame:
-    """The units' values, those outside first."""
+    """The units' values, those outside their type first."""
     return _printed({
         "Unit": _user(row.unit), "Joint": _user(row.joint), "Parameter": _whole(label(row)), "Finding": "outside" if row.outside else "not outside",
         "Own value": _whole(measured(row.value, row.standard_error)), "Shrunken value": _whole(measured(row.shrunken, row.shrunken_error)),
@@ -158,7 +118,7 @@ def in_units(units: pd.DataFrame) -> pd.DataFrame:
 
 
 def in_types(types: pd.DataFrame) -> pd.DataFrame:
-    """The types, each parameter and direction a row."""
+    """A row per type, parameter and direction."""
     return _printed({
         "Type": _user(row.type), "Parameter": _whole(label(row)), "Joints": row.joints,
         "Mean [95 %]": _whole(estimate(row.mean, row.mean_lower, row.mean_upper)), "Unit of mean": value_unit(row),
@@ -177,7 +137,7 @@ def _percent(row: Any, name: str) -> str:
 
 
 def in_quality(quality: pd.DataFrame) -> pd.DataFrame:
-    """Every kind of warning over all periods, the most frequent first."""
+    """All warnings over all periods, the most frequent first."""
     last = quality[quality["period"] == quality["period"].max()]
     late = dict(zip(last["code"].astype(str), last["percent"], strict=True))
     meanings = {code: in_print(x.meaning) for code, x in entries().items()}
@@ -211,15 +171,15 @@ def _printed(rows: Iterator[Mapping[str, Any]]) -> pd.DataFrame:
 
 
 def _user(text: Any) -> str:
-    """A text of a user without control characters, and not too long for a cell."""
+    """A user's text without control characters, at most `_LONG` characters long."""
     return MISSING if pd.isna(text) else shortened(str(text), _LONG)
 
 
 def _whole(text: str) -> str:
-    """A cell that stays on its line."""
+    """A cell without line breaks."""
     return text.replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def _p(p: float) -> float | str | None:
-    """A p-value as a number of two digits, or as below the least that is shown."""
+    """A p-value as a number of two digits, or as below `_LEAST`."""
     return None if isnan(p) else probability(p) if p < _LEAST else float(f"{p:.2g}")

@@ -1,4 +1,4 @@
-"""What Dask's workers do for a fleet: look at files of the catalog, and identify a joint of one, in a process with one thread."""
+"""Tasks of a fleet's workers: survey files of the catalog, and identify a joint of a file."""
 
 import hashlib
 import sys
@@ -19,40 +19,38 @@ from bristle.questions.fleet.survey import FleetInput, Surveyed, laid_out, surve
 
 
 class Identified(NamedTuple):
-    """What was identified of a joint."""
+    """The identified values of a joint."""
 
-    rows: Sequence[Mapping[str, Any]]
-    """A row of the dataset for each value to use, with the columns that tell of it."""
-    inputs: Mapping[str, str]  # SHA-256 of each log as it was read, by name
+    rows: Sequence[Mapping[str, Any]]  # a row of the dataset per value to use
+    inputs: Mapping[str, str]  # SHA-256 of each log, by name
     reason: str = ""  # why there is no row
 
 
-Identify = Callable[[Path, str], Identified]  # identifies the joint of a name in a file
-_ONE = threading.Lock()
-"""CasADi's functions and NumPy's settings are of the process: threads of a worker identify one after another."""
+Identify = Callable[[Path, str], Identified]  # from a file and the name of a joint
+_ONE = threading.Lock()  # CasADi and NumPy's settings are of the process: threads identify one after another
 
 
 class FleetTask(NamedTuple):
-    """A joint of a file that is to be identified."""
+    """A joint of a file to be identified."""
 
     key: str
-    joint: str  # as its file calls it
+    joint: str  # its name in the file
     file: Surveyed
-    sent: dict[str, bytes] | None  # the inputs by name, where the worker does not reach them
+    sent: dict[str, bytes] | None  # the inputs by name, if the worker does not reach them
     versions: tuple[tuple[str, str], ...]  # of the client
 
 
 class TaskEnd(NamedTuple):
     """How a task ended."""
 
-    failure: str = ""  # why nothing was identified, to be tried again in the next run
-    rows: bytes | None = None  # what is to be written
-    refused: str = ""  # why this worker cannot take part in the run
+    failure: str = ""  # why nothing was identified; the next run tries again
+    rows: bytes | None = None  # Parquet to be written
+    refused: str = ""  # why this worker cannot be used
 
 
 @cache
 def versions() -> tuple[tuple[str, str], ...]:
-    """What results depend on, by name: bristle, Python, NumPy, SciPy and CasADi of this process."""
+    """Versions that results depend on: bristle, Python, NumPy, SciPy and CasADi."""
     python = ".".join(map(str, sys.version_info[:2]))
     return ("bristle", __version__), ("Python", python), *((x, version(x)) for x in ("numpy", "scipy", "casadi"))
 
@@ -73,7 +71,7 @@ def survey_files(paths: Sequence[tuple[str, str | None]], verify: bool) -> list[
 
 
 def identify_task(task: FleetTask, identify: Identify) -> TaskEnd:
-    """The rows of a joint of a file, or why there are none. Raises nothing but what ends the process."""
+    """The rows of a joint of a file, or why there are none."""
     from distributed import get_worker
 
     worker = "here"  # outside Dask
@@ -93,15 +91,15 @@ def identify_task(task: FleetTask, identify: Identify) -> TaskEnd:
 
 
 def _sentence(task: FleetTask, error: object) -> str:
-    """Why, without the folders of this machine."""
+    """The reason without the folders of this machine."""
     return without_folder(reason(error), task.file.path) or "a defect of bristle: an error without a word"
 
 
 def _rows(task: FleetTask, identify: Identify) -> bytes:
-    """The rows of the joint; or of a file that bristle refuses, and would refuse again, why."""
+    """The rows of the joint, or a row with the reason for a file that bristle refuses for good."""
     with ExitStack() as stack:
         folder, path = "", local_path(task.file.path)
-        # Where there is no file to read on this machine, what is fetched must be as it was surveyed.
+        # Inputs that are sent or fetched must be as they were surveyed.
         if task.sent is not None or is_remote(task.file.path):
             folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="bristle-"))
             contents = task.sent or {one.name: read_bytes(one.path) for one in task.file.inputs}
@@ -132,7 +130,7 @@ def _changed_meanwhile(one: FleetInput) -> InputError:
 
 
 def _changed(task: FleetTask) -> bool:
-    """Whether an input is no more as it was surveyed."""
+    """Whether an input changed since the survey."""
     if task.sent is not None or is_remote(task.file.path):
         return False
     try:
@@ -142,7 +140,7 @@ def _changed(task: FleetTask) -> bool:
 
 
 def _may_pass(error: BaseException | None) -> bool:
-    """Whether it may go otherwise next time: a file that could not be read, or something that is not installed."""
+    """Whether an error may not happen again: a file could not be read, or a package is not installed."""
     while error is not None:
         if isinstance(error, OSError | ImportError | MemoryError):
             return True

@@ -1,4 +1,4 @@
-"""What the command line prints: the short fit report, and fits, segments, laws and cross-checks, a line each."""
+"""Text of the command line: the short fit report, and lines on fits, segments, laws and cross-checks."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -25,13 +25,12 @@ from bristle.page.wording import FITS, counted, number, printable, shortened
 from bristle.questions.joint_report.sentences import cost_change, held_out, known_to
 from bristle.questions.joint_report.tables import WAYS, interval_rows
 
-LINES = 3
-"""Of findings that are not critical."""
+LINES = 3  # most lines of findings that are not critical
 _SOURCES = {Source.STATIC: "static fit", Source.PRESLIDING: "presliding"}
 
 
 def brief_report(joints: Sequence[Joint]) -> str:
-    """Of several joints one line each; then of each the table of its values, and its warnings, critical ones first."""
+    """A line per joint of several, then each joint's values and warnings, critical ones first."""
     lines = list(verdicts(joints)) if len(joints) > 1 else []
     for joint in joints:
         found, simulated = verdict(joint), ", SIMULATED data" if joint.simulated else ""
@@ -39,13 +38,14 @@ def brief_report(joints: Sequence[Joint]) -> str:
         lines += [*([""] if lines else []), *wrapped([trust])]
         if found.reason is not None:
             lines += _sentence(joint, found.reason)
-        lines += wrapped([*_curve(joint), *(f"  {about}: {printable(told)}" for about, told in decided(joint))])
+        told = (*friction_line(joint), *decided(joint))
+        lines += wrapped(f"  {about}: {printable(said)}" for about, said in told)
         lines += (*_values(joint), *_rest(joint, found.reason))
     return "\n".join([*lines, "", "What a code in brackets means: bristle explain CODE. Every fit: --full."]) + "\n"
 
 
 def verdicts(joints: Sequence[Joint]) -> Iterator[str]:
-    """Whether to use each joint's values, why not, and the largest hold-out error: a line each."""
+    """A table: whether to use each joint's values, why not, and the largest hold-out error."""
     rows = [("joint", "its values", "friction to", "reason", "hold-out error")]
     for joint in joints:
         found, held, known = verdict(joint), held_out(joint), joint.accuracy
@@ -59,15 +59,15 @@ def _code(reason: Finding | None) -> str:
     return "" if reason is None else f"[{reason.code}]"
 
 
-def _curve(joint: Joint) -> Iterator[str]:
-    """What the values give together at the slowest and the fastest speed, and its band: parameters are known less well one by one."""
+def friction_line(joint: Joint) -> Iterator[tuple[str, str]]:
+    """Friction at the slowest and the fastest speed, with its band."""
     known, speed = joint.accuracy, unit("v_s", joint.kind)
     if known is None:
         return
     v = np.unique([known.slowest, known.fastest])
     try:
         friction, half = stated_curve(joint, np.concatenate([v, -v]))
-    except InputError:  # a number that no joint has
+    except InputError:  # an impossible number
         return
     plus, minus = np.stack([np.abs(friction), half], axis=1).reshape(2, -1, 2)
     ways = {"": plus} if np.allclose(plus, minus, rtol=1e-9) else {"+": plus, "-": minus}
@@ -89,29 +89,24 @@ def _curve(joint: Joint) -> Iterator[str]:
                 f"{number(T, 3)} {torque} {f'{interval((T - half, T + half))} ' * isfinite(half)}at {number(at, 3)} {speed}"
                 for (T, half), at in zip(curve.tolist(), v.tolist(), strict=True)
             )
-            # a peak that is not claimed stays in the curve that was fitted
+            # A peak that is not claimed is still part of the fitted curve.
             peak = {x: model.values(Direction(d or "+")).get(x, 0.0) for x in ("alpha_1", "v_s") if x not in told_of}
             shape = ", ".join(f"{x} {number(value, 3)} {unit(x, joint.kind)}" for x, value in peak.items() if value)
             unclaimed = f", with the fit's {shape}, which are not identifiable one by one" * ("alpha_1" in shape)
             told.append(f"{' and '.join(dict.fromkeys(ends))}{f' ({d})' * bool(d)}{unclaimed}")
     law = f"{' + '.join(text for name, text in terms.items() if name in given)} = " * (joint.law_name == GAUSSIAN.name)
-    yield f"  friction: {law}{'; '.join(told)}"
+    yield "friction", f"{law}{'; '.join(told)}"
 
 
 def decided(joint: Joint) -> Iterator[tuple[str, str]]:
-    """What was decided about what: the law, where it is not the paper's as asked; of moving runs whose values these are what the data chose."""
+    """Decisions by subject: a law other than the paper's, and choices by the data for the values to use."""
     law = joint.settings.get("law", joint.law_name)
     if not law.startswith(f"{GAUSSIAN.name}:") and law != GAUSSIAN.name:
         yield "law", law
-    told = {"regressors": "chosen regressors"}
-    of_points = any(x.data == "points" for x in joint.models)  # else what is static is of moving runs, too
+    told = {"regressors": "chosen regressors", "directions": "chosen directions"}
+    of_points = any(x.data == "points" for x in joint.models)  # else static fits are of moving runs, too
     if any(isinstance(fit, TrackingFit) or not of_points for fit in value_fits(joint)):
-        told |= {
-            "scale": "chosen scale",
-            "torque": "chosen delay",
-            "directions": "chosen directions",
-            "filters": "filters",
-        }
+        told |= {"scale": "chosen scale", "torque": "chosen delay", "filters": "filters"}
         notes = [note for x in joint.inputs for note in x.notes]
         gaps = sum(note.numbers["gaps"] for note in notes if note.code == "gaps-bridged")
         made = [f"{gaps} gap{'s' * (gaps > 1)} bridged by the motion beside"] * bool(gaps)
@@ -133,14 +128,14 @@ def decided(joint: Joint) -> Iterator[tuple[str, str]]:
 
 
 def _values(joint: Joint) -> Iterator[str]:
-    """The table, direction by direction, what is shared last; parameters without a value in one line a direction."""
+    """The table of values by direction, shared ones last; parameters without a value in one line per direction."""
     rows, known = {row.parameter: row for row in chosen(joint)}, as_identified(joint)
     fixed = {name: value for name, value in known.given.items() if name not in rows and name.name != FASTEST}
     cells: list[tuple[str, ...]] = [("parameter", "value +/- standard error", "95 % interval", "from")]
     missing: dict[Direction, dict[str, list[str]]] = {}
     names = {*rows, *fixed}
     ways = {d for name, d in names if of_friction(name)}
-    for of_law in Lugre._fields:  # those that no run is about, of each direction that there is
+    for of_law in Lugre._fields:  # parameters without a run, of each direction
         there = {d for own, d in names if own == of_law}
         if Direction.BOTH not in there:
             names |= {ParameterName(of_law, d) for d in ways - there - ({Direction.BOTH} if there else set())}
@@ -148,8 +143,8 @@ def _values(joint: Joint) -> Iterator[str]:
     place = {name: k for k, name in enumerate(Lugre._fields)}
     for name in sorted(names, key=lambda x: ([*Direction].index(x.direction), place.get(x.name, len(place)), x.name)):
         row = rows.get(name)
-        if row is not None and (row.estimate.value is not None or _bounded(row.estimate)):
-            cells.append(_cells(row))
+        if row is not None and (row.estimate.value is not None or (states_errors(joint) and bounded(row.estimate))):
+            cells.append(_cells(row, stated=states_errors(joint)))
         elif name in fixed:
             value = in_unit(f"{fixed[name]:.6g}", unit(name.name, joint.kind))
             cells.append((str(name), value, "", "experiment file"))
@@ -170,13 +165,18 @@ def _values(joint: Joint) -> Iterator[str]:
         yield from wrapped([f"  {printable(said)}"])
 
 
-def _bounded(e: Estimate) -> bool:
-    """Whether an interval says anything, of a value that is at least zero: not from an end above 1e6 times the other on."""
+def bounded(e: Estimate) -> bool:
+    """Whether an interval of a value from zero up is informative: an end is closed, and the ratio is at most 1e6."""
     low, high = e.interval or (0.0, inf)
     return (low > 0 or isfinite(high)) and not (low > 0 and 1e6 * low < high < inf)
 
 
-def _cells(row: Known) -> tuple[str, ...]:
+def states_errors(joint: Joint) -> bool:
+    """Whether the data tell how far its values are off; a curve without a stated error has none."""
+    return joint.accuracy is None or isfinite(joint.accuracy.band)
+
+
+def _cells(row: Known, *, stated: bool) -> tuple[str, ...]:
     e, source = row.estimate, _SOURCES.get(row.source) or FITS[row.source]
     one_speed = any(warning.code == "one-speed-only" for warning in e.warnings)
     if e.value is None or (one_speed and row.parameter.name == "alpha_2"):
@@ -184,20 +184,22 @@ def _cells(row: Known) -> tuple[str, ...]:
         if low == 0 and isfinite(high):  # consistent with zero
             return str(row.parameter), in_unit(f"< {high:.3g}", e.unit), "(95 %)", source
         return str(row.parameter), "not identifiable", in_unit(interval(e.interval), e.unit), source
-    if one_speed:  # of alpha_0 alone nothing but that interval is known
+    if not stated:
+        return str(row.parameter), in_unit(number(e.value, 3), e.unit), "not stated", source
+    if one_speed:  # only the sum is known
         return f"{row.parameter} + alpha_2 v", in_unit(pair(e.value, e.total_error), e.unit), "", source
     return str(row.parameter), in_unit(pair(e.value, e.total_error), e.unit), interval(e.interval), source
 
 
 def _sentence(joint: Joint, warning: Finding) -> list[str]:
-    """A warning with its code, and with what it is about, fit by fit."""
+    """A warning with its code and subjects."""
     ((about, _),) = with_places((x for x in joint.all_warnings() if x == warning), str) or [("", warning)]
     where = f" ({printable(about)})" if about else ""
     return list(wrapped([f"  {warning.severity} {_code(warning)}{where}: {printable(str(warning))}"]))
 
 
 def _rest(joint: Joint, reason: Finding | None) -> Iterator[str]:
-    """All that is critical but the reason, which stands above; then what else fits into a few lines, whole; the rest in number."""
+    """Critical warnings but the reason, then others within `LINES`, then the number of the rest."""
     rest = [x for x in value_warnings(joint) if x != reason]
     others = len(other_warnings(joint))
     critical = [x for x in rest if x.severity is Severity.CRITICAL]
@@ -216,7 +218,7 @@ def _rest(joint: Joint, reason: Finding | None) -> Iterator[str]:
 
 
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
-    """Whether to use each joint's values; then to what its friction is known, and why it is not to be used where it is not."""
+    """The verdicts; then how well each joint's friction is known, and why it is not to be used."""
     yield from verdicts(joints)
     for joint in joints:
         why = verdict(joint).reason
@@ -224,7 +226,7 @@ def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
 
 
 def checks(joint: Joint) -> Iterator[str]:
-    """Each fit of a joint beside a full nonlinear one on the same data."""
+    """Each fit of a joint compared with a full nonlinear one on the same data."""
     for direction, check in joint.crosscheck.items():
         yield from _check(f"{joint.name} {direction}", "the grid", check, direction)
     if joint.tracking is not None and joint.tracking.crosscheck is not None:
@@ -234,10 +236,7 @@ def checks(joint: Joint) -> Iterator[str]:
 
 
 def law_lines(joints: Sequence[Joint]) -> Iterator[str]:
-    """The friction laws side by side, joint by joint, the lowest BIC first; then which the data want, and why.
-
-    Parameters fitted, BIC above the lowest, the error at speeds that were left out, and the weight.
-    """
+    """The friction laws of each joint by BIC: parameters, BIC above the lowest, error at left-out speeds, weight."""
     for joint in joints:
         found = joint.laws
         if found is None:

@@ -5,6 +5,7 @@ from functools import partial
 
 from matplotlib.figure import Figure
 
+from bristle.identification.curve import friction_points
 from bristle.identification.results import Joint
 from bristle.page.page import Drawing, begun
 from bristle.questions.joint_report import interval_sections, moving_sections, presliding_sections, static_figures
@@ -25,11 +26,12 @@ _LABELS = {"small": "small curve", "tracking-velocity": "tracking over velocity"
 
 
 def drawings(joint: Joint, share: Share = map) -> dict[str, Drawing]:
-    """Each by its kind, which is its name here, without a caption; whoever shares the work begins to draw."""
+    """The figures by kind, without captions; they begin to be drawn by `share`."""
     found = {
         kind: Drawing(partial(draw, joint), kind, f"{_LABELS.get(kind, kind)} of {joint.name}")
         for kind, draw in DRAW.items()
-        if joint.static or kind not in ("small", "curve")  # others draw nothing where there is nothing to draw
+        if friction_points(joint)
+        or kind not in ("small", "curve")  # others draw nothing where there is nothing to draw
     }
     for fit, draw_intervals in interval_sections.figures(joint).items():
         kind = f"uncertainty-{fit}"

@@ -1,4 +1,4 @@
-"""What the page shows of every interval three ways - covariance, profile, bootstrap - and of how the runs scatter beside them."""
+"""Sections on intervals by covariance, profile and bootstrap, and on the scatter of the runs."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -27,14 +27,12 @@ INTRO = (
     "moving runs that by covariance. Where the bounds differ by more than 1.5x, the last column says why."
 )
 _COLOURS = dict(zip(WAYS, ("#000000", "#0072B2", "#D55E00"), strict=True))
-_TOP = 2.4
-"""How high the profile is drawn, in thresholds."""
-_FEW = 20
-"""Points of a profile below which they are drawn as such, with a curve through them."""
+_TOP = 2.4  # height of the drawn profile, thresholds
+_FEW = 20  # points of a profile below which they are drawn, with a curve through them
 
 
 def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
-    """A table per fit with each interval in one cell, the scatter of the runs, and a figure per fit."""
+    """A table per fit, the scatter of the runs, and a figure per fit."""
     every, sections = list(interval_rows(joint)), list[Section]()
     for fit, rows in groupby(every, key=lambda row: row.fit):
         cells = [
@@ -88,7 +86,7 @@ def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
 
 
 def figures(joint: Joint) -> dict[str, Callable[[], Figure]]:
-    """What draws each fit's parameters, a panel each, by a name for its file."""
+    """Functions that draw each fit's parameters, by name of the file."""
     found: dict[str, list[IntervalRow]] = {}
     for row in interval_rows(joint):
         side = {"+": "-positive", "-": "-negative"}.get(row.direction, f"-{row.direction}")
@@ -98,7 +96,7 @@ def figures(joint: Joint) -> dict[str, Callable[[], Figure]]:
 
 @styled
 def uncertainty_figure(joint: Joint, own: Sequence[IntervalRow]) -> Figure:
-    """A panel per parameter: the profile with its threshold, the bootstrap's draws, and the three intervals as bars beneath."""
+    """A panel per parameter: profile with threshold, bootstrap draws, and the three intervals as bars below."""
     count = (len(own) + 1) // 2
     height = 1.1 + 2.6 * count
     figure = new_figure(height)
@@ -118,15 +116,18 @@ def uncertainty_figure(joint: Joint, own: Sequence[IntervalRow]) -> Figure:
 
 def _panel(ax: Axes, row: IntervalRow) -> None:
     three, value = row.three, row.estimate.value
-    low, high = _span(row)
+    # The panel holds the finite ends of the intervals and the estimate, with a margin.
+    ends = [end for way in WAYS for end in getattr(three, way) or () if np.isfinite(end)]
+    ends += [value] if value is not None else []
+    low, high = min(ends, default=0.0), max(ends, default=1.0)
+    margin = 0.35 * (high - low) or 0.1 * abs(high) or 1.0
+    low, high = max(low - margin, 0.0) if low >= 0 else low - margin, high + margin
     ax.set_xlim(low, high)
     if low > 0 and high > 8 * low:
         decimal_log(ax)
     else:
         ax.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
-    if three.draws.size and high - low > 1e-12 * abs(
-        high
-    ):  # which floating point divides; data without noise have less
+    if three.draws.size and high - low > 1e-12 * abs(high):  # data without noise have less
         inside = three.draws[(three.draws >= low) & (three.draws <= high)]
         counts, edges = np.histogram(inside, 24, (low, high))
         ax.stairs(1.9 * counts / max(counts.max(), 1), edges, fill=True, color="#cccccc", label="bootstrap draws")
@@ -137,8 +138,15 @@ def _panel(ax: Axes, row: IntervalRow) -> None:
     for k, way in enumerate(WAYS):
         interval = getattr(three, way)
         if interval is not None:
-            ends = np.clip(interval, low, high)
-            ax.plot(ends, [-0.3 - 0.28 * k] * 2, LINES[k], marker="|", color=_COLOURS[way], linewidth=2, label=way)
+            ax.plot(
+                np.clip(interval, low, high),
+                [-0.3 - 0.28 * k] * 2,
+                LINES[k],
+                marker="|",
+                color=_COLOURS[way],
+                linewidth=2,
+                label=way,
+            )
     if value is not None:
         ax.axvline(value, color="black", linewidth=0.8, linestyle="--", label="_estimate")
     ax.set_ylim(-1.15, _TOP)
@@ -148,10 +156,7 @@ def _panel(ax: Axes, row: IntervalRow) -> None:
 
 
 def _smooth(curve: Array, value: float | None) -> Array:
-    """A profile of few points through more, (2, k): its root, with a sign, is nearly a line.
-
-    Values that stopped at a physical bound, and are there more than once, count once.
-    """
+    """A profile of few points, interpolated by its signed root, which is nearly a line, (2, k)."""
     curve = curve[:, np.isfinite(curve).all(axis=0)]
     curve = curve[:, np.unique(curve[0], return_index=True)[1]]
     if not 2 < curve.shape[1] < _FEW or value is None:
@@ -159,12 +164,3 @@ def _smooth(curve: Array, value: float | None) -> Array:
     x = np.linspace(curve[0, 0], curve[0, -1], 4 * _FEW)
     root = PchipInterpolator(curve[0], np.sign(curve[0] - value) * np.sqrt(np.maximum(curve[1], 0.0)))(x)
     return np.stack([x, root**2])
-
-
-def _span(row: IntervalRow) -> tuple[float, float]:
-    """What a panel shows: the finite ends of the three intervals and the estimate, with a margin."""
-    ends = [end for way in WAYS for end in getattr(row.three, way) or () if np.isfinite(end)]
-    ends += [row.estimate.value] if row.estimate.value is not None else []
-    low, high = min(ends, default=0.0), max(ends, default=1.0)
-    margin = 0.35 * (high - low) or 0.1 * abs(high) or 1.0
-    return (max(low - margin, 0.0) if low >= 0 else low - margin), high + margin

@@ -1,4 +1,4 @@
-"""What the pages show of moving runs: both fits side by side, hold-out runs, what counts added, and the figures."""
+"""Sections and figures on moving runs: both fits, hold-out runs, bias by encoder counts."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -23,20 +23,16 @@ from bristle.page.wording import FITS, MISSING, axis, counted, in_print, number,
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.sentences import biased, pair, reached
 
-SPAN = 3.0
-"""Longest piece of a run drawn over time, s."""
-MOST = 400
-"""Points of each kind drawn; denser data are thinned evenly, which the caption says."""
-_LEAD = 0.25
-"""How long before a reversal a piece may begin, s."""
+SPAN = 3.0  # longest piece of a run drawn over time, s
+MOST = 400  # points of each kind drawn
+_LEAD = 0.25  # time before a reversal at which a piece may begin, s
 _BANDS, _MARKERS, _LINES = ("#0072B2", "#D55E00", "#000000"), ("o", "s", "^"), ("-", "--", ":")
-_LOADS = {"link_load": "gravity and link", "motor_load": "motor", "gear_load": "gear"}
-"""What each load is the torque of."""
+_LOADS = {"link_load": "gravity and link", "motor_load": "motor", "gear_load": "gear"}  # torques of each load
 _GREY, _BLUE, _VERMILION = "#999999", "#0072B2", "#D55E00"
 
 
 def course(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing | None:
-    """The run over time, where its reversals are strongest; None where nothing was fitted."""
+    """The run vs time where its reversals are strongest; None without a fit."""
     fit = joint.moving
     if fit is None or not fit.time.size:
         return None
@@ -53,18 +49,17 @@ def course(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing | None:
 
 
 def _name(joint: Joint) -> str:
-    """Of the fit to use."""
     return FITS["tracking" if joint.joint_fit is None else "joint"]
 
 
 def _left(joint: Joint, fit: TrackingFit) -> str:
-    """What the fit leaves."""
+    """The error of the fit in a sentence."""
     rms = f"{number(fit.rms, 2)} {pretty(unit(fit.quantity, joint.kind))}"
     return sentence(f"the model leaves {rms} RMS, {number(fit.relative_error, 2)} % of the {fit.quantity}")
 
 
 def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
-    """All of it; empty without moving runs."""
+    """The sections; empty without moving runs."""
     if joint.tracking is None:
         return []
     fits, torque = moving_fits(joint), joint.tracking.quantity == "torque"
@@ -76,7 +71,7 @@ def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
         )
     priors = " The joint fit adds the estimates of the other stages, with their uncertainty."
     shared = "± one standard error; parameters shared by both directions have no sign."
-    rows = []  # of each fit the value with its standard error, and the interval
+    rows = []
     for name in dict.fromkeys(name for fit in fits.values() for name in fit.parameters):
         estimates = [fit.parameters.get(name) for fit in fits.values()]
         row = {"parameter": str(name), "unit": next(e.unit for e in estimates if e is not None)}
@@ -117,7 +112,6 @@ def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
 
 
 def _said(joint: Joint, fit: TrackingFit) -> tuple[Said, ...]:
-    """One fit in words."""
     rms = f"{number(fit.rms, 3)} {pretty(unit(fit.quantity, joint.kind))}"
     windows = f", simulated in {fit.windows} windows" if fit.windows else ""
     said: list[Said] = [
@@ -136,13 +130,13 @@ def _said(joint: Joint, fit: TrackingFit) -> tuple[Said, ...]:
 
 
 def stretches(fit: TrackingFit) -> list[slice]:
-    """The equations of each stretch; between two stretches time and bristle state jump."""
+    """The equations of each stretch, between which time and bristle state jump."""
     ends = (*fit.starts_of_runs[1:], fit.time.size)
     return [slice(start, stop) for start, stop in zip(fit.starts_of_runs, ends, strict=True) if stop > start]
 
 
 def window(fit: TrackingFit) -> slice:
-    """The piece of at most SPAN seconds, within one stretch, whose reversals are the strongest: the largest sum of |dv/dt| where v changes sign."""
+    """The piece of a stretch, at most SPAN long, with the largest sum of |dv/dt| where v changes sign."""
     found = []
     for own in stretches(fit):
         t, v = fit.time[own], fit.velocity[own]
@@ -161,7 +155,7 @@ def window(fit: TrackingFit) -> slice:
 
 @styled
 def course_figure(joint: Joint) -> Figure | None:
-    """Measured and predicted torque (or position) over time around the strongest reversals, residuals beneath; None without moving runs."""
+    """Measured and predicted torque (or position) vs time at the strongest reversals; None without a fit."""
     fit = joint.moving
     if fit is None or not fit.time.size:
         return None
@@ -173,7 +167,7 @@ def course_figure(joint: Joint) -> Figure | None:
 
 @styled
 def velocity_figure(joint: Joint) -> Figure | None:
-    """Measured and predicted torque (or position) of all moving runs over velocity, residuals beneath, as points; None without moving runs."""
+    """Measured and predicted torque (or position) of moving runs vs velocity, and residuals; None without a fit."""
     fit = joint.moving
     if fit is None or not fit.time.size:
         return None
@@ -184,7 +178,7 @@ def velocity_figure(joint: Joint) -> Figure | None:
 
 
 def _compared(joint: Joint, fit: TrackingFit, over: str, k: Any, looks: tuple[dict[str, Any], ...]) -> Figure:
-    """What was measured and is predicted above, residuals below, of some equations over one axis; how the three look."""
+    """Measured and predicted values of the equations k above, residuals below; `looks`: of the three."""
     figure, (above, below) = panels(5.2, joint.name, joint.simulated, 2, sharex=True, height_ratios=(5, 4))
     below.axhline(0.0, color="#666666", linewidth=0.8, label="_zero")
     x, torque, residual = getattr(fit, over)[k], fit.measured[k], fit.residuals[k]
@@ -203,15 +197,15 @@ def _compared(joint: Joint, fit: TrackingFit, over: str, k: Any, looks: tuple[di
 
 @styled
 def load_figure(joint: Joint) -> Figure | None:
-    """Friction along the motion vs the load that it rises with, in three bands of speed, each with the model's line; None without such a load."""
+    """Friction vs load in three bands of speed, each with the model's line; None without a load."""
     fit = joint.moving
     if fit is None or not fit.load.size:
         return None
     figure, (ax,) = panels(3.6, joint.name, joint.simulated)
-    # The model in steady sliding, of the positive or the only direction, and what the load adds to it.
+    # The model in steady sliding, of the positive or the only direction, and its rise with load.
     p = next((p for d in ("both", "+", "-") if (p := fit.values(d)) is not None), None)
     rise = {name.name: x for name, x in fit.known.items() if of_load(name.name)}
-    # Three bands of speed that hold the faster three quarters of the equations alike.
+    # Three bands of speed with equal numbers of the faster three quarters of the equations.
     ends: list[float] = np.quantile(np.abs(fit.velocity), [0.25, 0.5, 0.75, 1.0]).tolist()
     for (low, high), colour, marker, line in zip(pairwise(ends), _BANDS, _MARKERS, _LINES, strict=True):
         inside = (np.abs(fit.velocity) >= low) & (np.abs(fit.velocity) <= high)

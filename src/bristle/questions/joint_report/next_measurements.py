@@ -1,4 +1,4 @@
-"""What to measure next: what would remove the warnings, in speeds and files that a user can set."""
+"""Advice on what to measure next, to remove warnings."""
 
 from collections.abc import Iterator
 
@@ -10,12 +10,11 @@ from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import units_of
 
-WIDE = 0.15
-"""A standard error above this share of its value is called wide."""
+WIDE = 0.15  # least relative standard error that is called wide
 
 
 def next_measurements(joint: Joint) -> tuple[Finding, ...]:
-    """Which runs would help most, each with its range; empty where there is nothing to warn of. That of a static fit has it as its subject."""
+    """Runs that would help most, with their range; advice on a static fit has it as its subject."""
     advice: list[Finding] = []
     for d, fit in joint.static.items():
         if d != "shared":
@@ -40,7 +39,7 @@ def next_measurements(joint: Joint) -> tuple[Finding, ...]:
 
 
 def _of_moving(joint: Joint) -> Iterator[Finding]:
-    """What moving runs leave open, and which motion would show it."""
+    """Parameters that moving runs leave open, and motions that would determine them."""
     fit = joint.moving
     if fit is None:
         return
@@ -76,7 +75,7 @@ def _of_fit(joint: Joint, fit: StaticFit) -> Iterator[Finding]:
         spread = "evenly spread in log(v) over two decades or what the joint allows"
         yield Finding("measure-speeds", NOTE, f"Measure at least eight constant speeds, {spread}.")
         return
-    # The slowest speed worth asking for: a hundredth of the fastest seen, and clear of where the joint sticks and slips.
+    # The slowest speed to ask for: a hundredth of the fastest one, and above speeds of stick-slip.
     signs = {1.0, -1.0} if fit.direction == "both" else {1.0 if fit.direction == "+" else -1.0}
     sticking = [abs(s.velocity) for s in joint.segments if s.stick_slip and np.sign(s.velocity) in signs]
     slowest, fast = float(speeds.min()), float(speeds.max())
@@ -113,7 +112,7 @@ def _of_fit(joint: Joint, fit: StaticFit) -> Iterator[Finding]:
 
 
 def _between(low: float, high: float, floor: float) -> tuple[float, float]:
-    """A range of speeds from `low`, or `floor` where that is higher, to `high`, or to what leaves room for five speeds."""
+    """A range of speeds from `low`, at least `floor`, to `high`, with room for five speeds."""
     low = max(low, floor)
     digit = 10.0 ** (np.floor(np.log10(low)) - 1)
     rounded_up = float(np.ceil(low / digit * (1 - 1e-12)) * digit)  # to two digits, never less than it is

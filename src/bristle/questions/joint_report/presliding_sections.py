@@ -1,4 +1,4 @@
-"""What the pages show of presliding runs: sigma_0 by four methods, breakaway and hysteresis, with their figures."""
+"""Sections and figures on presliding runs: sigma_0 by four methods, breakaway and hysteresis."""
 
 from collections.abc import Iterator, Mapping
 
@@ -14,38 +14,23 @@ from bristle.identification.results import Joint
 from bristle.model.functions import loading_displacement_function
 from bristle.model.parameters import unit
 from bristle.model.vectorize import evaluate
+from bristle.page import wording
 from bristle.page.page import Drawing
 from bristle.page.report import Section, Table
 from bristle.page.said import Said
 from bristle.page.style import MOST_POINTS, panels, styled, thinned
-from bristle.page.wording import (
-    METHODS,
-    WORK,
-    axis,
-    counted,
-    direction,
-    in_print,
-    measured,
-    number,
-    pretty,
-    sentence,
-    shortened,
-    span,
-)
+from bristle.page.wording import METHODS, axis, direction, in_print, measured, number, pretty, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.sentences import bias, choice, level, pair
 
-MOST_LOOPS = 3
-"""Closed cycles drawn; the others stand in the table, which the caption says."""
+MOST_LOOPS = 3  # closed cycles drawn
 _GREY = "#999999"
-_CURVES = {"printed": (":", "#D55E00"), "samples": ("--", "#0072B2"), "edges": ("-", "#000000")}
-"""Line and colour of the methods that are drawn; the inverse of (14) would lie among them and show nothing new."""
-_ABOVE = 1 + np.geomspace(1e-3, 20.0, 80)
-"""Times the largest torque held: the g0 that are tried where none is known, from just above it to a curve that is straight."""
+_CURVES = {"printed": (":", "#D55E00"), "samples": ("--", "#0072B2"), "edges": ("-", "#000000")}  # methods drawn
+_ABOVE = 1 + np.geomspace(1e-3, 20.0, 80)  # values of g0 that are tried where none is known, over the largest torque
 
 
 def presliding(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
-    """All of it; empty without presliding runs."""
+    """The sections; empty without presliding runs."""
     slow = joint.presliding
     if slow is None:
         return []
@@ -59,7 +44,6 @@ def presliding(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
 
 
 def _stiffness(joint: Joint, slow: Presliding) -> Section:
-    """sigma_0 side by side, and each direction in words."""
     frame = tables.presliding([joint])
     frame.insert(3, "recommended", frame.pop("recommended"))
     notes = [
@@ -71,26 +55,23 @@ def _stiffness(joint: Joint, slow: Presliding) -> Section:
         notes.append("True: the value that was simulated. Error: (value − true) / true.")
     facts: list[tuple[str, tuple[Said, ...]]] = []
     for fit in slow.fits.values():
-        prior, counts = fit.sigma_1, counted(fit.counts, "count edge")
+        prior, counts = fit.sigma_1, wording.counted(fit.counts, "count edge")
         damping = "none" if prior.value is None else f"{pair(prior)} {pretty(prior.unit)}"
         said = (
-            f"{in_print(choice(fit))} {counted(len(fit.loadings), 'loading')} and {counts} crossed.",
+            f"{in_print(choice(fit))} {wording.counted(len(fit.loadings), 'loading')} and {counts} crossed.",
             f"g₀ = {pretty(level(fit, joint.kind))}, from {in_print(fit.level_source)}.",
             f"Bias of (14) as printed with this encoder: {in_print(bias(fit, joint.kind))}",
             f"σ₁ of an assumed damping ratio: {damping}.",
         )
         facts.append((direction(fit.direction), (*said, *prior.warnings)))
     return Section(
-        "Stiffness",
-        text="" if slow.fits else "No σ₀: see below for what is missing.",
-        facts=tuple(facts),
+        "Stiffness", text="" if slow.fits else "No σ₀: see below for what is missing.", facts=tuple(facts),
         table=Table("presliding", "Stiffness by four methods", part=frame, note=" ".join(notes)),
         form="part",
-    )
+    )  # fmt: skip  # a list of values
 
 
 def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawing]:
-    """The loadings and the closed cycles."""
     found = "; ".join(
         f"{direction(d)}: σ₀ = {measured(fit.sigma_0.value, fit.sigma_0.standard_error)} {pretty(fit.sigma_0.unit)}"
         for d, fit in slow.fits.items()
@@ -102,12 +83,12 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawi
         "methods; they level off at g₀ (where it is a lower bound alone, at the one above it with which σ₀ fits the "
         "edges best), and end with the displacement that was measured."
     )
-    yield figures["presliding"]._replace(caption=sentence(found), how=how)
+    yield figures["presliding"]._replace(caption=wording.sentence(found), how=how)
     losses = [x.loss for x in slow.loops]
     if not losses:
         return
     least, most = number(min(losses), 2), number(max(losses), 2)
-    lost = f"{least if least == most else f'{least} to {most}'} {WORK} lost in {counted(len(losses), 'closed cycle')}."
+    lost = f"{least if least == most else f'{least} to {most}'} {wording.WORK} lost in {wording.counted(len(losses), 'closed cycle')}."
     how = (
         "Closed cycles of torque vs displacement (grey), from one peak of the torque to the next of the same sign. "
         "Solid: regression of torque on displacement; dashed: one over the regression of displacement on torque; "
@@ -119,7 +100,6 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawi
 
 
 def _amplitudes(joint: Joint, slow: Presliding) -> Iterator[Section]:
-    """Stiffness vs amplitude; the unit of stiffness stands below the table, which is narrow so."""
     frame = tables.stiffness([joint])
     if frame.empty:
         return
@@ -156,7 +136,7 @@ def _breakaway_and_cycles(joint: Joint, slow: Presliding) -> Iterator[Section]:
     columns = {
         "file": "file", "samples": "samples", "counts": "counts", "torque_amplitude": f"± torque ({torque})",
         "displacement_amplitude": f"± displacement ({position})", "slope": "regression", "inverse_slope": "inverse",
-        "secant": "secant", "loss": f"loss per cycle ({WORK})",
+        "secant": "secant", "loss": f"loss per cycle ({wording.WORK})",
     }  # fmt: skip  # a table of words
     how = (
         "Regression of torque on displacement, inverse regression and secant, in "
@@ -168,12 +148,12 @@ def _breakaway_and_cycles(joint: Joint, slow: Presliding) -> Iterator[Section]:
 
 
 def displacement(T: Array, g0: float, sigma_0: float) -> Array:
-    """How far slow loading from rest to torque T (N*m, below g0) moves the joint, rad, shape of T."""
+    """Displacement of slow loading from rest to torque T (N*m, below g0), rad, shape of T."""
     return evaluate(loading_displacement_function(), T, g0, sigma_0)[0]
 
 
 def level_drawn(fit: PreslidingFit) -> float:
-    """g0 of the curves, N*m: where it is a lower bound alone, the one with which the recommended sigma_0 comes nearest to the count edges."""
+    """g0 of the curves, N*m; for a lower bound the value with which sigma_0 fits the count edges best."""
     sigma_0 = fit.sigma_0.value
     if np.isfinite(fit.level_standard_error) or not sigma_0 or sigma_0 <= 0:
         return fit.level
@@ -189,10 +169,9 @@ def level_drawn(fit: PreslidingFit) -> float:
 
 
 def rest(loading: Loading, fit: PreslidingFit) -> float:
-    """Where the joint rested, rad from the start of the loading as the encoder tells it, by the recommended sigma_0.
+    """Rest position of the joint by the recommended sigma_0, rad from the start of the loading; 0 without a sigma_0.
 
-    The mean over the count edges (over the samples, where no edge was crossed) of what was travelled less what the torque there takes, each
-    weighted by the inverse variance that equal noise in the torque gives it, (1 - T / g0)**2. Zero where there is no sigma_0.
+    Mean over the count edges, or samples without any, of displacement less that of the model, weighted by (1 - T / g0)**2.
     """
     sigma_0, level = fit.sigma_0.value, level_drawn(fit)
     for y, T in ((loading.edge_displacement, loading.edge_torque), (loading.displacement, loading.torque)):
@@ -205,17 +184,17 @@ def rest(loading: Loading, fit: PreslidingFit) -> float:
 
 @styled
 def presliding_figure(joint: Joint) -> Figure | None:
-    """Per direction the loadings, each from its fitted rest, with count edges and the curves of three methods; None without presliding fits."""
+    """The loadings of each direction from their rest positions, with count edges and curves; None without a fit."""
     fits = list(joint.presliding.fits.values()) if joint.presliding else []
     if not fits:
         return None
     figure, axes = _panels(joint, len(fits), 1.1 + 2.9 * len(fits), "displacement from rest")
     for ax, fit in zip(axes, fits, strict=True):
         _loadings(ax, fit)
-        # y(T) of the methods up to the displacement that was measured, and the level at which they slide.
+        # y(T) of the methods up to the measured displacement, and the level g0.
         measured = max((float(x.displacement.max(initial=0.0)) - rest(x, fit) for x in fit.loadings), default=0.0)
         level = level_drawn(fit)
-        T = level * (1 - np.geomspace(1.0, 1e-3, 200))  # close to g0, which the curves reach nowhere
+        T = level * (1 - np.geomspace(1.0, 1e-3, 200))
         for name, (line, colour) in _CURVES.items():
             sigma_0 = getattr(fit, name).value
             if sigma_0 is not None and sigma_0 > 0:
@@ -231,7 +210,7 @@ def presliding_figure(joint: Joint) -> Figure | None:
 
 
 def _panels(joint: Joint, count: int, height: float, along: str) -> tuple[Figure, list[Axes]]:
-    """A figure of this height, inches, with panels of torque one below the other under the joint's name."""
+    """A figure of this height, inches, with panels of torque vs displacement."""
     figure, axes = panels(height, joint.name, joint.simulated, count)
     for ax in axes:
         ax.set(xlabel=axis(along, joint.kind), ylabel=axis("torque", joint.kind))
@@ -240,7 +219,7 @@ def _panels(joint: Joint, count: int, height: float, along: str) -> tuple[Figure
 
 
 def _legend(figure: Figure, rows: int) -> None:
-    """One for all panels, below them, in two columns; and room on the right for a tick at the frame's end."""
+    """A legend below all panels in two columns, and room on the right for a tick label."""
     named = {label: handle for ax in figure.axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
     width, height = figure.get_size_inches()
     figure.subplots_adjust(right=1 - 0.35 / width, hspace=0.46, bottom=(0.65 + 0.24 * rows) / height)
@@ -248,14 +227,14 @@ def _legend(figure: Figure, rows: int) -> None:
 
 
 def _loadings(ax: Axes, fit: PreslidingFit) -> None:
-    """Each as thin steps from its rest position, with the edges that it crossed."""
+    """The loadings from their rest positions, with count edges."""
     edges = [np.zeros((2, 0))]
     for k, loading in enumerate(fit.loadings):
         start = rest(loading, fit)
         kept = thinned(loading.torque.size, max(MOST_POINTS // len(fit.loadings), 60))
         label = "_loadings" if k else "loadings"
         ax.plot(loading.displacement[kept] - start, loading.torque[kept], "-", color=_GREY, linewidth=0.7, label=label)
-        shown = thinned(loading.edge_torque.size, max(90 // len(fit.loadings), 4))  # which the caption says
+        shown = thinned(loading.edge_torque.size, max(90 // len(fit.loadings), 4))
         edges.append(np.array([loading.edge_displacement[shown] - start, loading.edge_torque[shown]]))
     y, T = np.concatenate(edges, axis=1)
     if y.size:
@@ -264,7 +243,7 @@ def _loadings(ax: Axes, fit: PreslidingFit) -> None:
 
 @styled
 def hysteresis_figure(joint: Joint) -> Figure | None:
-    """Closed cycles of torque over displacement, with regression, inverse regression and secant of each; None without one."""
+    """Closed cycles of torque vs displacement, with regression, inverse regression and secant; None without any."""
     loops = joint.presliding.loops[:MOST_LOOPS] if joint.presliding else ()
     if not loops:
         return None
@@ -282,7 +261,7 @@ def hysteresis_figure(joint: Joint) -> Figure | None:
         if loop.secant is not None:
             k = [int(T.argmin()), int(T.argmax())]
             ax.plot(y[k], loop.torque[k], ":o", color="#D55E00", linewidth=1.6, markersize=4, label="secant")
-        name = f"{shortened(loop.file, 32, end=True)}\nsamples {loop.start}-{loop.stop}"
+        name = f"{wording.shortened(loop.file, 32, end=True)}\nsamples {loop.start}-{loop.stop}"
         ax.text(0.02, 0.96, name, transform=ax.transAxes, va="top", fontsize=9)
     _legend(figure, 2)
     return figure

@@ -1,5 +1,6 @@
 """The report of joints that were identified: the answer, then a page for each thing that it rests on."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib import resources
@@ -24,7 +25,7 @@ from bristle.page.report import Answer, Answered, Cell, Page, Report, Section, T
 from bristle.page.said import Link, Mark, Said
 from bristle.page.wording import FITS, counted, direction, in_print, in_symbols, measured, number, pretty, slugs, span
 from bristle.questions.joint_report import moving_sections, presliding_sections, static_sections, tables
-from bristle.questions.joint_report.brief import decided
+from bristle.questions.joint_report.brief import decided, friction_line, states_errors
 from bristle.questions.joint_report.figures import drawings
 from bristle.questions.joint_report.interval_sections import INTRO, intervals
 from bristle.questions.joint_report.next_measurements import next_measurements
@@ -109,7 +110,11 @@ def report(
         picture = static_sections.curve(joints[0], figures[names[0]])
         sections.append(Section("The fit in a picture", figure=picture))
     of = {joint.name: f"{joint.name}, " if len(joints) > 1 else "" for joint in joints}
-    facts = [(f"{of[joint.name]}{about}", in_print(told)) for joint in joints for about, told in decided(joint)]
+    facts = [
+        (f"{of[joint.name]}{about}", in_print(told))
+        for joint in joints
+        for about, told in (*friction_line(joint), *decided(joint))
+    ]
     facts += [(f"{of[joint.name]}torque", in_print(joint.torque_scale)) for joint in joints if joint.torque_scale]
     cautions = tuple(
         replace(x, subject=(joint.name, *x.subject) if len(joints) > 1 else x.subject)
@@ -163,7 +168,7 @@ def _of_joint(joint: Joint, figures: _Figures) -> list[Section]:
         together = "; misses are not independent: the estimates of one direction come from the same data"
         more = together * bool(inside.mean() < 0.8)
         ended.append(("truth", f"{inside.sum()} of {len(inside)} true values lie inside their 95 % intervals{more}."))
-    drawn = static_sections.curve_and_residuals(joint, figures) if joint.static else ()
+    drawn = static_sections.curve_and_residuals(joint, figures) if "curve" in figures else ()
     course = moving_sections.course(joint, figures)
     critical = tuple(x for x in joint.all_warnings() if x.severity is CRITICAL)
     trusted: tuple[Said, ...] = (_mark(joint), *filter(None, (verdict(joint).reason,)))
@@ -226,7 +231,12 @@ def _answer(
         lines = []
         for d in [d for d in there if d in SIGNED] or there:
             of_law = fields_of(joint.law)
-            cells = (_cell(in_direction(rows, n, d), common, source) if n in of_law else Cell("") for n in names)
+            cells = (
+                _cell(in_direction(rows, n, d), common, source, stated=states_errors(joint))
+                if n in of_law
+                else Cell("")
+                for n in names
+            )
             lines.append(("+/−" if d == Direction.BOTH else direction(d).strip("()"), tuple(cells)))
         shown = f"{joint.name}{' (SIMULATED)' * (joint.simulated and mixed)}"
         place = Link(shown, f"joints.html#{known_as[joint.name]}--joint")
@@ -273,14 +283,18 @@ def _beside(joint: Joint, figures: _Figures) -> tuple[Cell | Drawing, ...]:
     )
 
 
-def _cell(row: Known | None, common: Mapping[str, str], source: str) -> Cell:
-    """Value and interval; the unit where the joints differ in it, the stage where the values come from several."""
-    if row is None or row.estimate.value is None:
+def _cell(row: Known | None, common: Mapping[str, str], source: str, *, stated: bool) -> Cell:
+    """Value and interval, or a bound; the unit where the joints differ in it, the stage where the values come from several."""
+    if row is None:
         return Cell(_NONE)
-    e = row.estimate
-    value = measured(e.value, e.total_error)
-    below = (span(e.interval), *[FITS.get(row.source, row.source)] * (not source))
-    return Cell(value if common.get(row.parameter.name) else f"{value} {pretty(e.unit)}", below)
+    e, unit_of = row.estimate, "" if common.get(row.parameter.name) else f" {pretty(row.estimate.unit)}"
+    if e.value is None:
+        low, high = e.interval or (0.0, math.inf)
+        return (
+            Cell(f"< {number(high, 3)}{unit_of}", ("95 %",)) if stated and low == 0 and high < math.inf else Cell(_NONE)
+        )
+    below = (span(e.interval) if stated else "error not stated", *[FITS.get(row.source, row.source)] * (not source))
+    return Cell(f"{measured(e.value, e.total_error) if stated else number(e.value, 3)}{unit_of}", below)
 
 
 def _data(joint: Joint, _: _Figures) -> list[Section]:
@@ -344,7 +358,7 @@ def _method() -> tuple[Section, ...]:
         f"{least} N·m, for vₛ = {FIG_1_V_S[1]} rad/s. Computed from (9), no data: α₀ = {FIG_1.alpha_0}, "
         f"α₁ = {FIG_1.alpha_1}, α₂ = {FIG_1.alpha_2} as in the paper; the three vₛ are assumed: the paper names none."
     )
-    shape = Drawing(stribeck_figure, "fig1-stribeck", "the steady-state curve", caption, paper="Fig. 1")
+    shape = Drawing(stribeck_figure, "paper-fig1-stribeck", "the steady-state curve", caption, paper="Fig. 1")
     return steps, Section("The shape of the curve", figure=shape), opened
 
 

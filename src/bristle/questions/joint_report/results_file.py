@@ -19,15 +19,15 @@ COLUMNS = (
 
 
 def schema() -> dict[str, Any]:
-    """The JSON schema of `results.json`; bristle writes every field, and so every field is required."""
+    """The JSON schema of `results.json`; every field is required."""
     return schema_of(adapter(), "bristle-results/3")
 
 
 def to_json(joints: Sequence[Joint], experiments: Sequence[WrittenExperiment] = ()) -> str:
     """`results.json` of schema bristle-results/3.
 
-    Floats keep every digit. A bound that is open is "inf" or "-inf"; what does not exist is null. Warnings and outcomes
-    have their code, severity, message and numbers. What has an entry per sample stands apart, under `samples`.
+    Floats keep all digits. An open bound is "inf" or "-inf"; a missing value is null. Fields with an entry per sample
+    are under `samples`.
     """
     document = Document(
         bristle=__version__,
@@ -39,11 +39,11 @@ def to_json(joints: Sequence[Joint], experiments: Sequence[WrittenExperiment] = 
 
 
 def to_frame(joints: Sequence[Joint]) -> "pd.DataFrame":
-    """One row per joint, direction, parameter and source: value, unit, standard_error, lower, upper, warnings (joined by `; `).
+    """One row per joint, direction, parameter and source: value, unit, standard_error, lower, upper, warnings.
 
-    What does not exist is nan; a bound that is open is infinite. Where a constant has an error, `systematic` stands behind `standard_error`.
-    Where anything but the static fits was found, `source` says which stage a row comes from: `static`, `presliding`, and `joint` (all runs at
-    once) or, without a joint fit, `tracking` (the moving runs alone); and `use` which row of several of a parameter has the value to use.
+    A missing value is nan, an open bound infinite. Where a constant has an error, there is `systematic`. With other fits
+    than static ones, there are `source`, the stage of a row: `static`, `presliding`, `joint` (all runs at once) or
+    `tracking` (moving runs alone); and `use`, whether a row has the value to use.
     """
     frame = estimates(joints)
     rows = [(joint.name, row) for joint in joints for row in chosen(joint)]
@@ -54,18 +54,18 @@ def to_frame(joints: Sequence[Joint]) -> "pd.DataFrame":
 
 
 def estimates(joints: Sequence[Joint]) -> "pd.DataFrame":
-    """The rows of `to_frame`, `source` included whatever was found."""
+    """The rows of `to_frame`, always with `source`."""
     rows = []
     for joint in joints:
         rows += [(joint, row) for row in stage_estimates(joint)]
-        # The joint fit where there is one, else that of the moving runs alone.
+        # The joint fit, or else that of the moving runs alone.
         for source in list(moving_fits(joint))[-1:]:
             rows += [(joint, row) for row in moving_estimates(joint, source)]
     return _framed(rows)
 
 
 def identified(joints: Sequence[Joint]) -> "pd.DataFrame":
-    """One row per joint, direction and parameter, as `known_joint.chosen` has them."""
+    """One row per joint, direction and parameter, by `known_joint.chosen`."""
     return _framed((joint, row) for joint in joints for row in chosen(joint))
 
 

@@ -1,8 +1,11 @@
-"""What is said of moving runs and of presliding, in sentences that page and text share."""
+"""Sentences on moving runs and presliding, shared by page and text."""
 
 import math
 
+import numpy as np
+
 from bristle.findings import CAUTION, NOTE, Finding
+from bristle.identification.curve import stated_curve
 from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, StaticFit, TrackingFit
 from bristle.identification.known_joint import chosen, value_fits
 from bristle.identification.results import Joint
@@ -10,15 +13,11 @@ from bristle.identification.verdict import value_warnings
 from bristle.model.parameters import Kind, ParameterName, effort, unit
 from bristle.page.wording import METHODS, measured, number
 
-BIASED = 0.1
-"""Of a standard error: what encoder counts add is named where it is more."""
+BIASED = 0.1  # least bias by encoder counts that is named, in standard errors
 
 
 def known_to(joint: Joint, plus_minus: str = "±", *, beside: bool = False) -> str:
-    """To what friction is known, over which speeds, and what the fit leaves of the torque: the first line of an answer.
-
-    `beside`: held-out errors, and what is left of friction, stand beside it.
-    """
+    """How well friction is known, over which speeds, and the error of the torque, unless that is told `beside`."""
     known = joint.accuracy
     if known is None:
         told = any(row.parameter.name == "alpha_0" and row.estimate.value for row in chosen(joint))
@@ -29,8 +28,19 @@ def known_to(joint: Joint, plus_minus: str = "±", *, beside: bool = False) -> s
     to = f"to {plus_minus} {number(known.band, digits)} % (95 %)" if math.isfinite(known.band) else "to no stated error"
     ends = dict.fromkeys(number(x, 2) for x in (known.slowest, known.fastest))
     speeds = f"{'from' if len(ends) > 1 else 'at'} {' to '.join(ends)} {unit('v_s', joint.kind)}"
-    if any(w.code == "commands-at-once" for w in value_warnings(joint)):
-        speeds += ", ASSUMED commands are not held between samples"
+    # where the band is widest beside friction
+    v = np.geomspace(known.slowest, known.fastest, 50)
+    friction, half = stated_curve(joint, np.concatenate([v, -v]))
+    shares = np.nan_to_num(100 * half / np.abs(friction)).reshape(2, -1).max(axis=0)
+    if known.band < shares.max() / 2 < math.inf:
+        at = number(float(v[shares.argmax()]), 2)
+        speeds += f", at worst {plus_minus} {number(float(shares.max()), 2)} % at {at} {unit('v_s', joint.kind)}"
+    assumed = ["commands are not held between samples"] * any(
+        w.code == "commands-at-once" for w in value_warnings(joint)
+    )
+    if joint.torque_scale is not None and (exact := joint.torque_scale.numbers.get("exact")):
+        assumed.append(f"{exact} exact")
+    speeds += f", ASSUMED {' and '.join(assumed)}" if assumed else ""
     held = held_out(joint)
     left = error_left(joint)
     if left is None or (beside and held is not None):
@@ -43,30 +53,27 @@ def known_to(joint: Joint, plus_minus: str = "±", *, beside: bool = False) -> s
 
 
 def held_out(joint: Joint) -> float | None:
-    """The largest relative error of the values to use on runs that were not fitted, percent; None where there are none."""
+    """The largest relative error of the values to use on held-out runs, percent; None without such runs."""
     return max((x.relative_error for fit in value_fits(joint) for x in fit.hold_out), default=None)
 
 
 def error_left(joint: Joint) -> float | None:
-    """`held_out`, else the largest relative error on the fitted runs themselves."""
+    """`held_out`, or else the largest relative error on the fitted runs."""
     fitted = (fit.relative_error for fit in value_fits(joint) if fit.relative_error is not None)
     held = held_out(joint)
     return max(fitted, default=None) if held is None else held
 
 
 def friction_left(joint: Joint) -> float | None:
-    """What compensation by the values to use leaves of friction on the joint's own runs, at most: percent, root mean square.
+    """`error_left` relative to friction, percent: the friction that compensation leaves on the joint's own runs.
 
-    `error_left` relative to friction in place of the torque; None where either is not known, a position is predicted, or what was
-    fitted are averages at constant velocity, which say nothing of single samples.
+    None where it is not known, a position is predicted, or averages at constant velocity were fitted.
     """
     left, known = error_left(joint), joint.accuracy
     averages = any(isinstance(fit, StaticFit) and fit.segments for fit in value_fits(joint))
-    return (
-        None
-        if left is None or known is None or not known.share or averages or _of_position(joint)
-        else left / known.share
-    )
+    if left is None or known is None or not known.share or averages or _of_position(joint):
+        return None
+    return left / known.share
 
 
 def _of_position(joint: Joint) -> bool:
@@ -75,17 +82,17 @@ def _of_position(joint: Joint) -> bool:
 
 
 def pair(e: Estimate) -> str:
-    """Value and standard error, then the systematic error where there is one: 0.30 ± 0.01 ± 0.02 (systematic)."""
+    """Value, standard error and systematic error, if any: 0.30 ± 0.01 ± 0.02 (systematic)."""
     return measured(e.value, e.standard_error) + systematic(e, " ± {} (systematic)")
 
 
 def systematic(e: Estimate, words: str) -> str:
-    """The systematic error in two digits in some words; nothing where no constant has an error, or there is no value."""
+    """The systematic error in these words, if there is one."""
     return "" if e.systematic is None or e.value is None else words.format(number(e.systematic, 2))
 
 
 def biased(fit: TrackingFit) -> dict[ParameterName, str]:
-    """What encoder counts added to each parameter, -0.12 N*m/rad (-0.4 standard errors), where it is more than `BIASED` of one."""
+    """Bias by encoder counts above `BIASED`, by parameter: -0.12 N*m/rad (-0.4 standard errors)."""
     found = {}
     for name, added in fit.count_bias.items():
         e = fit.parameters.get(name)
@@ -95,14 +102,14 @@ def biased(fit: TrackingFit) -> dict[ParameterName, str]:
 
 
 def reached(fit: TrackingFit) -> str:
-    """How many starts found the lowest cost."""
+    """Number of starts that found the lowest cost."""
     if fit.starts == 1:
         return "Initialised at the other stages' estimates alone."
     return f"{fit.reached} of {fit.starts} starts reached the lowest cost."
 
 
 def cost_change(check: Crosscheck, first: str) -> str:
-    """How far the costs of the two routes are apart, and how many starts reached the lower one."""
+    """Relative difference of the two costs, and number of starts that reached the lower one."""
     change = check.cost_full / check.cost_grid - 1 if check.cost_grid else check.cost_full
     starts = f"{check.reached} of {check.starts} starts reached it"
     if not change:
@@ -111,7 +118,7 @@ def cost_change(check: Crosscheck, first: str) -> str:
 
 
 def agreement(joint: Joint) -> str | None:
-    """How many parameters agree between their own stage and the moving data; None where there is nothing to compare."""
+    """Number of parameters that agree between their own stage and the moving data; None without any."""
     known = {x.parameter: abs(x.difference_in_se) for x in joint.consistency if x.difference_in_se is not None}
     if not known:
         none = "The moving data show none of the parameters that the other stages know."
@@ -126,12 +133,12 @@ def agreement(joint: Joint) -> str | None:
 
 
 def methods(fit: PreslidingFit) -> dict[str, Estimate]:
-    """The estimates of sigma_0 by the name of their method, in the order of `METHODS`."""
+    """The estimates of sigma_0 by method, in the order of `METHODS`."""
     return {name: getattr(fit, name) for name in METHODS}
 
 
 def choice(fit: PreslidingFit) -> Finding:
-    """Which of the four to use, and why."""
+    """Which of the four estimates to use, and why."""
     if fit.sigma_0.value is None:
         least = (fit.sigma_0.interval or (math.nan,))[0]
         if math.isnan(least):
@@ -146,14 +153,14 @@ def choice(fit: PreslidingFit) -> Finding:
 
 
 def level(fit: PreslidingFit, kind: Kind) -> str:
-    """g0 with its error, or as the lower bound that it is, and its unit."""
+    """g0 with its error, or as a lower bound, and its unit."""
     at_least = math.isinf(fit.level_standard_error)
     value = measured(fit.level, None if at_least else fit.level_standard_error)
     return f"{'at least ' * at_least}{value} {unit('torque', kind)}"
 
 
 def bias(fit: PreslidingFit, kind: Kind) -> str:
-    """What (14) as printed would be off by with this encoder."""
+    """Bias of (14) as printed with this encoder."""
     if math.isnan(fit.bias_on_edge):
         return "unknown: that needs encoder counts and a sigma_0."
     return (

@@ -1,6 +1,6 @@
 """Results as matplotlib figures. Every axis carries quantity and unit; directions differ in colour, marker and line."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,13 +11,13 @@ from matplotlib.patches import Patch
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
-from bristle.identification.curve import band, curve, stated_curve
+from bristle.identification.curve import FrictionPoints, curve, drag_of, friction_points, stated_curve
 from bristle.identification.fits import StaticFit
 from bristle.identification.known_joint import as_identified
 from bristle.identification.results import Joint
 from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import Kind, Lugre, Stribeck, bends_down, static_of, unit
-from bristle.page.style import DIRECTION, LINES, Look, decimal_log, new_figure, panels, styled, thinned
+from bristle.model.parameters import SIGNED, Direction, Kind, Lugre, Stribeck, bends_down, static_of, unit
+from bristle.page.style import DIRECTION, LINES, decimal_log, new_figure, panels, styled, thinned
 from bristle.page.wording import axis, direction, number, pretty, shortened
 
 FIG_1 = Lugre(0.0194, 0.0055, 0.0394, 0.072, 20.0, 0.02)
@@ -54,10 +54,11 @@ def stribeck_figure() -> Figure:
 
 @styled
 def curve_figure(joint: Joint) -> Figure:
-    """Fig. 4 for a joint: points with error bars, fitted curve and 95 % band; below, both directions as magnitudes over log speed."""
+    """Fig. 4 for a joint: measured friction, the values to use and their stated 95 % band; below, both directions as magnitudes over log speed."""
     figure, (whole, slow) = panels(6.2, joint.name, joint.simulated, 2)
+    shown = friction_points(joint)
     # Rejected segments as crosses, accepted ones that were not fitted (held out) as diamonds.
-    fitted = {s.place for _, fit in _directions(joint) for s in fit.segments}
+    fitted = {s.place for x in shown for s in x.segments}
     groups = (
         ("rejected", "x", [s for s in joint.segments if not s.accepted]),
         ("held out", "D", [s for s in joint.segments if s.accepted and s.place not in fitted]),
@@ -66,20 +67,18 @@ def curve_figure(joint: Joint) -> Figure:
         if chosen:
             v, torque = np.array([(s.velocity, s.torque) for s in chosen]).T
             whole.plot(v, torque, marker, color="#666666", markerfacecolor="none", markersize=5, label=name)
-    _frame(whole, joint)
-    to_use = curves_to_use(joint)
-    strays = [(x.velocity, x.torque) for _, fit in _directions(joint) for x in fit.strays]
+    _frame(whole, joint, shown)
+    strays = [(x.velocity, x.torque) for fit in joint.static.values() for x in fit.strays]
     for ax, magnitude in ((whole, False), (slow, True)):
-        for d, fit in _directions(joint):
-            for sign in _signs(fit):
-                _curve(ax, fit, DIRECTION[d], sign, magnitude=magnitude)
-            _fitted_points(ax, fit, DIRECTION[d], direction(d), magnitude=magnitude)
-        _to_use(ax, joint, to_use, magnitude=magnitude)
+        for x in shown:
+            _curves(ax, joint, x, magnitude=magnitude)
+            _fitted_points(ax, x, magnitude=magnitude)
         if strays:  # a ring about each point that the warnings name, fitted or left out
             v, torque = np.array(strays).T
-            x, y = (np.abs(v), torque * np.sign(v)) if magnitude else (v, torque)
-            ax.plot(x, y, "o", color="black", markerfacecolor="none", markersize=11, label="stray, named")
+            at, force = (np.abs(v), torque * np.sign(v)) if magnitude else (v, torque)
+            ax.plot(at, force, "o", color="black", markerfacecolor="none", markersize=11, label="stray, named")
     decimal_log(slow)
+    slow.set_ylim(bottom=max(0.0, slow.get_ylim()[0]))  # a torque against the motion is no friction
     whole.set(xlabel=axis("velocity", joint.kind), ylabel=axis("torque", joint.kind, "friction"))
     slow.set(xlabel=axis("velocity", joint.kind, "magnitude of"), ylabel=axis("torque", joint.kind, "magnitude of"))
     if whole.get_legend_handles_labels()[0]:
@@ -91,21 +90,20 @@ def curve_figure(joint: Joint) -> Figure:
 def small_figure(joint: Joint) -> Figure:
     """The same in little: points, curve, and how far the axes go, where no friction is drawn: against the motion."""
     figure = Figure(figsize=(2.1, 1.05))
-    ax = figure.add_axes((0.02, 0.04, 0.96, 0.92))
-    _frame(ax, joint)
+    ax, shown = figure.add_axes((0.02, 0.04, 0.96, 0.92)), friction_points(joint)
+    _frame(ax, joint, shown)
     for limits, set_limits in ((ax.get_xlim(), ax.set_xlim), (ax.get_ylim(), ax.set_ylim)):
         set_limits(-max(map(abs, limits)), max(map(abs, limits)))
-    for d, fit in _directions(joint):
-        look, k = DIRECTION[d], thinned(fit.velocity.size, 60)
-        v, torque, label = fit.velocity[k], fit.torque[k], f"_fitted {direction(d)}"
+    for x in shown:
+        look, k = DIRECTION[x.direction], thinned(x.velocity.size, 60)
+        v, torque, label = x.velocity[k], x.torque[k], f"_fitted {direction(x.direction)}"
         ax.plot(v, torque, look.marker, color=look.colour, markersize=2.2, label=label)
-        for sign in _signs(fit):
-            _curve(ax, fit, look, sign, magnitude=False)
+        _curves(ax, joint, x, magnitude=False)
     ax.axhline(0, color="#666666", linewidth=0.5, label="_zero")
     ax.axvline(0, color="#666666", linewidth=0.5, label="_zero")
-    if fits := [fit for _, fit in _directions(joint) if fit.velocity.size]:
-        fastest = max(float(np.abs(fit.velocity).max()) for fit in fits)
-        most = max(float(np.abs(fit.torque).max()) for fit in fits)
+    if any(x.velocity.size for x in shown):
+        fastest = max(float(np.abs(x.velocity).max(initial=0.0)) for x in shown)
+        most = max(float(np.abs(x.torque).max(initial=0.0)) for x in shown)
         ax.plot([fastest, 0], [0, most], "+", color="#666666", markersize=5, label="_scale")
         speed, effort = (pretty(unit(name, joint.kind)) for name in ("velocity", "torque"))
         beside: dict[str, Any] = {"textcoords": "offset points", "ha": "right", "va": "top", "fontsize": 9}
@@ -119,34 +117,45 @@ def _directions(joint: Joint) -> Iterator[tuple[str, StaticFit]]:
     return ((d, fit) for d, fit in joint.static.items() if d in DIRECTION)
 
 
-def _signs(fit: StaticFit) -> list[float]:
-    return [s for s in (1.0, -1.0) if fit.values() is not None and (fit.velocity * s > 0).any()]
+def _law(joint: Joint, direction: Direction) -> Stribeck[float] | None:
+    """The curve of the values to use in a direction, even where no joint can have it; None where none is known."""
+    known, one = as_identified(joint), static_of(joint.law)
+    values = known.values(direction)
+    return one(*(values[name] for name in one._fields)) if values.keys() >= {*one._fields} else None
 
 
-def _curve(ax: Axes, fit: StaticFit, look: Look, sign: float, *, magnitude: bool) -> None:
-    """The fitted curve of one sign of the velocity with its band; beyond the fastest speed held where it bends down."""
-    p, speeds = fit.values(), np.abs(fit.velocity[fit.velocity * sign > 0])
-    if p is None:
-        return
-    slowest = max(float(speeds.min()) / 2, 1e-3 * float(speeds.max()))
-    v = sign * np.geomspace(slowest if magnitude else slowest / 50, 1.02 * float(speeds.max()), 200)
-    half, of = band(v, fit), direction("+" if sign > 0 else "-")
-    x, y = _drawn(v, p, magnitude)
-    ax.plot(x, y, look.line, color=look.colour, label=f"_(9) {of}")
-    if bends_down(p):  # hatched, since nobody measured it
-        ends, held = _drawn(sign * getattr(p, FASTEST) * np.array([1.0, _BEYOND]), p, magnitude)
-        ax.plot(ends, held, ":", color=look.colour, linewidth=1.2, label=f"_held {of}")
-        hatched: dict[str, Any] = {"facecolor": "none", "edgecolor": "#666666", "hatch": "//", "linewidth": 0}
-        ax.axvspan(*sorted(ends.tolist()), **hatched, alpha=0.5, label=_once(ax, "not measured: held", str(sign)))
-    if half is not None:
-        label = "95 % band" if half.max() > _SEEN * np.ptp(fit.torque) else "95 % band (within the line)"
-        named = _once(ax, label, of)
-        ax.fill_between(x, y - half, y + half, color=look.colour, alpha=0.22, linewidth=0, label=named)
+def _curves(ax: Axes, joint: Joint, points: FrictionPoints, *, magnitude: bool) -> None:
+    """The values to use with the band that is stated of them, by sign of the velocity; beyond the fastest speed held where it bends down."""
+    drag, stated = drag_of(as_identified(joint)), joint.accuracy
+    for d in SIGNED:
+        sign, p = float(f"{d}1"), _law(joint, d)
+        speeds = np.abs(points.velocity[points.velocity * sign > 0])
+        if p is None or not speeds.size:
+            continue
+        look, of = DIRECTION[points.direction], direction(d)
+        slowest, fastest = max(float(speeds.min()) / 2, 1e-3 * float(speeds.max())), float(speeds.max())
 
+        def drawn(v: Array, p: Stribeck[float] = p) -> tuple[Array, Array]:
+            """The law over velocities, or its magnitude over speeds."""
+            friction = curve(v, p) + drag * v * np.abs(v)
+            return (np.abs(v), np.abs(friction)) if magnitude else (v, friction)
 
-def _drawn(v: Array, p: Stribeck[float], magnitude: bool) -> tuple[Array, Array]:
-    """A law over velocities, or its magnitude over speeds."""
-    return (np.abs(v), np.abs(curve(v, p))) if magnitude else (v, curve(v, p))
+        v = np.geomspace(slowest if magnitude else slowest / 50, 1.02 * fastest, 200)
+        low, high = (v[0], v[-1]) if stated is None else (0.99 * stated.slowest, 1.02 * stated.fastest)
+        ax.plot(*drawn(sign * v), ":", color=look.colour, linewidth=1.0, label=f"_(9) {of} not stated")
+        ax.plot(*drawn(sign * v[(v >= low) & (v <= high)]), look.line, color=look.colour, label=f"_(9) {of}")
+        if bends_down(p):  # hatched, since nobody measured it
+            ends, held = drawn(sign * getattr(p, FASTEST) * np.array([1.0, _BEYOND]))
+            ax.plot(ends, held, ":", color=look.colour, linewidth=1.2, label=f"_held {of}")
+            hatched: dict[str, Any] = {"facecolor": "none", "edgecolor": "#666666", "hatch": "//", "linewidth": 0}
+            ax.axvspan(*sorted(ends.tolist()), **hatched, alpha=0.5, label=_once(ax, "not measured: held", of))
+        if stated is not None and np.isfinite(stated.band):
+            v = sign * np.geomspace(stated.slowest, min(stated.fastest, 1.02 * fastest), 200)
+            half = stated_curve(joint, v)[1]
+            label = "95 % band" if half.max() > _SEEN * np.ptp(points.torque) else "95 % band (within the line)"
+            x, y = drawn(v)
+            named = _once(ax, label, of)
+            ax.fill_between(x, y - half, y + half, color=look.colour, alpha=0.22, linewidth=0, label=named)
 
 
 def _once(ax: Axes, label: str, of: str) -> str:
@@ -154,50 +163,14 @@ def _once(ax: Axes, label: str, of: str) -> str:
     return f"_{label} {of}" if label in ax.get_legend_handles_labels()[1] else label
 
 
-def curves_to_use(joint: Joint) -> dict[str, Stribeck[float]]:
-    """By direction the law of the values to use, where these are of a fit of all parameters, and seen beside the curve that is drawn."""
-    if joint.moving is None or not joint.static:
-        return {}
-    known, seen = as_identified(joint), dict[str, Stribeck[float]]()
-    law = static_of(known.law)
-    for d in known.directions:
-        values = known.values(d)
-        p = law(*(values[name] for name in law._fields))
-        for fit in (fit for of, fit in _directions(joint) if "both" in (of, d) or of == d):
-            own, v = fit.values(), fit.velocity
-            apart = np.inf if own is None else np.abs(curve(v, own) - curve(v, p)).max(initial=0.0)
-            if apart > _SEEN * np.ptp(fit.torque):
-                seen[str(d)] = p
-    return seen
-
-
-def _to_use(ax: Axes, joint: Joint, curves: Mapping[str, Stribeck[float]], *, magnitude: bool) -> None:
-    """The law of the values to use, in black beside what is drawn, with the band that the first line states."""
-    speeds = np.concatenate([fit.velocity for _, fit in _directions(joint)])
-    label = "values to use, from moving runs"
-    for d, p in curves.items():
-        for sign in (1.0, -1.0) if d == "both" else (float(f"{d}1"),):
-            along = np.abs(speeds[speeds * sign > 0])
-            if not along.size:
-                continue
-            slowest = max(float(along.min()) / 2, 1e-3 * float(along.max()))
-            v = sign * np.geomspace(slowest, 1.02 * float(along.max()), 200)
-            x, y = _drawn(v, p, magnitude)
-            ax.plot(x, y, "-.", color="black", linewidth=1.1, label=_once(ax, label, str(sign)))
-            half = stated_curve(joint, v)[1]
-            if np.isfinite(half).all():
-                band_of: dict[str, Any] = {"color": "black", "alpha": 0.12, "linewidth": 0}
-                ax.fill_between(x, y - half, y + half, **band_of, label=_once(ax, "95 % band of these", str(sign)))
-
-
-def _fitted_points(ax: Axes, fit: StaticFit, look: Look, label: str, *, magnitude: bool) -> None:
+def _fitted_points(ax: Axes, points: FrictionPoints, *, magnitude: bool) -> None:
     """The points that were fitted, with the standard error of the segment that each came from; stick-slip points hollow."""
-    k = thinned(fit.velocity.size)
+    k, look, label = thinned(points.velocity.size), DIRECTION[points.direction], direction(points.direction)
     error, sticks = np.full(k.size, np.nan), np.zeros(k.size, dtype=bool)
-    if fit.segments:
-        error = np.array([fit.segments[i].standard_error for i in k], dtype=float)  # nan for None
-        sticks = np.array([fit.segments[i].stick_slip for i in k], dtype=bool)
-    x, y = fit.velocity[k], fit.torque[k]
+    if points.segments:
+        error = np.array([points.segments[i].standard_error for i in k], dtype=float)  # nan for None
+        sticks = np.array([points.segments[i].stick_slip for i in k], dtype=bool)
+    x, y = points.velocity[k], points.torque[k]
     if magnitude:
         x, y = np.abs(x), y * np.sign(x)
     bars = np.isfinite(error)
@@ -210,13 +183,12 @@ def _fitted_points(ax: Axes, fit: StaticFit, look: Look, label: str, *, magnitud
             ax.plot(x[chosen], y[chosen], look.marker, color=look.colour, mfc=fill, markersize=size, label=named)
 
 
-def _frame(ax: Axes, joint: Joint) -> None:
+def _frame(ax: Axes, joint: Joint, shown: Sequence[FrictionPoints]) -> None:
     """Limits from what was fitted, so that a wild rejected segment does not flatten the curve."""
-    v = np.concatenate([np.zeros(1), *(fit.velocity for _, fit in _directions(joint))])
-    torque = np.concatenate([np.zeros(1), *(fit.torque for _, fit in _directions(joint))])
-    for _, fit in _directions(joint):
-        if (p := fit.values()) is not None and bends_down(p):  # drawn held, beyond the fastest speed
-            v = np.append(v, [sign * _BEYOND * np.abs(fit.velocity).max() for sign in _signs(fit)])
+    v, torque = (np.concatenate([np.zeros(1), *ys]) for ys in ([x.velocity for x in shown], [x.torque for x in shown]))
+    for d in SIGNED:
+        if (p := _law(joint, d)) is not None and bends_down(p) and (v * float(f"{d}1") > 0).any():
+            v = np.append(v, float(f"{d}1") * _BEYOND * np.abs(v).max())  # drawn held, beyond the fastest speed
     for limits, x in ((ax.set_xlim, v), (ax.set_ylim, torque)):
         low, high = float(x.min()), float(x.max())
         margin = 0.08 * (high - low)

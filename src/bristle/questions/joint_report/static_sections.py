@@ -5,6 +5,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import pandas as pd
 
+from bristle.identification.curve import friction_of, friction_points
+from bristle.identification.known_joint import as_identified, value_fits
 from bristle.identification.results import Joint
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import of_curve, unit
@@ -14,7 +16,6 @@ from bristle.page.style import MOST_POINTS
 from bristle.page.wording import MISSING, counted, direction, in_print, measured, number, pretty, sentence, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.sentences import agreement
-from bristle.questions.joint_report.static_figures import curves_to_use
 
 _HEADINGS = {
     "name": "", "bic": "ΔBIC", "left_out": "left out (%)", "weight": "weight (%)", "in_force": "fitted?", "chosen": "use it?",
@@ -49,35 +50,50 @@ def parameters(joint: Joint) -> Iterator[Section]:
 
 def curve(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing:
     """The curve with its points."""
-    found = "; ".join(
-        f"{direction(d)}: the curve leaves {number(fit.relative_error, 2)} % of the torque of {counted(fit.n, 'point')}"
-        for d, fit in joint.static.items()
-        if d != "shared" and fit.relative_error is not None
-    )
-    caption = [sentence(found)]
-    if curves_to_use(joint):
-        black = "the law of the values to use, which the fit of all parameters of moving runs gives"
-        caption.append(f"Black, dash-dotted: {black}.")
-    if any(fit.velocity.size > MOST_POINTS for fit in joint.static.values()):
+    shown, known = friction_points(joint), as_identified(joint)
+    if superseded(joint) and joint.moving is not None:
+        caption = [f"The fit leaves {number(joint.moving.relative_error, 2)} % of the torque of the moving runs."]
+    else:
+        told = []
+        for x in shown:
+            left, norm = (np.linalg.norm(y) for y in (x.torque - friction_of(known, x.velocity), x.torque))
+            if norm > 0 and np.isfinite(left):
+                of = f"of the friction at {counted(x.velocity.size, 'point')}"
+                told.append(f"{direction(x.direction)}: the curve leaves {number(float(100 * left / norm), 2)} % {of}")
+        caption = [sentence("; ".join(told))]
+    if any(x.velocity.size > MOST_POINTS for x in shown):
         caption.append(f"At most {MOST_POINTS} points are drawn per direction.")
-    how = (
-        "Points: fitted, with 95 % error bars; hollow: stick-slip; crosses: rejected; diamonds: held out; rings: "
-        f"strays. Lines: {'(9)' if joint.law == GAUSSIAN else 'the law'}, and its 95 % band where it can be given. "
-        "Below: magnitudes on a logarithmic axis."
-    )
-    return figures["curve"]._replace(caption=" ".join(caption), how=how, data="points", paper="Fig. 4")
+    kinds = {
+        "with 95 % error bars": any(x.segments for x in shown),
+        "hollow: stick-slip": any(s.stick_slip for x in shown for s in x.segments),
+        "crosses: rejected": any(not s.accepted for s in joint.segments),
+        "rings: strays": any(fit.strays for fit in joint.static.values()),
+        "what else was fitted taken off; those below the curve are of reversals and presliding": superseded(joint),
+    }
+    points = "; ".join(("measured", *(kind for kind, there in kinds.items() if there)))
+    band = "dotted where nothing is stated of it, and its 95 % band" if joint.accuracy else "without a band"
+    law = "Equation (9)" if joint.law == GAUSSIAN else "The law"
+    how = f"Points: {points}. Lines: {law} with the values to use, {band}. Below: magnitudes on a logarithmic axis."
+    data = "" if superseded(joint) else "points"
+    return figures["curve"]._replace(caption=" ".join(caption), how=how, data=data, paper="Fig. 4")
 
 
-def curve_and_residuals(joint: Joint, figures: Mapping[str, Drawing]) -> tuple[Drawing, Drawing]:
-    """The curve, and what it leaves of the torque."""
+def superseded(joint: Joint) -> bool:
+    """Whether static fits of a motion have given way to the fit of all parameters, which has the values to use."""
+    return joint.moving in value_fits(joint) and not any(fit.segments for fit in joint.static.values())
+
+
+def curve_and_residuals(joint: Joint, figures: Mapping[str, Drawing]) -> Iterator[Drawing]:
+    """The curve, and what it leaves of the torque; a fit of moving runs shows that on its own figures."""
+    yield curve(joint, figures)
     torque, found = pretty(unit("torque", joint.kind)), []
     for d, fit in joint.static.items():
         if d != "shared" and fit.residuals.size:
             rms, most = float(np.sqrt(np.mean(fit.residuals**2))), float(np.abs(fit.residuals).max())
             found.append(f"{direction(d)}: RMS residual {number(rms, 2)} {torque}, the largest {number(most, 2)}")
     how = "Measured minus fitted torque vs velocity, and vs position and time where they are known."
-    left = figures["residuals"]._replace(caption=sentence("; ".join(found)), how=how, data="points")
-    return curve(joint, figures), left
+    if not superseded(joint):
+        yield figures["residuals"]._replace(caption=sentence("; ".join(found)), how=how, data="points")
 
 
 def hold_out(joint: Joint) -> Iterator[Section]:

@@ -1,1 +1,1 @@
-"""How far the grid method is to be trusted at a joint's own design."""
+"""Validation of the grid method at the design of a joint."""

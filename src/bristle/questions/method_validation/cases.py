@@ -1,4 +1,4 @@
-"""What the grid search is validated on: a joint's own directions as they were measured, or a sweep over Table 1."""
+"""Cases of a validation: a joint's own directions as they were measured, or a sweep over Table 1."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,8 +16,7 @@ from bristle.questions.method_validation.solvers import ValidationCase, case_nam
 from bristle.simulation import edro
 
 NOISES = (0.005, 0.05)  # of the sweep: standard deviation of a point's torque over alpha_0
-MOST_POINTS = 400
-"""Points of a case; of more equations so many are simulated, with as much less noise as there are fewer."""
+MOST_POINTS = 400  # simulated points of a case; for more equations with as much less noise
 _SIMULATED = (
     "SIMULATED: torques are those of the model at the given velocities, with white Gaussian noise; no run is simulated, "
     "and the velocities have no error."
@@ -32,15 +31,14 @@ class CaseSet:
     title: str
     kind: Kind
     cases: tuple[ValidationCase, ...]
-    skipped: Mapping[str, Finding] = field(default_factory=dict)
-    """Directions that cannot be tried, each with the reason."""
+    skipped: Mapping[str, Finding] = field(default_factory=dict)  # directions that cannot be validated, with the reason
     assumptions: tuple[Finding, ...] = (
         Finding("points-simulated", NOTE, _SIMULATED), Finding("directions-alone", NOTE, _ALONE),
     )  # fmt: skip  # a list of values
 
 
 def sweep(noise: float | None = None) -> CaseSet:
-    """Every set of Table 1, at two noise levels (or at `noise`, a share of alpha_0, > 0) and three designs."""
+    """Every set of Table 1, at two noise levels (or at `noise` over alpha_0, > 0) and three designs."""
     levels, cases = NOISES if noise is None else (noise,), list[ValidationCase]()
     for name, pair in edro.TABLE_1.items():
         for sign, p in zip("+-", pair, strict=True):
@@ -60,10 +58,10 @@ def sweep(noise: float | None = None) -> CaseSet:
 
 
 def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
-    """A case per direction in which the joint's static fit has a Stribeck term, and why the others have none.
+    """A case per direction whose static fit has a Stribeck term, and why the other directions have none.
 
-    `noise`: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, corrected for its parameters. Raises
-    InputError where nothing at all was fitted, or a fit has a number that no joint has.
+    `noise`: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, corrected for its parameters.
+    Raises InputError where nothing was fitted, or a fit has an impossible number.
     """
     check_fitted(joint)
     cases, skipped = [], {}
@@ -82,7 +80,7 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
         faults = (fault_of(ParameterName(name, Direction(direction)), x) for name, x in p._asdict().items())
         if fault := next(filter(None, faults), None):
             raise InputError(f"{joint.name}: {fault}: identify it anew")
-        # Equations of moving data are thinned, their noise widened for its correlation.
+        # Equations of moving data are thinned, and their noise is widened for its correlation.
         velocity = fit.velocity
         level = float(np.sqrt(np.sum(fit.residuals**2) / (velocity.size - len(case_names(fit.law)))))
         if velocity.size > MOST_POINTS:
@@ -96,8 +94,9 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
             continue
         label = joint.name if direction == "both" else f"{joint.name} ({direction})"
         design, ends = f"the {fit.n} points measured", (float(fit.profile.v_s[0]), float(fit.profile.v_s[-1]))
-        case = ValidationCase(label=label, design=design, truth=p, velocity=velocity, noise=level, v_s_range=ends)
-        cases.append(case)
+        cases.append(
+            ValidationCase(label=label, design=design, truth=p, velocity=velocity, noise=level, v_s_range=ends)
+        )
     if not cases and not skipped:
         message = "nothing to validate: the grid fitted no friction curve."
         skipped["both directions"] = Finding("no-grid-fit", NOTE, message)
@@ -105,7 +104,7 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
 
 
 def check_fitted(joint: Joint) -> None:
-    """Raises InputError where a joint has neither a static nor a moving fit, so that there is nothing to check."""
+    """Raise InputError where a joint has neither a static nor a moving fit."""
     if joint.moving is not None or any(fit.values() for d, fit in joint.static.items() if d != "shared"):
         return
     outcomes = "; ".join(dict.fromkeys(str(fit.outcome).rstrip(".") for fit in joint.static.values()))

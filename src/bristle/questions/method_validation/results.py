@@ -1,4 +1,4 @@
-"""What a validation finds, as values: per method, per resolution of the grid, per random start, and per case."""
+"""Results of a validation: per method, resolution of the grid, random start and case."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,46 +15,43 @@ from bristle.questions.method_validation.solvers import ValidationCase
 if TYPE_CHECKING:
     import pandas as pd
 
-SAME_COST = 1e-6  # relative difference in cost below which two minima are the same
-FINE_ENOUGH = 0.1
-"""A grid is fine enough where its error of v_s is at most this share of the statistical one, which it widens by 0.5 %."""
-MOST_DECLINED = 0.5  # share of data sets without a finite interval of v_s, beyond which no method can know it
+SAME_COST = 1e-6  # largest relative difference of the costs of one minimum
+FINE_ENOUGH = 0.1  # largest error of v_s of a fine grid, over the statistical one, which it widens by 0.5 %
+MOST_DECLINED = 0.5  # largest share of data sets without a finite interval of an identifiable v_s
 FREE = "IPOPT, v_s free"
 
 
 @result
 class MethodResult:
-    """How one method did over the repetitions; arrays (p,) in the order of the case's `names`."""
+    """One method over the repetitions; arrays (p,) in the order of the case's `names`."""
 
     name: str
     repetitions: int
     bias: Array  # median estimate minus truth
-    spread: Array
-    """Half the width that holds the middle 68.3 % of the estimates: the standard deviation of Gaussian ones."""
+    spread: Array  # half the width of the middle 68.3 % of the estimates
     coverage: Array  # share of the repetitions in which the 95 % interval by covariance exists and covers the truth
-    failed: float  # share that ended outside the 95 % region
-    other_minimum: float | None
-    """Share that ended more than `SAME_COST` above the lowest cost of any method; None for a plain grid, which always does."""
+    failed: float  # share outside the 95 % region
+    other_minimum: float | None  # share above the lowest cost by more than `SAME_COST`; None for a plain grid
     seconds: float  # mean time of one data set
 
 
 @result
 class GridResolution:
-    """What the resolution of the plain grid costs."""
+    """Errors of the plain grid over its number of values."""
 
     counts: tuple[int, ...]
     error: Array  # RMS distance of the plain grid's v_s from the continuous minimum, rad/s, one per count
-    floor: float  # `MethodResult.spread` of v_s at the continuous minimum, rad/s: what noise alone does
+    floor: float  # spread of v_s at the continuous minimum, by noise alone, rad/s
 
     @property
     def enough(self) -> int | None:
-        """The fewest of `counts` from which on the error is at most `FINE_ENOUGH` times the floor; None where not even the last is."""
+        """The fewest of `counts` from which on the error is at most `FINE_ENOUGH` times the floor, if any."""
         fine = self.error <= FINE_ENOUGH * self.floor
         first = next((k for k in range(fine.size) if fine[k:].all()), None)
         return None if first is None else self.counts[first]
 
     def share(self, count: int) -> float:
-        """The error of one of `counts`, over the floor."""
+        """The error with this many values, over the floor."""
         return float(self.error[self.counts.index(count)]) / self.floor if self.floor else float("inf")
 
 
@@ -74,24 +71,24 @@ class RandomStarts:
         return [name for name in self.final if name != FREE]
 
     def in_other_minimum(self, name: str) -> NDArray[np.bool_]:
-        """Which starts of a solver ended above the lowest cost found within the range, (s,)."""
+        """Starts of a solver that ended above the lowest cost within the range, (s,)."""
         lowest = min(self.best_cost, *(float(self.cost[solver].min()) for solver in self.solvers))
         return np.asarray(self.cost[name] > lowest * (1 + SAME_COST))
 
 
 @result
 class CostCurve:
-    """The cost of the same data set over v_s, minimised over all else."""
+    """Cost of the same data set vs v_s, minimised over all else."""
 
     v_s: Array
     cost: Array
-    threshold: float  # the cost at which v_s leaves its 95 % interval
+    threshold: float  # of the 95 % interval of v_s
     plain: Mapping[int, float]  # v_s of plain grids, by their number of values
 
 
 @result
 class Coverage:
-    """How often one kind of 95 % interval covers the truth."""
+    """Coverage of one kind of 95 % interval."""
 
     kind: str
     repetitions: int
@@ -100,7 +97,7 @@ class Coverage:
 
 @result
 class CaseResult:
-    """What one case shows."""
+    """Results of one case."""
 
     case: ValidationCase
     methods: Mapping[str, MethodResult]
@@ -108,27 +105,24 @@ class CaseResult:
     starts: RandomStarts
     cost_curve: CostCurve
     coverage: tuple[Coverage, ...]
-    declined: float
-    """Share of the repetitions in which bristle says that v_s is not identifiable, or gives it no finite interval."""
-    polish_shift: float
-    """How far IPOPT goes from the grid's answer, at most, in spreads of a parameter; infinite where one does not spread."""
-    cost_deficit: float
-    """By how much IPOPT's lowest cost within the range undercuts the refined grid's, relative, at most over all fits."""
+    declined: float  # share of the repetitions in which bristle gives no finite interval of v_s
+    polish_shift: float  # largest move of IPOPT from the grid's estimate, in spreads; inf where one is zero
+    cost_deficit: float  # largest relative deficit of IPOPT's cost within the range below the refined grid's
 
     @property
     def outside_range(self) -> NDArray[np.bool_]:
-        """Which starts end beyond the grid's range at a lower cost than any within, where v_s is free, (s,)."""
+        """Starts that end beyond the grid's range at a lower cost than any within, with v_s free, (s,)."""
         v_s, (low, high), cost = self.starts.final[FREE][-1], self.case.v_s_range, self.starts.cost[FREE]
         return np.asarray((cost < self.starts.best_cost * (1 - SAME_COST)) & ((v_s < low) | (v_s > high)))
 
     @property
     def not_identifiable(self) -> bool:
-        """Whether these data cannot tell v_s, whatever the method."""
+        """Whether no method can identify v_s from these data."""
         return self.declined > MOST_DECLINED
 
     @property
     def which(self) -> dict[str, object]:
-        """What names the case in tables."""
+        """Columns that name the case in tables."""
         case = self.case
         share = 100 * case.noise / case.truth.alpha_0 if case.truth.alpha_0 else None
         return {"of": case.label, "design": case.design, "noise_percent": share}
@@ -136,7 +130,7 @@ class CaseResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Validation:
-    """What every case shows. `bristle.report_of` gives its text, page and tables."""
+    """Results of a validation. `bristle.report_of` gives its text, page and tables."""
 
     case_set: CaseSet
     cases: tuple[CaseResult, ...]
@@ -147,11 +141,11 @@ class Validation:
 
     @property
     def resolvable(self) -> tuple[CaseResult, ...]:
-        """The cases in which a plain grid's error of v_s has a measure: v_s is identifiable, and noise scatters it."""
+        """Cases in which v_s is identifiable, and noise scatters it."""
         return tuple(x for x in self.cases if not x.not_identifiable and x.resolution.floor > 0)
 
     def to_frame(self) -> "pd.DataFrame":
-        """One row per case: what was simulated, and how local solvers and the plain grid did."""
+        """One row per case: its design, and errors of the local solvers and of the plain grid."""
         import pandas as pd
 
         rows = []

@@ -1,7 +1,4 @@
-"""The grid search compared with itself at other resolutions and with full nonlinear fits, on SIMULATED points.
-
-Every method gets the same data sets; local solvers begin anywhere within the grid's bounds.
-"""
+"""Comparison of the grid search with other resolutions and full nonlinear fits, on SIMULATED points."""
 
 from collections.abc import Callable, Mapping
 from time import perf_counter
@@ -21,7 +18,7 @@ from bristle.identification.static.problem import log_grid
 from bristle.identification.static.profiles import profiled
 from bristle.identification.static.solution import is_closed
 from bristle.identification.static.uncertainty import resample
-from bristle.progress import Progress
+from bristle.progress import Progress, teller
 from bristle.questions.method_validation import results
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.cases import CaseSet
@@ -29,18 +26,17 @@ from bristle.questions.method_validation.solvers import Local, ValidationCase
 from bristle.simulation.bench import steady_points
 
 SEED, REPETITIONS, STARTS = 0, 1000, 100
-LOCAL_SETS = 50  # data sets at most that the local solvers see, which take up to a hundred times as long as a grid
-INTERVAL_SETS, BOOTSTRAP_SETS, DRAWS = 200, 100, 399
-"""Data sets at most of which the intervals are counted, and the bootstrap's, from so many draws each."""
+LOCAL_SETS = 50  # most data sets of the local solvers, which take up to a hundred times as long as a grid
+INTERVAL_SETS, BOOTSTRAP_SETS, DRAWS = 200, 100, 399  # most data sets of intervals; of the bootstrap, and its draws
 RESOLUTIONS = (8, 16, 32, 64, 125, 250, PLAIN_GRID, 1000, 2000)  # values of the plain grids
 PLAIN_GRIDS = {values: f"plain grid of {values}" for values in RESOLUTIONS}  # their names
 REFINED, POLISHED = "refined grid", "IPOPT from the grid"
-_DRAWN = 300  # values of v_s over which the cost is drawn, and as many again where the data allow it
+_DRAWN = 300  # values of v_s over which the cost is drawn, and as many again below the threshold
 _MOST = 100_000  # data sets, or starts
 
 
 def check_request(repetitions: int, starts: int, noise: float | None) -> None:
-    """Raises InputError for fewer than 20 repetitions, no start, more than 100 000 of them, or a noise level that is not positive."""
+    """Raise InputError where repetitions, starts or noise are out of range."""
     for name, value, least, usual in (("repetitions", repetitions, 20, REPETITIONS), ("starts", starts, 1, STARTS)):
         if not least <= value <= _MOST:
             raise InputError(f"{name}: got {value}; expected {least} to {_MOST}, usual are {usual}")
@@ -56,21 +52,16 @@ def validate(
     seed: int = SEED,
     progress: Progress | None = None,
 ) -> results.Validation:
-    """Validate every case: grids over `repetitions` data sets, local solvers over the first `LOCAL_SETS` of them.
-
-    There each begins at one random start; the first data set is fitted from `starts` random starts besides. Case k
-    draws its noise and its starts from the seed (seed, k).
-    """
-    found = []
+    """Validate every case: grids over all data sets, local solvers over `LOCAL_SETS`; seed of case k: (seed, k)."""
+    found, tell = [], teller(progress, len(case_set.cases))
     for k, case in enumerate(case_set.cases):
-        if progress:
-            progress(f"validating {case.label}", k, len(case_set.cases))
+        tell(f"validating {case.label}")
         found.append(validate_case(case, repetitions, starts, np.random.default_rng([seed, k])))
     return results.Validation(case_set=case_set, cases=tuple(found), repetitions=repetitions, starts=starts, seed=seed)
 
 
 def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.random.Generator) -> results.CaseResult:
-    """One case, with noise and starts from one generator; arguments as in `validate`."""
+    """Results of one case; arguments as in `validate`."""
     torques = np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, repetitions).T)
     few = torques[:, : min(LOCAL_SETS, repetitions)]
     local = few.shape[1]
@@ -92,7 +83,7 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
     answers[POLISHED] = _each(solvers["IPOPT"], few, grid[:, :local].T)
     answers |= {f"{name}, random start": _each(fit, few, initial[:local]) for name, fit in solvers.items()}
 
-    # Each beside the lowest cost of a data set that any method found; some saw the first sets only.
+    # Costs of each method, and the lowest cost of each data set.
     costs = {name: methods.costs(case, torques[:, : x.shape[1]], x) for name, (x, _) in answers.items()}
     lowest = np.full(repetitions, np.inf)
     for cost in costs.values():
@@ -131,19 +122,19 @@ def spread(values: Array) -> Array:
 
 
 def _share_above(cost: Array, lowest: Array, factor: float) -> float:
-    """Share of the data sets whose cost is above a multiple of the lowest."""
+    """Share of the data sets whose cost is above `factor` times the lowest."""
     return float((~(cost <= lowest[: cost.size] * factor)).mean())
 
 
 def _timed(call: Callable[[], Array], sets: int) -> tuple[Array, float]:
-    """What it returns, and its seconds per data set."""
+    """What the call returns, and its seconds per data set."""
     began = perf_counter()
     theta = call()
     return theta, (perf_counter() - began) / sets
 
 
 def _each(fit: Local, torques: Array, initial: Array) -> tuple[Array, float]:
-    """A local solver over data sets (n, s), each from its own start, (s, p)."""
+    """Estimates of a local solver, (p, s), of data sets (n, s) from starts (s, p), and its seconds per data set."""
     pairs = list(zip(torques.T, initial, strict=True))
     return _timed(lambda: np.stack([fit(torque, start) for torque, start in pairs], axis=1), len(pairs))
 
@@ -180,7 +171,7 @@ def _cost_curve(case: ValidationCase, torque: Array, starts: results.RandomStart
 
 
 def covers_truth(case: ValidationCase, theta: Array, cost: Array) -> NDArray[np.bool_]:
-    """Which intervals by the exact Jacobian's covariance cover the truth, (p, sets); theta (p, sets), cost (sets,)."""
+    """Intervals by the exact Jacobian's covariance that cover the truth, (p, sets); theta (p, sets), cost (sets,)."""
     n, p = case.velocity.size, len(case.names)
     jacobian = methods.jacobians(case, theta)
     length = np.linalg.norm(jacobian, axis=1)
@@ -196,7 +187,7 @@ def covers_truth(case: ValidationCase, theta: Array, cost: Array) -> NDArray[np.
 
 
 def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: bool) -> tuple[results.Coverage, ...]:
-    """Coverage of bristle's own intervals; the bootstrap only where v_s can be known."""
+    """Coverage of bristle's own intervals; the bootstrap only where v_s is identifiable."""
     few = np.ascontiguousarray(torques[:, :INTERVAL_SETS])
     fits = Batch(case.problem(few[:, 0]), few, case.v_s_range)
     reach = covariance.student(max(len(few) - len(case.names), 1)) * fits.errors()

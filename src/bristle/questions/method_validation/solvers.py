@@ -1,7 +1,7 @@
-"""The methods compared: grids, and local solvers from a start, for velocity-torque points of one direction.
+"""Grids and local solvers for velocity-torque points of one direction.
 
-Torques are (n, sets) at the same velocities, theta (p, sets) in the order of the case's `names`; what the shape of a peak takes
-beside v_s is held at its true value. Local solvers see v_s by its logarithm, and stay within the grid's bounds.
+Torques are (n, sets) at the same velocities, theta (p, sets) in the order of the case's `names`; other shape parameters
+of a peak than v_s are held at their true values. Local solvers take log(v_s), and stay within the grid's bounds.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,7 +32,7 @@ Local = Callable[[Array, Array], Array]  # from torques (n,) and a start theta (
 
 @result
 class ValidationCase:
-    """What is simulated: one direction of a joint, measured at some velocities."""
+    """One direction of a joint, to be simulated at some velocities."""
 
     label: str
     design: str  # the velocities in words
@@ -43,7 +43,7 @@ class ValidationCase:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Order of theta; v_s is the last."""
+        """Names of theta, in order; v_s is the last."""
         return case_names(self.truth.law)
 
     @property
@@ -57,7 +57,7 @@ class ValidationCase:
 
     @property
     def unknowns(self) -> Unknowns[ParameterName]:
-        """The parameters as local solvers see them, over sizes that go with the true torque."""
+        """The parameters as local solvers take them, scaled by the true torque."""
         return unknowns_of(self.problem(modelled(self, self.theta[:, None])[:, 0]), self.v_s_range)
 
     def problem(self, torque: Array) -> Regression:
@@ -68,7 +68,7 @@ class ValidationCase:
 
 
 def case_names(of: Law) -> tuple[str, ...]:
-    """What is fitted of a law, in the order of theta."""
+    """Fitted parameters of a law, in the order of theta."""
     return ("alpha_0", "alpha_2", *of.coefficients, "alpha_1", "v_s")
 
 
@@ -93,7 +93,7 @@ def jacobians(case: ValidationCase, theta: Array) -> Array:
 
 
 def random_starts(case: ValidationCase, count: int, rng: np.random.Generator) -> Array:
-    """Starts anywhere within the grid's bounds, (count, p): alphas uniform up to their typical sizes, v_s even in its logarithm."""
+    """Starts within the grid's bounds, (count, p): alphas uniform up to their typical sizes, v_s log-uniform."""
     linear = rng.uniform(0.0, 1.0, (count, len(case.names) - 1)) * case.unknowns.scale[:-1]
     low, high = np.log(case.v_s_range)
     return np.concatenate([linear, np.exp(rng.uniform(low, high, (count, 1)))], axis=1)
@@ -110,7 +110,7 @@ def refined(case: ValidationCase, torques: Array) -> Array:
 
 
 def ipopt(case: ValidationCase, *, free: bool = False) -> Local:
-    """All parameters at once by CasADi and IPOPT, built once, each data set a parameter; `free`: v_s up to 1000 times beyond the grid's range."""
+    """All parameters at once by CasADi and IPOPT; `free`: v_s up to 1000 times beyond the grid's range."""
     unknowns = case.unknowns
     beyond = np.where(unknowns.logarithmic, np.log(1000), 0.0) * free
     unknowns = replace(unknowns, lower=unknowns.lower - beyond, upper=unknowns.upper + beyond)
@@ -141,7 +141,7 @@ def trf(case: ValidationCase) -> Local:
             return np.asarray(-problem.jacobian(unknowns.natural(x)) * unknowns.slopes(x) / top)
 
         x0 = np.clip(_scaled(unknowns, start), lower, upper)
-        tight = 1e-12  # so that it ends in a minimum and not before
+        tight = 1e-12  # ends in a minimum, not before
         found = least_squares(residuals, x0, jacobian, (lower, upper), method="trf", ftol=tight, xtol=tight, gtol=tight)
         return unknowns.natural(found.x)
 
@@ -153,7 +153,7 @@ def _scaled(unknowns: Unknowns[ParameterName], theta: Array) -> Array:
 
 
 def lmfit(case: ValidationCase) -> Local:
-    """The default of lmfit (Levenberg-Marquardt on transformed variables, differences for derivatives), with the same bounds and start."""
+    """Lmfit's default: Levenberg-Marquardt on transformed variables, with finite differences."""
     from lmfit import Parameters, minimize
 
     names, (low, high), least = case.names, case.v_s_range, case.problem(np.zeros(case.velocity.size)).least
@@ -174,6 +174,6 @@ def lmfit(case: ValidationCase) -> Local:
 
 
 def local_methods(case: ValidationCase) -> dict[str, Local]:
-    """The local solvers by name, ready for the case; lmfit where it is installed."""
+    """The local solvers of a case by name; lmfit if it is installed."""
     found = {"IPOPT": ipopt(case), "SciPy TRF": trf(case)}
     return found | {"lmfit": lmfit(case)} if LMFIT else found

@@ -1,4 +1,4 @@
-"""What a validation says, as findings: of one case, and over all."""
+"""Findings of a validation: of one case, and over all cases."""
 
 from collections.abc import Iterable
 
@@ -11,11 +11,11 @@ from bristle.questions.method_validation.run import PLAIN_GRIDS, POLISHED, REFIN
 
 
 def verdict(result: CaseResult) -> tuple[Finding, ...]:
-    """Of one case: whether v_s can be known, grid against full fit, resolution, and what others do better."""
+    """Findings of one case: whether v_s is identifiable, grid against full fit, resolution, computing times."""
     starts, v_s, best = result.starts, result.case.truth.v_s, result.methods[REFINED]
     known, found = not result.not_identifiable, list[Finding]()
 
-    # Whether v_s can be known.
+    # Whether v_s is identifiable.
     speeds, declined = np.abs(result.case.velocity), 100 * result.declined
     below = int(np.count_nonzero(speeds < v_s))
     spread, bias = (100 * float(x[-1]) / v_s for x in (best.spread, best.bias))
@@ -62,23 +62,17 @@ def verdict(result: CaseResult) -> tuple[Finding, ...]:
         numbers = {"count": beyond.size, "starts": outside.size, "low": low, "high": high}
         found.append(Finding("lower-outside-range", CAUTION, message, numbers))
 
-    # How long each method takes, and whether another is as good and faster.
-    seconds = {name: method.seconds / best.seconds for name, method in result.methods.items()}
+    # Computing times.
     names = (PLAIN_GRIDS[PLAIN_GRID], POLISHED, *(f"{solver}, random start" for solver in starts.solvers))
-    times = tuple((name, seconds[name]) for name in names)
+    times = tuple((name, result.methods[name].seconds / best.seconds) for name in names)
     listed = ", ".join(f"{name} {ratio:.2g}" for name, ratio in times)
     message = f"Computing time of one fit relative to the refined grid: {listed}."
     found.append(Finding("fit-times", NOTE, message, {"times": times}))
-    fine = (n for n in result.resolution.counts if result.resolution.share(n) <= FINE_ENOUGH)
-    fewest = next((n for n in fine if seconds[PLAIN_GRIDS[n]] < 0.9), None)
-    if fewest is not None and known:
-        message = f"A plain grid of {fewest} is faster than the refined grid, and fine enough here."
-        found.append(Finding("plain-grid-enough", NOTE, message, {"values": fewest}))
     return tuple(found)
 
 
 def _against_solvers(result: CaseResult) -> list[Finding]:
-    """The refined grid against IPOPT, and the minima in which random starts of local solvers end."""
+    """The refined grid against IPOPT, and the minima of random starts of local solvers."""
     starts, known, found = result.starts, not result.not_identifiable, list[Finding]()
     deficit, shift = result.cost_deficit, result.polish_shift
     if deficit <= SAME_COST:
@@ -110,7 +104,7 @@ def _against_solvers(result: CaseResult) -> list[Finding]:
 
 
 def overall(validation: Validation) -> tuple[Finding, ...]:
-    """Of all cases: the claim, then each design where there are several."""
+    """Findings of all cases: the claim, then each of several designs."""
     results = validation.cases
     if not results:
         return (Finding("nothing-tried", NOTE, "Nothing was validated."),)
@@ -151,5 +145,4 @@ def overall(validation: Validation) -> tuple[Finding, ...]:
 
 
 def _shares(named: Iterable[tuple[str, float]]) -> str:
-    """Percentages, each with its name."""
     return ", ".join(f"{name} {percent:.3g} %" for name, percent in named)

@@ -1,1 +1,1 @@
-"""Which parameters matter, along a motion and over their intervals."""
+"""Sensitivity of the friction torque to its parameters."""

@@ -1,4 +1,4 @@
-"""Sensitivity as matplotlib figures: derivatives vs time, shares, maps, correlations, Sobol indices."""
+"""Matplotlib figures of a sensitivity study: derivatives vs time, shares, maps, correlations, Sobol indices."""
 
 from itertools import cycle, islice
 from textwrap import fill
@@ -18,21 +18,18 @@ from bristle.page.wording import axis, measured, number, pretty, printable, symb
 from bristle.questions.sensitivity.sobol import Global
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
 
-_COLOURS = ("#0072B2", "#56B4E9", "#D55E00", "#009E73", "#E69F00", "#CC79A7")
-"""Okabe and Ito's, one for each parameter of `Lugre`, and ..."""
-_MORE_COLOURS = ("#332288", "#882255", "#000000")
-"""... darker ones, in turn, for what another law has beside those: they differ in grey as well."""
+_COLOURS = ("#0072B2", "#56B4E9", "#D55E00", "#009E73", "#E69F00", "#CC79A7")  # Okabe and Ito's, one per `Lugre` field
+_MORE_COLOURS = ("#332288", "#882255", "#000000")  # darker ones, in turn, for further parameters of another law
 _DARK = {_COLOURS[0], _COLOURS[2], _COLOURS[3], *_MORE_COLOURS}  # on which text is white
-_PARAMETERS = len(Lugre._fields)  # for so many parameters figures have the height that they name; more take more
+_PARAMETERS = len(Lugre._fields)  # of a figure of its usual height
 _STAR: dict[str, Any] = {"marker": "*", "linestyle": "", "color": "white", "markeredgecolor": "black", "markersize": 9}
-"""Where the motion is on the map."""
-LEAST = 1e-3  # shares below this are drawn as this
+LEAST = 1e-3  # smallest share that is drawn
 _WIDTH = 0.36  # of a bar, two to a parameter
 
 
 @styled
 def time_figure(study: SensitivityStudy) -> Figure:
-    """Velocity, and under it each parameter's derivative of torque vs time: total (solid), at fixed z (dashed)."""
+    """Velocity, and below each parameter's derivative of torque vs time: total (solid), at fixed z (dashed)."""
     seen = in_view(study)
     k = seen[thinned(seen.size, 900)]
     time, velocity = study.local.time[k], study.local.velocity[k]
@@ -47,7 +44,7 @@ def time_figure(study: SensitivityStudy) -> Figure:
         ax.plot(time, partial, "--", color="#666666", linewidth=1.2)
         ax.plot(time, total, "-", color=colour, linewidth=1.5)
         ax.set_ylabel(_starred(study, name))
-        limit = 4 * float(np.abs(total).max())  # a derivative at fixed z that is larger leaves its panel
+        limit = 4 * float(np.abs(total).max())  # a larger derivative at fixed z leaves its panel
         if 0 < limit < np.abs(partial).max():
             ax.set_ylim(-limit, limit)
         ax.yaxis.set_major_locator(MaxNLocator(3))
@@ -62,23 +59,23 @@ def time_figure(study: SensitivityStudy) -> Figure:
 
 
 def colours(count: int) -> list[str]:
-    """One for each of so many parameters, as a law's tuple has them in turn."""
+    """Colours of a law's parameters, in order."""
     return [*_COLOURS, *islice(cycle(_MORE_COLOURS), count - len(_COLOURS))]
 
 
 def in_view(study: SensitivityStudy) -> NDArray[np.intp]:
-    """The samples that are drawn vs time, those of the motion's first two periods, by their places."""
+    """Indices of the samples of the motion's first two periods, which are drawn vs time."""
     return np.flatnonzero(study.local.time <= 2 / study.motion.frequency)
 
 
 def _starred(study: SensitivityStudy, name: str) -> str:
-    """A parameter's symbol, with a star where its value is assumed in a direction."""
+    """A parameter's symbol, with a star where its value is assumed."""
     return symbol(name) + ("*" if any(assumed.name == name for assumed in study.model.assumed) else "")
 
 
 @styled
 def shares_figure(study: SensitivityStudy) -> Figure:
-    """RMS of each derivative relative to the RMS of the friction torque as bars: total and at fixed z, largest total first."""
+    """RMS of each derivative over the RMS of the friction torque as bars: total and at fixed z, largest total first."""
     total, partial = study.local.shares(), study.local.shares(partial=True)
     order = [study.local.names.index(name) for name in study.local.ranking]
     figure, (ax,) = panels(3.7 + 0.5 * (len(order) - _PARAMETERS), study.name, study.simulated)
@@ -103,7 +100,7 @@ def shares_figure(study: SensitivityStudy) -> Figure:
 
 @styled
 def first_figure(study: SensitivityStudy) -> Figure:
-    """Which parameter ranks first at each amplitude and frequency; a line around where the paper's claim holds."""
+    """The parameter with the largest share at each amplitude and frequency; a line around where the claim holds."""
     figure, (ax,) = panels(5.4, study.name, study.simulated)
     figure.subplots_adjust(left=0.16, top=0.86)
     ax.set_title(ax.get_title(loc="left"), loc="left", pad=32)
@@ -137,7 +134,7 @@ def first_figure(study: SensitivityStudy) -> Figure:
 
 
 def _map_axes(ax: Axes, study: SensitivityStudy, every: int = 1) -> None:
-    """Amplitude vs frequency, one cell for each, every so many of them with a label."""
+    """Axes of a map, with a label at every `every`-th cell."""
     frequencies, amplitudes = study.map.frequencies, study.map.amplitudes
     ax.set_xticks(range(0, frequencies.size, every), [number(float(f), 2) for f in frequencies[::every]])
     ax.set_yticks(range(0, amplitudes.size, every), [number(float(a), 2) for a in amplitudes[::every]])
@@ -150,7 +147,7 @@ def _map_axes(ax: Axes, study: SensitivityStudy, every: int = 1) -> None:
 
 @styled
 def map_figure(study: SensitivityStudy) -> Figure:
-    """Each parameter's total share over amplitude and frequency, one panel each, in one logarithmic grey-safe scale."""
+    """Each parameter's total share over amplitude and frequency, one panel each, on one logarithmic scale."""
     names = study.map.names
     rows = -(-len(names) // 2)
     figure = new_figure(6.6 + 2.2 * (rows - 3))
@@ -179,14 +176,14 @@ def map_figure(study: SensitivityStudy) -> Figure:
 
 
 def _cells(ax: Axes, values: NDArray[Any], **look: Any) -> QuadMesh:
-    """Cells by their values (rows, columns), centred on whole numbers; `look` as matplotlib's pcolormesh has it."""
+    """Cells of values (rows, columns), centred on whole numbers; `look` as of pcolormesh."""
     edges = (np.arange(size + 1) - 0.5 for size in values.shape[::-1])
     return ax.pcolormesh(*edges, values, edgecolors="face", linewidth=0.3, **look)
 
 
 @styled
 def correlation_figure(study: SensitivityStudy, expected: Expected) -> Figure:
-    """Correlation of the estimates that a measurement would give; a cross where a parameter is not seen."""
+    """Correlation of the estimates of a measurement; a cross where a parameter is not identifiable."""
     info = expected.information
     seen = np.isfinite(info.standard_errors)
     size = len(info.names)
@@ -217,7 +214,7 @@ def correlated(correlation: float) -> str:
 
 @styled
 def sobol_figure(sobol: Global, kind: Kind, *, name: str, simulated: bool) -> Figure:
-    """First-order and total index of each parameter with its confidence interval, a panel for each output."""
+    """First-order and total index of each parameter with its interval, a panel per output."""
     figure, axes = panels(0.5 + 2.35 * len(sobol.outputs), name, simulated, len(sobol.outputs))
     figure.subplots_adjust(hspace=0.5)
     for ax, output in zip(axes, sobol.outputs, strict=True):

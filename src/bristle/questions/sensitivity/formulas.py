@@ -15,12 +15,12 @@ from bristle.model.parameters import estimated_of, lugre_of
 
 
 class Written(NamedTuple):
-    """One formula as a reader sees it."""
+    """One formula as text."""
 
     what: str
-    formula: str  # as Python reads it
-    with_g: str  # the same with g for g(v)
-    latex: str  # with g as well
+    formula: str  # in Python
+    with_g: str  # in Python, with g for g(v)
+    latex: str  # with g for g(v)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,19 +30,17 @@ class Formulas:
     law: Law
     torque: Formula  # T_f (3)
     stribeck: Formula  # g(v) (5)
-    partial: dict[str, Formula]  # the derivative of T_f by each parameter at fixed z, and by `z`
-    steady: dict[str, Formula]
-    """The derivative of the steady torque by each parameter: the total one once the bristle has settled."""
-    printed: Formula | None
-    """The right-hand side of (19), without -gamma and e; None where the peak is not the paper's."""
+    partial: dict[str, Formula]  # derivatives of T_f by each parameter at fixed z, and by `z`
+    steady: dict[str, Formula]  # derivatives of the steady torque by each parameter
+    printed: Formula | None  # right-hand side of (19), without -gamma and e; None if the peak is not the paper's
 
     @property
     def printed_is(self) -> tuple[str, ...]:
-        """The parameters by which the partial derivative is, term by term, what (19) prints."""
+        """Parameters whose partial derivative equals the printed (19), term by term."""
         return tuple(name for name, formula in self.partial.items() if formula == self.printed)
 
     def rows(self) -> tuple[Written, ...]:
-        """Every formula, with what it is."""
+        """Every formula, with its name."""
         by_parameter = {f"dT_f/d{name} at fixed z": self.partial[name] for name in estimated_of(self.law)}
         steady = {f"dT_ss/d{name}, steady sliding": formula for name, formula in self.steady.items()}
         others = {
@@ -55,7 +53,7 @@ class Formulas:
         )
 
     def sentences(self) -> tuple[Finding, ...]:
-        """What the printed (19) is, compared term by term with CasADi's derivatives, and what the formulas are of."""
+        """What the printed (19) is by CasADi's derivatives, and where the formulas hold."""
         found = []
         if self.printed is not None:
             same = ", ".join(f"dT_f/d{name}" for name in self.printed_is) or "none of these derivatives"
@@ -76,7 +74,7 @@ class Formulas:
         return tuple(found)
 
     def text(self) -> str:
-        """What `bristle sensitivity --symbolic` prints."""
+        """The output of `bristle sensitivity --symbolic`."""
         lines = ["Derivatives of the friction torque T_f (3)-(5), by CasADi.", ""]
         for row in self.rows():
             short = "" if row.with_g == row.formula else f"    = {row.with_g}\n"
@@ -85,7 +83,7 @@ class Formulas:
 
 
 def formulas(of: Law = GAUSSIAN) -> Formulas:
-    """The formulas of a law, viscous friction up to the fastest measured speed. Raises InputError without SymPy, ValueError as `formula_of`."""
+    """The formulas of a law up to the fastest measured speed. Raises InputError without SymPy, else as `formula_of`."""
     z, v, p = ca.SX.sym("z"), ca.SX.sym("v"), lugre_of(of)(*map(ca.SX.sym, lugre_of(of)._fields))
     torque, steady = law.torque(z, v, p), law.steady_torque(v, p)
     estimated = [getattr(p, name) for name in estimated_of(of)]

@@ -1,4 +1,4 @@
-"""What sensitivity is explored of: a user's joint or the paper's gripper, with its motion; what is not known of it is assumed, and said."""
+"""The joint and motion of a sensitivity study: a user's joint, or the paper's gripper, with assumed parameters."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,33 +17,31 @@ from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName
 from bristle.questions.sensitivity.local import SineMotion, motion
 from bristle.simulation import edro, joint_loop
 
-RANGE = (1e-6, 1e4)
-"""Of a motion's amplitude over the measured travel, and of its peak speed over the fastest measured one."""
+RANGE = (1e-6, 1e4)  # of amplitude over measured travel, and of peak speed over the fastest measured one
 
 
 class KnownFriction(NamedTuple):
-    """What is known of a joint's friction."""
+    """The friction model of a joint."""
 
     p: Lugre[float] | Pair[float]
     estimates: Mapping[ParameterName, Estimate]
-    assumed: tuple[ParameterName, ...]  # what is not known, and was filled in
-    assumptions: tuple[Finding, ...]  # how, and what else is assumed
+    assumed: tuple[ParameterName, ...]  # parameters that are not known
+    assumptions: tuple[Finding, ...]  # their values, and what else is assumed
 
 
-Request = tuple[KnownFriction, SineMotion, joint_loop.JointLoop | str]
-"""Friction model, motion, and the loop or the sentence why there is none."""
+Request = tuple[KnownFriction, SineMotion, joint_loop.JointLoop | str]  # the loop, or why there is none
 Asked = str | float | None  # a quantity or an SI number; None: the default
 
 
 def motion_of(kind: Kind, amplitude: Asked, frequency: Asked, default: tuple[float, float]) -> SineMotion:
-    """The motion asked for, by quantities or SI numbers; None: the default's. Raises InputError where one is of another kind or not positive."""
+    """The motion asked for. Raises InputError where a quantity is of another kind or not positive."""
     asked = (("amplitude", amplitude, unit("position", kind)), ("frequency", frequency, "Hz"))
     pairs = zip(asked, default, strict=True)
     return motion(*(own if given is None else positive_si(name, given, si) for (name, given, si), own in pairs))
 
 
 def within(moved: SineMotion, kind: Kind, limits: Limits) -> SineMotion:
-    """The motion. Raises InputError where amplitude or peak speed is not within `RANGE` of what was measured (or declared under `plan`)."""
+    """The motion. Raises InputError where amplitude or peak speed is out of `RANGE` of the joint's limits."""
     q, v = unit("position", kind), unit("velocity", kind)
     how = f", which is {moved.amplitude:g} {q} at {moved.frequency:g} Hz"
     for name, got, known, si, what, whose in (
@@ -60,7 +58,7 @@ def within(moved: SineMotion, kind: Kind, limits: Limits) -> SineMotion:
 
 
 def of_joint(measured: Measured, joint: Joint, amplitude: Asked = None, frequency: Asked = None) -> Request:
-    """A user's joint: what is known of it, the motion, and its loop, or why there is none. Raises InputError where law or motion cannot be."""
+    """A user's joint. Raises InputError where no friction is known, or the motion is not possible."""
     experiment, known = measured.experiment, known_joint(joint)
     directions = known.directions
     if not directions:
@@ -71,7 +69,7 @@ def of_joint(measured: Measured, joint: Joint, amplitude: Asked = None, frequenc
     default = joint_loop.requested_motion(experiment.adapt, joint_loop.fastest_measured(joint))
     moved = within(motion_of(joint.kind, amplitude, frequency, default), joint.kind, limits)
 
-    # One set or a pair, with a bristle where none was seen, which is among the assumptions.
+    # One set or a pair, with an assumed bristle where none was identified.
     assumptions = [*without_load(joint), *([joint.torque_scale] if joint.torque_scale else [])]
     if len(directions) == 1 and directions != (Direction.BOTH,):
         message = f"Only direction {directions[0]} is known; it is used for both."
@@ -105,7 +103,7 @@ def of_joint(measured: Measured, joint: Joint, amplitude: Asked = None, frequenc
 
 
 def _limits(measured: Measured) -> Limits:
-    """How far and how fast it went, as a plan takes it. Raises InputError where it did not move."""
+    """Travel and speeds as a plan takes them. Raises InputError where the joint did not move."""
     limits, _ = limits_of(measured)
     if not limits.travel > 0:
         raise InputError(
@@ -115,14 +113,14 @@ def _limits(measured: Measured) -> Limits:
 
 
 def of_gripper(measured: Measured, joint: Joint, amplitude: Asked = None, frequency: Asked = None) -> Request:
-    """The paper's gripper rotation (+) in both directions, with intervals as identified from its simulated logs. Raises as `of_joint` does."""
+    """The paper's gripper rotation (+) in both directions, with intervals of simulated logs. Raises as `of_joint`."""
     subject = joint_loop.one_way(joint_loop.of_paper([joint])[0])
     default = (subject.amplitude, subject.frequency)
     moved = within(motion_of("revolute", amplitude, frequency, default), "revolute", _limits(measured))
     p = edro.TABLE_1[joint.name].positive
     known = known_joint(joint)
     estimates = dict[ParameterName, Estimate]()
-    for name in Lugre._fields:  # with the paper's value, and all else in proportion
+    for name in Lugre._fields:  # the paper's value, with errors in proportion
         e, value = known.estimate(name, Direction.POSITIVE), getattr(p, name)
         if e is not None and e.value:
             by, error = value / e.value, e.standard_error

@@ -1,10 +1,9 @@
-"""What matters, and when: derivatives of the friction torque by each parameter along a sinusoidal motion.
+"""Local sensitivity: derivatives of the friction torque by each parameter along a sinusoidal motion.
 
-    partial    p dT_f / dp  at the bristle's deflection as it is
-    total      p (dT_f / dp + dT_f / dz dz / dp),  z along the whole motion
+    partial    p dT_f / dp  at fixed z
+    total      p (dT_f / dp + dT_f / dz dz / dp)  along the whole motion
 
-Both in N*m for a change of the parameter by its own size, so that parameters compare. Of a pair of sets both directions
-change by the same share.
+Both are in N*m. In a pair of sets a parameter changes by the same share in both directions.
 """
 
 from collections.abc import Sequence
@@ -23,15 +22,14 @@ from bristle.model.rollout import rollout_jacobian
 from bristle.model.vectorize import evaluate
 from bristle.simulation.references import Sine
 
-CLAIMED = frozenset({"alpha_0", "alpha_2"})  # the parameters that matter most, as section 3.3 of the paper has it
-DURATION, PERIOD = 10.0, 1e-3
-"""Of a motion, s; slow ones last two of their periods, fast ones are sampled as often as a period needs."""
-_OFTEN = 200  # samples of a period, at least; a motion that is faster than so many periods in `DURATION` is cut there
-FREQUENCIES = (1e-6, 1e4)  # Hz, of a motion that makes sense
+CLAIMED = frozenset({"alpha_0", "alpha_2"})  # the parameters that matter most by section 3.3 of the paper
+DURATION, PERIOD = 10.0, 1e-3  # of a motion and its samples, s
+_OFTEN = 200  # least samples of a period, and most periods in `DURATION`
+FREQUENCIES = (1e-6, 1e4)  # lowest and highest of a motion, Hz
 
 
 class SineMotion(NamedTuple):
-    """A sinusoidal reference, amplitude sin(2 pi frequency t), with the bristle undeflected at its beginning."""
+    """A sinusoidal reference, amplitude sin(2 pi frequency t), with an undeflected bristle at the start."""
 
     amplitude: float  # rad
     frequency: float  # Hz
@@ -50,11 +48,10 @@ class SineMotion(NamedTuple):
 
 
 def motion(amplitude: float, frequency: float) -> SineMotion:
-    """The motion of an amplitude, rad, > 0, and a frequency, Hz, over the paper's window of 10 s at 1 kHz.
+    """The motion of an amplitude, rad, > 0, and a frequency, Hz, over 10 s at 1 kHz, as in the paper.
 
-    A slow motion lasts two periods, where that is longer; a fast one has 200 samples a period.
-
-    Raises InputError where the frequency is outside `FREQUENCIES`.
+    A slow motion lasts at least two periods; a fast one has 200 samples a period. Raises InputError where the frequency
+    is outside `FREQUENCIES`.
     """
     low, high = FREQUENCIES
     if not low <= frequency <= high:
@@ -69,7 +66,7 @@ def motion(amplitude: float, frequency: float) -> SineMotion:
 class Local:
     """Derivatives along one motion."""
 
-    names: tuple[str, ...]  # the parameters that the columns are of: six of the paper's law
+    names: tuple[str, ...]  # parameters of the columns: six of the paper's law
     time: Array  # s, (n,)
     velocity: Array  # rad/s, (n,)
     torque: Array  # T_f, N*m, (n,)
@@ -77,14 +74,14 @@ class Local:
     total: Array  # the same through the bristle, N*m, (n, 6)
 
     def shares(self, *, partial: bool = False, last: int | None = None) -> Array:
-        """RMS of each derivative over the RMS of T_f, (6,); over the whole motion, or its last samples only."""
+        """RMS of each derivative over the RMS of T_f, (6,), of the whole motion or its last samples."""
         window = slice(None if last is None else -last, None)
         slopes = (self.partial if partial else self.total)[window]
         return rms(slopes) / rms(self.torque[window])
 
     @property
     def ranking(self) -> tuple[str, ...]:
-        """The parameters, the one with the largest total share first."""
+        """The parameters, the largest total share first."""
         return ranked(self.shares(), self.names)
 
 
@@ -94,16 +91,16 @@ def rms(values: Array) -> Array:
 
 
 def ranked(shares: Array, names: Sequence[str]) -> tuple[str, ...]:
-    """Parameters by their shares, (6,), the largest first."""
+    """Parameters, the largest of the shares, (6,), first."""
     return tuple(names[k] for k in np.argsort(-shares, kind="stable"))
 
 
 def local(p: Lugre[float] | Pair[float], reference: SineMotion) -> Local:
-    """Both derivatives of the friction torque along a motion; exact, by CasADi."""
+    """Both derivatives of the friction torque along a motion, exact by CasADi."""
     velocity = reference.course.velocity
     rolled = rollout_jacobian(velocity, reference.period, p, 0.0)
     names, scaled = estimated_of(p.law), of_estimated(cleared(rolled.by_parameters), p) * values_of(p)
-    # At given z and v, by the set that acts there.
+    # Partial derivatives of the set that acts at each z and v.
     acting: Sequence[float | Array] = p if isinstance(p, Lugre) else ()
     if not isinstance(p, Lugre):
         acting = evaluate(functions.active_function(p.law), rolled.z, velocity, *p.positive, *p.negative)
@@ -127,7 +124,7 @@ class Map:
 
     @property
     def first(self) -> NDArray[np.intp]:
-        """Which parameter ranks first, as its place in `names`, (a, f)."""
+        """Place in `names` of the parameter with the largest share, (a, f)."""
         return np.asarray(self.shares.argmax(axis=-1))
 
     @property
@@ -138,18 +135,18 @@ class Map:
 
 
 def claimed(shares: Array, names: Sequence[str]) -> bool:
-    """Whether the paper's two parameters are the first two among shares, (6,)."""
+    """Whether alpha_0 and alpha_2 have the two largest shares, (6,)."""
     return set(ranked(shares, names)[:2]) == CLAIMED
 
 
 def grid(reference: SineMotion) -> tuple[Array, Array]:
-    """Amplitudes (13,), rad, 1/1000 to 10 times the motion's, and frequencies (9,), Hz, 1/20 to 20 times, in thirds of a decade."""
+    """Amplitudes (13,), rad, 1/1000 to 10 times the motion's, and frequencies (9,), Hz, 1/20 to 20 times."""
     third = np.arange(-9, 4) / 3
     return reference.amplitude * 10**third, reference.frequency * 10 ** (np.arange(-4, 5) / 3)
 
 
 def sensitivity_map(p: Lugre[float] | Pair[float], amplitudes: Array, frequencies: Array) -> Map:
-    """The total shares of a sine's third period from rest, for each amplitude (a,), rad, and frequency (f,), Hz."""
+    """Total shares of a sine's third period from rest, for each amplitude (a,), rad, and frequency (f,), Hz."""
     cell = 1000  # samples of a period
     shares = np.empty((amplitudes.size, frequencies.size, len(estimated_of(p.law))))
     for i, j in np.ndindex(shares.shape[:2]):

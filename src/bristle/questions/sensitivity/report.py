@@ -1,4 +1,4 @@
-"""The report of a sensitivity study: shares along the motion and over the map, information, Sobol indices, formulas."""
+"""The report of a sensitivity study."""
 
 from functools import partial
 
@@ -18,7 +18,7 @@ from bristle.questions.sensitivity.study import Expected, SensitivityStudy, find
 
 
 def report(study: SensitivityStudy) -> Report:
-    """What matters most, then each question of the study; the terminal has shares, other findings and assumptions after it."""
+    """The most important parameters, then each part of the study; the terminal has the shares before other findings."""
     found, map_ = findings(study), study.map
     amplitude, frequency = (x.ravel() for x in np.meshgrid(map_.amplitudes, map_.frequencies, indexing="ij"))
     shares = map_.shares.reshape(-1, len(map_.names))
@@ -39,8 +39,7 @@ def report(study: SensitivityStudy) -> Report:
         ),
     ]
     information = pd.concat([e.to_frame(study.kind) for e in study.expected], ignore_index=True)
-    for k, expected in enumerate(study.expected, 1):
-        sections.append(_measurement(study, expected, k, information))
+    sections += [_measurement(study, expected, k, information) for k, expected in enumerate(study.expected, 1)]
     if study.sobol is not None:
         sections += _indices(study, study.sobol)
     if study.formulas is not None:
@@ -50,17 +49,14 @@ def report(study: SensitivityStudy) -> Report:
         sections.append(Section(title, findings=study.formulas.sentences(), table=text, lines=()))
         sections.append(Section("As LaTeX", table=latex, form="folded"))
     return Report(
-        f"What matters in the friction of {study.name}, and when",
-        tuple(sections),
+        f"What matters in the friction of {study.name}, and when", tuple(sections),
         about="Sensitivity of LuGre's torque to its parameters.",
         simulated="The joint was not measured but simulated." if study.simulated else "",
-        seed=None if study.sobol is None else study.seed,
-        tables={"map": over_map, "information": information},
-    )
+        seed=None if study.sobol is None else study.seed, tables={"map": over_map, "information": information},
+    )  # fmt: skip  # a list of values
 
 
 def _assumed(study: SensitivityStudy) -> Section:
-    """The motion, the parameters, and what is assumed of them."""
     at, rows = study.motion, []
     for name, value in zip(names_of(study.model.p), values_of(study.model.p).tolist(), strict=True):
         lower, upper = in_direction(study.box, *name) or (None, None)
@@ -86,7 +82,7 @@ def _along_motion(study: SensitivityStudy) -> list[Section]:
     local, torque, word = study.local, pretty(unit("torque", study.kind)), effort(study.kind)
 
     def peak(samples: NDArray[np.intp]) -> tuple[str, str]:
-        """The parameter with the largest total derivative among samples; its size, and when."""
+        """The parameter with the largest total derivative among samples, and its size and time."""
         total = np.abs(local.total[samples])
         sample, which = np.unravel_index(total.argmax(), total.shape)
         size = f"{number(total[sample, which], 2)} {torque} at {number(local.time[samples][sample], 3)} s"
@@ -95,36 +91,30 @@ def _along_motion(study: SensitivityStudy) -> list[Section]:
     drawn = figures.in_view(study)
     (name, whole), (later, half) = peak(drawn), peak(drawn[drawn.size // 2 :])  # without the first deflection
     time = Drawing(
-        partial(figures.time_figure, study),
-        "time",
-        f"derivatives over time of {study.name}",
+        partial(figures.time_figure, study), "time", f"derivatives over time of {study.name}",
         f"To first order, doubling {name} changes the {word} most, by up to {whole}"
         f"{f'; in the second period {later} does, by up to {half}' if later != name else ''}. "
         f"Velocity, and p · dT/dp in {torque} during the first two periods: the change of torque if the parameter doubled, "
         "to first order. Solid: total, including the bristle's response. Dashed: at fixed z, as in the paper's adaptation "
         "law. Where only one line is visible they coincide; a dashed line more than four times as large leaves its panel."
         f"{' A star marks a parameter that is assumed.' if study.model.assumed else ''}",
-    )
+    )  # fmt: skip  # a list of values
 
     frame = study.to_frame()
     largest, smallest = frame.iloc[0], frame.iloc[-1]
     bars = Drawing(
-        partial(figures.shares_figure, study),
-        "shares",
-        f"shares of the torque of {study.name}",
+        partial(figures.shares_figure, study), "shares", f"shares of the torque of {study.name}",
         f"{symbol(largest.parameter)} has the largest total share of the RMS {word}, {in_percent(largest.total)}, and "
         f"{symbol(smallest.parameter)} the smallest, {in_percent(smallest.total)}. "
         f"RMS of p · dT/dp during the whole motion, relative to the RMS of the friction {word}, on a logarithmic scale.",
-    )
+    )  # fmt: skip  # a list of values
     directions = "Where each direction has its own parameters, a parameter changes by the same percentage in both."
     table = Table(
-        "shares",
-        f"Shares of the RMS {word}",
-        frame,
+        "shares", f"Shares of the RMS {word}", frame,
         frame.rename(columns={"partial": "at fixed z", "settled": "total, last period"}),
         "The whole motion includes the bristle's first deflection; the last period does not."
         f"{f' {directions}' if word == 'torque' else ''}",
-    )
+    )  # fmt: skip  # a list of values
     lines = (
         f"{study.name}{' (SIMULATED data)' if study.simulated else ''}: RMS of p dT/dp relative to the RMS of T, by parameter",
         f"  {'':<8} {'total':>9} {'fixed z':>9} {'last period':>12}",
@@ -137,31 +127,27 @@ def _along_motion(study: SensitivityStudy) -> list[Section]:
 
 
 def _over_map(study: SensitivityStudy) -> list[Section]:
-    """Which parameter is first at each amplitude and frequency, and each share."""
+    """The parameter with the largest share at each amplitude and frequency, and all shares."""
     claim, shares = study.map.claim, study.map.shares
     first = Drawing(
-        partial(figures.first_figure, study),
-        "first",
-        f"first parameter vs amplitude and frequency of {study.name}",
+        partial(figures.first_figure, study), "first", f"first parameter vs amplitude and frequency of {study.name}",
         f"{' and '.join(map(symbol, sorted(CLAIMED)))} have the two largest shares in {in_percent(float(claim.mean()))} of the "
         f"map, {claim.sum()} of {claim.size} motions. The parameter with the largest total share in steady periodic motion, "
         "and its share. Inside the black line α₀ and α₂ rank first and second, as the paper claims. Star: the motion above.",
-    )
+    )  # fmt: skip  # a list of values
     low, high = (end(shares, axis=(0, 1)) for end in (np.min, np.max))
     k = int((high - low).argmax())
     least = f"less than {in_percent(figures.LEAST)}" if low[k] < figures.LEAST else in_percent(low[k])
     each = Drawing(
-        partial(figures.map_figure, study),
-        "map",
-        f"shares vs amplitude and frequency of {study.name}",
+        partial(figures.map_figure, study), "map", f"shares vs amplitude and frequency of {study.name}",
         f"The share of {symbol(study.map.names[k])} varies most over the map, from {least} to {in_percent(high[k])}. Total "
         "share of each parameter on one logarithmic scale; shares below 0.001 are drawn as 0.001.",
-    )
+    )  # fmt: skip  # a list of values
     return [Section("Amplitude and frequency", figure=first), Section("Each share", figure=each, form="part")]
 
 
 def _measurement(study: SensitivityStudy, expected: Expected, k: int, information: pd.DataFrame) -> Section:
-    """What one measurement would tell: standard errors, and the correlation of two parameters that are seen."""
+    """Standard errors and correlations that one measurement would give."""
     info, of = expected.information, len(expected.information.names)
     seen = np.flatnonzero(np.isfinite(info.standard_errors))
     lost = f"{of - seen.size} of {of} parameters cannot be estimated (×)" if seen.size < of else ""
@@ -179,9 +165,7 @@ def _measurement(study: SensitivityStudy, expected: Expected, k: int, informatio
     }  # fmt: skip  # a table of words
     part = expected.to_frame(study.kind).drop(columns="measurement").rename(columns=columns)
     return Section(
-        f"From {expected.what}",
-        text=" ".join(map(in_print, expected.noise)),
-        findings=info.unseen,
+        f"From {expected.what}", text=" ".join(map(in_print, expected.noise)), findings=info.unseen,
         figure=Drawing(
             partial(figures.correlation_figure, study, expected),
             f"correlation-{k}",
@@ -189,13 +173,11 @@ def _measurement(study: SensitivityStudy, expected: Expected, k: int, informatio
             f"{found}. Correlation of the estimates from {expected.what}; ×: not identifiable.",
         ),
         table=Table("information", f"Standard errors expected from {expected.what}", information, part),
-        lines=(),  # which the findings have
-        form="part",
-    )
+        lines=(),  # the findings of the study tell it form="part",
+    )  # fmt: skip  # a list of values
 
 
 def _indices(study: SensitivityStudy, sobol: Global) -> list[Section]:
-    """The Sobol indices, and the largest of all outputs."""
     effects = [(effect, x) for x in sobol.outputs for effect in x.effects]
     bare = sum(not x.effects for x in sobol.outputs)
     lost = f"{bare} of {len(sobol.outputs)} outputs cannot be analysed" if bare else ""
@@ -214,7 +196,4 @@ def _indices(study: SensitivityStudy, sobol: Global) -> list[Section]:
         f"{caption}. First-order and total Sobol indices with 95 % confidence intervals.",
     )
     said, table = sobol_sentences(sobol, study.kind), Table("sobol", "Sobol indices", sobol.to_frame(study.kind))
-    return [
-        Section("Sobol indices over the intervals", findings=said, figure=figure),
-        Section("As a table", table=table, form="folded"),
-    ]
+    return [Section("Sobol indices over the intervals", findings=said, figure=figure, table=table)]

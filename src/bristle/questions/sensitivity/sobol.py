@@ -1,7 +1,6 @@
-"""Sobol indices by SALib: the share of an output's variance that each parameter makes alone, and with all others.
+"""Sobol indices by SALib: shares of an output's variance by each parameter alone, and with all others.
 
-The parameters are drawn from a box, independently; correlations of a fit are not in it. Saltelli's sampling:
-samples * (parameters + 2) evaluations.
+The parameters are drawn independently from a box by Saltelli's sampling: samples * (parameters + 2) evaluations.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,15 +28,12 @@ from bristle.simulation.joint_loop import JointLoop
 if TYPE_CHECKING:
     import pandas as pd
 
-Box = Mapping[ParameterName, tuple[float, float]]
-"""Intervals by name: `alpha_0` of both directions at once, `alpha_0+` and `alpha_0-` of one."""
+Box = Mapping[ParameterName, tuple[float, float]]  # intervals: `alpha_0` of both directions at once, `alpha_0+` of one
 _Quantity = Literal["torque", "position"]
-PERIODS, COUNTED = 2, 1
-"""Of the reference in each closed loop, and how many of the last of them count; the error is then settled to 1 %."""
-_TICKS = 9_000_000  # control periods of all closed loops together, which bounds their samples: about half a minute
-LEAST = 32  # fewer samples tell nothing
-_LONGEST, _COARSE = 300_000, 0.02
-"""A loop is not simulated over more control periods, nor where one of them is a larger share of the reference's period."""
+PERIODS, COUNTED = 2, 1  # of the reference in a closed loop, and the last of them that count: settled to 1 %
+_TICKS = 9_000_000  # most control periods of all closed loops together: about half a minute
+LEAST = 32  # least number of samples
+_LONGEST, _COARSE = 300_000, 0.02  # most control periods of a loop, and longest of them over the reference's period
 _BATCH, _ROWS = 128, 1024  # closed loops, and joints of the other outputs, between two calls of the progress
 
 
@@ -47,7 +43,7 @@ class Span(NamedTuple):
     parameter: ParameterName
     low: float
     high: float
-    logarithmic: bool  # whether its logarithm is uniform, else itself: where the interval spans more than a decade
+    logarithmic: bool  # log-uniform, where the interval spans more than a decade; else uniform
 
     def at(self, share: Array) -> Array:
         """The values at shares 0 to 1 of the way from low to high."""
@@ -60,9 +56,9 @@ class Effect(NamedTuple):
     """Indices of one parameter, shares of the output's variance, each with the half-width of its 95 % interval."""
 
     parameter: ParameterName
-    first: float  # of it alone, the others averaged over
+    first: float  # alone
     first_half: float
-    total: float  # of it with all its interactions
+    total: float  # with all interactions
     total_half: float
 
 
@@ -71,36 +67,35 @@ class Output:
     """One output of a joint, and its indices."""
 
     name: str
-    quantity: _Quantity  # what has its unit
+    quantity: _Quantity  # of its unit
     effects: tuple[Effect, ...] = ()  # in the order of the box; empty where there are no indices
     mean: float = nan
     deviation: float = nan  # standard deviation over the box
     samples: int = 0
     evaluations: int = 0  # samples * (parameters + 2)
-    reason: Finding | None = None  # why there are no indices, where there are none
+    reason: Finding | None = None  # why there are no indices
 
     def called(self, kind: Kind) -> str:
-        """Its name; of a joint that slides it is about a force."""
+        """Its name, with `force` for joints that slide."""
         return self.name.replace("torque", parameters.effort(kind))
 
     def heading(self, kind: Kind) -> str:
-        """The same at the beginning of a line."""
+        """Its name with a capital."""
         return f"{self.called(kind)[0].upper()}{self.called(kind)[1:]}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Global:
-    """Global sensitivity of one joint, simulated throughout."""
+    """Global sensitivity of one joint, SIMULATED."""
 
     spans: tuple[Span, ...]
-    outputs: tuple[Output, ...]
-    """RMS friction torque along the reference, breakaway torque, RMS error of the compensated loop."""
+    outputs: tuple[Output, ...]  # RMS friction torque, breakaway torque, RMS error of the compensated loop
     amplitude: float  # of the reference, a sine, rad
     frequency: float  # Hz
     seed: int
 
     def to_frame(self, kind: Kind) -> "pd.DataFrame":
-        """One row for each output and parameter: the interval drawn from, both indices with their half-widths, samples."""
+        """One row per output and parameter: interval, both indices with half-widths of their intervals, samples."""
         import pandas as pd
 
         rows = [
@@ -117,13 +112,13 @@ class Global:
 
 
 def saltelli(spans: Sequence[Span], samples: int, seed: int) -> Array:
-    """Saltelli's sample of the box, (samples * (p + 2), p), of a power of two of samples."""
+    """Saltelli's sample of the box, (samples * (p + 2), p); samples: a power of two."""
     shares = _salib().sample.sobol.sample(_problem(spans), samples, calc_second_order=False, seed=seed)
     return np.column_stack([span.at(share) for span, share in zip(spans, shares.T, strict=True)])
 
 
 def analysed(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array | Finding, seed: int) -> Output:
-    """An output by its values at the points of `saltelli`, (samples * (p + 2),), or why there are none."""
+    """An output, from its values at the points of `saltelli`, (samples * (p + 2),), or from why there are none."""
     if isinstance(values, Finding):
         return Output(name=name, quantity=quantity, reason=values)
     if not np.ptp(values) > 1e-12 * np.abs(values).max():
@@ -168,20 +163,11 @@ def global_sensitivity(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Global:
-    """Sobol indices of three outputs of a joint along its reference, amplitude sin(2 pi frequency t) of the subject.
+    """Sobol indices of three outputs of a joint along the subject's reference, amplitude sin(2 pi frequency t).
 
-    The RMS of T_f over a period of steady motion; the breakaway torque alpha_0 + alpha_1, the mean of both directions;
-    and the RMS position error of the simulated loop whose compensator has the model p while the plant is drawn: over
-    the last of `PERIODS` periods from rest. That loop is slow: it gets fewer samples, as each output says.
-
-    Args:
-        p: the nominal parameters; those that are not in the box stay so.
-        box: as `box_of` gives it.
-        subject: whose loop and reference it is; its own friction is not used.
-        samples: as `check_samples` has it; of torque and breakaway.
-        seed: of the sampling and of the bootstrap, >= 0; the same seed gives the same result.
-        progress: told of every batch.
-
+    The outputs: RMS of T_f over a period of steady motion; breakaway torque alpha_0 + alpha_1, mean of both directions;
+    RMS position error of the loop whose compensator has the model p while the plant is drawn, over the last of
+    `PERIODS` periods from rest, with fewer samples. `box`: as of `box_of`; parameters that are not in it stay as in p.
     Raises InputError where SALib is not installed.
     """
     pair = Pair(p, p) if isinstance(p, Lugre) else p
@@ -196,7 +182,7 @@ def global_sensitivity(
         return rms_torque(joints_at(pair, spans, batch), subject.amplitude, subject.frequency)
 
     def error(batch: Array) -> Array:
-        """RMS position error of loops with these plants and one model, rad, over the last of the periods."""
+        """RMS position error of loops with these plants and the model p, rad."""
         tell("Sobol: compensated loops")
         sets = [
             map(parameters.lugre_of(pair.law)._make, np.column_stack(p).tolist()) for p in joints_at(pair, spans, batch)
@@ -207,7 +193,7 @@ def global_sensitivity(
         return run.rms_error((PERIODS - COUNTED) / subject.frequency)
 
     def tracking() -> Array | Finding:
-        """The loops' errors; why there are none where a plant drawn cannot be run, or its loop diverges."""
+        """The loops' errors, or why there are none."""
         how = f"the reference is at {subject.frequency:g} Hz, the control period {subject.period:g} s"
         try:
             if subject.frequency * subject.period > _COARSE:
@@ -224,7 +210,7 @@ def global_sensitivity(
         lost = Finding("loop-diverges", CAUTION, message, {"diverged": diverged, "drawn": drawn})
         return lost if diverged else errors
 
-    # g(0) = alpha_0 + alpha_1, the limit of (9) where v goes to zero from above, N*m; the mean of both directions.
+    # g(0) = alpha_0 + alpha_1, the limit of (9) for v -> 0, N*m; mean of both directions.
     drawn = joints_at(pair, spans, points)
     levels = [evaluate(functions.steady_torque_function(p.law), 1e-200, *p.stribeck)[0] for p in drawn]
     breakaways = np.asarray(np.mean(levels, axis=0))
@@ -242,7 +228,7 @@ def _ticks(subject: JointLoop) -> int:
 
 
 def _affordable(parameters: int, ticks: int) -> int:
-    """The largest power of two of samples whose loops together take no more than `_TICKS` control periods."""
+    """The largest power of two of samples whose loops together take at most `_TICKS` control periods."""
     most: int = max(_TICKS // ((parameters + 2) * ticks), LEAST)
     return 1 << (most.bit_length() - 1)
 
@@ -252,7 +238,7 @@ def _batched(function: Callable[[Array], Array], points: Array, size: int) -> Ar
 
 
 def ordered(box: Box, law: Law) -> tuple[Span, ...]:
-    """The intervals in the order of the law's tuple, on which the samples depend."""
+    """The intervals in the order of the law's parameters, on which the samples depend."""
     directions = (Direction.BOTH, Direction.POSITIVE, Direction.NEGATIVE)
     known = [ParameterName(name, d) for name in parameters.estimated_of(law) for d in directions]
     ends = [(name, *box[name]) for name in known if name in box]
@@ -260,7 +246,7 @@ def ordered(box: Box, law: Law) -> tuple[Span, ...]:
 
 
 def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[Array]:
-    """Both sets of the joint at each point, each parameter (n,); points (n, p), one column for each of the spans."""
+    """The joint at each point, each parameter (n,); points (n, p), one column per span."""
     drawn = {span.parameter: column for span, column in zip(spans, points.T, strict=True)}
     sets = []
     for d, p in zip("+-", pair, strict=True):
@@ -272,7 +258,7 @@ def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[A
 
 
 def box_of(estimates: Mapping[ParameterName, Estimate]) -> tuple[Box, tuple[Finding, ...]]:
-    """The 95 % intervals of the estimated friction parameters; a finding on each that is not finite, or is cut at its physical bound."""
+    """The 95 % intervals of the friction parameters; a finding on each that is not finite, or is cut at a bound."""
     box, notes = dict[ParameterName, tuple[float, float]](), []
     for name, e in estimates.items():
         bare, least = name.name, parameters.least_of(name.name)

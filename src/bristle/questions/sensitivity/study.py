@@ -29,29 +29,29 @@ if TYPE_CHECKING:
 
 SAMPLES = 1024  # of the Sobol indices, if no other number is given
 SEED = 0
-_MOST = 2**17  # samples of the Sobol indices, with which a joint of six parameters takes some minutes
-_NOISE = 0.05  # where no moving run tells the noise: this share of alpha_0, white, at 1 kHz
+_MOST = 2**17  # samples of the Sobol indices: some minutes for a joint of six parameters
+_NOISE = 0.05  # assumed noise without a moving run, over alpha_0; white, at 1 kHz
 _NAMED = 3  # parameters whose shares a sentence names
-_SMALL_INDEX = 0.05  # a parameter or an interaction with a smaller share of an output's variance is not named
+_SMALL_INDEX = 0.05  # least share of an output's variance that a sentence names
 
 
 class Expected(NamedTuple):
-    """Fisher information of one measurement, beside what the joint's own fit has."""
+    """Fisher information of one measurement, and the standard errors of the joint's own fit."""
 
     what: str
     information: Information
-    errors: Mapping[ParameterName, float]  # standard errors of the joint's own fit, by name
-    noise: tuple[Finding, ...]  # what the noise is taken from, and what is held as known
+    errors: Mapping[ParameterName, float]  # of the joint's own fit
+    noise: tuple[Finding, ...]  # source of the noise, and the parameters taken as known
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """Whether the measurement identifies each parameter, (p,): to half its value, or with any finite error where it may be zero."""
+        """Identifiable parameters, (p,): to half the value, or with any finite error where the value may be zero."""
         errors, zero = self.information.standard_errors, ("offset", "gravity", "quadratic", "inertia")
         may_be_zero = np.array([x.name.startswith(zero) for x in self.information.names], dtype=bool)
         return (errors < 0.5 * np.abs(self.information.point)) | (may_be_zero & np.isfinite(errors))
 
     def to_frame(self, kind: JointKind) -> "pd.DataFrame":
-        """One row per parameter: expected standard error, that of the joint's fit, whether it is identifiable."""
+        """One row per parameter: expected standard error, that of the joint's fit, and whether it is identifiable."""
         import pandas as pd
 
         info = self.information
@@ -69,12 +69,12 @@ class Expected(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensitivityStudy:
-    """Which parameters of a joint matter. `bristle.report_of` gives its text, page and tables."""
+    """Sensitivity of a joint's friction to its parameters. `bristle.report_of` gives its text, page and tables."""
 
     name: str
     kind: JointKind
     simulated: bool
-    """Whether what is known of the joint comes from simulated data."""
+    """Whether the joint was identified from simulated data."""
     model: KnownFriction
     motion: SineMotion
     box: Box
@@ -107,7 +107,7 @@ class SensitivityStudy:
 
 
 def check_samples(samples: int) -> None:
-    """Raises InputError where so many samples cannot be drawn; 0 is no Sobol indices at all."""
+    """Raise InputError where the number of samples is out of range; 0 leaves the Sobol indices out."""
     if samples and (not LEAST <= samples <= _MOST or samples & (samples - 1)):
         raise InputError(
             f"samples: got {samples}; expected a power of two from {LEAST} to {_MOST}, or 0 to leave the Sobol indices out"
@@ -117,7 +117,7 @@ def check_samples(samples: int) -> None:
 def study_sensitivity(
     joint: Joint, request: Request, samples: int = SAMPLES, progress: Progress | None = None
 ) -> SensitivityStudy:
-    """Local, mapped and global sensitivity and the information of a joint, as asked in `request`; `samples` as `check_samples` has it."""
+    """Local, mapped and global sensitivity of a joint, and information of measurements; `samples`: `check_samples`."""
     model, motion, loop = request
     tell = teller(progress, 3)
     tell("derivatives along the motion")
@@ -126,7 +126,7 @@ def study_sensitivity(
     mapped = sensitivity_map(model.p, *grid(motion))
     box, cut = box_of(model.estimates)
     tell("information")
-    expected = (_motion_tells(joint, model, motion), _constant_velocities_tell(joint))
+    expected = (_motion_information(joint, model, motion), _velocities_information(joint))
     sobol, written, left_out = None, None, list[Finding]()
     if not samples:
         left_out.append(Finding("sobol-not-asked", NOTE, "Sobol indices were not asked for (samples: 0)."))
@@ -151,9 +151,9 @@ def study_sensitivity(
     )  # fmt: skip  # a list of values
 
 
-def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Expected:
-    """What the torque along the motion tells, beside the extra terms that the joint's own fit has to find as well."""
-    # Standard deviation of the white noise of a torque sample at the motion's period, N*m, and where it is from.
+def _motion_information(joint: Joint, model: KnownFriction, motion: SineMotion) -> Expected:
+    """Information of the torque along the motion about friction and the extra terms of the joint's own fit."""
+    # Standard deviation of the white noise of a torque sample at the motion's period, N*m, and its source.
     fit, torque_unit = joint.moving, unit("torque", joint.kind)
     if fit is not None and fit.quantity == "torque" and fit.rms > 0:
         steps = np.diff(fit.time)
@@ -192,7 +192,7 @@ def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Exp
 def _expected(
     what: str, full: Information, errors: Mapping[ParameterName, float], noise: Finding, held: Sequence[ParameterName]
 ) -> Expected:
-    """The information of all but what is held, which the joint's own fit does not have."""
+    """The information without the parameters that are held, because the joint's own fit lacks them."""
     kept = [k for k, name in enumerate(full.names) if name not in held]
     names = tuple(full.names[k] for k in kept)
     information = Information(names=names, point=full.point[kept], matrix=full.matrix[np.ix_(kept, kept)])
@@ -201,8 +201,8 @@ def _expected(
     return Expected(what, information, errors, (noise, *known))
 
 
-def _constant_velocities_tell(joint: Joint) -> Expected | None:
-    """What the joint's own constant velocities tell, at the scatter that was seen."""
+def _velocities_information(joint: Joint) -> Expected | None:
+    """Information of the joint's own constant velocities, at the scatter of its points; None without a static fit."""
     fits = {d: fit for d, fit in joint.static.items() if d in ("+", "-", "both") and fit.rms and fit.velocity.size}
     sets = {d: p for d, fit in fits.items() if (p := fit.values()) is not None}
     if not sets:
@@ -226,26 +226,29 @@ def _constant_velocities_tell(joint: Joint) -> Expected | None:
 
 
 def findings(study: SensitivityStudy) -> tuple[Finding, ...]:
-    """Which parameters matter most, where the paper's claim on them holds, and what each measurement would tell."""
-    total, at_fixed_z, names = study.local.shares(), study.local.shares(partial=True), study.local.names
-    holds, largest, settled = claimed(total, names), _largest(total, names), _largest(study.settled, names)
-    later = f" In its last period, after the bristle's first deflection: {_listed(settled)}."
-    (first, share), *others = largest.items()
+    """The parameters that matter most, where the paper's claim holds, and what each measurement identifies."""
+    names, total = study.local.names, study.local.shares()
+    largest, settled = (
+        {name: float(shares[names.index(name)]) for name in ranked(shares, names)[:_NAMED]}
+        for shares in (total, study.settled)
+    )
+    holds = claimed(total, names)
+    others, last = (
+        ", ".join(f"{name} {share:.2g}" for name, share in x) for x in (list(largest.items())[1:], settled.items())
+    )
+    later = f" In its last period, after the bristle's first deflection: {last}."
+    first, share = next(iter(largest.items()))
     message = (
         f"{first} matters most for {study.motion.amplitude:.3g} {unit('position', study.kind)} at "
         f"{study.motion.frequency:.3g} Hz: its total share of the RMS {effort(study.kind)} is {share:.2g}, then "
-        f"{_listed(dict(others))}. The paper's claim that alpha_0 and alpha_2 matter most "
+        f"{others}. The paper's claim that alpha_0 and alpha_2 matter most "
         f"{'holds' if holds else 'does not hold'}.{later if list(settled) != list(largest) else ''}"
     )
     motion = {"amplitude": study.motion.amplitude, "frequency": study.motion.frequency}
     numbers = {**motion, "largest": tuple(largest.items())}
     found = [Finding("claim-holds" if holds else "claim-fails", NOTE, message, numbers)]
-    fixed = ranked(at_fixed_z, names)[:_NAMED]
-    if fixed != tuple(largest):
-        message = f"At fixed z the order would be {', '.join(fixed)}: the bristle's response to a parameter matters."
-        found.append(Finding("other-at-fixed-z", NOTE, message, {"names": fixed}))
 
-    # Where on the map the claim holds: at the lowest, the motion's own and the highest frequency.
+    # Amplitudes of the map at which the claim holds, at the lowest, the motion's own and the highest frequency.
     claim, amplitudes, frequencies = study.map.claim, study.map.amplitudes, study.map.frequencies
     where = []
     for j in dict.fromkeys((0, int(np.argmin(np.abs(frequencies - study.motion.frequency))), frequencies.size - 1)):
@@ -263,7 +266,7 @@ def findings(study: SensitivityStudy) -> tuple[Finding, ...]:
     )
     found.append(Finding("claim-on-map", NOTE, message, {"motions": claim.size, "held": held, "first": leading}))
 
-    # Which parameters each measurement identifies, and which combinations it hardly does.
+    # Parameters that each measurement identifies, and combinations that it hardly does.
     for expected in study.expected:
         all_of, more = expected.information.names, "".join(f" {x.message}" for x in expected.information.unseen)
         lost = tuple(name for name, seen in zip(all_of, expected.seen, strict=True) if not seen)
@@ -279,20 +282,11 @@ def findings(study: SensitivityStudy) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def _largest(shares: Array, names: Sequence[str]) -> dict[str, float]:
-    """The largest of the shares, (6,), by the parameter's name, in their order."""
-    by_name = dict(zip(names, shares.tolist(), strict=True))
-    return {name: by_name[name] for name in ranked(shares, names)[:_NAMED]}
-
-
-def _listed(shares: dict[str, float]) -> str:
-    return ", ".join(f"{name} {share:.2g}" for name, share in shares.items())
-
-
 def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
-    """Each output's parameters by their share of its variance, then what was drawn and what is not in it."""
-    how = (f"{s.parameter} [{s.low:.3g}, {s.high:.3g}]{' (log-uniform)' * s.logarithmic}" for s in sobol.spans)
-    spans = ", ".join(how)
+    """The largest indices of each output, then the intervals drawn from and the simulated motion."""
+    spans = ", ".join(
+        f"{s.parameter} [{s.low:.3g}, {s.high:.3g}]{' (log-uniform)' * s.logarithmic}" for s in sobol.spans
+    )
     drawn = (
         "Parameters are drawn uniformly unless stated otherwise, and independently, although those of a fit are "
         f"correlated: {spans}. Seed {sobol.seed}."

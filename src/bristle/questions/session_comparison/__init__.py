@@ -1,1 +1,1 @@
-"""What changed between two sessions."""
+"""Comparison of two sessions: which parameters changed."""

@@ -1,4 +1,4 @@
-"""The report of two sessions compared: what changed, joint by joint, with a figure and tables."""
+"""The report of a comparison of two sessions."""
 
 from functools import partial
 
@@ -14,17 +14,17 @@ from bristle.page.style import DIRECTION, new_figure, styled, title
 from bristle.page.wording import counted, measured, number, percent, pretty, shortened, slugs, symbol
 from bristle.questions.session_comparison.results import Change, Comparison
 
-_NONE = 1e-99  # p-values below this are shown as below it
+_NONE = 1e-99  # least p-value that is shown
 _LEAST = f"< {_NONE:g}"
 _DRAWN = 30  # joints with a figure
 _ROW = 0.34  # height of a parameter, inches
-_APART = 0.17  # the sessions stand this far above and below a parameter's line, rows
+_APART = 0.17  # distance of the sessions from a parameter's line, rows
 _MOST = 40  # parameters drawn; the table has all
-_BEYOND = 8.0  # the axis reaches this many times as far as the median of the rows
+_BEYOND = 8.0  # largest half of the axis, over the median reach of the rows
 
 
 def report(compared: Comparison) -> Report:
-    """The verdict and its limits, then each joint; the terminal has the joints after the verdict."""
+    """The verdict and its limits, then each joint; the terminal has the joints before the limits."""
     joints = list(compared.kinds)
     columns = ["joint", "source", "parameters", "F", "freedom", "p", "adjusted_p", "changed", "names"]
     sets = pd.DataFrame(
@@ -55,7 +55,7 @@ def report(compared: Comparison) -> Report:
 def _of_joint(
     compared: Comparison, joint: str, slug: str, tables: dict[str, pd.DataFrame], *, with_figure: bool
 ) -> list[Section]:
-    """The sections of one joint: its changes, its fits as sets, and what cannot be compared."""
+    """The sections of one joint: its changes, its fits as sets, and the parameters that cannot be compared."""
     lines = [f"[[{joint}]] {compared.kinds[joint]}{', SIMULATED data' if compared.simulated else ''}"]
     known, rows = [], []
     for c in (c for c in compared.changes if c.joint == joint):
@@ -89,12 +89,10 @@ def _of_joint(
         far = number(max((abs(c.z or 0.0) for c in known), default=None), 2)
         found = f"None of {of} changed beyond its joint uncertainty; differences are {far} standard errors at most."
     figure = Drawing(
-        partial(forest_figure, compared, joint),
-        f"{slug}-changes",
-        f"both sessions of {joint}",
+        partial(forest_figure, compared, joint), f"{slug}-changes", f"both sessions of {joint}",
         f"{found} Each parameter in both sessions with its 95 % interval, as a difference in percent from the first "
         "session's value. Shaded: changed beyond the joint uncertainty. Arrow: the interval extends beyond the axis.",
-    )
+    )  # fmt: skip  # a list of values
 
     changes, sets = (frame[frame["joint"] == joint] for frame in tables.values())
     comparable = changes[changes["source"] != ""]
@@ -126,7 +124,7 @@ def _of_joint(
 
 
 def _few_digits(frame: pd.DataFrame) -> pd.DataFrame:
-    """The frame with its p-values in two digits, or as below the least that is shown, and what is no number as None."""
+    """The frame with its p-values in two digits, and None for missing values."""
     few = [_LEAST if p < _NONE else float(f"{p:.2g}") for p in frame["adjusted_p"]]
     frame = frame.assign(adjusted_p=pd.Series(few, index=frame.index, dtype=object))
     shown = frame.astype(object).where(frame.notna(), None)
@@ -140,7 +138,7 @@ def _p(p: float | None) -> str:
 
 @styled
 def forest_figure(compared: Comparison, joint: str) -> Figure | None:
-    """Both sessions' values and 95 % intervals of one joint, percent from the first's value; None where nothing can be drawn."""
+    """Values and 95 % intervals of one joint in both sessions, percent from the first's value; None without any."""
     rows = [c for c in compared.changes if c.joint == joint and c.changed is not None and c.first and c.first.value]
     rows = rows[:_MOST]
     if not rows:
@@ -148,7 +146,7 @@ def forest_figure(compared: Comparison, joint: str) -> Figure | None:
     figure = new_figure(1.3 + _ROW * len(rows))
     figure.subplots_adjust(left=0.19, right=0.87, top=1 - 0.66 / figure.get_figheight())
     ax = figure.subplots()
-    # Half of the axis, percent: all differences are on it, and intervals unless they are far wider than the others.
+    # Half of the axis, percent: it holds all differences, and intervals unless they are far wider than the others.
     wide = np.array([max(abs(x) for e in (row.first, row.second) for x in _span(row, e)) for row in rows])
     far = max(abs(_span(row, row.second)[1]) for row in rows)
     reach = 1.12 * max(min(float(wide.max()), _BEYOND * float(np.median(wide))), far, 1e-6)

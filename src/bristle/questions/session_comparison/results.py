@@ -1,4 +1,4 @@
-"""The values of a comparison of two sessions: what each says, of its joints or of a file that may hold anything, and what differs."""
+"""Values of a comparison of two sessions: each session's fits, as identified or read from a file, and the changes."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -23,20 +23,19 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-_FAR = 1e60
-"""No friction parameter, in any unit, is larger, or has a larger inverse; squares of such numbers still are numbers."""
+_FAR = 1e60  # largest size of a parameter in any unit, and of its inverse, so that squares stay finite
 
 
 @result
 class SessionFit:
-    """What one fit of a session says."""
+    """One fit of a session."""
 
     source: str  # as `joint`, `tracking`, `static +` or `presliding -`
     parameters: Mapping[ParameterName, Estimate]
     names: tuple[ParameterName, ...] = ()  # those of the covariance
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     freedom: float = inf  # degrees of freedom
-    distrusted: Finding | None = None  # why it is not to be trusted, if so: then it is used last
+    distrusted: Finding | None = None  # why the fit is not to be trusted, and is used last
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,8 +43,8 @@ class SessionJoint:
     """One joint in one session."""
 
     kind: Kind
-    fits: tuple[SessionFit, ...]  # the one to use first stands first
-    law: Law = GAUSSIAN  # of its friction
+    fits: tuple[SessionFit, ...]  # in the order of use
+    law: Law = GAUSSIAN
     simulated: bool = False
     torque_scale: Finding | None = None  # as of a `Joint`
     inputs: tuple[str, ...] = ()  # checksums of its files
@@ -55,42 +54,34 @@ Session = Mapping[str, SessionJoint]  # joints by name
 
 
 class FitPair(NamedTuple):
-    """The fits of two sessions that are of one kind."""
+    """The fits of one source in both sessions."""
 
     first: SessionFit
     second: SessionFit
 
     @property
     def distrusted(self) -> Finding | None:
-        """Why the first of them is not to be trusted, else why the second is not; None where both are."""
+        """Why one of the fits is not to be trusted; None where both are."""
         return self.first.distrusted or self.second.distrusted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
-    """One parameter of one joint in both sessions."""
+    """One parameter of one joint in both sessions; numbers are None where it cannot be compared."""
 
     joint: str
     parameter: ParameterName
     unit: str
-    source: str
-    """Of both values; empty where they cannot be compared."""
+    source: str  # of both values; empty where they cannot be compared
     first: Estimate | None
     second: Estimate | None
-    difference: float | None = None
-    """Second less first, in `unit`."""
-    error: float | None = None
-    """Standard error of the difference, in `unit`."""
-    z: float | None = None
-    """Their ratio, of logarithms where the parameter is known by a factor."""
-    p: float | None = None
-    """How often chance alone would make it as large."""
-    adjusted: float | None = None
-    """Holm's, for all comparisons made."""
-    changed: bool | None = None
-    """Whether it did beyond the joint uncertainty; None where that cannot be told."""
-    verdict: Finding
-    """What became of it, or why that cannot be told."""
+    difference: float | None = None  # second less first, in `unit`
+    error: float | None = None  # standard error of the difference, in `unit`
+    z: float | None = None  # difference over its standard error, of logarithms for v_s, sigma_0 and shapes of peaks
+    p: float | None = None  # probability of at least this difference by chance
+    adjusted: float | None = None  # Holm's, for all comparisons
+    changed: bool | None = None  # whether it changed beyond the joint uncertainty
+    verdict: Finding  # rose, fell, no change, or why it cannot be compared
 
     @property
     def percent(self) -> float | None:
@@ -107,34 +98,29 @@ class SetChange:
     joint: str
     source: str
     names: tuple[ParameterName, ...]
-    statistic: float
-    """d' (C_a + C_b)**-1 d over their number."""
+    statistic: float  # d' (C_a + C_b)**-1 d over their number
     freedom: float
     p: float
-    adjusted: float
-    """Holm's, for all fits compared."""
+    adjusted: float  # Holm's, for all fits compared
     changed: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """What differs between two sessions. `bristle.report_of` gives its text, page and tables."""
+    """Changes between two sessions. `bristle.report_of` gives its text, page and tables."""
 
     changes: tuple[Change, ...]
     sets: tuple[SetChange, ...]
     kinds: Mapping[str, Kind]
-    """Of the joints compared."""
+    """Kind of each joint compared."""
     sentence: Finding
     """The overall verdict."""
     warnings: tuple[Finding, ...]
-    """What limits the comparison."""
+    """The limits of the comparison."""
     simulated: bool
 
     def to_frame(self) -> "pd.DataFrame":
-        """One row per joint and parameter: both values, their difference with its joint uncertainty, and the verdict.
-
-        nan where they cannot be compared.
-        """
+        """One row per joint and parameter: both values, the difference with its joint uncertainty, and the verdict."""
         import pandas as pd
 
         numbers = (
@@ -162,29 +148,26 @@ def alike(name: str, first: Law, second: Law) -> bool:
 
 
 def usable(e: Estimate) -> bool:
-    """Whether it has a value, an error, and an interval closed on both sides."""
+    """Whether an estimate has a value, a standard error and an interval closed on both sides."""
     numbers = (e.value, e.standard_error, *(e.interval or (None,)))
     return all(x is not None and isfinite(x) for x in numbers) and (e.standard_error or 0.0) > 0
 
 
 def pairs(first: SessionJoint, second: SessionJoint) -> list[FitPair]:
-    """Fits of one kind in both sessions, those to be trusted first, then in the order of use."""
+    """Fits of one source in both sessions: trusted ones first, then in the order of use."""
     others = {fit.source: fit for fit in second.fits}
     found = [FitPair(fit, others[fit.source]) for fit in first.fits if fit.source in others]
     return sorted(found, key=lambda pair: bool(pair.distrusted))
 
 
 def read_session(path: Path) -> Session:
-    """The joints of a results file, by name.
-
-    Raises InputError in one sentence where it is no results file of schema bristle-results/3, and OSError where it cannot be read.
-    """
+    """The joints of a results file, by name. Raises InputError and OSError as `reading` and `session_of`."""
     with reading(path) as found:
         return session_of(document_of(found).joints.values())
 
 
 def session_of(joints: Iterable[Joint]) -> Session:
-    """Identified joints, by name, as a session to compare. Raises InputError where a number is none."""
+    """Identified joints, by name, as a session to compare. Raises InputError where a number or a text is impossible."""
     session = {}
     for joint in joints:
         _shown(joint.name, "joint")
@@ -201,37 +184,33 @@ def session_of(joints: Iterable[Joint]) -> Session:
 
 
 def _shown(text: str, what: str) -> str:
-    """Text that is shown somewhere; raises InputError where it holds a control character, or is a book."""
+    """The text. Raises InputError where it has a control character or more than 400 characters."""
     if len(text) > 400:
         raise InputError(f"{what} {short(text)} has {len(text)} characters, more than 400")
     return check_name(text, what)
 
 
 def _fits(joint: Joint) -> Iterator[SessionFit]:
-    """The fits of a joint in the order in which their numbers are used; without v_end, which is no estimate."""
+    """The fits of a joint in the order of use, without v_end, which is no estimate."""
     for source, moving in (("joint", joint.joint_fit), ("tracking", joint.tracking)):
         if moving is not None:
             yield SessionFit(
-                source=source,
-                parameters={_name(name): _checked(e) for name, e in moving.parameters.items()},
-                names=tuple(map(_name, moving.names)),
-                covariance=_covariance(moving),
+                source=source, parameters={_name(name): _checked(e) for name, e in moving.parameters.items()},
+                names=tuple(map(_name, moving.names)), covariance=_covariance(moving),
                 distrusted=moving.outcome if moving.outcome.code == "not-converged" else None,
-            )
+            )  # fmt: skip  # a list of values
     for d, fit in joint.static.items():
         if fit.degrees_of_freedom < 0:
             raise InputError(f"a fit has {fit.degrees_of_freedom} degrees of freedom")
+        own = {_named(name, d): _checked(e) for name, e in fit.parameters.items() if name != FASTEST}
+        names, freedom = tuple(_named(name, d) for name in fit.names), max(fit.degrees_of_freedom, 1)
         yield SessionFit(
-            source=f"static {d}",
-            parameters={_named(name, d): _checked(e) for name, e in fit.parameters.items() if name != FASTEST},
-            names=tuple(_named(name, d) for name in fit.names),
-            covariance=_covariance(fit),
-            freedom=max(fit.degrees_of_freedom, 1),
+            source=f"static {d}", parameters=own, names=names, covariance=_covariance(fit), freedom=freedom
         )
     for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
-        own = {"edges": slow.edges, "samples": slow.samples}.get(slow.recommended)
-        if own is not None:
-            yield SessionFit(source=f"presliding {d}", parameters={_named("sigma_0", d): _checked(own)})
+        stiffness = {"edges": slow.edges, "samples": slow.samples}.get(slow.recommended)
+        if stiffness is not None:
+            yield SessionFit(source=f"presliding {d}", parameters={_named("sigma_0", d): _checked(stiffness)})
 
 
 def _name(name: ParameterName) -> ParameterName:
@@ -239,13 +218,13 @@ def _name(name: ParameterName) -> ParameterName:
 
 
 def _named(name: str, direction: str) -> ParameterName:
-    """A parameter as a fit of some direction names it."""
+    """A parameter of a fit of some direction."""
     bare = ParameterName.parse(_shown(name, "parameter"))
     return ParameterName(name, Direction(direction)) if _shown(direction, "direction") in ("+", "-") else bare
 
 
 def _checked(e: Estimate) -> Estimate:
-    """The estimate alone; raises InputError where its numbers are none, or contradict one another."""
+    """The estimate without its findings. Raises InputError where its numbers are impossible or contradictory."""
     interval = None if e.interval is None else (_near(e.interval[0]), _near(e.interval[1]))
     if not all(x is None or x == 0 or 1 / _FAR < abs(x) < _FAR for x in (e.value, e.standard_error)):
         raise InputError(f"a value or standard error is beyond {_FAR:g}, or below {1 / _FAR:g}")
@@ -259,14 +238,14 @@ def _checked(e: Estimate) -> Estimate:
 
 
 def _near(bound: float) -> float:
-    """A bound; one that is far beyond every parameter is none, and one far below is zero."""
+    """A bound of an interval: infinite beyond `_FAR`, zero below its inverse."""
     if abs(bound) < 1 / _FAR:
         return 0.0
     return bound if abs(bound) < _FAR else copysign(inf, bound)
 
 
 def _covariance(fit: StaticFit | TrackingFit) -> Array:
-    """Of the free parameters, square, nan where it has no number; raises InputError where it has another shape."""
+    """Covariance of the free parameters, nan where a number is too large. Raises InputError for another shape."""
     size = len(fit.names)
     if fit.covariance.shape != (size, size):
         raise InputError(f"a covariance is not of the {size} parameters that are free")

@@ -1,8 +1,4 @@
-"""What a fit of moving runs leaves: terms that it lacks (`score_test`), and what no column explains.
-
-Rows of a motion beside those of any fit: a torque logged early or late, one that drifts, friction that rises with load,
-another inertia than the one given, backlash.
-"""
+"""Terms that a moving fit lacks (`score_test`), and unexplained patterns of its residuals."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -26,47 +22,40 @@ from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unkno
 from bristle.identification.moving_runs import load_columns
 from bristle.model.parameters import INERTIA, Kind, ParameterName, of_friction, unit
 
-_SURE, _ALIKE = 4.0, 3.3
-"""Standard errors from zero, beyond which all equations ask for a delay, and beyond which those far from reversals do: 5e-4 by chance."""
-_SLID = 5.0  # deflections g0 / sigma_0 after a reversal until a joint slides: exp(-5) is left of the way
-_FILTERED = 2.0  # periods of the position's cut-off before and after a reversal in which the low pass rounds it off
-_REACHED = 0.02  # an equation whose filter gives less weight to what is near a reversal is far from it
+_SURE, _ALIKE = 4.0, 3.3  # standard errors of a delay in all equations, and far from reversals (5e-4 by chance)
+_SLID = 5.0  # deflections g0 / sigma_0 after a reversal from which a joint slides: exp(-5) is left
+_FILTERED = 2.0  # periods of the position's cut-off about a reversal in which the low pass rounds it off
+_REACHED = 0.02  # largest filter weight near a reversal of an equation far from it
 _LEAST = 1e-100  # of sigma_0: no division by zero
-_BURST, _TOP = 0.25, 0.01  # share of the squares that few equations may hold: 0.08 of normal noise, 0.16 of Laplace's
-_PATTERN = 0.9  # correlation of neighbours beyond which hardly any of what is left is noise: 1 - 0.9**2 at most
-_ENOUGH, _INDEPENDENT = 300, 30  # equations that tell it, and how many of them must be independent
-_TURNING, _BESIDE = 0.1, 2
-"""An equation is about a reversal where it is slower than this share of the rms speed, or one of two neighbours is, ..."""
-_TURNS_WORSE, _FEWEST = 2.0, 20
-"""... and so many of them may not leave more than so many times what the others do, rms: 1.0 to 1.1 times of clean runs."""
+_BURST, _TOP = 0.25, 0.01  # share of squares in few equations: 0.08 for normal noise, 0.16 for Laplace's
+_PATTERN = 0.9  # lag-one correlation of residuals that are a pattern: noise is 1 - 0.9**2 at most
+_ENOUGH, _INDEPENDENT = 300, 30  # least equations, and independent ones, to judge patterns
+_TURNING, _BESIDE = 0.1, 2  # of the rms speed: slower equations, and two neighbours each, are at a reversal
+_TURNS_WORSE, _FEWEST = 2.0, 20  # ratio of residuals at reversals (clean runs: 1.0 to 1.1), and least equations there
 _PLACES, _BETWEEN, _LARGE = 3, 0.2, 0.1  # places named, s between two, and their squares beside the largest
-_WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)  # of the largest speed, once through the backlash
-_ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())  # of the largest torque: half the width of a dead zone, ...
-_TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest torque: from where on a sensor or drive saturates
-_OF_ITSELF = 1.5  # ... which what is missing of the torque is, within such a factor
+_WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)  # of the largest speed, to pass the backlash
+_ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())  # of the largest torque: half the width of a dead zone
+_TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest torque: where a sensor or drive saturates
+_OF_ITSELF = 1.5  # factor within which the fitted size of a dead zone or saturation agrees with it
 _NEARLY_ALL, _MORE = 0.99, 1.1  # of the readings; and what noise adds to them
-_SMALL = 1e-5  # of the way: a shift of the position that changes the torque in proportion
-_PHASE = 0.37  # where in a count the joint rests in a draw of what counting does
+_SMALL = 1e-5  # of the way: a shift of the position with a proportional torque
+_PHASE = 0.37  # of a count: the rest position of a simulated counting
 
 
-class Left(NamedTuple):
-    """What a fit leaves."""
+class ResidualAnalysis(NamedTuple):
+    """Analysis of a fit's residuals."""
 
     findings: list[Finding]
-    errors: Array
-    """Scaled standard errors of its unknowns, (p,), with how far what was found moves each, and as much larger of the bristle as
-    more is left about reversals."""
-    friction: float = np.nan
-    """Of the model, rms, N*m."""
-    late: tuple[float, float] = (0.0, np.inf)
-    """By how much the torque was logged late, and its standard error, s."""
+    errors: Array  # Scaled standard errors, (p,), with the effect of what was found; the bristle's widened by reversals
+    friction: float = np.nan  # Of the model, rms, N*m
+    late: tuple[float, float] = (0.0, np.inf)  # Delay of the logged torque and its standard error, s
 
 
-def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: Kind) -> Left:
-    """What a fit lacks, to first order, and patterns of what it leaves that nothing tried explains; of a predicted torque alone."""
+def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: Kind) -> ResidualAnalysis:
+    """Terms that a fit of the torque lacks, to first order, and patterns that remain."""
     errors = solution.scaled_errors.copy()
     if problem.quantity != "torque":
-        return Left([], errors)
+        return ResidualAnalysis([], errors)
     motions = problem.motions
     values: Values = {**problem.fixed, **solution.values}
     extra = np.array([values[name] for name in problem.extra_names])
@@ -75,16 +64,16 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     seen = solution.scaled_errors < np.inf
     of = [isinstance(n, ParameterName) and of_friction(n.name) for n in solution.names]
     size = float(np.sqrt(np.mean(_equations(motions, friction) ** 2)))
-    known, rest = known_and_left(problem, solution)
+    known, rest = jacobian_and_residuals(problem, solution)
     weight = problem.weight
     fit = Fitted(known, rest, solution.scaled_errors[seen], np.array(of, dtype=bool)[seen], size, weight)
 
-    # rows of any fit, then those of a motion
+    # candidates of any fit, then those of motions
     names = [*(name.name for name in problem.extra_names), *problem.given]
-    every = candidates(problem.velocity, problem.time, problem.position, names, kind)
+    every = candidates(problem.velocity, problem.time, problem.position, names, kind, len(problem.directions))
 
     def ask(tell: Callable[[Score, int], Finding | None], *columns: Sequence[Array], is_friction: bool = False) -> None:
-        """Of alternatives, each a column per motion."""
+        """Add a candidate with alternatives, each a column per motion."""
         every.append(Candidate(tell, [_equations(motions, x)[:, None] for x in columns], is_friction=is_friction))
 
     lag = [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)]
@@ -93,7 +82,7 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     grows = [T * ((m.time - m.time[0]) / np.ptp(m.time) - 0.5) for T, m in zip(torque, motions, strict=True)]
     ask(partial(_drift, size), grows, is_friction=True)
     weighs = [k for k, name in enumerate(names[: extra.size]) if name.startswith("gravity")]
-    if weighs and all(m.load is None for m in motions):  # what is known is friction under the load of these runs
+    if weighs and all(m.load is None for m in motions):  # only if friction does not rise with load in the model
         load = [np.abs(m.extra[:, weighs] @ extra[weighs]) * np.sign(m.velocity) for m in motions]
         ask(partial(_by_load, problem.law.name), load, is_friction=True)
     if INERTIA not in problem.names and INERTIA.name not in problem.given:
@@ -113,18 +102,18 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     worse = next((float(f.numbers["ratio"]) for f in patterns if f.code == "reversals-left"), 1.0)
     errors[[isinstance(n, ParameterName) and n.name in BRISTLE for n in solution.names]] *= worse
     late_by = _without_counts(scores(known, rest, [(weight * late)[:, None]])[0], made)
-    return Left([*lacks.findings, *patterns], errors, size, late_by)
+    return ResidualAnalysis([*lacks.findings, *patterns], errors, size, late_by)
 
 
-def known_and_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[Array, Array]:
-    """Derivatives of the equations by all that they tell, (n, p), and what the fit leaves of them, (n,)."""
+def jacobian_and_residuals(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[Array, Array]:
+    """Derivatives of the equations by the unknowns with an influence, (n, p), and residuals, (n,)."""
     n = problem.size
     jacobian, rest = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
     return jacobian[:, solution.scaled_errors < np.inf], rest
 
 
 def columns_of(problem: DynamicProblem, regressors: Sequence[str]) -> Array:
-    """The columns of some regressors, as the equations weigh them, (n, k)."""
+    """Weighted columns of some regressors, (n, k)."""
     rows = []
     for m in problem.motions:
         signals = {"position": m.position, "velocity": m.velocity}
@@ -142,27 +131,25 @@ def _delay(
     found: Score,
     _: int,
 ) -> Finding | None:
-    """Whether the torque was logged early or late: all equations ask for it, and those far from reversals, or it may be presliding.
-
-    `made`, (n,), is what counts make of it.
-    """
+    """Delay of the torque, or presliding if only reversals ask for it; `made` is due to counts, (n,)."""
     far = _far_from_reversals(problem, solution)
     (apart,) = scores(fit.known[far], fit.rest[far], [(fit.weight * column)[far, None]])
     (whole, error), (beyond, its_error) = _without_counts(found, made), _without_counts(apart, made[far])
     alike = beyond * whole > 0 and abs(beyond) > _ALIKE * its_error
     if abs(whole) < _SURE * error or (not alike and _SURE * its_error < abs(whole)):
-        return None  # sliding would have shown it
+        return None  # sliding excludes a delay
     step = float(np.median(np.concatenate([m.step for m in problem.motions])))
     delay = beyond if alike else whole
     when, samples = "earlier" if delay > 0 else "later", abs(delay) / step
     numbers = {"seconds": abs(delay), "samples": samples, "when": when}
-    taken = f"taken {abs(delay):.2g} s ({samples:.2g} samples) {when}"
     if not alike:
         message = (
-            f"At reversals the torque looks as if {taken}: a delay, or presliding that these data do not resolve or tell "
-            "apart. Check the time stamps; longer strokes would tell them apart."
+            f"At reversals the torque looks {abs(delay):.2g} s ({samples:.2g} samples) {'late' if delay > 0 else 'early'}: a delay, or presliding "
+            f"that these data do not tell from one. If clocks differ, write `delay: {delay:.2g} s` for the torque's signal; else move over longer "
+            "strokes."
         )
         return Finding("delay-or-presliding", CAUTION, message, numbers)
+    taken = f"taken {abs(delay):.2g} s ({samples:.2g} samples) {when}"
     message = (
         f"The torque fits better when {taken}, which would explain {100 * apart.share:.0f} % of the residuals far from reversals: check the "
         f"time stamps, or add {delay:.2g} s to the delay of its signal and fit again (a voltage held until the next sample is half a "
@@ -172,7 +159,7 @@ def _delay(
 
 
 def _without_counts(found: Score, made: Array) -> tuple[float, float]:
-    """The delay that some equations ask for, less the one that counts of the encoder make there, (n,), half of which is its error; both s."""
+    """Delay less the part due to counts (n,), half of which is its error; both s."""
     delay, error = float(found.sizes[0]), float(found.errors[0])
     if not (made.any() and np.isfinite(error) and delay):
         return delay, error
@@ -203,7 +190,7 @@ def _by_load(law: str, found: Score, _: int) -> Finding:
 
 
 def _shifted(problem: DynamicProblem, values: Values, torque: Sequence[Array], width: float) -> list[Array]:
-    """What a position that runs ahead by one, rad, does to the torque; it turns within a width of the largest speed."""
+    """Change of the torque per backlash, rad, that is passed within a width of the largest speed."""
     top = problem.fastest
     small, motions = _SMALL * max(float(np.ptp(m.position)) for m in problem.motions), []
     for m in problem.motions:
@@ -228,7 +215,7 @@ def _backlash(found: Score, _: int) -> Finding:
 
 
 def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
-    """A torque of which the same is missing wherever it is larger than that, and all where it is smaller."""
+    """A torque that misses a constant above it, and everything below."""
     missing = -float(found.sizes[0])
     message = (
         f"The torque reads hardly anything below {missing:.2g}{unit_of('torque')}, and as much too little above, which would explain "
@@ -240,7 +227,7 @@ def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
 
 
 def _saturates(read: float, largest: float, found: Score, which: int) -> Finding | None:
-    """A torque of which hardly anything is read beyond some size: nearly all readings, up to `read`, are no larger than that leaves them."""
+    """A torque that reads hardly more than some size; nearly all readings are below `read`."""
     top, missed = _TOPS[which] * largest, -float(found.sizes[0])
     left = top + (1 - 1 / _OF_ITSELF) * (largest - top)
     message = (
@@ -261,7 +248,7 @@ def _inertia(kind: Kind, found: Score, _: int) -> Finding:
 
 
 def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
-    """Whether what the fit leaves, (n,), is a pattern throughout, or much more about reversals than elsewhere, or most of it in a few equations."""
+    """A finding on residuals, (n,), that are a pattern, large at reversals, or concentrated in few equations."""
     from scipy.ndimage import minimum_filter1d
 
     correlation = lag_one(rows)
@@ -304,15 +291,11 @@ def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
 
 
 def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
-    """What counts add to the delay that each equation asks for, times the squares of its column beside all others, (n,).
-
-    Their noise in the acceleration a is in the residuals, -J a, and in a delay's column, -alpha_2 a - J da/dt: the regression finds a delay
-    of -J alpha_2 sum(a**2) / squares, which is none (errors in variables).
-    """
+    """Delay that counts add to each equation, (n,), times squares: -J alpha_2 a**2 by noise a of the acceleration."""
     inertia = solution.values.get(INERTIA, problem.fixed.get(INERTIA, 0.0))
     if not (problem.count and problem.cutoff and inertia):
         return np.zeros(problem.size)
-    noises = []  # acceleration that comes of counting the motion anew, with the joint resting elsewhere in a count, rad/s**2
+    noises = []  # acceleration due to counts at another rest position, rad/s**2
     for m in problem.motions:
         record, noise = Record(file=m.file, time=m.time), np.zeros(m.time.size)
         if m.position.size:
@@ -326,18 +309,18 @@ def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknow
 
 
 def _equations(motions: Sequence[Motion], columns: Sequence[Array]) -> Array:
-    """A column per motion, (N,) each, as the fit's equations see it, without their weights, (n,)."""
+    """A column per motion, (N,) each, as unweighted equations, (n,)."""
     return np.concatenate([m.smoothed(c) for m, c in zip(motions, columns, strict=True)])
 
 
 def _far_from_reversals(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> NDArray[np.bool_]:
-    """Which equations see only samples at which the joint slides, (n,)."""
+    """Equations that see sliding samples alone, (n,)."""
     sets = sets_of(problem, solution.values).values()
     reach = _SLID * max((p.alpha_0 + p.alpha_1) / max(p.sigma_0, _LEAST) for p in sets)
     filtered = _FILTERED / problem.cutoff if problem.cutoff else 0.0
     far = []
     for m in problem.motions:
-        # samples less than a way after a reversal, or after the start, or a time before or after one
+        # samples close to a reversal or to the start, in way or time
         v, t = m.velocity, m.time
         way = np.concatenate([[0.0], np.cumsum(np.abs(v[1:] + v[:-1]) / 2 * m.step)])
         turns = np.append(np.insert(np.flatnonzero(np.diff(np.sign(v))) + 1, 0, 0), t.size)
