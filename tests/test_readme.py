@@ -201,7 +201,9 @@ def test_experiment_file_loads_and_reads(desk: Path, tmp_path: Path, monkeypatch
     ran = run(*first)
     assert ran.code == 0
     assert re.match(
-        r"log \(revolute\): use\. Friction known to \+/- [\d.]+ % \(95 %\) from [\d.]+ to [\d.]+ rad/s; ", ran.words
+        r"log \(revolute\): use\. Friction known to \+/- [\d.]+ % \(95 %\) from [\d.]+ to [\d.]+ rad/s, "
+        r"ASSUMED torque_constant 0\.35 N\*m/A exact; ",
+        ran.words,
     )
     assert 'guessed: current: column "current"' in ran.err
     saved = next(c for c in commands() if "--save" in c)

@@ -59,21 +59,19 @@ def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
 
 
 def without_noise_at_rest(record: Record, velocity: Array, smooth: Array, cutoff: float) -> Array:
-    """A logged velocity, (n,), set to zero where it stays within its noise, and the position where it is: at rest that noise would bend a bristle.
+    """A logged velocity, (n,), set to zero where it is noise about zero and the position stays: at rest that noise would bend a bristle.
 
     `smooth` is the same after a low pass with `cutoff`, Hz.
     """
     q, share = np.zeros(velocity.size) if record.position is None else record.position, cutoff * record.step
-    # noise that the low pass leaves, by what it takes away; the position between two counts
+    # noise that the low pass leaves, by what it takes away
     white = 1.4826 * float(np.median(np.abs(velocity - smooth))) * np.sqrt(2 * share / (1 - 2 * share))
-    steps = np.abs(np.diff(q))
-    count = 1.5 * float(steps[steps > 0].min(initial=np.inf))
     # three standard deviations, and no more than a fiftieth of the fastest speed, which is a motion; for five periods of the cut-off
     within = np.abs(smooth) < min(3 * white, 0.02 * float(np.abs(smooth).max()))
     ends = np.flatnonzero(np.diff(within, prepend=False, append=False)).reshape(-1, 2)
     still = velocity.copy()
     for start, stop in ends[np.diff(ends, axis=1)[:, 0] * share >= 5]:
-        if np.ptp(q[start:stop]) < count:
+        if not np.ptp(q[start:stop]) and np.median(np.abs(np.diff(velocity[start:stop]))) > 0:
             still[start:stop] = 0.0
     return still
 

@@ -97,7 +97,11 @@ def known_curve(joint: Joint, v: Array, *, constants: bool = True) -> tuple[Arra
 
 def stated_curve(joint: Joint, v: Array) -> tuple[Array, Array]:
     """`known_curve` with half of the band that the accuracy states, the rest of it as a share of friction; infinite where none is known."""
-    (friction, half), known = known_curve(joint, v), joint.accuracy
+    known = joint.accuracy
+    try:
+        friction, half = known_curve(joint, v)
+    except InputError:  # a number that no joint has
+        known, friction, half = None, friction_of(as_identified(joint), v), np.zeros(0)
     if known is None or not np.isfinite(known.statistical):
         return friction, np.full(v.size, np.inf)
     rest = np.sqrt(max(known.band**2 - known.statistical**2, 0.0)) / 100

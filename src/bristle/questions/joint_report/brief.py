@@ -7,7 +7,6 @@ from math import inf, isfinite
 
 import numpy as np
 
-from bristle.errors import InputError
 from bristle.findings import Finding, Severity
 from bristle.identification.curve import stated_curve
 from bristle.identification.fits import Crosscheck, Estimate, TrackingFit
@@ -65,10 +64,7 @@ def friction_line(joint: Joint) -> Iterator[tuple[str, str]]:
     if known is None:
         return
     v = np.unique([known.slowest, known.fastest])
-    try:
-        friction, half = stated_curve(joint, np.concatenate([v, -v]))
-    except InputError:  # an impossible number
-        return
+    friction, half = stated_curve(joint, np.concatenate([v, -v]))
     plus, minus = np.stack([np.abs(friction), half], axis=1).reshape(2, -1, 2)
     ways = {"": plus} if np.allclose(plus, minus, rtol=1e-9) else {"+": plus, "-": minus}
     model = as_identified(joint)

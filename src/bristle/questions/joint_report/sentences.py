@@ -31,8 +31,8 @@ def known_to(joint: Joint, plus_minus: str = "±", *, beside: bool = False) -> s
     # where the band is widest beside friction
     v = np.geomspace(known.slowest, known.fastest, 50)
     friction, half = stated_curve(joint, np.concatenate([v, -v]))
-    shares = np.nan_to_num(100 * half / np.abs(friction)).reshape(2, -1).max(axis=0)
-    if known.band < shares.max() / 2 < math.inf:
+    shares = np.nan_to_num(100 * half / np.abs(friction), posinf=0.0).reshape(2, -1).max(axis=0)
+    if known.band < shares.max() / 2:
         at = number(float(v[shares.argmax()]), 2)
         speeds += f", at worst {plus_minus} {number(float(shares.max()), 2)} % at {at} {unit('v_s', joint.kind)}"
     assumed = ["commands are not held between samples"] * any(

@@ -149,9 +149,9 @@ def _curves(ax: Axes, joint: Joint, points: FrictionPoints, *, magnitude: bool) 
             ax.plot(ends, held, ":", color=look.colour, linewidth=1.2, label=f"_held {of}")
             hatched: dict[str, Any] = {"facecolor": "none", "edgecolor": "#666666", "hatch": "//", "linewidth": 0}
             ax.axvspan(*sorted(ends.tolist()), **hatched, alpha=0.5, label=_once(ax, "not measured: held", of))
-        if stated is not None and np.isfinite(stated.band):
-            v = sign * np.geomspace(stated.slowest, min(stated.fastest, 1.02 * fastest), 200)
-            half = stated_curve(joint, v)[1]
+        v = sign * np.geomspace(low, min(high, 1.02 * fastest), 200)
+        half = stated_curve(joint, v)[1]
+        if np.isfinite(half).all():
             label = "95 % band" if half.max() > _SEEN * np.ptp(points.torque) else "95 % band (within the line)"
             x, y = drawn(v)
             named = _once(ax, label, of)
