@@ -76,13 +76,13 @@ class Finding:
     code: str
     severity: Severity
     message: Annotated[str, JsonForm(str, lambda x: in_units(x, {}), str)]
-    """A sentence, in which `unit_of` stands for units of the joint until it is known."""
+    """A sentence. Until the joint is known, its units are the placeholders of `unit_of`."""
     numbers: Annotated[Mapping[str, Any], _EACH] = field(default_factory=dict, compare=False)
-    """What the message names, by name, for who computes with it; a part of it that is a finding is a text once it was written."""
+    """The values in the message, by name, for programs; a finding among them is read back from a file as text."""
     effect: Mapping[str, Number] = field(default_factory=dict)
-    """What it is worth, where that was computed."""
+    """Size of its effect, by kind, such as `torque`; empty if not computed."""
     subject: tuple[str, ...] = field(default=(), compare=False)
-    """What it is about, from the stage to the parameter, as `static`, `+`, `alpha_0`, or the file and its rows; empty: the joint as a whole."""
+    """Path from stage to parameter, such as `static`, `+`, `alpha_0`, or file and rows; empty: the whole joint."""
 
     @property
     def coded(self) -> str:
@@ -91,7 +91,7 @@ class Finding:
 
     @property
     def flagged(self) -> str:
-        """The same where it is critical or calls for caution; of a note the message alone."""
+        """`coded` for a critical finding or a caution; the message alone for a note."""
         return str(self) if self.severity is Severity.NOTE else self.coded
 
     def __str__(self) -> str:

@@ -178,7 +178,7 @@ def test_bags_that_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     message = _message(b"\0\1\0\0" + bytes(8) + _text("x" * (2**16 - 1) + "\0") + bytes(16))
     chunk = _chunk(_packed(message, "zstd"), "zstd", len(message))
     path = _mcap(tmp_path / "x.mcap", _CHANNEL, *[chunk] * 500)
-    assert "far more bytes than the file explains" in str(_refusal(path))
+    assert "far more bytes than the size of the file explains" in str(_refusal(path))
     monkeypatch.setattr(ros, "MAX_BYTES", 1000)
     assert "over the limit of 1000" in str(_refusal(path))
 

@@ -248,8 +248,10 @@ def simulate(velocity: "ArrayLike", dt: float, of: Fit | Lugre[float] | Pair[flo
         make = lugre_of(known.law)
         of = Pair(*(make(*(known.values(d)[name] for name in fields_of(known.law))) for d in SIGNED))
     v = as_floats(velocity)
-    if v.ndim != 1 or not np.isfinite(v).all():
-        raise InputError(f"velocity has shape {v.shape}; expected (n,), and finite numbers")
+    if v.ndim != 1:
+        raise InputError(f"velocity has shape {v.shape}; expected one dimension, (n,)")
+    if lost := np.count_nonzero(~np.isfinite(v)):
+        raise InputError(f"velocity has {lost} of {v.size} values that are not finite; simulate the parts between them")
     if not (np.isfinite(dt) and dt > 0):
         raise InputError(f"dt: got {dt!r}; expected seconds between samples, more than 0")
     return rollout(v, float(dt), of).torque

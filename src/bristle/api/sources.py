@@ -66,7 +66,10 @@ def _described(data: dict[str, Any], path: Path) -> Experiment | Robot:
 
 
 def opened(source: Source) -> tuple[Experiment | Robot, WrittenExperiment | None]:
-    """The experiment or robot of a source, and its file, if unchanged. Raises InputError where it cannot be read."""
+    """The experiment or robot of a source, and its file as written; no file if it no longer agrees with the object.
+
+    Raises InputError where the source cannot be read.
+    """
     if isinstance(source, Experiment | Robot):
         try:
             again, found = opened(source.path)

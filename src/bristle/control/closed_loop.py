@@ -61,7 +61,7 @@ class Trajectory:
         return self._rms(self.error, since)
 
     def peak_error(self, since: float = 0.0) -> Array:
-        """Largest position error from a time on, rad, (cases,)."""
+        """Largest absolute position error from a time on, rad, (cases,)."""
         return np.asarray(np.abs(self.error[:, self.time >= since]).max(axis=1))
 
     def rms_torque(self, since: float = 0.0) -> Array:

@@ -33,9 +33,9 @@ def read_binary(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
 
 
 def names_of(path: Path) -> tuple[str, ...]:
-    """Names of the columns of numbers in a file: structs as dotted paths, matrices as `q[2]`. A name may repeat.
+    """Names of the numeric columns in a file: struct fields as dotted paths, matrix columns as `q[2]`.
 
-    Raises InputError where the file cannot be read.
+    A name may repeat. Raises InputError where the file cannot be read.
     """
     return tuple(READERS[path.suffix.lower()](path, None))
 

@@ -75,7 +75,9 @@ def _walk(variables: dict[str, Any], path: str) -> Any:
             value = value.flat[0]
         names = getattr(getattr(value, "dtype", None), "names", None)
         if not names:
-            raise InputError(f"{seen} is not a struct with a field {short(part)}; name {seen} itself, or a struct")
+            raise InputError(
+                f"{seen} is not a struct, so it has no field {short(part)}; name {seen} itself, or a field of a struct"
+            )
         if part not in names:
             raise InputError(f"{seen} has no field {short(part)}; there are: {short_list(names)}")
         if value.size != 1:

@@ -34,10 +34,11 @@ def lag_one(x: Array) -> float:
 
 
 def inflation(x: Array, along: Array | None = None) -> float:
-    """The factor tau in var(mean) = tau var(x) / n, or in var(d'x) = tau var(x) |d|**2 `along` a direction d, (n,).
+    """Variance inflation tau of correlated x, (n,): var(mean) = tau var(x) / n.
 
-    The integrated autocorrelation time, summed to the first lag of five tau (Sokal, 1997) and corrected for the mean
-    (Wolff, 2004, eq. 49); between 1 and n. White noise gives 1, AR(1) noise (1 + rho) / (1 - rho).
+    With `along`, a direction d, (n,): var(d'x) = tau var(x) |d|**2. tau is the integrated autocorrelation time, summed
+    up to the first lag of at least five tau (Sokal, 1997), corrected for the mean (Wolff, 2004, eq. 49) and limited to
+    between 1 and n. White noise gives 1, AR(1) noise (1 + rho) / (1 - rho).
     """
     n, rho = x.size, autocorrelation(x)
     if n < 4 or not rho[1:].any():

@@ -72,7 +72,10 @@ def of_estimated(columns: Array, p: Lugre[float] | Pair[float]) -> Array:
 
 
 def static_jacobian(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair[float]) -> Array:
-    """dT_ss / dp of (9) at velocities, rad/s, (n,); (n, p) by `static_estimated_of`, positive set first."""
+    """dT_ss / dp of (9), (n, p), at velocities, rad/s, (n,).
+
+    Columns in the order of `static_estimated_of`; of a pair, the positive set first.
+    """
     if not isinstance(p, Pair):
         curve = p.stribeck if isinstance(p, Lugre) else p
         slopes = evaluate(functions.steady_jacobian_function(p.law), velocity, *curve)

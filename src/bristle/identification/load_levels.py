@@ -25,10 +25,10 @@ LINEAR = tuple(name for name in _NAMES if not name.endswith("squared"))  # coeff
 class Load(NamedTuple):
     """The load along N samples."""
 
-    levels: tuple[str, ...]
-    motor: Array  # Torque of the motor, N*m, (N,), without what the decimation filter takes off
+    levels: tuple[str, ...]  # Coefficients of the rise of the friction level, m of them
+    motor: Array  # Torque of the motor after the decimation filter, N*m, (N,)
     weights: tuple[str, ...]  # Coefficients of the torque of gravity and links, k of them
-    columns: Array  # What they multiply, (N, k)
+    columns: Array  # Signals that the weights multiply, (N, k)
     known: Array  # Torque of the links without a coefficient, N*m, (N,)
 
     def at(self, samples: slice) -> "Load":
@@ -36,7 +36,7 @@ class Load(NamedTuple):
         return self._replace(motor=self.motor[samples], columns=self.columns[samples], known=self.known[samples])
 
     def by(self, values: Mapping[str, float]) -> tuple[Array, Array]:
-        """What each coefficient of the level multiplies, and its derivative by each weight: (m, N), (m, k, N)."""
+        """The signal that each of `levels` multiplies, (m, N), and its derivative by each weight, (m, k, N)."""
         levels, by_links, _ = self._parts(values)
         return levels, -by_links[:, None, :] * self.columns.T
 

@@ -145,7 +145,7 @@ class Joint:
 
     @property
     def law(self) -> Law:
-        """The law of all its fits."""
+        """The friction law that all fits of the joint share."""
         laws = (*(fit.law for fit in self.static.values()), *(fit.law for fit in self._moving_fits()))
         return next(iter(laws), GAUSSIAN)
 

@@ -47,7 +47,7 @@ class Stribeck(NamedTuple, Generic[T]):
 
 
 class Lugre(NamedTuple, Generic[T]):
-    """LuGre parameters, (3)-(5), with units of a revolute joint; of other laws see `lugre_of`."""
+    """LuGre parameters, (3)-(5), with units of a revolute joint; for other laws see `lugre_of`."""
 
     alpha_0: T
     """Coulomb friction, N*m, > 0."""
@@ -69,7 +69,7 @@ class Lugre(NamedTuple, Generic[T]):
 
     @property
     def stribeck(self) -> Stribeck[T]:
-        """Its static law."""
+        """The parameters of the steady curve."""
         static: Stribeck[T] = static_of(self.law)(*self[:4], *self[6:])
         return static
 
@@ -181,25 +181,25 @@ SIGNED = (Direction.POSITIVE, Direction.NEGATIVE)  # the two directions of motio
 
 
 class ParameterName(NamedTuple):
-    """A parameter and its direction, in print alpha_0+, or bare."""
+    """A parameter and its direction. Prints as alpha_0+, or as alpha_0 if the directions share it."""
 
     name: str
     direction: Direction
 
     @classmethod
     def parse(cls, text: str) -> "ParameterName":
-        """The inverse of `str`; friction without a sign is of both directions, others are shared."""
+        """The inverse of `str`. Without a sign, a friction parameter holds for both directions, any other is shared."""
         if text.endswith(("+", "-")):
             return cls(text[:-1], Direction(text[-1]))
         return cls(text, Direction.BOTH if of_friction(text) else Direction.SHARED)
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
-        """In JSON, as it prints: a key or a text."""
+        """In JSON it is the string that it prints as, also as a key."""
         return JsonForm(str, str, cls.parse).__get_pydantic_core_schema__(source, handler)
 
     def within(self, direction: str) -> str:
-        """In print where the direction is known."""
+        """As printed where `direction` is known from the context: without that sign."""
         return self.name if self.direction == direction else str(self)
 
     def __str__(self) -> str:

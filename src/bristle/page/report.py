@@ -55,27 +55,27 @@ class Cell(NamedTuple):
 
     value: str = ""
     below: tuple[str, ...] = ()
-    """Small lines under it, as its interval."""
+    """Small lines under it, such as its interval."""
 
 
 class Answered(NamedTuple):
-    """What an answer says of one thing."""
+    """One thing of an answer, such as a joint: a verdict on it, and its values."""
 
     name: Link
     line: tuple[Said, ...]
     rows: tuple[tuple[str, tuple[Cell, ...]], ...]
-    """Each begins with what it is of, as a direction."""
+    """Each begins with its label, such as a direction."""
     whole: tuple[Cell | Drawing, ...] = ()
-    """Beside the rows, a column each: what holds of all of them, and small drawings."""
+    """One cell for each column beside the rows: a value that holds for all rows, or a small drawing."""
 
 
 class Answer(NamedTuple):
-    """The values that a report gives, thing by thing, with what to think of them: its first screen."""
+    """The first screen of a report: for each thing, such as a joint, a verdict and values."""
 
     of: str
-    """What a row is of."""
+    """Heading of the column of row labels."""
     columns: tuple[tuple[str, str], ...]
-    """Parameter and unit; no unit where the things differ in it."""
+    """Parameter and unit; no unit if the things have different ones."""
     things: tuple[Answered, ...]
     whole: tuple[str, ...] = ()
     """The headings of the columns beside the rows."""

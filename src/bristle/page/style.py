@@ -179,8 +179,7 @@ _INK = re.compile(rf"(fill|stroke): ({'|'.join(_VARIABLES)})")
 def inline(svg: bytes, prefix: str, label: str) -> str:
     """An SVG file as an element of an HTML page: no prologue, unique ids, width left to the page.
 
-    `label`, already escaped, names the figure for a screen reader. Replacements are functions: a label or prefix is no
-    template.
+    `label`, already escaped, names the figure for a screen reader. Backslashes in a label or prefix are kept.
     """
     text = svg.decode("utf-8")
     text = text[text.index("<svg") :]

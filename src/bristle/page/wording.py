@@ -109,7 +109,10 @@ def measured(value: float | None, error: float | None) -> str:
 
 
 def span(interval: tuple[float, float] | None) -> str:
-    """An interval as [low, high], both to the second digit of a quarter of its width; an open one in four digits."""
+    """An interval as [low, high], both rounded to two digits of its standard error, a quarter of the width.
+
+    Four digits if an end is infinite, both are equal, or they are very large or very small.
+    """
     if interval is None:
         return MISSING
     low, high = interval

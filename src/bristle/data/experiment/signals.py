@@ -47,8 +47,8 @@ def _read_ratio(value: object, info: ValidationInfo) -> float:
         ratio = float(value)
     if not 1 / most <= abs(ratio) <= most:
         raise InputError(
-            f"got {short(value)}; expected turns of the motor for one turn of the joint, such as 100, or -100 where they "
-            "turn opposite ways (prismatic: with a unit, such as 1256 rad/m or 5 mm/rev)"
+            f"got {short(value)}; expected turns of the motor for one turn of the joint, such as 100, or -100 if they "
+            "turn in opposite directions (prismatic joint: with a unit, such as 1256 rad/m or 5 mm/rev)"
         )
     return ratio
 
@@ -167,7 +167,7 @@ class TimeColumn(StrictModel):
 
 
 class Time(TimeColumn):
-    """Time stamps from a column, or a rate where there are none."""
+    """The time of the samples: a column of time stamps, or a constant rate."""
 
     rate: Hertz | None = None
 

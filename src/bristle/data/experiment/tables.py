@@ -113,7 +113,7 @@ def matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
             below = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
             found = sorted(f"{root}{x}" for x in below if not any(p.startswith(".") and p != ".." for p in x.parts))
     except OSError as error:
-        raise InputError(f"{where} cannot be looked for ({error.strerror})") from error
+        raise InputError(f"{where}: the file search failed ({error.strerror}); check the path") from error
     if not found:
         what = "matches no file" if glob.has_magic(pattern) else "is not a file"
         raise InputError(f"{where} {what}; expected a path or glob relative to the folder of the experiment file")

@@ -23,7 +23,7 @@ from bristle.data.columns import bounded, reading
 from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.errors import InputError, check_regular, short
 
-DAMAGED = "record it again, or repair it with the tools of ROS (ros2 bag reindex, mcap recover, rosbag reindex)"
+DAMAGED = "record the bag again, or repair it with the tools of ROS (ros2 bag reindex, mcap recover, rosbag reindex)"
 WHAT = "ROS bag that ended in order"
 METADATA = "metadata.yaml"
 MAX_BYTES = 2**34  # largest bag, bytes: it may hold much that is not read
@@ -124,7 +124,7 @@ def messages_of(bag: Bag, numbers: frozenset[int], decoded: Callable[[bytes], An
                 some = [(index(time), decoded(raw), len(raw)) for _, time, raw in islice(messages, 64)]
             left -= sum(size for *_, size in some)
             if left < 0:
-                raise InputError(f"holds messages of far more bytes than the file explains; {DAMAGED}")
+                raise InputError(f"holds messages of far more bytes than the size of the file explains; {DAMAGED}")
             if not some:
                 return
             yield from ((time, message) for time, message, _ in some)

@@ -216,7 +216,7 @@ def _refuse_empty(key: Key, target: Target, messages: Messages) -> None:
     if joint and joint not in messages.joints and not joint.isdecimal():
         there = short_list(messages.joints)
         raise InputError(f"column {key}: no joint {short(joint)} in {target.topic}; there are: {there}")
-    remedy = "leave it out, or name what was logged"
+    remedy = "leave it out, or name a field that was logged"
     raise InputError(f"column {key} is empty in all {found.size} messages of {target.topic}; {remedy}")
 
 

@@ -27,7 +27,7 @@ _GOOD = 0.97  # used share of each limit, because of peaks between samples
 
 @result
 class MotionDesign:
-    """A motion to track, and the expected errors."""
+    """A planned motion for a tracking run, and the standard errors to expect from it."""
 
     lines: Multisine  # scaled to the limits
     duration: float  # s
@@ -37,7 +37,7 @@ class MotionDesign:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionProblem:
-    """The problem that a motion is to solve."""
+    """What a motion is optimised for: plausible joints, prior, noise, limits and the parameters that count."""
 
     sets: tuple[Pair[float] | Lugre[float], ...]  # the estimate, then other plausible joints
     inertias: tuple[float, ...]

@@ -60,7 +60,7 @@ class Plan:
 
     @property
     def free(self) -> list[int]:
-        """Indices of the parameters that are not exact, among the start's names."""
+        """Indices, among the start's names, of the parameters that are not given as exact."""
         return [k for k, name in enumerate(self.start.names) if name not in self.start.given]
 
     @property
@@ -132,7 +132,7 @@ class Plan:
         return tuple(warnings)
 
     def to_frame(self) -> "pd.DataFrame":
-        """One row per parameter that is not exact: half of its 95 % interval now, and expected after each part."""
+        """One row per free parameter: half the width of its 95 % interval now, and as expected after each part."""
         import pandas as pd
 
         rows = []

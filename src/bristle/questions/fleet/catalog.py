@@ -189,7 +189,7 @@ def _of_pattern(pattern: str) -> _Texts:
     try:
         found = glob_of(_FIELD.sub("*", whole).replace("[", "?"))
     except OSError as error:
-        raise InputError(f"{pattern}: cannot be looked for ({error.strerror or error})") from error
+        raise InputError(f"{pattern}: the file search failed ({error.strerror or error}); check the path") from error
     rows = []
     before = whole.removesuffix(pattern) if whole.endswith(pattern) else ""
     for path in found:

@@ -66,7 +66,9 @@ def check_installed() -> None:
         import fsspec  # noqa: F401
         import pyarrow  # noqa: F401
     except ImportError as error:
-        raise InputError(f"a fleet needs {error.name}; install it with pip install 'bristle[fleet]'") from error
+        raise InputError(
+            f"a fleet needs the package {error.name}; install it with pip install 'bristle[fleet]'"
+        ) from error
 
 
 def known_client(client: Client | None) -> Client | None:

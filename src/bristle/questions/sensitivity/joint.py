@@ -133,7 +133,7 @@ def of_gripper(measured: Measured, joint: Joint, amplitude: Asked = None, freque
         "Intervals: those of the embedded gripper, whose logs are SIMULATED from the same numbers, put about these "
         "numbers; the paper gives none."
     )
-    told = "1 rad at 0.5 Hz if no other is given, as in the adaptation's experiment; the paper names no motion."
+    told = "1 rad at 0.5 Hz unless another is given, as assumed for the adaptive experiment; the paper names no motion."
     assumptions = (
         Finding("gripper-friction", NOTE, friction),
         Finding("gripper-intervals", CAUTION, intervals),

@@ -197,14 +197,14 @@ def global_sensitivity(
         how = f"the reference is at {subject.frequency:g} Hz, the control period {subject.period:g} s"
         try:
             if subject.frequency * subject.period > _COARSE:
-                raise InputError(f"{how}, which is more than {_COARSE:g} of the reference's")
+                raise InputError(f"{how}, more than {_COARSE:g} of the reference's period")
             if _ticks(subject) > _LONGEST:
                 raise InputError(
-                    f"{how}, of which one loop would take {_ticks(subject)}; at most {_LONGEST} are simulated"
+                    f"{how}: one loop would take {_ticks(subject)} periods; at most {_LONGEST} are simulated"
                 )
             errors = _batched(error, loop_points, _BATCH)
         except InputError as refused:
-            return Finding("plants-refused", CAUTION, f"Not every plant drawn can be run: {refused}.")
+            return Finding("plants-refused", CAUTION, f"No indices of the loop's error: {refused}.")
         diverged, drawn = int(np.count_nonzero(~(errors < 10 * subject.amplitude))), errors.size
         message = f"The loop diverges with {diverged} of the {drawn} plants drawn; narrow the box, or lower the gains."
         lost = Finding("loop-diverges", CAUTION, message, {"diverged": diverged, "drawn": drawn})
