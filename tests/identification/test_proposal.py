@@ -55,7 +55,7 @@ MOTOR = Told(torque_constant="0.5 N*m/A")
 )
 def test_a_draft_has_the_set_up_that_pays(tmp_path: Path, gravity: float, apart: float, regressors: str) -> None:
     """Gravity is drafted where it is there, and the directions are left to the fit; the draft loads as it is."""
-    text, said = api.draft(swung(tmp_path, gravity=gravity, apart=apart), told=MOTOR, folder=tmp_path)
+    text, said = api.draft(swung(tmp_path, gravity=gravity, apart=apart), told=MOTOR, folder=str(tmp_path))
     (tmp_path / "draft.yaml").write_text(text)
     experiment = load_experiment(tmp_path / "draft.yaml")
     lines = f"directions: auto, regressors: [{regressors}]"

@@ -260,7 +260,7 @@ def inspect(experiment: Known, joint: str | None = None) -> Measured:
 
 
 def draft(
-    *logs: Path | str, told: Told | None = None, folder: Path | None = None, progress: Progress | None = None
+    *logs: Path | str, told: Told | None = None, folder: Path | str | None = None, progress: Progress | None = None
 ) -> tuple[str, tuple[str, ...]]:
     """The text of an experiment file that runs as it is, for logs of one joint, and a sentence on each thing guessed.
 
@@ -279,7 +279,8 @@ def draft(
 
     Raises InputError in one sentence where something needed cannot be guessed, or a file cannot be used as drafted.
     """
-    return draft_of_logs([Path(log) for log in logs], told or Told(), folder, progress)
+    place = None if folder is None else Path(folder)
+    return draft_of_logs([Path(log) for log in logs], told or Told(), place, progress)
 
 
 def complete(experiment: Path | str) -> tuple[str, str]:
