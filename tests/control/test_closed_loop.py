@@ -95,14 +95,15 @@ def test_the_loop_is_docs_papers_and_of_second_order() -> None:
     assert whole.chatter(1.0)[1] > 5 * simulate(LoopOptions(), [cases[1]], course, H).chatter(1.0)[0]
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(x, marks=pytest.mark.slow) if k else x for k, x in enumerate(edro.TABLE_1)]
-)
-def test_the_fast_simulator_agrees_with_a_stiff_solver(name: str) -> None:
+@pytest.mark.parametrize("names", [[*edro.TABLE_1][:1], pytest.param([*edro.TABLE_1][1:], marks=pytest.mark.slow)])
+def test_the_fast_simulator_agrees_with_a_stiff_solver(names: list[str]) -> None:
     """Over 20 s, with both directions in use and the controller held at 1 kHz, exact steps and CVODES differ by less than 1e-4 rad."""
-    fast, stiff = (simulate(LoopOptions(), [case(name)], sine(20.0, 0.5), H, stiff=which) for which in (False, True))
-    assert np.abs(fast.position - stiff.position).max() < 1e-4
-    assert np.abs(fast.velocity - stiff.velocity).max() < 5e-3
+    off = {}
+    for name in names:
+        loops = (simulate(LoopOptions(), [case(name)], sine(20.0, 0.5), H, stiff=which) for which in (False, True))
+        fast, stiff = loops
+        off[name] = [np.abs(getattr(fast, x) - getattr(stiff, x)).max() for x in ("position", "velocity")]
+    assert not {name: x for name, x in off.items() if not (x[0] < 1e-4 and x[1] < 5e-3)}
 
 
 def test_measures_and_limits_of_loops() -> None:

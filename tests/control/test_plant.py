@@ -170,13 +170,16 @@ def lagging(name: str, lag: float) -> Case:
     return case(name, motor=m._replace(L=lag * m.R))
 
 
-@pytest.mark.parametrize("lag", [2e-4, 2e-3, 2e-2])
 @pytest.mark.parametrize("name", ["gripper rotation", pytest.param("base rotation", marks=pytest.mark.slow)])
-def test_the_lagging_current_agrees_with_a_stiff_solver(name: str, lag: float) -> None:
+def test_the_lagging_current_agrees_with_a_stiff_solver(name: str) -> None:
     """Over 6 s at 1 kHz exact steps and CVODES differ by less than 1e-4 rad for L / R far below, about and far above the period."""
     # they differ most in the first of these three periods; every later one is as the third
-    fast, stiff = (simulate(LAGGING, [lagging(name, lag)], sine(6.0, 0.5), H, stiff=which) for which in (False, True))
-    assert np.abs(fast.position - stiff.position).max() < 1e-4
+    off = {}
+    for lag in (2e-4, 2e-3, 2e-2):
+        loops = (simulate(LAGGING, [lagging(name, lag)], sine(6.0, 0.5), H, stiff=which) for which in (False, True))
+        fast, stiff = loops
+        off[lag] = np.abs(fast.position - stiff.position).max()
+    assert not {lag: x for lag, x in off.items() if not x < 1e-4}
 
 
 def test_without_inductance_it_is_the_loop_that_has_none() -> None:

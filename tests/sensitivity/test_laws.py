@@ -13,7 +13,6 @@ from bristle.questions.sensitivity.figures import colours, map_figure, time_figu
 from bristle.questions.sensitivity.formulas import formulas
 from bristle.questions.sensitivity.local import SineMotion, local
 from bristle.questions.sensitivity.sobol import box_of, joints_at, ordered
-from bristle.questions.sensitivity.study import SensitivityStudy
 
 from ..conftest import TRUTH
 from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of
@@ -29,34 +28,30 @@ def known() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="module", params=OWN)
-def study(request: pytest.FixtureRequest) -> SensitivityStudy:
-    """Of points and a motion; fast, so that the loops of Sobol's indices are short."""
-    return bristle.sensitivity(motion(request.param), frequency=2.0, samples=32)
-
-
 @pytest.mark.slow
-def test_every_part_has_the_laws_own_parameter(study: SensitivityStudy, tmp_path: Path) -> None:
+def test_every_part_has_the_laws_own_parameter(tmp_path: Path) -> None:
     """Shares, map, tables, figures, Sobol indices and page tell of the law's own parameter, and none of v_end."""
-    # constant velocities and the motion expect an error of every parameter of the law that they can show
-    motion_, steady = (e.information for e in study.expected)
-    assert [str(x) for x in steady.names] == [n for n in study.local.names if n not in ("sigma_0", "sigma_1")]
-    assert [str(x) for x in motion_.names][: len(study.local.names)] == list(study.local.names)
-    law = study.model.p.law
-    own = OWN[law.name]
-    assert study.local.names == study.map.names
-    assert set(study.to_frame().parameter) == set(study.local.names)
-    report = bristle.report_of(study)
-    for table in (report.frames["parameters"], *(e.to_frame(study.kind) for e in study.expected)):
-        assert own in set(table.parameter)
-        assert "v_end" not in set(table.parameter)
-    assert own in report.frames["map"].columns
-    assert len(time_figure(study).axes) == 1 + len(study.local.names)
-    assert len([ax for ax in map_figure(study).axes if ax.get_visible()]) == 1 + len(study.local.names)
-    text = page_text(report.write(tmp_path / "page"))
-    assert SYMBOLS[law.name] in text
-    assert "v_end" not in report.text()
-    assert own in report.text()
+    for name, own in OWN.items():
+        # of points and a motion; fast, so that the loops of Sobol's indices are short
+        study = bristle.sensitivity(motion(name), frequency=2.0, samples=32)
+        # constant velocities and the motion expect an error of every parameter of the law that they can show
+        motion_, steady = (e.information for e in study.expected)
+        assert [str(x) for x in steady.names] == [n for n in study.local.names if n not in ("sigma_0", "sigma_1")]
+        assert [str(x) for x in motion_.names][: len(study.local.names)] == list(study.local.names)
+        law = study.model.p.law
+        assert study.local.names == study.map.names
+        assert set(study.to_frame().parameter) == set(study.local.names)
+        report = bristle.report_of(study)
+        for table in (report.frames["parameters"], *(e.to_frame(study.kind) for e in study.expected)):
+            assert own in set(table.parameter)
+            assert "v_end" not in set(table.parameter)
+        assert own in report.frames["map"].columns
+        assert len(time_figure(study).axes) == 1 + len(study.local.names)
+        assert len([ax for ax in map_figure(study).axes if ax.get_visible()]) == 1 + len(study.local.names)
+        text = page_text(report.write(tmp_path / law.name))
+        assert SYMBOLS[name] in text
+        assert "v_end" not in report.text()
+        assert own in report.text()
 
 
 @pytest.mark.parametrize("name", OWN)
