@@ -120,16 +120,24 @@ class FrictionPoints(NamedTuple):
     """Where each point at constant velocity comes from, (n,); empty for a motion."""
 
 
+def shown_motion(joint: Joint) -> TrackingFit | None:
+    """The fit of moving runs that superseded every static fit of them, with its friction; None where there is none."""
+    fit = joint.moving
+    return (
+        fit if fit is not None and fit.friction.size and all(x.is_superseded for x in joint.static.values()) else None
+    )
+
+
 def friction_points(joint: Joint) -> list[FrictionPoints]:
     """The points at constant velocity, else every equation of the moving runs that the values come from, else of those of static fits."""
-    static = [(d, fit) for d, fit in joint.static.items() if d != Direction.SHARED]
-    points, fit, known = any(fit.segments for _, fit in static), joint.moving, as_identified(joint)
-    if fit is not None and fit in value_fits(joint) and fit.friction.size and not points:
+    known = as_identified(joint)
+    if (fit := shown_motion(joint)) is not None:
         v, torque = fit.velocity, fit.friction
         sides = {d: v > 0 if d == "+" else v < 0 if d == "-" else v != 0 for d in known.directions or (Direction.BOTH,)}
         shown = [FrictionPoints(d, v[side], torque[side], ()) for d, side in sides.items()]
     else:
-        shown = [FrictionPoints(Direction(d), fit.velocity, fit.torque, fit.segments) for d, fit in static]
+        static = ((Direction(d), x) for d, x in joint.static.items() if d != Direction.SHARED)
+        shown = [FrictionPoints(d, x.velocity, x.torque, x.segments) for d, x in static]
     drag = drag_of(known)
     return [x._replace(torque=x.torque + drag * x.velocity * np.abs(x.velocity)) for x in shown]
 

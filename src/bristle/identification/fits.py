@@ -173,6 +173,11 @@ class StaticFit:
         """Those about the fit, then those about single parameters."""
         return _and_of(self.warnings, self.parameters.values())
 
+    @property
+    def is_superseded(self) -> bool:
+        """Whether the LuGre fit of the same moving runs is the one to use."""
+        return self.outcome.code == "static-superseded"
+
     def values(self) -> Stribeck[float] | None:
         """The fitted law, with `without_peak` where it has no peak; None where nothing was fitted."""
         one = static_of(self.law)

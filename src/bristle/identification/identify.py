@@ -50,7 +50,8 @@ from bristle.identification.presliding.fit import identify_presliding, with_damp
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint
 from bristle.identification.settling import without_settling
-from bristle.identification.static.fit import fit_moving, fit_points, is_superseded, reconcile_static
+from bristle.identification.shared_findings import offset_of_levels
+from bristle.identification.static.fit import fit_moving, fit_points, reconcile_static
 from bristle.identification.static.grid import GRID, PLAIN_GRID
 from bristle.identification.static.set_up import directions_of_points, trial_of_motion, trial_of_points
 from bristle.identification.static.strays import refit
@@ -361,7 +362,7 @@ class _Decisions:
         if points := self.measured.points(hold_out=False):
             found.append(compare_on_points(self.measured, static))
         if alone is not None:
-            own = {} if points else {d: fit for d, fit in static.items() if not is_superseded(fit)}
+            own = {} if points else {d: fit for d, fit in static.items() if not fit.is_superseded}
             found.append(compare_on_motion(self.measured, own, alone, self.ended))
         return tuple(x for x in found if x is not None)
 
@@ -455,11 +456,10 @@ def _offset_as_friction(joint: Joint) -> str:
             return f"; its offset may as well be friction: {friction}; no data tell the two apart, and their sum is the same"
     one, other = (known.get(("alpha_0", Direction(d))) for d in DIRECTIONS)
     gravity = ("gravity_cos", Direction.SHARED) in known  # an offset is part of it
-    if one is not None and other is not None and one.value and other.value and not gravity:
-        apart, common = (one.value - other.value) / 2, (one.value + other.value) / 2
-        if abs(apart) > max(np.hypot(one.standard_error or 0.0, other.standard_error or 0.0), MATTERS * common):
-            way = f"alpha_0 {common:.3g} both ways and an offset of {apart:.3g} {torque}"
-            return f"; {way} may as well be it: read the torque without load"
+    apart = None if one is None or other is None or gravity else offset_of_levels(one, other)
+    if apart is not None and abs(apart[0]) > MATTERS * apart[1]:
+        way = f"alpha_0 {apart[1]:.3g} both ways and an offset of {apart[0]:.3g} {torque}"
+        return f"; {way} may as well be it: read the torque without load"
     return ""
 
 

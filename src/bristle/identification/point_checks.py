@@ -15,8 +15,7 @@ from bristle.findings import CAUTION, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS
-from bristle.identification.shared_findings import offset_or_friction
-from bristle.identification.static.fit import is_superseded
+from bristle.identification.shared_findings import offset_of_levels, offset_or_friction
 from bristle.identification.static.points import point_regressors
 from bristle.model import functions
 from bristle.model.parameters import Direction, ParameterName
@@ -136,7 +135,7 @@ def _repeated(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding
 def _offset(experiment: Experiment, static: Mapping[str, StaticFit]) -> list[Finding]:
     """Whether the two directions differ by a constant alone, else the offset they would have."""
     fits = [static[d] for d in DIRECTIONS if d in static]
-    if experiment.fit.directions != "separate" or len(fits) < 2 or any(map(is_superseded, fits)):
+    if experiment.fit.directions != "separate" or len(fits) < 2 or any(fit.is_superseded for fit in fits):
         return []
     if not point_regressors(experiment):
         names = [ParameterName(name, Direction(fit.direction)) for fit in fits for name in fit.names]
@@ -144,11 +143,9 @@ def _offset(experiment: Experiment, static: Mapping[str, StaticFit]) -> list[Fin
         both = block_diag(*(fit.covariance for fit in fits))
         if found := offset_or_friction(names, values, both, min(fit.degrees_of_freedom or 0 for fit in fits)):
             return found
-    levels = (fit.parameters["alpha_0"] for fit in fits)
-    (plus, one), (minus, other) = ((e.value, e.standard_error or 0.0) for e in levels)
-    if plus is None or minus is None or abs(plus - minus) < 2 * np.hypot(one, other):
+    if (found_apart := offset_of_levels(*(fit.parameters["alpha_0"] for fit in fits))) is None:
         return []
-    offset, common, T = (plus - minus) / 2, (plus + minus) / 2, unit_of("torque")
+    (offset, common), T = found_apart, unit_of("torque")
     message = (
         f"An offset of the torque cannot be told from a difference of alpha_0, and is not fitted. If alpha_0 were {common:.4g}{T} in both "
         f"directions, the offset would be {offset:.3g}{T}: see whether the torque is zero where nothing loads the joint."

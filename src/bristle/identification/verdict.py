@@ -106,8 +106,8 @@ def _largest(joint: Joint, known: Accuracy, finding: Finding | None, cause: Find
             "of friction. See whether the torque is zero where nothing loads the joint, or measure at more speeds in both directions."
         )
         return Finding("offset-or-friction", CAUTION, message, {"share": known.sides})
-    if known.statistical == largest and known.constants**2 > known.statistical**2 / 2:
-        made = " and ".join(joint.uncertain_constants)
+    made = " and ".join(joint.uncertain_constants)
+    if made and known.statistical == largest and known.constants**2 > known.statistical**2 / 2:
         message = f"Most of it is the error of {made}: measure that more closely."
         return Finding("too-uncertain", CRITICAL, message, {"band": known.band, "constants": known.constants})
     message = (

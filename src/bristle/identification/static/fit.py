@@ -467,8 +467,3 @@ def reconcile_static(static: Mapping[str, StaticFit], moving: TrackingFit | None
             numbers = {"error": fit.relative_error, "other": moving.relative_error}
             found[d] = replace(fit, outcome=Finding("static-superseded", NOTE, message, numbers), warnings=())
     return found
-
-
-def is_superseded(fit: StaticFit) -> bool:
-    """Whether the LuGre fit of the same runs is the one to use."""
-    return fit.outcome.code == "static-superseded"

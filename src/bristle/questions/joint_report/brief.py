@@ -139,7 +139,7 @@ def _values(joint: Joint) -> Iterator[str]:
     place = {name: k for k, name in enumerate(Lugre._fields)}
     for name in sorted(names, key=lambda x: ([*Direction].index(x.direction), place.get(x.name, len(place)), x.name)):
         row = rows.get(name)
-        if row is not None and (row.estimate.value is not None or (states_errors(joint) and bounded(row.estimate))):
+        if row is not None and (row.estimate.value is not None or (states_errors(joint) and _bounded(row.estimate))):
             cells.append(_cells(row, stated=states_errors(joint)))
         elif name in fixed:
             value = in_unit(f"{fixed[name]:.6g}", unit(name.name, joint.kind))
@@ -161,10 +161,16 @@ def _values(joint: Joint) -> Iterator[str]:
         yield from wrapped([f"  {printable(said)}"])
 
 
-def bounded(e: Estimate) -> bool:
+def _bounded(e: Estimate) -> bool:
     """Whether an interval of a value from zero up is informative: an end is closed, and the ratio is at most 1e6."""
     low, high = e.interval or (0.0, inf)
     return (low > 0 or isfinite(high)) and not (low > 0 and 1e6 * low < high < inf)
+
+
+def upper_bound(e: Estimate) -> float | None:
+    """The 95 % bound of an estimate that is consistent with zero, else None."""
+    low, high = e.interval or (0.0, inf)
+    return high if low == 0 and isfinite(high) else None
 
 
 def states_errors(joint: Joint) -> bool:
@@ -176,9 +182,8 @@ def _cells(row: Known, *, stated: bool) -> tuple[str, ...]:
     e, source = row.estimate, _SOURCES.get(row.source) or FITS[row.source]
     one_speed = any(warning.code == "one-speed-only" for warning in e.warnings)
     if e.value is None or (one_speed and row.parameter.name == "alpha_2"):
-        low, high = e.interval or (0.0, inf)
-        if low == 0 and isfinite(high):  # consistent with zero
-            return str(row.parameter), in_unit(f"< {high:.3g}", e.unit), "(95 %)", source
+        if (bound := upper_bound(e)) is not None:
+            return str(row.parameter), in_unit(f"< {bound:.3g}", e.unit), "(95 %)", source
         return str(row.parameter), "not identifiable", in_unit(interval(e.interval), e.unit), source
     if not stated:
         return str(row.parameter), in_unit(number(e.value, 3), e.unit), "not stated", source

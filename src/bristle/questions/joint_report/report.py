@@ -1,6 +1,5 @@
 """The report of joints that were identified: the answer, then a page for each thing that it rests on."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib import resources
@@ -25,7 +24,7 @@ from bristle.page.report import Answer, Answered, Cell, Page, Report, Section, T
 from bristle.page.said import Link, Mark, Said
 from bristle.page.wording import FITS, counted, direction, in_print, in_symbols, measured, number, pretty, slugs, span
 from bristle.questions.joint_report import moving_sections, presliding_sections, static_sections, tables
-from bristle.questions.joint_report.brief import decided, friction_line, states_errors
+from bristle.questions.joint_report.brief import decided, friction_line, states_errors, upper_bound
 from bristle.questions.joint_report.figures import drawings
 from bristle.questions.joint_report.interval_sections import INTRO, intervals
 from bristle.questions.joint_report.next_measurements import next_measurements
@@ -289,10 +288,8 @@ def _cell(row: Known | None, common: Mapping[str, str], source: str, *, stated: 
         return Cell(_NONE)
     e, unit_of = row.estimate, "" if common.get(row.parameter.name) else f" {pretty(row.estimate.unit)}"
     if e.value is None:
-        low, high = e.interval or (0.0, math.inf)
-        return (
-            Cell(f"< {number(high, 3)}{unit_of}", ("95 %",)) if stated and low == 0 and high < math.inf else Cell(_NONE)
-        )
+        bound = upper_bound(e) if stated else None
+        return Cell(_NONE) if bound is None else Cell(f"< {number(bound, 3)}{unit_of}", ("95 %",))
     below = (span(e.interval) if stated else "error not stated", *[FITS.get(row.source, row.source)] * (not source))
     return Cell(f"{measured(e.value, e.total_error) if stated else number(e.value, 3)}{unit_of}", below)
 

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import pandas as pd
 
-from bristle.identification.curve import friction_of, friction_points
-from bristle.identification.known_joint import as_identified, value_fits
+from bristle.identification.curve import friction_of, friction_points, shown_motion
+from bristle.identification.known_joint import as_identified
 from bristle.identification.results import Joint
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import of_curve, unit
@@ -50,9 +50,9 @@ def parameters(joint: Joint) -> Iterator[Section]:
 
 def curve(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing:
     """The curve with its points."""
-    shown, known = friction_points(joint), as_identified(joint)
-    if superseded(joint) and joint.moving is not None:
-        caption = [f"The fit leaves {number(joint.moving.relative_error, 2)} % of the torque of the moving runs."]
+    shown, known, motion = friction_points(joint), as_identified(joint), shown_motion(joint)
+    if motion is not None:
+        caption = [f"The fit leaves {number(motion.relative_error, 2)} % of the torque of the moving runs."]
     else:
         told = []
         for x in shown:
@@ -68,19 +68,14 @@ def curve(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing:
         "hollow: stick-slip": any(s.stick_slip for x in shown for s in x.segments),
         "crosses: rejected": any(not s.accepted for s in joint.segments),
         "rings: strays": any(fit.strays for fit in joint.static.values()),
-        "what else was fitted taken off; those below the curve are of reversals and presliding": superseded(joint),
+        "what else was fitted taken off; those below the curve are of reversals and presliding": motion is not None,
     }
     points = "; ".join(("measured", *(kind for kind, there in kinds.items() if there)))
     band = "dotted where nothing is stated of it, and its 95 % band" if joint.accuracy else "without a band"
     law = "Equation (9)" if joint.law == GAUSSIAN else "The law"
     how = f"Points: {points}. Lines: {law} with the values to use, {band}. Below: magnitudes on a logarithmic axis."
-    data = "" if superseded(joint) else "points"
+    data = "points" if motion is None else ""
     return figures["curve"]._replace(caption=" ".join(caption), how=how, data=data, paper="Fig. 4")
-
-
-def superseded(joint: Joint) -> bool:
-    """Whether static fits of a motion have given way to the fit of all parameters, which has the values to use."""
-    return joint.moving in value_fits(joint) and not any(fit.segments for fit in joint.static.values())
 
 
 def curve_and_residuals(joint: Joint, figures: Mapping[str, Drawing]) -> Iterator[Drawing]:
@@ -92,7 +87,7 @@ def curve_and_residuals(joint: Joint, figures: Mapping[str, Drawing]) -> Iterato
             rms, most = float(np.sqrt(np.mean(fit.residuals**2))), float(np.abs(fit.residuals).max())
             found.append(f"{direction(d)}: RMS residual {number(rms, 2)} {torque}, the largest {number(most, 2)}")
     how = "Measured minus fitted torque vs velocity, and vs position and time where they are known."
-    if not superseded(joint):
+    if shown_motion(joint) is None:
         yield figures["residuals"]._replace(caption=sentence("; ".join(found)), how=how, data="points")
 
 
