@@ -433,14 +433,14 @@ def _with_directions(measured: Measured, directions: str) -> Measured:
 def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     """The sentence on the chosen directions."""
     more = bic[APART] - bic[SYMMETRIC]
-    took, left = ("each its own friction", "one") if apart else ("the same friction both ways", "two")
+    took, left = ("each its own friction", "one for both") if apart else ("the same friction both ways", "one for each")
     if np.isnan(more):
-        return "the same friction both ways, for two differ by a constant, as an offset, or by nothing (fit.directions overrules)"
+        return "the same friction both ways; one for each differs by a constant, as an offset, or by nothing (fit.directions overrules)"
     if not np.isfinite(more):
         return f"{took}, for {left} would leave a direction without friction, or drive it (fit.directions overrules)"
-    left, higher = ("one fits", -more) if apart else ("two fit", more)
+    higher = -more if apart else more
     how = "worse" if higher >= 0 else f"better, by less than {GAIN:g}"
-    return f"{took}; {left} {how} (BIC {'higher' if higher >= 0 else 'lower'} by {abs(higher):.3g}; fit.directions overrules)"
+    return f"{took}; {left} fits {how} (BIC {'higher' if higher >= 0 else 'lower'} by {abs(higher):.3g}; fit.directions overrules)"
 
 
 def _offset_as_friction(joint: Joint) -> str:
@@ -458,8 +458,8 @@ def _offset_as_friction(joint: Joint) -> str:
     gravity = ("gravity_cos", Direction.SHARED) in known  # an offset is part of it
     apart = None if one is None or other is None or gravity else offset_of_levels(one, other)
     if apart is not None and abs(apart[0]) > MATTERS * apart[1]:
-        way = f"alpha_0 {apart[1]:.3g} both ways and an offset of {apart[0]:.3g} {torque}"
-        return f"; {way} may as well be it: read the torque without load"
+        way = f"alpha_0 {apart[1]:.3g} {torque} both ways with an offset of {apart[0]:.3g} {torque}"
+        return f"; the same data allow {way}: read the torque without load"
     return ""
 
 
