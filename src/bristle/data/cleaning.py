@@ -136,8 +136,7 @@ def _scaled(table: RawTable, signals: Signals, context: Context) -> _Rows:
         if largest and not 1 / _LARGEST < largest < _LARGEST:
             expected = f"between {1 / _LARGEST:g} and {_LARGEST:g}; check its unit and scale"
             raise InputError(f"{name} reaches {largest:.3g} (SI) at most; expected {expected}")
-    number = np.arange(1, table.rows + 1) + (table.header or 0) if table.numbers is None else table.numbers
-    return _Rows(data, number, "row" if table.header is None else "line", list(table.notes))
+    return _Rows(data, table.lines, "row" if table.header is None else "line", list(table.notes))
 
 
 def _drop_bad(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:

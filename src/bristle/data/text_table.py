@@ -46,6 +46,11 @@ class RawTable:
     numbers: NDArray[np.intp] | None = None
     """Line, or number in the file, from 1, of each row, (rows,); None: from the first on."""
 
+    @property
+    def lines(self) -> NDArray[np.intp]:
+        """Line, or number in the file, from 1, of each row, (rows,)."""
+        return np.arange(1, self.rows + 1) + (self.header or 0) if self.numbers is None else self.numbers
+
 
 def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> RawTable:
     """The columns `keys` of a file; its suffix says which format, one of `READERS`, and text for any other.

@@ -14,7 +14,9 @@ from bristle.model.parameters import unit as unit_of
 
 _NAMES = {
     "time": ("t", "time", "timestamp", "timestamps", "stamp", "zeit", "zeitstempel"),
-    "position": ("q", "qm", "pos", "position", "positions", "angle", "theta", "phi", "winkel", "lage"),
+    "position": (
+        "q", "qm", "pos", "position", "positions", "angle", "theta", "phi", "displacement", "stroke", "winkel", "lage", "weg",
+    ),
     "velocity": (
         "dq", "qd", "vel", "velocity", "velocities", "speed", "omega", "qdot", "velo", "geschwindigkeit", "drehzahl",
     ),

@@ -117,6 +117,8 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     folder = folder or first.parent
     for file in files:
         check_name(file.name, f"{file}: the file name")
+    if (count := told.encoder_resolution) is not None and count.isascii() and count.isdigit():
+        told = replace(told, encoder_resolution=f"{count} counts/rev")
     apart, told = _apart(told)
     log = _Log(first, replace(told, columns={name: x for name, x in told.columns.items() if name not in apart}))
     beside = dict[str, _Log]()

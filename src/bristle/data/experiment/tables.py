@@ -5,7 +5,7 @@ import hashlib
 import os
 import re
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -153,12 +153,42 @@ def read_columns(
     table = read(source[0], [*common, *more], source[1])
     time, origin = (None, 0) if signals.time is None else _seconds(table, signals.time)
     table = replace(table, time=time, origin=origin)
+    if keys.keys() - apart.keys() > {"time"}:
+        table = _on_rows_of_motion(table, {name: key for name, key in keys.items() if name not in apart}, cleaning_gap)
     for name, signal in apart.items():
         if signals.time is None:
             raise InputError(f"{source[1]}: {name} has a time of its own, and the run has none; give signals.time")
         other = source if signal.file is None else find(signal.file)
         table = _with_signal(table, name, signal, signals.time, other, cleaning_gap, context)
     return table
+
+
+def _on_rows_of_motion(table: RawTable, keys: Mapping[str, Key], gap: float) -> RawTable:
+    """A table of several topics, each with rows of its own, on the rows of the slowest: as many or more tell the others.
+
+    In such a table less than half as many rows are whole as the signal with the fewest has.
+    """
+    seen = {name: np.isfinite(table.columns[key]) for name, key in keys.items() if name != "time"}
+    fewest = min(int(rows.sum()) for rows in seen.values())
+    if table.time is None or np.logical_and.reduce(list(seen.values())).sum() >= fewest / 2:
+        return table
+    slow = [name for name, rows in seen.items() if rows.sum() <= 1.1 * fewest]
+    base = next((name for name in ("position", "velocity") if name in slow), slow[0])
+    rows = seen[base] & np.isfinite(table.time)
+    columns = {key: values[rows] for key, values in table.columns.items()}
+    others = [name for name in seen if (seen[name] & rows).sum() < fewest / 2]
+    for name in others:
+        with naming(name):
+            values = brought_to(table.time[rows], table.time, table.columns[keys[name]], gap)
+        columns[keys[name]] = values
+    message = (
+        f"{', '.join(others).capitalize()} and {base} are in different rows: {int(rows.sum())} rows of the {base} are taken, "
+        f"and {', '.join(others)} linear between samples."
+    )
+    return replace(
+        table, columns=columns, rows=int(rows.sum()), time=table.time[rows], numbers=table.lines[rows],
+        notes=(*table.notes, Finding("own-time", NOTE, message, {"samples": int(rows.sum()), "outside": 0})),
+    )  # fmt: skip  # a list
 
 
 def _seconds(table: RawTable, clock: TimeColumn) -> tuple[Array, int]:
@@ -256,7 +286,7 @@ def part_of(table: RawTable, run: RunFiles, name: str) -> tuple[RawTable, str]:
 
     Raises InputError where there is none.
     """
-    number = np.arange(1, table.rows + 1) + (table.header or 0)
+    number = table.lines
     if run.rows is not None:
         word, (first, last) = "rows" if table.header is None else "lines", run.rows
         if last > number[-1]:
