@@ -31,11 +31,11 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
 def at_limits(record: Record, kind: RunKind = "tracking") -> NDArray[np.bool_]:
     """Samples of a run that are clipped, or fill a gap: the true torque there is unknown, (n,).
 
-    No clipped ones where they are half of all.
+    No clipped ones where they are nine tenths of all.
     """
     clipped = np.isin(record.time if record.torque is None else record.torque, _limits(record, kind))
-    # 0.5 of the samples: where more are clipped, too little is left to fit
-    clipped &= clipped.mean() < 0.5
+    # 0.9 of the samples: where more are clipped, too little is left to fit
+    clipped &= clipped.mean() < 0.9
     return clipped if record.filled is None else clipped | record.filled
 
 
