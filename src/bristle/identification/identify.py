@@ -292,7 +292,7 @@ class _Decisions:
         for _ in range(_SHIFTS):
             more, error = moving.late
             if source not in COMMANDS:
-                found = (w for w in moving.warnings if w.code == "torque-delayed")
+                found = (w for w in moving.warnings if w.code in ("torque-delayed", "delay-or-presliding"))
                 more = next((float(w.numbers["delay"]) for w in found), 0.0)
             elif abs(more) < error:
                 break

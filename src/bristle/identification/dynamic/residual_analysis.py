@@ -141,7 +141,7 @@ def _delay(
     step = float(np.median(np.concatenate([m.step for m in problem.motions])))
     delay = beyond if alike else whole
     when, samples = "earlier" if delay > 0 else "later", abs(delay) / step
-    numbers = {"seconds": abs(delay), "samples": samples, "when": when}
+    numbers = {"seconds": abs(delay), "samples": samples, "when": when, "delay": delay}
     if not alike:
         message = (
             f"At reversals the torque looks {abs(delay):.2g} s ({samples:.2g} samples) {'late' if delay > 0 else 'early'}: a delay, or presliding "
@@ -155,7 +155,7 @@ def _delay(
         f"time stamps, or add {delay:.2g} s to the delay of its signal and fit again (a voltage held until the next sample is half a "
         "sample early: its delay is negative)."
     )
-    return Finding("torque-delayed", CAUTION, message, {**numbers, "share": apart.share, "delay": delay})
+    return Finding("torque-delayed", CAUTION, message, {**numbers, "share": apart.share})
 
 
 def _without_counts(found: Score, made: Array) -> tuple[float, float]:
