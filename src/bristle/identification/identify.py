@@ -108,7 +108,7 @@ class _Decisions:
         self.measured = with_periods(self.measured)
         self._law()
         self.under, self.joint = self.laws, self._identified(self.measured, self.laws)
-        self._gravity()
+        self._terms()
         self._on_time()
         if (scale := next((w for w in self.measured.findings if w.code == "scale-by-gravity"), None)) is not None:
             self.told["chosen scale"] = scale.message
@@ -200,18 +200,22 @@ class _Decisions:
             law = PAPER if laws is None else laws.chosen.name
             self.measured, self.laws = with_options(measured, law=law), laws and laws.under(law)
 
-    def _gravity(self) -> None:
-        """Add gravity where it explains half of the moving runs' residuals: the first regression may miss it."""
-        fit, moving = self.measured.experiment.fit, self.joint.moving
-        lacks = (w.numbers for w in (moving.warnings if moving else ()) if w.code == "lacks-a-term")
-        share = next((x["share"] for x in lacks if x["term"] == "gravity"), 0.0)
-        if fit.set_up == AS_WRITTEN or share < 1 / 2:
-            return
-        more = with_options(self.measured, regressors=(*(fit.regressors or ()), "gravity"))
-        if self._take(more, 1.0):
-            asked, why = ", ".join(more.experiment.fit.regressors or ()), f"gravity explains {100 * share:.0f} %"
-            told = f"{asked}; {why} of what the others leave (fit.set_up: as-written overrules)"
-            self.told["chosen regressors"] = told
+    def _terms(self) -> None:
+        """Add gravity, then cogging, where it explains half of the moving runs' residuals: the first regression may miss it."""
+        for term in ("gravity", "cogging"):
+            fit, moving = self.measured.experiment.fit, self.joint.moving
+            of_term = (
+                w.numbers for w in (moving.warnings if moving else ()) if w.code in ("lacks-a-term", "residual-ripple")
+            )
+            share = max((x["share"] for x in of_term if x.get("term", "cogging") == term), default=0.0)
+            if fit.set_up == AS_WRITTEN or share < 1 / 2:
+                continue
+            more = with_periods(with_options(self.measured, regressors=(*(fit.regressors or ()), term)))
+            if self._take(more, _LESS):
+                asked, orders = ", ".join(more.experiment.fit.regressors or ()), more.experiment.fit.orders
+                asked += f" of order {', '.join(map(str, orders))}" if isinstance(orders, tuple) and orders else ""
+                why = f"{term} explains {100 * share:.0f} % of what the others leave"
+                self.told["chosen regressors"] = f"{asked}; {why} (fit.set_up: as-written overrules)"
 
     def _sides(self) -> None:
         """Take one friction per direction for moving runs where its BIC is clearly better."""
