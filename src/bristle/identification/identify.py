@@ -201,8 +201,8 @@ class _Decisions:
             self.measured, self.laws = with_options(measured, law=law), laws and laws.under(law)
 
     def _terms(self) -> None:
-        """Add gravity, then cogging, where it explains half of the moving runs' residuals: the first regression may miss it."""
-        for term in ("gravity", "cogging"):
+        """Add gravity, a spring, then cogging, where it explains half of the moving runs' residuals: the first regression may miss it."""
+        for term in ("gravity", "spring", "cogging"):
             fit, moving = self.measured.experiment.fit, self.joint.moving
             of_term = (
                 w.numbers for w in (moving.warnings if moving else ()) if w.code in ("lacks-a-term", "residual-ripple")

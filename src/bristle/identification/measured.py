@@ -264,7 +264,7 @@ def _cut_segments(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Se
         found: tuple[Segment, ...] = ()
         if run.kind == "ramp":
             found = find_segments(run.record, experiment.segments, experiment.encoder_resolution)
-            found = with_loads(run.record, found, ("gravity", *point_regressors(experiment)))
+            found = with_loads(run.record, found, ("gravity", "spring", *point_regressors(experiment)))
         elif run.kind == "points":
             found = _given_points(run.record, experiment.segments.minimum_velocity)
         segments.append(list(found))

@@ -30,7 +30,7 @@ _AT_REST = 0.01  # of the total way: less in a direction is rest
 _FEWEST = 4  # samples per column, below which a relation is not tested
 ONE_RATE = 1.05  # ratio of sampling intervals that counts as one
 _SURELY = 3.0  # standard errors by which a torque opposes the velocity
-_SWING = 0.1  # rad: over less, gravity is not told from a spring and a constant
+_SWING = 0.1  # rad: over less, gravity is a spring and a constant
 _DROWNS = 1e9  # times the measured torque: a larger inertial torque leaves none of its digits
 DIRECTIONS = {"+": 1.0, "-": -1.0}
 
@@ -46,6 +46,7 @@ REGRESSORS = {
     "inertia": Regressor(("inertia",), ("acceleration",)),
     "offset": Regressor(("offset",)),
     "gravity": Regressor(("gravity_sin", "gravity_cos"), ("position",)),
+    "spring": Regressor(("spring",), ("position",)),
     "quadratic": Regressor(("quadratic",), ("velocity",)),
     "links": Regressor(("links",), ("link_torque",)),
 }

@@ -114,10 +114,10 @@ def _opinion(data: _Data) -> SecondOpinion | None:
     top, both = float(np.abs(data.v).max()), data.v.min() < 0 < data.v.max()
     ladder = [
         tuple(x for x in choice if x)
-        for choice in product(("", "separate"), ("", "offset"), ("", "gravity"), SHAPES)
+        for choice in product(("", "separate"), ("", "offset"), ("", "gravity", "spring"), SHAPES)
         if not ("separate" in choice and "offset" in choice)
         and (both or not {"separate", "offset"} & {*choice})
-        and (data.q is not None or "gravity" not in choice)
+        and (data.q is not None or not {"gravity", "spring"} & {*choice})
     ]
 
     def left_by_peak(share: float) -> float:
@@ -158,12 +158,13 @@ def _columns(data: _Data, set_up: Sequence[str], v_s: float) -> tuple[list[str],
     columns |= {"offset": np.ones(data.v.size)} if "offset" in set_up else {}
     if data.q is not None and "gravity" in set_up:
         columns |= {"gravity_sin": np.sin(data.q), "gravity_cos": np.cos(data.q)}
+    columns |= {"spring": data.q} if data.q is not None and "spring" in set_up else {}
     return list(columns), np.stack(list(columns.values()), axis=1)
 
 
 def _solve(names: Sequence[str], X: Array, y: Array) -> Array:
     """Robust least squares with non-negative friction, (p,)."""
-    free = [name.startswith(("offset", "gravity", "quadratic")) for name in names]
+    free = [name.startswith(("offset", "gravity", "spring", "quadratic")) for name in names]
     size = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
     weight, theta = np.ones(y.size), np.zeros(len(names))
     for _ in range(PASSES):

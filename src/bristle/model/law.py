@@ -118,14 +118,15 @@ def stribeck_shape(v: Expression, shape: Sequence[Expression], law: Law) -> Expr
 def load_terms(q: Expression, v: Expression, a: Expression, tau: Expression) -> dict[str, Expression]:
     """What multiplies each parameter of the torque that is not friction, by that parameter's name.
 
-    T = T_f + inertia dv/dt + offset + gravity_sin sin(q) + gravity_cos cos(q) + quadratic v abs(v) + links tau, of the
-    position q (rad), the velocity, the acceleration a and the torque tau (N*m) that a robot's links ask of the joint.
+    T = T_f + inertia dv/dt + offset + gravity_sin sin(q) + gravity_cos cos(q) + spring q + quadratic v abs(v) + links
+    tau, of the position q (rad), the velocity, the acceleration a and the torque tau (N*m) that a robot's links ask of the joint.
     """
     return {
         "inertia": a,
         "offset": 1.0,
         "gravity_sin": ca.sin(q),
         "gravity_cos": ca.cos(q),
+        "spring": q,
         "quadratic": v * ca.fabs(v),
         "links": tau,
     }

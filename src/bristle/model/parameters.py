@@ -243,7 +243,7 @@ _UNITS = {
         "N*m": "alpha_0 alpha_1 torque offset gravity_sin gravity_cos",
         "N*m*s/rad": "alpha_2 sigma_1 K_d",
         "N*m*s**2/rad**2": "quadratic",
-        "N*m/rad": "sigma_0 K_p",
+        "N*m/rad": "sigma_0 K_p spring",
         "N*m/(rad*s)": "K_i",
         "N*m/A": "k_t torque_constant",
         "kg*m**2": "J inertia",

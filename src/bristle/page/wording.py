@@ -21,6 +21,7 @@ _SYMBOLS = {
     "sigma_1": "σ₁",
     "gravity_sin": "gravity (sin)",
     "gravity_cos": "gravity (cos)",
+    "spring": "spring",
     "quadratic": "v·|v|",
 }
 PARAMETERS = {  # of every law, in words

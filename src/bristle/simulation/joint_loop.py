@@ -28,7 +28,7 @@ from bristle.simulation.references import Sine
 
 _BEYOND = 30.0  # largest speed of a reference over the fastest measured
 _FREQUENCY = 0.5  # of the default reference, Hz
-_BESIDE = ("offset", "gravity", "quadratic")
+_BESIDE = ("offset", "gravity", "spring", "quadratic")
 """Terms of the torque beside friction, inertia and links."""
 
 

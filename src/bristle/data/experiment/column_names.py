@@ -21,7 +21,7 @@ _NAMES = {
         "dq", "qd", "vel", "velocity", "velocities", "speed", "omega", "qdot", "velo", "geschwindigkeit", "drehzahl",
     ),
     "torque": ("tau", "torque", "torques", "trq", "effort", "efforts", "force", "moment", "drehmoment", "kraft"),
-    "current": ("i", "iq", "current", "curr", "amps", "strom"),
+    "current": ("i", "iq", "i_q", "current", "curr", "amps", "strom"),
     "voltage": ("u", "v_in", "voltage", "volt", "volts", "spannung"),
 }  # fmt: skip  # a list of words
 # names that mean a signal only beside a unit of it

@@ -25,7 +25,7 @@ from bristle.model.laws.registry import AUTO, LOADS, PAPER, apart, law_named, ow
 from bristle.model.parameters import Kind, Lugre, is_positive, is_possible, of_friction
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
-Regressor = Literal["inertia", "offset", "gravity", "quadratic", "links", "cogging", "ripple"]
+Regressor = Literal["inertia", "offset", "gravity", "spring", "quadratic", "links", "cogging", "ripple"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +68,7 @@ def read_constant(name: str, *, of_motor: bool = False, is_prior: bool = False) 
     return BeforeValidator(read)
 
 
-_FIXABLE = (*Lugre._fields, "inertia", "offset", "gravity_sin", "gravity_cos", "quadratic", "links")
+_FIXABLE = (*Lugre._fields, "inertia", "offset", "gravity_sin", "gravity_cos", "spring", "quadratic", "links")
 
 
 def read_fixed(value: object, info: ValidationInfo) -> object:

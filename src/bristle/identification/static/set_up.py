@@ -122,8 +122,9 @@ def trial_of_motion(experiment: Experiment, records: Sequence[Record]) -> Trial:
     known = {*(r.made_of for r in records), *(() if fixed is None else ("inertia",))}
     possible = [name for name, terms in REGRESSORS.items() if set(terms.needs) <= has]
     possible += [name for name in asked if name not in REGRESSORS]  # periodic regressors are not tried, only kept
-    if not ("position" in has and shows_gravity(experiment.joint.kind, *(np.asarray(r.position) for r in records))):
-        known.add("gravity")
+    if "position" in has:  # what depends on it is gravity or, where this does not show, a spring
+        shown = shows_gravity(experiment.joint.kind, *(np.asarray(r.position) for r in records))
+        known |= {"spring" if shown else "gravity"} - {*asked}
     possible = [name for name in possible if name not in known]
     velocity = np.concatenate([np.zeros(1) if r.velocity is None else r.velocity for r in records])
     sides = tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())
@@ -138,8 +139,8 @@ def trial_of_points(experiment: Experiment, points: Sequence[Segment]) -> Trial:
     """Of points at constant velocity; a part is every fifth by speed."""
     ordered, sides, asked = sorted(points, key=lambda s: s.velocity), sides_of(points), point_regressors(experiment)
     at = np.array([s.position for s in points if s.position is not None])
-    gravity = at.size == len(points) and shows_gravity(experiment.joint.kind, at)
-    possible = ["offset", *["gravity"] * gravity, "quadratic"]
+    of_position = "gravity" if shows_gravity(experiment.joint.kind, at) else "spring"
+    possible = ["offset", *[of_position] * (at.size == len(points)), "quadratic"]
     possible += [name for name in asked if name not in REGRESSORS]
     own = SetUp(sides if experiment.fit.directions == "separate" else ("both",), asked)
     return Trial(own, sides, possible, lambda sides: points_problem(ordered, sides, possible), len(ordered))

@@ -46,7 +46,7 @@ class Expected(NamedTuple):
     @property
     def seen(self) -> NDArray[np.bool_]:
         """Identifiable parameters, (p,): to half the value, or with any finite error where the value may be zero."""
-        errors, zero = self.information.standard_errors, ("offset", "gravity", "quadratic", "inertia")
+        errors, zero = self.information.standard_errors, ("offset", "gravity", "spring", "quadratic", "inertia")
         may_be_zero = np.array([x.name.startswith(zero) for x in self.information.names], dtype=bool)
         return (errors < 0.5 * np.abs(self.information.point)) | (may_be_zero & np.isfinite(errors))
 
