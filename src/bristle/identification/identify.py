@@ -61,7 +61,7 @@ from bristle.progress import Progress, step
 
 _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9  # factors on the low pass, and the ratio of residuals that shows it was too narrow
 _LATEST = 0.05  # s: largest delay of a log; a larger one stands for another term, such as friction that rises with load
-_SHIFTS = 3  # most corrections of a delay, each of first order
+_SHIFTS = 6  # most corrections of a delay, each of first order
 _SURE, _FAR = 5.0, 3.0  # standard errors of a delay before its command, and of negative viscous friction
 _ROUNDS = 4  # most corrections of holds for settling
 _NOTHING = 1e-3  # of the torque: less Coulomb friction is none
@@ -98,6 +98,7 @@ class _Decisions:
         self.under: Comparison | None = None  # the comparison that chose the law of the fits
         self.bic: dict[str, float] = {}  # by `SYMMETRIC` and `APART`
         self.ended: Values | None = None  # where the moving fit per direction ended
+        self.late = 0.0  # s, by which the torque was logged too late
 
     def joint_of(self, *, crosscheck: bool, uncertainty: bool) -> Joint:
         """The identified joint, after all decisions."""
@@ -115,7 +116,10 @@ class _Decisions:
         of_motion = auto and not self.bic
         if of_motion:
             self._sides()
+        narrow = self.measured
         self._low_pass()
+        if self.measured is not narrow:
+            self._on_time()
         if self.laws is None and self.joint.tracking is not None:
             step(self.progress, "comparing friction laws")
             before = self.measured.experiment.fit.law
@@ -303,7 +307,7 @@ class _Decisions:
             if not more or abs(late + more) >= _LATEST:
                 break
             # once, for to interpolate smooths
-            if not self._take(without_delay(as_logged, late + more), 1.0 if source in COMMANDS else _LESS):
+            if not self._take(without_delay(as_logged, late + more), 1.0 if late or source in COMMANDS else _LESS):
                 break
             late, moving = late + more, self.joint.moving or moving
         error = moving.late[1]
@@ -313,9 +317,10 @@ class _Decisions:
         if source in COMMANDS and moving is not None:
             self._of_commands(late + moving.late[0], moving.late[1])
         elif late:
-            how = "late" if late > 0 else "early"
+            self.late += late
+            how = "late" if self.late > 0 else "early"
             self.told["chosen delay"] = (
-                f"logged {abs(late):.3g} s {how}, which is taken off (signals.torque.delay overrules)"
+                f"logged {abs(self.late):.3g} s {how}, which is taken off (signals.torque.delay overrules)"
             )
 
     def _of_commands(self, late: float, error: float) -> None:
