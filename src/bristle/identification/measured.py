@@ -144,8 +144,8 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
         runs = tuple(_changed((run,), lambda r: _refiltered(r, widest))[0] if run.hold_out else run for run in runs)
     every, moving = experiment.fit.decimation or 1, [run.record for run in runs if run.kind == "tracking"]
     if experiment.fit.decimation is None and moving:
-        longest = min(int(np.diff([*r.starts, r.time.size]).max() / r.oversampled) for r in moving)
-        every = longest_decimation(decimation(fitted or moving), longest)
+        longest = min(max(_stretches(r)) / r.oversampled for r in moving)
+        every = longest_decimation(decimation(fitted or moving), int(longest))
 
     def decimable(record: Record) -> Record:
         """The record without stretches between gaps that are too short for the decimation filter."""
@@ -155,6 +155,14 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
 
     experiment, runs = _with_fit_options(experiment, decimation=every), _changed(runs, decimable)
     return judged(Measured(experiment=experiment, runs=runs, segments=_cut_segments(experiment, runs)))
+
+
+def _stretches(record: Record) -> list[int]:
+    """Samples of each stretch between gaps and unknown torques; without any, of all there is."""
+    unknown = at_limits(record)
+    edges = np.union1d([*record.starts, record.time.size], np.flatnonzero(np.diff(unknown)) + 1)
+    known = ~unknown[edges[:-1]]
+    return list(np.diff(edges)[known if known.any() else ...])
 
 
 def _changed(runs: Sequence[Run], change: Callable[[Record], Record]) -> tuple[Run, ...]:
