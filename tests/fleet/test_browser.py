@@ -7,13 +7,13 @@ import pytest
 from bristle.questions.fleet.findings import Findings
 from bristle.questions.fleet.report import report
 
-from .plausible import HOSTILE, plausible
+from .hostile import HOSTILE, hostile_fleet
 
 
 @pytest.fixture(scope="module")
 def found() -> Findings:
     """A small fleet with hostile names, of which few joints changed."""
-    return plausible(units=30, failed=45)
+    return hostile_fleet(robots=30)
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from bristle.errors import InputError
-from bristle.questions.fleet.dataset import COLUMNS, schema_of
+from bristle.questions.fleet.dataset import COLUMNS, schema
 from bristle.questions.fleet.findings import Findings, findings
 from bristle.questions.fleet.report import report
 from simulated_fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
@@ -202,17 +202,16 @@ def test_what_cannot_be_tested_says_why() -> None:
 
 
 def test_values_that_are_not_to_be_used_are_left_out(plain: Plain) -> None:
-    """Critical values, other fits, other units of a value and sessions left out do not move the findings of the others, and each is said."""
+    """Critical values, other fits and other units of a value do not move the findings of the others, and each is said."""
     frame, _, found = plain
     odd = frame[frame["unit"] == "robot-003"]
     wrong = odd.assign(value=3 * odd["value"])
     strange = [
         wrong.assign(unit="robot-901", severity="critical"),
         wrong.assign(unit="robot-902", value_unit="N"),
-        wrong.assign(unit="robot-903", left_out="its clock went back"),
     ]
     again = findings(joined(frame, *strange))
-    assert {"values-critical", "mixed-value-units", "sessions-left-out"} <= kinds(again)
+    assert {"values-critical", "mixed-value-units"} <= kinds(again)
     assert accused(again) == accused(found)
     pd.testing.assert_frame_equal(again.types, found.types)
     one = frame["session"].isin(frame.loc[frame["unit"] == "robot-003", "session"].unique()[-1:])
@@ -352,7 +351,7 @@ def pa_table(frame: pd.DataFrame) -> "pa.Table":
 
     text = frame.assign(**{x: frame[x].astype(object) for x, holds in COLUMNS.items() if holds == "text"})
     text = text.assign(session=text["session"].astype("datetime64[us]"), simulated=text["simulated"].astype("boolean"))
-    return pa.Table.from_pandas(text, schema=schema_of(tuple(COLUMNS), coded=True), preserve_index=False)
+    return pa.Table.from_pandas(text, schema=schema(), preserve_index=False)
 
 
 DOC = (Path(__file__).parents[2] / "docs" / "fleet.md").read_text(encoding="utf-8")
