@@ -4,6 +4,7 @@ import hashlib
 import os
 import re
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,18 +16,19 @@ from tests.fleet.logs import YAML, log_text, write_catalog, write_fleet_logs, wr
 
 import bristle
 from bristle.api import fleets
+from bristle.data.experiment import yaml_file
 from bristle.errors import InputError
 from bristle.questions.fleet import cluster, dataset, engine, survey, tasks
 
 pytest.importorskip("distributed", reason="needs the extra fleet")
 pytest.importorskip("pyarrow", reason="needs the extra fleet")
 IDENTIFIED: list[str] = []  # the joints that were identified, in this process
-KNOWN: dict[tuple[object, ...], list[tasks.Row]] = {}
+KNOWN: dict[tuple[object, ...], Sequence[tasks.Row]] = {}
 """What was found in files of a content: the same fit is made once for all tests here."""
 identified_joint = fleets.identified_joint
 
 
-def counted(path: Path, joint: str) -> list[tasks.Row]:
+def counted(path: Path, joint: str) -> Sequence[tasks.Row]:
     """Identify a joint, unless one of the same content was, and remember that it was asked for."""
     IDENTIFIED.append(joint)
     content = (joint, *((x.name, x.read_bytes()) for x in sorted(path.parent.iterdir()) if x.is_file()))
@@ -35,7 +37,7 @@ def counted(path: Path, joint: str) -> list[tasks.Row]:
     return KNOWN[content]
 
 
-def broken(path: Path, joint: str) -> list[tasks.Row]:
+def broken(path: Path, joint: str) -> Sequence[tasks.Row]:
     """Fail at one joint as nothing that bristle foresees."""
     if joint == "elbow":
         raise KeyError("no such thing")
@@ -46,7 +48,7 @@ def broken(path: Path, joint: str) -> list[tasks.Row]:
 def reads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names of the files that are read to survey them, as they are."""
     names: list[str] = []
-    read, digest = survey.read_text, hashlib.file_digest
+    read, digest = yaml_file.read_text, hashlib.file_digest
 
     def counting(path: Path) -> str:
         names.append(path.name)
@@ -187,7 +189,7 @@ def test_a_log_that_changes_meanwhile_is_tried_again(ran: Any, tmp_path: Path, m
     """Results of a log that was changed after it was hashed are not kept under the old content."""
     write_fleet_logs(tmp_path, units=1, sessions=1)
 
-    def changing(path: Path, joint: str) -> list[tasks.Row]:
+    def changing(path: Path, joint: str) -> Sequence[tasks.Row]:
         """Write another log first."""
         if joint == "elbow":
             path.with_suffix(".csv").write_text(log_text(1000))

@@ -43,7 +43,6 @@ from bristle.simulation.bench import steady_points
 from ..conftest import TRUTH, experiment, present, run, speeds, tree, write
 from ..laws import DRAG, EXPONENT, OUTSIDE, points, registered, truth_of
 from ..pages import Elements, assert_tables_are_named, findings, page_text
-from ..sameness import held, without_sentences
 
 SPEEDS = speeds(both=False)
 Files = tuple[Path, Path]  # results files of two sessions
@@ -333,10 +332,9 @@ def test_what_is_compared_doubted_or_refused() -> None:
             compare(session(own), second)
 
 
-@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_the_figure_shows_both_sessions_relative_to_the_first(kind: Any) -> None:
+def test_the_figure_shows_both_sessions_relative_to_the_first() -> None:
     """Two markers per parameter, the first session's at zero, the second's at its difference in percent; no figure of nothing."""
-    a, b = (session(plain({"alpha_0+": x, "alpha_2+": 4.0}, 0.1), kind=kind) for x in (2.0, 3.0))
+    a, b = (session(plain({"alpha_0+": x, "alpha_2+": 4.0}, 0.1)) for x in (2.0, 3.0))
     compared = compare(a, b)
     figure = present(forest_figure(compared, "wrist"))
     (ax,) = figure.axes
@@ -344,6 +342,16 @@ def test_the_figure_shows_both_sessions_relative_to_the_first(kind: Any) -> None
     assert marks == pytest.approx([0, 0, 0, 50])
     assert sum(text.get_text() == "changed" for text in ax.texts) == 1
     assert forest_figure(compare(session(plain({"alpha_0": 0.0})), session(plain({"alpha_0": 0.0}))), "wrist") is None
+    # title, legend and axes do not touch, whatever the number of rows
+    for count in (1, 12):
+        values = dict.fromkeys([name + d for d in "+-" for name in Lugre._fields][:count], 2.0)
+        figure = present(forest_figure(compare(session(plain(values, 0.1)), session(plain(values, 0.1))), "wrist"))
+        figure.draw_without_rendering()
+        (ax,) = figure.axes
+        box = present(ax.get_legend()).get_window_extent()
+        (heading,) = (t for t in ax.get_children() if isinstance(t, Text) and t.get_text() == "wrist")
+        assert ax.get_window_extent().y1 - 1 <= box.y0 < box.y1 < heading.get_window_extent().y0 - 3
+        assert heading.get_window_extent().y1 <= figure.bbox.y1
 
 
 def results(folder: Path, name: str, seed: int, alpha_2: float) -> Path:
@@ -375,19 +383,11 @@ def test_what_was_written_is_read_back(sessions: Files, tmp_path: Path) -> None:
         assert fit.covariance.tolist() == written["covariance"]
         assert fit.freedom == written["degrees_of_freedom"]
     assert joint.inputs
-    # what a later version added is not required: files of the schema from before are compared as well
-    whole = json.loads(sessions[0].read_text(encoding="utf-8"))
-    del whole["joints"][HOSTILE]["models"]
-    for fit in whole["joints"][HOSTILE]["static"].values():
-        del fit["uncertainty"]
-    (tmp_path / "old.json").write_text(json.dumps(whole), encoding="utf-8")
-    assert bristle.compare(tmp_path / "old.json", sessions[1]).changes
-    (tmp_path / "old.json").unlink()
     # the same file by any path: exit 2, one sentence and no page. A copy is another file, of the same data: compared, with the warning
-    for path in (sessions[0], sessions[0].parent / "." / ".." / sessions[0].parent.name / sessions[0].name):
-        ran = run("compare", sessions[0], path, "-o", tmp_path / "out")
-        assert (ran.code, len(ran.said)) == (2, 1)
-        assert "is the same file as" in ran.err
+    again = sessions[0].parent / ".." / sessions[0].parent.name / sessions[0].name
+    ran = run("compare", sessions[0], again, "-o", tmp_path / "out")
+    assert (ran.code, len(ran.said)) == (2, 1)
+    assert "is the same file as" in ran.err
     assert not list(tmp_path.iterdir())
     (tmp_path / "copy.json").write_bytes(sessions[0].read_bytes())
     ran = run("compare", sessions[0], tmp_path / "copy.json")
@@ -430,57 +430,29 @@ def test_the_command_says_what_changed_and_writes_a_page(sessions: Files, tmp_pa
         bristle.report_of(compared.changes[0])  # type: ignore[arg-type]
 
 
-def test_captions_and_legends(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Title, legend and axes of the figure do not touch: a few points lie between them, whatever the number of rows."""
-    for count in (1, 12):
-        values = dict.fromkeys([name + d for d in "+-" for name in Lugre._fields][:count], 2.0)
-        figure = present(forest_figure(compare(session(plain(values, 0.1)), session(plain(values, 0.1))), "wrist"))
-        (ax,) = figure.axes
-        legend = present(ax.get_legend())
-        figure.draw_without_rendering()
-        box = legend.get_window_extent()
-        heading = next(t for t in ax.get_children() if isinstance(t, Text) and t.get_text() == "wrist")
-        assert heading.get_window_extent().y0 > box.y1 + 3
-        assert heading.get_window_extent().y1 <= figure.bbox.y1
-        assert box.y0 >= ax.get_window_extent().y1 - 1
+def test_captions() -> None:
+    """The largest change in percent of the first value, in the unit where that is zero; else the largest difference."""
 
-    # the largest change in percent of the first value, in the unit where that is zero; else the largest difference
-    def told(values: Mapping[str, float], kind: Any) -> Session:
-        parameters = {
-            n: Estimate(value=x, unit=unit(n[:-1], kind), standard_error=0.1, interval=(x - 0.196, x + 0.196))
-            for n, x in values.items()
-        }
-        return session(fit_of(source="static +", parameters=parameters), kind=kind)
+    def caption(first: Mapping[str, float], second: Mapping[str, float], kind: Any) -> str:
+        both = []
+        for values in (first, second):
+            parameters = {
+                n: Estimate(value=x, unit=unit(n[:-1], kind), standard_error=0.1, interval=(x - 0.196, x + 0.196))
+                for n, x in values.items()
+            }
+            both.append(session(fit_of(source="static +", parameters=parameters), kind=kind))
+        return next(section.figure.caption for section in report(compare(*both)).sections if section.figure)
 
     unchanged = "changed beyond its joint uncertainty; differences are"
-    rose, fell = "1 of 2 parameters changed; the largest change: α₀ (+) rose", "the largest change: α₀ (+) fell by"
-    two, four = {"alpha_0+": 2.0}, {"alpha_0+": 2.0, "alpha_2+": 4.0}
+    four = {"alpha_0+": 2.0, "alpha_2+": 4.0}
     cases: list[tuple[Mapping[str, float], Mapping[str, float], str, str]] = [
-        (four, {"alpha_0+": 3.0, "alpha_2+": 4.0}, "revolute", f"{rose} by 50.0 ± 7.1 %."),
         (four, {"alpha_0+": 3.0, "alpha_2+": 1.0}, "revolute", "2 of 2 parameters changed; the largest change: α₂ (+) fell by 75.0 ± 3.5 %."),
-        ({"alpha_0+": -2.0}, {"alpha_0+": -3.0}, "revolute", f"1 of 1 parameter changed; {fell} 50.0 ± 7.1 %."),
-        ({"alpha_0+": 0.0}, {"alpha_0+": -3.0}, "prismatic", f"1 of 1 parameter changed; {fell} 3.00 ± 0.14 N."),
+        ({"alpha_0+": -2.0}, {"alpha_0+": -1.0}, "revolute", "1 of 1 parameter changed; the largest change: α₀ (+) rose by 50.0 ± 7.1 %."),
+        ({"alpha_0+": 0.0}, {"alpha_0+": -3.0}, "prismatic", "1 of 1 parameter changed; the largest change: α₀ (+) fell by 3.00 ± 0.14 N."),
         (four, {"alpha_0+": 2.1, "alpha_2+": 3.8}, "revolute", f"None of 2 parameters {unchanged} 1.4 standard errors at most."),
-        (two, two, "revolute", f"None of 1 parameter {unchanged} 0 standard errors at most."),
     ]  # fmt: skip  # a table
-    wrong = []
-    for first, second, kind, found in cases:
-        made = report(compare(told(first, kind), told(second, kind))).sections
-        caption = next(section.figure.caption for section in made if section.figure)
-        wrong += [] if caption.startswith(f"{found} Each parameter") else [caption]
-    assert wrong == []
-    # with every template replaced by its kind's name a comparison comes out the same in every number, kind and severity
-    a, b = ({"sigma_0+": 2.0, "alpha_1+": 1.0}, {"sigma_0+": 3.0, "alpha_2-": 1.0})
-    first = session(plain(a, 0.1, "joint"), correlated(0.0), inputs=("abc",))
-    second = session(plain(b, 0.1, "joint"), correlated(1.5), inputs=("abc", "def"), simulated=True)
-    sessions = {**first, **session(plain({"v_s": 1.0}), joint="elbow")}, second
-    before = compare(*sessions)
-    words = held(before), report(before).text()
-    assert len(before.warnings) > 3
-    without_sentences(monkeypatch)
-    after = compare(*sessions)
-    assert held(after) == words[0]
-    assert report(after).text() != words[1]
+    made = [(caption(*given), found) for *given, found in cases]
+    assert [both for both in made if not both[0].startswith(f"{both[1]} Each parameter")] == []
 
 
 Spoil = Callable[[dict[str, Any]], object]  # changes one joint of a document
@@ -525,44 +497,26 @@ def many(joint: dict[str, Any], count: int) -> None:
 
 REFUSED: dict[str, tuple[Spoil, str]] = {
     "truth for a number": (lambda x: alpha(x, value=True), "alpha_0.value: Input should be a valid number"),
-    "text for a number": (lambda x: alpha(x, value="1.5"), "alpha_0.value: Input should be a valid number"),
     "infinite value": (lambda x: alpha(x, value="inf"), "alpha_0.value: Input should be a valid number"),
-    "no number for a value": (lambda x: alpha(x, value="nan"), "alpha_0.value: Input should be a valid number"),
     "no number for a bound": (lambda x: alpha(x, interval=["nan", 1.0]), "alpha_0.interval.0"),
-    "infinity by another word": (lambda x: alpha(x, interval=["-Infinity", 1.0]), "alpha_0.interval.0"),
-    "one bound": (lambda x: alpha(x, interval=[1.0]), "alpha_0.interval"),
     "huge value": (lambda x: alpha(x, value=1e308), "is beyond 1e+60"),
     "tiny error": (lambda x: alpha(x, standard_error=1e-308), "below 1e-60"),
     "number of 400 digits": (lambda x: alpha(x, value=10**400), "Out of range float"),
-    "error of 400 digits": (lambda x: alpha(x, standard_error=-(10**400)), "Out of range float"),
-    "count of 400 digits": (lambda x: plus(x).update(n=10**400), "Out of range float"),
     "freedom below zero": (lambda x: plus(x).update(degrees_of_freedom=-3), "a fit has -3 degrees of freedom"),
-    "freedom with a fraction": (lambda x: plus(x).update(degrees_of_freedom=1.5), "degrees_of_freedom: Input should be a valid integer"),
-    "no freedom": (lambda x: plus(x).update(degrees_of_freedom=None), "degrees_of_freedom"),
-    "no parameters": (lambda x: plus(x).update(parameters=None), "parameters"),
-    "empty fit": (lambda x: x["static"].update({"+": {}}), "direction: Field required"),
     "empty joint": (lambda x: x.clear(), "kind: Field required"),
     "covariance without rows": (covariance, "a covariance is not of the 4 parameters"),
-    "name with an escape": (lambda x: renamed(x, "a\x1b[31m"), "U+001B, a control character"),
     "unit with an escape": (lambda x: alpha(x, unit="\x1b]0;N*m"), "U+001B, a control character"),
-    "unit that turns": (lambda x: alpha(x, unit="N\u202em"), "U+202E, a control character"),
     "direction with a line end": (lambda x: x["static"].update({"a\nb": plus(x)}), "U+000A, a control character"),
-    "name that is a book": (lambda x: renamed(x, "a" * 10**6), "has 1000000 characters, more than 400"),
     "unit that is a book": (lambda x: alpha(x, unit="a" * 10**6), "has 1000000 characters, more than 400"),
     "many parameters": (lambda x: many(x, 50_000), "parameters of a joint, more than 400"),
     "many numbers": (lambda x: x.update(assumptions=[""] * 1_000_001), "commas, more than 1000000"),
-    "many wrong numbers": (lambda x: plus(x).update(covariance=[["x"]] * 900_000), "covariance.0.0: Input should be a valid number"),
     "many empty fits": (lambda x: x["static"].update({f"s{k}": {} for k in range(90_000)}), "of its entries are wrong or missing"),
-    "many empty segments": (lambda x: x.update(segments=[{}] * 90_000), "of its entries are wrong or missing"),
     "many objects": (lambda x: x.update(truth={f"s{k}": {} for k in range(200_000)}), "objects, more than 200000"),
     "warnings that are sentences": (lambda x: x.update(warnings=["The joint sticks."] * 9), "warnings.0: Input should be"),
-    "many sentences": (lambda x: x.update(warnings=["The joint sticks."] * 100_000), "of its entries are wrong or missing"),
     "a warning without numbers": (lambda x: x.update(warnings=[warning("BOUND") | {"numbers": [1]}]), "warnings.0.numbers: Input should be"),
-    "a warning of no severity": (lambda x: x.update(warnings=[warning("BOUND") | {"severity": "mild"}]), "warnings.0.severity: Input should be"),
     "ragged covariance": (lambda x: covariance(x, [1.0], [1.0, 2.0]), "its rows are not of one length"),
     "a truth of other parameters": (lambda x: x.update(truth={"+": {"alpha_0": 1.0}}), "expected alpha_0, alpha_1"),
     "deep warnings": (lambda x: x.update(warnings=[warning("BOUND", name=nested(900))]), "recursion limit"),
-    "deep": (lambda x: x.update(assumptions=nested(150)), "assumptions.0: Input should be a valid string"),
 }  # fmt: skip  # a table
 
 
@@ -581,64 +535,38 @@ def nested(depth: int) -> list[Any]:
 COMPARED: dict[str, Spoil] = {
     "nothing known": lambda x: every(x, value=None, standard_error=None, interval=None),
     "no fit": lambda x: x.update(static={}),
-    "no parameter": lambda x: many(x, 0),
     "all zero": lambda x: every(x, value=0, standard_error=0, interval=[0, 0]),
-    "one point": lambda x: every(x, value=1.0, standard_error=1.0, interval=[1.0, 1.0]),
-    "value outside of its interval": lambda x: every(x, value=1.0, standard_error=0.1, interval=[2.0, 3.0]),
     "largest": lambda x: every(x, value=9e59, standard_error=9e59, interval=[1e-300, 1e308]),
     "smallest": lambda x: every(x, value=2e-60, standard_error=2e-60, interval=[-1e-300, 2e-60]),
-    "largest over smallest": lambda x: every(x, value=2e-60, standard_error=9e59, interval=[1e-60, 9e59]),
-    "smallest over largest": lambda x: every(x, value=9e59, standard_error=2e-60, interval=[2e-60, 9e59]),
     "open": lambda x: every(x, interval=["-inf", "inf"]),
     "unknown covariance": lambda x: covariance(x, *[[None] * 4] * 4),
-    "covariance of zeros": lambda x: covariance(x, *[[0.0] * 4] * 4),
-    "covariance below zero": lambda x: covariance(x, *[[-1e308] * 4] * 4),
     "tiny covariance": lambda x: covariance(x, *([5e-324 if i == j else 1e119 for i in range(4)] for j in range(4))),
     "lopsided covariance": lambda x: covariance(x, [1, 2, 0, 0], [0.5, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]),
-    "covariance of one": lambda x: covariance(x, *[[1.0] * 4] * 4),
     "much freedom": lambda x: plus(x).update(degrees_of_freedom=10**17, n=10**17),
     "no freedom": lambda x: plus(x).update(degrees_of_freedom=0, n=-1),
     "free parameters that are none": lambda x: plus(x).update(names=["a", "b", "c", "d"]),
-    "one free parameter twice": lambda x: plus(x).update(names=["alpha_0", "alpha_0", "alpha_2", "v_s"]),
     "one free parameter four times": lambda x: plus(x).update(names=["alpha_0"] * 4),
     "unknown unit": lambda x: every(x, unit="furlong"),
-    "no unit": lambda x: every(x, unit=""),
-    "no name": lambda x: renamed(x, ""),
-    "half a symbol": lambda x: renamed(x, "v_"),
     "template for a name": lambda x: renamed(x, r"\g<0>\q$\undefined{"),
-    "many warnings": lambda x: x.update(warnings=[warning("NO_SUCH_KIND")] * 40_000),
-    "warnings without their numbers": lambda x: x.update(warnings=[warning("BOUND"), warning("NOT_CONVERGED")]),
-    "a warning inside of a warning": lambda x: x.update(
-        warnings=[warning("NO_STRIBECK", why=warning("BOUND", name=[None, "inf"]))]
-    ),
     "as many parameters as can be": lambda x: many(x, 390),
 }
 
 
 SPOILT: dict[str, tuple[Spoil, str]] = {
     "negative error": (lambda x: alpha(x, standard_error=-1.0), "a standard error is negative"),
-    "interval that ends first": (lambda x: alpha(x, interval=[1.0, 0.5]), "an interval ends before it begins"),
-    "no static fit": (lambda x: x.pop("static"), "static: Field required"),
     "another kind": (lambda x: x.update(kind="prismatic"), "is revolute in one session and prismatic in the other"),
     "another unit": (lambda x: alpha(x, unit="furlong"), "alpha_0+ is in N*m and in furlong"),
 }
 JOINTS: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
     "none": (lambda _: {}, "no joint is in both sessions"),
     "many others": (lambda x: {f"j{k}": x for k in range(100)}, "no joint is in both sessions: one has <script>"),
-    "far too many": (lambda x: {f"j{k}": x for k in range(10_000)}, "10000 joints, more than 100"),
     "an escape": (lambda x: {"\x1b[1mwrist": x}, "U+001B, a control character"),
-    "a book": (lambda x: {"w" * 10_000: x}, "has 10000 characters, more than 400"),
-    "null": (lambda _: None, "joints: Input should be an object"),
     "a list": (lambda _: [], "joints: Input should be an object"),
 }
 TEXTS = {
-    "empty": ("", "is not a results file"),
     "no JSON": ("{]", "is not a results file"),
-    "a list": ("[1, 2]", "is not a results file"),
-    "deep": ("[" * 100_000, "is not a results file"),
     "NaN": ('{"schema": NaN}', "Out of range float"),
     "huge number": ('{"schema": ' + "9" * 5000 + "}", "is not a results file"),
-    "infinite": ('{"schema": 1e999}', "is not a results file"),
     "an older schema": ('{"schema": "bristle-results/1"}', "is not a results file of schema bristle-results/3 (schema"),
 }  # fmt: skip  # a table
 
@@ -700,7 +628,7 @@ def told(what: str, sessions: Files, folder: Path) -> Iterator[str]:
     try:
         text = bristle.report_of(bristle.compare(sessions[0], names[1])).text()
     except bristle.InputError as error:
-        text = "" if what in {"unknown unit", "no unit"} else f"nan {error}"
+        text = "" if what == "unknown unit" else f"nan {error}"
     if "nan" in text:
         yield f"{what}, one: {text[:200]}"
 

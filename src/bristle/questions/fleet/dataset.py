@@ -67,7 +67,8 @@ def known_results(output: Path, keys: Collection[str]) -> "pd.DataFrame":
     table = read_dataset(output).select(OF_TASK).to_pandas().astype(object)
     told = [row for rows in journalled(output).values() for row in rows]
     both = pd.concat([table, pd.DataFrame(told, columns=OF_TASK, dtype=object)], ignore_index=True)
-    return both[both["key"].isin(list(keys))].drop_duplicates(["key", "direction", "parameter", "failure"])
+    wanted: pd.DataFrame = both[both["key"].isin(list(keys))]
+    return wanted.drop_duplicates(["key", "direction", "parameter", "failure"])
 
 
 def read_dataset(output: Path) -> "pa.Table":

@@ -297,7 +297,7 @@ def notes(
     # Joints with a new baseline, by a tag.
     anew = people.table[people.table["now"] & people.table.duplicated(["unit", "joint"], keep=False)]
     if len(anew):
-        last = anew.loc[anew["first"].idxmax()]
+        last = anew.sort_values("first", kind="stable").iloc[-1]
         message = (
             f"{counted(len(anew), 'joint')} began anew at a session tagged baseline; "
             f"the last: {last['unit']} {last['joint']} on {last['first']:%Y-%m-%d}."

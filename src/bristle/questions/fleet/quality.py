@@ -83,8 +83,8 @@ def warned(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
     rows = rows[began & (chance * began.sum() < NAMED)].set_index("number")
     rows = rows.join(people.table[["unit", "joint"]]).assign(severity=lambda x: x["code"].map(severity))
     order = ["severity", "since", "unit", "joint", "code"]
-    rows = rows.sort_values(order, ascending=[False, True, True, True, True])
-    return rows[["unit", "joint", "code", "severity", "since", "sessions", "of"]]
+    columns = ["unit", "joint", "code", "severity", "since", "sessions", "of"]
+    return rows.sort_values(order, ascending=[False, True, True, True, True]).reindex(columns=columns)
 
 
 def most_common(codes: Iterator[str]) -> tuple[str, ...]:
