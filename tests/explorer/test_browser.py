@@ -14,6 +14,7 @@ from bristle.model.parameters import Direction
 from bristle.simulation.edro import TABLE_1
 
 from ..conftest import experiment, present, speeds, table
+from ..pages import opened
 from .conftest import HOSTILE, Explored
 
 VIEWS = ("friction", "presliding", "response", "compensation", "identifiability", "values")
@@ -94,18 +95,8 @@ def file(edro: Explored, tmp_path_factory: pytest.TempPathFactory) -> Path:
 class Tab:
     """A page that is open, and what went wrong in it."""
 
-    def __init__(self, chromium: Any, file: Path, fragment: str = "", width: int = 1280, before: str = "") -> None:
-        self.context = chromium.new_context(viewport={"width": width, "height": 900})
-        self.page = self.context.new_page()
-        self.page.add_init_script(before)
-        self.wrong: list[str] = []
-        self.page.on("console", lambda m: self.wrong.append(m.text) if m.type in ("error", "warning") else None)
-        self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
-        self.page.on(
-            "request",
-            lambda r: self.wrong.append(r.url) if not r.url.startswith((file.as_uri(), "data:", "blob:")) else None,
-        )
-        self.page.goto(file.as_uri() + fragment)
+    def __init__(self, chromium: Any, file: Path, fragment: str = "", **given: Any) -> None:
+        self.page, self.wrong = opened(chromium, file, fragment, **given)
         self.page.wait_for_selector("html[data-ready]", state="attached")
         self.settled()
 
@@ -131,10 +122,9 @@ class Tab:
 @pytest.fixture
 def tab(chromium: Any, file: Path) -> Iterator[Tab]:
     """The page, open; afterwards nothing has gone wrong in it, and nothing was asked of a network."""
-    opened = Tab(chromium, file)
-    yield opened
-    assert not opened.wrong
-    opened.context.close()
+    one = Tab(chromium, file)
+    yield one
+    assert not one.wrong
 
 
 def rows(tab: Tab) -> dict[str, tuple[float, float]]:
@@ -161,7 +151,7 @@ def test_it_opens_on_the_joint_of_the_results(chromium: Any, tmp_path: Path) -> 
     for joint, link in ((results.joint("shoulder"), "explore.html"), *zip(results.joints, links, strict=True)):
         own = known_joint(joint).values(Direction.POSITIVE)
         for width, least in ((1280, 6), (390, 4)):
-            tab = Tab(chromium, folder / "explore.html", link.removeprefix("explore.html"), width)
+            tab = Tab(chromium, folder / "explore.html", link.removeprefix("explore.html"), width=width)
             assert tab.page.inner_text("#shown-joint") == joint.name
             assert tab.page.title().startswith(joint.name)
             bottoms = [tab.page.query_selector(f"#slider-{name}").bounding_box()["y"] for name in PARAMETERS]
@@ -169,7 +159,6 @@ def test_it_opens_on_the_joint_of_the_results(chromium: Any, tmp_path: Path) -> 
             for name, value in own.items():
                 assert float(tab.page.input_value(f"#entry-{name}")) == pytest.approx(value, rel=1e-5)
             assert not tab.wrong
-            tab.context.close()
 
 
 def test_every_slider_tab_and_button(tab: Tab) -> None:
@@ -350,7 +339,6 @@ def test_a_page_without_a_worker_draws_the_same_map(tab: Tab, chromium: Any, fil
         alone = Tab(chromium, file, before=before)
         if maps(alone) != expected or alone.page.workers or alone.wrong:
             wrong.append(f"{why}: {alone.page.workers}, {alone.wrong}")
-        alone.context.close()
     assert not wrong, "\n".join(wrong)
     # values, joint, direction and view come back from a copied link; numbers that are none or too large are left or clamped, words are left
     tab.page.select_option("#joint", "1")
@@ -366,7 +354,6 @@ def test_a_page_without_a_worker_draws_the_same_map(tab: Tab, chromium: Any, fil
     again = Tab(chromium, file, "#" + link.partition("#")[2])
     assert again.state() == tab.state()
     assert not again.wrong
-    again.context.close()
     bad = "#joint=1e99&set=-3&direction=<b>&view=__proto__&values%2B=NaN 1e400 -5 <img> 1e300&motion=<i>&duration=1e9&gain-p=x"
     wild = Tab(chromium, file, bad)
     state, bounds = wild.state(), wild.page.evaluate("explorer.joint().ranges")
@@ -376,7 +363,6 @@ def test_a_page_without_a_worker_draws_the_same_map(tab: Tab, chromium: Any, fil
     assert float(wild.page.input_value("#duration")) == 100
     assert not wild.page.query_selector("b, img")
     assert not wild.wrong
-    wild.context.close()
 
 
 def test_hostile_names_run_nothing(chromium: Any, hostile: Explored, tmp_path: Path) -> None:
@@ -408,4 +394,3 @@ def test_hostile_names_run_nothing(chromium: Any, hostile: Explored, tmp_path: P
     assert tab.page.evaluate(script) == [0, True]
     assert tab.page.title() == title
     assert not tab.wrong
-    tab.context.close()

@@ -579,7 +579,6 @@ def test_a_loop_of_two_laws_is_refused_in_a_sentence(bent: bristle.Results, tmp_
     tab.set("alpha_3", 900)
     assert tab.page.evaluate(rows)[1] != before[1]
     assert not tab.wrong
-    tab.context.close()
 
 
 @pytest.mark.slow
@@ -621,4 +620,3 @@ def test_a_page_of_several_laws_in_a_browser(several: Explorer, chromium: Any, t
     assert [page.is_visible(f"#true-{name}") for name in ("alpha_0", "v_s")] == [False, False]
     assert "α₃" in page.inner_text("#refit")
     assert not tab.wrong
-    tab.context.close()
