@@ -5,7 +5,6 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -13,11 +12,8 @@ from typing import Any
 import pytest
 
 import bristle
-from bristle.control.adaptation import Adaptation
-from bristle.control.compensator import Compensator
 from bristle.identification.known_joint import known_joint
-from bristle.questions.explorer.page import Explorer, explorer
-from bristle.simulation.joint_loop import of_paper
+from bristle.questions.explorer.page import Explorer
 
 from ..conftest import experiment, speeds, table
 from .conftest import HOSTILE, HOSTILE_FILE, Explored
@@ -67,24 +63,6 @@ def test_the_page_is_small_and_loads_nothing(edro: Explored) -> None:
     assert html.count("function steadyTorque(") == html.count("async function map(") == 1
     digests = re.findall(r"'sha256-([^']+)'", policy)
     assert digests == [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in read.scripts[1:]]
-    # whatever compensator, step and parameters a joint runs with, the script has each of its laws
-    joint = edro.results.joint("base rotation")
-    (own,) = of_paper([joint])
-    own = replace(
-        own,
-        compensator=Compensator(name="lugre-feedback"),
-        adaptation=Adaptation(step="normalised", parameters=("v_s",), gamma=(1.0,)),
-        start={"v_s": 0.5},
-    )
-    page = explorer([joint], {joint.name: own})
-    laws = {
-        way
-        for (told,) in [known_of(page)["joints"]]
-        for plan in told["loop"]
-        for way in plan["options"]["laws"].values()
-    }
-    assert "lugre-feedback reference partial normalised v_s" in laws
-    assert [way for way in laws if f"  {json.dumps(way)}: {{ rest: " not in page.html] == []
     # values, intervals, truth, points, costs and thresholds in the page are those of the results, to the last digit
     results, page = edro
     for joint, told in zip(results.joints, known_of(page)["joints"], strict=True):
