@@ -3,7 +3,6 @@
 import asyncio
 import logging
 import secrets
-import socket
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -18,7 +17,6 @@ from bristle.workers import cores, pinned
 
 Client = Any  # a `distributed.Client`
 _LOOPBACK = "127.0.0.1"
-_DASHBOARD = 8787
 _WAIT = 60.0  # s, for a scheduler or its first worker, and until workers without a result are asked
 _POLL = 0.02  # s, between two looks at what has ended
 _UNINTERRUPTED = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"  # of our own workers, at their start
@@ -96,18 +94,12 @@ def local_client(workers: int | None = None, memory: str | None = None) -> Itera
     # A starting worker runs the user's script up to here.
     if getattr(current_process(), "_inheriting", False):
         raise SystemExit(_UNGUARDED)
-    processes, limit, port = workers or cores(), _bytes_of(memory), _DASHBOARD
-    with socket.socket() as one:
-        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            one.bind((_LOOPBACK, port))
-        except OSError:
-            port = 0  # any that is free
+    processes, limit = workers or cores(), _bytes_of(memory)
     with quiet(), pinned(), dask.config.set(_LEAN):
         try:
             cluster = distributed.LocalCluster(
                 n_workers=processes, threads_per_worker=1, processes=True, host=_LOOPBACK, memory_limit=limit or "auto",
-                dashboard_address=f"{_LOOPBACK}:{port}", silence_logs=logging.CRITICAL, preload=[_UNINTERRUPTED],
+                dashboard_address=f"{_LOOPBACK}:0", silence_logs=logging.CRITICAL, preload=[_UNINTERRUPTED],
             )  # fmt: skip  # a list of values
         except RuntimeError as error:
             raise InputError(

@@ -66,7 +66,7 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     """Findings of a dataset, against the first `baseline` sessions of each joint. Raises InputError as `check_rate`."""
     check_rate(rate, baseline)
     whole, frame = frame, quantities.named_rows(frame)
-    people, said = quantities.roster(frame, whole), list[Finding]()
+    people, said = quantities.roster(frame), list[Finding]()
     every = list(_quantities(frame, people, said))
     known = [x for x in every if x.tested]
     tests = [changes.step_tests(x, baseline) for x in known]

@@ -51,28 +51,13 @@ def named_rows(frame: pd.DataFrame) -> pd.DataFrame:
     return frame if known.all() else frame[known].reset_index(drop=True)
 
 
-def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
-    """The joints of the named rows of a whole dataset; their type is that of their last row.
-
-    A marked session without a known joint begins new baselines of all joints of its unit, or of its type.
-    """
+def roster(frame: pd.DataFrame) -> Roster:
+    """The joints of the named rows of a dataset; their type is that of their last row."""
     unit = frame["unit"].astype("category").cat.codes.to_numpy(np.intp)
     name = frame["joint"].astype("category").cat.codes.to_numpy(np.intp)
     pairs = unit * (int(name.max(initial=0)) + 1) + name
     day = (frame["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
-    marks = [pd.DataFrame({"pair": pairs, "day": day, "marked": _marked(frame["tags"])})]
-    # Marks of sessions without a known joint, for each joint of their unit, and of their type where it is given.
-    unknown = whole[whole["joint"].isna() & whole["unit"].notna() & whole["session"].notna()]
-    unknown = unknown[_marked(unknown["tags"])]
-    if len(unknown):
-        known = pd.DataFrame({"unit": frame["unit"].astype(str), "type": frame["type"].astype(str), "pair": pairs})
-        days = (unknown["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
-        names = unknown[["type"]].assign(unit=unknown["unit"].astype(str), day=days)
-        both = names.merge(known.drop_duplicates(), on="unit", suffixes=("_asked", ""))
-        asked = both["type_asked"]
-        own = asked.isna() | (asked.astype(str) == both["type"])
-        marks.append(both.loc[own, ["pair", "day"]].assign(marked=True))
-    marked = pd.concat(marks)
+    marked = pd.DataFrame({"pair": pairs, "day": day, "marked": _marked(frame["tags"])})
     begun = np.zeros(pairs.size, dtype=np.intp)
     if marked["marked"].any():  # the first of successive marked sessions begins the baseline
         sessions = marked.groupby(["pair", "day"])["marked"].any()
