@@ -145,22 +145,12 @@ def test_changes_are_found_in_the_fit_to_use() -> None:
     assert change(compared, "alpha_0").source == "static both"
     (warning,) = compared.warnings
     assert warning.code == "fit-distrusted"
-    assert str(warning).startswith("wrist: the tracking fit is used only")
-    assert str(warning).endswith("It did not converge.")
     assert change(compare(session(bad), session(moving)), "alpha_0").source == "tracking"
     # friction and inertia all up by a tenth: perhaps the motor constant
     names = ("alpha_0+", "alpha_2+", "inertia")
     compared = compare(session(plain(dict.fromkeys(names, 10.0), 0.1)), session(plain(dict.fromkeys(names, 11.0), 0.1)))
     assert "torque-scale" in [x.code for x in compared.warnings]
     assert moved(compared) == pytest.approx(dict.fromkeys(names, 10.0))
-    # a p-value below 1e-99, zero included, reads `< 1e-99` on the page and in the terminal; none reads 0; one above is itself
-    a, b = (session(plain({"alpha_0": x, "alpha_2": 4.0 + 1e-12 * x}, 1e-12)) for x in (2.0, 3.0))
-    compared = compare(a, b)
-    assert change(compared, "alpha_0").adjusted == 0
-    page = report(compared).html()
-    assert page.count("&lt; 1e-99") == 1
-    assert "p < 1e-99" in report(compared).text()
-    assert f">{change(compared, 'alpha_2').adjusted:.2g}<" in page
 
 
 def friction(rng: np.random.Generator, p: Lugre[float]) -> Session:
@@ -320,16 +310,6 @@ def test_what_is_compared_doubted_or_refused() -> None:
     (warning,) = compare(session(full), session(flat)).warnings
     assert (warning.code, warning.numbers["terms"]) == ("models-differ", ("alpha_1+",))
     assert "known only in the first session, by its static + fit" in str(warning)
-    # other names, another kind or another unit: one sentence that says what was got
-    of_newton = fit_of(source="static +", parameters={"alpha_0": replace(estimate(1.0), unit="N")})
-    own = plain({"alpha_0": 1.0})
-    for second, named in (
-        (session(own, joint="elbow"), "no joint is in both sessions: one has wrist, the other elbow"),
-        (session(own, kind="prismatic"), "wrist: is revolute in one session and prismatic in the other"),
-        (session(of_newton), r"wrist: alpha_0 is in N\*m and in N"),
-    ):
-        with pytest.raises(ValueError, match=named):
-            compare(session(own), second)
 
 
 def test_the_figure_shows_both_sessions_relative_to_the_first() -> None:
@@ -420,11 +400,7 @@ def test_the_command_says_what_changed_and_writes_a_page(sessions: Files, tmp_pa
     report = bristle.report_of(compared)
     pd.testing.assert_frame_equal(compared.to_frame(), report.frames["changes"])
     assert compared.to_frame()["verdict"].tolist() == [str(c.verdict) for c in compared.changes]
-    first, second = report.write(str(tmp_path / "one")), report.write(tmp_path / "two")
-    assert first == tmp_path / "one" / "index.html"
-    assert first.read_text(encoding="utf-8") == second.read_text(encoding="utf-8") == report.html()
-    lines = report.text().splitlines()
-    assert lines[:2] == [str(compared.sentence), "[[wrist]] revolute"]
+    assert report.text().splitlines()[:2] == [str(compared.sentence), "[[wrist]] revolute"]
     said = "got a Change; expected a result of adapt, compare, fleet, plan, sensitivity or validate"
     with pytest.raises(bristle.InputError, match=said):
         bristle.report_of(compared.changes[0])  # type: ignore[arg-type]
