@@ -61,10 +61,7 @@ def test_calls_sizes_and_schedulers(client: Any, monkeypatch: pytest.MonkeyPatch
     assert sorted(x for _, x in cluster.spread(client, "negative", operator.neg, calls, 3)) == [-3, -2, -1, 0]
     assert asked.count(0) == 2
     monkeypatch.undo()
-    # a size of memory is read as Dask does, an empty one refused; certificates make the connection one of TLS alone
-    with pytest.raises(InputError, match=r"memory: got .* expected"):
-        cluster._bytes_of("")
-    assert cluster._bytes_of("2 GiB") == 2**31
+    # certificates make the connection one of TLS alone
     security = cluster._security({"ca": "a.pem", "cert": "b.pem", "key": "c.pem"})
     assert security.require_encryption
     assert (security.tls_ca_file, security.tls_client_cert, security.tls_client_key) == ("a.pem", "b.pem", "c.pem")

@@ -37,13 +37,6 @@ def counted(path: Path, joint: str) -> Sequence[tasks.Row]:
     return KNOWN[content]
 
 
-def broken(path: Path, joint: str) -> Sequence[tasks.Row]:
-    """Fail at one joint as nothing that bristle foresees."""
-    if joint == "elbow":
-        raise KeyError("no such thing")
-    return counted(path, joint)
-
-
 @pytest.fixture
 def reads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names of the files that are read to survey them, as they are."""
@@ -168,38 +161,37 @@ def test_what_fails_is_a_row_and_the_rest_is_done(ran: Any, tmp_path: Path) -> N
     pd.testing.assert_frame_equal(found.frame, again.frame)
 
 
-def test_a_defect_is_a_row_and_tried_again(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is no InputError is said to be a defect, and the next run tries it again; where nothing is left, the run is refused."""
+def test_what_may_pass_is_a_row_and_tried_again(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A defect, and a log that changes after it was hashed: each is said, and tried again; where nothing is left, the run is refused."""
     write_fleet_logs(tmp_path, units=1, sessions=1)
-    monkeypatch.setattr(fleets, "identified_joint", broken)
-    found = ran()
-    assert (found.identified, found.failed) == (1, 1)
-    assert found.frame["failure"].dropna().tolist() == ["a defect of bristle: KeyError: 'no such thing'"]
-    assert found.frame["key"].isna().tolist() == found.frame["failure"].notna().tolist()
-    row = {"file": "logs/r0/2026-01-01/elbow.yaml", "unit": "r0", "session": "2026-01-01"}
-    write_catalog(tmp_path / "one.csv", [row])
-    none = r"none of 1 joint session could be identified; the first is 'logs/r0.*a defect of bristle"
-    with pytest.raises(InputError, match=none):
-        ran("one.csv", "other")
-    monkeypatch.setattr(fleets, "identified_joint", counted)
-    assert (ran().failed, IDENTIFIED) == (0, ["elbow"])
 
-
-def test_a_log_that_changes_meanwhile_is_tried_again(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Results of a log that was changed after it was hashed are not kept under the old content."""
-    write_fleet_logs(tmp_path, units=1, sessions=1)
+    def broken(path: Path, joint: str) -> Sequence[tasks.Row]:
+        if joint == "elbow":
+            raise KeyError("no such thing")
+        return counted(path, joint)
 
     def changing(path: Path, joint: str) -> Sequence[tasks.Row]:
-        """Write another log first."""
         if joint == "elbow":
             path.with_suffix(".csv").write_text(log_text(1000))
         return counted(path, joint)
 
-    monkeypatch.setattr(fleets, "identified_joint", changing)
-    (failure,) = ran().frame["failure"].dropna()
-    assert failure == "elbow.yaml: it or a log was changed while the fleet was identified; run again"
+    for identify, said in (
+        (broken, "a defect of bristle: KeyError: 'no such thing'"),
+        (changing, "elbow.yaml: it or a log was changed while the fleet was identified; run again"),
+    ):
+        monkeypatch.setattr(fleets, "identified_joint", identify)
+        found = ran()
+        assert found.failed == 1
+        assert found.frame["failure"].dropna().tolist() == [said]
+        assert found.frame["key"].isna().tolist() == found.frame["failure"].notna().tolist()
     monkeypatch.setattr(fleets, "identified_joint", counted)
     assert (ran().failed, IDENTIFIED) == (0, ["elbow"])
+    row = {"file": "logs/r0/2026-01-01/elbow.yaml", "unit": "r0", "session": "2026-01-01"}
+    write_catalog(tmp_path / "one.csv", [row])
+    monkeypatch.setattr(fleets, "identified_joint", broken)
+    none = r"none of 1 joint session could be identified; the first is 'logs/r0.*a defect of bristle"
+    with pytest.raises(InputError, match=none):
+        ran("one.csv", "other")
 
 
 def test_a_full_disk_leaves_what_was(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
