@@ -112,14 +112,10 @@ def test_operations_are_casadis_and_numpys(node: Node) -> None:
         np.testing.assert_allclose(floats(answer), theirs, rtol=1e-13, atol=1e-15)
     with pytest.raises(ValueError, match="no JavaScript counterpart"):
         engine.printed(ca.Function("f", [x], [ca.erf(x)]), "f")
-    # a vector is read by its elements, outputs follow one another, a zero without an instruction is written, and constants are exact
-    x, q = ca.SX.sym("x"), ca.SX.sym("q", 3)
-    zero = ca.SX(2, 1)
-    zero[1] = q[2] - x
-    f = ca.Function("f", [x, q], [zero, ca.vertcat(x * -1e-300, 1 / ca.SX(3), ca.inf, -ca.inf)], ["x", "q"], ["a", "b"])
-    path = printed_functions(node, [f])
-    (((*got,),),) = node.call(path, [("each", 0, 6, [0.7], [[1.0, 2.0, 0.1]])])
-    assert floats(got).tolist() == [0.0, 0.1 - 0.7, 0.7 * -1e-300, 1 / 3, np.inf, -np.inf]
+    # infinity is written as it is called there, and constants are exact
+    f = ca.Function("f", [x], [ca.vertcat(x * -1e-300, 1 / ca.SX(3), ca.inf, -ca.inf)])
+    (((*got,),),) = node.call(printed_functions(node, [f]), [("each", 0, 4, [0.7])])
+    assert floats(got).tolist() == [0.7 * -1e-300, 1 / 3, np.inf, -np.inf]
     # of the operations that `vectorised` takes, only erf cannot be printed
     lacking = []
     for code in OPERATIONS:

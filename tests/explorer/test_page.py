@@ -142,13 +142,8 @@ def test_points_that_were_not_fitted_are_told_apart(tmp_path: Path) -> None:
         (x, f"held.csv line {k}") for k, x in enumerate(speeds()[:3].tolist(), 2)
     ]
     assert sorted(x for fit in fits.values() for x in fit["velocity"]) == sorted(x for x in speeds().tolist() if x != v)
-    # joints of which no law is known are refused in a sentence, and a page never replaces a file
+    # joints of which no law is known are refused in a sentence
     (tmp_path / "wrist.csv").write_text("v,tau\n0.1,0.02\n-0.1,-0.02\n", encoding="utf-8")
     (tmp_path / "wrist.yaml").write_text(experiment(data="wrist.csv"), encoding="utf-8")
     with pytest.raises(bristle.InputError, match="nothing is known of the friction over velocity"):
         bristle.explore(tmp_path / "wrist.yaml")
-    (tmp_path / "explore.html").write_text("mine", encoding="utf-8")
-    page = Explorer(joints=("wrist",), html="<!DOCTYPE html>")
-    with pytest.raises(bristle.InputError, match="is there already"):
-        page.write(tmp_path / "explore.html")
-    assert repr(page) == "Explorer('wrist': 15 characters)"

@@ -223,8 +223,7 @@ def test_a_session_with_the_tag_baseline_begins_its_joint_anew(plain: Plain) -> 
     since = row["since"]
     for at, tags, left in (
         (since, "new grease; Baseline", row["sessions_after"]),
-        (since, "baselines", row["sessions"]),
-        (since, "no-baseline", row["sessions"]),
+        (since, "baselines no-baseline", row["sessions"]),
         (frame.loc[own, "session"].min(), "baseline", row["sessions"]),
     ):
         marked = np.where(own & (frame["session"] == at).to_numpy(), tags, "")
