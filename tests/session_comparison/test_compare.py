@@ -427,7 +427,7 @@ def test_captions() -> None:
         ({"alpha_0+": 0.0}, {"alpha_0+": -3.0}, "prismatic", "1 of 1 parameter changed; the largest change: α₀ (+) fell by 3.00 ± 0.14 N."),
         (four, {"alpha_0+": 2.1, "alpha_2+": 3.8}, "revolute", f"None of 2 parameters {unchanged} 1.4 standard errors at most."),
     ]  # fmt: skip  # a table
-    made = [(caption(*given), found) for *given, found in cases]
+    made = [(caption(first, second, kind), found) for first, second, kind, found in cases]
     assert [both for both in made if not both[0].startswith(f"{both[1]} Each parameter")] == []
 
 

@@ -82,9 +82,9 @@ def warned(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
     began = (rows["before"] > 0) & (rows["sessions"] > rows["of"] / 2) & now
     rows = rows[began & (chance * began.sum() < NAMED)].set_index("number")
     rows = rows.join(people.table[["unit", "joint"]]).assign(severity=lambda x: x["code"].map(severity))
-    order = ["severity", "since", "unit", "joint", "code"]
-    columns = ["unit", "joint", "code", "severity", "since", "sessions", "of"]
-    return rows.sort_values(order, ascending=[False, True, True, True, True]).reindex(columns=columns)
+    order, columns = ["severity", "since", "unit", "joint", "code"], ["unit", "joint", "code", "severity", "since"]
+    ranked: pd.DataFrame = rows.sort_values(order, ascending=[False, True, True, True, True])
+    return ranked[[*columns, "sessions", "of"]]
 
 
 def most_common(codes: Iterator[str]) -> tuple[str, ...]:
