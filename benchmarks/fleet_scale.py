@@ -3,7 +3,7 @@
 logs       40 robots of 2 joints in 4 sessions, identified from logs by one and by two worker processes, in turn, three times; the workers are
            warm, with one thread each; from the first task sent to the last result. Then again with nothing new, and with one new session.
 rows       datasets of 1e4 and 1e5 joint sessions, simulated estimates: seconds, bytes, memory of the findings, size of the page.
-scheduler  1e4 and 1e5 tasks that write such rows, through the cluster of this machine: seconds a task, memory of the process with the scheduler.
+scheduler  1e4 and 1e5 tasks that give such rows, through the cluster of this machine: seconds a task, memory of the process with the scheduler.
 """
 
 import resource
@@ -27,8 +27,7 @@ import datasets_path  # noqa: F401
 from bristle.api.fleets import fleet, identified_joint
 from bristle.questions.fleet.catalog import read_catalog
 from bristle.questions.fleet.cluster import local_client, spread
-from bristle.questions.fleet.dataset import COLUMNS, OF_TASK, schema_of, task_file, write_dataset
-from bristle.questions.fleet.files import write_whole
+from bristle.questions.fleet.dataset import COLUMNS, journal, schema, write_dataset
 from bristle.questions.fleet.findings import findings
 from bristle.questions.fleet.report import report
 from bristle.workers import pin
@@ -145,10 +144,10 @@ def rows(folder: Path) -> None:
 def rows_of(name: str, folder: Path) -> None:
     """Print what one dataset costs."""
     frame = frame_of(ROBOTS[name])
-    table = pa.Table.from_pandas(frame[list(COLUMNS)], preserve_index=False).cast(schema_of(tuple(COLUMNS), coded=True))
+    table = pa.Table.from_pandas(frame[list(COLUMNS)], preserve_index=False).cast(schema())
     sessions = frame["key"].nunique()
     print(f"{name}: {sessions} joint sessions, {len(frame)} rows")
-    timed("write the dataset", lambda: write_dataset(str(folder), table))
+    timed("write the dataset", lambda: write_dataset(folder, table))
     size = sum(len(x) for x in contents(folder).values())
     print(f"  {size / 1e6:.1f} MB, {size / sessions:.0f} bytes a joint session")
     read = timed("pandas.read_parquet", lambda: pd.read_parquet(folder / "results"))
@@ -165,16 +164,9 @@ def peak() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def synthetic(output: str, key: str) -> str:
-    """What a task does apart from identifying: eight rows, written as one file."""
-    import pyarrow.parquet as pq
-
-    plain = dict.fromkeys(OF_TASK)
-    made = [{**plain, "key": key, "parameter": name, "direction": d, "value": 1.0} for d in "+-" for name in "abcd"]
-    sink = pa.BufferOutputStream()
-    pq.write_table(pa.Table.from_pylist(made, schema=schema_of(OF_TASK, coded=False)), sink, store_schema=False)
-    write_whole(task_file(output, key), sink.getvalue().to_pybytes())
-    return key
+def synthetic(key: str) -> list[dict[str, object]]:
+    """What a task does apart from identifying: eight rows."""
+    return [{"key": key, "parameter": name, "direction": d, "value": 1.0} for d in "+-" for name in "abcd"]
 
 
 def scheduler(folder: Path) -> None:
@@ -184,11 +176,12 @@ def scheduler(folder: Path) -> None:
         (output / "tasks").mkdir(parents=True)
         with local_client(2) as client:
             before, begun = memory(), perf_counter()
-            calls = ((str(output), f"{k:032x}") for k in range(count))
-            done = sum(1 for _ in spread(client, "synthetic", synthetic, calls, 200))
+            calls = ((f"{k:032x}",) for k in range(count))
+            for _, rows in spread(client, "synthetic", synthetic, calls, 200):
+                journal(output, rows)
             seconds = perf_counter() - begun
             print(
-                f"{name}: {done} tasks, {1e3 * seconds / done:.2f} ms each with two workers; client and scheduler {before:.0f} MB before, "
+                f"{name}: {count} tasks, {1e3 * seconds / count:.2f} ms each with two workers; client and scheduler {before:.0f} MB before, "
                 f"{memory():.0f} MB after",
                 flush=True,
             )

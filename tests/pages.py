@@ -5,6 +5,7 @@ import re
 from html.parser import HTMLParser
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 SCRIPT = (
     f"<script>\n{(files('bristle.page') / 'templates' / 'tables.js').read_text(encoding='utf-8').rstrip()}\n</script>"
@@ -16,6 +17,21 @@ def page_text(path: Path) -> str:
     text = path.read_text(encoding="utf-8")
     assert text.count(SCRIPT) == 1
     return text.replace(SCRIPT, "")
+
+
+def opened(
+    chromium: Any, file: Path, fragment: str = "", *, width: int = 1280, before: str = "", **given: Any
+) -> tuple[Any, list[str]]:
+    """A page in a browser, with a script that runs before its own, and what went wrong in it: errors, and requests beyond its file."""
+    page = chromium.new_page(viewport={"width": width, "height": 900}, **given)
+    page.add_init_script(before)
+    wrong: list[str] = []
+    page.on("console", lambda m: wrong.append(m.text) if m.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    own = (file.as_uri(), "data:", "blob:")
+    page.on("request", lambda r: None if r.url.startswith(own) else wrong.append(r.url))
+    page.goto(file.as_uri() + fragment)
+    return page, wrong
 
 
 class Elements(HTMLParser):

@@ -118,7 +118,7 @@ def test_a_folder_of_the_user_s_is_refused_first(folder: Path) -> None:
     (folder / "catalog.csv").write_text("file,unit,session\ne.yaml,u,2026-05-04\n", encoding="utf-8")
     (folder / "precious").write_bytes(b"mine")
     made: dict[str, Callable[[Path], object]] = {
-        "tasks": Path.mkdir, "results": Path.mkdir, "ledger.parquet": lambda path: path.write_bytes(b"mine"),
+        "tasks": Path.mkdir, "results": Path.mkdir, "ledger.json": lambda path: path.write_bytes(b"mine"),
         ".lock": lambda path: path.symlink_to(folder / "precious"), "pipe/.lock": os.mkfifo,
     }  # fmt: skip  # a list of values
     for name, make in made.items():

@@ -107,7 +107,7 @@ def fleet_estimates(design: FleetDesign, truth: FleetTruth, rng: np.random.Gener
     })  # fmt: skip  # a table
     constant = {
         "source": "static", "severity": "none", "warnings": "", "use": "use", "kind": "revolute", "tags": "",
-        "file": "", "key": "", "failure": None, "left_out": None,
+        "file": "", "key": "", "failure": None,
     }  # fmt: skip  # a row
     return frame.assign(simulated=True, **{k: pd.Categorical([x] * len(frame)) for k, x in constant.items()})
 

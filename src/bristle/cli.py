@@ -424,8 +424,7 @@ def fleet(
         if output is not None and not output:
             raise typer.BadParameter("got an empty path; name a folder, or . for the folder you are in")
         folder = output or str(Path("reports") / f"{called(catalog)}-fleet")
-        if "://" not in folder:
-            files.check_folder(Path(folder), files.FLEET)
+        files.check_folder(Path(folder), files.FLEET)
         found = bristle.fleet(
             catalog, folder, client=cluster, verify=verify, rate=rate, baseline=baseline, progress=progress,
             begun=lambda address: print_lines([f"Dashboard: {address}"] if address else []),

@@ -2,12 +2,13 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from importlib.resources import files
-from itertools import pairwise, product
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
+import pandas as pd
 import pytest
 
 import bristle
@@ -18,7 +19,6 @@ from bristle.control.compensator import NAMES, Compensator
 from bristle.control.control_period import LoopOptions
 from bristle.control.pid import Gains
 from bristle.estimation.linear import bounded_least_squares
-from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import is_passive
 from bristle.model.laws import registry
@@ -112,14 +112,10 @@ def test_operations_are_casadis_and_numpys(node: Node) -> None:
         np.testing.assert_allclose(floats(answer), theirs, rtol=1e-13, atol=1e-15)
     with pytest.raises(ValueError, match="no JavaScript counterpart"):
         engine.printed(ca.Function("f", [x], [ca.erf(x)]), "f")
-    # a vector is read by its elements, outputs follow one another, a zero without an instruction is written, and constants are exact
-    x, q = ca.SX.sym("x"), ca.SX.sym("q", 3)
-    zero = ca.SX(2, 1)
-    zero[1] = q[2] - x
-    f = ca.Function("f", [x, q], [zero, ca.vertcat(x * -1e-300, 1 / ca.SX(3), ca.inf, -ca.inf)], ["x", "q"], ["a", "b"])
-    path = printed_functions(node, [f])
-    (((*got,),),) = node.call(path, [("each", 0, 6, [0.7], [[1.0, 2.0, 0.1]])])
-    assert floats(got).tolist() == [0.0, 0.1 - 0.7, 0.7 * -1e-300, 1 / 3, np.inf, -np.inf]
+    # infinity is written as it is called there, and constants are exact
+    f = ca.Function("f", [x], [ca.vertcat(x * -1e-300, 1 / ca.SX(3), ca.inf, -ca.inf)])
+    (((*got,),),) = node.call(printed_functions(node, [f]), [("each", 0, 4, [0.7])])
+    assert floats(got).tolist() == [0.7 * -1e-300, 1 / 3, np.inf, -np.inf]
     # of the operations that `vectorised` takes, only erf cannot be printed
     lacking = []
     for code in OPERATIONS:
@@ -128,80 +124,54 @@ def test_operations_are_casadis_and_numpys(node: Node) -> None:
         except KeyError:
             lacking.append(code)
     assert lacking == [ca.OP_ERF]
-    # made again it is equal byte for byte; it holds nothing of a user, nor what would run text; options are JSON without text of a user
+    # the script holds nothing of a user, nor what would run text; options are JSON without text of a user
     hostile = replace(joint_loop(), name="</script><b>alert")
-    text = engine.script([hostile])
+    text, said = engine.script([hostile]), json.dumps(engine.loop_options(hostile), allow_nan=False)
     assert text == engine.script()
-    assert engine._of_law.__wrapped__(GAUSSIAN, (*engine._ways(Compensator(), Adaptation()).values(),)) in text
     assert text.isascii()
-    assert not [
-        word for word in ("eval(", "Function(", "</", "alert", "innerHTML", "document", "import(") if word in text
-    ]
-    said = json.dumps(engine.loop_options(hostile), allow_nan=False)
-    assert "alert" not in said
+    words = ("eval(", "Function(", "</", "alert", "innerHTML", "document", "import(")
+    assert not [word for word in words if word in text or word in said]
 
 
 SPEEDS = np.concatenate([np.geomspace(1e-4, 3.0, 40), [0.0], -np.geomspace(1e-4, 3.0, 40)])
 
 
 TIME = 1e-3 * np.arange(20_001)
-MOTIONS = {
-    "wide": 3.0 * np.cos(np.pi * TIME),
-    "presliding": 2e-3 * np.sin(4.4 * TIME) + 1e-3 * np.sin(20 * TIME + 1),
-    "both": 0.3 * np.sin(1.9 * TIME) + 0.2 * np.sin(19 * TIME),
-}
 
 
 @pytest.mark.parametrize("name", JOINTS)
-def test_a_rollout_is_that_of_python(name: str, js: Engine) -> None:
-    """20 s of a motion to 1e-9 of the largest torque, with each direction's set alone and with both, also where sigma_0 is 1e6."""
-    soft = edro.TABLE_1[name]
-    share = 1e6 / max(p.sigma_0 for p in soft)
-    for pair in (soft, Pair(*(p._replace(sigma_0=share * p.sigma_0) for p in soft))):
-        cases: list[tuple[Lugre[float] | Pair[float], Pair[float], Array]] = [
-            (pair, pair, MOTIONS["wide"]), (pair, pair, MOTIONS["presliding"]), (pair, pair, MOTIONS["both"]),
-            (pair.positive, both(pair.positive), MOTIONS["both"]), (pair.negative, both(pair.negative), MOTIONS["presliding"]),
-        ]  # fmt: skip  # a table
-        for parameters, shown, v in cases:
-            theirs, ours = rollout(v, 1e-3, parameters), js("rollout", v, 1e-3, of(shown))
-            for key in ("z", "torque"):
-                expected = getattr(theirs, key)
-                np.testing.assert_allclose(floats(ours[key]), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
-    # 20 s of each joint of Table 1 from the wrong start: position, torque, RMS error and the adapted factors, these to 1e-6
+def test_a_loop_is_that_of_python(name: str, js: Engine) -> None:
+    """20 s of each joint of Table 1 from the wrong start: position, torque, RMS error and the adapted factors, these to 1e-6."""
     assert [*check_loops(js, joint_loop(name), 20.0)] == ["none", "fixed", *LAWS]
 
 
-def test_a_rollout_takes_steps_of_any_length_and_a_start(js: Engine) -> None:
-    """The same with other steps, few enough samples that nodes stand between them, and a bent bristle to begin with."""
-    v = np.random.default_rng(2).normal(0.0, 0.3, 400)
-    for pair, z0, step in product(edro.TABLE_1.values(), (None, 0.0, 2e-3), (1e-4, 5e-3, 2e-2)):
-        theirs = rollout(v, step, pair, z0).torque
-        ours = floats(js("rollout", v, step, of(pair), z0)["torque"])
-        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9 * np.abs(theirs).max())
-    assert [js("rollout", v[:n], 1e-3, of(pair))["z"] for n in (0, 1)] == [
-        [],
-        [pytest.approx(rollout(v[:1], 1e-3, pair).z[0])],
-    ]
-    # any sets drawn over the sliders, the directions up to a factor of ten apart, alpha_1 up to a thousand alpha_0, to 1e-9
+def test_a_rollout_is_that_of_python(js: Engine) -> None:
+    """To 1e-9 of the largest torque, with any step and start, of Table 1 and of any sets over the sliders."""
+    # the directions up to a factor of ten apart, alpha_1 up to a thousand alpha_0
     rng = np.random.default_rng(3)
     lowest, highest = np.array([-6.0, -2.0, -4.0, -6.0, -1.0, -4.0]), np.array([3.0, 2.0, 3.0, 1.0, 6.0, 3.0])
-    t = 1e-3 * np.arange(1001)
+    pairs = [*edro.TABLE_1.values()]
     for _ in range(40):
         drawn = 10.0 ** rng.uniform(lowest, highest)
         own = [drawn, drawn * 10.0 ** rng.uniform(-1, 1, 6)]
-        pair = pair_of([number for x in own for number in (x[0], x[0] * x[1], *x[2:])])
-        v = 10.0 ** rng.uniform(-4, 1) * (np.sin(19 * t) + 0.3 * np.sin(100 * t))
-        theirs = rollout(v, 1e-3, pair).torque
-        ours = floats(js("rollout", v, 1e-3, of(pair))["torque"])
-        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-9 * np.abs(theirs).max())
+        pairs.append(pair_of([number for x in own for number in (x[0], x[0] * x[1], *x[2:])]))
+    for k, pair in enumerate(pairs):
+        step, z0 = (1e-4, 1e-3, 5e-3, 2e-2)[k % 4], (None, 0.0, 2e-3)[k % 3]
+        t = step * np.arange(1001)
+        v = 10.0 ** rng.uniform(-4, 1) * (np.sin(19 * t) + 0.3 * np.sin(100 * t) + 0.1 * rng.normal(size=t.size))
+        theirs, ours = rollout(v, step, pair, z0), js("rollout", v, step, of(pair), z0)
+        for key in ("z", "torque"):
+            expected = getattr(theirs, key)
+            np.testing.assert_allclose(floats(ours[key]), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    zero, one = (js("rollout", v[:n], 1e-3, of(pair))["z"] for n in (0, 1))
+    assert (zero, one) == ([], [pytest.approx(rollout(v[:1], 1e-3, pair).z[0])])
     # slow loading goes as far as `law.loading_displacement` says, the same way in both directions, and a loop is a rollout from rest
-    p = edro.TABLE_1["wrist pitch"].positive
-    g0 = p.alpha_0 + p.alpha_1
-    T = np.linspace(0.0, 0.99 * g0, 20)
-    y, *_ = evaluate(functions.loading_displacement_function(), T, g0, p.sigma_0)
-    np.testing.assert_allclose(floats(js("loading", [*T, *-T], g0, p.sigma_0)), [*y, *-y], rtol=1e-12)
-    assert np.isnan(floats(js("loading", [g0, -2 * g0], g0, p.sigma_0))).all()
     pair, amplitude, rate = edro.TABLE_1["wrist pitch"], 2e-3, 0.2
+    g0, sigma_0 = pair.positive.alpha_0 + pair.positive.alpha_1, pair.positive.sigma_0
+    T = np.linspace(0.0, 0.99 * g0, 20)
+    y, *_ = evaluate(functions.loading_displacement_function(), T, g0, sigma_0)
+    np.testing.assert_allclose(floats(js("loading", [*T, *-T], g0, sigma_0)), [*y, *-y], rtol=1e-12)
+    assert np.isnan(floats(js("loading", [g0, -2 * g0], g0, sigma_0))).all()
     loop = js("hysteresis", of(pair), amplitude, rate, 2, 400)
     t = np.arange(801) / (rate * 400)
     np.testing.assert_allclose(floats(loop["y"]), amplitude * np.sin(2 * np.pi * rate * t), rtol=0, atol=1e-15)
@@ -253,12 +223,11 @@ def test_the_default_ends_where_table_2_does(js: Engine) -> None:
     # with gains that the control period does not bear every array ends where the error is ten times the amplitude; no RMS is said
     options = engine.loop_options(joint_loop()) | {"gains": {"K_p": 3.0, "K_i": 1.2, "K_d": 50.0, "filter_time": 0.0}}
     run = js("closedLoop", options)
-    size = len(run["time"])
-    assert run["diverged"] == pytest.approx(1e-3 * size)
+    arrays = {name: x for name, x in (run | run["factors"]).items() if isinstance(x, list)}
+    (size,) = {len(x) for x in arrays.values()}
     assert 1 < size < 2000
-    assert {len(x) for x in (*(x for x in run.values() if isinstance(x, list)), *run["factors"].values())} == {size}
+    assert (run["diverged"], run["rms"]) == (pytest.approx(1e-3 * size), None)
     assert np.abs(floats(run["error"])).max() <= 10.0
-    assert run["rms"] is None
     np.testing.assert_array_equal(floats(run["error"]), floats(run["reference"]) - floats(run["position"]))
     # at every corner of the sliders, alone and against another corner, no function gives NaN or infinity; a loop is cut before it does
     rng, v = np.random.default_rng(4), np.concatenate([SPEEDS, 1e3 * SPEEDS])
@@ -315,36 +284,16 @@ def finite(value: Any) -> bool:
 CELLS = "module.exports = { cells: (asked) => new Promise((done) => costs.map(asked, ({ cells }) => cells && done(cells))) };"
 
 
-@pytest.fixture(scope="module")
-def module(node: Node) -> str:
-    """The scripts of which the page makes its worker; `cells` gives a whole map."""
+def map_of(node: Node, law: Law, **asked: object) -> list[dict[str, Any]]:
+    """The cells of a cost map, by the scripts of which the page makes its worker."""
     costs = (files("bristle.questions.explorer") / "costs.js").read_text(encoding="utf-8")
-    return node.module("\n".join((engine.script(), costs, CELLS)))
+    module = node.module("\n".join((engine.script(laws=[law]), costs, CELLS)))
+    (cells,) = node.call(module, [("cells", {"job": 1, **asked})])
+    return list(cells)
 
 
-def cost_of(data: dict[str, Any], pair: Pair[float]) -> float:
-    if "fits" in data:
-        return sum(
-            float(np.sum(np.square(np.subtract(fit["torque"], steady(np.array(fit["velocity"]), pair)))))
-            for fit in data["fits"]
-        )
-    run = data["moving"]
-    begun = Pair(*(Lugre(**run["pair"][d]) for d in ("+", "-")))
-    v, ends = np.array(run["velocity"]), [*run["starts"], len(run["velocity"])]
-    change = [
-        rollout(v[a:b], run["step"], begun).torque - rollout(v[a:b], run["step"], pair).torque
-        for a, b in pairwise(ends)
-    ]
-    return float(np.sum(np.square(np.array(run["residuals"]) + np.concatenate(change))))
-
-
-def steady(v: Any, pair: Pair[float]) -> Any:
-    own = [evaluate(functions.steady_torque_function(), v, *p.stribeck)[0] for p in pair]
-    return np.where(v > 0, *own)
-
-
-@pytest.mark.parametrize(("data", "directions"), [("fits", "+"), ("fits", "+-"), ("moving", "+"), ("moving", "-")])
-def test_a_map_is_that_of_python(data: str, directions: str, module: str, node: Node, edro: Explored) -> None:
+@pytest.mark.parametrize("directions", ["+", "+-"])
+def test_a_map_of_points_is_that_of_python(directions: str, node: Node, edro: Explored) -> None:
     """Change of cost in changes up to the threshold to 1e-6 of the largest, and where LuGre is not passive; the others stay as they are."""
     joint = edro.results.joints[0]
     known = explored([joint], {joint.name: "no loop"})["joints"][0]
@@ -352,30 +301,29 @@ def test_a_map_is_that_of_python(data: str, directions: str, module: str, node: 
     now = {d: p | {"alpha_2": 1.2 * p["alpha_2"]} for d, p in found.items()}
     law = {"law": "gaussian"}
     fits = [fit for fit in known["static"] if fit["direction"] in directions]
-    of = {"fits": fits} if data == "fits" else {"moving": known["moving"]}
-    begun = now[directions[0]]
-    x, y = ("v_s", (0.05, 0.09)), ("sigma_1", (0.0, 2 * begun["alpha_2"] * begun["alpha_0"] / begun["alpha_1"]))
-    asked = {
-        "job": 1, "n": 4, "names": [x[0], y[0]], "ends": [x[1], y[1]], "pair": now | law, "identified": found | law,
-        **of,
-    }  # fmt: skip  # a list of values
-    (cells,) = node.call(module, [("cells", asked | {"directions": [*directions]})])
-    middles = (np.arange(4) + 0.5) / 4
-    places = [(x[1][0] + a * np.ptp(x[1]), y[1][0] + b * np.ptp(y[1])) for b in middles for a in middles]
-    np.testing.assert_allclose([(cell["x"], cell["y"]) for cell in cells], places, rtol=1e-12)
-    sets = {"+": Lugre(**now["+"]), "-": Lugre(**now["-"])}
-    own = [sets[directions[0]]._replace(v_s=v_s, sigma_1=sigma_1) for v_s, sigma_1 in places]
-    costs = [cost_of(of, Pair(*(p if d in directions else sets[d] for d in "+-"))) for p in own]
-    if data == "fits":
-        least, by = sum(fit["least"] for fit in fits), max(fit["threshold"] - fit["least"] for fit in fits)
-    else:
-        least = cost_of(of, Pair(*(Lugre(**found[d]) for d in "+-")))
-        by = 3.84 * least / (len(known["moving"]["velocity"]) - 4)
+    begun = Lugre(**now["+"])
+    v_s, sigma_1 = np.array([0.055, 0.065, 0.075, 0.085]), begun.alpha_2 * begun.alpha_0 / begun.alpha_1
+    cells = map_of(
+        node, GAUSSIAN, n=4, names=["v_s", "sigma_1"], ends=[[0.05, 0.09], [0.0, 2 * sigma_1]], pair=now | law, identified=found | law,
+        fits=fits, directions=[*directions],
+    )  # fmt: skip  # a list of values
+    own = [begun._replace(v_s=v, sigma_1=s) for s in sigma_1 * np.array([0.25, 0.75, 1.25, 1.75]) for v in v_s]
+    np.testing.assert_allclose(
+        [(cell["x"], cell["y"]) for cell in cells], [(p.v_s, p.sigma_1) for p in own], rtol=1e-12
+    )
+    costs = []
+    for p in own:
+        sets = {d: p if d in directions else Lugre(**now[d]) for d in "+-"}
+        steady = [
+            evaluate(functions.steady_torque_function(), fit["velocity"], *sets[fit["direction"]].stribeck)[0]
+            for fit in fits
+        ]
+        costs.append(sum(np.sum(np.square(fit["torque"] - T)) for fit, T in zip(fits, steady, strict=True)))
+    least, by = sum(fit["least"] for fit in fits), max(fit["threshold"] - fit["least"] for fit in fits)
     changes = (np.array(costs) - least) / by
     assert np.ptp(changes) > 1
     np.testing.assert_allclose([cell["change"] for cell in cells], changes, rtol=0, atol=1e-6 * np.abs(changes).max())
-    active = [not is_passive(p) for p in own]
-    assert [cell["active"] for cell in cells] == active
+    assert [cell["active"] for cell in cells] == (active := [not is_passive(p) for p in own])
     assert set(active) == {False, True}
 
 
@@ -473,23 +421,10 @@ def test_every_function_of_laws_is_that_of_python(law: Law, several_js: Engine) 
 
 
 def test_a_page_knows_its_joints_laws_alone(several: Explorer) -> None:
-    """What other laws take is printed where a joint has them alone."""
+    """What other laws take is printed where a joint has them alone; parameters, units and truth are by joint; no symbol of a law is HTML."""
     text = engine.script()
-    assert text.count('LAWS["') == 1
-    assert text.count("function steadyTorque(") == 1
+    assert text.count('LAWS["') == text.count("function steadyTorque(") == 1
     assert engine.script(laws=(GAUSSIAN, law_named("lorentzian"))).count("function steadyTorque(") == 2
-    # where its value is zero too; the exponent's goes as far as it is searched, and the fastest speed has none
-    law = law_named("free-exponent+quadratic")
-    p: Any = pair_with(law).positive
-    for alpha_3, high in ((-0.004, 0.016), (0.0, 4 * p.alpha_0 / 0.64)):
-        found = ranges(law, [p._replace(alpha_3=alpha_3)._asdict()], 0.8)
-        assert [*found] == [name for name in p._fields if name != FASTEST]
-        assert found["alpha_3"] == {
-            "low": pytest.approx(-high), "high": pytest.approx(high), "log": False, "least": "-inf",
-        }  # fmt: skip  # a list of values
-        assert found["delta"] == {"low": 0.5, "high": 4.0, "log": True, "least": 0.0}
-        assert (found["alpha_2"]["low"], found["alpha_2"]["least"]) == (0.0, 0.0)
-    # parameters, units and truth by joint; no symbol of a law is HTML
     paper, bent, own = known_of(several)["joints"]
     assert [joint["law"] for joint in (paper, bent, own)] == ["gaussian", "lorentzian+quadratic", "flat-top+quadratic"]
     assert paper["law_title"] == ""
@@ -498,7 +433,15 @@ def test_a_page_knows_its_joints_laws_alone(several: Explorer) -> None:
     assert [*own["sets"][0]["values"]["+"]] == [*lugre_of(law_named(own["law"]))._fields]
     assert own["units"]["alpha_3"] == "N·m·s²/rad²"
     assert "<b>k" not in several.html
-    assert "&lt;b&gt;k" in several.html
+    # a slider goes as far as a parameter is searched, and has a range where its value is zero; the fastest speed has none
+    law = law_named("free-exponent+quadratic")
+    p: Any = pair_with(law).positive
+    found = ranges(law, [p._replace(alpha_3=0.0)._asdict()], 0.8)
+    assert [*found] == [name for name in p._fields if name != FASTEST]
+    assert found["delta"] == {"low": 0.5, "high": 4.0, "log": True, "least": 0.0}
+    ends = [-4 * p.alpha_0 / 0.64, 4 * p.alpha_0 / 0.64]
+    assert [found["alpha_3"][end] for end in ("low", "high")] == pytest.approx(ends)
+    assert (found["alpha_3"]["log"], found["alpha_3"]["least"]) == (False, "-inf")
 
 
 def identified(folder: Path, law: Law, *, joint: str, simulated: bool = False) -> bristle.Results:
@@ -506,19 +449,13 @@ def identified(folder: Path, law: Law, *, joint: str, simulated: bool = False) -
     p = pair_with(law).positive.stribeck
     (torque,) = evaluate(functions.steady_torque_function(law), speeds(), *p)
     noisy = torque + 2e-5 * np.random.default_rng(0).standard_normal(torque.size)
-    rows = (f"{v!r},{T!r}\n" for v, T in zip(speeds().tolist(), noisy.tolist(), strict=True))
-    (folder / f"{joint}.csv").write_text("v,tau\n" + "".join(rows), encoding="utf-8")
+    pd.DataFrame({"v": speeds(), "tau": noisy}).to_csv(folder / f"{joint}.csv", index=False)
     text = experiment(joint=joint, data=f"{joint}.csv") + f"fit: {{law: {law.name}}}\n"
     if simulated:
         told = ", ".join(f"{name}: '{x!r} {unit(name)}'" for name, x in TRUTH._asdict().items())
         text += f"simulated: true\ntruth: {{both: {{{told}}}}}\n"
     (folder / f"{joint}.yaml").write_text(text, encoding="utf-8")
     return bristle.identify(folder / f"{joint}.yaml")
-
-
-def page_of(*results: bristle.Results) -> Explorer:
-    joints: list[Joint] = [joint for one in results for joint in one.joints]
-    return explorer(joints, {joint.name: "no loop" for joint in joints})
 
 
 @pytest.fixture(scope="module")
@@ -531,7 +468,9 @@ def bent(tmp_path_factory: pytest.TempPathFactory) -> bristle.Results:
 def several(own_law: Law, bent: bristle.Results, tmp_path_factory: pytest.TempPathFactory) -> Explorer:
     """Three joints: of the paper's law, of one that bends down, and of the user's own."""
     folder = tmp_path_factory.mktemp("several")
-    return page_of(identified(folder, GAUSSIAN, joint="paper"), bent, identified(folder, own_law, joint="own"))
+    known = (identified(folder, GAUSSIAN, joint="paper"), bent, identified(folder, own_law, joint="own"))
+    joints = [joint for one in known for joint in one.joints]
+    return explorer(joints, {joint.name: "no loop" for joint in joints})
 
 
 def test_cost_maps_of_moving_runs_under_laws_are_those_of_python(node: Node) -> None:
@@ -546,12 +485,10 @@ def test_cost_maps_of_moving_runs_under_laws_are_those_of_python(node: Node) -> 
     told = explored([moving_joint(fit)], {"wrist": "no loop"})["joints"][0]
     assert told["moving"]["pair"] == of(pair)
     assert {name: row["value"] for name, row in told["sets"][0]["values"]["-"].items()} == pair.negative._asdict()
-    costs = (files("bristle.questions.explorer") / "costs.js").read_text(encoding="utf-8")
-    module = node.module("\n".join((engine.script(laws=[pair.law]), costs, CELLS)))
-    asked = {"job": 1, "n": 2, "names": ["delta", "alpha_3"], "ends": [[0.5, 2.5], [-0.02, 0.02]], "directions": ["-"]}
-    (cells,) = node.call(
-        module, [("cells", asked | {"pair": of(pair), "identified": of(pair), "moving": told["moving"]})]
-    )
+    cells = map_of(
+        node, pair.law, n=2, names=["delta", "alpha_3"], ends=[[0.5, 2.5], [-0.02, 0.02]], directions=["-"], pair=of(pair),
+        identified=of(pair), moving=told["moving"],
+    )  # fmt: skip  # a list of values
     negative: Any = pair.negative
     least, then = float(residuals @ residuals), rollout(v, 1e-3, pair).torque
     own = [negative._replace(delta=delta, alpha_3=x) for x in (-0.01, 0.01) for delta in (1.0, 2.0)]
@@ -561,7 +498,7 @@ def test_cost_maps_of_moving_runs_under_laws_are_those_of_python(node: Node) -> 
     assert [cell["active"] for cell in cells] == [not is_passive(p) for p in own]
 
 
-def test_a_loop_of_two_laws_is_refused_in_a_sentence(bent: bristle.Results, tmp_path: Path, chromium: Any) -> None:
+def test_a_loop_of_two_laws_is_refused_in_a_sentence(bent: bristle.Results) -> None:
     """A simulated joint whose true friction has another law than the fit is not run in a loop."""
     pair, (joint,) = pair_with(BENT), bent.joints
     told = [
@@ -571,15 +508,6 @@ def test_a_loop_of_two_laws_is_refused_in_a_sentence(bent: bristle.Results, tmp_
     assert isinstance(told[0], list)
     json.dumps(told[0], allow_nan=False)
     assert "has gaussian friction, the fitted model lorentzian+quadratic" in told[1]
-    # it runs there, and its model follows the sliders, that of the signed coefficient too
-    page = explorer([joint], {"bent": replace(joint_loop(), plant=pair, model=pair)})
-    tab = Tab(chromium, page.write(tmp_path / "loop.html"), "#view=compensation&loop-duration=2")
-    rows = "[...document.querySelectorAll('#loop-rows tr')].map((x) => x.innerText)"
-    before = tab.page.evaluate(rows)
-    tab.set("alpha_3", 900)
-    assert tab.page.evaluate(rows)[1] != before[1]
-    assert not tab.wrong
-    tab.context.close()
 
 
 @pytest.mark.slow
@@ -605,10 +533,7 @@ def test_a_page_of_several_laws_in_a_browser(several: Explorer, chromium: Any, t
         assert page.evaluate(cost) == pytest.approx(least, rel=1e-6)
         for view in VIEWS:
             tab.show(view)
-            for width in (1280, 390):
-                page.set_viewport_size({"width": width, "height": 900})
-                tab.settled()
-                assert page.evaluate("document.documentElement.scrollWidth") <= width
+            assert page.evaluate("document.documentElement.scrollWidth") <= 390
         if more:
             tab.set("alpha_3", 1000)
             tab.show("friction")
@@ -621,4 +546,3 @@ def test_a_page_of_several_laws_in_a_browser(several: Explorer, chromium: Any, t
     assert [page.is_visible(f"#true-{name}") for name in ("alpha_0", "v_s")] == [False, False]
     assert "α₃" in page.inner_text("#refit")
     assert not tab.wrong
-    tab.context.close()

@@ -6,16 +6,6 @@ from typing import Any
 
 import pytest
 
-from bristle.questions.fleet import cluster
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _any_dashboard() -> Iterator[None]:
-    """Clusters of tests that run at the same time do not race for one port."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cluster, "_DASHBOARD", 0)
-        yield
-
 
 @pytest.fixture(scope="session")
 def client() -> Iterator[Any]:

@@ -1,9 +1,11 @@
 """A small fleet of short ramp logs, simulated, in a folder, with its catalog."""
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from bristle.model.parameters import Lugre
 from bristle.simulation.bench import steady_points
@@ -23,27 +25,22 @@ runs:
 
 def log_text(seed: int, factor: float = 1.0) -> str:
     """A ramp log as CSV; torques are those of `TRUTH` times a factor, with noise."""
-    rng = np.random.default_rng(seed)
-    (torque,) = steady_points(TRUTH, SPEEDS, 4e-4, rng, 1)
-    time = np.arange(SPEEDS.size) * 0.01
-    rows = np.column_stack([time, np.cumsum(SPEEDS) * 0.01, factor * torque])
-    return "t,q,T\n" + "".join(f"{t:.2f},{q:.6f},{T:.7g}\n" for t, q, T in rows.tolist())
+    (torque,) = steady_points(TRUTH, SPEEDS, 4e-4, np.random.default_rng(seed), 1)
+    columns = {"t": np.arange(SPEEDS.size) * 0.01, "q": np.cumsum(SPEEDS) * 0.01, "T": factor * torque}
+    return str(pd.DataFrame(columns).to_csv(index=False, float_format="%.7g"))
 
 
 def write_session(folder: Path, unit: str, joint: str, session: str, seed: int, factor: float = 1.0) -> Path:
     """The experiment file and the log of a joint in a session; returns the file."""
-    place = folder / unit / session
-    place.mkdir(parents=True, exist_ok=True)
-    (place / f"{joint}.csv").write_text(log_text(seed, factor), encoding="utf-8")
-    path = place / f"{joint}.yaml"
+    path = folder / unit / session / f"{joint}.yaml"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.with_suffix(".csv").write_text(log_text(seed, factor), encoding="utf-8")
     path.write_text(YAML.format(joint=joint, log=f"{joint}.csv"), encoding="utf-8")
     return path
 
 
 def write_catalog(path: Path, rows: Sequence[Mapping[str, object]]) -> Path:
-    columns = list(dict.fromkeys(name for row in rows for name in row))
-    lines = [",".join(str(row.get(name, "")) for name in columns) for row in rows]
-    path.write_text("\n".join([",".join(columns), *lines]) + "\n", encoding="utf-8")
+    pd.DataFrame(rows).to_csv(path, index=False)
     return path
 
 
@@ -52,11 +49,9 @@ def write_fleet_logs(
 ) -> Path:
     """Logs of so many units, joints and sessions, below `folder`/logs, and a catalog of them; returns the catalog."""
     rows = []
-    for u in range(units):
-        for s in range(sessions):
-            for j, joint in enumerate(joints):
-                unit, session = f"r{u}", f"2026-0{s + 1}-01"
-                path = write_session(folder / "logs", unit, joint, session, seed=100 * u + 10 * s + j)
-                file = path.relative_to(folder).as_posix()
-                rows.append({"file": file, "unit": unit, "session": session, "temperature": 20 + s})
+    for u, s, (j, joint) in product(range(units), range(sessions), enumerate(joints)):
+        unit, session = f"r{u}", f"2026-0{s + 1}-01"
+        path = write_session(folder / "logs", unit, joint, session, seed=100 * u + 10 * s + j)
+        file = path.relative_to(folder).as_posix()
+        rows.append({"file": file, "unit": unit, "session": session, "temperature": 20 + s})
     return write_catalog(folder / "catalog.csv", rows)

@@ -20,9 +20,9 @@ from tests.fleet.logs import write_fleet_logs
 import bristle
 from bristle.api import fleets
 from bristle.errors import InputError
-from bristle.questions.fleet import cluster, engine
+from bristle.questions.fleet import cluster, dataset, engine
 from bristle.questions.fleet.catalog import read_catalog
-from bristle.questions.fleet.cluster import local_client, reached
+from bristle.questions.fleet.cluster import local_client
 
 pytest.importorskip("distributed", reason="needs the extra fleet")
 pytest.importorskip("pyarrow", reason="needs the extra fleet")
@@ -61,10 +61,7 @@ def test_calls_sizes_and_schedulers(client: Any, monkeypatch: pytest.MonkeyPatch
     assert sorted(x for _, x in cluster.spread(client, "negative", operator.neg, calls, 3)) == [-3, -2, -1, 0]
     assert asked.count(0) == 2
     monkeypatch.undo()
-    # a size of memory is read as Dask does, an empty one refused; certificates make the connection one of TLS alone
-    with pytest.raises(InputError, match=r"memory: got .* expected"):
-        cluster._bytes_of("")
-    assert cluster._bytes_of("2 GiB") == 2**31
+    # certificates make the connection one of TLS alone
     security = cluster._security({"ca": "a.pem", "cert": "b.pem", "key": "c.pem"})
     assert security.require_encryption
     assert (security.tls_ca_file, security.tls_client_cert, security.tls_client_key) == ("a.pem", "b.pem", "c.pem")
@@ -122,7 +119,7 @@ def separate(folder: Path) -> Iterator[tuple[str, Any, list[Any]]]:
 
 
 def finished(output: Path) -> int:
-    return sum(path.suffix == ".parquet" and path.name[0] != "." for path in output.glob("tasks/*"))
+    return len(dataset.journalled(output))
 
 
 @LINUX
@@ -206,25 +203,13 @@ def two() -> Iterator[Any]:
         yield client
 
 
-def test_processes_and_a_client_that_gathers_make_the_same_bytes(logs: Path, alone: Tree, two: Any) -> None:
-    """Two processes make the bytes of threads; so do processes that do not reach the logs, which the client sends."""
-    fsspec = pytest.importorskip("fsspec", reason="needs the extra fleet")
-    memory = fsspec.filesystem("memory")
-    memory.put(str(logs / "logs"), "/far/logs", recursive=True)
-    memory.put(str(logs / "catalog.csv"), "/far/catalog.csv")
-    try:
-        assert "127.0.0.1" in cluster.dashboard_of(two)
-        assert two.scheduler.address.startswith("tcp://127.0.0.1:")
-        assert cluster.threads_of(two) == 2
-        bristle.fleet(logs / "catalog.csv", logs / "two", client=two)
-        assert tree(logs / "two" / "results") == alone
-        assert not reached(two, ["memory://far/catalog.csv"])
-        assert reached(two, [str(logs / "catalog.csv")])
-        far = bristle.fleet("memory://far/catalog.csv", "memory://far/out", client=two)
-        assert (far.identified, far.failed) == (8, 0)
-        assert {Path(x).name: memory.cat(x) for x in memory.ls("/far/out/results", detail=False)} == alone
-    finally:
-        memory.rm("/far", recursive=True)
+def test_processes_make_the_same_bytes(logs: Path, alone: Tree, two: Any) -> None:
+    """Two processes make the bytes of threads."""
+    assert "127.0.0.1" in cluster.dashboard_of(two)
+    assert two.scheduler.address.startswith("tcp://127.0.0.1:")
+    assert cluster.threads_of(two) == 2
+    bristle.fleet(logs / "catalog.csv", logs / "two", client=two)
+    assert tree(logs / "two" / "results") == alone
 
 
 def test_a_worker_that_dies_of_one_log_is_a_failure_of_that_log(logs: Path, two: Any, tmp_path: Path) -> None:
@@ -240,9 +225,9 @@ def test_a_worker_that_dies_of_one_log_is_a_failure_of_that_log(logs: Path, two:
         return identified_joint(path, joint)
 
     rows = read_catalog(logs / "catalog.csv")[:4]
-    with cluster.quiet(), engine.held(str(tmp_path / "out")):
-        ended = engine.run_fleet(rows, str(tmp_path / "out"), two, deadly)
-        again = engine.run_fleet(rows, str(tmp_path / "out"), two, fleets.identified_joint)
+    with cluster.quiet(), engine.held(tmp_path / "out"):
+        ended = engine.run_fleet(rows, tmp_path / "out", two, deadly)
+        again = engine.run_fleet(rows, tmp_path / "out", two, fleets.identified_joint)
     (failure,) = ended.table.to_pandas()["failure"].dropna()
     assert failure == "its worker died 2 times, perhaps for want of memory; give each worker more with --memory"
     assert (ended.identified, ended.failed, again.identified, again.failed) == (3, 1, 1, 0)

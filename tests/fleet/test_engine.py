@@ -1,9 +1,12 @@
 import contextlib
 import errno
+import hashlib
 import os
+import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pandas as pd
@@ -13,19 +16,19 @@ from tests.fleet.logs import YAML, log_text, write_catalog, write_fleet_logs, wr
 
 import bristle
 from bristle.api import fleets
+from bristle.data.experiment import yaml_file
 from bristle.errors import InputError
-from bristle.questions.fleet import cluster, engine, files, survey, tasks
-from bristle.questions.fleet.dataset import COLUMNS
+from bristle.questions.fleet import cluster, dataset, engine, survey, tasks
 
 pytest.importorskip("distributed", reason="needs the extra fleet")
 pytest.importorskip("pyarrow", reason="needs the extra fleet")
 IDENTIFIED: list[str] = []  # the joints that were identified, in this process
-KNOWN: dict[tuple[object, ...], tasks.Identified] = {}
+KNOWN: dict[tuple[object, ...], Sequence[tasks.Row]] = {}
 """What was found in files of a content: the same fit is made once for all tests here."""
 identified_joint = fleets.identified_joint
 
 
-def counted(path: Path, joint: str) -> tasks.Identified:
+def counted(path: Path, joint: str) -> Sequence[tasks.Row]:
     """Identify a joint, unless one of the same content was, and remember that it was asked for."""
     IDENTIFIED.append(joint)
     content = (joint, *((x.name, x.read_bytes()) for x in sorted(path.parent.iterdir()) if x.is_file()))
@@ -34,27 +37,23 @@ def counted(path: Path, joint: str) -> tasks.Identified:
     return KNOWN[content]
 
 
-def broken(path: Path, joint: str) -> tasks.Identified:
-    """Fail at one joint as nothing that bristle foresees."""
-    if joint == "elbow":
-        raise KeyError("no such thing")
-    return counted(path, joint)
+@pytest.fixture
+def reads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the files that are read to survey them, as they are."""
+    names: list[str] = []
+    read, digest = yaml_file.read_text, hashlib.file_digest
 
+    def counting(path: Path) -> str:
+        names.append(path.name)
+        return read(path)
 
-class Reads:
-    """Counts the files that are read, by name."""
+    def hashing(file: Any, kind: str) -> Any:
+        names.append(Path(file.name).name)
+        return digest(file, kind)
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.names: list[str] = []
-        for module, name in ((files, "digest_of"), (survey, "read_text"), (files, "read_bytes")):
-            monkeypatch.setattr(module, name, self._counting(getattr(module, name)))
-
-    def _counting(self, read: Any) -> Any:
-        def counting(path: Any, *more: Any) -> Any:
-            self.names.append(Path(path).name)
-            return read(path, *more)
-
-        return counting
+    monkeypatch.setattr(survey, "read_text", counting)
+    monkeypatch.setattr(hashlib, "file_digest", hashing)
+    return names
 
 
 @pytest.fixture
@@ -71,22 +70,26 @@ def ran(client: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     return again
 
 
-def dataset(folder: Path = Path("out")) -> dict[str, bytes | None]:
-    return tree(folder / "results")
+def written() -> dict[str, bytes | None]:
+    return tree(Path("out/results"))
 
 
-def test_only_what_is_new_is_identified(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_what_is_new_is_identified(ran: Any, tmp_path: Path, reads: list[str]) -> None:
     """The first run identifies all, the second reads nothing and identifies nothing, a new session of a unit is its two joints alone."""
-    catalog = write_fleet_logs(tmp_path, units=2, sessions=2)
-    first = ran()
+    catalog, told = write_fleet_logs(tmp_path, units=2, sessions=2), list[tuple[str, int, int]]()
+    first = ran(progress=lambda *step: told.append(step))
     assert sorted(IDENTIFIED) == 4 * ["elbow"] + 4 * ["wrist"]
     assert (first.identified, first.unchanged, first.failed) == (8, 0, 0)
-    assert tuple(first.frame.columns) == tuple(COLUMNS)
+    assert tuple(first.frame.columns) == tuple(dataset.COLUMNS)
     pd.testing.assert_frame_equal(first.frame, pd.read_parquet("out/results"))
     assert tree(Path("out/tasks")) == {}
-    before, reads = dataset(), Reads(monkeypatch)
+    # whoever asks is told how fast it goes and how long it will take
+    last = [what for what, done, total in told if what.startswith("identifying") and done == total == 8]
+    assert last[0].endswith("/s, 0:00:00 left")
+    before = written()
+    reads.clear()
     second = ran()
-    assert (IDENTIFIED, reads.names, second.unchanged, dataset()) == ([], [], 8, before)
+    assert (IDENTIFIED, reads, second.unchanged, written()) == ([], [], 8, before)
     pd.testing.assert_frame_equal(first.frame, second.frame)
     with catalog.open("a") as file:
         for k, joint in enumerate(("wrist", "elbow")):
@@ -94,12 +97,15 @@ def test_only_what_is_new_is_identified(ran: Any, tmp_path: Path, monkeypatch: p
             file.write(f"{path.relative_to(tmp_path)},r1,2026-03-01,\n")
     third = ran()
     assert sorted(IDENTIFIED) == ["elbow", "wrist"]
-    assert sorted(set(reads.names)) == ["elbow.csv", "elbow.yaml", "wrist.csv", "wrist.yaml"]
+    assert sorted(set(reads)) == ["elbow.csv", "elbow.yaml", "wrist.csv", "wrist.yaml"]
     assert (third.identified, third.unchanged) == (2, 8)
     assert "2 joint sessions identified, 8 unchanged, 0 failed" in third.counts
+    # while a run writes into a folder another one is refused
+    with engine.held(tmp_path / "out"), pytest.raises(InputError, match="another run writes there"):
+        ran()
 
 
-def test_content_counts_and_nothing_else(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_content_counts_and_nothing_else(ran: Any, tmp_path: Path, reads: list[str]) -> None:
     """A file that is touched is hashed, one that is changed identified; a moved fleet and another temperature are neither."""
     # units with the very same files are one task, and have rows each
     catalog = write_fleet_logs(tmp_path, units=1, sessions=2)
@@ -112,14 +118,14 @@ def test_content_counts_and_nothing_else(ran: Any, tmp_path: Path, monkeypatch: 
     assert rows[rows["unit"] == "r9"]["value"].tolist() == rows[rows["unit"] == "r0"]["value"].tolist() != []
     log = tmp_path / "logs/r0/2026-01-01/wrist.csv"
     os.utime(log, (1, 1))
-    reads = Reads(monkeypatch)
+    reads.clear()
     ran()
-    assert (IDENTIFIED, reads.names.count("wrist.csv"), reads.names.count("elbow.csv")) == ([], 1, 0)
+    assert (IDENTIFIED, reads.count("wrist.csv"), reads.count("elbow.csv")) == ([], 1, 0)
     log.write_text(log_text(99))
     assert ran().identified == 1
-    reads.names.clear()
+    reads.clear()
     ran(verify=True)
-    assert (IDENTIFIED, reads.names.count("wrist.csv"), reads.names.count("elbow.csv")) == ([], 3, 2)
+    assert (IDENTIFIED, reads.count("wrist.csv"), reads.count("elbow.csv")) == ([], 3, 2)
     Path("logs").rename("moved")
     text = catalog.read_text().replace("logs/", "moved/").replace("-01,20", "-01,25")
     catalog.write_text(text)
@@ -155,198 +161,73 @@ def test_what_fails_is_a_row_and_the_rest_is_done(ran: Any, tmp_path: Path) -> N
     pd.testing.assert_frame_equal(found.frame, again.frame)
 
 
-def test_a_defect_is_a_row_and_tried_again(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is no InputError is said to be a defect, and the next run tries it again; where nothing is left, the run is refused."""
-    write_fleet_logs(tmp_path, units=1, sessions=1)
-    monkeypatch.setattr(fleets, "identified_joint", broken)
-    found = ran()
-    assert (found.identified, found.failed) == (1, 1)
-    assert found.frame["failure"].dropna().tolist() == ["a defect of bristle: KeyError: 'no such thing'"]
-    assert found.frame["key"].isna().tolist() == found.frame["failure"].notna().tolist()
-    row = {"file": "logs/r0/2026-01-01/elbow.yaml", "unit": "r0", "session": "2026-01-01"}
-    write_catalog(tmp_path / "one.csv", [row])
-    none = r"none of 1 joint session could be identified; the first is 'logs/r0.*a defect of bristle"
-    with pytest.raises(InputError, match=none):
-        ran("one.csv", "other")
-    assert not Path("other").exists()
-    Path("held").mkdir()
-    with pytest.raises(InputError, match="none of 1 joint session could"):
-        ran("one.csv", "held")
-    assert tree(Path("held")) == {}
-    monkeypatch.setattr(fleets, "identified_joint", counted)
-    assert (ran().failed, IDENTIFIED) == (0, ["elbow"])
-
-
-def test_a_log_that_changes_meanwhile_is_tried_again(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Results of a log that was changed after it was hashed are not kept under the old content."""
+def test_what_may_pass_is_a_row_and_tried_again(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A defect, and a log that changes after it was hashed: each is said, and tried again; where nothing is left, the run is refused."""
     write_fleet_logs(tmp_path, units=1, sessions=1)
 
-    def changing(path: Path, joint: str) -> tasks.Identified:
-        """Write another log first."""
+    def broken(path: Path, joint: str) -> Sequence[tasks.Row]:
+        if joint == "elbow":
+            raise KeyError("no such thing")
+        return counted(path, joint)
+
+    def changing(path: Path, joint: str) -> Sequence[tasks.Row]:
         if joint == "elbow":
             path.with_suffix(".csv").write_text(log_text(1000))
         return counted(path, joint)
 
-    monkeypatch.setattr(fleets, "identified_joint", changing)
-    (failure,) = ran().frame["failure"].dropna()
-    assert failure == "elbow.csv: was changed while the fleet was identified; run again"
+    for identify, said in (
+        (broken, "a defect of bristle: KeyError: 'no such thing'"),
+        (changing, "elbow.yaml: it or a log was changed while the fleet was identified; run again"),
+    ):
+        monkeypatch.setattr(fleets, "identified_joint", identify)
+        found = ran()
+        assert found.failed == 1
+        assert found.frame["failure"].dropna().tolist() == [said]
+        assert found.frame["key"].isna().tolist() == found.frame["failure"].notna().tolist()
     monkeypatch.setattr(fleets, "identified_joint", counted)
     assert (ran().failed, IDENTIFIED) == (0, ["elbow"])
-
-
-def test_what_a_killed_run_left_is_taken_up(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An interrupt on the way leaves the tasks that are finished, and the next run does only the others."""
-    write_fleet_logs(tmp_path, units=1, sessions=2)
-    expected = ran(output="whole")
-    spread, ends = cluster.spread, list[tasks.TaskEnd]()
-
-    def interrupted(*arguments: Any) -> Iterator[Any]:
-        """Stop behind the second task."""
-        for call, end in spread(*arguments):
-            if isinstance(end, tasks.TaskEnd):
-                ends.append(end)
-                if len(ends) == 3:
-                    raise KeyboardInterrupt
-            yield call, end
-
-    monkeypatch.setattr(cluster, "spread", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        ran()
-    monkeypatch.setattr(cluster, "spread", spread)
-    assert len(tree(Path("out/tasks"))) >= 2
-    found = ran()
-    assert found.identified <= 2
-    assert found.identified + found.unchanged == 4
-    pd.testing.assert_frame_equal(found.frame, expected.frame)
-    assert dataset() == dataset(Path("whole"))
+    row = {"file": "logs/r0/2026-01-01/elbow.yaml", "unit": "r0", "session": "2026-01-01"}
+    write_catalog(tmp_path / "one.csv", [row])
+    monkeypatch.setattr(fleets, "identified_joint", broken)
+    none = r"none of 1 joint session could be identified; the first is 'logs/r0.*a defect of bristle"
+    with pytest.raises(InputError, match=none):
+        ran("one.csv", "other")
 
 
 def test_a_full_disk_leaves_what_was(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the disk is full the run ends with an OSError that names the file; the dataset is as it was, and a rerun goes on."""
     catalog = write_fleet_logs(tmp_path, units=1, sessions=1)
     ran()
-    before = dataset()
+    before = written()
     with catalog.open("a") as file:
         path = write_session(tmp_path / "logs", "r1", "wrist", "2026-03-01", seed=70)
         file.write(f"{path.relative_to(tmp_path)},r1,2026-03-01,\n")
 
-    def full(name: str, data: bytes) -> None:
-        """Only small files fit."""
-        if "/results/" in name or "/tasks/" in name:
-            raise OSError(errno.ENOSPC, "No space left on device", name)
-        write_whole(name, data)
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
 
-    write_whole = files.write_whole
-    for module in ("files", "dataset"):
-        monkeypatch.setattr(f"bristle.questions.fleet.{module}.write_whole", full)
+    monkeypatch.setattr(dataset, "json", SimpleNamespace(dumps=full))
     with pytest.raises(OSError, match="No space left") as stopped:
         ran()
-    assert str(stopped.value.filename).startswith(str(tmp_path / "out/tasks/"))
-    assert dataset() == before
+    assert stopped.value.filename == str(tmp_path / "out/tasks/rows.jsonl")
+    assert written() == before
     monkeypatch.undo()
     monkeypatch.chdir(tmp_path)
     assert ran().identified == 1
 
 
-def test_a_pattern_and_types(ran: Any, tmp_path: Path) -> None:
-    """A pattern of folders is a catalog; its types are the columns' types, and a joint of two types has sessions that are left out."""
-    write_fleet_logs(tmp_path, units=1, sessions=2)
-    found = ran("logs/{unit}/{session}/{type}.yaml")
-    assert found.frame["type"].unique().tolist() == ["elbow", "wrist"]
-    assert found.frame["file"].iloc[0] == "logs/r0/2026-01-01/elbow.yaml"
-    days = [f"2026-0{k}-01" for k in (1, 2)]
-    rows = [{"file": f"logs/r0/{x}/wrist.yaml", "unit": "r0", "session": x, "type": f"t{x[6]}"} for x in days]
-    mixed = ran(pd.DataFrame(rows))
-    assert IDENTIFIED == []
-    assert mixed.frame[mixed.frame["left_out"].notna()]["type"].unique().tolist() == ["t2"]
-    said = "of type 't2', but 't1' in 1 of the 2 sessions of this joint; give it one type"
-    assert mixed.findings.failures["failure"].tolist() == [said]
-
-
-def test_one_bad_row_is_a_failure_of_that_row(ran: Any, tmp_path: Path) -> None:
-    """A URL of no archive, a load that squares to infinity; a missing value of a nullable column is none."""
-    write_fleet_logs(tmp_path, units=1, sessions=2)
-    good = [f"logs/r0/2026-0{k}-01/wrist.yaml" for k in (1, 2)]
-    (tmp_path / "no.zip").write_text("no archive", encoding="utf-8")
-    frame = pd.DataFrame(
-        {
-            "file": [*good, "zip://x.yaml::no.zip", good[0]], "unit": ["r0", "r0", "r1", "r2"], "session": ["2026-01-01", "2026-02-01"] * 2,
-            "temperature": pd.array([20.0, None, 21.0, 22.0], dtype="Float64"), "load": pd.array([1, None, 2, 1e308], dtype="Float64"),
-        }
-    )  # fmt: skip  # a table
-    found = ran(frame)
-    said = found.findings.failures.set_index("unit")["failure"]
-    assert sorted(said.index) == ["r1", "r2"]
-    assert "no.zip" in said["r1"]
-    assert said["r2"] == "load: got 1e+308; expected a number between -1e+09 and 1e+09"
-    temperatures = found.frame[found.frame["unit"] == "r0"].groupby("session")["temperature"].first()
-    assert temperatures.isna().tolist() == [False, True]
-
-
-def test_what_a_parquet_file_says_of_pandas_is_not_believed(ran: Any, tmp_path: Path) -> None:
-    """A catalog with forged metadata of pandas is read for its columns; a part of the dataset may have a column more, but none less."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    write_fleet_logs(tmp_path, units=1, sessions=1)
-    table = pa.table({"file": ["logs/r0/2026-01-01/wrist.yaml"], "unit": ["r0"], "session": ["2026-01-01"]})
-    forged = {"pandas": '{"columns": 5, "index_columns": [{"kind": "range"}]}'}
-    pq.write_table(table.replace_schema_metadata(forged), "c.parquet")
-    assert ran("c.parquet").identified == 1
-    (part,) = Path("out/results").iterdir()
-    own = pq.read_table(part)
-    pq.write_table(own.append_column("more", pa.array([1.0] * len(own))), part)
-    again = ran("c.parquet")
-    assert (again.identified, again.unchanged, list(again.frame)) == (0, 1, list(COLUMNS))
-    (part,) = Path("out/results").iterdir()
-    pq.write_table(own.drop_columns(["value"]), part)
-    with pytest.raises(InputError, match=f"{part.name}: is damaged .*; remove it, and run again"):
-        ran("c.parquet")
-
-
-def test_two_runs_at_once_are_refused(ran: Any, tmp_path: Path) -> None:
-    """While a run writes into a folder another one is refused."""
-    write_fleet_logs(tmp_path, units=1, sessions=1)
-    with engine.held(str(tmp_path / "out")), pytest.raises(InputError, match="another run writes there"):
-        ran()
-
-
 def test_versions_must_agree(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Workers of another version are refused at the start, and one that joins later stops the run; each in one sentence."""
+    """Workers of another version are refused at the start, and what one that joins later is asked for is tried again; each in one sentence."""
     write_fleet_logs(tmp_path, units=1, sessions=1)
     other = tuple((name, "0.0" if name == "scipy" else found) for name, found in tasks.versions())
-    monkeypatch.setattr(cluster, "versions", lambda: other)
+    monkeypatch.setattr(engine, "versions", lambda: other)
     said = r"the worker \S+ has scipy .*, and the client 0\.0; install the same versions of bristle, Python"
     with pytest.raises(InputError, match=said):
         ran()
-    monkeypatch.undo()
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(engine, "versions", lambda: other)
-    with pytest.raises(InputError, match="has scipy"):
-        ran()
-
-
-def test_files_in_memory_of_another_machine(ran: Any, tmp_path: Path) -> None:
-    """Catalog, logs and output may be URLs of fsspec; a pattern too. Sentences show no temporary folder."""
-    fsspec = pytest.importorskip("fsspec", reason="needs the extra fleet")
-    memory = fsspec.filesystem("memory")
-    write_fleet_logs(tmp_path, units=1, sessions=2)
-    local = ran()
-    memory.put(str(tmp_path / "logs"), "/fleet/logs", recursive=True)
-    memory.put(str(tmp_path / "catalog.csv"), "/fleet/catalog.csv")
-    try:
-        far = ran("memory://fleet/catalog.csv", "memory://fleet/out")
-        pd.testing.assert_frame_equal(local.frame, far.frame)
-        assert {Path(x).name for x in memory.ls("/fleet/out/results", detail=False)} == set(dataset())
-        assert far.write("memory://fleet/out") == "memory://fleet/out/index.html"
-        assert ran("memory://fleet/catalog.csv", "memory://fleet/out").unchanged == 4
-        memory.pipe("/fleet/logs/r0/2026-01-01/wrist.csv", b"t,q,T\n1,x,y\n")
-        again = ran("memory://fleet/logs/{unit}/{session}/{type}.yaml", "memory://fleet/out")
-        (failure,) = again.frame["failure"].dropna().tolist()
-        assert failure.startswith("wrist.csv: ")
-        assert again.frame["file"].iloc[0] == "memory://fleet/logs/r0/2026-01-01/elbow.yaml"
-    finally:
-        memory.rm("/fleet", recursive=True)
+    file = survey.survey("logs/r0/2026-01-01/wrist.yaml")
+    late = tasks.identify_task(tasks.FleetTask("key", "wrist", file, other), counted)
+    assert re.match(said, late.failure)
+    assert (late.rows, IDENTIFIED) == ((), [])
 
 
 def test_a_robot_file(ran: Any, tmp_path: Path) -> None:
@@ -366,7 +247,7 @@ def test_a_robot_file(ran: Any, tmp_path: Path) -> None:
     assert [one.name for one in robot.inputs] == [".", "arm.urdf", "held_out.csv", "motion.csv"]
     assert robot.key("flange") == found.frame["key"].dropna().iloc[0] != robot.key("elbow")
     urdf.write_text(urdf.read_text() + "\n")
-    assert survey.survey(robot.path, robot).key("flange") != robot.key("flange")
+    assert survey.survey(robot.path, robot.inputs).key("flange") != robot.key("flange")
 
 
 @pytest.mark.usefixtures("ran")
@@ -415,7 +296,7 @@ def test_a_client_is_checked(client: Any, tmp_path: Path, monkeypatch: pytest.Mo
     tcp, tls = ("c.csv", "--scheduler", "tcp://127.0.0.1:1"), ("c.csv", "--scheduler", "tls://127.0.0.1:1")
     keys = ("--tls-cert", "x", "--tls-key", "y", "--tls-ca-file", "z")
     cases = (
-        (("none.csv",), "none.csv: No such file"),
+        (("none.csv",), "none.csv: no such file"),
         ((*tcp, "--memory", "1 GiB"), "--memory: is for a cluster of this machine"),
         ((*tcp, "--workers", "2"), "--workers: is for a cluster of this machine"),
         (tcp, "no Dask scheduler answers"),
@@ -430,12 +311,3 @@ def test_a_client_is_checked(client: Any, tmp_path: Path, monkeypatch: pytest.Mo
     )
     ended = [(said, run("fleet", *options)) for options, said in cases]
     assert not [(said, ran) for said, ran in ended if ran.code != 2 or len(ran.said) != 1 or said not in ran.err]
-
-
-def test_progress_tells_rate_and_time(ran: Any, tmp_path: Path) -> None:
-    """Whoever asks is told how fast it goes and how long it will take."""
-    write_fleet_logs(tmp_path, units=1, sessions=2)
-    told: list[tuple[str, int, int]] = []
-    ran(progress=lambda *step: told.append(step))
-    last = [what for what, done, total in told if what.startswith("identifying") and done == total == 4]
-    assert last[0].endswith("/s, 0:00:00 left")

@@ -425,7 +425,7 @@ def cases(draw: Draw, good_results: str) -> Case:
         return Case(draw(st.sampled_from(_READING)), {**files, "r.json": draw(results(good_results))})
     files = draw(experiments())
     if what == "fleet":
-        there = draw(st.sampled_from([{}, {}, {}, {"out/tasks/notes.txt": b"mine"}, {"out/ledger.parquet": b"mine"}]))
+        there = draw(st.sampled_from([{}, {}, {}, {"out/tasks/notes.txt": b"mine"}, {"out/ledger.json": b"mine"}]))
         return Case(
             ("fleet", "catalog.csv", "-o", "out", "--workers", "1"), {**files, **there, "catalog.csv": draw(catalogs())}
         )

@@ -68,7 +68,7 @@ def test_refuses_a_folder_that_is_not_its_own(tmp_path: Path) -> None:
     # one that is forged, binary, cut off or points elsewhere is refused with what to do; nothing is moved or removed
     names = (
         "../precious", f"{tmp_path}/precious", "a/../../precious", "./index.html", "..\\precious", "C:precious", output_folder.MARKER, ".", "\0",
-        "", "\udcff\udcfe", "precious", "notes.txt", "figures/a.txt", "figures/a/b.svg", "Index.html", "ledger.parquet/x",
+        "", "\udcff\udcfe", "precious", "notes.txt", "figures/a.txt", "figures/a/b.svg", "Index.html", "ledger.json/x",
     )  # fmt: skip  # a list
     texts = {f"{name}\n": "is not a list" for name in names} | {
         "index.html": "is not a list",
@@ -111,12 +111,12 @@ def test_no_page_replaces_that_of_another_question(tmp_path: Path) -> None:
     out = tmp_path / "out"
     output_folder.claim(out, output_folder.FLEET)
     (out / "tasks").mkdir()
-    (out / "ledger.parquet").write_bytes(b"ledger")
+    (out / "ledger.json").write_bytes(b"ledger")
     output_folder.replace_files(out, OLD, output_folder.FLEET)
     output_folder.replace_files(out, NEW, output_folder.FLEET)
     output_folder.claim(out, output_folder.FLEET)
     listed = {**NEW, **dict.fromkeys(output_folder.FLEET, b"")}
-    assert _tree(out) == {**NEW, "ledger.parquet": b"ledger", output_folder.MARKER: output_folder.marker_of(listed)}
+    assert _tree(out) == {**NEW, "ledger.json": b"ledger", output_folder.MARKER: output_folder.marker_of(listed)}
     (out / ".lock").symlink_to(tmp_path / "target")
     with pytest.raises(InputError, match=r"\.lock: is a symbolic link"):
         output_folder.claim(out, output_folder.FLEET)

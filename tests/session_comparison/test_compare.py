@@ -43,7 +43,6 @@ from bristle.simulation.bench import steady_points
 from ..conftest import TRUTH, experiment, present, run, speeds, tree, write
 from ..laws import DRAG, EXPONENT, OUTSIDE, points, registered, truth_of
 from ..pages import Elements, assert_tables_are_named, findings, page_text
-from ..sameness import held, without_sentences
 
 SPEEDS = speeds(both=False)
 Files = tuple[Path, Path]  # results files of two sessions
@@ -146,22 +145,12 @@ def test_changes_are_found_in_the_fit_to_use() -> None:
     assert change(compared, "alpha_0").source == "static both"
     (warning,) = compared.warnings
     assert warning.code == "fit-distrusted"
-    assert str(warning).startswith("wrist: the tracking fit is used only")
-    assert str(warning).endswith("It did not converge.")
     assert change(compare(session(bad), session(moving)), "alpha_0").source == "tracking"
     # friction and inertia all up by a tenth: perhaps the motor constant
     names = ("alpha_0+", "alpha_2+", "inertia")
     compared = compare(session(plain(dict.fromkeys(names, 10.0), 0.1)), session(plain(dict.fromkeys(names, 11.0), 0.1)))
     assert "torque-scale" in [x.code for x in compared.warnings]
     assert moved(compared) == pytest.approx(dict.fromkeys(names, 10.0))
-    # a p-value below 1e-99, zero included, reads `< 1e-99` on the page and in the terminal; none reads 0; one above is itself
-    a, b = (session(plain({"alpha_0": x, "alpha_2": 4.0 + 1e-12 * x}, 1e-12)) for x in (2.0, 3.0))
-    compared = compare(a, b)
-    assert change(compared, "alpha_0").adjusted == 0
-    page = report(compared).html()
-    assert page.count("&lt; 1e-99") == 1
-    assert "p < 1e-99" in report(compared).text()
-    assert f">{change(compared, 'alpha_2').adjusted:.2g}<" in page
 
 
 def friction(rng: np.random.Generator, p: Lugre[float]) -> Session:
@@ -321,22 +310,11 @@ def test_what_is_compared_doubted_or_refused() -> None:
     (warning,) = compare(session(full), session(flat)).warnings
     assert (warning.code, warning.numbers["terms"]) == ("models-differ", ("alpha_1+",))
     assert "known only in the first session, by its static + fit" in str(warning)
-    # other names, another kind or another unit: one sentence that says what was got
-    of_newton = fit_of(source="static +", parameters={"alpha_0": replace(estimate(1.0), unit="N")})
-    own = plain({"alpha_0": 1.0})
-    for second, named in (
-        (session(own, joint="elbow"), "no joint is in both sessions: one has wrist, the other elbow"),
-        (session(own, kind="prismatic"), "wrist: is revolute in one session and prismatic in the other"),
-        (session(of_newton), r"wrist: alpha_0 is in N\*m and in N"),
-    ):
-        with pytest.raises(ValueError, match=named):
-            compare(session(own), second)
 
 
-@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_the_figure_shows_both_sessions_relative_to_the_first(kind: Any) -> None:
+def test_the_figure_shows_both_sessions_relative_to_the_first() -> None:
     """Two markers per parameter, the first session's at zero, the second's at its difference in percent; no figure of nothing."""
-    a, b = (session(plain({"alpha_0+": x, "alpha_2+": 4.0}, 0.1), kind=kind) for x in (2.0, 3.0))
+    a, b = (session(plain({"alpha_0+": x, "alpha_2+": 4.0}, 0.1)) for x in (2.0, 3.0))
     compared = compare(a, b)
     figure = present(forest_figure(compared, "wrist"))
     (ax,) = figure.axes
@@ -344,6 +322,16 @@ def test_the_figure_shows_both_sessions_relative_to_the_first(kind: Any) -> None
     assert marks == pytest.approx([0, 0, 0, 50])
     assert sum(text.get_text() == "changed" for text in ax.texts) == 1
     assert forest_figure(compare(session(plain({"alpha_0": 0.0})), session(plain({"alpha_0": 0.0}))), "wrist") is None
+    # title, legend and axes do not touch, whatever the number of rows
+    for count in (1, 12):
+        values = dict.fromkeys([name + d for d in "+-" for name in Lugre._fields][:count], 2.0)
+        figure = present(forest_figure(compare(session(plain(values, 0.1)), session(plain(values, 0.1))), "wrist"))
+        figure.draw_without_rendering()
+        (ax,) = figure.axes
+        box = present(ax.get_legend()).get_window_extent()
+        (heading,) = (t for t in ax.get_children() if isinstance(t, Text) and t.get_text() == "wrist")
+        assert ax.get_window_extent().y1 - 1 <= box.y0 < box.y1 < heading.get_window_extent().y0 - 3
+        assert heading.get_window_extent().y1 <= figure.bbox.y1
 
 
 def results(folder: Path, name: str, seed: int, alpha_2: float) -> Path:
@@ -375,19 +363,11 @@ def test_what_was_written_is_read_back(sessions: Files, tmp_path: Path) -> None:
         assert fit.covariance.tolist() == written["covariance"]
         assert fit.freedom == written["degrees_of_freedom"]
     assert joint.inputs
-    # what a later version added is not required: files of the schema from before are compared as well
-    whole = json.loads(sessions[0].read_text(encoding="utf-8"))
-    del whole["joints"][HOSTILE]["models"]
-    for fit in whole["joints"][HOSTILE]["static"].values():
-        del fit["uncertainty"]
-    (tmp_path / "old.json").write_text(json.dumps(whole), encoding="utf-8")
-    assert bristle.compare(tmp_path / "old.json", sessions[1]).changes
-    (tmp_path / "old.json").unlink()
     # the same file by any path: exit 2, one sentence and no page. A copy is another file, of the same data: compared, with the warning
-    for path in (sessions[0], sessions[0].parent / "." / ".." / sessions[0].parent.name / sessions[0].name):
-        ran = run("compare", sessions[0], path, "-o", tmp_path / "out")
-        assert (ran.code, len(ran.said)) == (2, 1)
-        assert "is the same file as" in ran.err
+    again = sessions[0].parent / ".." / sessions[0].parent.name / sessions[0].name
+    ran = run("compare", sessions[0], again, "-o", tmp_path / "out")
+    assert (ran.code, len(ran.said)) == (2, 1)
+    assert "is the same file as" in ran.err
     assert not list(tmp_path.iterdir())
     (tmp_path / "copy.json").write_bytes(sessions[0].read_bytes())
     ran = run("compare", sessions[0], tmp_path / "copy.json")
@@ -420,75 +400,52 @@ def test_the_command_says_what_changed_and_writes_a_page(sessions: Files, tmp_pa
     report = bristle.report_of(compared)
     pd.testing.assert_frame_equal(compared.to_frame(), report.frames["changes"])
     assert compared.to_frame()["verdict"].tolist() == [str(c.verdict) for c in compared.changes]
-    first, second = report.write(str(tmp_path / "one")), report.write(tmp_path / "two")
-    assert first == tmp_path / "one" / "index.html"
-    assert first.read_text(encoding="utf-8") == second.read_text(encoding="utf-8") == report.html()
-    lines = report.text().splitlines()
-    assert lines[:2] == [str(compared.sentence), "[[wrist]] revolute"]
+    assert report.text().splitlines()[:2] == [str(compared.sentence), "[[wrist]] revolute"]
     said = "got a Change; expected a result of adapt, compare, fleet, plan, sensitivity or validate"
     with pytest.raises(bristle.InputError, match=said):
         bristle.report_of(compared.changes[0])  # type: ignore[arg-type]
 
 
-def test_captions_and_legends(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Title, legend and axes of the figure do not touch: a few points lie between them, whatever the number of rows."""
-    for count in (1, 12):
-        values = dict.fromkeys([name + d for d in "+-" for name in Lugre._fields][:count], 2.0)
-        figure = present(forest_figure(compare(session(plain(values, 0.1)), session(plain(values, 0.1))), "wrist"))
-        (ax,) = figure.axes
-        legend = present(ax.get_legend())
-        figure.draw_without_rendering()
-        box = legend.get_window_extent()
-        heading = next(t for t in ax.get_children() if isinstance(t, Text) and t.get_text() == "wrist")
-        assert heading.get_window_extent().y0 > box.y1 + 3
-        assert heading.get_window_extent().y1 <= figure.bbox.y1
-        assert box.y0 >= ax.get_window_extent().y1 - 1
+def test_captions() -> None:
+    """The largest change in percent of the first value, in the unit where that is zero; else the largest difference."""
 
-    # the largest change in percent of the first value, in the unit where that is zero; else the largest difference
-    def told(values: Mapping[str, float], kind: Any) -> Session:
-        parameters = {
-            n: Estimate(value=x, unit=unit(n[:-1], kind), standard_error=0.1, interval=(x - 0.196, x + 0.196))
-            for n, x in values.items()
-        }
-        return session(fit_of(source="static +", parameters=parameters), kind=kind)
+    def caption(first: Mapping[str, float], second: Mapping[str, float], kind: Any) -> str:
+        both = []
+        for values in (first, second):
+            parameters = {
+                n: Estimate(value=x, unit=unit(n[:-1], kind), standard_error=0.1, interval=(x - 0.196, x + 0.196))
+                for n, x in values.items()
+            }
+            both.append(session(fit_of(source="static +", parameters=parameters), kind=kind))
+        return next(section.figure.caption for section in report(compare(*both)).sections if section.figure)
 
     unchanged = "changed beyond its joint uncertainty; differences are"
-    rose, fell = "1 of 2 parameters changed; the largest change: α₀ (+) rose", "the largest change: α₀ (+) fell by"
-    two, four = {"alpha_0+": 2.0}, {"alpha_0+": 2.0, "alpha_2+": 4.0}
+    four = {"alpha_0+": 2.0, "alpha_2+": 4.0}
     cases: list[tuple[Mapping[str, float], Mapping[str, float], str, str]] = [
-        (four, {"alpha_0+": 3.0, "alpha_2+": 4.0}, "revolute", f"{rose} by 50.0 ± 7.1 %."),
         (four, {"alpha_0+": 3.0, "alpha_2+": 1.0}, "revolute", "2 of 2 parameters changed; the largest change: α₂ (+) fell by 75.0 ± 3.5 %."),
-        ({"alpha_0+": -2.0}, {"alpha_0+": -3.0}, "revolute", f"1 of 1 parameter changed; {fell} 50.0 ± 7.1 %."),
-        ({"alpha_0+": 0.0}, {"alpha_0+": -3.0}, "prismatic", f"1 of 1 parameter changed; {fell} 3.00 ± 0.14 N."),
+        ({"alpha_0+": -2.0}, {"alpha_0+": -1.0}, "revolute", "1 of 1 parameter changed; the largest change: α₀ (+) rose by 50.0 ± 7.1 %."),
+        ({"alpha_0+": 0.0}, {"alpha_0+": -3.0}, "prismatic", "1 of 1 parameter changed; the largest change: α₀ (+) fell by 3.00 ± 0.14 N."),
         (four, {"alpha_0+": 2.1, "alpha_2+": 3.8}, "revolute", f"None of 2 parameters {unchanged} 1.4 standard errors at most."),
-        (two, two, "revolute", f"None of 1 parameter {unchanged} 0 standard errors at most."),
     ]  # fmt: skip  # a table
-    wrong = []
-    for first, second, kind, found in cases:
-        made = report(compare(told(first, kind), told(second, kind))).sections
-        caption = next(section.figure.caption for section in made if section.figure)
-        wrong += [] if caption.startswith(f"{found} Each parameter") else [caption]
-    assert wrong == []
-    # with every template replaced by its kind's name a comparison comes out the same in every number, kind and severity
-    a, b = ({"sigma_0+": 2.0, "alpha_1+": 1.0}, {"sigma_0+": 3.0, "alpha_2-": 1.0})
-    first = session(plain(a, 0.1, "joint"), correlated(0.0), inputs=("abc",))
-    second = session(plain(b, 0.1, "joint"), correlated(1.5), inputs=("abc", "def"), simulated=True)
-    sessions = {**first, **session(plain({"v_s": 1.0}), joint="elbow")}, second
-    before = compare(*sessions)
-    words = held(before), report(before).text()
-    assert len(before.warnings) > 3
-    without_sentences(monkeypatch)
-    after = compare(*sessions)
-    assert held(after) == words[0]
-    assert report(after).text() != words[1]
+    made = [(caption(first, second, kind), found) for first, second, kind, found in cases]
+    assert [both for both in made if not both[0].startswith(f"{both[1]} Each parameter")] == []
 
 
-Spoil = Callable[[dict[str, Any]], object]  # changes one joint of a document
+Spoil = Callable[[dict[str, Any]], object]  # changes the joint of a document
 
 
-def plus(joint: dict[str, Any]) -> dict[str, Any]:
-    """Its fit of direction +."""
+def spoilt(path: Path, spoil: Spoil, made: Path) -> Path:
+    """A results file of which the joint is changed."""
+    whole = json.loads(path.read_text(encoding="utf-8"))
+    spoil(whole["joints"][HOSTILE])
+    made.write_text(json.dumps(whole), encoding="utf-8")
+    return made
+
+
+def plus(joint: dict[str, Any], **fields: object) -> dict[str, Any]:
+    """Its fit of direction +, with some fields others."""
     fit: dict[str, Any] = joint["static"]["+"]
+    fit.update(fields)
     return fit
 
 
@@ -499,16 +456,8 @@ def alpha(joint: dict[str, Any], **numbers: object) -> None:
 
 def every(joint: dict[str, Any], **numbers: object) -> None:
     """Other numbers of every parameter of every static fit."""
-    for fit in joint["static"].values():
-        for p in fit["parameters"].values():
-            p.update(numbers)
-
-
-def renamed(joint: dict[str, Any], name: str) -> None:
-    """alpha_0 of direction + by another name."""
-    fit = plus(joint)
-    fit["parameters"] = {name if n == "alpha_0" else n: p for n, p in fit["parameters"].items()}
-    fit["names"] = [name if n == "alpha_0" else n for n in fit["names"]]
+    for p in (p for fit in joint["static"].values() for p in fit["parameters"].values()):
+        p.update(numbers)
 
 
 def covariance(joint: dict[str, Any], *rows: Sequence[float | None]) -> None:
@@ -520,141 +469,56 @@ def covariance(joint: dict[str, Any], *rows: Sequence[float | None]) -> None:
 def many(joint: dict[str, Any], count: int) -> None:
     """So many parameters, none of them free."""
     p = plus(joint)["parameters"]["alpha_0"]
-    plus(joint).update(parameters={f"p{k}": p for k in range(count)}, names=[], covariance=[])
+    plus(joint, parameters={f"p{k}": p for k in range(count)}, names=[], covariance=[])
+
+
+def warned(joint: dict[str, Any], **fields: object) -> None:
+    """One warning, with some fields others."""
+    joint["warnings"] = [
+        {"code": "a", "severity": "note", "message": "It sticks.", "numbers": {}, "effect": {}} | fields
+    ]
 
 
 REFUSED: dict[str, tuple[Spoil, str]] = {
     "truth for a number": (lambda x: alpha(x, value=True), "alpha_0.value: Input should be a valid number"),
-    "text for a number": (lambda x: alpha(x, value="1.5"), "alpha_0.value: Input should be a valid number"),
     "infinite value": (lambda x: alpha(x, value="inf"), "alpha_0.value: Input should be a valid number"),
-    "no number for a value": (lambda x: alpha(x, value="nan"), "alpha_0.value: Input should be a valid number"),
     "no number for a bound": (lambda x: alpha(x, interval=["nan", 1.0]), "alpha_0.interval.0"),
-    "infinity by another word": (lambda x: alpha(x, interval=["-Infinity", 1.0]), "alpha_0.interval.0"),
-    "one bound": (lambda x: alpha(x, interval=[1.0]), "alpha_0.interval"),
     "huge value": (lambda x: alpha(x, value=1e308), "is beyond 1e+60"),
     "tiny error": (lambda x: alpha(x, standard_error=1e-308), "below 1e-60"),
+    "negative error": (lambda x: alpha(x, standard_error=-1.0), "a standard error is negative"),
     "number of 400 digits": (lambda x: alpha(x, value=10**400), "Out of range float"),
-    "error of 400 digits": (lambda x: alpha(x, standard_error=-(10**400)), "Out of range float"),
-    "count of 400 digits": (lambda x: plus(x).update(n=10**400), "Out of range float"),
-    "freedom below zero": (lambda x: plus(x).update(degrees_of_freedom=-3), "a fit has -3 degrees of freedom"),
-    "freedom with a fraction": (lambda x: plus(x).update(degrees_of_freedom=1.5), "degrees_of_freedom: Input should be a valid integer"),
-    "no freedom": (lambda x: plus(x).update(degrees_of_freedom=None), "degrees_of_freedom"),
-    "no parameters": (lambda x: plus(x).update(parameters=None), "parameters"),
-    "empty fit": (lambda x: x["static"].update({"+": {}}), "direction: Field required"),
+    "freedom below zero": (lambda x: plus(x, degrees_of_freedom=-3), "a fit has -3 degrees of freedom"),
     "empty joint": (lambda x: x.clear(), "kind: Field required"),
     "covariance without rows": (covariance, "a covariance is not of the 4 parameters"),
-    "name with an escape": (lambda x: renamed(x, "a\x1b[31m"), "U+001B, a control character"),
     "unit with an escape": (lambda x: alpha(x, unit="\x1b]0;N*m"), "U+001B, a control character"),
-    "unit that turns": (lambda x: alpha(x, unit="N\u202em"), "U+202E, a control character"),
     "direction with a line end": (lambda x: x["static"].update({"a\nb": plus(x)}), "U+000A, a control character"),
-    "name that is a book": (lambda x: renamed(x, "a" * 10**6), "has 1000000 characters, more than 400"),
     "unit that is a book": (lambda x: alpha(x, unit="a" * 10**6), "has 1000000 characters, more than 400"),
     "many parameters": (lambda x: many(x, 50_000), "parameters of a joint, more than 400"),
     "many numbers": (lambda x: x.update(assumptions=[""] * 1_000_001), "commas, more than 1000000"),
-    "many wrong numbers": (lambda x: plus(x).update(covariance=[["x"]] * 900_000), "covariance.0.0: Input should be a valid number"),
     "many empty fits": (lambda x: x["static"].update({f"s{k}": {} for k in range(90_000)}), "of its entries are wrong or missing"),
-    "many empty segments": (lambda x: x.update(segments=[{}] * 90_000), "of its entries are wrong or missing"),
     "many objects": (lambda x: x.update(truth={f"s{k}": {} for k in range(200_000)}), "objects, more than 200000"),
-    "warnings that are sentences": (lambda x: x.update(warnings=["The joint sticks."] * 9), "warnings.0: Input should be"),
-    "many sentences": (lambda x: x.update(warnings=["The joint sticks."] * 100_000), "of its entries are wrong or missing"),
-    "a warning without numbers": (lambda x: x.update(warnings=[warning("BOUND") | {"numbers": [1]}]), "warnings.0.numbers: Input should be"),
-    "a warning of no severity": (lambda x: x.update(warnings=[warning("BOUND") | {"severity": "mild"}]), "warnings.0.severity: Input should be"),
+    "a warning without numbers": (lambda x: warned(x, numbers=[1]), "warnings.0.numbers: Input should be"),
     "ragged covariance": (lambda x: covariance(x, [1.0], [1.0, 2.0]), "its rows are not of one length"),
     "a truth of other parameters": (lambda x: x.update(truth={"+": {"alpha_0": 1.0}}), "expected alpha_0, alpha_1"),
-    "deep warnings": (lambda x: x.update(warnings=[warning("BOUND", name=nested(900))]), "recursion limit"),
-    "deep": (lambda x: x.update(assumptions=nested(150)), "assumptions.0: Input should be a valid string"),
+    "deep": (lambda x: warned(x, numbers={"a": json.loads(900 * "[" + 900 * "]")}), "recursion limit"),
 }  # fmt: skip  # a table
-
-
-def warning(kind: str, **numbers: object) -> dict[str, Any]:
-    return {"code": kind, "severity": "note", "message": "The joint sticks.", "numbers": numbers, "effect": {}}
-
-
-def nested(depth: int) -> list[Any]:
-    """A list in a list in a list."""
-    found: list[Any] = []
-    for _ in range(depth):
-        found = [found]
-    return found
-
-
 COMPARED: dict[str, Spoil] = {
     "nothing known": lambda x: every(x, value=None, standard_error=None, interval=None),
     "no fit": lambda x: x.update(static={}),
-    "no parameter": lambda x: many(x, 0),
     "all zero": lambda x: every(x, value=0, standard_error=0, interval=[0, 0]),
-    "one point": lambda x: every(x, value=1.0, standard_error=1.0, interval=[1.0, 1.0]),
-    "value outside of its interval": lambda x: every(x, value=1.0, standard_error=0.1, interval=[2.0, 3.0]),
     "largest": lambda x: every(x, value=9e59, standard_error=9e59, interval=[1e-300, 1e308]),
     "smallest": lambda x: every(x, value=2e-60, standard_error=2e-60, interval=[-1e-300, 2e-60]),
-    "largest over smallest": lambda x: every(x, value=2e-60, standard_error=9e59, interval=[1e-60, 9e59]),
-    "smallest over largest": lambda x: every(x, value=9e59, standard_error=2e-60, interval=[2e-60, 9e59]),
     "open": lambda x: every(x, interval=["-inf", "inf"]),
     "unknown covariance": lambda x: covariance(x, *[[None] * 4] * 4),
-    "covariance of zeros": lambda x: covariance(x, *[[0.0] * 4] * 4),
-    "covariance below zero": lambda x: covariance(x, *[[-1e308] * 4] * 4),
     "tiny covariance": lambda x: covariance(x, *([5e-324 if i == j else 1e119 for i in range(4)] for j in range(4))),
     "lopsided covariance": lambda x: covariance(x, [1, 2, 0, 0], [0.5, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]),
-    "covariance of one": lambda x: covariance(x, *[[1.0] * 4] * 4),
-    "much freedom": lambda x: plus(x).update(degrees_of_freedom=10**17, n=10**17),
-    "no freedom": lambda x: plus(x).update(degrees_of_freedom=0, n=-1),
-    "free parameters that are none": lambda x: plus(x).update(names=["a", "b", "c", "d"]),
-    "one free parameter twice": lambda x: plus(x).update(names=["alpha_0", "alpha_0", "alpha_2", "v_s"]),
-    "one free parameter four times": lambda x: plus(x).update(names=["alpha_0"] * 4),
-    "unknown unit": lambda x: every(x, unit="furlong"),
-    "no unit": lambda x: every(x, unit=""),
-    "no name": lambda x: renamed(x, ""),
-    "half a symbol": lambda x: renamed(x, "v_"),
-    "template for a name": lambda x: renamed(x, r"\g<0>\q$\undefined{"),
-    "many warnings": lambda x: x.update(warnings=[warning("NO_SUCH_KIND")] * 40_000),
-    "warnings without their numbers": lambda x: x.update(warnings=[warning("BOUND"), warning("NOT_CONVERGED")]),
-    "a warning inside of a warning": lambda x: x.update(
-        warnings=[warning("NO_STRIBECK", why=warning("BOUND", name=[None, "inf"]))]
-    ),
+    "much freedom": lambda x: plus(x, degrees_of_freedom=10**17, n=10**17),
+    "no freedom": lambda x: plus(x, degrees_of_freedom=0, n=-1),
+    "free parameters that are none": lambda x: plus(x, names=["a", "b", "c", "d"]),
+    "one free parameter four times": lambda x: plus(x, names=["alpha_0"] * 4),
+    "template for a name": lambda x: plus(x, parameters={r"\g<0>\q$\undefined{": plus(x)["parameters"]["alpha_0"]}),
     "as many parameters as can be": lambda x: many(x, 390),
 }
-
-
-SPOILT: dict[str, tuple[Spoil, str]] = {
-    "negative error": (lambda x: alpha(x, standard_error=-1.0), "a standard error is negative"),
-    "interval that ends first": (lambda x: alpha(x, interval=[1.0, 0.5]), "an interval ends before it begins"),
-    "no static fit": (lambda x: x.pop("static"), "static: Field required"),
-    "another kind": (lambda x: x.update(kind="prismatic"), "is revolute in one session and prismatic in the other"),
-    "another unit": (lambda x: alpha(x, unit="furlong"), "alpha_0+ is in N*m and in furlong"),
-}
-JOINTS: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
-    "none": (lambda _: {}, "no joint is in both sessions"),
-    "many others": (lambda x: {f"j{k}": x for k in range(100)}, "no joint is in both sessions: one has <script>"),
-    "far too many": (lambda x: {f"j{k}": x for k in range(10_000)}, "10000 joints, more than 100"),
-    "an escape": (lambda x: {"\x1b[1mwrist": x}, "U+001B, a control character"),
-    "a book": (lambda x: {"w" * 10_000: x}, "has 10000 characters, more than 400"),
-    "null": (lambda _: None, "joints: Input should be an object"),
-    "a list": (lambda _: [], "joints: Input should be an object"),
-}
-TEXTS = {
-    "empty": ("", "is not a results file"),
-    "no JSON": ("{]", "is not a results file"),
-    "a list": ("[1, 2]", "is not a results file"),
-    "deep": ("[" * 100_000, "is not a results file"),
-    "NaN": ('{"schema": NaN}', "Out of range float"),
-    "huge number": ('{"schema": ' + "9" * 5000 + "}", "is not a results file"),
-    "infinite": ('{"schema": 1e999}', "is not a results file"),
-    "an older schema": ('{"schema": "bristle-results/1"}', "is not a results file of schema bristle-results/3 (schema"),
-}  # fmt: skip  # a table
-
-
-def texts(good: Path) -> Iterator[tuple[str, str, str]]:
-    """Results files that are none, or of another joint: what each is, its text, and what its sentence must name."""
-    for what, (text, named) in TEXTS.items():
-        yield what, text, named
-    for what, (spoil, named) in SPOILT.items():
-        whole = json.loads(good.read_text(encoding="utf-8"))
-        spoil(whole["joints"][HOSTILE])
-        yield what, json.dumps(whole), named
-    whole = json.loads(good.read_text(encoding="utf-8"))
-    bare = whole["joints"][HOSTILE] | {"static": {}, "segments": [], "models": [], "laws": None, "crosscheck": {}}
-    for what, (joints, named) in JOINTS.items():
-        yield f"joints: {what}", json.dumps({**whole, "joints": joints(bare)}), named
 
 
 def test_a_bad_file_is_one_sentence_and_nothing_is_written(
@@ -664,58 +528,55 @@ def test_a_bad_file_is_one_sentence_and_nothing_is_written(
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "file").write_text("mine")
     os.mkfifo(tmp_path / "pipe")
-    wrong = []
+    wrong, good = [], sessions[1].read_text(encoding="utf-8")
 
-    def refused(what: str, second: Path, named: str, output: str = "out") -> None:
+    def refused(second: Path, named: str, output: str = "out") -> None:
         ran = run("compare", sessions[0], second, "-o", tmp_path / output)
         short = ran.code == 2 and len(ran.said) == 1 and ran.err.startswith("bristle: ") and len(ran.err) < 600
         if not short or named not in ran.err or ran.out:
-            wrong.append((what, ran))
+            wrong.append((named, ran))
 
-    for what, text, named in texts(sessions[0]):
+    name = json.dumps(HOSTILE)
+    for text, named in (
+        ("{]", "is not a results file"),
+        ('{"schema": NaN}', "Out of range float"),
+        ('{"schema": ' + "9" * 5000 + "}", "is not a results file"),
+        (good.replace("bristle-results/3", "bristle-results/1"), "is not a results file of schema bristle-results/3 (schema"),
+        (good.replace(name, '"elbow"'), "no joint is in both sessions: one has <script>"),
+        (good.replace(name, '"\\u001b[1mwrist"'), "U+001B, a control character"),
+        (good.replace('"revolute"', '"prismatic"', 1), "is revolute in one session and prismatic in the other"),
+    ):  # fmt: skip  # a table
+        assert text != good
         (tmp_path / "b.json").write_text(text, encoding="utf-8")
-        refused(what, tmp_path / "b.json", named)
-    refused("missing", tmp_path / "none.json", "none.json")
-    refused("a folder", tmp_path, str(tmp_path))
-    refused("bytes", tmp_path / "binary", "is not a results file")
-    refused("a pipe", tmp_path / "pipe", "pipe: is a pipe; expected a file")
-    refused("an output in the way", sessions[1], "file", "file")
+        refused(tmp_path / "b.json", named)
+    refused(
+        spoilt(sessions[1], lambda x: alpha(x, unit="furlong"), tmp_path / "b.json"),
+        "alpha_0+ is in N*m and in furlong",
+    )
+    refused(tmp_path / "none.json", "none.json")
+    refused(tmp_path, str(tmp_path))
+    refused(tmp_path / "binary", "is not a results file")
+    refused(tmp_path / "pipe", "pipe: is a pipe; expected a file")
+    refused(sessions[1], "file", "file")
     monkeypatch.setattr(document, "LARGEST", 1000)
-    refused("too large", sessions[1], "is larger than 1000 bytes; expected a results file")
+    refused(sessions[1], "is larger than 1000 bytes; expected a results file")
     assert wrong == []
     assert set(tree(tmp_path)) == {"b.json", "binary", "file", "pipe"}
-
-
-def told(what: str, sessions: Files, folder: Path) -> Iterator[str]:
-    """What is wrong about the answers to a document that one session, and both, are spoilt to."""
-    names = []
-    for k, path in enumerate(sessions):
-        whole = json.loads(path.read_text(encoding="utf-8"))
-        COMPARED[what](whole["joints"][HOSTILE])
-        names.append(folder / f"{k}.json")
-        names[-1].write_text(json.dumps(whole), encoding="utf-8")
-    made = bristle.report_of(bristle.compare(*names))
-    if "nan" in made.text() or not made.html().endswith("</html>"):
-        yield f"{what}, both: {made.text()[:200]}"
-    try:
-        text = bristle.report_of(bristle.compare(sessions[0], names[1])).text()
-    except bristle.InputError as error:
-        text = "" if what in {"unknown unit", "no unit"} else f"nan {error}"
-    if "nan" in text:
-        yield f"{what}, one: {text[:200]}"
 
 
 @pytest.mark.slow
 def test_any_numbers_are_compared_or_refused(sessions: Files, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Numbers beyond all measure, in one session and in both: a result (of both a page), or one short sentence; no warning."""
-    wrong = [fault for what in COMPARED for fault in told(what, sessions, tmp_path)]
+    wrong = []
+    for what, spoil in COMPARED.items():
+        a, b = (spoilt(path, spoil, tmp_path / f"{k}.json") for k, path in enumerate(sessions))
+        made, one = (bristle.report_of(bristle.compare(first, b)) for first in (a, sessions[0]))
+        whole = made.html().endswith("</html>")
+        wrong += [] if whole and "nan" not in made.text() + one.text() else [f"{what}: {made.text()[:200]}"]
     for what, (spoil, named) in REFUSED.items():
-        whole = json.loads(sessions[1].read_text(encoding="utf-8"))
-        spoil(whole["joints"][HOSTILE])
-        (tmp_path / "bad.json").write_text(json.dumps(whole), encoding="utf-8")
         sentence = ""
         try:
-            bristle.compare(sessions[0], tmp_path / "bad.json")
+            bristle.compare(sessions[0], spoilt(sessions[1], spoil, tmp_path / "bad.json"))
         except bristle.InputError as error:
             sentence = str(error)
         if named not in sentence or "\n" in sentence or len(sentence) > 600 + len(str(tmp_path)):
@@ -726,14 +587,14 @@ def test_any_numbers_are_compared_or_refused(sessions: Files, tmp_path: Path, mo
     # as many joints as a file may have end in a page, with a figure for each of the first ones and a table for all
     monkeypatch.setattr("bristle.page.page.render", lambda _: (b"<svg />", b""))
     for k, path in enumerate(sessions):
-        whole = json.loads(path.read_text(encoding="utf-8"))
-        whole["joints"] = {f"joint {j}": whole["joints"][HOSTILE] for j in range(100)}
-        (tmp_path / f"{k}.json").write_text(json.dumps(whole), encoding="utf-8")
+        document = json.loads(path.read_text(encoding="utf-8"))
+        document["joints"] = {f"joint {j}": document["joints"][HOSTILE] for j in range(100)}
+        (tmp_path / f"{k}.json").write_text(json.dumps(document), encoding="utf-8")
     ran = run("compare", tmp_path / "0.json", tmp_path / "1.json", "-o", tmp_path / "out")
     assert (ran.code, ran.said) == (0, [])
     page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
     assert page.count("<h2>joint ") == 100
-    assert page.count("<svg ") == len(list((tmp_path / "out" / "figures").glob("*.svg"))) == 30
+    assert page.count("<svg ") == 30
     assert "Figures show the first 30 joints; the tables contain all." in page
 
 
@@ -744,10 +605,9 @@ def known() -> Iterator[None]:
 
 
 @cache
-def session_of_law(law: str, of: str = "", seed: int = 0, **changed: float) -> Session:
-    """Points of a joint `of` a law, else that of the fit, with some of its parameters others, fitted under a law."""
-    truth = truth_of(of or law)._replace(**changed)
-    return session_of([points(law, truth, seed).joint])
+def session_of_law(law: str, seed: int = 0, **changed: float) -> Session:
+    """Points of a joint of a law, with some of its parameters others, fitted under it."""
+    return session_of([points(law, truth_of(law)._replace(**changed), seed).joint])
 
 
 def names(found: Comparison, *, compared: bool) -> set[str]:
@@ -775,42 +635,23 @@ def test_what_is_compared_under_two_laws(tmp_path: Path) -> None:
     (change,) = (c for c in found.changes if c.parameter.name == "alpha_3")
     assert change.changed
     assert change.difference == pytest.approx(0.004, rel=0.2)
-    # breakaway is compared, what each law alone defines is not, and no cause is named; one sentence says so and what to do
-    found = compare(session_of_law("paper", of=DRAG), session_of_law(DRAG))
-    assert names(found, compared=True) == {"breakaway"}
-    assert names(found, compared=False) == {"alpha_0", "alpha_1", "alpha_2", "v_s", "alpha_3"}
-    reasons = {str(c.verdict) for c in found.changes if c.changed is None}
-    assert reasons == {"Not comparable: it means another thing in the law of each session."}
-    assert "torque-scale" not in [x.code for x in found.warnings]
-    (told,) = (x for x in found.warnings if x.code in ("laws-differ", "models-differ"))
-    assert told.code == "laws-differ"
-    assert f"law: {DRAG}" in str(told)
-    # one curve under two peaks: nothing changed, though alpha_0 of the one is not alpha_0 of the other
-    found = compare(session_of_law("paper"), session_of_law(EXPONENT, of="paper", seed=1))
-    assert names(found, compared=True) == {"breakaway"}
-    assert not any(c.changed for c in found.changes)
-    # its variance is that of alpha_0 and alpha_1 with their covariance; a joint that breaks away elsewhere has changed
-    fit = points("paper").joint.static["both"]
-    at = [fit.names.index(name) for name in ("alpha_0", "alpha_1")]
-    found = compare(session_of_law("paper"), session_of_law(EXPONENT, of="paper", seed=1, alpha_1=0.008))
-    (change,) = (c for c in found.changes if c.parameter.name == "breakaway")
-    assert change.first is not None
-    assert change.first.value == pytest.approx(sum(fit.parameters[n].value or 0.0 for n in ("alpha_0", "alpha_1")))
-    assert change.first.standard_error == pytest.approx(np.sqrt(fit.covariance[np.ix_(at, at)].sum()))
-    assert change.changed
-    assert change.difference == pytest.approx(0.0025, rel=0.2)
     # no parameter of the curve means the same in two laws, even of one peak; sigma_0, sigma_1 and the inertia always do
     a, b = law_named("lorentzian"), law_named(DRAG)
     assert all(alike(name, a, b) for name in ("sigma_0", "sigma_1", "inertia", "offset"))
     assert not any(alike(name, a, b) for name in ("alpha_0", "alpha_1", "alpha_2", "alpha_3", "v_s"))
     assert not alike("delta", law_named("paper"), law_named(EXPONENT))
     assert alike("alpha_0", b, b)
-    # two results files of two laws give the same, and the page says that the laws differ
+    # so of two results files nothing is compared; one sentence says so and what to do, on the page too
     paths = [write(tmp_path / stem, speeds(), stem=stem) for stem in ("first", "second")]
     paths[1].write_text(paths[1].read_text() + f"fit: {{law: {DRAG}}}\n")
     files = [path.parent / "results.json" for path in paths]
     for path, file in zip(paths, files, strict=True):
         file.write_text(bristle.identify(path).to_json(), encoding="utf-8")
     found = bristle.compare(*files)
-    assert {name.rstrip("+-") for name in names(found, compared=True)} == {"breakaway"}
+    reasons = {str(c.verdict) for c in found.changes if c.changed is None}
+    assert reasons == {"Not comparable: it means another thing in the law of each session."}
+    assert not names(found, compared=True)
+    (told,) = (x for x in found.warnings if x.code in ("laws-differ", "models-differ"))
+    assert told.code == "laws-differ"
+    assert f"law: {DRAG}" in str(told)
     assert "has the friction law gaussian" in page_text(bristle.report_of(found).write(tmp_path / "page"))

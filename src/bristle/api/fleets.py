@@ -13,13 +13,11 @@ from bristle.errors import InputError, short
 from bristle.findings import Severity
 from bristle.identification.known_joint import chosen
 from bristle.identification.verdict import row_warnings, verdict
-from bristle.page.output_folder import FLEET, MARKER
 from bristle.page.wording import counted
 from bristle.progress import Progress, step
-from bristle.questions.fleet import cluster, files
+from bristle.questions.fleet import cluster
 from bristle.questions.fleet.catalog import read_catalog
 from bristle.questions.fleet.engine import held, run_fleet
-from bristle.questions.fleet.tasks import Identified
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -69,24 +67,13 @@ class Fleet(NamedTuple):
     def __str__(self) -> str:
         return self.text()
 
-    def write(self, folder: Path | str) -> str:
-        """Write the pages, figures and tables into a folder, or a URL of one; returns the place of index.html.
+    def write(self, folder: Path | str) -> Path:
+        """Write the pages, figures and tables into a folder; returns the path of index.html.
 
         In a folder only what bristle made there before is replaced. Raises InputError where it cannot be used, with
         nothing half-written.
         """
-        report, there = self.report(), str(folder)
-        if not files.is_remote(there):
-            return str(report.write(folder))
-        with tempfile.TemporaryDirectory(prefix="bristle-") as place:
-            made = report.write(Path(place) / "page").parent
-            names = sorted(x.relative_to(made).as_posix() for x in made.rglob("*") if x.is_file() and x.name != MARKER)
-            files.claim_folder(there, {*names, *FLEET})
-            for part in ("figures", "tables"):
-                files.make_folder(files.joined_path(there, part))
-            for name in sorted(names, key="index.html".__eq__):  # which comes last
-                files.write_whole(files.joined_path(there, name), (made / name).read_bytes())
-        return files.joined_path(there, "index.html")
+        return self.report().write(folder)
 
 
 def fleet(
@@ -118,8 +105,8 @@ def fleet(
     Args:
         catalog: a CSV or Parquet file or a DataFrame with the columns file, unit, session and perhaps joint, type,
             temperature (deg C), load and tags (`baseline` begins the joint anew); or a pattern such as
-            `logs/{unit}/{session}/{type}.yaml`. Any of them may be a URL of fsspec.
-        output: the folder of the dataset, or a URL of one: what it has is not identified again. None: nothing is kept.
+            `logs/{unit}/{session}/{type}.yaml`.
+        output: the folder of the dataset: what it has is not identified again. None: nothing is kept.
         client: a `distributed.Client`, or a context that gives one; None: that of this process, or a local cluster.
         workers: processes of that cluster; in a script they need `if __name__ == "__main__":` around the call.
         memory: of each of them, as `2 GiB`.
@@ -140,13 +127,12 @@ def fleet(
     rows = read_catalog(catalog)
     step(progress, "starting the cluster")
     with ExitStack() as stack:
-        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="bristle-")) if output is None else str(output)
-        if "://" not in folder:
-            folder = str(Path(folder).absolute())
+        own = stack.enter_context(tempfile.TemporaryDirectory(prefix="bristle-")) if output is None else output
+        folder = Path(own).absolute()
         stack.enter_context(held(folder))
-        own = stack.enter_context(_client(client, workers, memory))
-        begun(cluster.dashboard_of(own))
-        run = run_fleet(rows, folder, own, identified_joint, verify=verify, progress=progress)
+        dask = stack.enter_context(_client(client, workers, memory))
+        begun(cluster.dashboard_of(dask))
+        run = run_fleet(rows, folder, dask, identified_joint, verify=verify, progress=progress)
     step(progress, "comparing sessions")
     frame = run.table.to_pandas()
     found = findings(frame, rate, baseline)
@@ -154,8 +140,8 @@ def fleet(
     return Fleet(frame, found, run.identified, run.unchanged, run.failed, where)
 
 
-def identified_joint(path: Path, joint: str) -> Identified:
-    """Measure and identify one joint of a file, as a task of a fleet. Raises InputError."""
+def identified_joint(path: Path, joint: str) -> list[dict[str, Any]]:
+    """Rows of the dataset of one joint of a file, as a task of a fleet. Raises InputError where there are none."""
     found = identify(path, joint=joint).joint()
     use, rows = verdict(found), []
     for row in chosen(found):
@@ -168,8 +154,9 @@ def identified_joint(path: Path, joint: str) -> Identified:
             "warnings": " ".join(dict.fromkeys(x.code for x in said)), "use": str(use.trust), "kind": found.kind.partition(" ")[0],
             "simulated": found.simulated,
         })  # fmt: skip  # a row
-    why = f"{found.name}: nothing was identified{f': {use.reason}' if use.reason else ''}"
-    return Identified(rows, {one.file: one.sha256 for one in found.inputs}, why)
+    if not rows:
+        raise InputError(f"{found.name}: nothing was identified{f': {use.reason}' if use.reason else ''}")
+    return rows
 
 
 def connected(

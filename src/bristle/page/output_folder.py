@@ -19,9 +19,9 @@ _PAGE = re.compile(
     r"[a-z]+\.html|report\.zip|(results|timings)\.json|figures/[a-z0-9_-]+\.(svg|png|csv)|tables/[a-z0-9_-]+\.csv"
 )
 # the dataset of a fleet: a marker may list nothing else than these and the files of a page
-RESULTS, TASKS, LEDGER, LOCK = FLEET = ("results", "tasks", "ledger.parquet", ".lock")
+RESULTS, TASKS, LEDGER, LOCK = FLEET = ("results", "tasks", "ledger.json", ".lock")
 # files of a folder that no page of another question may replace
-_WHOLE = {"results.json": "a report", "ledger.parquet": "a fleet"}
+_WHOLE = {"results.json": "a report", "ledger.json": "a fleet"}
 _FILES = ("index.html", "results.json", "timings.json", "report.zip")  # files that most pages have
 
 

@@ -5,8 +5,6 @@ each unit's value shrunken to the type's mean.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
-from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +19,6 @@ from bristle.estimation.robust import Population, population, without_each
 from bristle.estimation.step_test import Levels, Steps, step_scan
 from bristle.questions.fleet.quantities import Adjusted, Roster, padded
 
-COMPARED = 0.05  # false discovery rate of steps by the estimates' own errors alone
 LEAST_UNITS = 5  # least joints of a type for its mean and spread
 MOST_LEFT_OUT = 50  # most joints of a type of which each is compared with the others alone
 _UNIT_COLUMNS = {
@@ -113,16 +110,6 @@ def ranked(people: Roster, changes: pd.DataFrame, decided: Decided) -> pd.DataFr
     table = table.assign(adjusted_p=decided.adjusted, changed=decided.changed)[people.table["now"]]
     table = table.sort_values(["adjusted_p", "p", "size", "unit", "joint"], kind="stable", na_position="last")
     return table.assign(rank=np.arange(1, len(table) + 1)).drop(columns=["p", "size"])
-
-
-def beyond_errors(quantities: Sequence[Adjusted], frame: pd.DataFrame) -> pd.DataFrame:
-    """Significant steps by the estimates' own errors alone, as `compare` tests; columns as of `change_rows`."""
-    bare = [replace(x, fit=x.fit._replace(variance=0.0, freedom=inf)) for x in quantities]
-    tests = [step_tests(x, 1) for x in bare]
-    decided = decide(tests, int(max((x.of.joints.max() for x in bare), default=-1)) + 1, COMPARED)
-    rows = change_rows(tests, decided, frame)
-    at_once = false_discovery(decided.p) <= COMPARED
-    return rows[at_once].sort_values("p", kind="stable", ignore_index=True)
 
 
 def own_levels(one: Adjusted, most: NDArray[np.intp]) -> tuple[Array, Array]:

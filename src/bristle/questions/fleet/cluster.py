@@ -3,8 +3,7 @@
 import asyncio
 import logging
 import secrets
-import socket
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from itertools import count, islice
@@ -13,13 +12,11 @@ from time import monotonic, sleep
 from typing import Any
 
 from bristle.errors import InputError, one_line, short
-from bristle.questions.fleet.files import digest_of
 from bristle.questions.fleet.tasks import version_difference, versions
 from bristle.workers import cores, pinned
 
 Client = Any  # a `distributed.Client`
 _LOOPBACK = "127.0.0.1"
-_DASHBOARD = 8787
 _WAIT = 60.0  # s, for a scheduler or its first worker, and until workers without a result are asked
 _POLL = 0.02  # s, between two looks at what has ended
 _UNINTERRUPTED = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"  # of our own workers, at their start
@@ -63,7 +60,6 @@ def check_installed() -> None:
     """Raise InputError where a package that a fleet needs is not installed."""
     try:
         import distributed  # noqa: F401
-        import fsspec  # noqa: F401
         import pyarrow  # noqa: F401
     except ImportError as error:
         raise InputError(
@@ -98,18 +94,12 @@ def local_client(workers: int | None = None, memory: str | None = None) -> Itera
     # A starting worker runs the user's script up to here.
     if getattr(current_process(), "_inheriting", False):
         raise SystemExit(_UNGUARDED)
-    processes, limit, port = workers or cores(), _bytes_of(memory), _DASHBOARD
-    with socket.socket() as one:
-        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            one.bind((_LOOPBACK, port))
-        except OSError:
-            port = 0  # any that is free
+    processes, limit = workers or cores(), _bytes_of(memory)
     with quiet(), pinned(), dask.config.set(_LEAN):
         try:
             cluster = distributed.LocalCluster(
                 n_workers=processes, threads_per_worker=1, processes=True, host=_LOOPBACK, memory_limit=limit or "auto",
-                dashboard_address=f"{_LOOPBACK}:{port}", silence_logs=logging.CRITICAL, preload=[_UNINTERRUPTED],
+                dashboard_address=f"{_LOOPBACK}:0", silence_logs=logging.CRITICAL, preload=[_UNINTERRUPTED],
             )  # fmt: skip  # a list of values
         except RuntimeError as error:
             raise InputError(
@@ -213,43 +203,16 @@ def wait_for_worker(client: Client) -> None:
         ) from error
 
 
-def check_workers(client: Client) -> None:
-    """Raise InputError where there is no worker, or one has no bristle or another version of a library."""
+def check_workers(client: Client, here: Sequence[tuple[str, str]]) -> None:
+    """Raise InputError where there is no worker, or one has no bristle or other `versions` than these."""
     wait_for_worker(client)
-    here = versions()
-    for worker, found in client.get_versions(check=False)["workers"].items():
-        python = str(found["packages"].get("python", "")) if "packages" in found else str(dict(found["host"])["python"])
-        known = (*(x for x in here if x[0] != "Python"), ("Python", ".".join(python.split(".")[:2])))
-        if wrong := version_difference(here, known, worker):  # another Python cannot read what is sent
-            raise InputError(wrong)
-
-    def theirs() -> Any:
-        """Versions of the worker, or why bristle cannot be imported; sent by value."""
-        try:
-            from bristle.questions.fleet.tasks import versions as its
-        except ImportError as error:
-            return str(error)
-        return its()
-
-    for worker, found in client.run(theirs, on_error="return").items():
-        if isinstance(found, BaseException | str):
+    for worker, found in client.run(versions, on_error="return").items():
+        if isinstance(found, BaseException):
             raise InputError(
                 f"the worker {worker} cannot import bristle ({one_line(str(found), 120)}); install bristle[fleet] {dict(here)['bristle']} on all"
             )
         if wrong := version_difference(here, found, worker):
             raise InputError(wrong)
-
-
-def reached(client: Client, names: list[str]) -> bool:
-    """Whether all workers read the same content of some files as this process."""
-
-    def digests() -> list[str] | None:
-        with suppress(OSError, InputError):
-            return [digest_of(name) for name in names]
-        return None
-
-    own = digests()
-    return not names or all(found == own for found in client.run(digests, on_error="return").values())
 
 
 class _UnderWay:

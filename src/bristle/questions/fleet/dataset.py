@@ -1,13 +1,14 @@
-"""The dataset of a fleet in Parquet, with equal bytes for equal results, and the files of its tasks."""
+"""The dataset of a fleet in Parquet, with equal bytes for equal results, and the journal of tasks that are not in it yet."""
 
 import io
+import json
 from collections.abc import Collection, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bristle.errors import InputError, one_line
 from bristle.page.output_folder import RESULTS, TASKS
-from bristle.questions.fleet.files import joined_path, make_folder, names_in, read_bytes, write_whole
 from bristle.questions.fleet.survey import SCHEMA
 
 if TYPE_CHECKING:
@@ -19,130 +20,110 @@ COLUMNS = {
     "unit": _TEXT, "joint": _TEXT, "type": _TEXT, "session": "time", "direction": _TEXT, "parameter": _TEXT, "value": _NUMBER,
     "value_unit": _TEXT, "standard_error": _NUMBER, "lower": _NUMBER, "upper": _NUMBER, "source": _TEXT, "severity": _TEXT,
     "warnings": _TEXT, "use": _TEXT, "kind": _TEXT, "simulated": "truth", "temperature": _NUMBER, "load": _NUMBER, "tags": _TEXT,
-    "file": _TEXT, "key": _TEXT, "failure": _TEXT, "left_out": _TEXT,
+    "file": _TEXT, "key": _TEXT, "failure": _TEXT,
 }  # fmt: skip  # text (a dictionary), number (float64), time (UTC, microseconds), truth (bool)
 _TEXTS = [name for name, holds in COLUMNS.items() if holds == _TEXT]
-OF_TASK = (
-    "direction", "parameter", "value", "value_unit", "standard_error", "lower", "upper", "source", "severity", "warnings", "use", "kind",
-    "simulated", "key", "failure",
-)  # fmt: skip  # columns of a task; the others are the catalog's
+_OF_CATALOG = ("unit", "joint", "type", "session", "temperature", "load", "tags", "file")
+OF_TASK = [name for name in COLUMNS if name not in _OF_CATALOG]
 ORDER = ("unit", "joint", "session", "direction", "parameter", "file", "failure")
 DATASET = f"{RESULTS}/dataset.parquet"  # in an output
-_READERS = 16
+JOURNAL = f"{TASKS}/rows.jsonl"  # the rows of a task a line
 
 
-def schema_of(columns: Sequence[str], *, coded: bool) -> "pa.Schema":
-    """The Arrow schema of some columns; `coded`: text as a dictionary."""
+def schema() -> "pa.Schema":
+    """The Arrow schema of the dataset."""
     import pyarrow as pa
 
-    text = pa.dictionary(pa.int32(), pa.string()) if coded else pa.string()
+    text = pa.dictionary(pa.int32(), pa.string())
     types = {_TEXT: text, _NUMBER: pa.float64(), "time": pa.timestamp("us"), "truth": pa.bool_()}
-    return pa.schema([(name, types[COLUMNS[name]]) for name in columns], metadata={"bristle": SCHEMA})
+    return pa.schema([(name, types[holds]) for name, holds in COLUMNS.items()], metadata={"bristle": SCHEMA})
 
 
-def task_bytes(key: str, rows: Sequence[Mapping[str, Any]], failure: str | None = None) -> bytes:
-    """The rows of an identified joint, or one row of a failure, as Parquet with the columns `OF_TASK`."""
-    import pyarrow as pa
-
-    common = {"key": key, "failure": failure and one_line(failure)}
-    whole = [{**row, **common} for row in rows or [dict.fromkeys(OF_TASK)]]
-    table = pa.Table.from_pylist(whole, schema=schema_of(OF_TASK, coded=False))
-    return parquet_of(table, compression="none", use_dictionary=False, write_statistics=False, store_schema=False)
-
-
-def parquet_of(table: "pa.Table", **how: Any) -> bytes:
-    """A table as Parquet; `how` as of `pyarrow.parquet.write_table`."""
-    import pyarrow.parquet as pq
-
-    sink = io.BytesIO()
-    pq.write_table(table, sink, **how)
-    return sink.getvalue()
+def journalled(output: Path) -> dict[str, list[dict[str, Any]]]:
+    """The rows of each task in the journal, by its key; a line that a killed run left half-written is none."""
+    found = {}
+    with suppress(FileNotFoundError):
+        for line in (output / JOURNAL).read_text(encoding="utf-8").splitlines():
+            with suppress(ValueError, LookupError, TypeError):
+                rows = json.loads(line)
+                found[rows[0]["key"]] = rows
+    return found
 
 
-def read_parquet(name: str, **how: Any) -> "pa.Table":
-    """The table of a Parquet file; `how` and errors as of `pyarrow.parquet.ParquetFile.read`."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    return pq.ParquetFile(pa.BufferReader(read_bytes(name))).read(**how)
-
-
-def task_file(folder: str, key: str) -> str:
-    """Path of the rows of a task."""
-    return joined_path(folder, f"{TASKS}/{key}.parquet")
+def journal(output: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Add the rows of a task to the journal. Raises OSError where it cannot be written."""
+    path = output / JOURNAL
+    try:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(f"\n{json.dumps(rows)}")  # what a killed run left half-written stays a line of its own
+    except OSError as error:  # of a full disk, which names no file
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
 
 
-def task_keys(folder: str) -> set[str]:
-    """Keys of the tasks whose rows are in an output."""
-    names = names_in(joined_path(folder, TASKS))
-    return {name.removesuffix(".parquet") for name in names if name.endswith(".parquet") and not name.startswith(".")}
+def known_results(output: Path, keys: Collection[str]) -> "pd.DataFrame":
+    """The rows with these keys, each once, of the last run's dataset and of the journal, columns `OF_TASK`."""
+    import pandas as pd
+
+    table = read_dataset(output).select(OF_TASK).to_pandas().astype(object)
+    told = [row for rows in journalled(output).values() for row in rows]
+    both = pd.concat([table, pd.DataFrame(told, columns=OF_TASK, dtype=object)], ignore_index=True)
+    wanted: pd.DataFrame = both[both["key"].isin(list(keys))]
+    return wanted.drop_duplicates(["key", "direction", "parameter", "failure"])
 
 
-def read_tasks(folder: str, keys: Collection[str]) -> tuple["pa.Table", set[str]]:
-    """The rows of some tasks, and the keys of those whose file is damaged or missing."""
-    import pyarrow as pa
-
-    def read(key: str) -> "pa.Table | None":
-        try:
-            return read_parquet(task_file(folder, key), use_threads=False).cast(schema_of(OF_TASK, coded=False))
-        except (pa.ArrowException, ValueError, OSError):
-            return None
-
-    ordered = sorted(keys)
-    with ThreadPoolExecutor(_READERS) as pool:
-        tables = list(pool.map(read, ordered))
-    good = [table for table in tables if table is not None]
-    empty = schema_of(OF_TASK, coded=False).empty_table()
-    return pa.concat_tables([empty, *good]), {key for key, table in zip(ordered, tables, strict=True) if table is None}
-
-
-def read_dataset(folder: str) -> "pa.Table":
+def read_dataset(output: Path) -> "pa.Table":
     """The dataset of an output, perhaps without rows. Raises InputError where the file is damaged or not bristle's."""
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
-    name, schema = joined_path(folder, DATASET), schema_of(tuple(COLUMNS), coded=True)
+    path = output / DATASET
+    if not path.exists():
+        return schema().empty_table()
     try:
-        table = read_parquet(name)
+        table = pq.ParquetFile(pa.BufferReader(path.read_bytes())).read()
         known = (table.schema.metadata or {}).get(b"bristle")
         # Results of another version are identified anew.
-        rows = table.select(schema.names).cast(schema) if known == SCHEMA.encode() else schema.empty_table()
-    except FileNotFoundError:
-        return schema.empty_table()
+        rows = table.select(list(COLUMNS)).cast(schema()) if known == SCHEMA.encode() else schema().empty_table()
     except (pa.ArrowException, ValueError, KeyError) as error:
-        raise InputError(f"{name}: is damaged ({one_line(str(error), 100)}); remove it, and run again") from error
+        raise InputError(f"{path}: is damaged ({one_line(str(error), 100)}); remove it, and run again") from error
     if known is None:
-        raise InputError(f"{name}: is not part of a fleet's dataset; move it, or name another folder")
+        raise InputError(f"{path}: is not part of a fleet's dataset; move it, or name another folder")
     return rows
 
 
-def known_results(folder: str) -> "pa.Table":
-    """The rows of the tasks in the dataset of the last run, each once."""
-    import pyarrow.compute as pc
-
-    table = read_dataset(folder)
-    table = table.filter(pc.is_valid(table["key"])).select(OF_TASK)
-    once = ~table.select(("key", "direction", "parameter", "failure")).to_pandas().duplicated()
-    return table.filter(once.to_numpy())
-
-
-def assembled(sessions: "pd.DataFrame", results: "pa.Table") -> "pa.Table":
+def assembled(sessions: "pd.DataFrame", results: "pd.DataFrame") -> "pa.Table":
     """The dataset: the rows of each joint session (columns of `JointSession`) by its key, or its failure."""
     import pyarrow as pa
 
-    known = results.cast(schema_of(OF_TASK, coded=False)).to_pandas()
     own = sessions.rename(columns={"failure": "why"})
     own["key"] = own["key"].where(own["why"] == "", None)
-    rows = own.merge(known, how="left", on="key")
+    rows = own.merge(results, how="left", on="key")
     rows["failure"] = rows["failure"].where(rows["failure"].notna() | (rows["why"] == ""), rows["why"])
-    empty = [name for name in _TEXTS if name not in OF_TASK]
-    rows[empty] = rows[empty].where(rows[empty] != "")
+    given = [name for name in _TEXTS if name in _OF_CATALOG]
+    rows[given] = rows[given].where(rows[given] != "")
     rows[_TEXTS] = rows[_TEXTS].astype("category")
-    ordered = rows.sort_values(list(ORDER))
-    table = pa.Table.from_pandas(ordered, schema_of(tuple(COLUMNS), coded=True), preserve_index=False)
+    table = pa.Table.from_pandas(rows.sort_values(list(ORDER)), schema(), preserve_index=False)
     return table.replace_schema_metadata({"bristle": SCHEMA})
 
 
-def write_dataset(folder: str, table: "pa.Table") -> None:
-    """Write the dataset of an output. Raises OSError where it cannot be written."""
-    make_folder(joined_path(folder, RESULTS))
-    write_whole(joined_path(folder, DATASET), parquet_of(table, compression="zstd", use_dictionary=_TEXTS))
+def write_dataset(output: Path, table: "pa.Table") -> None:
+    """Write the dataset of an output, and clear the journal. Raises OSError where it cannot be written."""
+    import pyarrow.parquet as pq
+
+    sink = io.BytesIO()
+    pq.write_table(table, sink, compression="zstd", use_dictionary=_TEXTS)
+    (output / RESULTS).mkdir(parents=True, exist_ok=True)
+    write_whole(output / DATASET, sink.getvalue())
+    (output / JOURNAL).unlink(missing_ok=True)
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write or replace a file, whole or not at all. Raises OSError where it cannot be written."""
+    aside = path.with_name(f".{path.name}")
+    try:
+        aside.write_bytes(data)
+        aside.replace(path)
+    except OSError as error:  # names no file, or the temporary one
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+    finally:
+        aside.unlink(missing_ok=True)

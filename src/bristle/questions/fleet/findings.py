@@ -28,7 +28,6 @@ RATE = 0.05  # of false discoveries among the joints that changed
 BASELINE = 3  # first sessions of a joint, without a change
 _MOST = 10_000  # most sessions of one joint
 _FEW = 10.0  # degrees of freedom below which a note says that the scatter rests on few sessions
-_NAMED = 5  # steps that a sentence names
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,10 +66,9 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     """Findings of a dataset, against the first `baseline` sessions of each joint. Raises InputError as `check_rate`."""
     check_rate(rate, baseline)
     whole, frame = frame, quantities.named_rows(frame)
-    people, said = quantities.roster(frame, whole), list[Finding]()
+    people, said = quantities.roster(frame), list[Finding]()
     every = list(_quantities(frame, people, said))
     known = [x for x in every if x.tested]
-    said.extend(compared(known, frame, people))
     tests = [changes.step_tests(x, baseline) for x in known]
     decided = changes.decide(tests, len(people.table), rate)
     steps = changes.change_rows(tests, decided, frame)
@@ -81,9 +79,10 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     for most, test, named in zip(settled, tests, parts, strict=False):
         most[test.which[named]] = test.steps.after[named]
     units = changes.unit_rows(known, settled, people, rate)
-    begun = data_quality.warnings_begun(frame, people)
-    said.extend(anew(people))
-    fresh = data_quality.new_warnings(begun, frame, people, dict(joints.loc[joints["changed"], "since"]))
+    # Warnings of a joint that changed that began within a session of the step.
+    warned = data_quality.warned(frame, people)
+    step = joints.loc[joints["changed"], "sessions_after"].reindex(warned.index)
+    fresh = warned.loc[(warned["of"] - step).abs() <= 1, "code"].sort_values().groupby(level=0).agg(" ".join)
     outside = units.loc[units["outside"].astype(bool), ["unit", "joint"]].drop_duplicates()
     odd = set(zip(outside["unit"], outside["joint"], strict=True))
     why = np.where(
@@ -92,7 +91,7 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
         "no parameter has values with errors in enough sessions of its type",
     )
     joints = joints.assign(
-        new_warnings=[fresh.get(number, "") for number in joints.index],
+        new_warnings=fresh.reindex(joints.index).fillna(""),
         outside=[pair in odd for pair in zip(joints["unit"], joints["joint"], strict=True)],
         untested=np.where(joints["adjusted_p"].notna(), "", why),
     )
@@ -101,10 +100,10 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     order = ["changed", "p", "unit", "joint"]
     steps = steps.sort_values(order, ascending=[False, True, True, True], ignore_index=True)
     return Findings(
-        headline=headline(joints, rate), notes=notes(whole, every, joints, said, baseline),
+        headline=headline(joints, rate), notes=notes(whole, every, people, joints, said, baseline),
         joints=joints.reset_index(drop=True)[list(_JOINTS)], changes=steps, series=_series(known, settled, frame),
-        types=_types(known, settled), units=units, quality=data_quality.quality(frame[frame["left_out"].isna()]),
-        warned=data_quality.warned(begun, people), failures=data_quality.failures(whole), rate=rate, baseline=baseline,
+        types=_types(known, settled), units=units, quality=data_quality.quality(frame),
+        warned=warned.reset_index(drop=True), failures=data_quality.failures(whole), rate=rate, baseline=baseline,
         simulated=bool((frame["simulated"] == True).any()),  # noqa: E712  # where it is known
     )  # fmt: skip  # a list of values
 
@@ -224,10 +223,15 @@ def headline(joints: pd.DataFrame, rate: float) -> Finding:
 
 
 def notes(
-    frame: pd.DataFrame, every: Sequence[Adjusted], joints: pd.DataFrame, left_out: Sequence[Finding], baseline: int
+    frame: pd.DataFrame,
+    every: Sequence[Adjusted],
+    people: Roster,
+    joints: pd.DataFrame,
+    left_out: Sequence[Finding],
+    baseline: int,
 ) -> tuple[Finding, ...]:
     """Notes on a dataset, its quantities and ranked joints, cautions first; `left_out`: those on values left out."""
-    said = []
+    said = list(left_out)
     # Shifts common to a type, one sentence for all its parameters.
     shifted = [x for x in every if x.knots.size]
     for type_ in dict.fromkeys(x.of.key.type for x in shifted):
@@ -256,7 +260,6 @@ def notes(
             "Look at their logs first; a failing sensor is not wear."
         )
         said.append(Finding("warned-since", CAUTION, message, {"count": len(warned), "codes": codes}))
-    said += left_out
 
     # Types whose scatter rests on few differences.
     few = [x for x in every if LEAST_FREEDOM <= x.fit.freedom < _FEW]
@@ -264,11 +267,12 @@ def notes(
         count = max(int((x.of.joint[1:] == x.of.joint[:-1]).sum()) for x in few if x.of.key.type == type_)
         message = (
             f"The scatter between sessions of type {type_} rests on {count} pairs of successive sessions, so only large changes "
-            "are told from it; more joints of the type, or more sessions, narrow it."
+            "are told from it; more joints of the type, or more sessions, narrow it. bristle compare judges two sessions by "
+            "their own errors."
         )
         said.append(Finding("scatter-of-few", CAUTION, message, {"type": type_, "count": count}))
 
-    # Joints that are not tested, and sessions and values that are left out.
+    # Joints that are not tested, sessions without a result, and values that are left out.
     not_tested = joints[joints["untested"] != ""]
     if count := len(not_tested):
         short = int(not_tested["untested"].str.startswith("fewer").sum())
@@ -278,16 +282,10 @@ def notes(
         message = f"Not tested for a change: {counted(count, 'joint')}; {'; '.join(why)}."
         said.append(Finding("joints-untested", NOTE, message, {"count": count, "short": short}))
     keys = ["unit", "joint", "session"]
-    total = len(frame[keys].drop_duplicates())
-    failed, unused = (frame[frame[column].notna()] for column in ("failure", "left_out"))
-    if len(failed):
-        count, first = len(failed[keys].drop_duplicates()), failed["failure"].iloc[0]
+    if len(failed := frame[frame["failure"].notna()]):
+        count, total, first = (*(len(x[keys].drop_duplicates()) for x in (failed, frame)), failed["failure"].iloc[0])
         message = f"{count} of {counted(total, 'joint session')} without a result; the first: {first}"
         said.append(Finding("sessions-failed", NOTE, message, {"failed": count, "total": total}))
-    if len(unused):
-        count, first = len(unused[keys].drop_duplicates()), unused["left_out"].iloc[0]
-        message = f"{counted(count, 'joint session')} left out of the findings; the first: {first}"
-        said.append(Finding("sessions-left-out", NOTE, message, {"count": count}))
     rows = frame[(frame["severity"] == "critical") & frame["value"].notna()]
     if len(rows):
         codes = data_quality.most_common(
@@ -295,38 +293,17 @@ def notes(
         )
         message = f"{counted(len(rows), 'value')} with a critical warning left out of the findings; the commonest: {', '.join(codes)}."
         said.append(Finding("values-critical", NOTE, message, {"count": len(rows), "codes": codes}))
-    return tuple(sorted(said, key=lambda x: list(Severity).index(x.severity)))
 
-
-def anew(people: Roster) -> Iterator[Finding]:
-    """The joints with a new baseline, by a tag."""
-    every = people.table
-    again = every[every["now"] & every.duplicated(["unit", "joint"], keep=False) & every["first"].notna()]
-    if len(again):
-        last = again.sort_values("first", kind="stable").iloc[-1]
+    # Joints with a new baseline, by a tag.
+    anew = people.table[people.table["now"] & people.table.duplicated(["unit", "joint"], keep=False)]
+    if len(anew):
+        last = anew.sort_values("first", kind="stable").iloc[-1]
         message = (
-            f"{counted(len(again), 'joint')} began anew at a session tagged baseline; "
+            f"{counted(len(anew), 'joint')} began anew at a session tagged baseline; "
             f"the last: {last['unit']} {last['joint']} on {last['first']:%Y-%m-%d}."
         )
-        yield Finding("baselines-begun", NOTE, message, {"count": len(again)})
-
-
-def compared(every: Sequence[Adjusted], frame: pd.DataFrame, people: Roster) -> Iterator[Finding]:
-    """Steps by the errors of the estimates alone, of types whose scatter rests on few sessions."""
-    few = [x for x in every if x.tested and x.fit.freedom < _FEW]
-    rows = changes.beyond_errors(few, frame)
-    for type_, own in rows.groupby("type", sort=False):
-        head = own.head(_NAMED)
-        named = head.join(people.table[["unit", "joint"]], on="number")
-        steps = "; ".join(map(_step, named.to_dict("records")))
-        more = f", {len(own) - len(head)} more" if len(own) > len(head) else ""
-        yield Finding(
-            "beyond-errors",
-            NOTE,
-            f"Type {type_}: by the errors of the estimates alone, as compare judges two sessions, there are steps: {steps}{more}. "
-            "Whether they are more than what sessions scatter by is not told from so few.",
-            {"type": str(type_), "steps": len(own)},
-        )
+        said.append(Finding("baselines-begun", NOTE, message, {"count": len(anew)}))
+    return tuple(sorted(said, key=lambda x: list(Severity).index(x.severity)))
 
 
 def _step(row: "Mapping[Hashable, Any] | pd.Series[Any]") -> str:

@@ -1,7 +1,7 @@
 """Quality of a fleet's data over time: warnings per period, and warnings that began."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
@@ -54,17 +54,16 @@ def quality(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def failures(frame: pd.DataFrame) -> pd.DataFrame:
-    """Sessions without a result, or left out of the findings: unit, joint, session, file, failure."""
-    said = frame["failure"].astype(object).where(frame["failure"].notna(), frame["left_out"].astype(object))
-    rows = frame.assign(failure=said)[said.notna()]
-    return rows[["unit", "joint", "session", "file", "failure"]].drop_duplicates(ignore_index=True)
+    """Sessions without a result: unit, joint, session, file, failure."""
+    columns = ["unit", "joint", "session", "file", "failure"]
+    return frame.loc[frame["failure"].notna(), columns].drop_duplicates(ignore_index=True)
 
 
-def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
+def warned(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
     """Warnings that a joint did not have at first since its last baseline, and then in most of its sessions.
 
-    Columns: number of the joint, code, severity, since, sessions with it, `of` all since then, `before`, `place` of the
-    first among the joint's sessions, and `chance`: the probability at the rate of the other joints.
+    Columns: unit, joint, code, severity, since, sessions with it, `of` all since then; by number of the joint. Those that
+    other joints have as often are left out: 5 % over all that began, Bonferroni.
     """
     whose = ["number", "session"]
     every = pd.DataFrame({"number": people.joint, "session": frame["session"]}).drop_duplicates().sort_values(whose)
@@ -73,39 +72,19 @@ def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
     told = codes_of(frame.assign(number=people.joint), "number")
     told = told[told["code"].map(severity).isin(_COUNT)].merge(every, on=whose)
     by = told.groupby(["number", "code"])
-    rows = by.agg(sessions=("place", "size"), place=("place", "min"), since=("session", "min")).reset_index()
-    rows["severity"] = rows["code"].map(severity)
+    rows = by.agg(sessions=("place", "size"), before=("place", "min"), since=("session", "min")).reset_index()
     own = of_joint.reindex(rows["number"]).to_numpy(float)
-    rows["before"], rows["of"] = rows["place"], own - rows["place"]
+    rows["of"] = own - rows["before"]
     of_code = told["code"].value_counts().reindex(rows["code"]).to_numpy(float)
     rate = (of_code - rows["sessions"] + 0.5) / (len(every) - own + 1)
-    rows["chance"] = rate ** rows["sessions"] * (1 - rate).clip(lower=0) ** rows["before"]
+    chance = rate ** rows["sessions"] * (1 - rate).clip(lower=0) ** rows["before"]
     now = people.table["now"].to_numpy(bool)[rows["number"]]
-    return rows[(rows["before"] > 0) & (rows["sessions"] > rows["of"] / 2) & now]
-
-
-def warned(begun: pd.DataFrame, people: Roster) -> pd.DataFrame:
-    """Warnings begun that are significant: unit, joint, code, severity, since, sessions, of."""
-    sure = begun[(begun["before"] > 1) & (begun["chance"] * max(len(begun), 1) < NAMED)]
-    rows = sure.join(people.table[["unit", "joint"]], on="number")
-    rows = rows[["unit", "joint", "code", "severity", "since", "sessions", "of"]]
-    order = ["severity", "since", "unit", "joint", "code"]
-    return rows.sort_values(order, ascending=[False, True, True, True, True], ignore_index=True)
-
-
-def new_warnings(
-    begun: pd.DataFrame, frame: pd.DataFrame, people: Roster, since: Mapping[int, pd.Timestamp]
-) -> dict[int, str]:
-    """Codes that begin within a session of the time `since`, by number of the joint, joined by a space."""
-    if not since:
-        return {}
-    own = np.isin(people.joint, list(since))
-    times = pd.DataFrame({"number": people.joint[own], "session": frame["session"][own]}).drop_duplicates()
-    early = times["session"] < times["number"].map(since)
-    place = early.groupby(times["number"]).sum()
-    near = begun[begun["number"].isin(list(since)) & (begun["chance"] < NAMED)]
-    near = near[(near["place"] - near["number"].map(place)).abs() <= 1]
-    return {number: " ".join(sorted(near.loc[near["number"] == number, "code"])) for number in since}
+    began = (rows["before"] > 0) & (rows["sessions"] > rows["of"] / 2) & now
+    rows = rows[began & (chance * began.sum() < NAMED)].set_index("number")
+    rows = rows.join(people.table[["unit", "joint"]]).assign(severity=lambda x: x["code"].map(severity))
+    order, columns = ["severity", "since", "unit", "joint", "code"], ["unit", "joint", "code", "severity", "since"]
+    ranked: pd.DataFrame = rows.sort_values(order, ascending=[False, True, True, True, True])
+    return ranked[[*columns, "sessions", "of"]]
 
 
 def most_common(codes: Iterator[str]) -> tuple[str, ...]:

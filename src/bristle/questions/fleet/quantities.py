@@ -51,29 +51,13 @@ def named_rows(frame: pd.DataFrame) -> pd.DataFrame:
     return frame if known.all() else frame[known].reset_index(drop=True)
 
 
-def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
-    """The joints of the named rows of a whole dataset; their type is that of their last row that is not left out.
-
-    A marked session without a known joint begins new baselines of all joints of its unit, or of its type.
-    """
+def roster(frame: pd.DataFrame) -> Roster:
+    """The joints of the named rows of a dataset; their type is that of their last row."""
     unit = frame["unit"].astype("category").cat.codes.to_numpy(np.intp)
     name = frame["joint"].astype("category").cat.codes.to_numpy(np.intp)
     pairs = unit * (int(name.max(initial=0)) + 1) + name
     day = (frame["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
-    kept = frame["left_out"].isna().to_numpy()
-    marks = [pd.DataFrame({"pair": pairs, "day": day, "marked": _marked(frame["tags"]) & kept})]
-    # Marks of sessions without a known joint, for each joint of their unit, and of their type where it is given.
-    unknown = whole[whole["joint"].isna() & whole["unit"].notna() & whole["session"].notna()]
-    unknown = unknown[_marked(unknown["tags"])]
-    if len(unknown):
-        known = pd.DataFrame({"unit": frame["unit"].astype(str), "type": frame["type"].astype(str), "pair": pairs})
-        days = (unknown["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
-        names = unknown[["type"]].assign(unit=unknown["unit"].astype(str), day=days)
-        both = names.merge(known.drop_duplicates(), on="unit", suffixes=("_asked", ""))
-        asked = both["type_asked"]
-        own = asked.isna() | (asked.astype(str) == both["type"])
-        marks.append(both.loc[own, ["pair", "day"]].assign(marked=True))
-    marked = pd.concat(marks)
+    marked = pd.DataFrame({"pair": pairs, "day": day, "marked": _marked(frame["tags"])})
     begun = np.zeros(pairs.size, dtype=np.intp)
     if marked["marked"].any():  # the first of successive marked sessions begins the baseline
         sessions = marked.groupby(["pair", "day"])["marked"].any()
@@ -81,22 +65,17 @@ def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
         count = (sessions & ~before).groupby("pair").cumsum()
         begun = np.asarray(count.reindex(pd.MultiIndex.from_arrays([pairs, day])), dtype=np.intp)
     most = int(begun.max(initial=0)) + 1
-    every, first, joint = np.unique(pairs * most + begun, return_index=True, return_inverse=True)
-    table = pd.DataFrame({key: frame[key].astype(str).to_numpy()[first] for key in ("unit", "joint")})
-    last = pd.DataFrame({"joint": joint, "day": np.where(kept, day, -np.inf)})
-    rows = last.sort_values(["joint", "day"], kind="stable").drop_duplicates("joint", keep="last").index.to_numpy()
-    table["type"] = frame["type"].astype(str).to_numpy()[rows]
-    seen = pd.DataFrame({"joint": joint, "session": frame["session"]})[kept]
-    visits = seen.drop_duplicates().groupby("joint")["session"]
-    table["sessions"] = visits.size().reindex(range(len(table)), fill_value=0).to_numpy(int)
-    table["first"] = visits.min().reindex(range(len(table))).to_numpy("datetime64[us]")
-    table["latest"] = frame["session"].to_numpy("datetime64[us]")[rows]
-    table["file"] = frame["file"].astype(str).to_numpy()[rows]
+    every, joint = np.unique(pairs * most + begun, return_inverse=True)
+    rows = pd.DataFrame({"joint": joint, "session": frame["session"].to_numpy()})
+    last = rows.sort_values("session", kind="stable").drop_duplicates("joint", keep="last").sort_values("joint").index
+    table = frame.iloc[last][["unit", "joint", "type", "file"]].astype(str).reset_index(drop=True)
+    visits = rows.groupby("joint")["session"]
+    table = table.assign(sessions=visits.nunique(), first=visits.min(), latest=visits.max())
     table["now"] = ~np.isin(every + 1, every) | (every % most == most - 1)
-    # Usable: with a value and an error, without a critical warning, in a session that is not left out.
+    # Usable: with a value and an error, without a critical warning.
     value, error = (frame[name].to_numpy(float) for name in ("value", "standard_error"))
-    usable = np.isfinite(value) & np.isfinite(error) & (error > 0) & (frame["severity"] != "critical").to_numpy()
-    usable = usable & (frame["failure"].isna() & frame["left_out"].isna()).to_numpy(bool)
+    sound = (frame["severity"] != "critical") & frame["failure"].isna()
+    usable = np.isfinite(value) & np.isfinite(error) & (error > 0) & sound.to_numpy(bool)
     return Roster(joint=joint.astype(np.intp), unit=unit.astype(np.intp), day=day, usable=usable, table=table)
 
 

@@ -27,7 +27,7 @@ def report(found: Findings) -> Report:
     tested, outside = int(found.joints["adjusted_p"].notna().sum()), int(found.units["outside"].sum())
     simulated = ("SIMULATED data.",) if found.simulated else ()
     units = f"{outside} of {counted(len(found.units), 'value')} are outside their type."
-    lost = f"{counted(len(found.failures), 'session')} failed or left out."
+    lost = f"{counted(len(found.failures), 'session')} failed."
     warned = f"{counted(len(found.warned), 'warning')} began and stayed."
     joints = Section(
         "Which joints changed",
@@ -204,9 +204,9 @@ def _quality_sections(found: Findings) -> Iterator[Section]:
         )
     lost = found.failures
     yield Section(
-        "Sessions that failed or are left out",
-        text="" if len(lost) else "None: every session was identified and used.",
-        table=_table("failures", "Sessions without a result in the findings", lost, tables.in_failures(lost)),
+        "Sessions that failed",
+        text="" if len(lost) else "None: every session was identified.",
+        table=_table("failures", "Sessions without a result", lost, tables.in_failures(lost)),
     )
 
 
@@ -237,10 +237,6 @@ def _lines(found: Findings) -> Iterator[str]:
         "Warnings that began and stayed", "", found.warned, _MOST_OUTSIDE,
         lambda row: [row.code, f"since {day(row.since)}", f"in {row.sessions} of {counted(int(row.of), 'session')}"],
     )  # fmt: skip  # a row
-    for first in rows_of(found.failures.head(1)):
-        when = "" if pd.isna(first.session) else f" of {day(first.session)}"
-        lost, why = counted(len(found.failures), "session"), shortened(str(first.failure), 200)
-        yield f"{lost} failed or left out; the first: {_name(first)}{when}: {why}"
     yield from (note.coded for note in found.notes)
     if found.notes:
         yield "What a code in brackets means: bristle explain CODE"

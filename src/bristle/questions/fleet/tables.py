@@ -158,7 +158,7 @@ def in_warned(begun: pd.DataFrame) -> pd.DataFrame:
 
 
 def in_failures(failures: pd.DataFrame) -> pd.DataFrame:
-    """Sessions without a result, and those left out."""
+    """Sessions without a result."""
     return _printed({
         "Unit": _user(row.unit), "Joint": _user(row.joint),
         "Session": MISSING if pd.isna(row.session) else f"{row.session:%Y-%m-%d %H:%M}",

@@ -5,23 +5,22 @@ side of the other session's value (Zou and Donner, 2008), over Student's t, and 
 degrees of freedom of a difference are Welch's; p-values are adjusted for many comparisons (Holm, 1979). The error of a
 constant that both sessions used, as a torque constant, moves both values alike, and only its effect on their difference
 counts. One test per fit asks whether its parameters changed as a set: d' (C_a + C_b)**-1 d. Under different friction
-laws only breakaway and parameters with the same meaning in both are compared.
+laws only parameters with the same meaning in both are compared.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import hypot, inf, isfinite, log, sqrt
+from math import hypot, inf, isfinite, log
 
 import numpy as np
 from scipy.special import fdtrc, stdtr, stdtrit
 
 from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.estimation.covariance import student
 from bristle.estimation.levels import NAMED
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Estimate
-from bristle.identification.systematic import shifted, statistical
+from bristle.identification.systematic import statistical
 from bristle.model.parameters import ParameterName, of_shape
 from bristle.questions.session_comparison import results
 
@@ -46,7 +45,6 @@ def compare(first: results.Session, second: results.Session) -> results.Comparis
                 f"{name}: is {first[name].kind} in one session and {second[name].kind} in the other; compare results of one joint"
             )
     both = {name: (first[name], second[name]) for name in shared}
-    both |= {n: (_with_breakaway(a), _with_breakaway(b)) for n, (a, b) in both.items() if a.law != b.law}
     changes = [change for name, (a, b) in both.items() for change in _changes(name, a, b)]
     known = [k for k, c in enumerate(changes) if c.p is not None]
     for k, p in zip(known, holm(np.array([changes[k].p for k in known], dtype=float)).tolist(), strict=True):
@@ -61,29 +59,6 @@ def compare(first: results.Session, second: results.Session) -> results.Comparis
         sentence=sentence(changes, sets), warnings=tuple(warnings(first, second, shared, changes)),
         simulated=any(session[name].simulated for session in (first, second) for name in shared),
     )  # fmt: skip  # a list of values
-
-
-def _with_breakaway(joint: results.SessionJoint) -> results.SessionJoint:
-    """The joint with breakaway, alpha_0 + alpha_1, in each fit whose covariance has both."""
-    fits = []
-    for fit in joint.fits:
-        parameters = dict(fit.parameters)
-        for name, a in fit.parameters.items():
-            peak = name._replace(name="alpha_1")
-            if name.name != "alpha_0" or not {name, peak} <= set(fit.names) or peak not in fit.parameters:
-                continue
-            b, at = fit.parameters[peak], [fit.names.index(name), fit.names.index(peak)]
-            variance = float(fit.covariance[np.ix_(at, at)].sum())
-            if not (results.usable(a) and results.usable(b) and variance > 0):
-                continue
-            value, error = (a.value or 0.0) + (b.value or 0.0), sqrt(variance)
-            reach = student(min(fit.freedom, _MANY)) * error
-            interval = (max(value - reach, 0.0), value + reach)
-            alone = Estimate(value=value, unit=a.unit, standard_error=error, interval=interval)
-            shifts = {c: a.shifts.get(c, 0.0) + b.shifts.get(c, 0.0) for c in (*a.shifts, *b.shifts)}
-            parameters[name._replace(name="breakaway")] = shifted(alone, shifts)
-        fits.append(replace(fit, parameters=parameters))
-    return replace(joint, fits=tuple(fits))
 
 
 def holm(p: Array) -> Array:
