@@ -3,15 +3,15 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+from bristle.questions.joint_report.text import fit_report
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
-from bristle.findings import CAUTION, NOTE, Finding
+from bristle.findings import NOTE, Finding
 from bristle.identification.curve import curve
 from bristle.identification.fits import RunScatter, StaticFit
 from bristle.identification.results import Joint
@@ -20,15 +20,10 @@ from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Kind
 from bristle.page.wording import MISSING
 from bristle.questions.joint_report import interval_sections, results_file, tables
-from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.report import report
-from bristle.questions.joint_report.text import fit_report
 
 from ..pages import report_text
-from ..sameness import of_kind
-from .conftest import TABLE_1, loaded, nothing_seen, only, sections_of, write_report
-from .moving import moving as all_stages
-from .moving import tracked
+from .conftest import TABLE_1, sections_of, write_report
 
 UNITS = {"revolute": ("N*m", "N*m", "N*m*s/rad", "rad/s"), "prismatic": ("N", "N", "N*s/m", "m/s")}
 
@@ -165,74 +160,3 @@ def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path
     assert "2.34" in text
     (document,) = json.loads(results_file.to_json([joint]))["joints"].values()
     assert document["static"]["+"]["repeats"]["alpha_0"]["by_run"] == by_run
-
-
-CONVERGED = Finding("static-converged", NOTE, "Converged.")
-NO_PEAK = Finding("static-no-stribeck", CAUTION, "Stribeck term not identifiable from these data.")
-
-
-def with_warnings(joint: Joint, v_s: dict[str, Any], **changes: Any) -> Joint:
-    """Direction + alone, without stick-slip, with changes to its estimate of v_s and to its fit."""
-    fit = joint.static["+"]
-    parameters = {**fit.parameters, "v_s": replace(fit.parameters["v_s"], **v_s)}
-    return replace(joint, static={"+": replace(fit, parameters=parameters, **changes)}, segments=())
-
-
-def ranges(joint: Joint) -> list[tuple[float, float]]:
-    return [(x.numbers["low"], x.numbers["high"]) for x in next_measurements(joint) if "low" in x.numbers]
-
-
-def moving(joint: Joint, **changes: Any) -> Joint:
-    """As if the static fit of + rested on moving data, which pass through zero."""
-    v = np.concatenate([[1.2e-24, 3e-9, 1e-5], joint.static["+"].velocity])
-    return with_warnings(
-        joint, {"value": 0.01, "standard_error": 0.01, "interval": (0.0, np.inf)}, velocity=v, **changes
-    )
-
-
-def test_advice_follows_from_the_warnings(joint: Joint) -> None:
-    """An open interval asks for slower speeds in a concrete range; stick-slip names the run; one direction asks for the other."""
-    one = replace(with_warnings(joint, {"interval": (0.0, 0.1)}, hold_out=()), segments=joint.segments)
-    below, *others = next_measurements(one)
-    assert (below.code, below.subject) == ("unlimited-below", ("static", "+"))
-    assert [(x.code, dict(x.numbers)) for x in others] == [
-        ("repeat-sticking", {"files": ("run_1.csv",)}),
-        ("measure-direction", {"direction": "-"}),
-        ("hold-back", {}),
-    ]
-    none = replace(joint, static={"both": replace(joint.static["+"], outcome=NO_PEAK)}, segments=())
-    (said,) = next_measurements(none)
-    assert (said.code, said.subject) == ("rises-below", ("static", "both"))
-    assert str(said).endswith("five constant speeds from 0.008 to 0.015 rad/s.")
-    # without a warning there is no advice about speeds
-    assert ranges(replace(joint, segments=())) == []
-    # nobody is asked to hold back a run where a moving run was held back, or of slow loading alone
-    whole = all_stages()
-    static = {d: replace(fit, hold_out=()) for d, fit in whole.static.items()}
-    assert not of_kind(next_measurements(replace(whole, static=static)), "hold-back")
-    nothing: dict[str, Any] = {"static": {}, "crosscheck": {}, "segments": ()}
-    for slow in (loaded(), only(loaded(), fits={"+": nothing_seen()})):
-        assert not of_kind(next_measurements(replace(slow, **nothing)), "hold-back")
-    bare = replace(whole, static=static, tracking=tracked(hold_out=()), joint_fit=None)
-    assert of_kind(next_measurements(bare), "hold-back")
-    # moving data pass through zero, but no advice asks for speeds near it; a range has room for five speeds
-    for outcome in (CONVERGED, NO_PEAK):
-        own = moving(joint, outcome=outcome)
-        fastest = float(own.static["+"].velocity.max())
-        found = ranges(own)
-        assert found
-        for low, high in found:
-            assert low >= fastest / 100
-            assert high >= 1.4 * low
-        said = of_kind(next_measurements(own), "rise-not-shown")
-        assert bool(said) == (outcome is NO_PEAK)
-    # every speed that is proposed is faster than each at which a run of its own direction sticks and slips
-    for sticking in (0.0152, 0.0499, 0.101):
-        kept = joint.segments[0]
-        stuck = replace(kept, velocity=sticking, stick_slip=True)
-        other = replace(kept, velocity=-0.7, stick_slip=True)
-        for own in (with_warnings(joint, {"interval": (0.0, 0.1)}), moving(joint), moving(joint, outcome=NO_PEAK)):
-            found = ranges(replace(own, segments=(stuck, other)))
-            assert found
-            assert min(low for low, _ in found) > sticking
-            assert min(low for low, _ in found) < 0.7

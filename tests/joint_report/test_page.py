@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bristle.questions.joint_report.text import fit_report
 from markupsafe import escape
 from matplotlib.figure import Figure
 
@@ -26,7 +27,6 @@ from bristle.questions.joint_report import figures, static_figures
 from bristle.questions.joint_report.brief import outcomes
 from bristle.questions.joint_report.report import report
 from bristle.questions.joint_report.sentences import known_to
-from bristle.questions.joint_report.text import fit_report
 
 from ..conftest import all_drawn, present
 from ..pages import page_text, report_text

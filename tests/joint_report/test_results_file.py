@@ -9,6 +9,7 @@ from typing import Any
 import jsonschema
 import numpy as np
 import pytest
+from bristle.questions.joint_report.text import fit_report
 
 from bristle.estimation.interval_comparison import they_differ
 from bristle.findings import CAUTION, NOTE, Finding
@@ -18,7 +19,6 @@ from bristle.model.parameters import Direction, ParameterName
 from bristle.page.wording import in_print
 from bristle.questions.joint_report import results_file, tables
 from bristle.questions.joint_report.sentences import agreement
-from bristle.questions.joint_report.text import fit_report
 
 from ..conftest import present
 from ..names import named
