@@ -1,4 +1,3 @@
-import json
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -7,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from bristle.questions.joint_report.text import fit_report
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
@@ -22,7 +20,6 @@ from bristle.page.wording import MISSING
 from bristle.questions.joint_report import interval_sections, results_file, tables
 from bristle.questions.joint_report.report import report
 
-from ..pages import report_text
 from .conftest import TABLE_1, sections_of, write_report
 
 UNITS = {"revolute": ("N*m", "N*m", "N*m*s/rad", "rad/s"), "prismatic": ("N", "N", "N*s/m", "m/s")}
@@ -59,48 +56,35 @@ def open_() -> Joint:
 
 def test_intervals_in_tables_and_figures(good: Joint, open_: Joint, slide: Joint) -> None:
     """Each estimate's interval is its profile's, so that page, table and results.json give one interval only."""
+    # each panel: unit on its axis, three bars at the very ends, open ones at the frame's edge, the cost, the estimate dashed; all is finite
     for joint in (good, open_):
         fit = joint.static["+"]
         assert set(fit.uncertainty) == {"alpha_0", "alpha_1", "alpha_2", "v_s"}
-        for name, own in fit.uncertainty.items():
-            assert fit.parameters[name].interval == own.profile
-            assert set(own.warnings) <= set(fit.parameters[name].warnings)
-    # open ends reach the frame's edge; every axis is finite and holds its estimate
-    for draw in interval_sections.figures(open_).values():
-        for ax, (name, own) in zip(
-            (ax for ax in draw().axes if ax.has_data()), open_.static["+"].uncertainty.items(), strict=True
-        ):
-            low, high = ax.get_xlim()
+        (draw,) = interval_sections.figures(joint).values()
+        for ax, (name, e) in zip((ax for ax in draw().axes if ax.has_data()), fit.parameters.items(), strict=True):
+            own, (low, high) = fit.uncertainty[name], ax.get_xlim()
+            assert e.interval == own.profile
+            assert set(own.warnings) <= set(e.warnings)
             assert np.isfinite([low, high]).all()
-            assert low <= (open_.static["+"].parameters[name].value or 0.0) <= high
-            (bar,) = (line for line in ax.lines if line.get_label() == "profile")
-            assert np.asarray(bar.get_xdata(), dtype=float) == pytest.approx(np.clip(own.profile or (), low, high))
-    # a joint without fits, and no joint at all: the columns and no row, and no figure
-    for joints in ([], [slide]):
-        frame = tables.uncertainty(joints)
-        assert frame.empty
-        assert list(frame.columns)[:4] == ["joint", "fit", "direction", "parameter"]
-    assert interval_sections.figures(slide) == {}
-    assert all(x.file != "uncertainty.html" for x in report([slide], title="t", seed=0).pages)
-    # one figure per fit and direction; each panel: unit on its axis, three bars at the very ends, threshold at one, the estimate dashed
+            assert re.search(r"\([^()]+\)$", ax.get_xlabel())
+            lines = {str(line.get_label()): np.asarray(line.get_xdata(), dtype=float) for line in ax.lines}
+            for way in tables.WAYS:
+                assert way not in lines or lines[way] == pytest.approx(np.clip(getattr(own, way), low, high))
+            assert {"covariance", "profile"} <= lines.keys()
+            assert lines["cost (1: threshold)"] == pytest.approx(np.sort(own.curve[0]), nan_ok=True)
+            assert lines["_estimate"].tolist() == [e.value, e.value]
+            assert low <= (e.value or 0.0) <= high
+            assert joint is open_ or all(low <= end <= high for way in tables.WAYS for end in getattr(own, way))
+    # one figure per fit and direction; a joint without fits has none, and the columns of the table but no row
     joint = built({"+": good.static["+"], "-": replace(good.static["+"], direction="-")})
-    drawn = interval_sections.figures(joint)
-    assert set(drawn) == {"static-positive", "static-negative"}
-    axes = [ax for ax in drawn["static-positive"]().axes if ax.has_data()]
-    assert len(axes) == 4
-    for ax, (name, own) in zip(axes, good.static["+"].uncertainty.items(), strict=True):
-        assert re.search(r"\([^()]+\)$", ax.get_xlabel())
-        lines = {str(line.get_label()): np.asarray(line.get_xdata(), dtype=float) for line in ax.lines}
-        for way in tables.WAYS:
-            assert lines[way] == pytest.approx(getattr(own, way))
-        assert lines["cost (1: threshold)"] == pytest.approx(own.curve[0])
-        value = good.static["+"].parameters[name].value
-        assert any(line.get_xdata()[0] == value for line in ax.lines if len(line.get_xdata()) == 2)  # type: ignore[arg-type,index]
-        low, high = ax.get_xlim()
-        assert all(low <= end <= high for way in tables.WAYS for end in getattr(own, way))
+    assert set(interval_sections.figures(joint)) == {"static-positive", "static-negative"}
+    assert interval_sections.figures(slide) == {}
+    frame = tables.uncertainty([slide])
+    assert (frame.empty, list(frame.columns)[:4]) == (True, ["joint", "fit", "direction", "parameter"])
+    assert all(x.file != "uncertainty.html" for x in report([slide], title="t", seed=0).pages)
 
 
-@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+@pytest.mark.parametrize("kind", UNITS)
 def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: Kind) -> None:
     """Fit, direction, parameter, value, unit, six ends as numbers: those of the fit."""
     joint = built(fits(SPEEDS, 1e-4, kind), kind)
@@ -143,20 +127,14 @@ def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path
     assert read["bootstrap_lower"].isna().to_dict() == dict.fromkeys(read.index, False) | {"alpha_0": True}
     assert "nan" not in file.read_text(encoding="utf-8").lower()
     assert "NaN" not in results_file.to_json([joint])
-    # before and after widening with each run's estimate; without repeats there is no word of it
+    # before and after widening with each run's estimate
     assert tables.repeats([good]).empty
-    assert "fitted apart" not in fit_report([good])
     by_run = {"one.csv": 0.0190, "two.csv": 0.0200}
     x = RunScatter(before=2.34, after=1.0, widened=2.34, stretched=10.0, by_run=by_run)
-    fit = replace(good.static["+"], repeats={"alpha_0": x})
-    joint = replace(good, static={"+": fit})
-    assert "alpha_0:     2.34 -> 1.00, 2 runs: 0.019, 0.02" in fit_report([joint])
+    joint = replace(good, static={"+": replace(good.static["+"], repeats={"alpha_0": x})})
     frame = tables.repeats([joint])
     assert list(frame["file"]) == list(by_run)
     assert frame[["value", "before", "after", "widened"]].iloc[0].tolist() == [0.0190, 2.34, 1.0, 2.34]
-    write_report([joint], tmp_path / "out")
-    text = report_text(tmp_path / "out")
-    assert "Each run fitted apart" in text
-    assert "2.34" in text
-    (document,) = json.loads(results_file.to_json([joint]))["joints"].values()
-    assert document["static"]["+"]["repeats"]["alpha_0"]["by_run"] == by_run
+    table = sections_of(joint, "uncertainty.html")["Each run fitted apart"].table
+    assert table is not None
+    assert table.cells.rows == (("static", "alpha_0+", "2.34", "1", "2.34", "0.019, 0.02"),)

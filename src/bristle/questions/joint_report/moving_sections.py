@@ -119,8 +119,6 @@ def _said(joint: Joint, fit: TrackingFit) -> tuple[Said, ...]:
         said.append(f"Bias by encoder counts, subtracted: {'; '.join(added)}.")
     elif fit.count_bias:
         said.append("Encoder counts bias every parameter by less than a tenth of a standard error.")
-    if fit.crosscheck:
-        said += ["Cross-check:", in_print(fit.crosscheck.verdict)]
     return tuple(said)
 
 

@@ -157,8 +157,7 @@ def _crosscheck(joint: Joint) -> Iterator[Section]:
     """Each fit beside a full nonlinear one on the same data."""
     checks = {direction(d): check for d, check in joint.crosscheck.items()}
     frame = tables.crosscheck([joint]) if checks else None
-    if joint.tracking is not None and joint.tracking.crosscheck is not None:
-        checks[FITS["tracking"]] = joint.tracking.crosscheck
+    checks |= {FITS[kind]: fit.crosscheck for kind, fit in moving_fits(joint).items() if fit.crosscheck is not None}
     if checks:
         yield Section("Full nonlinear fit", form="part")
     for d, check in checks.items():
