@@ -76,7 +76,8 @@ def test_axes_have_units_and_nothing_else_is_drawn(record: Record, joint: Joint,
     half = band(np.array([0.05]), fit)
     assert p is not None
     assert half is not None
-    j = np.array(evaluate(steady_jacobian_function(), np.array([0.05]), *p[:4]))[:, 0]
+    by_name = dict(zip(p._fields, evaluate(steady_jacobian_function(), np.array([0.05]), *p[:4]), strict=False))
+    j = np.array([by_name[str(name)][0] for name in fit.names])
     assert half[0] == pytest.approx(2.2281388519649385 * np.sqrt(j @ fit.covariance @ j), rel=1e-9)  # t(0.975; 10)
     # an extra regressor does not widen the friction curve; an infinite covariance gives no band
     wide = np.full((5, 5), 7.0)

@@ -112,7 +112,7 @@ def test_a_page_stands_alone_and_is_whole(
     assert lacking == []
     assert "0.0001 N·m/rad" not in page_text(written / "moving.html")
     captions = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", text, flags=re.DOTALL)
-    assert sum("<strong>SIMULATED" in caption for caption in captions) == 7
+    assert sum("<strong>SIMULATED" in caption for caption in captions) == 9
     assert [x for x in captions if "SIMULATED" not in x and "slide" not in x and "Fig. 1" not in x] == []
     assert text.index("SIMULATED") < text.index('<table class="answer">')
     assert "∞" in text
@@ -120,7 +120,7 @@ def test_a_page_stands_alone_and_is_whole(
     names = {p.relative_to(written).as_posix() for p in written.rglob("*") if p.is_file()}
     svg = {n[:-4] for n in names if n.endswith(".svg")}
     assert svg == {n[:-4] for n in names if n.endswith(".png")}
-    assert len(svg) == 1 + 2 + 8
+    assert len(svg) == 1 + 2 + 8 + 2
     assert {"results.json", "tables/parameters.csv", "tables/segments.csv", "tables/points.csv"} <= names
     assert b"matplotlib" not in b"".join((written / f"{n}.png").read_bytes()[:200] for n in svg)
 
