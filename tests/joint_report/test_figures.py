@@ -23,7 +23,7 @@ from .conftest import HOSTILE, QUANTUM, TABLE_1, loading, nothing_seen, only, sl
 from .moving import REVERSAL, STRETCH, moving, tracked
 
 UNIT = re.compile(r"\([^()]+\)|\(\([^()]+\)²\)$")
-STATIC = ["curve", "profile", "residuals"]
+STATIC = ["curve", "residuals"]
 SLOW = ["presliding", "hysteresis"]
 MOVING = ["tracking", "tracking-velocity"]
 

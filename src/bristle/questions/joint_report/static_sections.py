@@ -130,27 +130,9 @@ def correlations(joint: Joint) -> Iterator[Section]:
         yield Section("Correlations above 0.5", facts=tuple(found), form="folded")
 
 
-def checks(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
+def checks(joint: Joint, _: Mapping[str, Drawing]) -> list[Section]:
     """The same numbers by other routes, and whether another law or model would do."""
-    return [*_grid(joint, figures), *_crosscheck(joint), *_laws(joint), *_models(joint), *_stages(joint)]
-
-
-def _grid(joint: Joint, figures: Mapping[str, Drawing]) -> Iterator[Section]:
-    """The cost over v_s."""
-    velocity, found = pretty(unit("v_s", joint.kind)), []
-    for d, fit in joint.static.items():
-        v_s = fit.parameters.get("v_s")
-        if fit.profile is not None and v_s is not None:
-            ends = "" if v_s.interval is None else f", below its 95 % threshold over {span(v_s.interval)}"
-            best = number(fit.profile.best, 3)
-            found.append(f"{direction(d)}: the cost is lowest at vₛ = {best} {velocity}{ends}")
-    if found:
-        how = (
-            "The cost Jₛ (10) near its minimum, all other parameters re-optimised; dashed: Jₘᵢₙ (1 + F(0.95; 1, n − p) "
-            "/ (n − p)), the 95 % threshold."
-        )
-        profile = figures["profile"]._replace(caption=sentence("; ".join(found)), how=how)
-        yield Section("", figure=profile, form="part")
+    return [*_crosscheck(joint), *_laws(joint), *_models(joint), *_stages(joint)]
 
 
 def _crosscheck(joint: Joint) -> Iterator[Section]:
