@@ -45,7 +45,6 @@ def presliding(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
 
 def _stiffness(joint: Joint, slow: Presliding) -> Section:
     frame = tables.presliding([joint])
-    frame.insert(3, "recommended", frame.pop("recommended"))
     notes = [
         "The intervals of (14) and of its inverse allow for any rest position inside a count; a "
         "value that this excludes has none. Count edge to count edge, σ₀ comes from encoder transitions and is "
@@ -136,8 +135,8 @@ def _breakaway_and_cycles(joint: Joint, slow: Presliding) -> Iterator[Section]:
         "file": "file", "samples": "samples", "counts": "counts", "torque_amplitude": f"± torque ({torque})",
         "displacement_amplitude": f"± displacement ({position})", "loss": f"loss per cycle ({wording.WORK})",
     }  # fmt: skip  # a table of words
-    how = "Amplitudes are half of the range."
-    table = Table("hysteresis", "Cycles", part=frame[[*columns]].rename(columns=columns), note=how)
+    part = frame[[*columns]].rename(columns=columns)
+    table = Table("hysteresis", "Cycles", part=part, note="Amplitudes are half of the range.")
     yield Section("Each cycle", table=table, form="folded")
 
 

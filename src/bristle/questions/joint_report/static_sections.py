@@ -209,7 +209,7 @@ def _stages(joint: Joint) -> Iterator[Section]:
         return
     rows = [
         (
-            str(x.parameter), tables.unit_of(joint, x.parameter), x.stage, measured(x.stage_value, x.stage_error),
+            str(x.parameter), unit(x.parameter.name, joint.kind), x.stage, measured(x.stage_value, x.stage_error),
             measured(x.tracking_value, x.tracking_error), measured(x.joint_value, x.joint_error), x.difference_in_se, in_print(x.verdict),
         )
         for x in joint.consistency

@@ -13,7 +13,7 @@ from bristle.identification.comparison import Comparison
 from bristle.identification.fits import Estimate, PreslidingFit, RunScatter, StaticFit, TrackingFit, Uncertainty
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
-from bristle.model.parameters import Direction, ParameterName
+from bristle.model.parameters import Direction, ParameterName, unit
 from bristle.page.plain import in_unit
 from bristle.page.wording import MISSING, pretty, span
 from bristle.questions.joint_report.results_file import declared, estimates, identified
@@ -197,12 +197,7 @@ def consistency(joint: Joint) -> _Rows:
     errors = "stage_value", "stage_error", "tracking_value", "tracking_error", "joint_value", "joint_error"
     own = attrgetter("parameter.direction", "parameter.name", "stage", *errors)
     for x in joint.consistency:
-        yield *own(x), unit_of(joint, x.parameter), x.difference_in_se, x.verdict
-
-
-def unit_of(joint: Joint, name: ParameterName) -> str:
-    """The unit of a parameter of moving runs; empty where they know none of that name."""
-    return next((fit.parameters[name].unit for fit in moving_fits(joint).values() if name in fit.parameters), "")
+        yield *own(x), unit(x.parameter.name, joint.kind), x.difference_in_se, x.verdict
 
 
 def with_truth(frame: pd.DataFrame, joints: Sequence[Joint]) -> pd.DataFrame:

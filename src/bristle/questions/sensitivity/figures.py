@@ -24,7 +24,6 @@ _DARK = {_COLOURS[0], _COLOURS[2], _COLOURS[3], *_MORE_COLOURS}  # on which text
 _PARAMETERS = len(Lugre._fields)  # of a figure of its usual height
 _STAR: dict[str, Any] = {"marker": "*", "linestyle": "", "color": "white", "markeredgecolor": "black", "markersize": 9}
 LEAST = 1e-3  # smallest share that is drawn
-_WIDTH = 0.36  # of a bar, two to a parameter
 
 
 @styled
@@ -209,7 +208,7 @@ def sobol_figure(sobol: Global, kind: Kind, *, name: str, simulated: bool) -> Fi
                 (total, total_half, "total: with interactions", "#E69F00", "///", 0.19),
             ):
                 ax.bar(
-                    x + shift, height, _WIDTH, color=colour, hatch=hatch, edgecolor="black", linewidth=0.6, label=label
+                    x + shift, height, 0.36, color=colour, hatch=hatch, edgecolor="black", linewidth=0.6, label=label
                 )
                 ax.errorbar(x + shift, height, half, fmt="none", ecolor="black", elinewidth=1.0, capsize=3)
                 ends += [*(height - half).tolist(), *(height + half).tolist()]
