@@ -11,8 +11,6 @@ from hypothesis import strategies as st
 import bristle
 from bristle import identify
 from bristle.arrays import Array
-from bristle.findings import CAUTION, CRITICAL, Finding
-from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.results import Joint
 from bristle.identification.static import grid as static
 from bristle.identification.static.batch import Batch
@@ -20,7 +18,7 @@ from bristle.identification.static.profiles import profiled
 from bristle.questions.method_validation import report as figures
 from bristle.questions.method_validation import run as running
 from bristle.questions.method_validation import solvers as methods
-from bristle.questions.method_validation.cases import MOST_POINTS, joint_cases, sweep
+from bristle.questions.method_validation.cases import MOST_POINTS, CaseSet, joint_cases, sweep
 from bristle.questions.method_validation.report import drawings, resolution_said
 from bristle.questions.method_validation.results import (
     FREE,
@@ -42,8 +40,6 @@ from .conftest import EVEN, NONE_BELOW, WIDE, case_of, designs, quick
 
 P = edro.TABLE_1["gripper rotation"].positive
 NAMES = case_names(P.law)
-TOO_FEW = Finding("static-too-few", CRITICAL, "Too few points for the parameters; nothing is estimated.")
-NO_PEAK = Finding("static-no-stribeck", CAUTION, "Stribeck term not identifiable from these data.")
 
 
 def torques_of(case: ValidationCase, sets: int, seed: int = 0) -> Array:
@@ -260,45 +256,41 @@ def test_what_cannot_be_tried_is_skipped_and_said(
     joint: Joint, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without a Stribeck term, points without noise, and as many as parameters, which moving runs may leave, are not tried, each with its reason."""
+
+    def cases_of(v: Array, noise: float | None = None, stem: str = "e") -> tuple[Joint, CaseSet]:
+        path = write(tmp_path, v, stem=stem)
+        if noise is not None:
+            (tmp_path / f"{stem}.csv").write_text(table(v, noise=noise))
+        one = identify(path).joints[0]
+        return one, joint_cases(one)
+
     # one fitted direction is enough, the other being said to have nothing to try
-    flat = identify(write(tmp_path / "flat", np.linspace(1.0, 2.0, 12))).joints[0]
-    found = joint_cases(flat)
-    assert found.cases == ()
-    assert set(found.skipped) == set(flat.static)
+    fast, slow = np.linspace(1.0, 2.0, 12), speeds(both=False)
+    flat, found = cases_of(fast, stem="flat")
+    assert (found.cases, {*found.skipped}) == ((), {*flat.static})
     assert {reason.code for reason in found.skipped.values()} == {"no-stribeck-term"}
-    path = write(tmp_path, speeds(both=False))
-    (tmp_path / "wrist.csv").write_text(table(speeds(both=False), noise=1e-30))
-    exact = identify(path).joints[0]
-    assert joint_cases(exact).skipped["+"].code == "points-without-noise"
+    _, found = cases_of(np.concatenate([slow, FEW[2:]]), stem="one")
+    assert [c.label for c in found.cases] == ["wrist (+)"]
+    assert [(d, x.code) for d, x in found.skipped.items()] == [("-", "no-stribeck-term")]
+    exact, found = cases_of(slow, 1e-30, stem="exact")
+    assert found.skipped["+"].code == "points-without-noise"
     assert len(joint_cases(exact, 0.01).cases) == 1
     fit = joint.static["+"]
     for n in (3, 4, 5):
         few = replace(fit, velocity=fit.velocity[:n], torque=fit.torque[:n], residuals=fit.residuals[:n])
         case_set = joint_cases(replace(joint, static=dict(joint.static) | {"+": few}))
         assert [reason.code for reason in case_set.skipped.values()] == ["too-few-to-validate"] * (n <= 4)
-    one = identify(write(tmp_path / "one", np.concatenate([speeds(both=False), FEW[2:]]))).joints[0]
-    assert [c.label for c in joint_cases(one).cases] == ["wrist (+)"]
-    assert [(d, x.code) for d, x in joint_cases(one).skipped.items()] == [("-", "no-stribeck-term")]
     # of more than 400 points 400 are simulated, with as much less noise: v_s keeps its standard error
-    v = np.tile(np.geomspace(0.15, 11.0, 1600) * P.v_s, 1)
-    path = write(tmp_path, v)
-    (tmp_path / "wrist.csv").write_text(table(v, noise=1e-3))
-    joint = identify(path).joints[0]
-    case = joint_cases(joint).cases[0]
-    assert case.velocity.size == MOST_POINTS
-    assert (case.velocity.min(), case.velocity.max()) == (v.min(), v.max())
+    v = np.geomspace(0.15, 11.0, 1600) * P.v_s
+    many, found = cases_of(v, 1e-3, stem="many")
+    case = found.cases[0]
+    assert (case.velocity.size, case.velocity.min(), case.velocity.max()) == (MOST_POINTS, v.min(), v.max())
     jacobian = case.problem(methods.modelled(case, case.theta[:, None])[:, 0]).jacobian(case.theta)
     thinned = case.noise * np.sqrt(np.linalg.inv(jacobian.T @ jacobian)[3, 3])
-    assert thinned == pytest.approx(joint.static["+"].parameters["v_s"].standard_error, rel=0.15)
-    # slow loading alone leaves nothing to check; one fitted direction is enough, the other has nothing to try
-    few = static_fit("-", None)
+    assert thinned == pytest.approx(many.static["+"].parameters["v_s"].standard_error, rel=0.15)
+    # slow loading alone leaves nothing to check
     with pytest.raises(ValueError, match="got no ramp, points or tracking run that is fitted; add"):
-        joint_cases(joint_of({}))
-    with pytest.raises(ValueError, match=r"friction vs velocity \(Too few points"):
-        joint_cases(joint_of({"-": few}))
-    case_set = joint_cases(joint_of({"+": static_fit("+", 1.0), "-": few}))
-    assert not case_set.cases
-    assert set(case_set.skipped) == {"+", "-"}
+        joint_cases(replace(joint, static={}))
     # lmfit is no dependency: where it is absent the others are tried
     monkeypatch.setattr(methods, "LMFIT", False)
     assert set(methods.local_methods(case_of(WIDE))) == {"IPOPT", "SciPy TRF"}
@@ -407,17 +399,6 @@ def test_the_command_validates_and_writes(tmp_path: Path, monkeypatch: pytest.Mo
     assert tree(tmp_path) == before
     with pytest.raises(ValueError, match="nothing to check"):
         bristle.validate(path)
-
-
-def joint_of(static_fits: dict[str, StaticFit]) -> Joint:
-    return Joint(name="j", kind="revolute", inputs=(), segments=(), static=static_fits, crosscheck={})
-
-
-def static_fit(direction: str, alpha_0: float | None) -> StaticFit:
-    values = {"alpha_0": alpha_0, "alpha_1": None, "alpha_2": None, "v_s": None}
-    parameters = {name: Estimate(value=x, unit="") for name, x in values.items()}
-    outcome = TOO_FEW if alpha_0 is None else NO_PEAK
-    return StaticFit(direction=direction, parameters=parameters, rms=None, relative_error=None, n=2, outcome=outcome)
 
 
 def test_the_api_validates_an_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
