@@ -110,7 +110,9 @@ def test_a_page_stands_alone_and_is_whole(written: Path) -> None:
     assert "0.0001 N·m/rad" not in page_text(written / "moving.html")
     captions = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", text, flags=re.DOTALL)
     assert sum("<strong>SIMULATED" in caption for caption in captions) == 8
-    assert len(captions) == 8 + 3 + len(NAMES)  # the paper's, and those of bare joints, of which one stands on two pages
+    assert len(captions) == 8 + 3 + len(
+        NAMES
+    )  # the paper's, and those of bare joints, of which one stands on two pages
     assert text.index("SIMULATED") < text.index('<table class="answer">')
     assert "∞" in text
     # each figure is there as SVG and PNG, each table as CSV, and the results as JSON

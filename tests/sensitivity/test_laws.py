@@ -15,7 +15,7 @@ from bristle.questions.sensitivity.local import SineMotion, local
 from bristle.questions.sensitivity.sobol import box_of, joints_at, ordered
 
 from ..conftest import TRUTH
-from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of
+from ..laws import DRAG, EXPONENT, OUTSIDE, motion, registered, truth_of
 from ..pages import page_text
 
 OWN = {DRAG: "alpha_3", EXPONENT: "delta", OUTSIDE: "blunt"}
@@ -54,22 +54,18 @@ def test_every_part_has_the_laws_own_parameter(tmp_path: Path) -> None:
         assert own in report.text()
 
 
-@pytest.mark.parametrize("name", OWN)
-def test_formulas_are_those_of_the_law(name: str) -> None:
+def test_formulas_and_boxes_of_laws() -> None:
     """They hold the law's own parameter; (19) as printed, which is of the paper's peak, is not among them."""
-    found = formulas(law_named(name))
-    assert OWN[name] in found.partial
-    assert OWN[name] in as_text(found.torque)
-    assert found.printed is None
-    assert not any(row.what.startswith("(19)") for row in found.rows())
-
-
-def test_terms_and_equal_sets() -> None:
-    """Alpha_3 multiplies v abs(v), v_end is in no formula, and one sentence says up to where they hold."""
-    found = formulas(law_named(DRAG))
-    assert as_text(found.partial["alpha_3"]) == "v*abs(v)"
-    assert all("v_end" not in row.formula and "Piecewise" not in row.formula for row in found.rows())
-    assert [x.code for x in found.sentences()] == ["total-derivatives", "formulas-as-measured"]
+    found = {name: formulas(law_named(name)) for name in OWN}
+    for name, own in OWN.items():
+        assert own in found[name].partial
+        assert own in as_text(found[name].torque)
+        assert not any(row.what.startswith("(19)") for row in found[name].rows())
+    # alpha_3 multiplies v abs(v), v_end is in no formula, and one sentence says up to where they hold
+    drag = found[DRAG]
+    assert as_text(drag.partial["alpha_3"]) == "v*abs(v)"
+    assert all("v_end" not in row.formula and "Piecewise" not in row.formula for row in drag.rows())
+    assert [x.code for x in drag.sentences()] == ["total-derivatives", "formulas-as-measured"]
     # alpha_3 may be drawn from below zero, alpha_0 may not; v_end is never drawn, and is as it was in each joint
     p = truth_of(DRAG)
     box = {ParameterName.parse("alpha_3"): (-0.01, 0.002), ParameterName.parse("alpha_0"): (0.01, 0.02)}
@@ -99,6 +95,3 @@ def test_terms_and_equal_sets() -> None:
         np.testing.assert_allclose(both.torque, one.torque, atol=1e-9)
     # up to nine parameters no two share one
     assert len(set(colours(9))) == 9
-    # of points the bristle is assumed, and the law's own parameter counts
-    found = bristle.sensitivity(points(DRAG), samples=0)
-    assert "alpha_3" in found.local.ranking
