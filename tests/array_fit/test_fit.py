@@ -139,10 +139,20 @@ def test_intervals_hold_the_truth() -> None:
     assert min(held.values()) >= 0.9 * 20 * 4
 
 
-def test_what_cannot_be_fitted_is_one_sentence() -> None:
-    """Lengths, shapes, options, columns, units and priors: each is refused with what was got and what to do."""
+Fits = tuple[bristle.Fit, bristle.Fit, bristle.Fit]  # of points, of slow loading and of a motion
+
+
+@pytest.fixture(scope="module")
+def fits() -> Fits:
+    static = bristle.fit(*points(), directions="symmetric")
+    slow = bristle.fit_presliding(*loading(), breakaway=static)
+    return static, slow, bristle.fit_dynamic(*moved(), priors=[static, slow])
+
+
+def test_what_cannot_be_fitted_is_one_sentence(fits: Fits) -> None:
+    """Lengths, shapes, options, columns, units, priors, and what a fit does not know: each is refused with what was got and what to do."""
     fit: Any = bristle.fit  # to which a user may give anything
-    two, (t, q, T) = [1.0, 2.0], moved()
+    two, (t, q, T), (static, _, dynamic) = [1.0, 2.0], moved(), fits
     calls: dict[str, Callable[[], object]] = {
         "arrays differ in length: velocity has 2, torque has 3": lambda: fit(two, [1.0, 2.0, 3.0]),
         "torque is not an array of numbers": lambda: fit(two, ["a", "b"]),
@@ -157,6 +167,11 @@ def test_what_cannot_be_fitted_is_one_sentence() -> None:
         "t: missing; give n times": lambda: bristle.fit_dynamic(None, pd.Series(q), T),  # an index that counts rows
         "t: missing": lambda: bristle.fit_presliding(None, q, T),
         "priors: got": lambda: bristle.fit_dynamic(t, q, T, priors=[1]),  # type: ignore[list-item]
+        "simulate: sigma_0, sigma_1 of direction": lambda: bristle.simulate(two, 0.01, static),
+        "nothing is known of friction vs velocity": lambda: bristle.fit_presliding(*loading()).predict(two),
+        "dt: got 0": lambda: bristle.simulate(two, 0, P),
+        "no interval by profile was made": lambda: dynamic.conf_int(method="profile"),
+        "bristle stiffness": static.compensator,
         "as of one column of a data frame": lambda: bristle.fit_dynamic(t, pd.DataFrame({"q": q, "T": T}), T),
     }  # fmt: skip  # a table
 
@@ -206,16 +221,6 @@ def test_every_parameter_has_a_symbol() -> None:
         assert in_symbols("alpha_3+ beyond v_end; the blunt delta") == "α₃ (+) beyond vₑ; the blunt delta"
 
 
-Fits = tuple[bristle.Fit, bristle.Fit, bristle.Fit]  # of points, of slow loading and of a motion
-
-
-@pytest.fixture(scope="module")
-def fits() -> Fits:
-    static = bristle.fit(*points(), directions="symmetric")
-    slow = bristle.fit_presliding(*loading(), breakaway=static)
-    return static, slow, bristle.fit_dynamic(*moved(), priors=[static, slow])
-
-
 def test_arrays_give_what_files_give(of_files: bristle.Results, fits: Fits) -> None:
     """Static, presliding and joint estimates of arrays are those of files, with their errors and intervals."""
     (joint,), (static, slow, dynamic) = of_files.joints, fits
@@ -240,23 +245,11 @@ def test_arrays_give_what_files_give(of_files: bristle.Results, fits: Fits) -> N
     assert dynamic.friction([0.5]) == pytest.approx(bristle.friction([0.5], P), rel=0.01)
     v = 0.3 * np.sin(np.arange(1000) * 0.01)
     assert bristle.simulate(v, 0.01, dynamic) == pytest.approx(bristle.simulate(v, 0.01, P), abs=0.02 * P.alpha_0)
-    # points show no bristle, and slow loading no friction vs velocity: a sentence each
-    static, _, _ = fits
-    slow = bristle.fit_presliding(*loading())
-    with pytest.raises(InputError, match="simulate: sigma_0, sigma_1 of direction"):
-        bristle.simulate([0.1, 0.2], 0.01, static)
-    with pytest.raises(InputError, match="nothing is known of friction vs velocity"):
-        slow.predict([0.1])
-    with pytest.raises(InputError, match="dt: got 0"):
-        bristle.simulate([0.1, 0.2], 0, P)
 
 
 def test_motions_of_arrays_have_intervals_and_a_compensator(fits: Fits) -> None:
-    """By covariance always; by profile and bootstrap with `uncertainty`; a sentence without."""
-    *_, found = fits
-    with pytest.raises(InputError, match="no interval by profile was made"):
-        found.conf_int(method="profile")
-    assert found.conf_int(method="covariance").loc["alpha_0"].notna().all()
+    """By covariance always; by profile and bootstrap with `uncertainty`."""
+    assert fits[-1].conf_int(method="covariance").loc["alpha_0"].notna().all()
     whole = bristle.fit_dynamic(*moved(), directions="symmetric", uncertainty=True)
     for method in METHODS:
         ends = whole.conf_int(method=method).to_dict("index")["alpha_0"]
@@ -271,7 +264,7 @@ def test_motions_of_arrays_have_intervals_and_a_compensator(fits: Fits) -> None:
         assert [part in found._repr_html_() for part in ("<table", "<svg", "<script")] == [True, True, False]
     assert dict(mpl.rcParams) == before
     # step by step it gives the torque of the compiled one, follows friction, and adapts; reset begins anew
-    static, _, dynamic = fits
+    *_, dynamic = fits
     comp, still = dynamic.compensator(gamma=20.0), dynamic.compensator(law=None)
     state, step = initial_state(comp.compensator, comp.parameters), compiled(comp.compensator)
     for _ in range(500):
@@ -285,11 +278,8 @@ def test_motions_of_arrays_have_intervals_and_a_compensator(fits: Fits) -> None:
     assert still.gains == {}
     comp.reset()
     assert set(comp.gains.values()) == {1.0}
-    assert comp.step(1e-3, (0.0, 0.3, 0.0), 0.0) == pytest.approx(comp.step(1e-3, (0.0, 0.3), 3e-4), rel=0.5)
     with pytest.raises(InputError, match="dt: got 0"):
         comp.step(0.0, (0.0, 0.3), 0.0)
-    with pytest.raises(InputError, match="bristle stiffness"):
-        static.compensator()
 
 
 def test_time_as_index_or_as_numbers() -> None:
@@ -307,12 +297,9 @@ def test_time_as_index_or_as_numbers() -> None:
     assert kept.torque.to_numpy() == pytest.approx(bristle.friction([0.2, 0.6], P), rel=5e-3)
     assert (found[~found.accepted].reasons != "").all()
     # as an index, or as the time itself, they give the segments that the seconds give
-    t = np.arange(0, 6, STEP)
-    v = np.repeat([0.1, 0.9], t.size // 2)
-    q, T = np.cumsum(v) * STEP, 0.02 + 0.04 * v + noise(t.size, 1e-4)
-    plain, past = bristle.find_segments(t, q, T), pd.to_timedelta(t, unit="s")
+    past, q = pd.to_timedelta(t, unit="s"), STEP * np.cumsum(v)
     instants = pd.Timestamp("2024-05-01", tz="Europe/Amsterdam") + past
     for clock in (past, pd.Timestamp("2024-05-01") + past, instants):
         for times, positions in ((None, pd.Series(q, index=clock)), (pd.Series(clock), q)):
-            found = bristle.find_segments(times, positions, T)
-            assert found.velocity.to_numpy() == pytest.approx(plain.velocity.to_numpy(), rel=1e-6)
+            again = bristle.find_segments(times, positions, T)
+            assert again.velocity.to_numpy() == pytest.approx(found.velocity.to_numpy(), rel=1e-6)
