@@ -43,11 +43,8 @@ def test_values_bands_and_rows_of_the_brief(edro_results: Path) -> None:
             e = row.estimate
             assert e.interval is not None
             shown = f"{pair(e.value, e.standard_error)} {e.unit}"
-            assert re.search(
-                rf"^  {re.escape(str(row.parameter))} +{re.escape(shown)} +{re.escape(interval(e.interval))} +joint fit$",
-                block,
-                re.M,
-            )
+            cells = " +".join(map(re.escape, (str(row.parameter), shown, interval(e.interval))))
+            assert re.search(f"^  {cells} +joint fit$", block, re.M)
         assert "; held-out torque within " in first
     # 10.03 % where 10 % is needed; what is known well enough has two digits
     joint = edro.joints[0]
@@ -55,18 +52,13 @@ def test_values_bands_and_rows_of_the_brief(edro_results: Path) -> None:
     shown = [known_to(replace(joint, accuracy=replace(joint.accuracy, band=x)), "+/-") for x in (10.03, 9.9, 31.2)]
     assert [re.findall(r"known to \+/- (\S+)", x) for x in shown] == [["10.03"], ["9.9"], ["31"]]
     # a peak that is not claimed, and was in the fit, is told with the curve that has it
-    peak, whole = {"alpha_1", "v_s"}, tracked()
-    unseen = {
-        x: replace(e, value=None, warnings=(UNSEEN,)) if x.name in peak else e for x, e in whole.parameters.items()
-    }
-    fixed = {x: e.value or 0.0 for x, e in whole.parameters.items() if x.name in peak}
-    hidden = replace(
-        moving("hidden"), static={}, joint_fit=None, tracking=replace(whole, parameters=unseen, fixed=fixed),
-        accuracy=Accuracy(slowest=0.1, fastest=1.0, band=2.0, statistical=2.0, apart=0.0, share=1.0),
-    )  # fmt: skip  # a list of values
+    whole, accuracy = tracked(), Accuracy(slowest=0.1, fastest=1.0, band=2.0, statistical=2.0, apart=0.0, share=1.0)
+    peak = {x: e for x, e in whole.parameters.items() if x.name in ("alpha_1", "v_s")}
+    unseen = whole.parameters | {x: replace(e, value=None, warnings=(UNSEEN,)) for x, e in peak.items()}
+    fit = replace(whole, parameters=unseen, fixed={x: e.value or 0.0 for x, e in peak.items()})
+    hidden = replace(moving("hidden"), static={}, joint_fit=None, tracking=fit, accuracy=accuracy)
     assert "with the fit's alpha_1" in words(brief_report([hidden]))
     # the line of friction: between the ends of each interval lies the value before it, and a wider band makes them wider
-    assert joint.accuracy is not None
     wide = replace(joint, accuracy=replace(joint.accuracy, band=2 * joint.accuracy.band))
     ends = []
     for x in (joint, wide):
@@ -101,12 +93,10 @@ def test_what_is_critical_stands_whole_and_little_else(
     assert text.startswith(f"{joint.name} ({joint.kind}{of}): {found.trust}. {known_to(joint, '+/-')}")
     critical = [x for x in of_values if x.severity is Severity.CRITICAL]
     assert (found.reason == CRITICAL) == (CRITICAL in warnings)
-    for finding in critical:
-        assert str(finding) in text
-    told = [x for x in of_values if x not in critical and str(x) in text]
-    assert sum(line.startswith("  caution") for line in lines) == len(told) <= LINES
-    for finding in of_values:
-        assert finding.code in text
+    told = [x for x in of_values if str(x) in text]
+    assert {*critical} <= {*told}
+    assert sum(line.startswith("  caution") for line in lines) == len(told) - len(critical) <= LINES
+    assert [x for x in of_values if x.code not in text] == []
 
 
 def test_what_has_no_value_is_named_with_the_reason(joint: Joint) -> None:
@@ -123,16 +113,12 @@ def test_what_has_no_value_is_named_with_the_reason(joint: Joint) -> None:
     assert "alpha_1+ < 0.05 N*m (95 %) static fit" in text
     # statistical and systematic error are one number in the table, and a sentence says so
     wide = replace(fit.parameters["alpha_0"], value=1.0, standard_error=0.03, systematic=0.04)
-    told = Finding(
-        "torque-uncertain",
-        NOTE,
-        "Torque: torque_constant 9.8 +/- 0.2 N*m/A.",
-        {"constants": ("torque_constant 9.8 +/- 0.2 N*m/A",), "rest": ""},
-    )
+    constant = "torque_constant 9.8 +/- 0.2 N*m/A"
+    told = Finding("torque-uncertain", NOTE, f"Torque: {constant}.", {"constants": (constant,), "rest": ""})
     own = replace(fit, parameters={**fit.parameters, "alpha_0": wide})
     text = words(brief_report([replace(joint, static={"+": own}, torque_scale=told)]))
     assert "alpha_0+ 1.000 +/- 0.050 N*m" in text
-    assert "Standard errors include that of torque_constant 9.8 +/- 0.2 N*m/A." in text
+    assert f"Standard errors include that of {constant}." in text
     # a name with control characters or of many words takes no line of its own and no colour
     text = brief_report([replace(joint, name=f"a\x1b[31m\nuse {HOSTILE}"), joint])
     assert "\x1b" not in text
