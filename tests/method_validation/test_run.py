@@ -53,10 +53,9 @@ def test_the_sweep_is_what_it_says(joint: Joint) -> None:
     cases = sweep().cases
     assert len(cases) == len({(c.label, c.design, c.noise) for c in cases}) == 8 * 2 * 3
     assert {c.truth for c in cases} == {p.stribeck for pair in edro.TABLE_1.values() for p in pair}
-    for c in cases:
-        assert c.v_s_range[0] < c.truth.v_s < c.v_s_range[1]
-        assert np.all(c.velocity < 0) == ("(-)" in c.label)
-        assert (np.abs(c.velocity).min() > c.truth.v_s) == (c.design == designs()[NONE_BELOW])
+    assert all(c.v_s_range[0] < c.truth.v_s < c.v_s_range[1] for c in cases)
+    assert all(np.all(c.velocity < 0) == ("(-)" in c.label) for c in cases)
+    assert all((np.abs(c.velocity).min() > c.truth.v_s) == (c.design == designs()[NONE_BELOW]) for c in cases)
     # a joint's own cases have its velocities, its fitted parameters, its range of v_s, and its noise, corrected for four parameters
     case_set = joint_cases(joint)
     assert [c.label for c in case_set.cases] == ["wrist (+)", "wrist (-)"]
@@ -368,37 +367,26 @@ def test_the_command_validates_and_writes(tmp_path: Path, monkeypatch: pytest.Mo
     ran = run("validate", path, "-o", tmp_path / "out", "--repetitions", 20, "--starts", 2, "--noise", 0.02)
     assert ran.code == 0
     for words in (
-        "[[(+): Grid and full nonlinear fit agree",
-        "[[(-): Grid and full nonlinear fit agree",
-        "wrist (-), SIMULATED, the 20 points measured",
+        *(f"[[({d}): Grid and full nonlinear fit agree" for d in "+-"), "wrist (-), SIMULATED, the 20 points measured",
         "The grid search holds: none of 16 IPOPT fits",
-    ):
+    ):  # fmt: skip  # a list of words
         assert words in ran.words
     assert (tmp_path / "out" / "index.html").is_file()
     monkeypatch.undo()
-    # where a fit has no Stribeck term the command cross-checks it, says why nothing is tried, ends well, and writes no page
-    fast = np.linspace(1.0, 2.0, 12)
-    path = write(tmp_path, fast)
+    # where a fit has no Stribeck term the command cross-checks it, says why nothing is tried, and ends well; too few points for any fit are
+    # one sentence with the reason and what to do, and exit code 2. Neither writes a page
+    flat, few = write(tmp_path, np.linspace(1.0, 2.0, 12), stem="flat"), write(tmp_path, FEW, stem="few")
     monkeypatch.chdir(tmp_path)
     before = tree(tmp_path)
-    ran = run("validate", path)
+    ran = run("validate", flat)
     assert ran.code == 0
-    assert "full fit" in ran.words
-    assert "wrist +: nothing to validate: Stribeck term not identifiable" in ran.words
-    assert "Nothing was validated." in ran.words
-    assert tree(tmp_path) == before
-    monkeypatch.undo()
-    # too few points for any fit: exit code 2, one sentence with the reason and what to do, and nothing printed or written. So does the API
-    path = write(tmp_path, FEW)
-    monkeypatch.chdir(tmp_path)
-    before = tree(tmp_path)
-    ran = run("validate", path)
+    for words in ("that of the full fit", "wrist +: nothing to validate: Stribeck term not", "Nothing was validated."):
+        assert words in ran.words
+    ran = run("validate", few)
     assert (ran.code, len(ran.said), ran.out) == (2, 1, "")
     assert "wrist: nothing to check: got no fit of friction vs velocity (Too few points" in ran.said[0]
     assert "add ramp, points or tracking runs" in ran.said[0]
     assert tree(tmp_path) == before
-    with pytest.raises(ValueError, match="nothing to check"):
-        bristle.validate(path)
 
 
 def test_the_api_validates_an_experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -407,12 +395,10 @@ def test_the_api_validates_an_experiment(tmp_path: Path, monkeypatch: pytest.Mon
     quick(monkeypatch)
     path = write(tmp_path, speeds(both=False))
     results = identify(path)
-    first = bristle.validate(results, repetitions=20, starts=2).cases[0]
+    first, again = (bristle.validate(x, repetitions=20, starts=2).cases[0] for x in (results, path))
     assert first.case.label == "wrist (+)"
-    again = bristle.validate(path, repetitions=20, starts=2).cases[0]
-    assert again.starts.best.tolist() == first.starts.best.tolist()
-    assert again.methods[REFINED].bias.tolist() == first.methods[REFINED].bias.tolist()
     assert again.starts.final["IPOPT"].tolist() == first.starts.final["IPOPT"].tolist()
+    assert again.methods[REFINED].bias.tolist() == first.methods[REFINED].bias.tolist()
     other = validate(joint_cases(results.joints[0]), repetitions=20, starts=2, seed=1).cases[0]
     assert other.starts.best.tolist() != first.starts.best.tolist()
     with pytest.raises(ValueError, match="repetitions: got 1"):

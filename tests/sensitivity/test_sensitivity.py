@@ -42,7 +42,7 @@ from bristle.questions.sensitivity.study import Expected, SensitivityStudy, find
 from bristle.simulation.edro import TABLE_1
 
 from ..conftest import FEW as TOO_FEW
-from ..conftest import TRUTH, run, speeds, tree, write
+from ..conftest import TRUTH, run, tree, write
 from ..laws import DRAG, EXPONENT, OUTSIDE, registered, truth_of
 from ..names import parse
 from ..pages import assert_tables_are_named, page_text
@@ -213,11 +213,7 @@ def test_without_sympy_all_else_is_found(folder: Path, known: Study, monkeypatch
     monkeypatch.setitem(sys.modules, "sympy", None)
     found = bristle.sensitivity(folder / "e.yaml", samples=0)
     report = bristle.report_of(found)
-    said = (
-        "No formulas: formulas need SymPy, which is not installed; install it with pip install 'bristle[sensitivity]'."
-    )
-    assert said in report.text()
-    assert "The derivatives as formulas" not in {section.title for section in report.sections}
+    assert "No formulas: formulas need SymPy, which is not installed; install it with pip install" in report.text()
     assert report.frames.keys() == whole - {"formulas"}
     assert held(replace(found, assumptions=())) == held(replace(known, formulas=None, assumptions=()))
 
@@ -228,33 +224,29 @@ def test_which_joints_and_motions_can_be_explored(tmp_path: Path, known: Study, 
     with pytest.raises(ValueError, match="nothing is known of its friction vs velocity"):
         of_joint(measured, identify_joint(measured))
     # a position that is one number throughout has no travel to guess a bristle from; it names plan.position
-    measured = measure(write(tmp_path, speeds()))
-    joint = identify_joint(measured)
-    still = replace(measured.runs[0].record, position=np.ones(speeds().size))
-    stopped = replace(measured, runs=(replace(measured.runs[0], record=still),))
+    measured = measure(folder / "e.yaml")
+    run_ = measured.runs[0]
+    still = replace(run_, record=replace(run_.record, position=np.ones(run_.record.rows)))
     with pytest.raises(ValueError, match=r"the position is 1 throughout; expected runs that move, or plan\.position"):
-        of_joint(stopped, joint)
+        of_joint(replace(measured, runs=(still,)), identify_joint(measured))
     # at the corners of what is accepted and of its maps every share is finite; just beyond, the motion is refused
-    limits, p = limits_of(measure(folder / "e.yaml"))[0], known.model.p
+    limits, p = limits_of(measured)[0], known.model.p
     (low, high), (slow, fast) = RANGE, FREQUENCIES
-    speed = limits.velocity / (2 * np.pi)
-    corners = [
-        (low * limits.travel, fast), (low * limits.travel, 1.01 * low * speed / (low * limits.travel)),
-        (0.99 * high * limits.travel, 1.01 * slow), (0.99 * high * speed / fast, fast), (0.99 * high * limits.travel, speed / limits.travel),
-    ]  # fmt: skip  # a list of values
+    speed, travel = limits.velocity / (2 * np.pi), limits.travel
+    corners = (
+        (low * travel, fast), (low * travel, 1.01 * speed / travel), (0.99 * high * travel, 1.01 * slow),
+        (0.99 * high * speed / fast, fast), (0.99 * high * travel, speed / travel),
+    )  # fmt: skip  # a list of values
     for amplitude, frequency in corners:
         at = within(motion(amplitude, frequency), "revolute", limits)
         amplitudes, frequencies = (x[[0, -1]] for x in grid(at))
         assert np.isfinite(local(p, at).shares()).all()
         assert np.isfinite(sensitivity_map(p, amplitudes, frequencies).shares).all()
     for amplitude, frequency, named in (
-        (0.99 * low * limits.travel, 1.0, "amplitude: got"),
-        (1.01 * high * limits.travel, 1e-5, "amplitude: got"),
-        (0.99 * low * speed / 1e-3, 1e-3, "peak speed: got"),
-        (1.01 * high * speed, 1.0, "peak speed: got"),
-        (1e9, 1.0, "times the joint's travel: choose another"),
+        (0.99 * low * travel, 1.0, "amplitude: got"), (1.01 * high * travel, 1e-5, "times the joint's travel: choose another"),
+        (0.99 * low * speed / 1e-3, 1e-3, "peak speed: got"), (1.01 * high * speed, 1.0, "peak speed: got"),
         *((1.0, frequency, "choose one at which the joint may move") for frequency in (0.0, -1.0, 1e5, np.inf, np.nan)),
-    ):
+    ):  # fmt: skip  # a table
         with pytest.raises(ValueError, match=named):
             within(motion(amplitude, frequency), "revolute", limits)
 
