@@ -1,5 +1,4 @@
 import re
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,30 +10,22 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.findings import NOTE, Finding
 from bristle.identification.curve import curve
-from bristle.identification.fits import RunScatter, StaticFit
+from bristle.identification.fits import RunScatter
 from bristle.identification.results import Joint
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import from_points
-from bristle.model.parameters import Kind
 from bristle.page.wording import MISSING
 from bristle.questions.joint_report import interval_sections, results_file, tables
 from bristle.questions.joint_report.report import report
 
 from .conftest import TABLE_1, sections_of, write_report
 
-UNITS = {"revolute": ("N*m", "N*m", "N*m*s/rad", "rad/s"), "prismatic": ("N", "N", "N*s/m", "m/s")}
 
-
-def fits(
-    velocity: Array, noise: float, kind: Kind = "revolute", seed: int = 1, options: FitOptions | None = None
-) -> Mapping[str, StaticFit]:
+def built(velocity: Array, noise: float, seed: int = 1, options: FitOptions | None = None) -> Joint:
+    """A joint of one direction with simulated points."""
     torque = curve(velocity, TABLE_1["+"].stribeck) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
-    directions = ("+",) if velocity.min() > 0 else ("+", "-")
-    return fit_static(from_points(velocity, torque, directions), options or FitOptions(), kind, PointInfo())[0]
-
-
-def built(static: Mapping[str, StaticFit], kind: Kind = "revolute", name: str = "wrist") -> Joint:
-    return Joint(name=name, kind=kind, inputs=(), segments=(), static=static, crosscheck={}, simulated=True)
+    fits = fit_static(from_points(velocity, torque, ("+",)), options or FitOptions(), "revolute", PointInfo())[0]
+    return Joint(name="wrist", kind="revolute", inputs=(), segments=(), static=fits, crosscheck={}, simulated=True)
 
 
 SPEEDS = np.geomspace(0.0108, 0.8, 16)
@@ -43,13 +34,13 @@ SPEEDS = np.geomspace(0.0108, 0.8, 16)
 @pytest.fixture(scope="module")
 def good() -> Joint:
     """16 log speeds, little noise."""
-    return built(fits(SPEEDS, 1e-4))
+    return built(SPEEDS, 1e-4)
 
 
 @pytest.fixture(scope="module")
 def open_() -> Joint:
     """Speeds from v_s up, and the term asked for by hand: v_s has no lower end, alpha_1 no upper one."""
-    joint = built(fits(np.geomspace(0.075, 0.8, 16), 4e-4, seed=5, options=FitOptions(set_up="as-written")))
+    joint = built(np.geomspace(0.075, 0.8, 16), 4e-4, seed=5, options=FitOptions(set_up="as-written"))
     assert (joint.static["+"].uncertainty["v_s"].profile or (1,))[0] == 0
     return joint
 
@@ -76,29 +67,12 @@ def test_intervals_in_tables_and_figures(good: Joint, open_: Joint, slide: Joint
             assert low <= (e.value or 0.0) <= high
             assert joint is open_ or all(low <= end <= high for way in tables.WAYS for end in getattr(own, way))
     # one figure per fit and direction; a joint without fits has none, and the columns of the table but no row
-    joint = built({"+": good.static["+"], "-": replace(good.static["+"], direction="-")})
+    joint = replace(good, static={"+": good.static["+"], "-": replace(good.static["+"], direction="-")})
     assert set(interval_sections.figures(joint)) == {"static-positive", "static-negative"}
     assert interval_sections.figures(slide) == {}
     frame = tables.uncertainty([slide])
     assert (frame.empty, list(frame.columns)[:4]) == (True, ["joint", "fit", "direction", "parameter"])
     assert all(x.file != "uncertainty.html" for x in report([slide], title="t", seed=0).pages)
-
-
-@pytest.mark.parametrize("kind", UNITS)
-def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: Kind) -> None:
-    """Fit, direction, parameter, value, unit, six ends as numbers: those of the fit."""
-    joint = built(fits(SPEEDS, 1e-4, kind), kind)
-    frame = tables.uncertainty([joint, replace(joint, name="other")])
-    assert list(frame["joint"].unique()) == ["wrist", "other"]
-    own = frame[frame["joint"] == "wrist"].set_index("parameter")
-    order = ("alpha_0", "alpha_1", "alpha_2", "v_s")
-    assert tuple(own.loc[list(order), "unit"]) == UNITS[kind]
-    for name in order:
-        three = joint.static["+"].uncertainty[name]
-        for way in tables.WAYS:
-            assert (own.loc[name, f"{way}_lower"], own.loc[name, f"{way}_upper"]) == getattr(three, way)
-        assert own.loc[name, "value"] == joint.static["+"].parameters[name].value
-    assert all(frame[c].dtype == float for c in frame.columns if c.endswith(("lower", "upper")))
 
 
 def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path: Path, good: Joint) -> None:

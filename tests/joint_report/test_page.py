@@ -236,10 +236,6 @@ def test_all_parameters_stand_first(tmp_path: Path) -> None:
         (Cell("1.2 %"), Cell("5 %", of_friction[1])), (Cell(), Cell("2 %", of_friction[2])), (Cell(), Cell()), (Cell(), Cell()),
         (Cell("1.2 %"), Cell()),
     ]  # fmt: skip  # a table
-    lines = [" ".join(map(str, x.line)) for x in answer.things]
-    assert [("held-out" in line, "within 0.5 %" in line, "of friction" in line) for line in lines] == [
-        (False, False, False), (False, True, False), (False, False, False), (False, False, False), (False, False, False),
-    ]  # fmt: skip  # a table
     alone = present(report(joints[2:4], title="t", seed=0).sections[0].answer)
     assert alone.whole == ("curve",)
     assert not any(words in alone.note for words in ("Hold-out", "leaves"))

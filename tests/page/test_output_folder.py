@@ -282,19 +282,6 @@ def test_a_folder_that_cannot_be_written_is_told_before(
     assert _tree(tmp_path) == before
 
 
-@pytest.mark.parametrize("path", ["loop", "loop/out", "loop/a/out"])
-def test_links_in_a_circle_are_one_sentence(tmp_path: Path, path: str) -> None:
-    """As a folder, above one, and above a file."""
-    (tmp_path / "loop").symlink_to("pool")
-    (tmp_path / "pool").symlink_to("loop")
-    refused(tmp_path / path, "in a circle|symbolic link to no folder")
-    for check in (output_folder.resolved, lambda p: output_folder.check_apart(p, tmp_path)):
-        with pytest.raises(InputError, match="in a circle; name another"):
-            check(tmp_path / path)
-    with pytest.raises(InputError, match=r"symbolic link|is not a folder; name another|does not exist"):
-        output_folder.check_file(tmp_path / path)
-
-
 def test_a_name_that_no_report_has_is_our_own_defect(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What could not be known again as bristle's own is never written."""
     with pytest.raises(ValueError, match="is not the name of a report's file") as caught:

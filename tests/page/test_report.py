@@ -91,8 +91,6 @@ def test_text_of_any_kind_stays_text(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "tables" / "empty.csv").is_file()
     assert not (tmp_path / "out" / "figures").exists()
     assert "<h2>Versions" in replace(WHOLE, sections=()).html()
-    for k in range(len(WHOLE.sections)):
-        assert replace(WHOLE, sections=WHOLE.sections[:k] + WHOLE.sections[k + 1 :]).html()
 
 
 def test_what_stands_on_terminal_and_page(tmp_path: Path) -> None:
@@ -182,14 +180,13 @@ def test_bytes_repeat_and_nothing_else_is_replaced(tmp_path: Path) -> None:
     assert '<section id="two--joint">' in more
     assert told == [(0, 2), (1, 2), (0, 1)]
     # report.zip, to be mailed, holds every file of the report but the times
+    made = {
+        path.relative_to(tmp_path / "out").as_posix(): path.read_bytes() for path in (tmp_path / "out").rglob("*.*")
+    }
     with zipfile.ZipFile(tmp_path / "out" / "report.zip") as archive:
         held = {name: archive.read(name) for name in archive.namelist()}
-    made = (
-        path for path in (tmp_path / "out").rglob("*.*") if path.name not in ("report.zip", "timings.json", "mine.txt")
-    )
-    assert held == {
-        path.relative_to(tmp_path / "out").as_posix(): path.read_bytes() for path in made if path.name[0] != "."
-    }
+    beside = {"report.zip", "timings.json", "mine.txt", ".bristle-manifest"}
+    assert held == {name: data for name, data in made.items() if name not in beside}
 
 
 Rows = list[tuple[str, str, str, str]]
@@ -217,19 +214,19 @@ def test_a_line_is_read_back(points: "np.ndarray[tuple[int, int], np.dtype[np.fl
 
 
 MARKS: list[tuple[Callable[[Axes], object], Rows]] = [
-        (lambda ax: ax.plot([1], [2], label="_hidden"), [("hidden", "1", "2", "")]),
-        (lambda ax: ax.plot([1], [2]), [("line 1", "1", "2", "")]),
-        (lambda ax: ax.axvline(3.0, label="limit"), [("limit", "3", "", "")]),
-        (lambda ax: ax.axhline(3.0, label="level"), [("level", "", "3", "")]),
-        (lambda ax: ax.scatter([1], [2], label="points"), [("points", "1", "2", "")]),
-        (lambda ax: ax.plot([1, 2], [np.nan, 2], label="gap"), [("gap", "1", "", ""), ("gap", "2", "2", "")]),
-        (lambda ax: ax.bar([0, 1], [5, 6], tick_label=["wrist", "elbow"], label="rms"), [("rms", "wrist", "5", ""), ("rms", "elbow", "6", "")]),
-        (lambda ax: ax.barh([0, 1], [5, 6], tick_label=["wrist", "elbow"], label="rms"), [("rms", "5", "wrist", ""), ("rms", "6", "elbow", "")]),
-        (lambda ax: ax.imshow([[1.5, 2.5]], label="map"), [("map", "0", "0", "1.5"), ("map", "1", "0", "2.5")]),
-        (lambda ax: ax.pcolormesh([0, 1, 2], [0, 2], [[1.5, 2.5]], label="map"), [("map", "0.5", "1", "1.5"), ("map", "1.5", "1", "2.5")]),
-        (lambda ax: ax.vlines([1], 2, 3, label="edges"), [("edges", "1", "2", ""), ("edges", "1", "3", "")]),
-        (lambda ax: ax.plot([1], [2], label='=cmd|" /C calc"!A0'), [('\'=cmd|" /C calc"!A0', "1", "2", "")]),
-        (lambda ax: ax.text(0, 0, "a word") and ax.legend(handles=[]), []),
+    (lambda ax: ax.plot([1], [2], label="_hidden"), [("hidden", "1", "2", "")]),
+    (lambda ax: ax.plot([1], [2]), [("line 1", "1", "2", "")]),
+    (lambda ax: ax.axvline(3.0, label="limit"), [("limit", "3", "", "")]),
+    (lambda ax: ax.axhline(3.0, label="level"), [("level", "", "3", "")]),
+    (lambda ax: ax.scatter([1], [2], label="points"), [("points", "1", "2", "")]),
+    (lambda ax: ax.plot([1, 2], [np.nan, 2], label="gap"), [("gap", "1", "", ""), ("gap", "2", "2", "")]),
+    (lambda ax: ax.bar([0, 1], [5, 6], tick_label=["wrist", "elbow"], label="rms"), [("rms", "wrist", "5", ""), ("rms", "elbow", "6", "")]),
+    (lambda ax: ax.barh([0, 1], [5, 6], tick_label=["wrist", "elbow"], label="rms"), [("rms", "5", "wrist", ""), ("rms", "6", "elbow", "")]),
+    (lambda ax: ax.imshow([[1.5, 2.5]], label="map"), [("map", "0", "0", "1.5"), ("map", "1", "0", "2.5")]),
+    (lambda ax: ax.pcolormesh([0, 1, 2], [0, 2], [[1.5, 2.5]], label="map"), [("map", "0.5", "1", "1.5"), ("map", "1.5", "1", "2.5")]),
+    (lambda ax: ax.vlines([1], 2, 3, label="edges"), [("edges", "1", "2", ""), ("edges", "1", "3", "")]),
+    (lambda ax: ax.plot([1], [2], label='=cmd|" /C calc"!A0'), [('\'=cmd|" /C calc"!A0', "1", "2", "")]),
+    (lambda ax: ax.text(0, 0, "a word") and ax.legend(handles=[]), []),
 ]  # fmt: skip  # a table
 
 

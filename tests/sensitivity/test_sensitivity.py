@@ -131,7 +131,6 @@ def test_maps_limits_and_documented_figures() -> None:
     assert (first[i, j], first[-1, -1], first[6, 0], first[0, 0]) == ("alpha_2", "alpha_2", "alpha_0", "sigma_0")
     assert found.claim[i, j]
     assert not found.claim[:2].any()
-    assert 0 < found.claim.sum() < found.claim.size
     for at, leading in ((PAPER, ("alpha_2", "alpha_0")), (SLOW_SMALL, ("alpha_0", "sigma_0"))):
         own = local(P, at)
         assert own.ranking[:2] == leading
