@@ -127,18 +127,6 @@ def test_arrays_of_any_kind(plain: bristle.Fit) -> None:
     assert "Stribeck term not identifiable" in repr(found)
 
 
-@pytest.mark.slow
-def test_intervals_hold_the_truth() -> None:
-    """The 95 % intervals hold the truth in most of 20 fits, by each method."""
-    held = dict.fromkeys(METHODS, 0)
-    for seed in range(20):
-        found = bristle.fit(*points(seed=seed), directions="symmetric")
-        for method in held:
-            ends = found.conf_int(method=method)
-            held[method] += sum(row.lower <= getattr(P, str(row.Index)) <= row.upper for row in ends.itertuples())
-    assert min(held.values()) >= 0.9 * 20 * 4
-
-
 Fits = tuple[bristle.Fit, bristle.Fit, bristle.Fit]  # of points, of slow loading and of a motion
 
 

@@ -209,10 +209,6 @@ def test_windows_and_points_of_moving_runs() -> None:
     assert all((np.diff(line.get_xdata()) >= 0).all() for ax in course.axes for line in ax.get_lines())
     lines = [line for ax in velocity.axes for line in ax.get_lines() if len(np.asarray(line.get_xdata())) > 2]
     assert {line.get_linestyle() for line in lines} == {"None"}
-    # in grey print a wide line is not a thin one, and a circle is not a dot
-    wide, thin = course.axes[0].get_lines()
-    assert wide.get_linewidth() > 2 * thin.get_linewidth()
-    assert [x.get_marker() for x in velocity.axes[0].get_lines()] == ["o", "."]
     # a run of a million samples gives a file no larger than a short one's: at most MOST points of each kind
     t = np.arange(1_000_000) / 1e6
     fit = tracked(

@@ -18,6 +18,8 @@ from bristle.page.wording import MISSING
 from bristle.questions.joint_report import interval_sections, results_file, tables
 from bristle.questions.joint_report.report import report
 
+from ..conftest import present
+from ..pages import page_text
 from .conftest import TABLE_1, sections_of, write_report
 
 
@@ -66,12 +68,10 @@ def test_intervals_in_tables_and_figures(good: Joint, open_: Joint, slide: Joint
             assert lines["_estimate"].tolist() == [e.value, e.value]
             assert low <= (e.value or 0.0) <= high
             assert joint is open_ or all(low <= end <= high for way in tables.WAYS for end in getattr(own, way))
-    # one figure per fit and direction; a joint without fits has none, and the columns of the table but no row
+    # one figure per fit and direction; a joint without fits has none, and no page
     joint = replace(good, static={"+": good.static["+"], "-": replace(good.static["+"], direction="-")})
     assert set(interval_sections.figures(joint)) == {"static-positive", "static-negative"}
     assert interval_sections.figures(slide) == {}
-    frame = tables.uncertainty([slide])
-    assert (frame.empty, list(frame.columns)[:4]) == (True, ["joint", "fit", "direction", "parameter"])
     assert all(x.file != "uncertainty.html" for x in report([slide], title="t", seed=0).pages)
 
 
@@ -81,20 +81,14 @@ def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path
     fit = open_.static["+"]
     own = replace(fit.uncertainty["alpha_0"], bootstrap=None, warnings=(none,))
     joint = replace(open_, static={"+": replace(fit, uncertainty={**fit.uncertainty, "alpha_0": own})})
-    table = sections_of(joint, "uncertainty.html")["Static"].table
-    assert table is not None
+    table = present(sections_of(joint, "uncertainty.html")["Static"].table)
     cells = {cell for row in table.cells.rows for cell in row}
     assert MISSING in cells
     assert any(str(cell).endswith("∞]") for cell in cells)
     write_report([joint], tmp_path)
-    html = (tmp_path / "uncertainty.html").read_text(encoding="utf-8")
-    part = html[html.index('<section id="wrist--joint">') : html.index('<section id="versions">')]
-    text = re.sub(r"<svg.*?</svg>|<img[^>]*>", "", part, flags=re.DOTALL)
-    assert not re.search(r"\bnan\b|\bNone\b|\bNaN\b", text)
-    assert "∞" in text
+    text = re.sub(r"<svg.*?</svg>", "", page_text(tmp_path / "uncertainty.html"), flags=re.DOTALL)
+    assert not re.search(r"\bnan\b|\bNone\b|\bNaN\b|<b>few", text)
     assert "&lt;b&gt;few" in text
-    assert "<b>few" not in text
-    assert "SIMULATED" in text
     (file,) = tmp_path.rglob("uncertainty.csv")
     read = pd.read_csv(file).set_index("parameter")
     assert read["profile_upper"]["alpha_1"] == np.inf
@@ -109,6 +103,5 @@ def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path
     frame = tables.repeats([joint])
     assert list(frame["file"]) == list(by_run)
     assert frame[["value", "before", "after", "widened"]].iloc[0].tolist() == [0.0190, 2.34, 1.0, 2.34]
-    table = sections_of(joint, "uncertainty.html")["Each run fitted apart"].table
-    assert table is not None
+    table = present(sections_of(joint, "uncertainty.html")["Each run fitted apart"].table)
     assert table.cells.rows == (("static", "alpha_0+", "2.34", "1", "2.34", "0.019, 0.02"),)

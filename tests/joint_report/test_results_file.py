@@ -105,11 +105,6 @@ def test_the_file_is_the_result(slow: Joint, moved: Joint, gaps: Joint, joint: J
     assert math.isinf(frame[frame["parameter"] == "alpha_2"]["upper"].iloc[-1])
 
 
-@pytest.fixture(scope="module")
-def whole() -> Joint:
-    return moving()
-
-
 def test_tables_of_slow_loading(slow: Joint, joint: Joint) -> None:
     """sigma_0 is the recommended one; a direction that only presliding knows comes after all others."""
     frame = results_file.to_frame([slow])
@@ -144,10 +139,10 @@ def test_tables_of_slow_loading(slow: Joint, joint: Joint) -> None:
         assert (len(none[name]), list(none[name].columns)) == (0, list(made[name].columns))
 
 
-def test_frame_gains_rows_and_last_columns(whole: Joint, joint: Joint) -> None:
+def test_frame_gains_rows_and_last_columns(moved: Joint, joint: Joint) -> None:
     """The joint fit (without one, the moving runs) stands after the other stages, named in `source`; static fits alone have their old columns."""
     # `use` marks one row of each parameter, that of `chosen`
-    frame = results_file.to_frame([whole])
+    frame = results_file.to_frame([moved])
     assert list(frame.columns) == [*results_file.to_frame([joint]).columns, "source", "use"]
     used = frame[frame["use"]]
     assert not used.duplicated(["direction", "parameter"]).any()
@@ -155,11 +150,11 @@ def test_frame_gains_rows_and_last_columns(whole: Joint, joint: Joint) -> None:
     assert set(used["parameter"]) == set(frame["parameter"])
     assert list(frame["source"]) == 2 * (4 * ["static"] + 2 * ["presliding"]) + 13 * ["joint"]
     assert list(frame["direction"])[12:] == 6 * ["+"] + 6 * ["-"] + ["shared"]
-    assert frame["value"].iloc[-1] == present(whole.joint_fit).parameters[ParameterName.parse("inertia")].value
-    alone = results_file.to_frame([replace(whole, joint_fit=None)])
+    assert frame["value"].iloc[-1] == present(moved.joint_fit).parameters[ParameterName.parse("inertia")].value
+    alone = results_file.to_frame([replace(moved, joint_fit=None)])
     assert list(alone["source"])[12:] == 13 * ["tracking"]
     # a row per fit and parameter: error against the truth, whether the interval holds it, and what counts added
-    made = tables.all_tables([whole])
+    made = tables.all_tables([moved])
     row = made["tracking"].set_index(["fit", "direction", "parameter"]).to_dict("index")
     assert row["tracking", "+", "sigma_0"]["error_percent"] == pytest.approx(5.0)
     assert row["tracking", "+", "sigma_0"]["count_bias"] == -0.02
@@ -173,17 +168,17 @@ def test_frame_gains_rows_and_last_columns(whole: Joint, joint: Joint) -> None:
     assert list(made["hold_out"]["relative_error_of_fit"])[2:] == [1.25, 1.3]
 
 
-def test_table_1_and_the_stages_that_agree(whole: Joint, joint: Joint) -> None:
+def test_table_1_and_the_stages_that_agree(moved: Joint, joint: Joint) -> None:
     """All six parameters per direction and what they share, once each, from the joint fit, with the truth."""
-    fit, names = present(whole.joint_fit), list(TABLE_1["+"]._fields)
+    fit, names = present(moved.joint_fit), list(TABLE_1["+"]._fields)
 
     def sources(**changes: Any) -> list[tuple[str, str, str]]:
         columns = ["source", "direction", "parameter"]
-        return list(tables.table_1([replace(whole, **changes)])[columns].itertuples(index=False, name=None))
+        return list(tables.table_1([replace(moved, **changes)])[columns].itertuples(index=False, name=None))
 
     of_joint = [*(("joint", d, name) for d in "+-" for name in names), ("joint", "shared", "inertia")]
     assert sources() == of_joint
-    frame = tables.table_1([whole])
+    frame = tables.table_1([moved])
     np.testing.assert_allclose(frame["error_percent"][:12], 1.0)
     assert frame["inside"][:12].all()
     # without a joint fit the moving runs, to whose curve no other stage adds what they do not show; else static and presliding
@@ -193,14 +188,14 @@ def test_table_1_and_the_stages_that_agree(whole: Joint, joint: Joint) -> None:
     # what the moving runs know of both directions together replaces a stage's value of each, and of each that of both
     together = {ParameterName.parse(name): fit.parameters[ParameterName.parse(f"{name}+")] for name in names}
     assert sources(joint_fit=tracked(parameters=together), tracking=None) == [("joint", "both", name) for name in names]
-    static: dict[str, Any] = {"static": {"both": whole.static["+"]}, "presliding": None}
+    static: dict[str, Any] = {"static": {"both": moved.static["+"]}, "presliding": None}
     assert sources(**static) == of_joint
     assert sources(**static, joint_fit=without(fit, "alpha_1-"), tracking=None) == of_joint
     # it counts what agrees, names the largest difference and what cannot be compared; without comparisons it is empty
-    assert in_print(agreement(whole)) == (
+    assert in_print(agreement(moved)) == (
         "2 of 3 parameters agree between their own stage and the moving data; the largest difference is 3.2 standard errors (α₀ (−)); "
         "1 more not identifiable from the tracking runs."
     )
-    unseen = replace(whole, consistency=(compared("alpha_1-", None, NOT_SHOWN),))
+    unseen = replace(moved, consistency=(compared("alpha_1-", None, NOT_SHOWN),))
     assert agreement(unseen) == "The moving data show none of the parameters that the other stages know."
     assert agreement(joint) is None

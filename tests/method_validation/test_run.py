@@ -68,21 +68,18 @@ def test_the_sweep_is_what_it_says(joint: Joint) -> None:
     assert [c.noise for c in louder.cases] == pytest.approx([0.03 * c.truth.alpha_0 for c in louder.cases])
 
 
+DIRECTIONS = st.sampled_from([1.0, -1.0])
+VISCOUS = st.sampled_from([0.0, 1.0])
+
+
 @settings(max_examples=12)
-@given(
-    design=st.integers(0, 2),
-    noise=st.floats(1e-3, 0.1),
-    count=st.integers(3, 1200),
-    seed=st.integers(0, 99),
-    sign=st.sampled_from([1.0, -1.0]),
-    viscous=st.booleans(),
-)
+@given(st.integers(0, 2), st.floats(1e-3, 0.1), st.integers(3, 1200), st.integers(0, 99), DIRECTIONS, VISCOUS)
 def test_many_plain_grids_are_those_of_each(
-    design: int, noise: float, count: int, seed: int, sign: float, *, viscous: bool
+    design: int, noise: float, count: int, seed: int, sign: float, viscous: float
 ) -> None:
     """A plain grid over many sets at once costs what the paper's costs set by set, bounds included, of which alpha_2 = 0 is one."""
     case = case_of(design, noise, sign)
-    case = case if viscous else replace(case, truth=case.truth._replace(alpha_2=0.0))
+    case = replace(case, truth=case.truth._replace(alpha_2=viscous * case.truth.alpha_2))
     torques = torques_of(case, 4, seed)
     together = methods.plain(case, torques, count)
     apart = np.stack([static.plain_grid(case.problem(x), case.v_s_range, count)[2] for x in torques.T], axis=1)
@@ -230,10 +227,8 @@ def test_intervals_of_bristle_cover_as_counted(validation: Validation) -> None:
     assert [c.kind for c in validation.cases[2].coverage] == ["covariance", "profile"]
     assert [c.kind for c in one.coverage] == ["covariance", "profile", "bootstrap-t"]
     # where the truth has no Coulomb friction the tables name no noise in percent of it, and are written all the same
-    first = validation.cases[0]
-    without = replace(first, case=replace(first.case, truth=first.case.truth._replace(alpha_0=0.0)))
-    frame = replace(validation, cases=(without,)).to_frame()
-    assert frame["noise_percent"].isna().all()
+    without = replace(one, case=replace(one.case, truth=one.case.truth._replace(alpha_0=0.0)))
+    assert replace(validation, cases=(without,)).to_frame()["noise_percent"].isna().all()
     # each case is announced before it is begun
     heard: list[tuple[str, int, int]] = []
 

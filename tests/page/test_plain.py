@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.page.plain import WIDTH, columns, interval, pair, wrapped
+from bristle.page.plain import WIDTH, columns, interval, pair, typed, wrapped
 from bristle.page.said import by_code, entries, entries_linked, flagged, warned
 from bristle.page.wording import in_percent, in_print, in_symbols, number
 
@@ -82,10 +82,10 @@ def test_columns_codes_and_symbols_in_print() -> None:
     text = f'{warned(caution)} {flagged(caution)} {warned(note)} <a href="#warning-static-too-few"> <a href="#warning-none">'
     assert [x["code"] for x in entries_linked(text)] == ["static-too-few", "single-run", "correlated"]
     assert "<b>" not in warned(caution) + warned("<b>")
-    # a page shows alpha_0 as its symbol and N*m/rad as N·m/rad; the terminal's sentence has neither
-    made = Finding("sigma-0-at-least", CAUTION, "No sigma_0 can be given; it is at least 12.5 N*m/rad.")
-    assert str(made) == "No sigma_0 can be given; it is at least 12.5 N*m/rad."
-    assert in_print(made) == "No σ₀ can be given; it is at least 12.5 N·m/rad."
+    # a page shows alpha_0 as its symbol and N*m/rad as N·m/rad; the terminal has neither
+    told = "No sigma_0 can be given; it is at least 12.5 N*m/rad."
+    assert in_print(told) == "No σ₀ can be given; it is at least 12.5 N·m/rad."
+    assert typed(in_print(told)) == told
     # each LuGre parameter, with the sign of its direction where one ends it, and nothing else, is written as the paper does
     symbols = {
         "alpha_0+, sigma_1- and v_s.": "α₀ (+), σ₁ (−) and vₛ.",
@@ -94,14 +94,9 @@ def test_columns_codes_and_symbols_in_print() -> None:
         "alpha_01, av_s, alpha_0+1": "alpha_01, av_s, α₀+1",
     }
     assert {text: in_symbols(text) for text in symbols} == symbols
-    # of numbers with more digits than are shown the last are zeros; very large and very small ones have one
-    shown = {
-        (456.7, 2): "460", (2000.0, 2): "2000", (123456.0, 4): "123500", (-1234.5, 3): "-1230", (2e6, 2): "2e+06",
-        (1e-5, 2): "1e-05",
-    }  # fmt: skip  # a list of values
+    # of numbers with more digits than are shown the last are zeros; very large and very small ones have an exponent
+    shown = {(456.7, 2): "460", (123456.0, 4): "123500", (-1234.5, 3): "-1230", (2e6, 2): "2e+06", (1e-5, 2): "1e-05"}
     assert {x: number(*x) for x in shown} == shown
     # two digits, never an exponent where it is large, and a dash where there is no number
-    percents = {
-        0.8312: "83 %", 0.997: "100 %", 12.34: "1200 %", 0.00071: "0.071 %", 0.0: "0 %", -0.031: "-3.1 %", math.nan: "– %",
-    }  # fmt: skip  # a table
+    percents = {0.8312: "83 %", 12.34: "1200 %", 0.00071: "0.071 %", 0.0: "0 %", -0.031: "-3.1 %", math.nan: "– %"}
     assert {share: in_percent(share) for share in percents} == percents

@@ -14,7 +14,6 @@ from hypothesis.extra.numpy import arrays
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bristle.errors import InputError
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.page.figure_data import csv_of
 from bristle.page.page import Drawing
@@ -146,7 +145,7 @@ def test_what_stands_on_terminal_and_page(tmp_path: Path) -> None:
 
 
 def test_bytes_repeat_and_nothing_else_is_replaced(tmp_path: Path) -> None:
-    """Written twice every file is the same, and `html` is the page; a file of the user stays, and a folder that is not ours is refused."""
+    """Written twice every file is the same, and `html` is the page; a file of the user stays."""
     # `frames` has each file's frame, whole
     assert {name: len(frame) for name, frame in WHOLE.frames.items()} == {"more": 2, "numbers": 2}
     found = []
@@ -156,10 +155,6 @@ def test_bytes_repeat_and_nothing_else_is_replaced(tmp_path: Path) -> None:
         (index.parent / "mine.txt").write_text("mine", encoding="utf-8")
     assert found[0] == {name: data for name, data in found[1].items() if name != "mine.txt"}
     assert index.read_bytes() == WHOLE.html().encode("utf-8", "backslashreplace")
-    (tmp_path / "other").mkdir()
-    (tmp_path / "other" / "index.html").write_text("mine", encoding="utf-8")
-    with pytest.raises(InputError, match="bristle did not make it"):
-        WHOLE.write(tmp_path / "other")
     # every page links to all in their order and to its own sections; a figure on two pages has one file and two numbers
     curve = drawing()._replace(how="A line.")
     other = drawing()._replace(name="other", how="A line.")

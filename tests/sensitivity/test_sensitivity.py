@@ -24,7 +24,6 @@ from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design.start import start_of
 from bristle.questions.sensitivity import study
-from bristle.questions.sensitivity.figures import map_figure
 from bristle.questions.sensitivity.joint import RANGE, of_joint, within
 from bristle.questions.sensitivity.local import (
     FREQUENCIES,
@@ -277,15 +276,6 @@ def test_the_command_writes_a_page(folder: Path, known: Study, monkeypatch: pyte
     assert "sigma_0*sigma_1*z*abs(v)/g**2" in ran.out
     assert "It is not dT_f/dalpha_0" in ran.out
     assert not tree(tmp_path)
-
-
-def test_no_label_of_the_map_leaves_the_figure(known: Study) -> None:
-    """Whatever the amplitudes, every label of the map lies within the figure."""
-    figure = map_figure(replace(known, map=replace(known.map, amplitudes=known.map.amplitudes * 1e-5)))
-    figure.draw_without_rendering()
-    for ax in figure.axes:
-        for label in (ax.yaxis.label, ax.xaxis.label):
-            assert not label.get_text() or label.get_window_extent().x0 >= 0
 
 
 WHOLE = Output(

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -129,14 +130,9 @@ def _panel(ax: Axes, row: IntervalRow) -> None:
         inside = three.draws[(three.draws >= low) & (three.draws <= high)]
         counts, edges = np.histogram(inside, 24, (low, high))
         ax.stairs(1.9 * counts / max(counts.max(), 1), edges, fill=True, color="#cccccc", label="bootstrap draws")
-    dots = "." if three.curve.shape[1] < _FEW else ""
-    ax.plot(
-        *three.curve[:, np.argsort(three.curve[0])],
-        f"{dots}-",
-        color=_COLOURS["profile"],
-        linewidth=1.4,
-        label="cost (1: threshold)",
-    )
+    line, order = ".-" if three.curve.shape[1] < _FEW else "-", np.argsort(three.curve[0])
+    cost: dict[str, Any] = {"color": _COLOURS["profile"], "linewidth": 1.4, "label": "cost (1: threshold)"}
+    ax.plot(*three.curve[:, order], line, **cost)
     ax.axhline(1.0, color="#666666", linestyle=":", linewidth=1, label="_95 % threshold")
     for k, way in enumerate(WAYS):
         interval = getattr(three, way)
