@@ -170,13 +170,11 @@ def test_what_slow_loading_shows(slow: Joint) -> None:
 
 
 def panels(joint: Joint) -> list[Axes]:
-    drawn = [presliding_sections.presliding_figure(joint), presliding_sections.hysteresis_figure(joint)]
-    return [ax for figure in drawn if figure is not None for ax in figure.axes]
+    return present(presliding_sections.presliding_figure(joint)).axes
 
 
-def both(joint: Joint) -> list[Figure]:
-    drawn = (moving_sections.course_figure(joint), moving_sections.velocity_figure(joint))
-    return [figure for figure in drawn if figure is not None]
+def both(joint: Joint) -> tuple[Figure, Figure]:
+    return present(moving_sections.course_figure(joint)), present(moving_sections.velocity_figure(joint))
 
 
 def test_windows_and_points_of_moving_runs() -> None:
