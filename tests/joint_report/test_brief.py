@@ -54,7 +54,7 @@ def test_values_bands_and_rows_of_the_brief(edro_results: Path) -> None:
     # a peak that is not claimed, and was in the fit, is told with the curve that has it
     whole, accuracy = tracked(), Accuracy(slowest=0.1, fastest=1.0, band=2.0, statistical=2.0, apart=0.0, share=1.0)
     peak = {x: e for x, e in whole.parameters.items() if x.name in ("alpha_1", "v_s")}
-    unseen = whole.parameters | {x: replace(e, value=None, warnings=(UNSEEN,)) for x, e in peak.items()}
+    unseen = {**whole.parameters, **{x: replace(e, value=None, warnings=(UNSEEN,)) for x, e in peak.items()}}
     fit = replace(whole, parameters=unseen, fixed={x: e.value or 0.0 for x, e in peak.items()})
     hidden = replace(moving("hidden"), static={}, joint_fit=None, tracking=fit, accuracy=accuracy)
     assert "with the fit's alpha_1" in words(brief_report([hidden]))

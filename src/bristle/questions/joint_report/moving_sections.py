@@ -31,7 +31,7 @@ _GREY, _BLUE, _VERMILION = "#999999", "#0072B2", "#D55E00"
 
 
 def course(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing | None:
-    """The run vs time where its reversals are strongest; None without a fit."""
+    """The run vs time about its hardest reversal; None without a fit."""
     fit = joint.moving
     if fit is None or not fit.time.size:
         return None
@@ -41,8 +41,7 @@ def course(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing | None:
     where = f"segment {stretch} of {count}" if count > 1 else "the run"
     caption = (
         f"{_left(joint, fit)} Measured {fit.quantity} (wide grey line) and predicted by the {_name(joint)} (thin "
-        f"line), from {start} to {end} s of {where}, where the reversals are strongest. Below: measured minus "
-        "predicted."
+        f"line), from {start} to {end} s of {where}, about the hardest reversal. Below: measured minus predicted."
     )
     return figures["tracking"]._replace(caption=caption)
 
@@ -137,7 +136,7 @@ def window(fit: TrackingFit) -> slice:
 
 @styled
 def course_figure(joint: Joint) -> Figure | None:
-    """Measured and predicted torque (or position) vs time at the strongest reversals; None without a fit."""
+    """Measured and predicted torque (or position) vs time about the hardest reversal; None without a fit."""
     fit = joint.moving
     if fit is None or not fit.time.size:
         return None

@@ -86,8 +86,8 @@ def crosscheck(joint: Joint) -> _Rows:
 @_table("fit file relative_error# relative_error_of_fit#")
 def hold_out(joint: Joint) -> _Rows:
     """One row per fit and hold-out run: relative error of the prediction, and of the fit on its own data, percent."""
-    fits: dict[str, StaticFit | TrackingFit] = {**joint.static, **moving_fits(joint)}
-    for name, fit in fits.items():
+    fits: list[tuple[str, StaticFit | TrackingFit]] = [*joint.static.items(), *moving_fits(joint).items()]
+    for name, fit in fits:
         yield from ((name, x.file, x.relative_error, fit.relative_error) for x in fit.hold_out)
 
 
