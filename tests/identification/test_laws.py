@@ -205,7 +205,7 @@ def test_a_file_gets_the_law_that_it_asks_for(tmp_path: Path) -> None:
     path = both_ways(tmp_path, truth_of(law_named("lorentzian")), 0.002)
     ran: Ran = run("identify", path, "--laws")
     assert ran.code == 0
-    table = ran.out[ran.out.index("On points, 44 samples:") :]
+    table = ran.out[ran.out.index("[[Which friction law?]]") :]
     assert all(name in table for name in LAWS)
     assert "The data favour lorentzian: its BIC is" in " ".join(table.split())
     # a law that there is not, or a term that it has already, is one sentence with what can be written
