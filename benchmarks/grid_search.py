@@ -74,24 +74,24 @@ def of_methods(cases: tuple[CaseResult, ...]) -> None:
     """A row per method, over the cases in which v_s is identifiable."""
     known = [result for result in cases if not result.not_identifiable]
     print(
-        f"\nmethods, in the {len(known)} cases in which v_s is identifiable: medians of |bias| and spread of v_s (% of it), mean coverage,"
+        f"\nmethods, in the {len(known)} cases in which v_s is identifiable: medians of |bias| and spread of v_s (% of it),"
     )
     print(
         "% that fail (end where even the true model is rejected), % above the lowest cost, median time and its ratio to the refined grid's"
     )
-    print(f"{'':<28}{'bias':>8}{'spread':>8}{'covers':>9}{'fails':>9}{'above':>9}{'ms':>9}{'ratio':>9}")
+    print(f"{'':<28}{'bias':>8}{'spread':>8}{'fails':>9}{'above':>9}{'ms':>9}{'ratio':>9}")
     for name in known[0].methods:
         rows = [(t.methods[name], t.case.truth.v_s, t.methods[REFINED].seconds) for t in known]
         bias = np.median([100 * abs(m.bias[3]) / v_s for m, v_s, _ in rows])
         spread = np.median([100 * m.spread[3] / v_s for m, v_s, _ in rows])
-        covers, fails = (100 * np.mean(x) for x in zip(*((m.coverage[3], m.failed) for m, _, _ in rows), strict=True))
+        fails = 100 * np.mean([m.failed for m, _, _ in rows])
         away = [m.other_minimum for m, _, _ in rows if m.other_minimum is not None]
         above = f"{100 * np.mean(away):8.1f}%" if away else f"{'-':>9}"
         ms, ratio = (
             1e3 * np.median([m.seconds for m, _, _ in rows]),
             np.median([m.seconds / base for m, _, base in rows]),
         )
-        print(f"{name:<28}{bias:8.2f}{spread:8.2f}{covers:8.1f}%{fails:8.1f}%{above}{ms:9.3f}{ratio:9.2f}")
+        print(f"{name:<28}{bias:8.2f}{spread:8.2f}{fails:8.1f}%{above}{ms:9.3f}{ratio:9.2f}")
     moved = max(t.polish_shift for t in known)
     print(f"{POLISHED} moves by at most {moved:.1e} spreads of any parameter in them")
 

@@ -1,6 +1,6 @@
 import ast
 from collections.abc import Iterator
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import FrozenInstanceError
 from functools import cache
 from typing import Any
 
@@ -17,7 +17,6 @@ from bristle.identification.verdict import WEIGHTIEST_FIRST
 from bristle.model.parameters import units_of
 from bristle.page.said import entries
 from bristle.questions.compensation.replay import replays
-from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.sentences import choice
 from bristle.questions.sensitivity.study import findings, sobol_sentences
 from bristle.simulation import edro
@@ -148,24 +147,9 @@ def decisions(tree: ast.AST) -> Iterator[str]:
                 pass
 
 
-def scarce(joint: Joint) -> Joint:
-    """As if little had been measured: one direction, no run held out, open intervals, and moving runs that show nothing."""
-    fit, moving = joint.static["+"], joint.tracking
-    assert moving is not None
-    open_ = {name: replace(e, standard_error=e.value, interval=(0.0, np.inf)) for name, e in fit.parameters.items()}
-    unseen = {name: replace(e, value=None) for name, e in moving.parameters.items()}
-    return replace(
-        joint,
-        static={"+": replace(fit, parameters=open_, hold_out=())},
-        tracking=replace(moving, parameters=unseen, hold_out=()),
-        joint_fit=None,
-    )
-
-
 def advised(joints: tuple[Joint, ...]) -> Iterator[Finding]:
-    """What to measure next, and which sigma_0 to use."""
-    for joint in (*joints, *map(scarce, joints)):
-        yield from next_measurements(joint)
+    """Which sigma_0 to use."""
+    for joint in joints:
         yield from map(choice, joint.presliding.fits.values() if joint.presliding else ())
 
 
@@ -181,8 +165,8 @@ def found(results: Results) -> Iterator[Finding]:
 @pytest.mark.slow
 def test_no_sentence_decides_on_the_embedded_joints(monkeypatch: pytest.MonkeyPatch) -> None:
     """With every template replaced by its kind's name, two joints come out the same in every number, kind and severity; so does --strict."""
-    # the notes on their files, the advice on models and on what to measure next, the assumptions of their loops, and
-    # what is found of sensitivity and adaptation are among them
+    # the notes on their files, the advice on models and on sigma_0, the assumptions of their loops, and what is found of
+    # sensitivity and adaptation are among them
     experiments = edro.experiments()[::3]
     gripper = load_experiment(experiments[0])
     first = bristle.identify(*experiments)
@@ -196,6 +180,6 @@ def test_no_sentence_decides_on_the_embedded_joints(monkeypatch: pytest.MonkeyPa
     assert held(second.joints) == held(first.joints)
     assert held((*of_paper(second.joints), of_experiment(gripper, second.joints[0]))) == loops
     assert held((*advised(second.joints), *found(second))) == before
-    assert {"unlimited-below", "alpha-2-wide", "bristle-open", "hold-back", "claim-on-map", "sobol-indices"} < kinds
+    assert {"from-transitions", "claim-on-map", "sobol-indices"} < kinds
     assert [d.code for d in first.warnings] == [d.code for d in second.warnings]
     assert worded != [str(warning) for warning in second.warnings]

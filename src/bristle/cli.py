@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from functools import wraps
+from importlib import import_module
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -219,11 +220,9 @@ def identify(
     for sentence in guessed:
         complain(f"guessed: {sentence}")
     _tell([results.text(full=full)])
-    from bristle.questions.joint_report.brief import interval_lines, law_lines
-
-    for asked_for, lines in ((uncertainty, interval_lines), (laws, law_lines)):
-        if asked_for:
-            _tell(lines(results.joints))
+    if pages := [*["uncertainty.html"] * uncertainty, *["checks.html"] * laws]:
+        report = import_module("bristle.questions.joint_report.report")
+        _tell([report.full_text(results.joints, *pages)])
     if output is not None:
         files.write_text(output, results.to_json(output.parent))
         print_lines([f"Results: {output}"], done=True)
@@ -276,20 +275,19 @@ def validate(
     Example: bristle validate wrist.yaml -o reports/wrist-validate
     """
     folder = output_folder(output, experiment, "-validate")
-    results, beside = None, list[str]()
+    results, beside = None, ""
     with shown() as progress:
         from bristle.api.identifying import identified
-        from bristle.questions.joint_report.brief import law_lines
         from bristle.questions.method_validation.run import check_request
 
         check_request(repetitions, starts, noise)
         if experiment is not None:  # each fit beside a full nonlinear one on the same data
             results = identified(experiment, joint=joint, crosscheck=True, progress=progress)
             results.joint()
-            beside = [*results.checks(), *law_lines(results.joints)]
+            beside = results.checks()
         validated = bristle.validate(results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
         checked = bristle.report_of(validated)
-    _tell([checked.text(), *beside])
+    _tell([checked.text(), beside])
     if validated.cases:
         print_lines([f"Page: {checked.write(folder)}"], done=True)
     if results:

@@ -1,6 +1,8 @@
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -15,19 +17,69 @@ from bristle.errors import InputError
 from bristle.model.parameters import fields_of
 from bristle.page.wording import in_symbols, symbol
 from bristle.questions.array_fit.fit import METHODS
-from bristle.simulation import edro
 
 from .. import laws
-from ..conftest import TRUTH, speeds
 from ..laws import DRAG, EXPONENT, OUTSIDE, motion, registered, truth_of
 
+P = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0=6.0, sigma_1=0.02)
+J = 1e-3
+STEP = 0.002
+MOVING = "{time: {column: t, unit: s}, position: {column: q, unit: rad}}"
+RUNS = (
+    ("motion", "tracking", MOVING), ("slow", "presliding", MOVING), ("points", "points", "{velocity: {column: v, unit: rad/s}}"),
+)  # fmt: skip  # a list
 
-def points(noise: float = 2e-5, seed: int = 0) -> tuple[Array, Array]:
-    """Velocities, rad/s, and torques of `TRUTH` with noise, N*m."""
-    v = speeds()
-    p = TRUTH
-    T = np.sign(v) * (p.alpha_0 + p.alpha_1 * np.exp(-((v / p.v_s) ** 2))) + p.alpha_2 * v
-    return v, T + noise * np.random.default_rng(seed).standard_normal(v.size)
+
+def noise(n: int, size: float, seed: int = 0) -> Array:
+    """White, (n,)."""
+    return size * np.random.default_rng(seed).standard_normal(n)
+
+
+def points(size: float = 5e-5, seed: int = 0) -> tuple[Array, Array]:
+    """Velocities, rad/s, and torques, N*m."""
+    v = np.geomspace(0.01, 1.0, 24)
+    v = np.concatenate([v, -v])
+    return v, bristle.friction(v, P) + noise(v.size, size, seed)
+
+
+def loading() -> tuple[Array, Array, Array]:
+    """Time, s, position, rad, and torque, N*m, of two slow cycles below breakaway."""
+    t = np.arange(0, 40, STEP)
+    T = 0.8 * (P.alpha_0 + P.alpha_1) * np.interp(t % 20, [0, 5, 15, 20], [0, 1, -1, 0])
+    dT = np.diff(T, prepend=0.0)
+    q = np.cumsum(dT / (P.sigma_0 * (1 - np.sign(dT) * T / (P.alpha_0 + P.alpha_1))))
+    count = 2 * np.pi / 2**20
+    return t, count * np.round(q / count), T + noise(t.size, 5e-5, 1)
+
+
+def moved() -> tuple[Array, Array, Array]:
+    """Time, s, position, rad, and torque, N*m, of a motion that reverses."""
+    t = np.arange(0, 8, STEP)
+    v = 0.6 * np.sin(2.0 * t) + 0.3 * np.sin(5.3 * t)
+    q = STEP * np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2)])
+    return t, q, bristle.simulate(v, STEP, P) + J * np.gradient(v, t) + noise(t.size, 1e-4, 2)
+
+
+def saved(folder: Path, name: str, header: str, *columns: Array) -> None:
+    np.savetxt(folder / name, np.column_stack(columns), "%.17g", ",", header=header, comments="")
+
+
+@pytest.fixture(scope="module")
+def of_files(tmp_path_factory: pytest.TempPathFactory) -> bristle.Results:
+    folder = tmp_path_factory.mktemp("files")
+    saved(folder, "points.csv", "v,tau", *points())
+    saved(folder, "slow.csv", "t,q,tau", *loading())
+    saved(folder, "motion.csv", "t,q,tau", *moved())
+    (folder / "e.yaml").write_text(
+        "joint: {name: joint}\n"
+        "signals: {torque: {column: tau, unit: N*m}}\nruns:\n"
+        + "".join(
+            f"  - {{files: {name}.csv, experiment: {what}, signals: {signals}}}\n" for name, what, signals in RUNS
+        )
+        + "fit: {directions: symmetric}\n",
+        encoding="utf-8",
+    )
+    return bristle.identify(folder / "e.yaml")
 
 
 @pytest.fixture(scope="module")
@@ -35,26 +87,8 @@ def plain() -> bristle.Fit:
     return bristle.fit(*points())
 
 
-def test_arrays_give_what_a_file_gives(tmp_path: Path, plain: bristle.Fit) -> None:
-    """The embedded points as arrays and as a file: every estimate, interval and warning to the last digit."""
-    (gripper, *_) = edro.experiments()
-    kept = bristle.inspect(gripper).points(hold_out=False)
-    v, T = (np.array([getattr(s, name) for s in kept]) for name in ("velocity", "torque"))
-    np.savetxt(tmp_path / "points.csv", np.column_stack([v, T]), "%.17g", ",", header="v,T", comments="")
-    (tmp_path / "e.yaml").write_text(
-        "joint: {name: joint}\nsignals: {velocity: {column: v, unit: rad/s}, torque: {column: T, unit: N*m}}\n"
-        "runs: [{files: points.csv, experiment: points}]\n",
-        encoding="utf-8",
-    )
-    found, of_file = bristle.fit(v, T), bristle.identify(tmp_path / "e.yaml").joints[0]
-    assert found.params.keys() == {f"{name}{d}" for d in "+-" for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")}
-    for d, fit in of_file.static.items():
-        for name, e in fit.parameters.items():
-            assert found.joint.static[d].parameters[name] == e
-            assert found.params[f"{name}{d}"] == e.value
-            assert tuple(found.conf_int().loc[f"{name}{d}"]) == e.interval
-    assert [str(w) for w in found.warnings] == [str(w) for w in dict.fromkeys(of_file.all_warnings())]
-    # arrays, lists, series, and columns of a data frame in other units are the same points
+def test_arrays_of_any_kind(plain: bristle.Fit) -> None:
+    """Lists, series, and columns of a data frame in other units are the same points."""
     v, T = points()
     frame = pd.DataFrame({"dq": np.degrees(v), "tau": 1e3 * T})
     for other in (
@@ -66,29 +100,14 @@ def test_arrays_give_what_a_file_gives(tmp_path: Path, plain: bristle.Fit) -> No
         assert other.stderr == pytest.approx(plain.stderr, rel=1e-7)
     # predicted torques are those of the law in each direction, nan in one that was not measured; gravity needs positions
     v, T = points(0.0)
-    found = bristle.fit(v, T)
-    assert found.predict(v) == pytest.approx(T, rel=1e-6)
-    assert found.predict(v.reshape(2, -1)).shape == (2, v.size // 2)
-    forward = bristle.fit(v[v > 0], T[v > 0])
-    assert np.isnan(forward.predict([-0.5])).all()
+    assert bristle.fit(v, T).predict(v.reshape(2, -1)) == pytest.approx(T.reshape(2, -1), rel=1e-6)
+    assert np.isnan(bristle.fit(v[v > 0], T[v > 0]).predict([-0.5])).all()
     q = np.linspace(0, 5, v.size)
     loaded = bristle.fit(v, T + 0.01 * np.sin(q), position=q, directions="symmetric", regressors=["gravity"])
     assert loaded.predict(v, q) == pytest.approx(T + 0.01 * np.sin(q), rel=1e-4)
     with pytest.raises(InputError, match="gravity was fitted; give the position too"):
         loaded.predict(v)
-    # text, table and curve: into given axes, and as HTML with a picture and no script; the caller's style is left alone
-    before = dict(mpl.rcParams)
-    ax = Figure().subplots()
-    assert plain.plot(ax) is ax
-    assert ax.get_xlabel() == "Velocity (rad/s)"
-    page = plain._repr_html_()
-    assert [part in page for part in ("<table", "<svg", "<script")] == [True, True, False]
-    assert list(plain.to_frame().index) == list(plain.params)
-    assert dict(mpl.rcParams) == before
-
-
-def test_intervals_by_each_method(plain: bristle.Fit) -> None:
-    """Those of a lower level lie inside the 95 % ones, by each method that has levels; at 68 % half of one is the standard error."""
+    # intervals of a lower level lie inside the 95 % ones, by each method that has levels; at 68 % half of one is the standard error
     for method in METHODS[:2]:
         inner, outer = plain.conf_int(0.68, method), plain.conf_int(0.95, method)
         assert (outer["lower"] < inner["lower"]).all()
@@ -101,45 +120,56 @@ def test_intervals_by_each_method(plain: bristle.Fit) -> None:
             plain.conf_int(level, method)  # type: ignore[arg-type]  # what is wrong
     # without slow points there is no Stribeck term: nan in parameters, intervals and table, with a warning
     v, T = points()
-    fast = np.abs(v) > 3 * TRUTH.v_s
+    fast = np.abs(v) > 3 * P.v_s
     found = bristle.fit(v[fast], T[fast], directions="symmetric")
     assert np.isnan([found.params["alpha_1"], found.params["v_s"]]).all()
     assert found.conf_int().loc["v_s"].isna().all()
-    assert any("Stribeck term not identifiable" in str(w) for w in found.warnings)
     assert "Stribeck term not identifiable" in repr(found)
 
 
-@pytest.mark.slow
-def test_intervals_hold_the_truth() -> None:
-    """The 95 % intervals hold the truth in most of 20 fits, by each method."""
-    held = dict.fromkeys(METHODS, 0)
-    for seed in range(20):
-        found = bristle.fit(*points(seed=seed), directions="symmetric")
-        for method in held:
-            ends = found.conf_int(method=method)
-            held[method] += sum(row.lower <= getattr(TRUTH, str(row.Index)) <= row.upper for row in ends.itertuples())
-    assert min(held.values()) >= 0.9 * 20 * 4
+Fits = tuple[bristle.Fit, bristle.Fit, bristle.Fit]  # of points, of slow loading and of a motion
 
 
-@pytest.mark.parametrize(
-    ("arguments", "options", "sentence"),
-    [
-        (([1.0, 2.0], [1.0, 2.0, 3.0]), {}, "arrays differ in length: velocity has 2, torque has 3"),
-        (([1.0, 2.0], ["a", "b"]), {}, "torque is not an array of numbers"),
-        (([[1.0, 2.0]], [1.0, 2.0]), {}, r"velocity has shape \(1, 2\)"),
-        (([1.0, 2.0],), {}, "torque: missing"),
-        (([1.0, 2.0], [1.0, 2.0]), {"directons": "separate"}, "did you mean 'directions'"),
-        (([1.0, 2.0], [1.0, 2.0]), {"units": {"speed": "rpm"}}, "units: got 'speed'; expected one of velocity, torque"),
-        (([1.0, 2.0], [1.0, 2.0]), {"velocity": "dq"}, "names a column of a data frame"),
-        ((pd.DataFrame({"v": [1.0]}), "T"), {"velocity": "v"}, "torque: got 'T'; expected one of the data frame's columns: v"),
-    ],
-)  # fmt: skip  # a table
-def test_what_cannot_be_fitted_is_one_sentence(
-    arguments: tuple[object, ...], options: dict[str, object], sentence: str
-) -> None:
-    """Lengths, shapes, options and columns: each is refused with what was got and what to do."""
-    with pytest.raises(InputError, match=sentence):
-        bristle.fit(*arguments, **options)  # type: ignore[arg-type]  # what is wrong
+@pytest.fixture(scope="module")
+def fits() -> Fits:
+    static = bristle.fit(*points(), directions="symmetric")
+    slow = bristle.fit_presliding(*loading(), breakaway=static)
+    return static, slow, bristle.fit_dynamic(*moved(), priors=[static, slow])
+
+
+def test_what_cannot_be_fitted_is_one_sentence(fits: Fits) -> None:
+    """Lengths, shapes, options, columns, units, priors, and what a fit does not know: each is refused with what was got and what to do."""
+    fit: Any = bristle.fit  # to which a user may give anything
+    two, (t, q, T), (static, _, dynamic) = [1.0, 2.0], moved(), fits
+    calls: dict[str, Callable[[], object]] = {
+        "arrays differ in length: velocity has 2, torque has 3": lambda: fit(two, [1.0, 2.0, 3.0]),
+        "torque is not an array of numbers": lambda: fit(two, ["a", "b"]),
+        "velocity has shape (1, 2)": lambda: fit([two], two),
+        "torque: missing": lambda: fit(two),
+        "did you mean 'directions'": lambda: fit(two, two, directons="separate"),
+        "units: got 'speed'; expected one of velocity, torque": lambda: fit(two, two, units={"speed": "rpm"}),
+        "names a column of a data frame": lambda: fit(two, two, velocity="dq"),
+        "torque: got 'T'; expected one of the data frame's columns: v": lambda: fit(pd.DataFrame({"v": [1.0]}), "T", velocity="v"),
+        "expected n real numbers": lambda: fit(np.array([1j, 2.0]), two),
+        "units: got 'deg/s'; expected units by signal": lambda: fit(two, two, units="deg/s"),
+        "t: missing; give n times": lambda: bristle.fit_dynamic(None, pd.Series(q), T),  # an index that counts rows
+        "t: missing": lambda: bristle.fit_presliding(None, q, T),
+        "priors: got": lambda: bristle.fit_dynamic(t, q, T, priors=[1]),  # type: ignore[list-item]
+        "simulate: sigma_0, sigma_1 of direction": lambda: bristle.simulate(two, 0.01, static),
+        "nothing is known of friction vs velocity": lambda: bristle.fit_presliding(*loading()).predict(two),
+        "dt: got 0": lambda: bristle.simulate(two, 0, P),
+        "no interval by profile was made": lambda: dynamic.conf_int(method="profile"),
+        "bristle stiffness": static.compensator,
+        "as of one column of a data frame": lambda: bristle.fit_dynamic(t, pd.DataFrame({"q": q, "T": T}), T),
+    }  # fmt: skip  # a table
+
+    def said(call: Callable[[], object]) -> str:
+        try:
+            return f"not refused: {call()}"
+        except InputError as error:
+            return str(error)
+
+    assert [sentence for sentence, call in calls.items() if sentence not in said(call)] == []
 
 
 def test_a_first_fit_loads_no_page_and_no_command_line() -> None:
@@ -179,90 +209,19 @@ def test_every_parameter_has_a_symbol() -> None:
         assert in_symbols("alpha_3+ beyond v_end; the blunt delta") == "α₃ (+) beyond vₑ; the blunt delta"
 
 
-P = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0=6.0, sigma_1=0.02)
-J = 1e-3
-STEP = 0.002
-MOVING = "{time: {column: t, unit: s}, position: {column: q, unit: rad}}"
-RUNS = (
-    ("motion", "tracking", MOVING), ("slow", "presliding", MOVING), ("points", "points", "{velocity: {column: v, unit: rad/s}}"),
-)  # fmt: skip  # a list
-
-
-def noise(n: int, size: float, seed: int = 0) -> Array:
-    """White, (n,)."""
-    return size * np.random.default_rng(seed).standard_normal(n)
-
-
-def of_points() -> tuple[Array, Array]:
-    """Velocities, rad/s, and torques, N*m."""
-    v = np.geomspace(0.01, 1.0, 12)
-    v = np.concatenate([v, -v])
-    return v, bristle.friction(v, P) + noise(v.size, 5e-5)
-
-
-def loading() -> tuple[Array, Array, Array]:
-    """Time, s, position, rad, and torque, N*m, of two slow cycles below breakaway."""
-    t = np.arange(0, 40, STEP)
-    T = 0.8 * (P.alpha_0 + P.alpha_1) * np.interp(t % 20, [0, 5, 15, 20], [0, 1, -1, 0])
-    dT = np.diff(T, prepend=0.0)
-    q = np.cumsum(dT / (P.sigma_0 * (1 - np.sign(dT) * T / (P.alpha_0 + P.alpha_1))))
-    count = 2 * np.pi / 2**20
-    return t, count * np.round(q / count), T + noise(t.size, 5e-5, 1)
-
-
-def moved() -> tuple[Array, Array, Array]:
-    """Time, s, position, rad, and torque, N*m, of a motion that reverses."""
-    t = np.arange(0, 8, STEP)
-    v = 0.6 * np.sin(2.0 * t) + 0.3 * np.sin(5.3 * t)
-    q = STEP * np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2)])
-    return t, q, bristle.simulate(v, STEP, P) + J * np.gradient(v, t) + noise(t.size, 1e-4, 2)
-
-
-def saved(folder: Path, name: str, header: str, *columns: Array) -> None:
-    np.savetxt(folder / name, np.column_stack(columns), "%.17g", ",", header=header, comments="")
-
-
-@pytest.fixture(scope="module")
-def of_files(tmp_path_factory: pytest.TempPathFactory) -> bristle.Results:
-    folder = tmp_path_factory.mktemp("files")
-    saved(folder, "points.csv", "v,tau", *of_points())
-    saved(folder, "slow.csv", "t,q,tau", *loading())
-    saved(folder, "motion.csv", "t,q,tau", *moved())
-    (folder / "e.yaml").write_text(
-        "joint: {name: joint}\n"
-        "signals: {torque: {column: tau, unit: N*m}}\nruns:\n"
-        + "".join(
-            f"  - {{files: {name}.csv, experiment: {what}, signals: {signals}}}\n" for name, what, signals in RUNS
-        )
-        + "fit: {directions: symmetric}\n",
-        encoding="utf-8",
-    )
-    return bristle.identify(folder / "e.yaml")
-
-
-Fits = tuple[bristle.Fit, bristle.Fit, bristle.Fit]  # of points, of slow loading and of a motion
-
-
-@pytest.fixture(scope="module")
-def fits() -> Fits:
-    static = bristle.fit(*of_points(), directions="symmetric")
-    slow = bristle.fit_presliding(*loading(), breakaway=static)
-    return static, slow, bristle.fit_dynamic(*moved(), priors=[static, slow])
-
-
 def test_arrays_give_what_files_give(of_files: bristle.Results, fits: Fits) -> None:
     """Static, presliding and joint estimates of arrays are those of files, with their errors and intervals."""
     (joint,), (static, slow, dynamic) = of_files.joints, fits
     assert joint.presliding is not None
     assert joint.joint_fit is not None
     for name, e in joint.static["both"].parameters.items():
+        assert static.joint.static["both"].parameters[name] == e
         assert (static.params[name], static.stderr[name]) == (e.value, e.standard_error)
+        assert tuple(static.conf_int().loc[name]) == e.interval
     for d, one in joint.presliding.fits.items():
         assert slow.params[f"sigma_0{d}"] == one.sigma_0.value
         assert tuple(slow.conf_int().loc[f"sigma_0{d}"]) == one.sigma_0.interval
-    assert list(dynamic.params) == list(map(str, joint.joint_fit.parameters))
-    for key, e in joint.joint_fit.parameters.items():
-        assert dynamic.params[str(key)] == e.value
+    assert dynamic.params == {str(key): e.value for key, e in joint.joint_fit.parameters.items()}
     # every parameter lies within four standard errors of what was simulated, sigma_1 of slow loading apart, which is assumed
     true = {**P._asdict(), "inertia": J, "offset": 0.0}
     for found in fits:
@@ -274,36 +233,26 @@ def test_arrays_give_what_files_give(of_files: bristle.Results, fits: Fits) -> N
     assert dynamic.friction([0.5]) == pytest.approx(bristle.friction([0.5], P), rel=0.01)
     v = 0.3 * np.sin(np.arange(1000) * 0.01)
     assert bristle.simulate(v, 0.01, dynamic) == pytest.approx(bristle.simulate(v, 0.01, P), abs=0.02 * P.alpha_0)
-    # points show no bristle, and slow loading no friction vs velocity: a sentence each
-    static, _, _ = fits
-    slow = bristle.fit_presliding(*loading())
-    with pytest.raises(InputError, match="simulate: sigma_0, sigma_1 of direction"):
-        bristle.simulate([0.1, 0.2], 0.01, static)
-    with pytest.raises(InputError, match="nothing is known of friction vs velocity"):
-        slow.predict([0.1])
-    with pytest.raises(InputError, match="dt: got 0"):
-        bristle.simulate([0.1, 0.2], 0, P)
 
 
 def test_motions_of_arrays_have_intervals_and_a_compensator(fits: Fits) -> None:
-    """By covariance always; by profile and bootstrap with `uncertainty`; a sentence without."""
-    *_, found = fits
-    with pytest.raises(InputError, match="no interval by profile was made"):
-        found.conf_int(method="profile")
-    assert found.conf_int(method="covariance").loc["alpha_0"].notna().all()
+    """By covariance always; by profile and bootstrap with `uncertainty`."""
+    assert fits[-1].conf_int(method="covariance").loc["alpha_0"].notna().all()
     whole = bristle.fit_dynamic(*moved(), directions="symmetric", uncertainty=True)
     for method in METHODS:
         ends = whole.conf_int(method=method).to_dict("index")["alpha_0"]
         assert ends["lower"] < whole.params["alpha_0"] < ends["upper"]
-    # each as text, as HTML, and as axes with quantity and unit
+    # each as text, as HTML with a picture and no script, and as axes with quantity and unit; the caller's style is left alone
+    before = dict(mpl.rcParams)
     labels = ("Velocity (rad/s)", "Displacement (rad)", "Time (s)")
     for found, label in zip(fits, labels, strict=True):
         ax = found.plot(Figure().subplots())
         assert (ax.get_xlabel(), ax.get_ylabel()) == (label, "Torque (N·m)")
         assert all(name in repr(found) for name in found.params)
-        assert "<svg" in found._repr_html_()
+        assert [part in found._repr_html_() for part in ("<table", "<svg", "<script")] == [True, True, False]
+    assert dict(mpl.rcParams) == before
     # step by step it gives the torque of the compiled one, follows friction, and adapts; reset begins anew
-    static, _, dynamic = fits
+    *_, dynamic = fits
     comp, still = dynamic.compensator(gamma=20.0), dynamic.compensator(law=None)
     state, step = initial_state(comp.compensator, comp.parameters), compiled(comp.compensator)
     for _ in range(500):
@@ -317,11 +266,8 @@ def test_motions_of_arrays_have_intervals_and_a_compensator(fits: Fits) -> None:
     assert still.gains == {}
     comp.reset()
     assert set(comp.gains.values()) == {1.0}
-    assert comp.step(1e-3, (0.0, 0.3, 0.0), 0.0) == pytest.approx(comp.step(1e-3, (0.0, 0.3), 3e-4), rel=0.5)
     with pytest.raises(InputError, match="dt: got 0"):
         comp.step(0.0, (0.0, 0.3), 0.0)
-    with pytest.raises(InputError, match="bristle stiffness"):
-        static.compensator()
 
 
 def test_time_as_index_or_as_numbers() -> None:
@@ -329,20 +275,6 @@ def test_time_as_index_or_as_numbers() -> None:
     t, q, T = loading()
     one, series = bristle.fit_presliding(t, q, T), pd.Series(q, index=t)
     assert bristle.fit_presliding(None, series, T).params == pytest.approx(one.params, rel=1e-6, nan_ok=True)
-    with pytest.raises(InputError, match="t: missing"):
-        bristle.fit_presliding(None, q, T)
-    # an index that counts rows, complex numbers, units that are a text, priors that are no fits: a sentence each
-    t, q, T = moved()
-    with pytest.raises(InputError, match="t: missing; give n times"):
-        bristle.fit_dynamic(None, pd.Series(q), T)
-    with pytest.raises(InputError, match="expected n real numbers"):
-        bristle.fit(np.array([1j, 2.0]), [1.0, 2.0])
-    with pytest.raises(InputError, match="units: got 'deg/s'; expected units by signal"):
-        bristle.fit([1.0, 2.0], [1.0, 2.0], units="deg/s")  # type: ignore[arg-type]  # what a user may write
-    with pytest.raises(InputError, match="priors: got"):
-        bristle.fit_dynamic(t, q, T, priors=[1])  # type: ignore[list-item]  # the same
-    with pytest.raises(InputError, match="as of one column of a data frame"):
-        bristle.fit_dynamic(t, pd.DataFrame({"q": q, "T": T}), T)
     # three held speeds and a ramp between them: the speeds are kept with their torque, all else has a reason
     v = np.concatenate([np.full(3000, 0.2), np.linspace(0.2, 0.6, 400), np.full(3000, 0.6)])
     t = np.arange(v.size) * STEP
@@ -353,12 +285,9 @@ def test_time_as_index_or_as_numbers() -> None:
     assert kept.torque.to_numpy() == pytest.approx(bristle.friction([0.2, 0.6], P), rel=5e-3)
     assert (found[~found.accepted].reasons != "").all()
     # as an index, or as the time itself, they give the segments that the seconds give
-    t = np.arange(0, 6, STEP)
-    v = np.repeat([0.1, 0.9], t.size // 2)
-    q, T = np.cumsum(v) * STEP, 0.02 + 0.04 * v + noise(t.size, 1e-4)
-    plain, past = bristle.find_segments(t, q, T), pd.to_timedelta(t, unit="s")
+    past, q = pd.to_timedelta(t, unit="s"), STEP * np.cumsum(v)
     instants = pd.Timestamp("2024-05-01", tz="Europe/Amsterdam") + past
     for clock in (past, pd.Timestamp("2024-05-01") + past, instants):
         for times, positions in ((None, pd.Series(q, index=clock)), (pd.Series(clock), q)):
-            found = bristle.find_segments(times, positions, T)
-            assert found.velocity.to_numpy() == pytest.approx(plain.velocity.to_numpy(), rel=1e-6)
+            again = bristle.find_segments(times, positions, T)
+            assert again.velocity.to_numpy() == pytest.approx(found.velocity.to_numpy(), rel=1e-6)

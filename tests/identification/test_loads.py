@@ -44,7 +44,7 @@ from bristle.model.rollout import rollout, rollout_into
 from bristle.page.wording import symbol
 from bristle.questions.compensation.replay import replays
 from bristle.questions.joint_report.brief import brief_report
-from bristle.questions.joint_report.text import fit_report
+from bristle.questions.joint_report.report import full_text
 from bristle.simulation.joint_loop import Carried, of_experiment
 
 from ..conftest import present
@@ -298,7 +298,7 @@ def test_who_takes_the_joint_without_load_says_so(embedded: tuple[Joint, Joint])
     assert found.law_name == "gaussian+link-load"
     assert "law: gaussian+link-load: Gaussian peak" in " ".join(brief_report([found]).split())
     assert not any(line.startswith("  law:") for line in brief_report([plain]).splitlines())
-    assert "fitted: gaussian+link-load." in " ".join(fit_report([found]).split())
+    assert "Fitted: gaussian+link-load (" in " ".join(full_text([found]).split())
 
 
 JOINT = Lugre(0.3, 0.1, 0.05, 0.2, 100.0, 0.3)

@@ -16,23 +16,11 @@ from .conftest import TABLE_1, loaded
 VALUES = {f"{name}{d}": value for d, p in TABLE_1.items() for name, value in p._asdict().items()} | {"inertia": 1.3e-3}
 """The true parameters by their names in a fit of moving runs."""
 AGREE = Finding("stage-agrees", NOTE, "They agree.")
-DIFFER = Finding(
-    "stage-differs", CAUTION, "They differ by more than chance; check the static stage first, which is less precise."
-)
+DIFFER = Finding("stage-differs", CAUTION, "They differ by more than chance.")
 NOT_SHOWN = Finding("stage-unseen", NOTE, "Not identifiable from the tracking runs.")
-UNSEEN = Finding(
-    "unseen-far", CAUTION, "Not identifiable from this motion: its standard error is more than ten times its value."
-)
-CORRELATED = Finding(
-    "correlated", NOTE, "Residuals are correlated (lag one 0.62); standard errors are multiplied by 2.1 for it."
-)
-IPOPT = Finding(
-    "routes-agree",
-    NOTE,
-    "Gauss-Newton on the rollout and IPOPT on the full simulation agree: the largest difference is 1e-06 standard errors. "
-    "2 of 2 IPOPT starts reached the lowest cost.",
-    {"worst": 1e-6, "reached": 2, "starts": 2},
-)
+UNSEEN = Finding("unseen-far", CAUTION, "Not identifiable from this motion.")
+CORRELATED = Finding("correlated", NOTE, "Residuals are correlated (lag one 0.62).")
+IPOPT = Finding("routes-agree", NOTE, "Gauss-Newton and IPOPT agree.", {"worst": 1e-6, "reached": 2, "starts": 2})
 STRETCH = 701  # equations of the first stretch
 REVERSAL = 5.0  # when the joint turns hardest, s from the start of the second stretch
 ALPHA_0 = ParameterName.parse("alpha_0+")

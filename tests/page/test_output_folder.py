@@ -9,7 +9,6 @@ import pytest
 
 from bristle.errors import InputError
 from bristle.page import output_folder
-from bristle.page.style import new_figure, render
 
 OWN = '{\n "schema": "bristle-results/2"}\n'
 
@@ -41,49 +40,37 @@ def test_replaces_what_it_made_and_nothing_else(tmp_path: Path) -> None:
 
 def test_refuses_a_folder_that_is_not_its_own(tmp_path: Path) -> None:
     """One that is neither empty nor marked is refused whatever it holds; so is a marked one with a file of the user's under a page's name."""
-    for name in ("notes.txt", "index.html", "figures/a.svg", ".hidden", "sub/"):
-        folder = tmp_path / name.strip("./").replace("/", "-")
+    for name in ("notes.txt", "index.html", "figures/a.svg", ".hidden"):
+        folder = tmp_path / name.strip(".").replace("/", "-")
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).mkdir() if name.endswith("/") else (folder / name).write_bytes(b"mine")
-        before = _tree(folder)
+        (folder / name).write_bytes(b"mine")
         refused(folder, "is not empty, and bristle did not make it; name a new or an empty folder")
-        assert _tree(folder) == before
-    output_folder.replace_files(tmp_path / "own", OLD)
-    (tmp_path / "own" / "results.json").write_bytes(b"mine")
-    refused(tmp_path / "own", r"results\.json: is there already, and bristle did not make it; move it")
-    (tmp_path / "own" / "results.json").unlink()
-    (tmp_path / "own" / "tables").mkdir()
-    (tmp_path / "own" / "tables" / "t.csv").write_bytes(b"mine")
+        assert _tree(folder) == {name: b"mine"}
+    own = tmp_path / "own"
+    output_folder.replace_files(own, OLD)
+    (own / "results.json").write_bytes(b"mine")
+    refused(own, r"results\.json: is there already, and bristle did not make it; move it")
+    (own / "results.json").unlink()
+    (own / "tables").mkdir()
+    (own / "tables" / "t.csv").write_bytes(b"mine")
     with pytest.raises(InputError, match=r"tables/t\.csv: is there already"):
-        output_folder.replace_files(tmp_path / "own", {**NEW, "tables/t.csv": b"new"})
-    assert _tree(tmp_path / "own") == {**marked(OLD), "tables/t.csv": b"mine"}
-    # a folder that is a file, or whose own subfolder is a file or a link, is refused
+        output_folder.replace_files(own, {**NEW, "tables/t.csv": b"new"})
+    assert _tree(own) == {**marked(OLD), "tables/t.csv": b"mine"}
     (tmp_path / "out").write_bytes(b"mine")
     refused(tmp_path / "out", "is a file")
-    output_folder.replace_files(tmp_path / "report", {"index.html": b"old"})
-    (tmp_path / "elsewhere").mkdir()
-    (tmp_path / "report" / "figures").symlink_to(tmp_path / "elsewhere")
-    refused(tmp_path / "report", "in the way")
-    assert list((tmp_path / "elsewhere").iterdir()) == []
-    # one that is forged, binary, cut off or points elsewhere is refused with what to do; nothing is moved or removed
+    # a marker that is forged, binary, cut off or points elsewhere is refused with what to do; nothing is moved or removed
     names = (
         "../precious", f"{tmp_path}/precious", "a/../../precious", "./index.html", "..\\precious", "C:precious", output_folder.MARKER, ".", "\0",
         "", "\udcff\udcfe", "precious", "notes.txt", "figures/a.txt", "figures/a/b.svg", "Index.html", "ledger.json/x",
     )  # fmt: skip  # a list
-    texts = {f"{name}\n": "is not a list" for name in names} | {
-        "index.html": "is not a list",
-    }
-    for k, (text, why) in enumerate(texts.items()):
+    for k, text in enumerate([*(f"{name}\n" for name in names), "index.html"]):
         folder = tmp_path / str(k)
         folder.mkdir()
         (folder / output_folder.MARKER).write_bytes(text.encode("utf-8", "surrogateescape"))
         for name in ("index.html", "precious", "notes.txt"):
             (folder / name).write_bytes(b"mine")
         before = _tree(folder)
-        refused(
-            folder,
-            rf"\.bristle-manifest: {why}|\.bristle-manifest: .*{why}.*; move or remove the folder .*, or name another",
-        )
+        refused(folder, r"\.bristle-manifest: is not a list .*; move or remove the folder .*, or name another")
         assert _tree(folder) == before
 
 
@@ -97,29 +84,25 @@ def refused(folder: Path, why: str) -> None:
 
 def test_no_page_replaces_that_of_another_question(tmp_path: Path) -> None:
     """A report gives way to a report alone, and a fleet to a fleet: nothing that was identified is lost."""
-    report = {**OLD, "results.json": b"{}"}
+    report, fleet = {**OLD, "results.json": b"{}"}, tmp_path / "fleet"
     output_folder.replace_files(tmp_path / "report", report)
     output_folder.replace_files(tmp_path / "report", {**NEW, "results.json": b"{}"})
     refused(tmp_path / "report", "holds a report, which another page would replace; name another folder")
-    output_folder.claim(tmp_path / "fleet", output_folder.FLEET)
-    output_folder.replace_files(tmp_path / "fleet", OLD, output_folder.FLEET)
-    refused(tmp_path / "fleet", "holds a fleet, which another page would replace; name another folder")
+    output_folder.claim(fleet, output_folder.FLEET)
+    output_folder.replace_files(fleet, OLD, output_folder.FLEET)
+    refused(fleet, "holds a fleet, which another page would replace; name another folder")
     for name, page, claims in (("fleet", report, ()), ("report", OLD, output_folder.FLEET)):
         with pytest.raises(InputError, match="which another page would replace"):
             output_folder.replace_files(tmp_path / name, page, claims)
     # a fleet's dataset stays when the page is written; names of the user's cannot be claimed, nor through a link
-    out = tmp_path / "out"
-    output_folder.claim(out, output_folder.FLEET)
-    (out / "tasks").mkdir()
-    (out / "ledger.json").write_bytes(b"ledger")
-    output_folder.replace_files(out, OLD, output_folder.FLEET)
-    output_folder.replace_files(out, NEW, output_folder.FLEET)
-    output_folder.claim(out, output_folder.FLEET)
+    (fleet / "tasks").mkdir()
+    (fleet / "ledger.json").write_bytes(b"ledger")
+    output_folder.replace_files(fleet, NEW, output_folder.FLEET)
     listed = {**NEW, **dict.fromkeys(output_folder.FLEET, b"")}
-    assert _tree(out) == {**NEW, "ledger.json": b"ledger", output_folder.MARKER: output_folder.marker_of(listed)}
-    (out / ".lock").symlink_to(tmp_path / "target")
+    assert _tree(fleet) == {**NEW, "ledger.json": b"ledger", output_folder.MARKER: output_folder.marker_of(listed)}
+    (fleet / ".lock").symlink_to(tmp_path / "target")
     with pytest.raises(InputError, match=r"\.lock: is a symbolic link"):
-        output_folder.claim(out, output_folder.FLEET)
+        output_folder.claim(fleet, output_folder.FLEET)
     output_folder.replace_files(tmp_path / "another", OLD)
     (tmp_path / "another" / "tasks").mkdir()
     with pytest.raises(InputError, match="tasks: is there already, and bristle did not make it"):
@@ -198,11 +181,7 @@ def test_what_is_no_file_is_never_replaced(tmp_path: Path) -> None:
         output_folder.write_text(tmp_path, "")
     with pytest.raises(InputError, match="does not exist; create it"):
         output_folder.write_text(tmp_path / "no" / "file", "")
-    figure = new_figure(2.0)
-    figure.subplots().plot([0, 1])
-    svg, png = render(figure)
-    header = b"time (s),experiment,run,position reference (rad),measured\n"
-    for name, data in {"r.json": OWN.encode(), "f.png": png, "f.svg": svg, "log.csv": header, "empty": b""}.items():
+    for name, data in {"r.json": OWN.encode(), "log.csv": b"time (s),experiment\n", "empty": b""}.items():
         (tmp_path / name).write_bytes(data)
         before = (tmp_path / name).stat()
         output_folder.write_bytes(tmp_path / name, data)
@@ -211,27 +190,31 @@ def test_what_is_no_file_is_never_replaced(tmp_path: Path) -> None:
                 output_folder.write_bytes(tmp_path / name, new)
         assert (tmp_path / name).read_bytes() == data
         assert (tmp_path / name).stat().st_mtime_ns == before.st_mtime_ns
+    # what another made while a page was written is not replaced either
+    path = tmp_path / "next.csv"
+    with pytest.raises(InputError, match="is there by now"), output_folder.staged(path, b"new"):
+        path.write_bytes(b"mine")
+    assert path.read_bytes() == b"mine"
 
 
-@pytest.mark.parametrize(
-    ("kind", "what"),
-    [(stat.S_IFCHR, "a device"), (stat.S_IFBLK, "a device"), (stat.S_IFSOCK, "a socket"), (stat.S_IFIFO, "a pipe")],
-)
-def test_a_device_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: int, what: str) -> None:
+def test_a_device_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whatever the system says is no regular file is neither opened nor replaced, whoever runs bristle; a report that lists it is refused."""
     output_folder.replace_files(tmp_path / "out", OLD)
     path, look = tmp_path / "out" / "index.html", Path.stat
+    kinds = {stat.S_IFCHR: "a device", stat.S_IFBLK: "a device", stat.S_IFSOCK: "a socket", stat.S_IFIFO: "a pipe"}
+    for kind, what in kinds.items():
 
-    def told(self: Path, *, follow_symlinks: bool = True) -> os.stat_result:
-        found = look(self, follow_symlinks=follow_symlinks)
-        return os.stat_result((kind | 0o666, *found[1:])) if self == path else found
+        def told(self: Path, *, follow_symlinks: bool = True, kind: int = kind) -> os.stat_result:
+            found = look(self, follow_symlinks=follow_symlinks)
+            return os.stat_result((kind | 0o666, *found[1:])) if self == path else found
 
-    monkeypatch.setattr(Path, "stat", told)
-    with pytest.raises(InputError, match=f"is {what}; expected a file"):
-        output_folder.write_text(path, "new")
-    with pytest.raises(InputError, match=f"is {what}; expected a file"):
-        output_folder.replace_files(tmp_path / "out", NEW)
-    assert path.read_bytes() == b"old"
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "stat", told)
+            with pytest.raises(InputError, match=f"is {what}; expected a file"):
+                output_folder.write_text(path, "new")
+            with pytest.raises(InputError, match=f"is {what}; expected a file"):
+                output_folder.replace_files(tmp_path / "out", NEW)
+        assert path.read_bytes() == b"old"
 
 
 def _fill_disk(monkeypatch: pytest.MonkeyPatch, after: int) -> None:
@@ -277,14 +260,6 @@ def test_text_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest
     assert _tree(tmp_path) == {"results.json": b'"\\udc80"'}
 
 
-def test_a_file_that_came_meanwhile_stays(tmp_path: Path) -> None:
-    """What another made while a page was written is not replaced either."""
-    path = tmp_path / "next.csv"
-    with pytest.raises(InputError, match="is there by now"), output_folder.staged(path, b"new"):
-        path.write_bytes(b"mine")
-    assert _tree(tmp_path) == {"next.csv": b"mine"}
-
-
 @pytest.mark.parametrize("part", [".", "tables", "figures"])
 def test_a_folder_that_cannot_be_written_is_told_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: str
@@ -305,19 +280,6 @@ def test_a_folder_that_cannot_be_written_is_told_before(
     with pytest.raises(InputError, match=r"mine\.csv: the folder out.* cannot be written; name another file, or"):
         output_folder.check_file(Path("out") / part / "mine.csv")
     assert _tree(tmp_path) == before
-
-
-@pytest.mark.parametrize("path", ["loop", "loop/out", "loop/a/out"])
-def test_links_in_a_circle_are_one_sentence(tmp_path: Path, path: str) -> None:
-    """As a folder, above one, and above a file."""
-    (tmp_path / "loop").symlink_to("pool")
-    (tmp_path / "pool").symlink_to("loop")
-    refused(tmp_path / path, "in a circle|symbolic link to no folder")
-    for check in (output_folder.resolved, lambda p: output_folder.check_apart(p, tmp_path)):
-        with pytest.raises(InputError, match="in a circle; name another"):
-            check(tmp_path / path)
-    with pytest.raises(InputError, match=r"symbolic link|is not a folder; name another|does not exist"):
-        output_folder.check_file(tmp_path / path)
 
 
 def test_a_name_that_no_report_has_is_our_own_defect(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

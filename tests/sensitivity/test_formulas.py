@@ -1,6 +1,4 @@
-import ast
 import math
-import operator
 import re
 import sys
 from collections.abc import Callable, Mapping
@@ -25,32 +23,11 @@ from ..conftest import run
 paper = cache(formulas)  # those of the paper's law, made once
 GRIPPER = TABLE_1["gripper rotation"].positive
 CALLS: dict[str, Callable[[float], float]] = {"abs": abs, "exp": math.exp, "sign": lambda x: float((x > 0) - (x < 0))}
-OPERATORS: dict[type, Any] = {
-    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
-    ast.Pow: operator.pow, ast.USub: operator.neg,
-}  # fmt: skip  # a table
 
 
 def value(text: str, names: Mapping[str, float]) -> float:
-    """A printed formula at some values: names, numbers, + - * / **, and three functions; nothing else is allowed."""
-
-    def at(node: ast.AST) -> float:
-        if isinstance(node, ast.Expression):
-            return at(node.body)
-        if isinstance(node, ast.BinOp):
-            return float(OPERATORS[type(node.op)](at(node.left), at(node.right)))
-        if isinstance(node, ast.UnaryOp):
-            return float(OPERATORS[type(node.op)](at(node.operand)))
-        if isinstance(node, ast.Call):
-            assert isinstance(node.func, ast.Name)
-            return CALLS[node.func.id](at(node.args[0]))
-        if isinstance(node, ast.Name):
-            return names[node.id]
-        assert isinstance(node, ast.Constant)
-        assert isinstance(node.value, int | float)
-        return float(node.value)
-
-    return at(ast.parse(text, mode="eval"))
+    """A printed formula at some values."""
+    return float(eval(text, {"__builtins__": {}}, {**CALLS, **names}))  # noqa: S307  # bristle's own formula
 
 
 def python_of(latex: str) -> str:
@@ -78,29 +55,22 @@ velocities = st.floats(-3.0, 3.0).filter(lambda v: abs(v) > 1e-3)
 
 
 @given(deflections, velocities, sets)
-def test_partial_derivatives_are_casadis(z: float, v: float, p: Lugre[float]) -> None:
-    """Each printed derivative of T_f, as text and as LaTeX, has the value of CasADi's own function anywhere."""
+def test_derivatives_are_casadis(z: float, v: float, p: Lugre[float]) -> None:
+    """Each printed derivative of T_f, and of the steady torque, has the value of CasADi's own function anywhere."""
+    names = point(z, v, p)
     _, *slopes = (float(x) for x in functions.torque_sensitivity_function()(z, v, *p))
     for name, slope in zip(("z", *Lugre._fields), slopes, strict=True):
-        formula = paper().partial[name]
-        for written in (as_text(formula), python_of(as_latex(formula))):
-            assert value(written, point(z, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
-    # with g for g(v) each formula keeps its value, and g is the Stribeck curve (5)
-    names = point(z, v, p)
+        assert value(as_text(paper().partial[name]), names) == pytest.approx(slope, rel=1e-9, abs=1e-12)
+    slopes = [float(x) for x in functions.steady_jacobian_function()(v, *p[:4])]
+    for name, slope in zip(Lugre._fields, [*slopes, 0.0, 0.0], strict=True):
+        assert value(as_text(paper().steady[name]), names) == pytest.approx(slope, rel=1e-9, abs=1e-12)
+    # with g for g(v) each formula keeps its value, as text and as LaTeX, and g is the Stribeck curve (5)
     g = value(as_text(paper().stribeck), names)
     assert g == pytest.approx(p.alpha_0 + p.alpha_1 * math.exp(-((v / p.v_s) ** 2)), rel=1e-12)
     for formula in (paper().torque, *paper().partial.values()):
         whole, short = value(as_text(formula), names), abbreviated(formula, paper().stribeck)
         for written in (as_text(short), python_of(as_latex(short))):
             assert value(written, names | {"g": g}) == pytest.approx(whole, rel=1e-9, abs=1e-12)
-
-
-@given(velocities, sets)
-def test_steady_derivatives_are_casadis(v: float, p: Lugre[float]) -> None:
-    """Each printed derivative of the steady torque has the value of CasADi's; those by sigma_0 and sigma_1 are zero."""
-    slopes = [float(x) for x in functions.steady_jacobian_function()(v, *p[:4])]
-    for name, slope in zip(Lugre._fields, [*slopes, 0.0, 0.0], strict=True):
-        assert value(as_text(paper().steady[name]), point(0.0, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
 
 
 def test_printed_formulas(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -119,10 +89,6 @@ def test_printed_formulas(monkeypatch: pytest.MonkeyPatch) -> None:
     shown = dict(re.findall(r"^(.+)\n    = (.+)$", docs, flags=re.MULTILINE))
     assert len(shown) == 3
     assert shown.items() <= short.items()
-    # a number within a power is raised as well: (2 a b)**2 is 4 a**2 b**2, and 1 / (2 a) has the 2 below
-    assert as_text(formula_of((2 * X * Y) ** 2)) == "4*a**2*b**2"
-    assert as_text(formula_of(1 / (2 * X))) == "1/(2*a)"
-    assert as_text(formula_of(1 / (4 * X * X))) == "1/(4*a**2)"
     # an operation that has no place in a formula raises ValueError with its number
     with pytest.raises(ValueError, match="cannot be written"):
         formula_of(ca.atan2(X, Y))

@@ -8,14 +8,12 @@ import bristle
 from bristle.identification.fits import Estimate
 from bristle.model.formula import as_text
 from bristle.model.laws.registry import law_named
-from bristle.model.parameters import ParameterName
 from bristle.questions.sensitivity.figures import colours, map_figure, time_figure
 from bristle.questions.sensitivity.formulas import formulas
-from bristle.questions.sensitivity.local import SineMotion, local
 from bristle.questions.sensitivity.sobol import box_of, joints_at, ordered
 
-from ..conftest import TRUTH
-from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of
+from ..laws import DRAG, EXPONENT, OUTSIDE, motion, registered, truth_of
+from ..names import named
 from ..pages import page_text
 
 OWN = {DRAG: "alpha_3", EXPONENT: "delta", OUTSIDE: "blunt"}
@@ -54,51 +52,30 @@ def test_every_part_has_the_laws_own_parameter(tmp_path: Path) -> None:
         assert own in report.text()
 
 
-@pytest.mark.parametrize("name", OWN)
-def test_formulas_are_those_of_the_law(name: str) -> None:
+def test_formulas_and_boxes_of_laws() -> None:
     """They hold the law's own parameter; (19) as printed, which is of the paper's peak, is not among them."""
-    found = formulas(law_named(name))
-    assert OWN[name] in found.partial
-    assert OWN[name] in as_text(found.torque)
-    assert found.printed is None
-    assert not any(row.what.startswith("(19)") for row in found.rows())
-
-
-def test_terms_and_equal_sets() -> None:
-    """Alpha_3 multiplies v abs(v), v_end is in no formula, and one sentence says up to where they hold."""
-    found = formulas(law_named(DRAG))
-    assert as_text(found.partial["alpha_3"]) == "v*abs(v)"
-    assert all("v_end" not in row.formula and "Piecewise" not in row.formula for row in found.rows())
-    assert [x.code for x in found.sentences()] == ["total-derivatives", "formulas-as-measured"]
+    found = {name: formulas(law_named(name)) for name in OWN}
+    for name, own in OWN.items():
+        assert own in found[name].partial
+        assert own in as_text(found[name].torque)
+        assert not any(row.what.startswith("(19)") for row in found[name].rows())
+    # alpha_3 multiplies v abs(v), v_end is in no formula, and one sentence says up to where they hold
+    drag = found[DRAG]
+    assert as_text(drag.partial["alpha_3"]) == "v*abs(v)"
+    assert all("v_end" not in row.formula and "Piecewise" not in row.formula for row in drag.rows())
+    assert [x.code for x in drag.sentences()] == ["total-derivatives", "formulas-as-measured"]
     # alpha_3 may be drawn from below zero, alpha_0 may not; v_end is never drawn, and is as it was in each joint
     p = truth_of(DRAG)
-    box = {ParameterName.parse("alpha_3"): (-0.01, 0.002), ParameterName.parse("alpha_0"): (0.01, 0.02)}
-    spans = ordered(box, p.law)
+    spans = ordered(named({"alpha_3": (-0.01, 0.002), "alpha_0": (0.01, 0.02)}), p.law)
     assert [str(span.parameter) for span in spans] == ["alpha_0", "alpha_3"]
     joints = joints_at(bristle.Pair(p, p), spans, np.array([[0.011, -0.004]]))
     assert (joints.positive.alpha_0[0], joints.law) == (0.011, p.law)
     assert joints.negative._asdict()["alpha_3"][0] == -0.004
     assert joints.negative._asdict()["v_end"][0] == 0.8
     # an interval of alpha_3 on both sides of zero stays whole; that of a shape begins above zero; v_end is left out unsaid
-    estimates = {
-        ParameterName.parse(name): Estimate(value=value, unit="1", standard_error=0.1, interval=interval)
-        for name, value, interval in (("alpha_3", 0.1, (-0.1, 0.3)), ("delta", 1.0, (0.0, 2.0)), ("v_end", 0.8, None))
-    }
-    box, notes = box_of(estimates)
-    assert box == {ParameterName.parse("alpha_3"): (-0.1, 0.3), ParameterName.parse("delta"): (0.01, 2.0)}
+    intervals = {"alpha_3": (-0.1, 0.3), "delta": (0.0, 2.0), "v_end": None}
+    box, notes = box_of(named({name: Estimate(value=1.0, unit="1", interval=x) for name, x in intervals.items()}))
+    assert box == named({"alpha_3": (-0.1, 0.3), "delta": (0.01, 2.0)})
     assert [x.code for x in notes] == ["box-cut"]
-    # a pair of equal sets has the torque and derivatives of one, but for where the bristle changes its side
-    at = SineMotion(1.0, 0.5)
-    for p in (TRUTH, *map(truth_of, OWN)):
-        one, both = local(p, at), local(bristle.Pair(p, p), at)
-        for name in ("total", "partial"):
-            off, size = (
-                np.linalg.norm(x, axis=0) for x in (getattr(both, name) - getattr(one, name), getattr(one, name))
-            )
-            assert (off <= 1e-6 * size).all()
-        np.testing.assert_allclose(both.torque, one.torque, atol=1e-9)
     # up to nine parameters no two share one
     assert len(set(colours(9))) == 9
-    # of points the bristle is assumed, and the law's own parameter counts
-    found = bristle.sensitivity(points(DRAG), samples=0)
-    assert "alpha_3" in found.local.ranking

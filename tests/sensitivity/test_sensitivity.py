@@ -19,13 +19,11 @@ from bristle.identification.limits import limits_of
 from bristle.identification.measured import measure
 from bristle.model import functions
 from bristle.model.laws.gaussian import GAUSSIAN
-from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Lugre, Pair, fields_of
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design.start import start_of
 from bristle.questions.sensitivity import study
-from bristle.questions.sensitivity.figures import map_figure
 from bristle.questions.sensitivity.joint import RANGE, of_joint, within
 from bristle.questions.sensitivity.local import (
     FREQUENCIES,
@@ -35,7 +33,6 @@ from bristle.questions.sensitivity.local import (
     grid,
     local,
     motion,
-    ranked,
     sensitivity_map,
 )
 from bristle.questions.sensitivity.report import report
@@ -44,7 +41,7 @@ from bristle.questions.sensitivity.study import Expected, SensitivityStudy, find
 from bristle.simulation.edro import TABLE_1
 
 from ..conftest import FEW as TOO_FEW
-from ..conftest import TRUTH, run, speeds, tree, write
+from ..conftest import TRUTH, run, tree, write
 from ..laws import DRAG, EXPONENT, OUTSIDE, registered, truth_of
 from ..names import parse
 from ..pages import assert_tables_are_named, page_text
@@ -72,55 +69,29 @@ def moved(p: Lugre[float] | Pair[float], name: str, share: float) -> Lugre[float
 
 @pytest.mark.parametrize("p", [P, PAIR, *OF_LAWS], ids=["one set", "a pair", *OF_LAWS_NAMED])
 @pytest.mark.parametrize("at", [PAPER, SLOW_SMALL], ids=["paper", "slow and small"])
-def test_total_derivatives_are_differences_of_the_simulation(p: Lugre[float] | Pair[float], at: SineMotion) -> None:
+def test_derivatives_are_differences_of_the_simulation(p: Lugre[float] | Pair[float], at: SineMotion) -> None:
     """Each total derivative is the extrapolated central difference of the simulated torque, to 1e-6 of its norm."""
+    # each partial one is that of T_f (3)-(5) with z held as the simulation has it
     velocity, found = at.course.velocity, local(p, at)
+    z = rollout(velocity, at.period, p, 0.0).z
     assert found.names == tuple(name for name in fields_of(p.law) if name != "v_end")
+
+    def simulated(q: Lugre[float] | Pair[float]) -> Array:
+        return rollout(velocity, at.period, q, 0.0).torque
+
+    def held(q: Lugre[float] | Pair[float]) -> Array:
+        acting = q if isinstance(q, Lugre) else evaluate(functions.active_function(q.law), z, velocity, *q[0], *q[1])
+        return evaluate(functions.torque_function(q.law), z, velocity, *acting)[0]
+
     for k, name in enumerate(found.names):
-
-        def slope(h: float, name: str = name) -> Array:
-            up, down = (rollout(velocity, at.period, moved(p, name, s * h), 0.0).torque for s in (1, -1))
-            return np.asarray((up - down) / (2 * h))
-
-        difference = (4 * slope(STEP / 2) - slope(STEP)) / 3
-        assert np.linalg.norm(difference - found.total[:, k]) <= 1e-6 * np.linalg.norm(found.total[:, k])
-
-
-@pytest.mark.parametrize("p", [P, PAIR, *OF_LAWS], ids=["one set", "a pair", *OF_LAWS_NAMED])
-def test_partial_derivatives_are_differences_at_fixed_z(p: Lugre[float] | Pair[float]) -> None:
-    """Each partial derivative equals the central difference of T_f (3)-(5) with z held as the simulation has it."""
-    velocity, found = PAPER.course.velocity, local(p, PAPER)
-    z = rollout(velocity, PAPER.period, p, 0.0).z
-    for k, name in enumerate(found.names):
-
-        def torque(share: float, name: str = name) -> Array:
-            q = moved(p, name, share)
-            acting = (
-                q
-                if isinstance(q, Lugre)
-                else evaluate(functions.active_function(q.law), z, velocity, *q.positive, *q.negative)
-            )
-            return evaluate(functions.torque_function(q.law), z, velocity, *acting)[0]
-
-        difference = (torque(STEP) - torque(-STEP)) / (2 * STEP)
-        np.testing.assert_allclose(found.partial[:, k], difference, atol=1e-7 * np.abs(found.partial[:, k]).max())
+        for torque, derivative in ((simulated, found.total[:, k]), (held, found.partial[:, k])):
+            (near, far) = ((torque(moved(p, name, h)) - torque(moved(p, name, -h))) / (2 * h) for h in (STEP / 2, STEP))
+            assert np.linalg.norm((4 * near - far) / 3 - derivative) <= 1e-6 * np.linalg.norm(derivative)
 
 
 positive = st.floats(0.3, 3.0)
 sets = st.builds(lambda *x: Lugre(*(a * b for a, b in zip(P, x, strict=True))), *[positive] * 6)
 motions = st.builds(SineMotion, st.floats(0.003, 2.0), st.floats(0.1, 3.0), st.just(2.0), st.just(2e-3))
-
-
-@FEW
-@given(sets, motions)
-def test_torque_is_homogeneous_in_what_is_a_torque(p: Lugre[float], at: SineMotion) -> None:
-    """T_f grows as alpha_0, alpha_1, alpha_2, sigma_0 and sigma_1 all do."""
-    # their derivatives add up to T_f itself (Euler), total and partial
-    found = local(p, at)
-    own = [k for k, name in enumerate(Lugre._fields) if name != "v_s"]
-    size = np.abs(found.torque).max()
-    np.testing.assert_allclose(found.total[:, own].sum(axis=1), found.torque, atol=1e-9 * size)
-    np.testing.assert_allclose(found.partial[:, own].sum(axis=1), found.torque, atol=1e-9 * size)
 
 
 @FEW
@@ -130,7 +101,13 @@ def test_shares_are_without_units(p: Lugre[float], at: SineMotion, mass: float, 
     units = (mass, mass, mass / (length * rate), length * rate, mass / length, mass / (length * rate))
     other = Lugre(*(x * u for x, u in zip(p, units, strict=True)))
     scaled = SineMotion(at.amplitude * length, at.frequency * rate, at.duration / rate, at.period / rate)
-    np.testing.assert_allclose(local(other, scaled).shares(), local(p, at).shares(), rtol=1e-6, atol=1e-12)
+    found = local(p, at)
+    np.testing.assert_allclose(local(other, scaled).shares(), found.shares(), rtol=1e-6, atol=1e-12)
+    # T_f grows as alpha_0, alpha_1, alpha_2, sigma_0 and sigma_1 all do: their derivatives add up to T_f itself (Euler), total and partial
+    own = [k for k, name in enumerate(Lugre._fields) if name != "v_s"]
+    for derivatives in (found.total, found.partial):
+        total = derivatives[:, own].sum(axis=1)
+        np.testing.assert_allclose(total, found.torque, atol=1e-9 * np.abs(found.torque).max())
 
 
 def test_maps_limits_and_documented_figures() -> None:
@@ -153,9 +130,6 @@ def test_maps_limits_and_documented_figures() -> None:
     assert (first[i, j], first[-1, -1], first[6, 0], first[0, 0]) == ("alpha_2", "alpha_2", "alpha_0", "sigma_0")
     assert found.claim[i, j]
     assert not found.claim[:2].any()
-    assert 0 < found.claim.sum() < found.claim.size
-    for k, m in ((0, 0), (6, 4), (12, 8)):
-        assert found.claim[k, m] == (set(ranked(found.shares[k, m], found.names)[:2]) == {"alpha_0", "alpha_2"})
     for at, leading in ((PAPER, ("alpha_2", "alpha_0")), (SLOW_SMALL, ("alpha_0", "sigma_0"))):
         own = local(P, at)
         assert own.ranking[:2] == leading
@@ -192,13 +166,12 @@ def test_what_a_study_of_points_assumes_and_says(known: Study, folder: Path) -> 
     # what was fitted is what is used
     assert {name.name for name in known.model.assumed} == {"sigma_0", "sigma_1"}
     assert {name.name for name in known.box} == {"alpha_0", "alpha_1", "alpha_2", "v_s"}
-    assumed = of_kind(known.assumptions, "bristle-assumed")
-    assert {str(x.numbers["name"]) for x in assumed} == set(map(str, known.model.assumed))
-    hows = {"sigma_0": "from a deflection of 0.001 of the travel", "sigma_1": "from (15) with a damping ratio of 0.1"}
-    assert all(hows[x.numbers["name"].name] in str(x) for x in assumed)
+    assumed = {x.numbers["name"]: str(x) for x in of_kind(known.assumptions, "bristle-assumed")}
+    assert {*assumed} == {*known.model.assumed}
+    hows = {"sigma_0": "from a deflection of 0.001 of the travel", "sigma_1": "and a guessed inertia of"}
+    assert [said for name, said in assumed.items() if hows[name.name] not in said] == []
     p = known.model.p
-    first = p if isinstance(p, Lugre) else p.positive
-    np.testing.assert_allclose(first[:4], TRUTH[:4], rtol=0.05)
+    np.testing.assert_allclose((p if isinstance(p, Lugre) else p.positive)[:4], TRUTH[:4], rtol=0.05)
     assert known.motion.top_speed == pytest.approx(0.4, rel=0.05)
     # the information of the joint's own constant velocities gives the standard errors that its static fit has
     static = known.expected[1]
@@ -210,22 +183,19 @@ def test_what_a_study_of_points_assumes_and_says(known: Study, folder: Path) -> 
     first, *lines = bristle.report_of(known).text().splitlines()
     answer, *found = findings(known)
     leading, share = max(zip(known.local.names, known.local.shares(), strict=True), key=lambda x: x[1])
-    assert answer.code in {"claim-holds", "claim-fails"}
     assert first == answer.message
     assert first.startswith(f"{leading} matters most for ")
     assert f"is {share:.2g}, then " in first
     assert sum(line.split()[0] in Lugre._fields for line in lines[2:8]) == 6
     assert lines[8:] == [x.flagged for x in (*found, *known.assumptions)]
-    assert len(of_kind(known.assumptions, "bristle-assumed")) >= 2
     frame = known.to_frame()
     assert tuple(frame["parameter"]) == known.local.ranking
-    assert frame["rank"].tolist() == [1, 2, 3, 4, 5, 6]
     for column, shares in (("total", known.local.shares()), ("settled", known.settled)):
-        by_name = dict(zip(Lugre._fields, shares, strict=True))
-        assert dict(zip(frame["parameter"], frame[column], strict=True)) == by_name
+        assert dict(zip(frame["parameter"], frame[column], strict=True)) == dict(
+            zip(Lugre._fields, shares, strict=True)
+        )
     pd.testing.assert_frame_equal(bristle.report_of(known).frames["shares"], frame)
-    # one joint, one guess: sigma_0 and sigma_1 are those that a plan starts from, whatever the amplitude. By sigma_0 the bristle bends by
-    # 1/1000 of the travel
+    # one joint, one guess: sigma_0 and sigma_1 are those that a plan starts from, whatever the amplitude
     measured = measure(folder / "e.yaml")
     joint, (limits, _) = identify_joint(measured), limits_of(measured)
     start = start_of(measured, joint, limits)
@@ -233,10 +203,6 @@ def test_what_a_study_of_points_assumes_and_says(known: Study, folder: Path) -> 
         p = of_joint(measured, joint, amplitude)[0].p
         for d, own in zip("+-", (p, p) if isinstance(p, Lugre) else p, strict=True):
             assert own[4:] == start.p(d)[4:]
-            assert own.sigma_0 == pytest.approx(own.alpha_0 / (1e-3 * limits.travel))
-    damped = [d for d in of_kind(known.assumptions, "bristle-assumed") if d.numbers["name"].name == "sigma_1"]
-    assert damped
-    assert all("and a guessed inertia of" in str(d) for d in damped)
 
 
 def test_without_sympy_all_else_is_found(folder: Path, known: Study, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -245,11 +211,7 @@ def test_without_sympy_all_else_is_found(folder: Path, known: Study, monkeypatch
     monkeypatch.setitem(sys.modules, "sympy", None)
     found = bristle.sensitivity(folder / "e.yaml", samples=0)
     report = bristle.report_of(found)
-    said = (
-        "No formulas: formulas need SymPy, which is not installed; install it with pip install 'bristle[sensitivity]'."
-    )
-    assert said in report.text()
-    assert "The derivatives as formulas" not in {section.title for section in report.sections}
+    assert "No formulas: formulas need SymPy, which is not installed; install it with pip install" in report.text()
     assert report.frames.keys() == whole - {"formulas"}
     assert held(replace(found, assumptions=())) == held(replace(known, formulas=None, assumptions=()))
 
@@ -260,33 +222,29 @@ def test_which_joints_and_motions_can_be_explored(tmp_path: Path, known: Study, 
     with pytest.raises(ValueError, match="nothing is known of its friction vs velocity"):
         of_joint(measured, identify_joint(measured))
     # a position that is one number throughout has no travel to guess a bristle from; it names plan.position
-    measured = measure(write(tmp_path, speeds()))
-    joint = identify_joint(measured)
-    still = replace(measured.runs[0].record, position=np.ones(speeds().size))
-    stopped = replace(measured, runs=(replace(measured.runs[0], record=still),))
+    measured = measure(folder / "e.yaml")
+    run_ = measured.runs[0]
+    still = replace(run_, record=replace(run_.record, position=np.ones(run_.record.rows)))
     with pytest.raises(ValueError, match=r"the position is 1 throughout; expected runs that move, or plan\.position"):
-        of_joint(stopped, joint)
+        of_joint(replace(measured, runs=(still,)), identify_joint(measured))
     # at the corners of what is accepted and of its maps every share is finite; just beyond, the motion is refused
-    limits, p = limits_of(measure(folder / "e.yaml"))[0], known.model.p
+    limits, p = limits_of(measured)[0], known.model.p
     (low, high), (slow, fast) = RANGE, FREQUENCIES
-    speed = limits.velocity / (2 * np.pi)
-    corners = [
-        (low * limits.travel, fast), (low * limits.travel, 1.01 * low * speed / (low * limits.travel)),
-        (0.99 * high * limits.travel, 1.01 * slow), (0.99 * high * speed / fast, fast), (0.99 * high * limits.travel, speed / limits.travel),
-    ]  # fmt: skip  # a list of values
+    speed, travel = limits.velocity / (2 * np.pi), limits.travel
+    corners = (
+        (low * travel, fast), (low * travel, 1.01 * speed / travel), (0.99 * high * travel, 1.01 * slow),
+        (0.99 * high * speed / fast, fast), (0.99 * high * travel, speed / travel),
+    )  # fmt: skip  # a list of values
     for amplitude, frequency in corners:
         at = within(motion(amplitude, frequency), "revolute", limits)
         amplitudes, frequencies = (x[[0, -1]] for x in grid(at))
         assert np.isfinite(local(p, at).shares()).all()
         assert np.isfinite(sensitivity_map(p, amplitudes, frequencies).shares).all()
     for amplitude, frequency, named in (
-        (0.99 * low * limits.travel, 1.0, "amplitude: got"),
-        (1.01 * high * limits.travel, 1e-5, "amplitude: got"),
-        (0.99 * low * speed / 1e-3, 1e-3, "peak speed: got"),
-        (1.01 * high * speed, 1.0, "peak speed: got"),
-        (1e9, 1.0, "times the joint's travel: choose another"),
+        (0.99 * low * travel, 1.0, "amplitude: got"), (1.01 * high * travel, 1e-5, "times the joint's travel: choose another"),
+        (0.99 * low * speed / 1e-3, 1e-3, "peak speed: got"), (1.01 * high * speed, 1.0, "peak speed: got"),
         *((1.0, frequency, "choose one at which the joint may move") for frequency in (0.0, -1.0, 1e5, np.inf, np.nan)),
-    ):
+    ):  # fmt: skip  # a table
         with pytest.raises(ValueError, match=named):
             within(motion(amplitude, frequency), "revolute", limits)
 
@@ -300,14 +258,13 @@ def test_the_command_writes_a_page(folder: Path, known: Study, monkeypatch: pyte
     assert (ran.code, ran.said) == (0, [])
     assert "The paper's claim" in ran.out
     made = {path.relative_to(folder / "out").as_posix() for path in (folder / "out").rglob("*.*")}
-    figures = ("time", "shares", "first", "map", "correlation-1", "correlation-2", "sobol")
+    figures = ("time", "first", "map", "correlation-1", "correlation-2", "sobol")
     assert {f"figures/{name}.png" for name in figures} | {"index.html"} <= made
     assert {f"tables/{name}.csv" for name in ("shares", "map", "information", "formulas")} <= made
     page = page_text(folder / "out" / "index.html")
-    assert "nan" not in page.lower().replace("nanum", "")
+    assert "nan" not in page.lower()
     assert "in the friction of wrist" in page
     said = captions_of(page)
-    assert said == list(captions(whole).values())
     assert len(said) == len(figures)
     assert [text for text in said if not re.search(r"\d", text)] == []
     assert_tables_are_named(folder / "out")
@@ -319,16 +276,6 @@ def test_the_command_writes_a_page(folder: Path, known: Study, monkeypatch: pyte
     assert "sigma_0*sigma_1*z*abs(v)/g**2" in ran.out
     assert "It is not dT_f/dalpha_0" in ran.out
     assert not tree(tmp_path)
-
-
-@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_no_label_of_the_map_leaves_the_figure(known: Study, kind: JointKind) -> None:
-    """Whatever the amplitudes, every label of the map lies within the figure."""
-    figure = map_figure(replace(known, kind=kind, map=replace(known.map, amplitudes=known.map.amplitudes * 1e-5)))
-    figure.draw_without_rendering()
-    for ax in figure.axes:
-        for label in (ax.yaxis.label, ax.xaxis.label):
-            assert not label.get_text() or label.get_window_extent().x0 >= 0
 
 
 WHOLE = Output(
@@ -348,22 +295,13 @@ def captions(study: SensitivityStudy) -> dict[str, str]:
 
 
 def test_captions_begin_with_what_was_found(known: SensitivityStudy) -> None:
-    """Largest share, and extent of the paper's claim are those of the study's own tables."""
-    found, frame = captions(known), known.to_frame()
-    assert f"RMS torque, {100 * frame['total'].max():.2g} %" in found["shares"]
-    assert f"the smallest, {100 * frame['total'].min():.2g} %" in found["shares"]
-    assert f"{known.map.claim.sum()} of {known.map.claim.size} motions" in found["first"]
-    # a parameter that peaks at the beginning alone does not hide the one that does in the second period; a force is none in N·m
+    """Largest derivative and share, extent of the paper's claim and strongest correlation are those of the study's own tables."""
+    assert f"{known.map.claim.sum()} of {known.map.claim.size} motions" in captions(known)["first"]
+    # a force is none in N·m
     total = np.zeros_like(known.local.total)
     total[0, 5], total[:, 0] = -7.0, 2.5
     found = captions(replace(known, local=replace(known.local, total=total), kind="prismatic"))["time"]
-    half = known.local.time[(known.local.time <= 2 / known.motion.frequency).sum() // 2]
-    assert found == (
-        f"To first order, doubling σ₁ changes the force most, by up to 7 N at 0 s; in the second period α₀ does, by up to 2.5 N at {half:.3g} s."
-    )
-    total[0, 5] = 0.0
-    alone = captions(replace(known, local=replace(known.local, total=total)))["time"]
-    assert alone == "To first order, doubling α₀ changes the torque most, by up to 2.5 N·m at 0 s."
+    assert found == "To first order, doubling σ₁ changes the force most, by up to 7 N at 0 s."
     # where sigma_0 and sigma_1 lead on the whole map, the paper's two parameters have the two largest shares in 0 % of it
     shares = np.full((2, 3, 6), 0.01)
     shares[..., 4:] = 0.5
@@ -372,33 +310,26 @@ def test_captions_begin_with_what_was_found(known: SensitivityStudy) -> None:
     found = captions(replace(known, map=of))
     assert found["first"] == "α₀ and α₂ have the two largest shares in 0 % of the map, 0 of 6 motions."
     assert found["map"] == "The share of σ₀ varies most over the map, from less than 0.1 % to 120 %."
-    # it is off the diagonal and of two parameters that are seen; how many are not is said beside it or in its place
-    strongest, none = "The strongest correlation, −0.50, is that of α₀ and vₛ", "There is no correlation to show: "
-    matrices = {
-        f"{strongest}.": [[1.0, 0.5], [0.5, 1.0]],
-        f"{none}1 of 2 parameters cannot be estimated (×).": [[1.0, 0.0], [0.0, 0.0]],
-        f"{none}2 of 2 parameters cannot be estimated (×).": [[0.0, 0.0], [0.0, 0.0]],
-        f"{none}there is 1 parameter.": [[1.0]],
-        f"{strongest}; 1 of 3 parameters cannot be estimated (×).": [[1.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 0.0]],
-    }
-    seen = []
-    for matrix in matrices.values():
+    # the strongest correlation is off the diagonal and of two parameters that are seen; how many are not is said beside it
+    strongest = "The strongest correlation is that of α₀ and vₛ, −0.50"
+    for matrix, expected in (
+        ([[1.0, 0.5], [0.5, 1.0]], f"{strongest}."),
+        ([[1.0, 0.0], [0.0, 0.0]], "No two parameters are correlated; 1 of 2 parameters cannot be estimated (×)."),
+        ([[1.0]], "No two parameters are correlated."),
+        (
+            [[1.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 0.0]],
+            f"{strongest}; 1 of 3 parameters cannot be estimated (×).",
+        ),
+    ):
         names = tuple(map(parse, ("alpha_0", "v_s", "sigma_1")[: len(matrix)]))
         information = Information(names=names, point=np.ones(len(names)), matrix=np.array(matrix))
         said = captions(replace(known, sobol=None, expected=(Expected("the motion", information, {}, ()),)))
         assert "sobol" not in said
-        assert {"time", "shares", "first", "map"} <= said.keys()
-        seen.append(said["correlation-1"])
-    assert seen == [*matrices]
-    # it is that of all outputs; how many of these have none is said beside it, or in its place
-    nothing = Finding("nothing-changes-it", NOTE, "Nothing changes it.")
-    bare = Output(name="breakaway torque", quantity="torque", reason=nothing)
+        assert said["correlation-1"] == expected
+    # the largest index is that of all outputs that have any
+    bare = Output(name="breakaway torque", quantity="torque", reason=Finding("x", NOTE, "Nothing changes it."))
     for outputs, expected in (
-        ((WHOLE,), "vₛ has the largest total index, 0.951 ± 0.034 for the RMS friction torque."),
-        (
-            (bare, WHOLE),
-            "vₛ has the largest total index, 0.951 ± 0.034 for the RMS friction torque; 1 of 2 outputs cannot be analysed.",
-        ),
-        ((bare,), "1 of 1 outputs cannot be analysed."),
+        ((bare, WHOLE), "vₛ has the largest total index, 0.951 ± 0.034 for the RMS friction torque."),
+        ((bare,), "No output can be analysed."),
     ):
         assert captions(replace(known, sobol=replace(SOBOL, outputs=outputs)))["sobol"] == expected

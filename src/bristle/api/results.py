@@ -77,14 +77,15 @@ class Results:
         return tuple(self.logs.of(joint) for joint in self.joints)
 
     def text(self, *, full: bool = False) -> str:
-        """Of each joint the values to use, whether to trust them, and its warnings; with `full` every fit.
+        """Of each joint the values to use, whether to trust them, and its warnings; with `full` every fit, as on the pages.
 
         80 columns wide, as `bristle identify` and `bristle identify --full` print it.
         """
         from bristle.questions.joint_report.brief import brief_report
-        from bristle.questions.joint_report.text import fit_report
 
-        return fit_report(self.joints) if full else brief_report(self.joints)
+        if full:
+            return str(import_module("bristle.questions.joint_report.report").full_text(self.joints))
+        return brief_report(self.joints)
 
     def __str__(self) -> str:
         return self.text()
@@ -95,17 +96,14 @@ class Results:
 
         return tuple(outcomes(self.joints))
 
-    def checks(self) -> tuple[str, ...]:
-        """Each fit beside a full nonlinear one on the same data, a line each, and what each joint took.
+    def checks(self) -> str:
+        """Each fit beside a full nonlinear one on the same data, and other laws and models, as on the page of cross-checks.
 
         Raises InputError where nothing was fitted that could be checked.
         """
-        from bristle.questions.joint_report.brief import checks
-
         for joint in self.joints:
             check_fitted(joint)
-        took = (f"  {what}: {1000 * seconds:.2f} ms" for what, seconds in self.timings.items())
-        return *(line for joint in self.joints for line in checks(joint)), *took
+        return str(import_module("bristle.questions.joint_report.report").full_text(self.joints, "checks.html"))
 
     def to_frame(self) -> "pd.DataFrame":
         """One row per joint, direction and parameter: value, unit, standard error, interval, warnings."""

@@ -170,7 +170,6 @@ def _image(image: AxesImage) -> Array:
         return np.zeros((0, 3))
     left, right, bottom, top = image.get_extent()
     rows, columns = values.shape
-    x = left + (np.arange(columns) + 0.5) * (right - left) / columns
-    low, high = (top, bottom) if image.origin == "upper" else (bottom, top)
-    y = low + (np.arange(rows) + 0.5) * (high - low) / rows
-    return _valued(np.column_stack([np.tile(x, rows), np.repeat(y, columns)]), values)
+    x, y = (np.linspace(*ends, 2 * n + 1)[1::2] for ends, n in (((left, right), columns), ((bottom, top), rows)))
+    y = y[::-1] if image.origin == "upper" else y
+    return _valued(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2), values)

@@ -21,7 +21,7 @@ from bristle.page import wording
 from bristle.page.figure_data import csv_of
 from bristle.page.output_folder import write_bytes
 from bristle.page.plain import to_csv
-from bristle.page.said import Link, entries_linked, flagged, said, warned, with_places
+from bristle.page.said import Link, entries_linked, flagged, said, told, warned, with_places
 from bristle.page.style import inline, render, render_as, styled
 from bristle.page.wording import FITS, METHODS, free
 from bristle.workers import Share
@@ -124,7 +124,7 @@ def _environment(package: str) -> Environment:
         lstrip_blocks=True,
     )
     environment.filters |= {
-        "cell": _cell, "cell_kind": lambda column: _KINDS.get(column, ""), "heading": lambda column: _HEADINGS.get(column, column),
+        "cell": _cell, "cell_kind": lambda column: _KINDS.get(column, ""), "heading": heading,
         "direction": wording.direction, "symbol": symbol_html, "plain_symbol": wording.symbol,
         "warned": warned, "flagged": flagged, "said": said, "with_places": with_places, "entries": entries_linked,
     }  # fmt: skip  # a table of names
@@ -151,9 +151,14 @@ def symbol_html(name: str) -> Markup:
     return Markup("<i>{}</i><sub>{}</sub>{}").format(parts[0], parts[1][:1], parts[1][1:])
 
 
+def heading(column: str) -> str:
+    """The heading of a table's column."""
+    return _HEADINGS.get(column, column)
+
+
 _HEADINGS = {
     "standard_error": "standard error", "systematic": "systematic error", "error_percent": "error (%)", "inside": "inside?", "lower": "95 % from",
-    "upper": "95 % to", "plain_grid": "plain grid",
+    "upper": "95 % to", "relative_error_of_fit": "of the fit (%)",
     "difference_in_se": "difference (standard errors)", "grid": "refined grid",
     "full": "full nonlinear fit", "relative_error": "relative error (%)",
     "start": "from row", "stop": "to row", "recommended": "use it?",
@@ -183,16 +188,21 @@ _DIGITS = {"difference_in_se": 2, "difference": 2} | dict.fromkeys(("error_perce
 
 def _cell(value: Any, column: str) -> str | Markup:
     """A value of a table's column in the page."""
+    if isinstance(value, tuple | Link):
+        return Markup("<br>").join(map(said, value if isinstance(value, tuple) else (value,)))
+    return symbol_html(str(value)) if column == "parameter" and value is not None else cell_text(value, column)
+
+
+def cell_text(value: Any, column: str) -> str:
+    """A value of a table's column as text."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if value is None:
         return wording.MISSING
     if isinstance(value, tuple | Link):
-        return Markup("<br>").join(map(said, value if isinstance(value, tuple) else (value,)))
+        return told(value)
     if isinstance(value, float):
         return wording.number(value, _DIGITS.get(column, 5))
-    if column == "parameter":
-        return symbol_html(str(value))
     return _CELLS.get(column, str)(str(value))
 
 

@@ -8,13 +8,13 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
-from bristle.page.wording import measured, span
+from bristle.page.wording import SYMBOLS, measured, span
 
 if TYPE_CHECKING:
     import pandas as pd
 
 WIDTH = 80  # columns of a terminal that nobody has made wider
-_SIGNS = str.maketrans({"±": "+/-", "∞": "inf", "−": "-", "·": "*", "\N{NO-BREAK SPACE}": " "})
+_SIGNS = str.maketrans({"±": "+/-", "∞": "inf", "−": "-", "·": "*", "²": "**2", "–": "-", "\N{NO-BREAK SPACE}": " "})
 _INTERVAL = re.compile(r"\[[^\[\]]{1,60}\]")
 _NUMBER = re.compile(  # blanks inside a number: about its error, after a comparison, before its unit
     r"(?<=[\d.]) (?=\+/-)|(?<=\+/-) (?=[\d.])|(?<=[=<>~]) (?=[-\d.])"
@@ -30,6 +30,13 @@ def pair(value: float | None, error: float | None) -> str:
 def interval(ends: tuple[float, float] | None) -> str:
     """A 95 % interval: [0.01910, 0.01974], [12.5, inf]."""
     return "none" if ends is None else span(ends).translate(_SIGNS)
+
+
+def typed(text: str) -> str:
+    """Text of a page in a terminal's letters: α₀ as alpha_0, N·m as N*m, ± as +/-."""
+    for name, symbol in SYMBOLS.items():
+        text = text.replace(symbol, name)
+    return text.translate(_SIGNS)
 
 
 def in_unit(value: str, si: str) -> str:

@@ -11,8 +11,9 @@ import pandas as pd
 
 from bristle.findings import Finding
 from bristle.page.output_folder import replace_files, zipped
-from bristle.page.page import Drawing, drawn, encoded, html, tables_of, versions
-from bristle.page.said import Link, Said
+from bristle.page.page import Drawing, cell_text, drawn, encoded, heading, html, tables_of, versions
+from bristle.page.plain import columns, typed
+from bristle.page.said import Link, Said, told, with_places
 from bristle.page.wording import printable, slugs
 from bristle.progress import Progress, step, teller
 
@@ -123,6 +124,22 @@ class Section:
         """All that is to be drawn for it."""
         beside = (cell for x in self.answer.things for cell in x.whole) if self.answer else ()
         return tuple(x for x in (*beside, self.figure, *self.figures) if isinstance(x, Drawing))
+
+    def plain(self) -> Iterator[str]:
+        """The section for a terminal, without pictures and how to read them; lines may be longer than 80 columns."""
+        title = self.title or (self.table.title if self.table else "")
+        lines = [f"  [[{title}]]"] * bool(title)
+        lines += [
+            f"    {x}" for x in (self.text.split("\n\n") if isinstance(self.text, str) else [told(self.text)]) if x
+        ]
+        lines += [f"    {about}: {told(said)}" for about, said in self.facts]
+        for where, x in with_places(self.findings, str):
+            lines.append(f"    {x.severity}{f' ({where})' if where else ''}: {x.coded}")
+        if self.table is not None:
+            names, rows = self.table.cells
+            cells = [map(heading, names), *(map(cell_text, row, names) for row in rows)]
+            lines += columns([[typed(x) for x in row] for row in cells], indent=4) if rows else ()
+        return (typed(printable(line)) for line in lines)
 
 
 @dataclass(frozen=True, slots=True)

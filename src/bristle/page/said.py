@@ -119,6 +119,21 @@ def said(parts: Said | tuple[Said, ...]) -> Markup:
     return flagged(parts)
 
 
+def told(parts: Said | tuple[Said, ...]) -> str:
+    """A line as text."""
+    match parts:
+        case tuple():
+            return " ".join(map(told, parts))
+        case Link():
+            return parts.text
+        case Mark():
+            return f"{parts.word}."
+        case Finding():
+            return parts.flagged
+        case _:
+            return parts
+
+
 def with_places(findings: Iterable[Finding], word: Callable[[str], str] = direction) -> list[tuple[str, Finding]]:
     """Each finding once, after all its subjects, each part by `word`; empty where that is the whole."""
     found: dict[str, tuple[Finding, list[str]]] = {}

@@ -11,7 +11,7 @@ from bristle.model.parameters import Kind, ParameterName, effort, periodic, unit
 
 MISSING = "–"  # what stands where there is no number
 WORK = "J"  # unit of work, whatever the kind of joint
-_SYMBOLS = {
+SYMBOLS = {
     "alpha_0": "α₀",
     "alpha_1": "α₁",
     "alpha_2": "α₂",
@@ -41,9 +41,9 @@ def symbol(name: str | ParameterName) -> str:
     bare, d = ParameterName.parse(name) if isinstance(name, str) else name
     if (repeats := periodic(bare)) is not None:
         return "{} ({} {})".format(*repeats)
-    own = None if bare in _SYMBOLS else own_parameter(bare)
+    own = None if bare in SYMBOLS else own_parameter(bare)
     plain = own.symbol if own is not None and "$" not in own.symbol else bare
-    return _SYMBOLS.get(bare, plain) + (f" {_DIRECTIONS[d]}" if d in ("+", "-") else "")
+    return SYMBOLS.get(bare, plain) + (f" {_DIRECTIONS[d]}" if d in ("+", "-") else "")
 
 
 def in_symbols(sentence: str) -> str:

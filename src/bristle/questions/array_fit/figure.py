@@ -1,6 +1,6 @@
 """A fit of arrays as a figure, and in a notebook."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from html import escape
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from bristle.model.functions import loading_displacement_function
 from bristle.model.vectorize import evaluate
 from bristle.page.style import DIRECTION, inline, new_figure, render_as, styled, thinned
 from bristle.page.wording import axis, direction
-from bristle.questions.array_fit.fit import Fit, Stage, outcomes, serious
+from bristle.questions.array_fit.fit import Stage
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -85,29 +85,18 @@ def _motion(ax: Axes, joint: Joint) -> None:
 
 
 @styled
-def html(fit: Fit) -> str:
-    """A fit with its curve, for a notebook; text that may be anybody's is escaped."""
-    draw = partial(draw_stage, fit.joint, fit.stage)
-    curve_of = _picture("fit", "friction vs velocity, measured and fitted", 3.6, draw)
-    paragraphs = "".join(f"<p>{escape(line)}</p>" for line in outcomes(fit))
-    points = "".join(f"<li>{escape(line)}</li>" for line in serious(fit))
-    table = fit.to_frame().drop(columns="warnings").to_html(float_format="{:.5g}".format, na_rep="-")
-    return f"<div>{paragraphs}{table}<ul>{points}</ul>{curve_of}</div>"
-
-
-def _picture(name: str, label: str, height: float, draw: Callable[[Axes], object]) -> str:
-    figure = new_figure(height)
+def html(heading: str, lines: Iterable[str], frame: "pd.DataFrame", draw: Callable[[Axes], object], name: str) -> str:
+    """A fit with its table and its picture, for a notebook; text that may be anybody's is escaped."""
+    figure = new_figure(3.4)
     draw(figure.subplots())
-    return f"<div style='max-width:36rem'>{inline(render_as(figure, 'svg'), name, label)}</div>"
+    said = "".join(f"<p>{escape(line)}</p>" for line in lines)
+    table = frame.to_html(float_format="{:.5g}".format, na_rep="-")
+    picture = inline(render_as(figure, "svg"), name, "measured and fitted")
+    return f"<h4>{escape(heading)}</h4>{said}{table}<div style='max-width:36rem'>{picture}</div>"
 
 
-@styled
 def joints_html(joints: Sequence[Joint], frame: "pd.DataFrame") -> str:
-    """Some joints for a notebook: of each its rows of the table, and its curve; text that may be anybody's is escaped."""
-    parts = []
-    for k, joint in enumerate(joints):
-        own = frame[frame["joint"] == joint.name].drop(columns=["joint", "warnings"])
-        picture = _picture(f"joint-{k}", "measured and fitted", 3.2, partial(draw_joint, joint))
-        table = own.to_html(index=False, float_format="{:.5g}".format, na_rep="-")
-        parts.append(f"<h4>{escape(joint.name)}</h4>{table}{picture}")
-    return f"<div>{''.join(parts)}</div>"
+    """Joints with their rows of the table, and their curves."""
+    rows = frame.drop(columns="warnings").set_index("joint")
+    named = ((x.name, rows.loc[[x.name]], partial(draw_joint, x)) for x in joints)
+    return "".join(html(name, (), own, draw, f"joint-{k}") for k, (name, own, draw) in enumerate(named))

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -172,13 +173,14 @@ class Fit:
             low, high = map(float, ends.loc[name])
             shown = "not identifiable" if np.isnan(value) else f"{pair(value, self.stderr[name])} {frame.unit[name]}"
             rows.append((name, shown, "none" if np.isnan(low + high) else interval((low, high))))
-        return "\n".join(wrapped([*outcomes(self), *columns(rows), *serious(self)]))
+        return "\n".join(wrapped([*_outcomes(self), *columns(rows), *_serious(self)]))
 
     def _repr_html_(self) -> str:
         """The table and the curve, for a notebook."""
-        from bristle.questions.array_fit.figure import html
+        from bristle.questions.array_fit.figure import draw_stage, html
 
-        return html(self)
+        frame, draw = self.to_frame().drop(columns="warnings"), partial(draw_stage, self.joint, self.stage)
+        return html(" ".join(_outcomes(self)), _serious(self), frame, draw, "fit")
 
     def _rows(self) -> Iterator[_Row]:
         """Every parameter of this stage."""
@@ -226,7 +228,7 @@ def _interval(row: _Row, level: float, method: Method | None) -> tuple[float, fl
     return low, high
 
 
-def outcomes(fit: Fit) -> Iterator[str]:
+def _outcomes(fit: Fit) -> Iterator[str]:
     """How each fit of this stage ended."""
     slow, moving = fit.joint.presliding, fit.joint.moving
     if fit.stage == "static":
@@ -240,6 +242,6 @@ def outcomes(fit: Fit) -> Iterator[str]:
         yield f"{moving.n} equations. {moving.outcome} Relative error {moving.relative_error:.3g} %."
 
 
-def serious(fit: Fit) -> Iterator[str]:
+def _serious(fit: Fit) -> Iterator[str]:
     """What is critical about it, and what calls for caution."""
     return (f"{w.severity}: {w.coded}" for w in fit.warnings if w.severity is not Severity.NOTE)

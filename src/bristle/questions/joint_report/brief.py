@@ -2,14 +2,13 @@
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from itertools import groupby
 from math import inf, isfinite
 
 import numpy as np
 
 from bristle.findings import Finding, Severity
 from bristle.identification.curve import stated_curve
-from bristle.identification.fits import Crosscheck, Estimate, TrackingFit
+from bristle.identification.fits import Estimate, TrackingFit
 from bristle.identification.known_joint import Known, Source, as_identified, chosen, value_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
@@ -21,8 +20,7 @@ from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, of
 from bristle.page.plain import columns, in_unit, interval, pair, wrapped
 from bristle.page.said import with_places
 from bristle.page.wording import FITS, counted, number, printable, shortened
-from bristle.questions.joint_report.sentences import cost_change, held_out, known_to
-from bristle.questions.joint_report.tables import WAYS, interval_rows
+from bristle.questions.joint_report.sentences import held_out, known_to
 
 LINES = 3  # most lines of findings that are not critical
 _SOURCES = {Source.STATIC: "static fit", Source.PRESLIDING: "presliding"}
@@ -224,57 +222,6 @@ def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
     for joint in joints:
         why = verdict(joint).reason
         yield f"{joint.name}: {known_to(joint, '+/-')}{f' {why.flagged}' if why else ''}"
-
-
-def checks(joint: Joint) -> Iterator[str]:
-    """Each fit of a joint compared with a full nonlinear one on the same data."""
-    for direction, check in joint.crosscheck.items():
-        yield from _check(f"{joint.name} {direction}", "the grid", check, direction)
-    if joint.tracking is not None and joint.tracking.crosscheck is not None:
-        yield from _check(f"{joint.name}, moving runs", "Gauss-Newton", joint.tracking.crosscheck)
-    elif joint.tracking is not None:
-        yield f"{joint.name}, moving runs: a simulated position has no second route; it was not checked"
-
-
-def law_lines(joints: Sequence[Joint]) -> Iterator[str]:
-    """The friction laws of each joint by BIC: parameters, BIC above the lowest, error at left-out speeds, weight."""
-    for joint in joints:
-        found = joint.laws
-        if found is None:
-            yield f"{printable(joint.name)}: friction laws were not compared; too few points or samples for any but the paper's"
-            continue
-        yield f"{printable(joint.name)}: friction laws on {counted(found.n, 'point' if found.data == 'points' else 'sample')}"
-        rows = [("law", "parameters", "BIC", "left out", "weight", "")]
-        for row in sorted(found.rows, key=lambda row: row.bic):
-            left = "-" if row.left_out is None else f"{row.left_out:.3g} %"
-            told = "in use" if row.in_force else "wanted" if row.chosen else ""
-            weight = f"{100 * row.weight:.0f} %"
-            rows.append((row.name, str(row.parameters), f"+{row.bic:.1f}", left, weight, told))
-        yield from columns(rows)
-        yield from wrapped([f"  {printable(str(found.sentence))}"])
-
-
-def _check(title: str, first: str, check: Crosscheck, direction: str = "") -> Iterator[str]:
-    yield f"{title}: {check.verdict}"
-    if not check.agrees:
-        yield f"  cost: {cost_change(check, first)}"
-    for name, value in check.parameters.items():
-        distance = check.difference_in_se.get(name)
-        apart = "" if distance is None else f" {distance:+.1e} standard errors from {first}"
-        yield f"  {name.within(direction):<12} {value:<12.4g}{apart}"
-
-
-def interval_lines(joints: Sequence[Joint]) -> Iterator[str]:
-    """Each parameter's 95 % interval three ways, fit by fit, and the warnings about them, each once."""
-    for joint in joints:
-        for fit, rows in groupby(interval_rows(joint), key=lambda row: row.fit):
-            own = [*rows]
-            yield f"{printable(joint.name)}, {FITS.get(fit, fit)}: 95 % intervals"
-            cells = [(x.estimate.unit, (x.name, *(interval(getattr(x.three, way)) for way in WAYS))) for x in own]
-            for si in dict.fromkeys(si for si, _ in cells):
-                yield from columns([(si, *WAYS), *(row for of, row in cells if of == si)], indent=0)
-            said = {warning: x.name for x in own for warning in x.three.warnings}
-            yield from (f"  {name}: {printable(warning.flagged)}" for warning, name in said.items())
 
 
 def segment_lines(measured: Measured) -> Iterator[str]:

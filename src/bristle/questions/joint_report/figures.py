@@ -14,7 +14,6 @@ from bristle.workers import Share
 DRAW: dict[str, Callable[[Joint], Figure | None]] = {
     "small": static_figures.small_figure,
     "curve": static_figures.curve_figure,
-    "profile": static_figures.profile_figure,
     "residuals": static_figures.residuals_figure,
     "presliding": presliding_sections.presliding_figure,
     "hysteresis": presliding_sections.hysteresis_figure,

@@ -3,15 +3,14 @@
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from scipy.interpolate import PchipInterpolator
 
-from bristle.arrays import Array
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName
@@ -28,7 +27,7 @@ INTRO = (
 )
 _COLOURS = dict(zip(WAYS, ("#000000", "#0072B2", "#D55E00"), strict=True))
 _TOP = 2.4  # height of the drawn profile, thresholds
-_FEW = 20  # points of a profile below which they are drawn, with a curve through them
+_FEW = 20  # points of a profile below which each is drawn
 
 
 def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
@@ -131,9 +130,9 @@ def _panel(ax: Axes, row: IntervalRow) -> None:
         inside = three.draws[(three.draws >= low) & (three.draws <= high)]
         counts, edges = np.histogram(inside, 24, (low, high))
         ax.stairs(1.9 * counts / max(counts.max(), 1), edges, fill=True, color="#cccccc", label="bootstrap draws")
-    ax.plot(*_smooth(three.curve, value), "-", color=_COLOURS["profile"], linewidth=1.4, label="cost (1: threshold)")
-    if three.curve.shape[1] < _FEW:
-        ax.plot(*three.curve, ".", color=_COLOURS["profile"], markersize=5, label="_cost, computed")
+    line, order = ".-" if three.curve.shape[1] < _FEW else "-", np.argsort(three.curve[0])
+    cost: dict[str, Any] = {"color": _COLOURS["profile"], "linewidth": 1.4, "label": "cost (1: threshold)"}
+    ax.plot(*three.curve[:, order], line, **cost)
     ax.axhline(1.0, color="#666666", linestyle=":", linewidth=1, label="_95 % threshold")
     for k, way in enumerate(WAYS):
         interval = getattr(three, way)
@@ -153,14 +152,3 @@ def _panel(ax: Axes, row: IntervalRow) -> None:
     ax.set_yticks([0.0, 1.0, 2.0])
     where = "" if row.direction in {"both", "shared"} else f" {direction(row.direction)}"
     ax.set_xlabel(f"{symbol(row.parameter)}{where} ({pretty(row.estimate.unit)})")
-
-
-def _smooth(curve: Array, value: float | None) -> Array:
-    """A profile of few points, interpolated by its signed root, which is nearly a line, (2, k)."""
-    curve = curve[:, np.isfinite(curve).all(axis=0)]
-    curve = curve[:, np.unique(curve[0], return_index=True)[1]]
-    if not 2 < curve.shape[1] < _FEW or value is None:
-        return curve
-    x = np.linspace(curve[0, 0], curve[0, -1], 4 * _FEW)
-    root = PchipInterpolator(curve[0], np.sign(curve[0] - value) * np.sqrt(np.maximum(curve[1], 0.0)))(x)
-    return np.stack([x, root**2])

@@ -20,19 +20,18 @@ from bristle.page.report import Section, Table
 from bristle.page.said import Said
 from bristle.page.style import panels, styled, thinned
 from bristle.page.wording import FITS, MISSING, axis, counted, in_print, number, pretty, sentence, span, symbol
-from bristle.questions.joint_report import tables
+from bristle.questions.joint_report import static_sections
 from bristle.questions.joint_report.sentences import biased, pair, reached
 
 SPAN = 3.0  # longest piece of a run drawn over time, s
 MOST = 400  # points of each kind drawn
-_LEAD = 0.25  # time before a reversal at which a piece may begin, s
 _BANDS, _MARKERS, _LINES = ("#0072B2", "#D55E00", "#000000"), ("o", "s", "^"), ("-", "--", ":")
 _LOADS = {"link_load": "gravity and link", "motor_load": "motor", "gear_load": "gear"}  # torques of each load
 _GREY, _BLUE, _VERMILION = "#999999", "#0072B2", "#D55E00"
 
 
 def course(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing | None:
-    """The run vs time where its reversals are strongest; None without a fit."""
+    """The run vs time about its hardest reversal; None without a fit."""
     fit = joint.moving
     if fit is None or not fit.time.size:
         return None
@@ -42,8 +41,7 @@ def course(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing | None:
     where = f"segment {stretch} of {count}" if count > 1 else "the run"
     caption = (
         f"{_left(joint, fit)} Measured {fit.quantity} (wide grey line) and predicted by the {_name(joint)} (thin "
-        f"line), from {start} to {end} s of {where}, where the reversals are strongest. Below: measured minus "
-        "predicted."
+        f"line), from {start} to {end} s of {where}, about the hardest reversal. Below: measured minus predicted."
     )
     return figures["tracking"]._replace(caption=caption)
 
@@ -88,12 +86,8 @@ def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
             form="part",
         )
     ]
-    held = tables.tracking_hold_out([joint])
-    if len(held):
-        relative = "Relative error: 100 · ‖measured − predicted‖ / ‖measured‖ on runs that were not fitted"
-        windows = "; position relative to the mean of its window, of which only the initial values were fitted"
-        table = Table("tracking_hold_out", "Held-out runs", part=held, note=f"{relative}{'' if torque else windows}.")
-        sections.append(Section("", table=table, form="part"))
+    windows = "; position relative to the mean of its window, of which only the initial values were fitted"
+    sections += static_sections.hold_out(joint, fits, "" if torque else windows)
     last = joint.joint_fit or joint.tracking
     if last.time.size:
         terms = ", inertia and other regressors included" if last.quantity == "torque" else ""
@@ -124,38 +118,25 @@ def _said(joint: Joint, fit: TrackingFit) -> tuple[Said, ...]:
         said.append(f"Bias by encoder counts, subtracted: {'; '.join(added)}.")
     elif fit.count_bias:
         said.append("Encoder counts bias every parameter by less than a tenth of a standard error.")
-    if fit.crosscheck:
-        said += ["Cross-check:", in_print(fit.crosscheck.verdict)]
     return tuple(said)
 
 
-def stretches(fit: TrackingFit) -> list[slice]:
-    """The equations of each stretch, between which time and bristle state jump."""
-    ends = (*fit.starts_of_runs[1:], fit.time.size)
-    return [slice(start, stop) for start, stop in zip(fit.starts_of_runs, ends, strict=True) if stop > start]
-
-
 def window(fit: TrackingFit) -> slice:
-    """The piece of a stretch, at most SPAN long, with the largest sum of |dv/dt| where v changes sign."""
-    found = []
-    for own in stretches(fit):
-        t, v = fit.time[own], fit.velocity[own]
-        turns = np.flatnonzero(np.signbit(v[1:]) != np.signbit(v[:-1]))
-        strength = np.zeros(t.size)
-        strength[turns] = np.abs(v[turns + 1] - v[turns]) / (t[turns + 1] - t[turns])
-        total = np.concatenate([[0.0], np.cumsum(strength)])
-        begins = np.clip(np.concatenate([t[:1], t[turns] - _LEAD]), t[0], max(t[0], t[-1] - SPAN))
-        start = np.searchsorted(t, begins)
-        stop = np.searchsorted(t, t[start] + SPAN, side="right")
-        within = total[stop] - total[start]
-        k = int(np.argmax(within))
-        found.append((float(within[k]), slice(own.start + int(start[k]), own.start + int(stop[k]))))
-    return max(found, key=lambda pair: pair[0])[1]
+    """The piece of one stretch, at most SPAN long, about the reversal with the largest |dv/dt|; without any, its beginning."""
+    t, v = fit.time, fit.velocity
+    ends = (*fit.starts_of_runs[1:], t.size)
+    stretch = np.repeat(np.arange(len(ends)), np.diff((0, *ends)))
+    turns = np.flatnonzero((np.signbit(v[1:]) != np.signbit(v[:-1])) & (np.diff(stretch) == 0))
+    k = turns[np.argmax(np.abs(np.diff(v)[turns] / np.diff(t)[turns]))] if turns.size else 0
+    own = np.flatnonzero(stretch == stretch[k])
+    begin = np.clip(t[k] - SPAN / 2, t[own[0]], max(t[own[0]], t[own[-1]] - SPAN)) if turns.size else t[own[0]]
+    start, stop = np.searchsorted(t[own], begin), np.searchsorted(t[own], begin + SPAN, side="right")
+    return slice(int(own[0] + start), int(own[0] + stop))
 
 
 @styled
 def course_figure(joint: Joint) -> Figure | None:
-    """Measured and predicted torque (or position) vs time at the strongest reversals; None without a fit."""
+    """Measured and predicted torque (or position) vs time about the hardest reversal; None without a fit."""
     fit = joint.moving
     if fit is None or not fit.time.size:
         return None

@@ -45,9 +45,8 @@ def presliding(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
 
 def _stiffness(joint: Joint, slow: Presliding) -> Section:
     frame = tables.presliding([joint])
-    frame.insert(3, "recommended", frame.pop("recommended"))
     notes = [
-        "± one standard error. The intervals of (14) and of its inverse allow for any rest position inside a count; a "
+        "The intervals of (14) and of its inverse allow for any rest position inside a count; a "
         "value that this excludes has none. Count edge to count edge, σ₀ comes from encoder transitions and is "
         "insensitive to where inside a count the joint rests."
     ]
@@ -66,7 +65,7 @@ def _stiffness(joint: Joint, slow: Presliding) -> Section:
         facts.append((direction(fit.direction), (*said, *prior.warnings)))
     return Section(
         "Stiffness", text="" if slow.fits else "No σ₀: see below for what is missing.", facts=tuple(facts),
-        table=Table("presliding", "Stiffness by four methods", part=frame, note=" ".join(notes)),
+        table=Table("presliding", "Stiffness by four methods", part=tables.rounded(frame), note=" ".join(notes)),
         form="part",
     )  # fmt: skip  # a list of values
 
@@ -90,9 +89,8 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawi
     least, most = number(min(losses), 2), number(max(losses), 2)
     lost = f"{least if least == most else f'{least} to {most}'} {wording.WORK} lost in {wording.counted(len(losses), 'closed cycle')}."
     how = (
-        "Closed cycles of torque vs displacement (grey), from one peak of the torque to the next of the same sign. "
-        "Solid: regression of torque on displacement; dashed: one over the regression of displacement on torque; "
-        "dotted: between the extremes of the torque. The area is the energy dissipated."
+        "Closed cycles of torque vs displacement, from one peak of the torque to the next of the same sign. The area is the "
+        "energy dissipated."
     )
     left_out = len(losses) - MOST_LOOPS
     rest = f" The first {MOST_LOOPS} are drawn; {left_out} more are in the table." if left_out > 0 else ""
@@ -135,15 +133,10 @@ def _breakaway_and_cycles(joint: Joint, slow: Presliding) -> Iterator[Section]:
     frame["samples"] = [f"{start}\u2013{stop}" for start, stop in zip(frame["start"], frame["stop"], strict=True)]
     columns = {
         "file": "file", "samples": "samples", "counts": "counts", "torque_amplitude": f"± torque ({torque})",
-        "displacement_amplitude": f"± displacement ({position})", "slope": "regression", "inverse_slope": "inverse",
-        "secant": "secant", "loss": f"loss per cycle ({wording.WORK})",
+        "displacement_amplitude": f"± displacement ({position})", "loss": f"loss per cycle ({wording.WORK})",
     }  # fmt: skip  # a table of words
-    how = (
-        "Regression of torque on displacement, inverse regression and secant, in "
-        f"{pretty(unit('sigma_0', joint.kind))}, differ because the loop is wide: none of them is σ₀. Amplitudes are "
-        "half of the range."
-    )
-    table = Table("hysteresis", "Cycles", part=frame[[*columns]].rename(columns=columns), note=how)
+    part = frame[[*columns]].rename(columns=columns)
+    table = Table("hysteresis", "Cycles", part=part, note="Amplitudes are half of the range.")
     yield Section("Each cycle", table=table, form="folded")
 
 
@@ -205,7 +198,11 @@ def presliding_figure(joint: Joint) -> Figure | None:
         label = "g₀, at least" if np.isinf(fit.level_standard_error) else "g₀"
         ax.axhline(fit.level, color="black", linestyle=(0, (8, 3, 1, 3)), linewidth=0.8, label=label)
         ax.text(0.98, 0.06, direction(fit.direction), transform=ax.transAxes, ha="right")
-    _legend(figure, 3)
+    # A legend below all panels in two columns, and room on the right for a tick label.
+    named = {label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    width, height = figure.get_size_inches()
+    figure.subplots_adjust(right=1 - 0.35 / width, hspace=0.46, bottom=(0.65 + 0.24 * 3) / height)
+    figure.legend(named.values(), named.keys(), loc="lower center", ncols=2, frameon=False)
     return figure
 
 
@@ -216,14 +213,6 @@ def _panels(joint: Joint, count: int, height: float, along: str) -> tuple[Figure
         ax.set(xlabel=axis(along, joint.kind), ylabel=axis("torque", joint.kind))
         ax.xaxis.set_major_locator(MaxNLocator(6))
     return figure, axes
-
-
-def _legend(figure: Figure, rows: int) -> None:
-    """A legend below all panels in two columns, and room on the right for a tick label."""
-    named = {label: handle for ax in figure.axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
-    width, height = figure.get_size_inches()
-    figure.subplots_adjust(right=1 - 0.35 / width, hspace=0.46, bottom=(0.65 + 0.24 * rows) / height)
-    figure.legend(named.values(), named.keys(), loc="lower center", ncols=2, frameon=False)
 
 
 def _loadings(ax: Axes, fit: PreslidingFit) -> None:
@@ -243,25 +232,22 @@ def _loadings(ax: Axes, fit: PreslidingFit) -> None:
 
 @styled
 def hysteresis_figure(joint: Joint) -> Figure | None:
-    """Closed cycles of torque vs displacement, with regression, inverse regression and secant; None without any."""
+    """Closed cycles of torque vs displacement; None without any."""
     loops = joint.presliding.loops[:MOST_LOOPS] if joint.presliding else ()
     if not loops:
         return None
     figure, axes = _panels(joint, len(loops), 0.9 + 2.5 * len(loops), "displacement")
     for ax, loop in zip(axes, loops, strict=True):
-        y, T = loop.position - loop.position.mean(), loop.torque - loop.torque.mean()
-        level, kept = float(loop.torque.mean()), thinned(y.size)
-        ax.plot(y[kept], loop.torque[kept], "-", color=_GREY, linewidth=0.9, label="one cycle")
-        regression = "torque on displacement", "-", "#000000", loop.slope
-        for label, line, colour, slope in (regression, ("inverse regression", "--", "#0072B2", loop.inverse_slope)):
-            if slope is not None and np.isfinite(slope):
-                reach = float(np.ptp(T)) / slope / 2
-                ends = np.array([max(-reach, float(y.min())), min(reach, float(y.max()))])
-                ax.plot(ends, level + slope * ends, line, color=colour, linewidth=1.6, label=label)
-        if loop.secant is not None:
-            k = [int(T.argmin()), int(T.argmax())]
-            ax.plot(y[k], loop.torque[k], ":o", color="#D55E00", linewidth=1.6, markersize=4, label="secant")
+        kept = thinned(loop.position.size)
+        ax.plot(
+            loop.position[kept] - loop.position.mean(),
+            loop.torque[kept],
+            "-",
+            color=_GREY,
+            linewidth=0.9,
+            label="_cycle",
+        )
         name = f"{wording.shortened(loop.file, 32, end=True)}\nsamples {loop.start}-{loop.stop}"
         ax.text(0.02, 0.96, name, transform=ax.transAxes, va="top", fontsize=9)
-    _legend(figure, 2)
+    figure.subplots_adjust(hspace=0.46)
     return figure

@@ -19,15 +19,26 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import SIGNED, Direction, fields_of, in_direction, of_friction, unit
 from bristle.page.page import Drawing
-from bristle.page.plain import in_unit
+from bristle.page.plain import in_unit, wrapped
 from bristle.page.report import Answer, Answered, Cell, Page, Report, Section, Table
 from bristle.page.said import Link, Mark, Said
-from bristle.page.wording import FITS, counted, direction, in_print, in_symbols, measured, number, pretty, slugs, span
+from bristle.page.wording import (
+    FITS,
+    counted,
+    direction,
+    in_print,
+    in_symbols,
+    measured,
+    number,
+    pretty,
+    printable,
+    slugs,
+    span,
+)
 from bristle.questions.joint_report import moving_sections, presliding_sections, static_sections, tables
 from bristle.questions.joint_report.brief import decided, friction_line, states_errors, upper_bound
 from bristle.questions.joint_report.figures import drawings
 from bristle.questions.joint_report.interval_sections import INTRO, intervals
-from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.sentences import choice, friction_left, held_out, known_to
 from bristle.questions.joint_report.static_figures import FIG_1, FIG_1_V_S, stribeck_figure
 
@@ -139,6 +150,18 @@ def report(
     )
 
 
+def full_text(joints: Sequence[Joint], *only: str) -> str:
+    """Each joint as its pages have it, 80 columns wide: every fit, or `only` some pages by their files."""
+    lines = []
+    for joint in joints:
+        figures = drawings(joint)
+        lines.append(f"[[{printable(joint.name)}]] {joint.kind}{', SIMULATED data' * joint.simulated}")
+        for file, _, _, sections, *_ in _PAGES:
+            if file in only or not (only or file == "data.html"):
+                lines += [line for section in sections(joint, figures) for line in section.plain()]
+    return "\n".join(wrapped([*lines, "What a code in brackets means: bristle explain CODE"])) + "\n"
+
+
 def _mark(joint: Joint) -> Mark:
     """Whether to use a joint's values."""
     use = verdict(joint).trust is Trust.USE
@@ -146,14 +169,15 @@ def _mark(joint: Joint) -> Mark:
 
 
 def _of_joint(joint: Joint, figures: _Figures) -> list[Section]:
-    """How each fit ended, the parameters, the figures, the warnings, and what to measure next."""
+    """How each fit ended, the parameters, the figures and the warnings."""
 
     def error(count: str, relative: float | None) -> str:
         return "" if relative is None else f"{count}, relative error {number(relative, 3)} %."
 
     ended: list[tuple[str, Said]] = []
     for d, fit in joint.static.items():
-        left = error(counted(fit.n, "point"), fit.relative_error)
+        free = counted(fit.degrees_of_freedom, "degree")
+        left = error(f"{counted(fit.n, 'point')}, {free} of freedom", fit.relative_error)
         ended.append((direction(d), f"{in_print(fit.outcome)} {left}"))
     for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
         ended.append((f"presliding {direction(d)}", in_print(choice(slow))))
@@ -176,7 +200,8 @@ def _of_joint(joint: Joint, figures: _Figures) -> list[Section]:
         Section("How each fit ended", facts=tuple(ended), form="folded"),
         *static_sections.parameters(joint),
         Section("", figures=(*drawn, *filter(None, (course,))), form="part"),
-        *static_sections.hold_out(joint),
+        *static_sections.hold_out(joint, joint.static),
+        *static_sections.correlations(joint),
     ]
     forms: dict[Severity, Literal["part", "folded"]] = {CAUTION: "part", NOTE: "folded"}
     for severity, form in forms.items():
@@ -184,9 +209,6 @@ def _of_joint(joint: Joint, figures: _Figures) -> list[Section]:
         if own:
             title = counted(len({str(x) for x in own}), str(severity))
             sections.append(Section(title, findings=own, coded=True, form=form))
-    nothing = "Nothing in particular: repeat the experiment on another day and compare."
-    advice, name = next_measurements(joint), "What to measure next"
-    sections.append(Section(name, text="" if advice else nothing, findings=advice, coded=True, form="part"))
     return sections
 
 
@@ -361,7 +383,7 @@ def _method() -> tuple[Section, ...]:
 
 _PAGES: tuple[tuple[Any, ...], ...] = (
     (
-        "joints.html", "Joints", "per joint the parameters, the curve, the warnings, and what to measure next", _of_joint,
+        "joints.html", "Joints", "per joint the parameters, the curve and the warnings", _of_joint,
         "Numbers in brackets, as (9), are equations of the paper; the page on the method has them.",
     ),
     (

@@ -6,7 +6,7 @@ import numpy as np
 
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.curve import stated_curve
-from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, StaticFit, TrackingFit
+from bristle.identification.fits import Estimate, PreslidingFit, StaticFit, TrackingFit
 from bristle.identification.known_joint import chosen, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import value_warnings
@@ -83,12 +83,8 @@ def _of_position(joint: Joint) -> bool:
 
 def pair(e: Estimate) -> str:
     """Value, standard error and systematic error, if any: 0.30 ± 0.01 ± 0.02 (systematic)."""
-    return measured(e.value, e.standard_error) + systematic(e, " ± {} (systematic)")
-
-
-def systematic(e: Estimate, words: str) -> str:
-    """The systematic error in these words, if there is one."""
-    return "" if e.systematic is None or e.value is None else words.format(number(e.systematic, 2))
+    constants = "" if e.systematic is None or e.value is None else f" ± {number(e.systematic, 2)} (systematic)"
+    return measured(e.value, e.standard_error) + constants
 
 
 def biased(fit: TrackingFit) -> dict[ParameterName, str]:
@@ -106,15 +102,6 @@ def reached(fit: TrackingFit) -> str:
     if fit.starts == 1:
         return "Initialised at the other stages' estimates alone."
     return f"{fit.reached} of {fit.starts} starts reached the lowest cost."
-
-
-def cost_change(check: Crosscheck, first: str) -> str:
-    """Relative difference of the two costs, and number of starts that reached the lower one."""
-    change = check.cost_full / check.cost_grid - 1 if check.cost_grid else check.cost_full
-    starts = f"{check.reached} of {check.starts} starts reached it"
-    if not change:
-        return f"the full fit's equals {first}'s; {starts}"
-    return f"the full fit's is {'higher' if change > 0 else 'lower'} by {abs(change):.1g} of {first}'s; {starts}"
 
 
 def agreement(joint: Joint) -> str | None:

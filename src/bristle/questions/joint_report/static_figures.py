@@ -197,38 +197,6 @@ def _frame(ax: Axes, joint: Joint, shown: Sequence[FrictionPoints]) -> None:
 
 
 @styled
-def profile_figure(joint: Joint) -> Figure | None:
-    """The cost over v_s near its minimum: grid, plain grid, refined minimum, threshold and 95 % interval; None without a profile."""
-    shown = [(d, fit, fit.profile) for d, fit in _directions(joint) if fit.profile is not None]
-    if not shown:
-        return None
-    figure, axes = panels(0.4 + 2.9 * len(shown), joint.name, joint.simulated, len(shown))
-    for ax, (d, fit, p) in zip(axes, shown, strict=True):
-        look, left, right = DIRECTION[d], float(p.near_v_s[0]), float(p.near_v_s[-1])
-        plain = (p.plain_v_s >= left) & (p.plain_v_s <= right)
-        ax.plot(p.near_v_s, p.near_cost, "-", color=look.colour, linewidth=1.2, label="_cost near the minimum")
-        ax.plot(p.plain_v_s[plain], p.plain_cost[plain], "|", color="#666666", markersize=7, label="plain grid")
-        ax.plot(p.v_s, p.cost, look.marker, color=look.colour, markersize=5, label="grid")
-        ax.plot([p.best], [p.best_cost], "*", color="black", markersize=11, label="refined minimum")
-        ax.axhline(p.threshold, color="black", linestyle="--", linewidth=1, label="95 % threshold")
-        estimate = fit.parameters.get("v_s")
-        if estimate and estimate.interval:
-            low, high = np.clip(estimate.interval, left, right)
-            ax.axvspan(low, high, color=look.colour, alpha=0.15, linewidth=0, label="95 % interval")
-        if right > 4 * left:
-            decimal_log(ax)
-        ax.set_xlim(left, right)
-        top = min(p.best_cost + 10 * (p.threshold - p.best_cost), float(p.cost.max()))
-        top = top if top > p.best_cost else p.best_cost + max(float(np.ptp(p.cost)), 1e-300)
-        height = top - p.best_cost
-        ax.set_ylim(p.best_cost - 0.08 * height, top + 0.05 * height)
-        cost_unit = f"({pretty(unit('torque', joint.kind))})²"
-        ax.set(xlabel=f"vₛ {direction(d)} ({pretty(unit('v_s', joint.kind))})", ylabel=f"Cost Jₛ ({cost_unit})")
-    axes[0].legend(loc="best")
-    return figure
-
-
-@styled
 def residuals_figure(joint: Joint) -> Figure | None:
     """Residuals over velocity, and over position and time where they are known; None where nothing was fitted."""
     fits = [(d, fit) for d, fit in _directions(joint) if fit.residuals.size]

@@ -1,19 +1,31 @@
 """What the pages show of static fits: parameters, curve, the same by other routes, and which law the data want."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 import numpy as np
 import pandas as pd
 
 from bristle.identification.curve import friction_of, friction_points, shown_motion
-from bristle.identification.known_joint import as_identified
+from bristle.identification.known_joint import as_identified, moving_fits
 from bristle.identification.results import Joint
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import of_curve, unit
 from bristle.page.page import Drawing
 from bristle.page.report import Section, Table
 from bristle.page.style import MOST_POINTS
-from bristle.page.wording import MISSING, counted, direction, in_print, measured, number, pretty, sentence, span
+from bristle.page.wording import (
+    FITS,
+    MISSING,
+    counted,
+    direction,
+    in_print,
+    measured,
+    number,
+    pretty,
+    sentence,
+    span,
+    symbol,
+)
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.sentences import agreement
 
@@ -26,17 +38,17 @@ _HEADINGS = {
 def parameters(joint: Joint) -> Iterator[Section]:
     """The parameters by the stage to use, those of static and slow runs alone, and what they depend on."""
     frame = tables.parameters([joint])
-    own = frame[frame["source"].isin(["static", "presliding"])].drop(columns="source")
+    own = tables.rounded(frame[frame["source"].isin(["static", "presliding"])].drop(columns="source"))
     extra = sorted({name for fit in joint.static.values() for name in fit.parameters if not of_curve(name)})
-    notes = ["True: the value that was simulated; inside: whether the 95 % interval covers it."] * bool(joint.truth)
+    notes = ["± one standard error."]
+    notes += ["True: the value that was simulated; inside: whether the 95 % interval covers it."] * bool(joint.truth)
     if extra:
         notes.append(f"Fitted with friction, and subtracted from the torque in the figures: {', '.join(extra)}.")
     title, note = f"Parameters of {joint.name}", " ".join(notes)
     if joint.presliding is None and joint.tracking is None:
         yield Section("", table=Table("parameters", title, part=own, note=note), form="part")
     else:
-        best = tables.table_1([joint])
-        best.insert(3, "source", best.pop("source"))
+        best = tables.rounded(tables.table_1([joint]))
         yield Section("", table=Table("table_1", title, part=best, note=note), form="part")
         if joint.tracking is not None and len(own):
             stages = "static and slow" if joint.presliding is not None else "static"
@@ -91,56 +103,52 @@ def curve_and_residuals(joint: Joint, figures: Mapping[str, Drawing]) -> Iterato
         yield figures["residuals"]._replace(caption=sentence("; ".join(found)), how=how, data="points")
 
 
-def hold_out(joint: Joint) -> Iterator[Section]:
-    """The error on runs that were not fitted."""
+def hold_out(joint: Joint, fits: Collection[str], how: str = "") -> Iterator[Section]:
+    """The error of some fits on runs that were not fitted; `how`: more about it."""
     frame = tables.hold_out([joint])
+    frame = frame[frame["fit"].isin(fits)]
     if len(frame):
-        how = "Relative error: 100 · ‖measured − predicted‖ / ‖measured‖ on runs that were not fitted."
-        yield Section("", table=Table("hold_out", "Held-out runs", part=frame, note=how), form="part")
+        note = f"Relative error: 100 · ‖measured − predicted‖ / ‖measured‖ on runs that were not fitted{how}."
+        yield Section("", table=Table("hold_out", "Held-out runs", part=frame, note=note), form="part")
 
 
-def checks(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
-    """The same numbers by other routes, and whether another law or model would do."""
-    return [*_grid(joint, figures), *_crosscheck(joint), *_laws(joint), *_models(joint), *_stages(joint)]
-
-
-def _grid(joint: Joint, figures: Mapping[str, Drawing]) -> Iterator[Section]:
-    """The cost over v_s, and its minimum beside that of the paper's plain grid."""
-    velocity, found, shifts = pretty(unit("v_s", joint.kind)), [], []
-    for d, fit in joint.static.items():
-        v_s = fit.parameters.get("v_s")
-        if fit.profile is not None and v_s is not None:
-            ends = "" if v_s.interval is None else f", below its 95 % threshold over {span(v_s.interval)}"
-            best = number(fit.profile.best, 3)
-            found.append(f"{direction(d)}: the cost is lowest at vₛ = {best} {velocity}{ends}")
-        for name, e in fit.parameters.items():
-            if (plain := fit.plain_grid.get(name)) is not None and e.value is not None and e.standard_error:
-                shifts.append(abs(plain - e.value) / e.standard_error)
+def correlations(joint: Joint) -> Iterator[Section]:
+    """Pairs of estimates of one fit that are correlated by more than a half."""
+    found = []
+    fits = {direction(d): fit for d, fit in joint.static.items()}
+    for name, fit in (fits | {FITS[kind]: fit for kind, fit in moving_fits(joint).items()}).items():
+        with np.errstate(divide="ignore", invalid="ignore"):
+            shares = fit.covariance / np.sqrt(np.outer(*[np.diag(fit.covariance)] * 2))
+        pairs = [(abs(shares[k]), k) for k in zip(*np.triu_indices(len(fit.names), 1), strict=True)]
+        named = [
+            f"{symbol(fit.names[i])} and {symbol(fit.names[k])} {shares[i, k]:+.2f}"
+            for x, (i, k) in sorted(pairs, reverse=True)
+            if x > 0.5
+        ]
+        found += [(name, "; ".join(named))] * bool(named)
     if found:
-        how = (
-            "The cost Jₛ (10) near its minimum, all other parameters re-optimised; dashed: Jₘᵢₙ (1 + F(0.95; 1, n − p) "
-            "/ (n − p)), the 95 % threshold."
-        )
-        profile = figures["profile"]._replace(caption=sentence("; ".join(found)), how=how, data="profiles")
-        yield Section("", figure=profile, form="part")
-    frame = tables.comparison([joint])
-    if len(frame):
-        far = f"the plain grid is {number(max(shifts), 2)} standard errors off at most" if shifts else "side by side"
-        table = Table("comparison", "Ways to fit the same points", part=frame)
-        yield Section(f"Plain grid, refined minimum: {far}", table=table, form="folded")
+        yield Section("Correlations above 0.5", facts=tuple(found), form="folded")
+
+
+def checks(joint: Joint, _: Mapping[str, Drawing]) -> list[Section]:
+    """The same numbers by other routes, and whether another law or model would do."""
+    return [*_crosscheck(joint), *_laws(joint), *_models(joint), *_stages(joint)]
 
 
 def _crosscheck(joint: Joint) -> Iterator[Section]:
-    if joint.crosscheck:
+    """Each fit beside a full nonlinear one on the same data."""
+    checks = {direction(d): check for d, check in joint.crosscheck.items()}
+    frame = tables.crosscheck([joint]) if checks else None
+    checks |= {FITS[kind]: fit.crosscheck for kind, fit in moving_fits(joint).items() if fit.crosscheck is not None}
+    if checks:
         yield Section("Full nonlinear fit", form="part")
-    frame = tables.crosscheck([joint])
-    for d, check in joint.crosscheck.items():
-        costs = f"Cost: grid {number(check.cost_grid, 5)}, full fit {number(check.cost_full, 5)}"
-        note = f"{costs}; {check.reached} of {check.starts} starts reached the lowest."
-        own = frame[frame["direction"] == d].drop(columns="direction")
-        table = Table("crosscheck", "Grid and full fit", part=own, note=note)
-        title = f"{direction(d)}: {in_print(check.verdict)}"
-        yield Section(title, table=table, form="folded" if check.agrees else "unfolded")
+    for d, check in checks.items():
+        costs = f"Cost {number(check.cost_grid, 5)}, that of the full fit {number(check.cost_full, 5)}"
+        text = f"{costs}; {check.reached} of {check.starts} starts reached the lowest."
+        own = None if frame is None else frame[frame["direction"].map(direction) == d].drop(columns="direction")
+        table = None if own is None else Table("crosscheck", "Grid and full fit", part=own)
+        title = f"{d}: {in_print(check.verdict)}"
+        yield Section(title, text=text, table=table, form="folded" if check.agrees else "unfolded")
 
 
 def _laws(joint: Joint) -> Iterator[Section]:
@@ -201,7 +209,7 @@ def _stages(joint: Joint) -> Iterator[Section]:
         return
     rows = [
         (
-            str(x.parameter), tables.unit_of(joint, x.parameter), x.stage, measured(x.stage_value, x.stage_error),
+            str(x.parameter), unit(x.parameter.name, joint.kind), x.stage, measured(x.stage_value, x.stage_error),
             measured(x.tracking_value, x.tracking_error), measured(x.joint_value, x.joint_error), x.difference_in_se, in_print(x.verdict),
         )
         for x in joint.consistency

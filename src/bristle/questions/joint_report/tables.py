@@ -10,13 +10,14 @@ import numpy as np
 import pandas as pd
 
 from bristle.identification.comparison import Comparison
-from bristle.identification.fits import Estimate, PreslidingFit, RunScatter, Uncertainty
+from bristle.identification.fits import Estimate, PreslidingFit, RunScatter, StaticFit, TrackingFit, Uncertainty
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName, unit
-from bristle.page.wording import WORK
+from bristle.page.plain import in_unit
+from bristle.page.wording import MISSING, pretty, span
 from bristle.questions.joint_report.results_file import declared, estimates, identified
-from bristle.questions.joint_report.sentences import methods
+from bristle.questions.joint_report.sentences import methods, pair
 
 WAYS = ("covariance", "profile", "bootstrap")
 """In which an interval is found."""
@@ -71,14 +72,6 @@ def _labels(labels: Any) -> str:
     return ", ".join(f"{name} {value}" for name, value in labels.items())
 
 
-@_table("direction parameter unit plain_grid# refined# standard_error#")
-def comparison(joint: Joint) -> _Rows:
-    """The paper's plain grid and the refined minimum, side by side."""
-    for d, fit in joint.static.items():
-        for name, e in fit.parameters.items():
-            yield d, name, e.unit, fit.plain_grid.get(name), e.value, e.standard_error
-
-
 @_table("direction parameter grid# full# difference_in_se#")
 def crosscheck(joint: Joint) -> _Rows:
     """One row per parameter: the full nonlinear fit's value, the grid's, and their difference in standard errors."""
@@ -90,18 +83,12 @@ def crosscheck(joint: Joint) -> _Rows:
             yield d, name.within(d), None if e is None else e.value, full, check.difference_in_se.get(name)
 
 
-@_table("direction file relative_error relative_error_of_fit")
+@_table("fit file relative_error# relative_error_of_fit#")
 def hold_out(joint: Joint) -> _Rows:
-    """One row per hold-out run: relative error of the prediction, and of the fit on its own data, percent."""
-    for d, fit in joint.static.items():
-        yield from ((d, x.file, x.relative_error, fit.relative_error) for x in fit.hold_out)
-
-
-@_table("fit file relative_error relative_error_of_fit")
-def tracking_hold_out(joint: Joint) -> _Rows:
-    """`hold_out` of each fit of moving runs."""
-    for kind, fit in moving_fits(joint).items():
-        yield from ((kind, x.file, x.relative_error, fit.relative_error) for x in fit.hold_out)
+    """One row per fit and hold-out run: relative error of the prediction, and of the fit on its own data, percent."""
+    fits: list[tuple[str, StaticFit | TrackingFit]] = [*joint.static.items(), *moving_fits(joint).items()]
+    for name, fit in fits:
+        yield from ((name, x.file, x.relative_error, fit.relative_error) for x in fit.hold_out)
 
 
 def presliding(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -162,15 +149,6 @@ def points(joint: Joint) -> _Rows:
         yield from ((d, *row) for row in np.column_stack(known).tolist())
 
 
-@_table("direction grid v_s cost")
-def profiles(joint: Joint) -> _Rows:
-    """The cost over v_s: grid (plain or refined), v_s, cost."""
-    for d, p in ((d, fit.profile) for d, fit in joint.static.items() if fit.profile is not None):
-        grids = {"refined": (p.v_s, p.cost), "near the minimum": (p.near_v_s, p.near_cost)}
-        for grid, pair in (grids | {"plain": (p.plain_v_s, p.plain_cost)}).items():
-            yield from ((d, grid, *row) for row in np.column_stack(pair).tolist())
-
-
 _SIDE_BY_SIDE = "data name parameters rms# relative_error# bic# left_out# weight# in_force? candidate? chosen?"
 
 
@@ -205,9 +183,9 @@ def tracking(joints: Sequence[Joint]) -> pd.DataFrame:
 
 @_table("fit direction parameter value# unit standard_error# systematic# lower# upper# count_bias#")
 def _tracking(joint: Joint) -> _Rows:
-    for kind, fit in moving_fits(joint).items():
-        for name, e in fit.parameters.items():
-            yield kind, name.direction, name.name, *_known(e), fit.count_bias.get(name)
+    for kind, d, name, e, fit, n in _fitted(joint):
+        if kind in moving_fits(joint):
+            yield kind, d, name, *_known(e), fit.count_bias.get(n)
 
 
 @_table(
@@ -219,12 +197,7 @@ def consistency(joint: Joint) -> _Rows:
     errors = "stage_value", "stage_error", "tracking_value", "tracking_error", "joint_value", "joint_error"
     own = attrgetter("parameter.direction", "parameter.name", "stage", *errors)
     for x in joint.consistency:
-        yield *own(x), unit_of(joint, x.parameter), x.difference_in_se, x.verdict
-
-
-def unit_of(joint: Joint, name: ParameterName) -> str:
-    """The unit of a parameter of moving runs; empty where they know none of that name."""
-    return next((fit.parameters[name].unit for fit in moving_fits(joint).values() if name in fit.parameters), "")
+        yield *own(x), unit(x.parameter.name, joint.kind), x.difference_in_se, x.verdict
 
 
 def with_truth(frame: pd.DataFrame, joints: Sequence[Joint]) -> pd.DataFrame:
@@ -247,6 +220,24 @@ def with_truth(frame: pd.DataFrame, joints: Sequence[Joint]) -> pd.DataFrame:
     return frame
 
 
+def rounded(frame: pd.DataFrame) -> pd.DataFrame:
+    """Estimates as the page shows them: value ± standard error with its unit and the 95 % interval, to two digits of the error."""
+    numbers = frame[["value", "standard_error", "lower", "upper"]].itertuples(index=False, name=None)
+    systematic = frame.get("systematic", pd.Series(np.nan, frame.index))
+    shown = []
+    for (value, error, low, high), unit_, constants in zip(numbers, frame["unit"], systematic, strict=True):
+        own = Estimate(
+            value=value, unit=unit_, standard_error=error, systematic=None if np.isnan(constants) else constants
+        )
+        known = in_unit(pair(own), pretty(unit_)) if not np.isnan(value) else MISSING
+        shown.append((known, span(None if np.isnan([low, high]).any() else (low, high))))
+    gone = ["standard_error", "systematic", "lower", "unit", "warnings", "source"]
+    frame = frame.assign(value=[x for x, _ in shown], upper=[x for _, x in shown])
+    source = frame.get("source")
+    part = frame.drop(columns=gone, errors="ignore").rename(columns={"upper": "95 % interval"})
+    return part if source is None else part.assign(source=source)
+
+
 class IntervalRow(NamedTuple):
     """One parameter of one fit."""
 
@@ -263,17 +254,21 @@ class IntervalRow(NamedTuple):
         return str(ParameterName(self.parameter, Direction(self.direction)))
 
 
+def _fitted(joint: Joint) -> Iterator[tuple[str, str, str, Estimate, Any, Any]]:
+    """Fit, direction, parameter and estimate of every fit; then the fit itself, and what it calls the parameter."""
+    for d, static in joint.static.items():
+        yield from (("static", d, name, e, static, name) for name, e in static.parameters.items())
+    for d, slow in _slow_fits(joint).items():
+        yield "presliding", d, "sigma_0", slow.sigma_0, slow, "sigma_0"
+    for kind, moving in moving_fits(joint).items():
+        yield from ((kind, n.direction, n.name, e, moving, n) for n, e in moving.parameters.items())
+
+
 def interval_rows(joint: Joint) -> Iterator[IntervalRow]:
     """Every parameter whose interval is known three ways, fit by fit."""
-    for d, static in joint.static.items():
-        for name, three in static.uncertainty.items():
-            yield IntervalRow("static", d, name, static.parameters[name], three)
-    for d, slow in _slow_fits(joint).items():
-        for name, three in slow.uncertainty.items():
-            yield IntervalRow("presliding", d, name, slow.sigma_0, three)
-    for kind, moving in moving_fits(joint).items():
-        for n, three in moving.uncertainty.items():
-            yield IntervalRow(kind, n.direction, n.name, moving.parameters[n], three)
+    for kind, d, parameter, e, fit, name in _fitted(joint):
+        if name in fit.uncertainty:
+            yield IntervalRow(kind, d, parameter, e, fit.uncertainty[name])
 
 
 @_table(
@@ -300,32 +295,12 @@ def repeats(joint: Joint) -> _Rows:
 
 def scatter(joint: Joint) -> Iterator[tuple[str, str, str, RunScatter]]:
     """Fit, direction and parameter, and how far it scatters over the runs."""
-    for d, static in joint.static.items():
-        yield from (("static", d, name, x) for name, x in static.repeats.items())
-    for d, slow in _slow_fits(joint).items():
-        yield from (("presliding", d, name, x) for name, x in slow.repeats.items())
-    for kind, moving in moving_fits(joint).items():
-        yield from ((kind, n.direction, n.name, x) for n, x in moving.repeats.items())
-
-
-_QUANTITIES = {
-    "velocity": "velocity", "torque": "torque", "residual": "torque", "time": "time", "position": "position", "breakaway": "torque",
-    **dict.fromkeys(("secant", "slope", "inverse_slope", "lugre", "sigma_0"), "sigma_0"),
-    "torque_amplitude": "torque", "displacement": "position", "displacement_amplitude": "position",
-}  # fmt: skip  # a table
-"""What each column is, that has the unit of a signal or a parameter."""
-
-
-def units(joints: Sequence[Joint]) -> pd.DataFrame:
-    """The unit of every column that has one, per joint."""
-    rows = [(x.name, column, unit(of, x.kind)) for x in joints for column, of in _QUANTITIES.items()]
-    rows += [(joint.name, "loss", WORK) for joint in joints]
-    return pd.DataFrame(rows, columns=["joint", "column", "unit"])
+    return ((kind, d, name, fit.repeats[n]) for kind, d, name, _, fit, n in _fitted(joint) if n in fit.repeats)
 
 
 def all_tables(joints: Sequence[Joint]) -> dict[str, pd.DataFrame]:
     """Every table by the name of its file."""
-    fits = (parameters, inputs, segments, comparison, crosscheck, hold_out, points, profiles)
-    moving = (tracking, tracking_hold_out, consistency, table_1, uncertainty, repeats)
-    makers = (*fits, models, laws, presliding, breakaway, stiffness, hysteresis, *moving, units)
+    fits = (parameters, inputs, segments, crosscheck, hold_out, points)
+    moving = (tracking, consistency, table_1, uncertainty, repeats)
+    makers = (*fits, models, laws, presliding, breakaway, stiffness, hysteresis, *moving)
     return {maker.__name__: maker(joints) for maker in makers}

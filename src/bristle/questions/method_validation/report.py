@@ -14,7 +14,7 @@ from bristle.page.page import Drawing
 from bristle.page.report import Report, Section, Table
 from bristle.page.style import Look, decimal_log, new_figure, panels, styled, title
 from bristle.page.wording import axis, counted, in_percent, number, pretty, slugs
-from bristle.questions.method_validation.results import SAME_COST, CaseResult, Validation
+from bristle.questions.method_validation.results import CaseResult, Validation
 from bristle.questions.method_validation.run import BOOTSTRAP_SETS, INTERVAL_SETS, LOCAL_SETS, PLAIN_GRIDS, REFINED
 from bristle.questions.method_validation.solvers import LMFIT
 from bristle.questions.method_validation.verdict import overall, verdict
@@ -91,49 +91,33 @@ def report(validation: Validation) -> Report:
 
 def drawings(result: CaseResult, kind: Kind, file: str) -> tuple[Drawing, ...]:
     """The figures of a case, cost and methods; `file` begins the names of their files."""
-    lost = f"vₛ is not identifiable in {in_percent(result.declined)} of the data sets. " * result.not_identifiable
-    starts, truth, v = result.starts, result.case.truth.v_s, pretty(unit("v_s", kind))
-    many = counted(starts.initial_v_s.size, "random start")
-
-    # The minimum of the refined grid, and the starts from which the worst solver misses it, or a solver's lower cost.
-    misses = {name: int(starts.in_other_minimum(name).sum()) for name in starts.solvers}
-    missed = max(misses.values())
-    worst = " and ".join(name for name, count in misses.items() if count == missed)
-    lowest = min(starts.solvers, key=lambda name: float(starts.cost[name].min()))
-    cost, at = starts.cost[lowest], f"at vₛ = {number(starts.best[-1], 3)} {v}"
-    if starts.best_cost > cost.min() * (1 + SAME_COST):
-        excess = in_percent(starts.best_cost / float(cost.min()) - 1)
-        below = number(starts.final[lowest][-1][cost.argmin()], 3)
-        of_cost = (
-            f"The refined grid ends {at}, at a cost {excess} above the lowest, which {lowest} finds at vₛ = {below} {v}"
-        )
-    else:
-        miss = f"the worst solver ({worst}) misses it from {missed}" if missed else "no solver misses it from any"
-        of_cost = f"The refined grid finds the minimum {at}; {miss} of {many}"
-
-    # Median error of v_s and failures, of the refined grid and of the solvers at their worst.
-    local, grid = [(name, result.methods[f"{name}, random start"]) for name in starts.solvers], result.methods[REFINED]
-    error, solver = max((abs(float(m.bias[-1])) / truth, name) for name, m in local)
-    label = result.case.label
-    of_methods = (
-        f"{lost}The median error of vₛ is {in_percent(abs(float(grid.bias[-1])) / truth)} by the refined grid and up to "
-        f"{in_percent(error)} by a solver ({solver}); the grid fails in {in_percent(grid.failed)} of the data sets, "
-        f"a solver in up to {in_percent(max(m.failed for _, m in local))}."
+    starts, truth, label = result.starts, result.case.truth.v_s, result.case.label
+    count = starts.initial_v_s.size
+    ends = ", ".join(f"{name} from {count - int(starts.in_other_minimum(name).sum())}" for name in starts.solvers)
+    grid = result.methods[REFINED]
+    failed = max(result.methods[f"{name}, random start"].failed for name in starts.solvers)
+    cost = (
+        f"The refined grid ends at vₛ = {number(starts.best[-1], 3)} {pretty(unit('v_s', kind))}; of {counted(count, 'random start')} "
+        f"end at the lowest cost: {ends}. Cost of the first data set vs vₛ, all other parameters re-optimised, relative to the refined "
+        "grid. Dashed: the 95 % threshold; the data allow any vₛ below it. Markers: three plain grids, the refined grid, and the final "
+        "values of the random starts of each solver."
     )
-    found = (
-        (
-            "cost", partial(cost_figure, result, kind), f"cost vs v_s of {label}",
-            f"{lost}{of_cost}. Cost of the first data set vs vₛ, all other parameters re-optimised, relative to the refined grid. "
-            "Dashed: the 95 % threshold; the data allow any vₛ below it. Markers: three plain grids, the refined grid, and the "
-            f"final values of {starts.initial_v_s.size} random starts of each solver.",
+    by_method = (
+        f"The median error of vₛ by the refined grid is {in_percent(abs(float(grid.bias[-1])) / truth)}; it fails in "
+        f"{in_percent(grid.failed)} of the data sets, a solver in up to {in_percent(failed)}. Median error of vₛ with the width of the "
+        "middle 68 % over the repetitions; right: how often each fails, that is, ends at a cost at which even the true model would be "
+        "rejected."
+    )
+    return (
+        Drawing(partial(cost_figure, result, kind), f"{file}-cost", f"cost vs v_s of {label}", cost, simulated=True),
+        Drawing(
+            partial(methods_figure, result),
+            f"{file}-methods",
+            f"v_s by each method of {label}",
+            by_method,
+            simulated=True,
         ),
-        (
-            "methods", partial(methods_figure, result), f"v_s by each method of {label}",
-            f"{of_methods} Median error of vₛ with the width of the middle 68 % over the repetitions; right: how often each fails, "
-            "that is, ends at a cost at which even the true model would be rejected.",
-        ),
-    )  # fmt: skip  # a table
-    return tuple(Drawing(draw, f"{file}-{what}", said, text, simulated=True) for what, draw, said, text in found)
+    )
 
 
 def resolution_said(validation: Validation) -> str:
@@ -141,13 +125,10 @@ def resolution_said(validation: Validation) -> str:
     needed = [x.resolution.enough for x in validation.resolvable]
     if not needed:
         return "vₛ is not identifiable in any case, so the resolution does not matter."
-    most, found = validation.resolvable[0].resolution.counts[-1], sorted({n for n in needed if n is not None})
-    coarse = f"{needed.count(None)} of {counted(len(needed), 'case')}"
-    if not found:
-        return f"Even {most} values leave a plain grid's error of vₛ above a tenth of its standard error in {coarse}."
-    values = f"{found[0]} to {found[-1]}" if len(found) > 1 else f"{found[0]}"
-    more = f", and more than {most} in {coarse}" if None in needed else ""
-    return f"A plain grid needs {values} values for an error of vₛ below a tenth of its standard error{more}."
+    known = [n for n in needed if n is not None]
+    values = f"{min(known)} to {max(known)} values" if known else "more values than were tried"
+    more = f"; in {needed.count(None)} of {counted(len(needed), 'case')} no grid tried has enough" * (None in needed)
+    return f"A plain grid needs {values} for an error of vₛ below a tenth of its standard error{more}."
 
 
 def _heading(column: str) -> str:

@@ -29,7 +29,6 @@ class MethodResult:
     repetitions: int
     bias: Array  # median estimate minus truth
     spread: Array  # half the width of the middle 68.3 % of the estimates
-    coverage: Array  # share of the repetitions in which the 95 % interval by covariance exists and covers the truth
     failed: float  # share outside the 95 % region
     other_minimum: float | None  # share above the lowest cost by more than `SAME_COST`; None for a plain grid
     seconds: float  # mean time of one data set

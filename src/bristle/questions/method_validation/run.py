@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
@@ -92,7 +91,6 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
     by_method = {
         name: results.MethodResult(
             name=name, repetitions=costs[name].size, bias=np.median(theta, axis=1) - case.theta, spread=spread(theta),
-            coverage=covers_truth(case, theta, costs[name]).mean(axis=1),
             failed=_share_above(costs[name], lowest, refused),
             other_minimum=None if name in PLAIN_GRIDS.values() else _share_above(costs[name], lowest, 1 + results.SAME_COST),
             seconds=seconds,
@@ -168,22 +166,6 @@ def _cost_curve(case: ValidationCase, torque: Array, starts: results.RandomStart
     values = np.unique(np.concatenate([coarse, near[near > coarse[0]]]))
     plain = {n: float(methods.plain(case, torque[:, None], n)[-1, 0]) for n in PLAIN_GRIDS}
     return results.CostCurve(v_s=values, cost=projected.costs(values), threshold=threshold, plain=plain)
-
-
-def covers_truth(case: ValidationCase, theta: Array, cost: Array) -> NDArray[np.bool_]:
-    """Intervals by the exact Jacobian's covariance that cover the truth, (p, sets); theta (p, sets), cost (sets,)."""
-    n, p = case.velocity.size, len(case.names)
-    jacobian = methods.jacobians(case, theta)
-    length = np.linalg.norm(jacobian, axis=1)
-    alive = (length > 0).all(axis=1)
-    scaled = jacobian[alive] / length[alive, None, :]
-    values, vectors = np.linalg.eigh(scaled.transpose(0, 2, 1) @ scaled)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        inverse = np.einsum("sij,sj->si", vectors**2, np.where(values > 1e-13, 1 / values, np.inf))
-    error = np.full((p, cost.size), np.nan)
-    error[:, alive] = np.sqrt(inverse).T / length[alive].T * np.sqrt(cost[alive] / (n - p))
-    error[~np.isfinite(error)] = np.nan
-    return np.asarray(np.abs(theta - case.theta[:, None]) <= covariance.student(n - p) * error)
 
 
 def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: bool) -> tuple[results.Coverage, ...]:

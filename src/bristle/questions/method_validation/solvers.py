@@ -20,7 +20,7 @@ from bristle.identification.static import grid
 from bristle.identification.static.crosscheck import OPTIONS
 from bristle.identification.static.problem import Regression, from_points, unknowns_of
 from bristle.model import law
-from bristle.model.functions import steady_jacobian_function, steady_torque_function
+from bristle.model.functions import steady_torque_function
 from bristle.model.laws.parts import Law
 from bristle.model.parameters import ParameterName, Stribeck
 from bristle.model.vectorize import evaluate
@@ -83,13 +83,6 @@ def costs(case: ValidationCase, torques: Array, theta: Array) -> Array:
     """J_s (10) of each set at its theta, (sets,), (N*m)**2."""
     residuals = torques - modelled(case, theta)
     return np.asarray(np.einsum("ns,ns->s", residuals, residuals))
-
-
-def jacobians(case: ValidationCase, theta: Array) -> Array:
-    """Exact derivative of the modelled torque with respect to theta (p, sets): (sets, n, p)."""
-    p = case.parameters(theta[..., None])
-    by = dict(zip(p._fields, evaluate(steady_jacobian_function(p.law), case.velocity, *p), strict=True))
-    return np.stack([np.broadcast_to(by[name], by["v_s"].shape) for name in case.names], axis=-1)
 
 
 def random_starts(case: ValidationCase, count: int, rng: np.random.Generator) -> Array:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from bristle.model.parameters import Kind, Lugre, effort, unit
+from bristle.model.parameters import Kind, Lugre, unit
 from bristle.page.style import ON_DARK, ON_LIGHT, WIDTH, new_figure, panels, styled, thinned, title
 from bristle.page.wording import axis, measured, number, pretty, printable, symbol
 from bristle.questions.sensitivity.sobol import Global
@@ -24,7 +24,6 @@ _DARK = {_COLOURS[0], _COLOURS[2], _COLOURS[3], *_MORE_COLOURS}  # on which text
 _PARAMETERS = len(Lugre._fields)  # of a figure of its usual height
 _STAR: dict[str, Any] = {"marker": "*", "linestyle": "", "color": "white", "markeredgecolor": "black", "markersize": 9}
 LEAST = 1e-3  # smallest share that is drawn
-_WIDTH = 0.36  # of a bar, two to a parameter
 
 
 @styled
@@ -71,31 +70,6 @@ def in_view(study: SensitivityStudy) -> NDArray[np.intp]:
 def _starred(study: SensitivityStudy, name: str) -> str:
     """A parameter's symbol, with a star where its value is assumed."""
     return symbol(name) + ("*" if any(assumed.name == name for assumed in study.model.assumed) else "")
-
-
-@styled
-def shares_figure(study: SensitivityStudy) -> Figure:
-    """RMS of each derivative over the RMS of the friction torque as bars: total and at fixed z, largest total first."""
-    total, partial = study.local.shares(), study.local.shares(partial=True)
-    order = [study.local.names.index(name) for name in study.local.ranking]
-    figure, (ax,) = panels(3.7 + 0.5 * (len(order) - _PARAMETERS), study.name, study.simulated)
-    place = np.arange(len(order), dtype=np.float64)
-    looks = ((total, -0.2, "#0072B2", "", "total"), (partial, 0.2, "#E69F00", "//", "at fixed z"))
-    for values, shift, colour, hatch, label in looks:
-        ends, middles = np.maximum(values[order], LEAST / 10), place + shift
-        ax.barh(middles, ends, _WIDTH, left=0, color=colour, hatch=hatch, edgecolor="white", linewidth=0.4, label=label)
-        for y, value, end in zip(middles, values[order], ends, strict=True):
-            text = number(float(value), 2)
-            ax.annotate(text, (end, y), (3, 0), textcoords="offset points", va="center", fontsize=8.5)
-    ax.set_xscale("log")
-    ax.set_xlim(LEAST / 10, 4 * max(1.0, float(total.max()), float(partial.max())))
-    ax.xaxis.set_major_formatter("{x:g}")
-    ax.set_yticks(place, [_starred(study, name) for name in study.local.ranking])
-    ax.grid(visible=False, axis="y")
-    ax.invert_yaxis()
-    ax.legend(loc="lower right")
-    ax.set_xlabel(f"RMS of p · dT/dp / RMS {effort(study.kind)}")
-    return figure
 
 
 @styled
@@ -234,7 +208,7 @@ def sobol_figure(sobol: Global, kind: Kind, *, name: str, simulated: bool) -> Fi
                 (total, total_half, "total: with interactions", "#E69F00", "///", 0.19),
             ):
                 ax.bar(
-                    x + shift, height, _WIDTH, color=colour, hatch=hatch, edgecolor="black", linewidth=0.6, label=label
+                    x + shift, height, 0.36, color=colour, hatch=hatch, edgecolor="black", linewidth=0.6, label=label
                 )
                 ax.errorbar(x + shift, height, half, fmt="none", ecolor="black", elinewidth=1.0, capsize=3)
                 ends += [*(height - half).tolist(), *(height + half).tolist()]

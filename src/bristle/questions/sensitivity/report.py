@@ -4,7 +4,6 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from bristle.identification.fisher import names_of, values_of
 from bristle.model.parameters import effort, in_direction, unit
@@ -81,19 +80,13 @@ def _along_motion(study: SensitivityStudy) -> list[Section]:
     """Derivatives vs time, and their shares of the torque."""
     local, torque, word = study.local, pretty(unit("torque", study.kind)), effort(study.kind)
 
-    def peak(samples: NDArray[np.intp]) -> tuple[str, str]:
-        """The parameter with the largest total derivative among samples, and its size and time."""
-        total = np.abs(local.total[samples])
-        sample, which = np.unravel_index(total.argmax(), total.shape)
-        size = f"{number(total[sample, which], 2)} {torque} at {number(local.time[samples][sample], 3)} s"
-        return symbol(local.names[which]), size
-
     drawn = figures.in_view(study)
-    (name, whole), (later, half) = peak(drawn), peak(drawn[drawn.size // 2 :])  # without the first deflection
+    total = np.abs(local.total[drawn])
+    sample, which = np.unravel_index(total.argmax(), total.shape)
+    most = f"{number(total[sample, which], 2)} {torque} at {number(local.time[drawn][sample], 3)} s"
     time = Drawing(
         partial(figures.time_figure, study), "time", f"derivatives over time of {study.name}",
-        f"To first order, doubling {name} changes the {word} most, by up to {whole}"
-        f"{f'; in the second period {later} does, by up to {half}' if later != name else ''}. "
+        f"To first order, doubling {symbol(local.names[which])} changes the {word} most, by up to {most}. "
         f"Velocity, and p · dT/dp in {torque} during the first two periods: the change of torque if the parameter doubled, "
         "to first order. Solid: total, including the bristle's response. Dashed: at fixed z, as in the paper's adaptation "
         "law. Where only one line is visible they coincide; a dashed line more than four times as large leaves its panel."
@@ -101,13 +94,6 @@ def _along_motion(study: SensitivityStudy) -> list[Section]:
     )  # fmt: skip  # a list of values
 
     frame = study.to_frame()
-    largest, smallest = frame.iloc[0], frame.iloc[-1]
-    bars = Drawing(
-        partial(figures.shares_figure, study), "shares", f"shares of the torque of {study.name}",
-        f"{symbol(largest.parameter)} has the largest total share of the RMS {word}, {in_percent(largest.total)}, and "
-        f"{symbol(smallest.parameter)} the smallest, {in_percent(smallest.total)}. "
-        f"RMS of p · dT/dp during the whole motion, relative to the RMS of the friction {word}, on a logarithmic scale.",
-    )  # fmt: skip  # a list of values
     directions = "Where each direction has its own parameters, a parameter changes by the same percentage in both."
     table = Table(
         "shares", f"Shares of the RMS {word}", frame,
@@ -122,7 +108,7 @@ def _along_motion(study: SensitivityStudy) -> list[Section]:
     )
     return [
         Section("Along the motion", figure=time),
-        Section("Shares of the torque", figure=bars, table=table, lines=lines, turn=-1, form="part"),
+        Section("Shares of the torque", table=table, lines=lines, turn=-1, form="part"),
     ]
 
 
@@ -148,17 +134,13 @@ def _over_map(study: SensitivityStudy) -> list[Section]:
 
 def _measurement(study: SensitivityStudy, expected: Expected, k: int, information: pd.DataFrame) -> Section:
     """Standard errors and correlations that one measurement would give."""
-    info, of = expected.information, len(expected.information.names)
-    seen = np.flatnonzero(np.isfinite(info.standard_errors))
-    lost = f"{of - seen.size} of {of} parameters cannot be estimated (×)" if seen.size < of else ""
-    if seen.size < 2:
-        found = f"There is no correlation to show: {lost or 'there is 1 parameter'}"
-    else:
-        between = np.triu(info.correlation[np.ix_(seen, seen)], 1)
-        i, j = np.unravel_index(np.abs(between).argmax(), between.shape)
-        pair = f"{symbol(info.names[seen[i]])} and {symbol(info.names[seen[j]])}"
-        strongest = figures.correlated(between[i, j])
-        found = f"The strongest correlation, {strongest}, is that of {pair}{lost and f'; {lost}'}"
+    info = expected.information
+    seen = np.isfinite(info.standard_errors)
+    between = np.abs(np.triu(np.where(np.outer(seen, seen), info.correlation, 0.0), 1))
+    i, j = np.unravel_index(between.argmax(), between.shape)
+    strongest = f"{symbol(info.names[i])} and {symbol(info.names[j])}, {figures.correlated(info.correlation[i, j])}"
+    found = f"The strongest correlation is that of {strongest}" if between.any() else "No two parameters are correlated"
+    unseen = f"; {np.count_nonzero(~seen)} of {seen.size} parameters cannot be estimated (×)" * (not seen.all())
     columns = {
         "standard_error": "expected standard error", "percent": "of the value (%)", "own_standard_error": "standard error of the joint's fit",
         "seen": "identifiable?",
@@ -170,25 +152,20 @@ def _measurement(study: SensitivityStudy, expected: Expected, k: int, informatio
             partial(figures.correlation_figure, study, expected),
             f"correlation-{k}",
             f"correlation of estimates from {expected.what}",
-            f"{found}. Correlation of the estimates from {expected.what}; ×: not identifiable.",
+            f"{found}{unseen}. Correlation of the estimates from {expected.what}; ×: not identifiable.",
         ),
         table=Table("information", f"Standard errors expected from {expected.what}", information, part),
-        lines=(),  # the findings of the study tell it form="part",
+        lines=(), form="part",  # the findings of the study tell it
     )  # fmt: skip  # a list of values
 
 
 def _indices(study: SensitivityStudy, sobol: Global) -> list[Section]:
-    effects = [(effect, x) for x in sobol.outputs for effect in x.effects]
-    bare = sum(not x.effects for x in sobol.outputs)
-    lost = f"{bare} of {len(sobol.outputs)} outputs cannot be analysed" if bare else ""
-    caption = lost
-    if effects:
-        effect, output = max(effects, key=lambda x: x[0].total)
+    indices = [(effect, x) for x in sobol.outputs for effect in x.effects]
+    effect, output = max(indices, key=lambda x: x[0].total, default=(None, None))
+    caption = "No output can be analysed"
+    if effect is not None and output is not None:
         index = measured(effect.total, effect.total_half)
-        caption = (
-            f"{symbol(effect.parameter)} has the largest total index, {index} for the {output.called(study.kind)}"
-            f"{lost and f'; {lost}'}"
-        )
+        caption = f"{symbol(effect.parameter)} has the largest total index, {index} for the {output.called(study.kind)}"
     figure = Drawing(
         partial(figures.sobol_figure, sobol, study.kind, name=study.name, simulated=study.simulated),
         "sobol",
