@@ -237,19 +237,18 @@ def checks(joint: Joint) -> Iterator[str]:
 
 
 def law_lines(joints: Sequence[Joint]) -> Iterator[str]:
-    """The friction laws of each joint by BIC: parameters, BIC above the lowest, error at left-out speeds, weight."""
+    """The friction laws of each joint by BIC: parameters, BIC above the lowest, error at left-out speeds."""
     for joint in joints:
         found = joint.laws
         if found is None:
             yield f"{printable(joint.name)}: friction laws were not compared; too few points or samples for any but the paper's"
             continue
         yield f"{printable(joint.name)}: friction laws on {counted(found.n, 'point' if found.data == 'points' else 'sample')}"
-        rows = [("law", "parameters", "BIC", "left out", "weight", "")]
+        rows = [("law", "parameters", "BIC", "left out", "")]
         for row in sorted(found.rows, key=lambda row: row.bic):
             left = "-" if row.left_out is None else f"{row.left_out:.3g} %"
             told = "in use" if row.in_force else "wanted" if row.chosen else ""
-            weight = f"{100 * row.weight:.0f} %"
-            rows.append((row.name, str(row.parameters), f"+{row.bic:.1f}", left, weight, told))
+            rows.append((row.name, str(row.parameters), f"+{row.bic:.1f}", left, told))
         yield from columns(rows)
         yield from wrapped([f"  {printable(str(found.sentence))}"])
 
