@@ -18,7 +18,6 @@ from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.comparison import APART, GAIN, SYMMETRIC, Comparison
 from bristle.identification.curve import LEAST, accuracy_of, band, curve
-from bristle.identification.dynamic.output_error import HORIZON
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
@@ -49,7 +48,6 @@ from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint
 from bristle.identification.settling import without_settling
 from bristle.identification.static.fit import fit_moving, fit_points, reconcile_static
-from bristle.identification.static.grid import GRID, PLAIN_GRID
 from bristle.identification.static.set_up import directions_of_points, trial_of_motion, trial_of_points
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
@@ -64,11 +62,6 @@ _ROUNDS = 4  # most corrections of holds for settling
 _NOTHING = 1e-3  # of the torque: less Coulomb friction is none
 _CHOICES = 2  # choices of a law by moving runs: the load, then peak and terms
 _OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
-_PEAK = {
-    "auto": "a Stribeck peak where the data support it",
-    "coulomb-viscous": "no Stribeck peak",
-    "stribeck": "a Stribeck peak however unsure",
-}
 
 
 def identify_joint(
@@ -489,13 +482,9 @@ def _breakaway_torque(
     value = sum(estimates[key].value or 0.0 for key in terms)
     share = np.array([float(name in terms) for name in fit.names])
     error = float(np.sqrt(share @ fit.covariance @ share)) if share.size else 0.0
-    if len(terms) == 2:
-        source = _OF_MOVING_RUNS if moving else Finding("of-static-fit", NOTE, "the static fit")
-    elif moving:
-        message = "alpha_0 of the moving runs, which show no peak"
-        source = Finding("of-moving-runs-without-peak", NOTE, message)
-    else:
-        source = Finding("of-static-fit-without-peak", NOTE, "alpha_0 of the static fit, which shows no peak")
+    source = _OF_MOVING_RUNS if moving else Finding("of-static-fit", NOTE, "the static fit")
+    if len(terms) == 1:
+        source = replace(source, message=f"alpha_0 of {source.message}, which shows no peak")
     if len(terms) == 1 and not without_peak:
         value, error = max(value - student(np.inf) * error, 0.0), np.inf
     constants = dict.fromkeys(c for key in terms for c in estimates[key].shifts)
@@ -549,7 +538,7 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> Iterato
 
 
 def _settings(experiment: Experiment, asked_law: str, training: Sequence[Record]) -> dict[str, str]:
-    """Thresholds, cut-offs and options in force; `asked_law` is `fit.law` as in the file."""
+    """Options in force; `asked_law` is `fit.law` as in the file."""
     fit = experiment.fit
     law, loads = fit.friction, fit.load
     rising = "".join(f", rising with the {name.replace('-', ' ')}" for name in loads)
@@ -557,34 +546,20 @@ def _settings(experiment: Experiment, asked_law: str, training: Sequence[Record]
     settings = {
         "law": f"{'+'.join((law.name, *loads))}{found}: {law.title}{rising}",
         "directions": fit.directions,
-        "set-up": f"{fit.set_up}, {_PEAK[fit.model]}",
-        "grid": f"{GRID} values of v_s, even in log(v_s), refined to the continuous minimum",
-        "plain grid": f"{PLAIN_GRID} evenly spaced values of v_s",
-        "v_s range": "a third of the slowest speed to the fastest",
+        "set-up": f"{fit.set_up}, model {fit.model}",
     }
     if isinstance(fit.orders, tuple):
         _, turn = turn_of(experiment.joint.kind)
         settings["orders"] = f"{', '.join(map(str, fit.orders)) or 'none'}, periods per {turn}"
     if training:
-        cutoffs = dict.fromkeys(f"{f(r.cutoff for r in training):.3g}" for f in (min, max))
-        low_pass = f"{' to '.join(cutoffs)} Hz"
-        settings |= {
-            "position filter": f"4th-order Butterworth, zero phase, {low_pass}",
-            "decimation": f"one sample in {fit.every}, both sides through 0.8 of the new Nyquist frequency, zero phase",
-            "regressors": ", ".join(regressors(experiment)) or "none",
-        }
+        settings["regressors"] = ", ".join(regressors(experiment)) or "none"
         chosen = ["fit.position_cutoff"] if fit.position_cutoff is None else []
         chosen += ["fit.decimation"] if "decimation" not in fit.model_fields_set else []
         if chosen:
+            cutoffs = dict.fromkeys(f"{f(r.cutoff for r in training):.3g}" for f in (min, max))
+            samples = f"one sample in {fit.every}" if fit.every > 1 else "all samples"
             by = f"by the spectra, {' and '.join(chosen)} overrule{'s'[len(chosen) - 1 :]}"
-            settings["filters"] = (
-                f"low pass of {low_pass}, {f'one sample in {fit.every}' if fit.every > 1 else 'all samples'} ({by})"
-            )
-        if fit.predict == "position":
-            settings["moving runs"] = (
-                f"the motor simulated in windows of {HORIZON:g} s, and its position averaged over {fit.every} samples; "
-                "position filter and decimation serve the start alone"
-            )
+            settings["filters"] = f"low pass of {' to '.join(cutoffs)} Hz, {samples} ({by})"
         if (known := experiment.inertia) is not None:
             error = known.standard_error
             settings["inertia"] = f"{known.value:g} {f'+/- {error:g} (prior)' if error else '(fixed)'}"
