@@ -17,8 +17,7 @@ from bristle.estimation.autocorrelation import unexplained
 from bristle.identification.known_joint import chosen
 from bristle.identification.measured import measure
 from bristle.identification.static.fit import PointInfo, terms_left_out
-from bristle.identification.static.grid import default_range, solve
-from bristle.identification.static.problem import from_points, from_records
+from bristle.identification.static.problem import from_points
 from bristle.identification.static.set_up import BetterSetUp, SetUp, trial_of_motion, trial_of_points
 from bristle.identification.static.solution import solve_static
 from bristle.identification.verdict import Trust, verdict
@@ -120,16 +119,6 @@ def test_a_stage_with_two_frictions_has_no_gravity(tmp_path: Path) -> None:
         assert low < truth.alpha_0 < high < 1.05 * low
 
 
-@pytest.mark.slow
-def test_a_draft_of_a_gravity_joint_identifies(tmp_path: Path) -> None:
-    """A draft made from a log and a torque constant alone is identified: gravity, inertia and friction come back within 10 %."""
-    found = api.identify(drafts(swung(tmp_path, gravity=3.0, apart=1.6))[0]).joints[0].static
-    truth = {"+": 3.2, "-": 2.0}
-    for direction, alpha_0 in truth.items():
-        assert found[direction].parameters["alpha_0"].value == pytest.approx(alpha_0, rel=0.1)
-    assert found["shared"].parameters["gravity_sin"].value == pytest.approx(3.0, rel=0.1)
-
-
 def test_logs_of_two_kinds_are_drafted_together(tmp_path: Path) -> None:
     """Each log gets its own kind and the reason; velocity-torque pairs need neither time nor position."""
     t, v = held(np.geomspace(0.05, 1, 6))
@@ -196,13 +185,8 @@ def test_what_contradicts_coasting_is_refused_before_the_log_is_drafted(tmp_path
     assert [found["alpha_0"], found["inertia"]] == pytest.approx([2.0, 0.05], rel=0.03)
     slow = logged(tmp_path / "slow.csv", stamps, *np.loadtxt(drive, delimiter=",", skiprows=1)[::3].T)
     _, turned, said = drafts(encoder, told=replace(told, columns={"torque": f"{slow}:Mz"}))
-    assert (
-        'position: {column: "joint_pos_deg", unit: "deg", file: "encoder.csv", time: {column: "t", unit: "s"}}'
-        in turned
-    )
     assert '- {files: "slow.csv", experiment: tracking}' in turned
     assert "runs: slow.csv, whose samples are further apart, with the signals of encoder.csv at its times" in said
-    assert turned.startswith('joint: {name: "encoder"')
     with pytest.raises(InputError, match=r"drive.csv: no column named 'Fz'; there are: stamp \[ms\], Mz"):
         api.draft(encoder, told=Told(columns={"torque": f"{drive}:Fz"}))
     logged(drive, ["Mz"], t)
@@ -218,10 +202,7 @@ def chosen_of(path: Path) -> dict[str, float]:
 
 
 def test_what_no_draft_can_be_made_of(tmp_path: Path) -> None:
-    """A torque that opposes the motion cannot be drafted into a file that runs: the sentence has the scale that turns it."""
-    told = Told(torque_constant="0.5 N*m/A", scales={"current": "-1"})
-    with pytest.raises(InputError, match=r"the torque opposes the velocity .* scale: -1"):
-        api.draft(swung(tmp_path), told=told)
+    """What would make a file that does not run, or one that says what is not there."""
     # one speed both ways under a constant load: the draft has an offset, not a friction that drives in one direction
     t = np.arange(6000) / 100
     stroke, moving = t // 4, t % 4 >= 0.3
@@ -248,14 +229,6 @@ def test_what_no_draft_can_be_made_of(tmp_path: Path) -> None:
         half.write_text(f"joint: {{name: a}}\nruns:\n{runs}\n")
         with pytest.raises(InputError):
             api.complete(half)
-    # two infinite positions in a row, of a sensor that lost its signal, are passed over without a warning of NumPy's
-    log = swung(tmp_path)
-    rows = log.read_text().splitlines()
-    for k in (700, 701):
-        time, _, current = rows[k].split(",")
-        rows[k] = f"{time},inf,{current}"
-    (tmp_path / "gap.csv").write_text("\n".join(rows) + "\n")
-    assert "experiment: tracking" in drafts(tmp_path / "gap.csv")[1]
 
 
 def test_a_half_filled_file_gets_its_kinds(tmp_path: Path) -> None:
@@ -317,11 +290,6 @@ def test_what_is_proposed_of_clean_runs_and_of_drag(tmp_path: Path) -> None:
     for seed in range(20):
         for fit in ("", "directions: symmetric"):
             assert better_set_up(tmp_path, motion(seed), fit) is None
-    # asked for, the drag is fitted with the friction: within 2 % of the truth, as are the others
-    problem, _, _ = from_records([motion(quadratic=2.0, noise=0.0)], ("both",), ("inertia", "quadratic"), 10)
-    theta = dict(zip(map(str, problem.names), solve(problem, default_range(problem.velocity)).theta, strict=True))
-    assert theta["quadratic"] == pytest.approx(2.0, rel=0.02)
-    assert theta["alpha_2"] == pytest.approx(JOINT.alpha_2, rel=0.02)
     # a pattern of half the torque is critical, with the noise told from it within a quarter. Pure noise of any size, or a pattern of a
     # tenth of the torque, is not
     (said,) = unexplained(left(0.5), np.sqrt(400.0))
