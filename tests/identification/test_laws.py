@@ -192,10 +192,8 @@ def test_a_file_gets_the_law_that_it_asks_for(tmp_path: Path) -> None:
     assert accepted(path, path.read_text(encoding="utf-8"), cases) == []
 
 
-def test_a_law_from_outside_is_fitted_compared_reported_and_explored(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A peak registered here alone, with a parameter of its own, wins under `auto`, and is on every page that follows."""
+def test_a_law_from_outside_is_fitted_reported_and_explored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A peak registered here alone, with a parameter of its own, wins under `auto`, and is on the pages that follow."""
     monkeypatch.setattr(registry, "_PARTS", dict(registry._PARTS))
     monkeypatch.setattr(registry, "_COMPETE", set(registry._COMPETE))
     drop = bristle.OwnParameter(name="drop", symbol="k", units=("1", "1"), searched=(0.5, 3.0))
@@ -211,11 +209,7 @@ def test_a_law_from_outside_is_fitted_compared_reported_and_explored(
     assert holds(found.static["+"].parameters["alpha_0"].interval, GRIPPER.alpha_0)
     pages = "".join(p.read_text(encoding="utf-8") for p in (tmp_path / "report").rglob("*.html"))
     assert "flat-top" in pages
-    again = bristle.read_results(tmp_path / "report" / "results.json")
-    assert again.joint().static["+"].values() == found.static["+"].values()
-    rows = {row.parameter.name: row.changed for row in bristle.compare(again, results).changes}
-    assert rows["drop"] is False
-    assert "flat" in bristle.explore(again).html
+    assert "flat" in bristle.explore(results).html
 
 
 def moving(law: Law) -> dict[str, Any]:
