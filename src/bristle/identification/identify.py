@@ -546,7 +546,8 @@ def _settings(experiment: Experiment, asked_law: str, training: Sequence[Record]
     settings = {
         "law": f"{'+'.join((law.name, *loads))}{found}: {law.title}{rising}",
         "directions": fit.directions,
-        "set-up": f"{fit.set_up}, model {fit.model}",
+        "set-up": fit.set_up,
+        "model": fit.model,
     }
     if isinstance(fit.orders, tuple):
         _, turn = turn_of(experiment.joint.kind)
