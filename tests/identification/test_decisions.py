@@ -154,7 +154,9 @@ def test_a_time_without_a_unit_has_many_samples_a_second(tmp_path: Path) -> None
     _, q, _, _ = motion(8.0)
     said = {}
     for unit, step in {"ms": 2.0, "us": 2000.0, "ns": 2e6}.items():
-        log = written(tmp_path / "log.csv", stamp=1e6 + np.arange(q.size) * step, q=q, tau=clean()[: q.size])
+        log = written(
+            tmp_path / "log.csv", stamp=1e6 + step * np.arange(q.size, dtype=float), q=q, tau=clean()[: q.size]
+        )
         said[unit] = " ".join(bristle.draft(log, told=bristle.Told(columns={"time": "stamp"}))[1])
     assert [
         unit for unit, words in said.items() if f"{unit}, because a log has many samples a second" not in words

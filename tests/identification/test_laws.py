@@ -214,11 +214,11 @@ def test_a_law_from_outside_is_fitted_reported_and_explored(tmp_path: Path, monk
 def test_moving_runs_choose_their_law() -> None:
     """From a motion whose slow speeds are all presliding `auto` takes the true law, and its parameters are the truth's to 4 %."""
     law, truth = law_named("lorentzian+quadratic"), {**GRIPPER._asdict(), "alpha_3": -0.012, FASTEST: 10.0}
-    t = np.arange(10_000) * STEP
+    t = np.arange(0.0, 20.0, STEP)
     v = tones(t, ((0.5, 0.31), (0.25, 0.9), (0.05, 3.1)))
     run = moved(v, STEP, lugre_of(law)(**truth), 2e-4, inertia=2e-3)
     fit = bristle.fit_dynamic(
-        t=t, position=np.cumsum(v) * STEP, torque=run.torque, velocity=v, directions="symmetric", law="auto"
+        t=t, position=np.cumsum(v) * STEP, torque=present(run.torque), velocity=v, directions="symmetric", law="auto"
     )
     assert fit.joint.law == law
     wrong = {
@@ -257,7 +257,8 @@ def test_linear_models_have_the_criteria_and_leave_one_out_by_their_definitions(
     for model, terms in ((COULOMB, [np.sign(v)]), (VISCOUS, [np.sign(v), v])):
         columns = np.stack([x * side for side in sides for x in terms], axis=1)
         own, rest = present(found.row(model)), torque - columns @ np.linalg.lstsq(columns, torque)[0]
-        assert (own.rms, own.parameters) == (pytest.approx(np.sqrt(np.mean(rest**2)), rel=1e-9), columns.shape[1])
+        assert own.rms == pytest.approx(np.sqrt(np.mean(rest**2)), rel=1e-9)
+        assert own.parameters == columns.shape[1]
         variance, k = np.mean(rest**2), columns.shape[1] + 1
         likelihood = float(np.sum(-(rest**2) / (2 * variance) - 0.5 * np.log(2 * np.pi * variance)))
         scores.append(own.bic - (k * np.log(n) - 2 * likelihood))

@@ -288,8 +288,8 @@ def complete(experiment: Path | str) -> tuple[str, str]:
 
     >>> import bristle
     >>> text, said = bristle.complete("wrist.yaml")
-    >>> said.partition(":")[0]
-    'nothing added'
+    >>> said
+    'nothing added under fit'
 
     Raises InputError where a file cannot be used.
     """

@@ -68,7 +68,7 @@ def compared(whole: Regression, static: Mapping[str, StaticFit], alone: Tracking
         solves[LUGRE] = alone.residuals, _unknowns(alone)
     if not solves:
         return None
-    n = effective = whole.torque.size
+    n, effective = whole.torque.size, float(whole.torque.size)
     if alone is not None:
         effective = n / inflation(min((residuals for residuals, _ in solves.values()), key=power_of))
     shown = {name for own in static.values() for name, e in own.parameters.items() if e.value is not None}
