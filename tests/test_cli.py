@@ -652,7 +652,7 @@ def test_new_drafts_a_file_that_loads(tmp_path: Path) -> None:
     assert load_experiment(tmp_path / "full.yaml").fit.regressors == ("inertia", "gravity")
     again = run("new", tmp_path / "full.yaml")
     assert again.said == ["nothing added under fit"]
-    assert again.out == (tmp_path / "full.yaml").read_text(encoding="utf-8")
+    assert again.out.rstrip() == (tmp_path / "full.yaml").read_text(encoding="utf-8").rstrip()
     (tmp_path / "other").mkdir()
     refused = run("new", half, "-o", tmp_path / "other" / "full.yaml")
     assert refused.code == 2
