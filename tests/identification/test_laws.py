@@ -172,6 +172,10 @@ def test_a_file_gets_the_law_that_it_asks_for(tmp_path: Path) -> None:
     again = bristle.read_results(tmp_path / "results.json").joint()
     assert (again.law, again.laws) == (auto.joint().law, auto.joint().laws)
     assert again.static["+"].values() == auto.joint().static["+"].values()
+    # so does a law by name that the data do not want
+    other = bristle.identify(both_ways(tmp_path, truth_of(GAUSSIAN), 0.002, "law: exponential")).joint()
+    (advice,) = [w for w in other.warnings if w.code == "other-law"]
+    assert (advice.numbers["own"], advice.numbers["law"]) == ("exponential", "gaussian")
     # `--laws` prints a row a law, which one is fitted, which is wanted, and one sentence; so does `validate`
     path = both_ways(tmp_path, truth_of(law_named("lorentzian")), 0.002)
     ran: Ran = run("identify", path, "--laws")

@@ -198,9 +198,10 @@ def law_warnings(laws: Comparison | None) -> tuple[Finding, ...]:
     own = None if laws is None else next((row for row in laws.rows if row.in_force), None)
     if laws is None or own is None or laws.chosen is own:  # too few points are reported by the fit
         return ()
-    best, (words, numbers) = laws.chosen, _gain(laws.chosen, own)
+    best = laws.chosen
     if not own.bic - best.bic > GAIN or not _predicts_better(best, own):
         return ()
+    words, numbers = _gain(best, own)
     message = f"Law {best.name} fits better: {words}. Under fit, write `law: {best.name}` (or `law: auto`)."
     return (Finding("other-law", CAUTION, message, numbers),)
 
@@ -267,7 +268,8 @@ def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | 
     if GAUSSIAN.name not in known or len(rows) < 2:
         return None
     better = {name for name, bic in known.items() if known[GAUSSIAN.name] - bic > GAIN}
-    predicted = {*better, GAUSSIAN.name, in_force} if better else set[str]()
+    doubted = known.get(in_force, -np.inf) - known[GAUSSIAN.name] > GAIN
+    predicted = {*better, GAUSSIAN.name, in_force} if better or doubted else set[str]()
     pairs = zip(fitted, rows, strict=True)
     rows = [replace(row, left_out=x.predicts() if x.name in predicted else None) for x, row in pairs]
     (paper,), others = ([row for row in rows if (row.name == GAUSSIAN.name) == own] for own in (True, False))
