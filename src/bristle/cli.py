@@ -513,7 +513,7 @@ def plan(
 def new(logs: list[Path], output: Path | None = None, *, of_logs: Mapping[str, Any]) -> None:
     """Draft an experiment file from logs.
 
-    It runs as it is; a half-filled file is completed by what its runs ask for.
+    It runs as it is; a half-filled file gets the kinds of its runs and its line of fit.
 
     Example: bristle new velocity_*.csv -o wrist.yaml --unit position=deg --column current=i --torque-constant "0.35 N*m/A"
     """

@@ -1,5 +1,6 @@
 """What several files need: the paper's Table 1, points and motions of it, fits of them, experiment files, and what an estimate must have."""
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -170,3 +171,16 @@ def drafted(*logs: Path, told: bristle.Told | None = None) -> Joint:
 def points_file(folder: Path, velocity: Array, torque: Array, fit: str = "", more: str = "") -> Path:
     """An experiment of given points, rad/s and N*m, (n,), with the file that holds them."""
     return experiment_file(folder, {"v": velocity, "T": torque}, "points", fit, more, "points")
+
+
+def accepted(path: Path, text: str, changes: Iterable[tuple[str, str, str]]) -> list[tuple[str, str]]:
+    """The changes to an experiment file, from and to, that are not refused in these words, with what was said."""
+    found = list[tuple[str, str]]()
+    for old, new, says in changes:
+        path.write_text(text.replace(old, new), encoding="utf-8")
+        try:
+            bristle.identify(path)
+            found.append((new, "nothing"))
+        except bristle.InputError as refused:
+            found += [(new, str(refused))] if old not in text or not re.search(says, str(refused)) else []
+    return found

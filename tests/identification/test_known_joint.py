@@ -26,14 +26,16 @@ from ..simulation.joints import GRIPPER, J, joint, tracked, unseen, values_of
 WAY = 0.7  # how far the joint goes, rad
 
 
-def with_static(own: Joint, alpha_1: float | None) -> Joint:
-    """The joint with a static fit of direction + from other runs, twice the moving runs' friction."""
-    values = {"alpha_0": 2 * GRIPPER.positive.alpha_0, "alpha_1": alpha_1, "alpha_2": 1.0, "v_s": 0.1}
+def static(*warnings: Finding, **values: float | None) -> dict[str, StaticFit]:
+    """A static fit of direction + from other runs."""
     fit = StaticFit(
         direction="+", parameters={n: Estimate(value=x, unit="-") for n, x in values.items()}, rms=None, relative_error=None,
-        n=0, outcome=Finding("static-converged", NOTE, "Converged."),
+        n=9, outcome=Finding("static-converged", NOTE, "Converged."), warnings=warnings,
     )  # fmt: skip  # a list of values
-    return replace(own, static={"+": fit})
+    return {"+": fit}
+
+
+OTHERS = {"alpha_0": 2 * GRIPPER.positive.alpha_0, "alpha_2": 1.0, "v_s": 0.1}  # twice the moving runs' friction
 
 
 def test_what_is_known_and_drawn_of_a_joint() -> None:
@@ -44,7 +46,8 @@ def test_what_is_known_and_drawn_of_a_joint() -> None:
     assert {known.missing(d) for d in SIGNED} == {()}
     assert {row.source for row in chosen(joint())} == {Source.TRACKING}
     # where the moving runs show no peak their alpha_0 is the sum; the peak of another stage is neither put on top of it nor listed
-    own = with_static(joint(unseen(tracked(values_of(GRIPPER)), {"alpha_1+": 0.0, "v_s+": 0.2})), alpha_1=0.01)
+    fit = unseen(tracked(values_of(GRIPPER)), {"alpha_1+": 0.0, "v_s+": 0.2})
+    own = joint(fit, static=static(**OTHERS, alpha_1=0.01))
     known = known_joint(own)
     assert known.values(Direction.POSITIVE)["alpha_1"] == 0.0
     assert "alpha_1" in known.missing(Direction.POSITIVE)
@@ -62,18 +65,9 @@ def test_what_is_known_and_drawn_of_a_joint() -> None:
     assert n == pytest.approx(GRIPPER.negative)
     for pair, _ in draws_of(own, known, WAY, J):
         assert pair.positive.sigma_0 == pytest.approx(pair.positive.alpha_0 / (DEFLECTION * WAY))
-    # with standard errors of a thousand times the values a drawn v_s, alpha_0, sigma_0 and J stay within e**5 of the estimate, never zero
-    fit = tracked(values_of(GRIPPER))
-    values = np.array([fit.parameters[name].value for name in fit.names], float)
-    own = joint(replace(fit, covariance=np.diag((1e3 * values) ** 2)))
-    for pair, inertia in draws_of(own, known_joint(own), WAY, J):
-        assert np.exp(-5.001) <= inertia / J <= np.exp(5.001)
-        for drawn, estimated in zip(pair, GRIPPER, strict=True):
-            ratios = np.array([getattr(drawn, n) / getattr(estimated, n) for n in ("alpha_0", "v_s", "sigma_0")])
-            assert (np.abs(np.log(ratios)) < 5.001).all()
     # where no parameter of the moving runs is identifiable the law is that of another stage, and no joint is drawn from the moving fit
     values = values_of(GRIPPER)
-    own = with_static(joint(unseen(tracked(values), values)), alpha_1=0.1)
+    own = joint(unseen(tracked(values), values), static=static(**OTHERS, alpha_1=0.1))
     assert draws_of(own, known_joint(own), WAY, J) == ()
     # a fit of one set for both directions gives each direction the same, and is known of `both`
     values = {**GRIPPER.positive._asdict(), "inertia": J}
@@ -94,9 +88,6 @@ CRITICAL = Finding("stages-do-not-fit", Severity.CRITICAL, "The stages contradic
 CAUTIONED = Finding("not-passive", Severity.CAUTION, "The model can feed energy back in direction +.")
 WORTH = Finding("friction-drifts", Severity.CAUTION, "Friction grows.", effect={"torque": 0.1})
 NOTED = Finding("correlated", Severity.NOTE, "Residuals are correlated.")
-OUT_OF_STEPS = Finding(
-    "out-of-steps", Severity.CRITICAL, "The fit reached its limit of iterations before it converged."
-)
 NOT_CONVERGED = Finding("not-converged", Severity.CRITICAL, "The fit did not converge; it gives no estimates.")
 
 
@@ -110,36 +101,34 @@ def said(fit: TrackingFit, name: str, *warnings: Finding) -> TrackingFit:
     return replace(fit, parameters={**fit.parameters, **own})
 
 
-def static(*warnings: Finding) -> StaticFit:
-    """A static fit of direction +, of which nothing is shown beside a moving fit that knows all."""
-    estimate = Estimate(value=1.0, unit="N*m")
-    return StaticFit(
-        direction="+", parameters={"alpha_0": estimate}, rms=None, relative_error=None, n=9,
-        outcome=Finding("static-converged", Severity.NOTE, "Converged."), warnings=warnings,
-    )  # fmt: skip  # a list of values
-
-
-@pytest.mark.parametrize(
-    ("own", "trust", "reason"),
-    [
-        pytest.param(joint(knowing()), Trust.USE, None, id="nothing is said"),
-        pytest.param(joint(knowing(NOTED)), Trust.USE, None, id="a note"),
-        pytest.param(joint(knowing(CAUTIONED, NOTED)), Trust.USE, None, id="a caution about the fit"),
-        pytest.param(joint(knowing(), warnings=(CAUTIONED,)), Trust.USE, None, id="a caution about the joint"),
-        pytest.param(joint(said(knowing(), "v_s-", CAUTIONED)), Trust.USE, None, id="a caution about a value"),
-        pytest.param(joint(knowing(CAUTIONED, CRITICAL)), Trust.DO_NOT_USE, CRITICAL, id="something critical, behind a caution"),
-        pytest.param(joint(knowing(), static={"+": static(CRITICAL)}), Trust.USE, None, id="a fit whose values are not shown"),
-        pytest.param(joint(knowing(CRITICAL), joint_fit=knowing()), Trust.USE, None, id="the moving runs alone, beside a joint fit"),
-        pytest.param(
-            joint(replace(knowing(), outcome=OUT_OF_STEPS)), Trust.DO_NOT_USE, OUT_OF_STEPS, id="how the fit ended",
-        ),
-    ],
-)  # fmt: skip  # a table
-def test_the_weightiest_warning_about_the_values_decides(own: Joint, trust: Trust, reason: Finding | None) -> None:
-    """Critical: do not use; a caution, a note, or a warning about a fit that gives no value: use."""
-    assert verdict(own) == (trust, reason)
-    counted = (*value_warnings(own), *other_warnings(own))
-    assert len(counted) == len(set(counted))
+def test_what_decides_a_verdict() -> None:
+    """Critical, or a band wider than needed: do not use; cautions, notes, and fits that give no value: use. The largest part is the reason."""
+    minor = said(knowing(CAUTIONED, NOTED), "v_s-", CAUTIONED)
+    cases: list[tuple[Joint, str | None]] = [
+        (joint(minor, warnings=(CAUTIONED,), static=static(CRITICAL, alpha_0=1.0)), None),
+        (joint(knowing(CRITICAL), joint_fit=knowing()), None),
+        (joint(knowing(CAUTIONED, CRITICAL)), "stages-do-not-fit"),
+        (joint(replace(knowing(), outcome=NOT_CONVERGED)), "not-converged"),
+    ]
+    for band, apart, warnings, code in (
+        (9.9, 0.0, [CAUTIONED], None),
+        (10.1, 0.0, [CAUTIONED], "too-uncertain"),
+        (10.1, 0.0, [CAUTIONED, WORTH], "friction-drifts"),
+        (12.0, 11.0, [], "opinions-differ"),
+        (np.inf, 0.0, [], "too-uncertain"),
+        (2.0, 0.0, [CRITICAL, CAUTIONED], "stages-do-not-fit"),
+    ):
+        known = Accuracy(slowest=0.1, fastest=1.0, band=band, statistical=5.0, apart=apart, share=1.0, opinion="peak")
+        own = joint(knowing(*warnings), accuracy=known)
+        cases.append((own, code))
+        cases += [(replace(own, need=1000.0), None)] if CRITICAL not in warnings and band < np.inf else []
+    wrong = []
+    for own, code in cases:
+        found, counted = verdict(own), (*value_warnings(own), *other_warnings(own))
+        trust = Trust.USE if code is None else Trust.DO_NOT_USE
+        if (found.trust, found.reason and found.reason.code) != (trust, code) or len(counted) != len(set(counted)):
+            wrong.append((code, found))
+    assert wrong == []
 
 
 def test_causes_of_a_verdict() -> None:
@@ -162,7 +151,7 @@ def test_causes_of_a_verdict() -> None:
             Finding("at-bound", Severity.CAUTION, "At its physical bound of zero."),
             Finding("unseen-far", Severity.NOTE, "Not identifiable from this motion."),
         )
-    own = joint(fit, static={"+": static()})
+    own = joint(fit, static=static(alpha_0=1.0))
     assert value_warnings(own) == ()
     # a Coulomb friction of zero, as of a set-up that takes all of it up, is no friction vs velocity
     fit = knowing(CAUTIONED)
@@ -174,29 +163,6 @@ def test_causes_of_a_verdict() -> None:
     own = joint(replace(knowing(), parameters=nothing, outcome=NOT_CONVERGED))
     assert verdict(replace(own, warnings=(CAUTIONED,))) == (Trust.DO_NOT_USE, NOT_CONVERGED)
     assert verdict(replace(own, tracking=None)) == (Trust.DO_NOT_USE, None)
-
-
-@pytest.mark.parametrize(
-    ("band", "apart", "warnings", "trust", "code"),
-    [
-        (9.9, 0.0, (CAUTIONED,), Trust.USE, None),
-        (10.1, 0.0, (CAUTIONED,), Trust.DO_NOT_USE, "too-uncertain"),
-        (10.1, 0.0, (CAUTIONED, WORTH), Trust.DO_NOT_USE, "friction-drifts"),
-        (10.1, 0.0, (), Trust.DO_NOT_USE, "too-uncertain"),
-        (12.0, 11.0, (), Trust.DO_NOT_USE, "opinions-differ"),
-        (np.inf, 0.0, (), Trust.DO_NOT_USE, "too-uncertain"),
-        (2.0, 0.0, (CRITICAL, CAUTIONED), Trust.DO_NOT_USE, "stages-do-not-fit"),
-    ],
-)
-def test_friction_has_to_be_known_as_well_as_it_is_needed(
-    band: float, apart: float, warnings: tuple[Finding, ...], trust: Trust, code: str | None
-) -> None:
-    """The values are used where the band is at most what is asked for, and nothing critical is said; the largest part of the band is the reason."""
-    known = Accuracy(slowest=0.1, fastest=1.0, band=band, statistical=5.0, apart=apart, share=1.0, opinion="peak")
-    own = replace(joint(knowing(*warnings)), accuracy=known)
-    found = verdict(own)
-    assert (found.trust, found.reason and found.reason.code) == (trust, code)
-    assert (verdict(replace(own, need=1000.0)).trust is Trust.USE) == (CRITICAL not in warnings and band < np.inf)
 
 
 @pytest.fixture(scope="module")

@@ -284,16 +284,14 @@ def draft(
 
 
 def complete(experiment: Path | str) -> tuple[str, str]:
-    """The text of an experiment file, completed with the set-up that its runs need, and a sentence on what was added.
+    """The text of an experiment file with the kinds of runs and the `fit` line that it lacks, and a sentence on them.
 
     >>> import bristle
     >>> text, said = bristle.complete("wrist.yaml")
-    >>> said.partition(":")[0]
-    'nothing added'
+    >>> said
+    'nothing added under fit'
 
-    Runs without `experiment` get one, by what their signals do; regressors and directions are tried as `static.set_up`
-    has it; what the file says of `fit` already is left to its author, and the line to write there is a comment. Raises
-    InputError where a file cannot be used.
+    Raises InputError where a file cannot be used.
     """
     return completed(Path(experiment))
 

@@ -15,11 +15,9 @@ from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
-from bristle.estimation.score_test import MATTERS
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.comparison import APART, GAIN, SYMMETRIC, Comparison
 from bristle.identification.curve import LEAST, accuracy_of, band, curve
-from bristle.identification.dynamic.output_error import HORIZON
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
@@ -30,7 +28,6 @@ from bristle.identification.law_comparison import (
     laws_of_motion,
     laws_of_points,
     term_that_pays,
-    with_averages,
 )
 from bristle.identification.measured import Measured, nothing_to_fit, with_options, with_wider_low_pass, without_delay
 from bristle.identification.model_selection import bic_of_directions, compare_on_motion, compare_on_points, refitted
@@ -50,9 +47,7 @@ from bristle.identification.presliding.fit import identify_presliding, with_damp
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint
 from bristle.identification.settling import without_settling
-from bristle.identification.shared_findings import offset_of_levels
 from bristle.identification.static.fit import fit_moving, fit_points, reconcile_static
-from bristle.identification.static.grid import GRID, PLAIN_GRID
 from bristle.identification.static.set_up import directions_of_points, trial_of_motion, trial_of_points
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
@@ -67,11 +62,6 @@ _ROUNDS = 4  # most corrections of holds for settling
 _NOTHING = 1e-3  # of the torque: less Coulomb friction is none
 _CHOICES = 2  # choices of a law by moving runs: the load, then peak and terms
 _OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
-_PEAK = {
-    "auto": "a Stribeck peak where the data support it",
-    "coulomb-viscous": "no Stribeck peak",
-    "stribeck": "a Stribeck peak however unsure",
-}
 
 
 def identify_joint(
@@ -95,9 +85,7 @@ class _Decisions:
         self.told: dict[str, str] = {}  # what was chosen, by setting
         self.doubts: tuple[Finding, ...] = ()
         self.laws: Comparison | None = None
-        self.under: Comparison | None = None  # the comparison that chose the law of the fits
         self.bic: dict[str, float] = {}  # by `SYMMETRIC` and `APART`
-        self.ended: Values | None = None  # where the moving fit per direction ended
         self.late = 0.0  # s, by which the torque was logged too late
 
     def joint_of(self, *, crosscheck: bool, uncertainty: bool) -> Joint:
@@ -108,7 +96,7 @@ class _Decisions:
         self._regressors()
         self.measured = with_periods(self.measured)
         self._law()
-        self.under, self.joint = self.laws, self._identified(self.measured, self.laws)
+        self.joint = self._identified(self.measured)
         self._terms()
         self._on_time()
         if (scale := next((w for w in self.measured.findings if w.code == "scale-by-gravity"), None)) is not None:
@@ -134,14 +122,12 @@ class _Decisions:
             self._take(settled)
         measured, joint = self.measured, self.joint
         if joint.tracking is not None and (crosscheck or uncertainty):  # for the final set-up alone
-            joint = self._identified(
-                measured, self.under, joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty
-            )
+            joint = self._identified(measured, joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty)
         step(self.progress, "comparing friction models")
         models, other = self._models(joint), 0.0
         if {APART, SYMMETRIC} <= self.bic.keys():
             apart = measured.experiment.fit.directions == "separate"
-            self.told["chosen directions"] = _chosen(self.bic, apart=apart) + _offset_as_friction(joint)
+            self.told["chosen directions"] = _chosen(self.bic, apart=apart)
             other = float(expit(-np.nan_to_num(abs(self.bic[APART] - self.bic[SYMMETRIC]), nan=np.inf) / 2))
         warnings = (*law_warnings(self.laws), *self.doubts, *joint.warnings)
         settings = {**joint.settings, **self.told}
@@ -150,7 +136,7 @@ class _Decisions:
 
     def _again(self, measured: Measured, near: TrackingFit | Values | None = None) -> Joint:
         """The joint fitted again, moving runs from their last minimum or from `near`."""
-        return self._identified(measured, self.under, self.joint.tracking if near is None else near)
+        return self._identified(measured, self.joint.tracking if near is None else near)
 
     def _take(self, measured: Measured, most: float = np.inf) -> bool:
         """Fit again; keep it if the moving runs' residuals are at most `most` times as large. Whether it was kept."""
@@ -225,15 +211,15 @@ class _Decisions:
         """Take one friction per direction for moving runs where its BIC is clearly better."""
         measured, joint = self.measured, self.joint
         if joint.tracking is None:
-            self.bic, self.ended = {}, None
+            self.bic = {}
             return
         compared = partial(bic_of_directions, measured, joint.tracking)
-        bic, self.ended = compared()
+        bic, ended = compared()
         self.bic = bic
         if not bic or bic[APART] >= bic[SYMMETRIC] - GAIN:
             return
         sided = _with_directions(measured, "separate")
-        each = self._again(sided, self.ended)
+        each = self._again(sided, ended)
         self.bic = bic = compared(each.tracking)[0]
         if (fit := each.moving) is not None:
             # nan where the directions differ by a constant, or within their bands: the BIC then improves at reversals alone
@@ -276,15 +262,15 @@ class _Decisions:
         term = None if self.laws is None else term_that_pays(self.measured.experiment.fit, self.laws)
         if self.laws is not None and term is not None:
             more, found = with_options(self.measured, law=term), self.laws.under(term)
-            again = self._identified(more, found, ends[term])
+            again = self._identified(more, ends[term])
             if again.tracking is not None and _brakes(again.tracking.known):
-                self.measured, self.joint, self.laws, self.under = more, again, found, found
+                self.measured, self.joint, self.laws = more, again, found
         for _ in range(_CHOICES if every else 0):
             if self.laws is None or self.laws.chosen.in_force or self.joint.tracking is None:
                 break
             law = self.laws.chosen.name
             self.measured, self.laws = with_options(self.measured, law=law), self.laws.under(law)
-            self.under, self.joint = self.laws, self._identified(self.measured, self.laws, ends[law])
+            self.joint = self._identified(self.measured, ends[law])
             # then peak and terms beside the load
             if self.measured.experiment.fit.load and self.joint.tracking is not None:
                 laws, ends = laws_of_motion(self.measured, self.joint.tracking, every=True)
@@ -372,19 +358,18 @@ class _Decisions:
             found.append(compare_on_points(self.measured, static))
         if alone is not None:
             own = {} if points else {d: fit for d, fit in static.items() if not fit.is_superseded}
-            found.append(compare_on_motion(self.measured, own, alone, self.ended))
+            found.append(compare_on_motion(self.measured, own, alone))
         return tuple(x for x in found if x is not None)
 
     def _identified(
         self,
         measured: Measured,
-        laws: Comparison | None,
         near: TrackingFit | Values | None = None,
         *,
         crosscheck: bool = False,
         uncertainty: bool = False,
     ) -> Joint:
-        """The joint under one law, which `laws` may have chosen; the moving fit begins at `near`."""
+        """The joint under one law; the moving fit begins at `near`."""
         experiment, training = measured.experiment, _training(measured)
         points, stages = measured.points(hold_out=False), DynamicStages()
         static: dict[str, StaticFit] = {}
@@ -412,9 +397,6 @@ class _Decisions:
         elif measured.slow:
             step(self.progress, "fitting slow loading")
             stages = DynamicStages(presliding=_presliding(experiment, measured.slow, static))
-        if self.asked_law == AUTO:
-            static, tracking = with_averages(static, stages.tracking, laws)
-            stages = stages._replace(tracking=tracking)
         inputs = (
             Input(file=r.file, sha256=r.sha256, rows=r.rows, dropped=r.dropped, notes=r.notes, labels=r.labels)
             for r in (run.record for run in measured.runs)
@@ -450,26 +432,6 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     higher = -more if apart else more
     how = "worse" if higher >= 0 else f"better, by less than {GAIN:g}"
     return f"{took}; {left} fits {how} (BIC {'higher' if higher >= 0 else 'lower'} by {abs(higher):.3g}; fit.directions overrules)"
-
-
-def _offset_as_friction(joint: Joint) -> str:
-    """The offset as a difference of friction between the directions, or the reverse: the data cannot exclude either."""
-    known = {(x.parameter.name, x.parameter.direction): x.estimate for x in chosen(joint)}
-    level, offset = known.get(("alpha_0", Direction.BOTH)), known.get(("offset", Direction.SHARED))
-    torque = unit("torque", joint.kind)
-    if level is not None and offset is not None and level.value and offset.value and offset.interval:
-        low, high = offset.interval
-        if not low <= 0 <= high and MATTERS < abs(offset.value) / level.value < 1:
-            plus, minus = (level.value + sign * offset.value for sign in (1, -1))
-            friction = f"alpha_0 {plus:.3g} (+) and {minus:.3g} {torque} (-)"
-            return f"; its offset may as well be friction: {friction}; no data tell the two apart, and their sum is the same"
-    one, other = (known.get(("alpha_0", Direction(d))) for d in DIRECTIONS)
-    gravity = ("gravity_cos", Direction.SHARED) in known  # an offset is part of it
-    apart = None if one is None or other is None or gravity else offset_of_levels(one, other)
-    if apart is not None and abs(apart[0]) > MATTERS * apart[1]:
-        way = f"alpha_0 {apart[1]:.3g} {torque} both ways with an offset of {apart[0]:.3g} {torque}"
-        return f"; the same data allow {way}: read the torque without load"
-    return ""
 
 
 def _brakes(values: Mapping[ParameterName, float]) -> bool:
@@ -529,13 +491,9 @@ def _breakaway_torque(
     value = sum(estimates[key].value or 0.0 for key in terms)
     share = np.array([float(name in terms) for name in fit.names])
     error = float(np.sqrt(share @ fit.covariance @ share)) if share.size else 0.0
-    if len(terms) == 2:
-        source = _OF_MOVING_RUNS if moving else Finding("of-static-fit", NOTE, "the static fit")
-    elif moving:
-        message = "alpha_0 of the moving runs, which show no peak"
-        source = Finding("of-moving-runs-without-peak", NOTE, message)
-    else:
-        source = Finding("of-static-fit-without-peak", NOTE, "alpha_0 of the static fit, which shows no peak")
+    source = _OF_MOVING_RUNS if moving else Finding("of-static-fit", NOTE, "the static fit")
+    if len(terms) == 1:
+        source = replace(source, message=f"alpha_0 of {source.message}, which shows no peak")
     if len(terms) == 1 and not without_peak:
         value, error = max(value - student(np.inf) * error, 0.0), np.inf
     constants = dict.fromkeys(c for key in terms for c in estimates[key].shifts)
@@ -589,7 +547,7 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> Iterato
 
 
 def _settings(experiment: Experiment, asked_law: str, training: Sequence[Record]) -> dict[str, str]:
-    """Thresholds, cut-offs and options in force; `asked_law` is `fit.law` as in the file."""
+    """Options in force; `asked_law` is `fit.law` as in the file."""
     fit = experiment.fit
     law, loads = fit.friction, fit.load
     rising = "".join(f", rising with the {name.replace('-', ' ')}" for name in loads)
@@ -597,34 +555,21 @@ def _settings(experiment: Experiment, asked_law: str, training: Sequence[Record]
     settings = {
         "law": f"{'+'.join((law.name, *loads))}{found}: {law.title}{rising}",
         "directions": fit.directions,
-        "set-up": f"{fit.set_up}, {_PEAK[fit.model]}",
-        "grid": f"{GRID} values of v_s, even in log(v_s), refined to the continuous minimum",
-        "plain grid": f"{PLAIN_GRID} evenly spaced values of v_s",
-        "v_s range": "a third of the slowest speed to the fastest",
+        "set-up": fit.set_up,
+        "model": fit.model,
     }
     if isinstance(fit.orders, tuple):
         _, turn = turn_of(experiment.joint.kind)
         settings["orders"] = f"{', '.join(map(str, fit.orders)) or 'none'}, periods per {turn}"
     if training:
-        cutoffs = dict.fromkeys(f"{f(r.cutoff for r in training):.3g}" for f in (min, max))
-        low_pass = f"{' to '.join(cutoffs)} Hz"
-        settings |= {
-            "position filter": f"4th-order Butterworth, zero phase, {low_pass}",
-            "decimation": f"one sample in {fit.every}, both sides through 0.8 of the new Nyquist frequency, zero phase",
-            "regressors": ", ".join(regressors(experiment)) or "none",
-        }
+        settings["regressors"] = ", ".join(regressors(experiment)) or "none"
         chosen = ["fit.position_cutoff"] if fit.position_cutoff is None else []
         chosen += ["fit.decimation"] if "decimation" not in fit.model_fields_set else []
         if chosen:
+            cutoffs = dict.fromkeys(f"{f(r.cutoff for r in training):.3g}" for f in (min, max))
+            samples = f"one sample in {fit.every}" if fit.every > 1 else "all samples"
             by = f"by the spectra, {' and '.join(chosen)} overrule{'s'[len(chosen) - 1 :]}"
-            settings["filters"] = (
-                f"low pass of {low_pass}, {f'one sample in {fit.every}' if fit.every > 1 else 'all samples'} ({by})"
-            )
-        if fit.predict == "position":
-            settings["moving runs"] = (
-                f"the motor simulated in windows of {HORIZON:g} s, and its position averaged over {fit.every} samples; "
-                "position filter and decimation serve the start alone"
-            )
+            settings["filters"] = f"low pass of {' to '.join(cutoffs)} Hz, {samples} ({by})"
         if (known := experiment.inertia) is not None:
             error = known.standard_error
             settings["inertia"] = f"{known.value:g} {f'+/- {error:g} (prior)' if error else '(fixed)'}"

@@ -8,8 +8,8 @@ factor 1 - df/dT, so BIC loses 2 n' mean(log(1 - df/dT)).
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain, compress, product
-from typing import NamedTuple, TypeVar
+from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,24 +19,13 @@ from bristle.data.experiment.schema import AS_WRITTEN, FitOptions
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.covariance import covariance, seen, student
 from bristle.estimation.information import power_of
 from bristle.estimation.nonlinear import Minimum, Unknowns
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.comparison import (
-    GAIN,
-    Averaged,
-    Comparison,
-    Data,
-    Fitted,
-    LeftOut,
-    Row,
-    blocks_of_speed,
-    rows_of,
-)
+from bristle.identification.comparison import GAIN, Comparison, Data, Fitted, LeftOut, Row, blocks_of_speed, rows_of
 from bristle.identification.dynamic.descent import solved, with_deflections
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, dynamic_problem, modelled
-from bristle.identification.fits import Estimate, StaticFit, TrackingFit
+from bristle.identification.fits import TrackingFit
 from bristle.identification.load_levels import LINEAR, load_is_known
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import LEVELS, directions, inertia, regressors
@@ -49,15 +38,9 @@ from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import LOADS, competing
 from bristle.model.parameters import INERTIA, ParameterName, in_direction
 
-Name = TypeVar("Name")
-
 WITH_DRAG = "gaussian+quadratic"  # the paper's law with v abs(v)
 _WORTH = 1.05  # ratio of left-out errors by which a term is taken unasked
 _MOSTLY = float(np.sqrt(2))  # the same of a load, which a delayed torque imitates
-_STICKS_OUT = 0.1  # of an interval's width
-_SPREAD = 0.95  # of the weights: a law with less is not alone
-_AVERAGED = ("alpha_0", "alpha_1", "alpha_2")  # parameters with one meaning in every law
-_LIKELY = 1e-3  # least weight in an average
 _STEPS = 40  # most iterations of a fit
 _ENOUGH = 0.05  # of n' log(RSS): a smaller gain ends a fit
 _ROUGH = 4.0  # factor on the distance of nodes
@@ -126,18 +109,10 @@ class _MovingLaw(NamedTuple):
 
     def fitted(self, effective: float) -> Fitted:
         """As a `Fitted` with this number of independent equations."""
-        residuals, names = self.minimum.residuals, self.problem.names
-        free = seen(self.minimum.jacobian)
-        freedom = residuals.size / max(effective, 1.0)
-        matrix, own_freedom = covariance(self.minimum.jacobian[:, free], power_of(residuals), freedom)
-        errors = np.sqrt(np.diag(matrix)) * np.abs(self.unknowns.slopes(self.minimum.x)[free])
-        pairs = zip(compress(names, free), errors.tolist(), strict=True)
+        residuals = self.minimum.residuals
         itself = 2 * effective / residuals.size * float(np.log(self._torque_independence()).sum())
-        return Fitted(
-            name=self.name, solves=[(residuals, len(names), effective, power_of(self.problem.measured))], itself=itself,
-            candidate=self.law.name in {law.name for law in competing()}, predicts=self._blocks_left_out,
-            known={n: (self.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)},
-        )  # fmt: skip  # a list of values
+        solve = (residuals, len(self.problem.names), effective, power_of(self.problem.measured))
+        return Fitted(self.name, [solve], self.law in competing(), self._blocks_left_out, itself)
 
     def _torque_independence(self) -> Array:
         """1 - df/dT of each equation, (n,); one without a load."""
@@ -223,15 +198,11 @@ def law_warnings(laws: Comparison | None) -> tuple[Finding, ...]:
     own = None if laws is None else next((row for row in laws.rows if row.in_force), None)
     if laws is None or own is None or laws.chosen is own:  # too few points are reported by the fit
         return ()
-    best, before = laws.chosen, own.left_out
-    gain, error = own.bic - best.bic, best.left_out
-    if not gain > GAIN or not (error or np.inf) < (before or 0.0):
+    best = laws.chosen
+    if not own.bic - best.bic > GAIN or not _predicts_better(best, own):
         return ()
-    message = (
-        f"Law {best.name} fits better: its BIC is {gain:.1f} lower than that of {own.name}, and its error at left-out speeds is "
-        f"{error:.3g} % of the torque instead of {before:.3g} %. Under fit, write `law: {best.name}` (or `law: auto`)."
-    )
-    numbers = {"law": best.name, "own": own.name, "gain": gain, "error": error, "before": before}
+    words, numbers = _gain(best, own)
+    message = f"Law {best.name} fits better: {words}. Under fit, write `law: {best.name}` (or `law: auto`)."
     return (Finding("other-law", CAUTION, message, numbers),)
 
 
@@ -250,42 +221,6 @@ def term_that_pays(fit: FitOptions, laws: Comparison) -> str | None:
     return best.name if best is not None and paper.bic - best.bic > GAIN else None
 
 
-def with_averages(
-    static: dict[str, StaticFit], moving: TrackingFit | None, laws: Comparison | None
-) -> tuple[dict[str, StaticFit], TrackingFit | None]:
-    """The fits, with a caution on estimates whose average over laws leaves their interval."""
-    if laws is None:
-        return static, moving
-    if laws.data == "points":
-        n = sum(fit.n for d, fit in static.items() if d != "shared")
-        of_these = {d: fit for d, fit in static.items() if n == laws.n and "v_s" in fit.parameters}
-        for d, fit in of_these.items():
-            own = {name.name: x for name, x in laws.averaged.items() if name.direction == d}
-            static = {**static, d: replace(fit, parameters=_with_cautions(fit.parameters, own))}
-    elif moving is not None and any(n.name == "v_s" for n in moving.parameters):
-        moving = replace(moving, parameters=_with_cautions(moving.parameters, laws.averaged))
-    return static, moving
-
-
-def _with_cautions(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged]) -> dict[Name, Estimate]:
-    """The estimates with that caution."""
-    out = dict(estimates)
-    for name, own in estimates.items():
-        over = averaged.get(name)
-        if over is None or own.interval is None:
-            continue
-        (low, high), (least, most) = over.interval, own.interval
-        room = _STICKS_OUT * (most - least)
-        if low < least - room or high > most + room:
-            message = (
-                "Its interval takes the law as known, which the data chose. Over the laws that they allow it is "
-                f"{low:.3g} to {high:.3g} {own.unit}."
-            )
-            why = Finding("over-laws", CAUTION, message, {"low": low, "high": high, "unit": own.unit})
-            out[name] = replace(own, warnings=(*own.warnings, why))
-    return out
-
-
 def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> Comparison | None:
     """The laws on points, which `pose` turns into the solves of a law; None where only the paper's can be fitted."""
     fitted, compete = list[Fitted](), competing()
@@ -294,17 +229,16 @@ def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> 
         if not problems or any(p.torque.size <= len(p.names) + len(p.shape) + 1 for p in problems):
             continue
         shaped = [with_best_shape(p, default_range(p.velocity)) for p in problems]
-        solves, known = [], dict[ParameterName, tuple[float, float, float]]()
-        for p in shaped:
-            solution = solve(p, default_range(p.velocity))
-            solves.append((solution.residuals, len(p.names) + len(p.shape), p.torque.size, power_of(p.measured)))
-            free = np.array([name not in solution.at_bound for name in p.names])
-            matrix, freedom = covariance(solution.jacobian[:, free], solution.cost)
-            errors = np.sqrt(np.diag(matrix)).tolist()
-            rows = zip(compress(p.names, free), solution.theta[free].tolist(), errors, strict=True)
-            known |= {n: (v, e, freedom) for n, v, e in rows if np.isfinite(e)}
-        predicts = partial(_left_out, shaped)
-        fitted.append(Fitted(name=law.name, solves=solves, candidate=law in compete, predicts=predicts, known=known))
+        solves = [
+            (
+                solve(p, default_range(p.velocity)).residuals,
+                len(p.names) + len(p.shape),
+                p.torque.size,
+                power_of(p.measured),
+            )
+            for p in shaped
+        ]
+        fitted.append(Fitted(law.name, solves, law in compete, partial(_left_out, shaped)))
     return ranked("points", fitted, in_force.name)
 
 
@@ -329,69 +263,48 @@ def _left_out(problems: Sequence[Regression]) -> LeftOut:
 
 def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | None:
     """Fitted laws as a comparison with the chosen one, or None of the paper's alone; `in_force` is the fits'."""
-    rows = rows_of(fitted, in_force) if fitted else ()
-    paper = next((row for row in rows if row.name == GAUSSIAN.name), None)
-    if paper is None or len(rows) < 2:
+    rows = rows_of(fitted, in_force) if fitted else []
+    known = {row.name: row.bic for row in rows}
+    if GAUSSIAN.name not in known or len(rows) < 2:
         return None
-    better = {row.name for row in rows if paper.bic - row.bic > GAIN}
-    wanted = (
-        {row.name for row in rows} if data == "points" else {*better, paper.name, in_force} if better else set[str]()
-    )
-    left_out = {x.name: x.predicts() if x.name in wanted else None for x in fitted}
+    better = {name for name, bic in known.items() if known[GAUSSIAN.name] - bic > GAIN}
+    doubted = known.get(in_force, -np.inf) - known[GAUSSIAN.name] > GAIN
+    predicted = {*better, GAUSSIAN.name, in_force} if better or doubted else set[str]()
+    pairs = zip(fitted, rows, strict=True)
+    rows = [replace(row, left_out=x.predicts() if x.name in predicted else None) for x, row in pairs]
+    (paper,), others = ([row for row in rows if (row.name == GAUSSIAN.name) == own] for own in (True, False))
     # the lowest BIC among laws clearly better than the paper's, else that
-    least = left_out[paper.name]
-    clearly = [
-        row
-        for row in rows
-        if row.candidate and row.name in better and least is not None and (left_out[row.name] or np.inf) < least
-    ]
-    chosen = min(clearly, key=lambda row: row.bic, default=paper).name
-    rows = tuple(replace(row, left_out=left_out[row.name], chosen=row.name == chosen) for row in rows)
-    return Comparison(
-        data=data, n=fitted[0].size, effective=float(sum(of for *_, of, _ in fitted[0].solves)),
-        rows=rows, sentence=_sentence(rows, asked=bool(wanted)),
-        averaged=_averaged(fitted, rows) if max(row.weight for row in rows) < _SPREAD else {},
-    )  # fmt: skip  # a list of values
-
-
-def _sentence(rows: Sequence[Row], *, asked: bool) -> Finding:
-    """Which law was chosen and why; `asked`: whether left-out errors were evaluated."""
-    own = next(row for row in rows if row.name == GAUSSIAN.name)
-    best = next(row for row in rows if row.chosen)
-    if best is not own:
-        gain, error, before = own.bic - best.bic, best.left_out, own.left_out
-        message = (
-            f"The data favour {best.name}: its BIC is {gain:.1f} lower than the paper's law's, and at five blocks of speed, each left "
-            f"out in turn, its error is {error:.3g} % of the torque instead of {before:.3g} %."
-        )
-        return Finding("law-wanted", NOTE, message, {"law": best.name, "gain": gain, "error": error, "before": before})
-    other = min((row for row in rows if row is not own), key=lambda row: row.bic)
-    gain = own.bic - other.bic
-    why = f"the BIC of {other.name} is {gain:.1f} lower"
-    if asked and own.left_out is None:
+    clearly = [row for row in others if row.candidate and row.name in better and _predicts_better(row, paper)]
+    best, other = min(clearly, key=lambda row: row.bic, default=paper), min(others, key=lambda row: row.bic)
+    gain, why = paper.bic - other.bic, f"the BIC of {other.name} is {paper.bic - other.bic:.1f} lower"
+    if better and paper.left_out is None:
         why = "there are too few points to leave speeds out"
-    elif gain > GAIN:
+    elif better:
         why += ", but it predicts speeds that were left out no better"
     elif gain > 0:
-        why += ", less than the 10 required"
+        why += f", less than the {GAIN:g} required"
     else:
         why = f"it has the lowest BIC ({other.name} has {-gain:.1f} more)"
     message = f"The data favour no other law than the paper's: {why}."
-    return Finding("law-kept", NOTE, message, {"law": other.name, "gain": gain})
+    sentence = Finding("law-kept", NOTE, message, {"law": other.name, "gain": gain})
+    if best is not paper:
+        words, numbers = _gain(best, paper)
+        sentence = Finding("law-wanted", NOTE, f"The data favour {best.name}: {words}.", numbers)
+    return Comparison(
+        data=data, n=fitted[0].size, effective=fitted[0].effective, sentence=sentence,
+        rows=tuple(replace(row, chosen=row is best) for row in rows),
+    )  # fmt: skip  # a list of values
 
 
-def _averaged(fitted: Sequence[Fitted], rows: Sequence[Row]) -> Mapping[ParameterName, Averaged]:
-    """alpha_0, alpha_1, alpha_2 averaged over the allowed laws; the variance includes that between laws."""
-    pairs = ((x.known, row.weight) for x, row in zip(fitted, rows, strict=True))
-    tables = [(known, weight) for known, weight in pairs if weight > _LIKELY]
-    averaged = {}
-    for name in dict.fromkeys(chain.from_iterable(table for table, _ in tables)):
-        having = [(*table[name], weight) for table, weight in tables if name in table]
-        value, error, freedom, shares = np.array(having).T
-        if name.name in _AVERAGED and shares.sum() > _SPREAD:  # missing where it is at a bound
-            shares = shares / shares.sum()
-            mean = float(shares @ value)
-            own = float(shares @ np.sqrt(error**2 + (value - mean) ** 2))
-            reach = student(float(freedom.min())) * own
-            averaged[name] = Averaged(value=mean, standard_error=own, interval=(max(mean - reach, 0.0), mean + reach))
-    return averaged
+def _predicts_better(row: Row, than: Row) -> bool:
+    return (row.left_out or np.inf) < (than.left_out or 0.0)
+
+
+def _gain(best: Row, own: Row) -> tuple[str, dict[str, Any]]:
+    """How much better a law is than another, as words and as numbers."""
+    gain, error, before = own.bic - best.bic, best.left_out, own.left_out
+    words = (
+        f"its BIC is {gain:.1f} lower than that of {own.name}, and its error at left-out speeds is {error:.3g} % of the torque instead "
+        f"of {before:.3g} %"
+    )
+    return words, {"law": best.name, "own": own.name, "gain": gain, "error": error, "before": before}

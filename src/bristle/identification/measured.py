@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _STILL = 1e-12  # of the fastest point: slower ones are at rest
-_ROUNDING = 1e-12  # of a position, by unwrapping
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -250,19 +249,11 @@ def refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
 
 
 def _overlap(a: Record, b: Record) -> bool:
-    """Whether two records of one file share rows of the same joint."""
+    """Whether two records of one file share rows of the same torque."""
     rows = (a.time, b.time) if a.lines is None or b.lines is None else (a.lines, b.lines)
     _, of_a, of_b = np.intersect1d(*rows, return_indices=True)
-    names = ["torque" if a.voltage is None else "voltage"]
-    names += [] if a.velocity_estimated or b.velocity_estimated else ["velocity"]
-    pairs = [(getattr(a, name), getattr(b, name)) for name in names]
-    if not of_a.size or any(x is None or y is None or not np.array_equal(x[of_a], y[of_b]) for x, y in pairs):
-        return False
-    p, q = a.position, b.position
-    if p is None or q is None:
-        return (p is None) == (q is None)
-    apart = (p[of_a] - p[of_a[0]]) - (q[of_b] - q[of_b[0]])  # apart from whole turns
-    return bool(np.abs(apart).max() <= _ROUNDING * max(np.abs(p).max(), np.abs(q).max()))
+    x, y = (r.torque if r.voltage is None else r.voltage for r in (a, b))
+    return bool(of_a.size) and x is not None and y is not None and np.array_equal(x[of_a], y[of_b])
 
 
 def _cut_segments(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segment, ...], ...]:

@@ -4,12 +4,11 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
 
-from bristle.data.experiment.draft import Draft, DraftedRun, Told, draft_experiment
+from bristle.data.experiment.draft import DraftedRun, Told, draft_experiment
 from bristle.data.experiment.load import experiment_of, read_runs
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.yaml_file import parse, read_text
@@ -81,36 +80,41 @@ def draft_of_logs(
             if does.unused(kind) > (_BETWEEN if kind == "ramp" else _MIXED)
         ]
     tell("regressors and directions")
-    fit, why = _fit(draft, runs, path, told.directions)
+    fit, why = _fit(draft.text(runs), path, told.directions)
     return draft.text(runs, fit), tuple(sentence for sentence in (*said, why) if sentence)
 
 
 def completed(path: Path) -> tuple[str, str]:
-    """The text of an experiment file with missing kinds of runs and better regressors, and a sentence on it."""
-    text, kinds = _with_kinds(read_text(path), path)
-    asked = experiment_of(text, path)
-    measured = measure(asked)
-    points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
-    better = set_up.trial_of_points(measured.experiment, points).better() if points else None
-    if better is None and moving and measured.experiment.fit.predict == "torque":
-        better = set_up.trial_of_motion(measured.experiment, moving).better()
-    if better is None:
-        why = "no regressor, nor other directions, would explain these runs clearly better"
-        return text, f"{kinds or 'nothing added: '}{why}"
-    has_fit = "fit" in asked.model_fields_set
-    line = f"# under fit: {better.lines}" if has_fit else f"fit: {{{better.lines}}}"
-    why = f"relative error {better.asked_error:.2g} -> {better.error:.2g} % on parts held out in turn"
-    done = "to be written" if has_fit else "added"
-    return f"{text.rstrip()}\n\n{line}   # {why}\n", f"{kinds}{done} under fit: {better.lines}; {why}"
+    """The text of an experiment file with the kind of its runs and the `fit` line that it lacks, and a sentence on them.
+
+    Runs without `experiment` get one kind, by what the signals of most of them do; the file is then written anew.
+    """
+    text, said = read_text(path), ""
+    data = parse(text, str(path))
+    runs, signals = data.get("runs"), data.get("signals")
+    lacking = [x for x in (runs if isinstance(runs, list) else ()) if isinstance(x, dict) and "experiment" not in x]
+    if lacking:
+        kind: RunKind = "points"
+        if isinstance(signals, dict) and "time" in signals:
+            given = {**data, "runs": [{**run, "experiment": _ANY} for run in lacking]}
+            experiment = experiment_of(yaml.safe_dump(given), path)
+            read = read_runs(experiment)
+            found = kinds_of([(run.record.file, stretches(run.record, experiment.joint.kind)) for run in read])
+            kind = Counter(found).most_common(1)[0][0]
+        for run in lacking:
+            run["experiment"] = kind
+        text, said = yaml.safe_dump(data, sort_keys=False), f"experiment: {kind}, by what the signals do; "
+    line, why = ("", "") if "fit" in data else _fit(text, path)
+    return (f"{text.rstrip()}\n\n{line}\n", f"{said}{why}") if line else (text, f"{said}nothing added under fit")
 
 
 def _counted(kinds: Sequence[str]) -> str:
     return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
 
 
-def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path, directions: str | None) -> tuple[str, str]:
-    """The `fit` line, with directions if told, and a sentence on why; both empty where nothing can be tried."""
-    measured = measure(experiment_of(draft.text(runs), path))
+def _fit(text: str, path: Path, directions: str | None = None) -> tuple[str, str]:
+    """The `fit` line of an experiment file, and a sentence on why; both empty where nothing can be tried."""
+    measured = measure(experiment_of(text, path))
     points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
     if moving:
         refuse_opposing_runs(measured.experiment, moving)
@@ -133,31 +137,3 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path, directions: str |
     )
     why = f"a first regression, without presliding, misses parts held out in turn by {', '.join(errors)}"
     return f"fit: {{{lines}}}   # {why}", f"fit: {lines}; {why}"
-
-
-def _with_kinds(text: str, path: Path) -> tuple[str, str]:
-    """The text with the missing `experiment` of each run, and a sentence on them."""
-    data = parse(text, str(path))
-    entries = data.get("runs")
-    runs = entries if isinstance(entries, list) else []
-    lacking = [k for k, run in enumerate(runs) if isinstance(run, dict) and run and "experiment" not in run]
-    if not lacking:
-        return text, ""
-    root: Any = yaml.compose(text, Loader=yaml.SafeLoader)
-    (places,) = (value.value for key, value in root.value if key.value == "runs")
-    kinds: list[RunKind] = []
-    for k in reversed(lacking):
-        signals = (x for x in (data.get("signals"), runs[k].get("signals")) if isinstance(x, dict))
-        kind: RunKind = _ANY if any(x.get("time") for x in signals) else "points"
-        given = yaml.safe_dump({**data, "runs": [{**runs[k], "experiment": kind}]}, sort_keys=False)
-        experiment = experiment_of(given, path)
-        if kind != "points":
-            read = read_runs(experiment)
-            every = kinds_of([(run.record.file, stretches(run.record, experiment.joint.kind)) for run in read])
-            kind = Counter(every).most_common(1)[0][0]
-        kinds.insert(0, kind)
-        # before the first key of the run
-        mark = places[k].value[0][0].start_mark
-        after = ", " if places[k].flow_style else "\n" + " " * mark.column
-        text = f"{text[: mark.index]}experiment: {kind}{after}{text[mark.index :]}"
-    return text, f"experiment: {_counted(kinds)}, by what the signals do; "

@@ -133,7 +133,7 @@ class Joint:
     simulated: bool = False
     assumptions: tuple[str, ...] = ()
     settings: Mapping[str, str] = field(default_factory=dict)
-    """Thresholds, cut-offs and options in force."""
+    """Options in force, and what was decided."""
     inputs: tuple[Input, ...]
     segments: tuple[Segment, ...]
 

@@ -107,18 +107,18 @@ def offset_or_friction(
     names: Sequence[Any], values: Mapping[Any, float], covariance: Array, freedom: float
 ) -> list[Finding]:
     """A finding where the directions differ by a constant alone (Wald tests); `names` as in the covariance."""
-    order = {name: k for k, name in enumerate(names)}
     pairs = [[ParameterName(name, d) for d in SIGNED] for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")]
-    told = {name for name, k in order.items() if np.isfinite(covariance[k]).all()}
-    free = [pair for pair in pairs if told.issuperset(pair)]
+    told = [
+        k for k, name in enumerate(names) if any(name in pair for pair in pairs) and np.isfinite(covariance[k]).all()
+    ]
+    free = [pair for pair in pairs if {names[k] for k in told}.issuperset(pair)]
     if pairs[0] not in free:
         return []
-    plus, minus = (np.array([order[pair[k]] for pair in free]) for k in (0, 1))
-    apart = np.array([values[a] - values[b] for a, b in free])
-    (S_pp, S_pm), (S_mp, S_mm) = ([covariance[np.ix_(a, b)] for b in (plus, minus)] for a in (plus, minus))
-    S = S_pp + S_mm - S_pm - S_mp
-    weight = np.linalg.pinv(S[1:, 1:], hermitian=True)
-    others, rest = float(apart[1:] @ weight @ apart[1:]), len(free) - 1
+    # + minus - of each parameter, and their covariance; alpha_0 given that all others are equal
+    D = np.array([[(names[k] == a) - float(names[k] == b) for k in told] for a, b in free])
+    apart, S = D @ [values[names[k]] for k in told], D @ covariance[np.ix_(told, told)] @ D.T
+    weight, rest = np.linalg.pinv(S[1:, 1:], hermitian=True), len(free) - 1
+    others = float(apart[1:] @ weight @ apart[1:])
     twice = float(apart[0] - S[0, 1:] @ weight @ apart[1:])
     variance = float(S[0, 0] - S[0, 1:] @ weight @ S[1:, 0])
     a, b = (float(values[name]) for name in pairs[0])

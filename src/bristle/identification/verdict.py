@@ -69,21 +69,21 @@ def verdict(joint: Joint) -> Verdict:
             known_joint(joint)
         except InputError as bad:  # an impossible number
             found = (*found, Finding("impossible-value", CRITICAL, f"{str(bad).partition(': ')[2]}."))
-    cause, wide = (next((x for x in found if x.code in codes), None) for codes in (_CAUSES, _CAUSES | _WIDENS))
+    cause = next((x for x in found if x.code in _CAUSES), None)
     if critical := [x for x in found if x.severity is Severity.CRITICAL]:
         named = next((x for x in critical if x.code not in _SIZES), cause)
         return Verdict(Trust.DO_NOT_USE, named or critical[0])
     if known is not None and not known.band <= joint.need:
-        return Verdict(Trust.DO_NOT_USE, _largest(joint, known, found[0] if found else None, wide))
+        return Verdict(Trust.DO_NOT_USE, _largest(joint, known, found[0] if found else None, cause))
     return Verdict(Trust.USE, None)
 
 
 _CAUSES = {
-    "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts",
-    "reversals-left", "backlash", "position-jumps", "lost-samples", "clipped", "torque-missing", "torque-saturates",
+    "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left",
+    "backlash", "position-jumps", "lost-samples", "clipped", "clipped-left-out", "torque-missing", "torque-saturates",
+    "runs-scatter", "torque-coarse", "torques-doubted",
 }  # fmt: skip  # a list of values
-_WIDENS = {"clipped-left-out", "runs-scatter", "torque-coarse", "torques-doubted"}
-"""Codes that explain residuals, and those that explain wide errors."""
+"""Codes that explain large residuals or wide errors."""
 _SIZES = {"unexplained", "misfit"}  # codes that state the size of residuals
 
 
@@ -118,22 +118,19 @@ def _largest(joint: Joint, known: Accuracy, finding: Finding | None, cause: Find
 
 def value_warnings(joint: Joint) -> tuple[Finding, ...]:
     """Critical findings and cautions about the chosen values, most important first."""
-    rows = chosen(joint)
-    unseen = [
-        row for row in rows if row.estimate.value is None and NOT_IDENTIFIABLE & {x.code for x in row.estimate.warnings}
-    ]
-    fits = dict.fromkeys(_fit_of(row) for row in rows if row.estimate.value is not None)
-    of_fits = (x for fit in fits for part in _of_fit(joint, *fit) for x in part if x.code not in _REPEATED)
-    of_values = (x for row in rows if row not in unseen for x in row.estimate.warnings if x.code not in _REPEATED)
-    return _serious((*joint.warnings, *of_fits, *of_values))
+    found = list(joint.warnings)
+    for row in chosen(joint):
+        codes = {x.code for x in row.estimate.warnings}
+        if row.estimate.value is not None or NOT_IDENTIFIABLE.isdisjoint(codes):
+            found += (x for x in row_warnings(joint, row) if x.code not in _REPEATED)
+    return _serious(found)
 
 
 def row_warnings(joint: Joint, row: Known) -> tuple[Finding, ...]:
     """All findings about one chosen value: of the joint, of its fit, and its own."""
-    ended, said, checked = _of_fit(joint, *_fit_of(row)) if row.estimate.value is not None else ((), (), ())
-    serious = (x for x in (*ended, *checked) if x.severity is not Severity.NOTE)
-    fit = (x for x in (*serious, *said) if x.code not in _REPEATED)
-    return tuple(dict.fromkeys((*joint.warnings, *fit, *row.estimate.warnings)))
+    of_fit = _of_fit(joint, row) if row.estimate.value is not None else ()
+    repeated = (x for x in of_fit if x.code not in _REPEATED)
+    return tuple(dict.fromkeys((*joint.warnings, *repeated, *row.estimate.warnings)))
 
 
 def other_warnings(joint: Joint) -> tuple[Finding, ...]:
@@ -158,20 +155,14 @@ def _weightiest(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
     return tuple(sorted(dict.fromkeys(warnings), key=place))
 
 
-def _fit_of(row: Known) -> tuple[Source, str]:
-    """Stage and direction of a value's fit."""
-    by_direction = row.source in {Source.STATIC, Source.PRESLIDING}
-    return row.source, str(row.parameter.direction) if by_direction else ""
-
-
-_Said = tuple[Finding, ...]
-
-
-def _of_fit(joint: Joint, source: Source, direction: str) -> tuple[_Said, _Said, _Said]:
-    """Its outcome, its warnings, and its cross-check."""
-    if source is Source.PRESLIDING and joint.presliding is not None:
-        return (), (*joint.presliding.fits[direction].warnings, *joint.presliding.warnings), ()
-    moving = moving_fits(joint).get(source)
-    fit = joint.static[direction] if source is Source.STATIC else moving
-    check = joint.crosscheck.get(direction) if moving is None else moving.crosscheck
-    return ((), (), ()) if fit is None else ((fit.outcome,), fit.warnings, (check.verdict,) if check else ())
+def _of_fit(joint: Joint, row: Known) -> tuple[Finding, ...]:
+    """Findings about the fit of a value, with its outcome and cross-check where they are no notes."""
+    d, moving = str(row.parameter.direction), moving_fits(joint).get(row.source)
+    if row.source is Source.PRESLIDING and joint.presliding is not None:
+        return (*joint.presliding.fits[d].warnings, *joint.presliding.warnings)
+    fit = joint.static[d] if row.source is Source.STATIC else moving
+    if fit is None:
+        return ()
+    check = joint.crosscheck.get(d) if moving is None else moving.crosscheck
+    ended = (fit.outcome, *((check.verdict,) if check else ()))
+    return (*(x for x in ended if x.severity is not Severity.NOTE), *fit.warnings)

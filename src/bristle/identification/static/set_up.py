@@ -17,7 +17,6 @@ from bristle.identification.moving_runs import (
     REGRESSORS,
     directions,
     inertia,
-    regressor_line,
     regressors,
     shows_gravity,
     terms_of,
@@ -54,12 +53,6 @@ class BetterSetUp:
     set_up: SetUp
     asked_error: float  # 100 * norm(error) / norm(torque) on held-out parts, percent, as asked for ...
     error: float  # ... and with this set-up.
-
-    @property
-    def lines(self) -> str:
-        """The lines for `fit`, in one."""
-        apart = "directions: separate, " if self.set_up.directions != self.asked.directions else ""
-        return f"{apart}{regressor_line(self.set_up.regressors)}"
 
 
 class Trial(NamedTuple):

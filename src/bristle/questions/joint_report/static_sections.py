@@ -15,7 +15,6 @@ from bristle.page.report import Section, Table
 from bristle.page.style import MOST_POINTS
 from bristle.page.wording import (
     FITS,
-    MISSING,
     counted,
     direction,
     in_print,
@@ -23,14 +22,13 @@ from bristle.page.wording import (
     number,
     pretty,
     sentence,
-    span,
     symbol,
 )
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.sentences import agreement
 
 _HEADINGS = {
-    "name": "", "bic": "ΔBIC", "left_out": "left out (%)", "weight": "weight (%)", "in_force": "fitted?", "chosen": "use it?",
+    "name": "", "bic": "ΔBIC", "left_out": "left out (%)", "in_force": "fitted?", "chosen": "use it?",
 }  # fmt: skip  # a table of words
 """Of the tables of laws and models."""
 
@@ -160,47 +158,35 @@ def _laws(joint: Joint) -> Iterator[Section]:
     yield Section("", findings=(found.sentence,), form="part")
     how = (
         "All on the same points or samples, those that do not belong left out, a Stribeck term in every direction. "
-        "ΔBIC: difference to the lowest; weight: share of exp(−BIC/2). Left out: error, relative to the torque, at five "
+        "ΔBIC: difference to the lowest. Left out: error, relative to the torque, at five "
         "blocks of speed, each predicted from the others. fit.law: auto leaves the paper's law "
         "(gaussian) only for one whose BIC is lower by more than 10 and that predicts the speeds left out better."
     )
     yield Section("All laws", table=_compared("laws", tables.laws([joint]), joint, how), form="folded")
-    rows = []
-    for name, x in found.averaged.items():
-        fit = joint.static.get(name.direction)
-        own = None if fit is None else fit.parameters.get(name.name)
-        value = f"{measured(x.value, x.standard_error)} {pretty(unit(name.name, joint.kind))}"
-        rows.append((str(name), value, span(x.interval), MISSING if own is None else span(own.interval)))
-    if rows:
-        columns = ["parameter", "over all laws", "95 % interval", "given the fitted law"]
-        table = Table("", "Averaged by their weights", part=pd.DataFrame(rows, columns=columns))
-        yield Section("Parameters over all laws that the data allow", table=table, form="folded")
 
 
 def _compared(name: str, frame: pd.DataFrame, joint: Joint, how: str) -> Table:
     """Models or laws side by side."""
     part = frame.drop(columns=["data", *(["candidate"] if name == "laws" else ["candidate", "in_force"])])
-    part["weight"] *= 100
     columns = {**_HEADINGS, "name": name.removesuffix("s"), "rms": f"rms ({pretty(unit('torque', joint.kind))})"}
     return Table(name, name.capitalize(), part=part.rename(columns=columns), note=how)
 
 
 def _models(joint: Joint) -> Iterator[Section]:
     how = (
-        "All on the same data. ΔBIC: difference to the lowest; it weighs the residuals of the independent samples "
-        "against the number of parameters, and lower is better. Left out: held-out runs, or each point predicted from "
-        "all others. Stribeck curve: Coulomb, viscous and Stribeck friction, (9), which LuGre is at constant velocity. "
-        "Recommended: the lowest BIC among the models whose terms the fits above support."
+        "All on the same data, with the directions and regressors of the fit. ΔBIC: difference to the lowest; it weighs "
+        "the residuals of the independent samples against the number of parameters, and lower is better. Left out: each "
+        "point predicted from all others. Stribeck curve: Coulomb, viscous and Stribeck friction, (9), which LuGre is at "
+        "constant velocity. Recommended: the lowest BIC among the models whose terms the fits above support."
     )
     if joint.models:
         yield Section("Which friction model?", form="part")
     for x in joint.models:
         frame = tables.models([joint])
         independent = "" if x.n == x.effective else f", of which {number(x.effective, 4)} count as independent"
-        more = " ".join(map(in_print, x.left_out))
         yield Section("", text=f"On {x.data}, {x.n} samples{independent}:", findings=(x.sentence,), form="part")
         table = _compared("models", frame[frame["data"] == x.data], joint, how)
-        yield Section("All models", text=more, table=table, form="folded")
+        yield Section("All models", table=table, form="folded")
 
 
 def _stages(joint: Joint) -> Iterator[Section]:

@@ -149,7 +149,7 @@ def points(joint: Joint) -> _Rows:
         yield from ((d, *row) for row in np.column_stack(known).tolist())
 
 
-_SIDE_BY_SIDE = "data name parameters rms# relative_error# bic# left_out# weight# in_force? candidate? chosen?"
+_SIDE_BY_SIDE = "data name parameters rms# relative_error# bic# left_out# in_force? candidate? chosen?"
 
 
 def _compared(comparisons: Sequence[Comparison]) -> _Rows:
@@ -159,7 +159,7 @@ def _compared(comparisons: Sequence[Comparison]) -> _Rows:
 
 @_table(_SIDE_BY_SIDE)
 def models(joint: Joint) -> _Rows:
-    """One row per joint, data and model: parameters, rms, relative error, BIC above the lowest, error at what was left out, weight, which to use."""
+    """One row per joint, data and model: parameters, rms, relative error, BIC above the lowest, error at what was left out, which to use."""
     yield from _compared(joint.models)
 
 
