@@ -100,20 +100,6 @@ def plant_step(
     return State(state.position + travel[0], new[0], new[1])
 
 
-def inductive_step(
-    state: State, i: Expression, V: Expression, load: Expression, h: Expression, pair: Pair[Any], m: Motor[Any]
-) -> tuple[State, Expression]:
-    """Plant and armature current, A, after h seconds at constant voltage, V, and disturbing torque, N*m; L > 0.
-
-    The mean phi i + (1 - phi) i_s(v) of the lag (1) drives the pair, then the current lags at the mean velocity. Second
-    order, stable for any L / R; L -> 0 gives `plant_step`.
-    """
-    a, phi = motor.lag(h, m)
-    new = plant_step(state, V, load, h, pair, m, lambda V, v, m: phi * i + (1 - phi) * motor.current(V, v, m))
-    mean = (new.position - state.position) / h
-    return new, a * i + (1 - a) * motor.current(V, mean, m)
-
-
 class Sensors(NamedTuple):
     """Errors of the bench."""
 

@@ -11,10 +11,9 @@ from matplotlib.figure import Figure
 
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.known_joint import SEED
-from bristle.model.parameters import unit
 from bristle.page.page import Drawing, begun
 from bristle.page.report import Report, Section, Table
-from bristle.page.wording import in_print, number, pretty, symbol
+from bristle.page.wording import in_print, number, symbol
 from bristle.questions.compensation import experiments, figures
 from bristle.questions.compensation.study import WORSE, Study, adverse, outcomes_of, thousandths
 from bristle.workers import Share
@@ -174,7 +173,7 @@ def _errors(study: Study, show: _Show) -> Iterator[Section]:
 
 
 def _adaptation(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -> Iterator[Section]:
-    """Table 2 and Figs 9 to 12: adaptation from wrong parameters; then maps, drift and other controllers."""
+    """Table 2 and Figs 9 to 12: adaptation from wrong parameters; then maps and drift."""
     loop, settled = study.adapting, experiments.SETTLE
     a, q = loop.adaptation, thousandths(study)
     initial = " and ".join(f"{share} {symbol(name)}" for name, share in loop.start.items())
@@ -228,25 +227,18 @@ def _adaptation(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -
         "Largest gain: the largest factor from 1.",
         table=Table("drift", "Friction that drifts", part=_part(study, frames["drift"])),
     )
-    yield Section(
-        "Comparison with controllers that need no model",
-        text="Sliding mode may use five times the torque that the reference needs, and has no friction model. A thinner boundary layer gives "
-        "a smaller error until it chatters, which loads the drive and the gear.",
-        table=Table("controllers", "Controllers", part=_part(study, frames["controllers"])),
-    )
 
 
 def _part(study: Study, frame: pd.DataFrame) -> pd.DataFrame:
     """A table of the page, with its headings; errors in thousandths."""
-    q, T = thousandths(study), pretty(unit("torque", study.loops[0].kind))
+    q = thousandths(study)
     small = {
         "without": f"without ({q})", "true_model": f"true ({q})", "identified_model": f"identified ({q})", "adaptive": f"adaptive ({q})",
-        "rms_error": f"RMS error ({q})", "peak_error": f"peak error ({q})",
+        "rms_error": f"RMS error ({q})",
     }  # fmt: skip  # a table of words
     others = {
         "joint": "of", "frequency": "frequency (Hz)", "identified_share": "identified / without", "adaptive_share": "adaptive / without",
-        "over_known": "ratio to the known model", "largest_gain": "largest gain", "way": "scheme", "rms_torque": f"RMS control ({T})",
-        "chatter": f"chatter ({T}/s)", "energy": "energy (J)",
+        "over_known": "ratio to the known model", "largest_gain": "largest gain", "way": "scheme",
     }  # fmt: skip  # a table of words
     found = [column for column in small if column in frame]
     frame = frame.astype(dict.fromkeys(found, float))

@@ -12,7 +12,7 @@ from bristle.progress import Progress, teller
 from bristle.questions.compensation import ablation as ablating
 from bristle.questions.compensation import experiments
 from bristle.questions.compensation.ablation import AblationRow
-from bristle.questions.compensation.experiments import AdaptationMap, Adapted, Band, Controlled, Drift, Errors
+from bristle.questions.compensation.experiments import AdaptationMap, Adapted, Band, Drift, Errors
 from bristle.questions.compensation.replay import Replay
 from bristle.simulation.edro import TABLE_2_ADAPTED
 from bristle.simulation.joint_loop import JointLoop, one_way
@@ -38,7 +38,6 @@ class Study:
     adapted: Adapted
     adaptation_map: AdaptationMap
     drifts: tuple[Drift, ...]
-    controllers: tuple[Controlled, ...]
     ablation: tuple[AblationRow, ...]
     band: Band | None
     replays: tuple[Replay, ...] = ()
@@ -86,7 +85,6 @@ class Study:
             "adaptation_map": pd.DataFrame(mapped, columns=["parameter", "gamma", "amplitude", "frequency", "adapted_share"]),
             "drift": pd.DataFrame(self.drifts, columns=list(Drift._fields)),
             "ablation": pd.DataFrame(self.ablation, columns=list(AblationRow._fields)),
-            "controllers": pd.DataFrame(self.controllers, columns=list(Controlled._fields)),
         }  # fmt: skip  # a table
         columns = ["file", "begun", "law", "gains_of_1", "adapted", "shares", "verdict"]
         return frames | ({"replay": pd.DataFrame(replayed, columns=columns)} if replayed else {})
@@ -105,29 +103,24 @@ def begin_study(
     """Begin `study` in the processes of `share`; the function returned waits for the end, and raises as `study`."""
     first = loops[0]
     adapting = one_way(first) if paper else first
-    of_first: dict[str, partial[Any]] = {  # the longest first
-        "ablation": partial(ablating.ablate, first),
-        "adaptation_map": partial(experiments.map_adaptation, adapting),
-        "band": partial(experiments.band, first),
-        "adapted": partial(experiments.adapted, adapting),
-        "controllers": partial(experiments.compare_controllers, first),
-        "followed": partial(experiments.followed, first),
-    }
-    of_each: dict[str, Callable[[JointLoop], tuple[Any, ...]]] = {
-        "errors": experiments.errors,
-        "drifts": experiments.drifts,
-    }
-    parts = list(of_first.items())
-    parts += [(name, partial(run, loop)) for name, run in of_each.items() for loop in loops]
+    parts: list[tuple[str, partial[Any]]] = [  # the refusal of a loop that diverges first, then the longest
+        *(("errors", partial(experiments.errors, loop)) for loop in loops),
+        ("ablation", partial(ablating.ablate, first)),
+        ("adaptation_map", partial(experiments.map_adaptation, adapting)),
+        ("band", partial(experiments.band, first)),
+        ("adapted", partial(experiments.adapted, adapting)),
+        ("followed", partial(experiments.followed, first)),
+        *(("drifts", partial(experiments.drifts, loop)) for loop in loops),
+    ]
     results = iter(share(called, [run for _, run in parts]))
 
     def ended() -> Study:
-        found: dict[str, Any] = dict.fromkeys(of_each, ())
+        found: dict[str, Any] = {"errors": (), "drifts": ()}
         tell = teller(progress, len(parts))
         for name, _ in parts:
             tell(f"compensating: {name.replace('_', ' ')}")
             result = next(results)
-            found[name] = found[name] + result if name in of_each else result
+            found[name] = found[name] + result if name in ("errors", "drifts") else result
         return Study(loops=tuple(loops), adapting=adapting, paper=paper, replays=tuple(replays), **found)
 
     return ended
