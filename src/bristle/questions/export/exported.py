@@ -188,11 +188,12 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
     found = verdict(joint)
     said += _doubts(rows, ways, known.law)
     rotor = inertia_of(experiment, replace(joint, link_inertia=None))
-    units, told = parameters.units_of(joint.kind), (x for x in dict.fromkeys(said) if _about(x) != _about(found.reason))
+    told, units = (x for x in dict.fromkeys(said) if _about(x) != _about(found.reason)), parameters.units_of(joint.kind)
+    reason, *whole = (x and replace(x, message=in_units(x.message, units)) for x in (found.reason, *told))
     return ExportedJoint(
-        name=joint.name, kind=joint.kind, simulated=joint.simulated, trust=found.trust, reason=found.reason,
+        name=joint.name, kind=joint.kind, simulated=joint.simulated, trust=found.trust, reason=reason,
         law=known.law, parameters=tuple(rows), inertia=J, rotor_inertia=rotor,
-        fastest=fastest_measured(joint), said=tuple(replace(x, message=in_units(x.message, units)) for x in told), origin=origin,
+        fastest=fastest_measured(joint), said=tuple(x for x in whole if x), origin=origin,
     )  # fmt: skip  # a list of values
 
 
