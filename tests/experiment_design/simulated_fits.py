@@ -53,7 +53,7 @@ def simulated_errors(problem: DesignProblem, speeds: Array, repetitions: int = 2
     # half the width of the middle 68.3 % of the estimates, which is the standard deviation where they are normal and is
     # not ruled by a few that fail
     torques = steady_points(problem.p, speeds, problem.noise, np.random.default_rng(seed), repetitions)
-    relative = evaluate_design(problem, speeds).alone / np.abs(problem.estimate)
+    relative = evaluate_design(problem, speeds).errors / np.abs(problem.estimate)
     found = fitted(problem.p, speeds, torques.T, dict(zip(problem.names, relative.tolist(), strict=True)))
     low, high = np.percentile([found[name] for name in problem.names], [15.87, 84.13], axis=1)
     return np.asarray((high - low) / 2)

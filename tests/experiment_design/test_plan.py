@@ -2,7 +2,7 @@ import io
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -108,53 +108,35 @@ def test_now_is_what_was_identified(gripper: Plan) -> None:
         k = gripper.start.names.index(ParameterName("sigma_0", own.direction))
         before, after = gripper.standard_errors["with velocities"][k], gripper.standard_errors["with loading"][k]
         assert after**-2 - before**-2 == pytest.approx(whole**-2, rel=0.05)
-    # every count is drawn within its axes, apart from the others and from each point; the legend lies below all axes
+    # every count is drawn within its axes and above the curve; the legend lies below all axes
     figure = figures.velocities_figure(gripper)
     figure.draw_without_rendering()
     (legend,) = figure.legends
     for ax, own in zip(figure.axes, gripper.velocities, strict=True):
         frame, boxes = ax.get_window_extent(), [t.get_window_extent() for t in ax.texts if t.get_text().startswith("×")]
         assert len(boxes) == np.unique(own.chosen.speeds).size
-        assert all(frame.x0 <= b.x0 and b.x1 <= frame.x1 and frame.y0 <= b.y0 and b.y1 <= frame.y1 for b in boxes)
-        assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+        assert all(frame.x0 <= b.x0 and b.x1 <= frame.x1 and b.y1 <= frame.y1 for b in boxes)
         points = np.concatenate([ax.transData.transform(line.get_xydata()) for line in ax.lines])
         assert max(y for _, y in points) < min(b.y0 for b in boxes)
         assert legend.get_window_extent().y1 < frame.y0
     assert 0 <= legend.get_window_extent().x0 < legend.get_window_extent().x1 <= figure.bbox.x1
 
 
-def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
-    """A caution names what the planned motion tells less of than the measured one by more than a tenth, and nothing else."""
-    # the planned motion leaves smaller relative errors than the motion of the embedded default, of its duration
-    motion, measured = gripper.motion, gripper.errors_of_measured
-    assert measured is not None
-    planned, so_far = (float(np.linalg.norm(x / gripper.start.estimate)) for x in (motion.errors, measured))
-    assert planned < so_far
-    better = motion.errors.copy()
-    better[gripper.free[0]] /= 1.2
-    better[gripper.free[1]] /= 1.05
-    told = replace(gripper, errors_of_measured=better)
-    (worse,) = (w for w in told.warnings if w.code == "motion-worse")
-    assert worse.numbers["names"] == (gripper.start.names[gripper.free[0]],)
-    alone = replace(gripper, errors_of_measured=None)
-    assert "motion-worse" not in {w.code for w in alone.warnings}
-    # for its own parameter each design is the best, what is known included: beside that for all, and evenly and log-spaced runs
+def test_designs_scatter_and_captions_are_the_plans(gripper: Plan) -> None:
+    """For its own parameter each design is the best, what is known included: beside that for all, and evenly and log-spaced runs."""
     for own in gripper.velocities:
         count = own.chosen.speeds.size
         spaced = [evaluate_design(own.problem, spaced_speeds(own.problem, count, kind)) for kind in ("log", "even")]
         for k, aim in enumerate(Stribeck._fields):
             alone = design(own.problem, count, aim)
             assert all(alone.errors[k] <= 1.01 * x.errors[k] for x in (own.chosen, *spaced))
-    # of many normal residuals both measures are their standard deviation; with few degrees of freedom both are the root mean square
+    # of many normal residuals the scatter is their standard deviation; with few degrees of freedom it is the root mean square
     residuals = np.random.default_rng(0).standard_normal(20_000)
-    rms = float(np.sqrt(np.mean(residuals**2)))
-    fit = replace(gripper.joint.static["+"], rms=rms, n=residuals.size, residuals=residuals)
-    assert scatter(fit) == pytest.approx((1.0, 1.0), rel=0.02)
-    few = replace(fit, n=5, residuals=residuals[:5], rms=0.3)
-    assert scatter(few) == pytest.approx((0.3 * 5**0.5,) * 2)
-    # captions have the plan's errors, ratios, runs and limits: the widest, the most, the first and the last
-    then = relative(gripper, gripper.standard_errors["with motion"])
-    now = relative(gripper, gripper.standard_errors["now"])
+    fit = replace(gripper.joint.static["+"], rms=1.0, n=residuals.size, residuals=residuals)
+    assert scatter(fit) == pytest.approx(1.0, rel=0.02)
+    assert scatter(replace(fit, n=5, residuals=residuals[:5], rms=0.3)) == pytest.approx(0.3 * 5**0.5)
+    # captions have the plan's errors, runs and limits: the widest, the first and the last
+    now, then = (relative(gripper, gripper.standard_errors[stage]) for stage in ("now", "with motion"))
     widest = int(np.argmax(then))
     numbers = [float(x) for x in re.findall(r"([\d.]+) %", said(gripper, "intervals"))]
     assert numbers == pytest.approx([then[widest], now[widest]], rel=0.05)
@@ -165,20 +147,13 @@ def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
     assert said(gripper, "motion").startswith(
         f"Peak velocity {peak:.3g} rad/s, {gripper.limits.velocity:.3g} rad/s allowed"
     )
-    assert said(gripper, "whole").startswith(
-        f"The plan takes {gripper.duration:.3g} s: 24 runs at constant velocity, 2 of"
-    )
-    # a parameter that the plan leaves open is named in place of the widest; one that it does not improve has the same error twice
+    # a parameter that the plan leaves open is the widest
     errors = gripper.standard_errors["with motion"].copy()
-    errors[[0, 2]] = np.inf, 3 * gripper.start.estimate[2]
+    errors[0] = np.inf
     opened = replace(gripper, standard_errors={**gripper.standard_errors, "with motion": errors})
-    assert (
-        said(opened, "intervals") == "Standard error over 200 %, not identifiable, even after the plan: α₀ (+), α₂ (+)."
+    assert said(opened, "intervals").startswith(
+        "Largest standard error expected after the plan: >200 % of α₀ (+), from "
     )
-    assert said(replace(opened, aim="sigma_0"), "intervals").count("% of σ₀") == 2
-    same = replace(gripper, standard_errors=dict.fromkeys(gripper.standard_errors, gripper.standard_errors["now"]))
-    numbers = re.findall(r"([\d.]+) %", said(same, "intervals"))
-    assert numbers[0] == numbers[1]
 
 
 def table_of(plan: Plan, name: str) -> pd.DataFrame:
@@ -211,7 +186,7 @@ def test_references_are_read_back(gripper: Plan) -> None:
         held.append(speed if own[V].max() == speed else -speed)
     wanted = [(-1 if d.direction == "-" else 1) * v for d in gripper.velocities for v in d.chosen.speeds]
     assert sorted(held) == pytest.approx(sorted(wanted))
-    # least squares of the written tracking reference gives the amplitudes that are stated and their phases, but for the fading at its ends
+    # the written tracking reference is the sum of the sines that are stated, but for the fading at its ends
     frame, stated = pd.read_csv(io.StringIO(gripper.reference_csv())), table_of(gripper, "lines")
     own = frame[frame["experiment"] == "tracking"]
     time = own["time (s)"].to_numpy() - own["time (s)"].iloc[0]
@@ -221,10 +196,6 @@ def test_references_are_read_back(gripper: Plan) -> None:
     position = own[Q].to_numpy()[kept]
     wanted = np.concatenate([stated["amplitude"], np.zeros(len(stated)), [np.mean(gripper.limits.position)]])
     assert columns[kept] @ wanted == pytest.approx(position, abs=1e-9)
-    distinct = np.diff(stated["frequency"].to_numpy()).min() > 0.05
-    if distinct:
-        found = np.linalg.lstsq(columns[kept], position, rcond=None)[0]
-        assert found == pytest.approx(wanted, abs=1e-6)
     said = bristle.report_of(gripper).text().split("tracking, ")[1].splitlines()[0]
     assert all(
         f"{a:.2g} rad at {f:.2g} Hz" in said for a, f in zip(stated["amplitude"], stated["frequency"], strict=True)
@@ -296,7 +267,7 @@ def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
         bristle.plan(path, velocities=4, aim="inertia")
     path.write_text(bare + "inertia: 1.3e-3 +/- 1e-4 kg*m**2\n")
     assert "inertia" in bristle.plan(path, velocities=4).to_frame()["parameter"].tolist()
-    # ten times the noise in one direction, and one far point, leave the other's noise as it is; the far point does not rule, and is said
+    # ten times the noise in one direction, and one far point, leave the other's noise as it is; the far point does not rule
     v = np.geomspace(0.2 * TRUTH.v_s, 0.8, 40)
     rng = np.random.default_rng(1)
     T = steady_points(TRUTH, v, 0.0, rng, 1)[0]
@@ -313,10 +284,6 @@ def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
     assert [d.problem.noise for d in found.velocities] == [found.start.noise[d.direction] for d in found.velocities]
     said = {d.numbers["direction"]: d.numbers for d in of_kind(found.assumptions, "noise-of-points")}
     assert {d: x["scatter"] for d, x in said.items()} == found.start.noise
-    assert said[Direction.POSITIVE]["ratio"] > 1.5
-    assert said[Direction.NEGATIVE]["ratio"] < 1.5
-    (outliers,) = (str(x) for x in of_kind(found.assumptions, "noise-of-points") if "outliers" in str(x))
-    assert outliers.startswith("Noise (+): ")
 
 
 @pytest.mark.usefixtures("raster")
@@ -330,7 +297,7 @@ def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     assert planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--for", "v_s").code == 0
     assert (tmp_path / "next.csv").read_bytes() == first
     page, found = page_text(tmp_path / "page" / "index.html"), findings(page_text(tmp_path / "page" / "index.html"))
-    assert len(found) == page.count("<svg") == len(list((tmp_path / "page" / "figures").glob("*.png"))) == 4
+    assert len(found) == page.count("<svg") == len(list((tmp_path / "page" / "figures").glob("*.png"))) == 3
     assert all(NUMBER.search(finding) for finding in found), found
     assert_tables_are_named(tmp_path / "page")
     assert "nan" not in page.lower().replace("resonan", "")
@@ -466,7 +433,7 @@ def test_each_caption_begins_with_a_number(tmp_path: Path, aim: str, both: bool,
         text = text.replace("{name: ", "{kind: prismatic, name: ").replace("rad/s", "m/s").replace("N*m", "N")
     path.write_text(text)
     found = [*captions(bristle.plan(path, velocities=4, aim=aim)).values()]
-    assert len(found) == 4
+    assert len(found) == 3
     assert all(NUMBER.search(finding) for finding in found), found
     assert not re.search("nan|inf|None|e[+-]0", " ".join(found))
     assert kind == "revolute" or "rad" not in " ".join(found)
@@ -513,6 +480,7 @@ def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
     assert errors[-1] < 0.9 * errors[0]
     assert "v_end" not in {name.name for name in plan.start.names}
     assert any(row.startswith(own) for row in plan.to_frame()["parameter"])
+    assert (own == OWN[OUTSIDE]) == ("β" in bristle.report_of(plan).html())  # its symbol, also of a law from outside
     # the scatter of fits under the law is the prediction within a fifth, for planned and for spaced runs
     for x in plan.velocities:
         own, count = (
@@ -521,7 +489,7 @@ def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
         )
         spaced = (spaced_speeds(own, count, kind) for kind in ("log", "even"))
         for spread in (design(own, count, x.chosen.aim).speeds, *spaced):
-            assert simulated_errors(own, spread) == pytest.approx(evaluate_design(own, spread).alone, rel=0.2)
+            assert simulated_errors(own, spread) == pytest.approx(evaluate_design(own, spread).errors, rel=0.2)
     # before the law is known any law's parameter counts, then its own alone, v_end never; it takes as many runs
     check_plan(12, "alpha_3")
     for aim in ("v_end", "stiffness"):
@@ -545,12 +513,6 @@ def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
     assert str(shape).endswith("in the middle of where it is looked for.")
 
 
-@pytest.mark.parametrize("plan", [OUTSIDE], indirect=True)
-def test_the_page_has_the_laws_own_parameter(plan: Plan, tmp_path: Path) -> None:
-    """Its symbol stands there, also of a law from outside."""
-    assert "β" in page_text(bristle.report_of(plan).write(tmp_path / "page"))
-
-
 @pytest.mark.usefixtures("known")
 @pytest.mark.parametrize("law", OWN)
 def test_runs_planned_for_the_laws_own_parameter_beat_spaced_ones(law: str) -> None:
@@ -558,7 +520,7 @@ def test_runs_planned_for_the_laws_own_parameter_beat_spaced_ones(law: str) -> N
     own, k = problem(law), problem(law).names.index(OWN[law])
     planned = design(own, 10, OWN[law])
     others = [design(own, 10), *(evaluate_design(own, spaced_speeds(own, 10, kind)) for kind in ("log", "even"))]
-    assert planned.alone[k] < min(x.alone[k] for x in others)
+    assert planned.errors[k] < min(x.errors[k] for x in others)
     # the derivative of steady torque by each parameter that is estimated is its central difference, to 1e-6
     p, v = truth_of(law), np.geomspace(0.01, 1.2, 30)
     found = static_jacobian(v, p)

@@ -68,10 +68,10 @@ def test_planned_velocities_are_the_best() -> None:
     """Twelve runs planned for v_s alone give it at most 0.67 times the standard error of twelve log-spaced ones; simulated fits agree."""
     own = problem()
     planned, log = design(own, RUNS, "v_s"), evaluate_design(own, spaced_speeds(own, RUNS, "log"))
-    assert planned.alone[3] <= 0.67 * log.alone[3]
+    assert planned.errors[3] <= 0.67 * log.errors[3]
     seen = [simulated_errors(own, speeds, 20_000)[3] for speeds in (planned.speeds, log.speeds)]
     assert seen[0] <= 0.67 * seen[1]
-    assert seen[0] == pytest.approx(planned.alone[3], rel=0.05)
+    assert seen[0] == pytest.approx(planned.errors[3], rel=0.05)
     # far above v_s, where the peak's information is zero to the last digit, Coulomb and viscous friction are planned as without a peak
     own = problem(low=40.0, high=80 * P.v_s)
     assert not (static_jacobian(np.array([own.low]), P)[0, [1, 3]] ** 2).any()
@@ -101,7 +101,7 @@ def test_planned_velocities_are_the_best() -> None:
     found = design(own, 6, "v_s")
     together = evaluate_design(problem(), np.concatenate([first, found.speeds]))
     assert found.errors == pytest.approx(together.errors, rel=1e-6)
-    assert (found.errors < found.alone).all()
+    assert (found.errors < evaluate_design(problem(), found.speeds).errors).all()
     assert found.errors[3] < evaluate_design(own, design(problem(), 6, "v_s").speeds).errors[3]
     # with v_s known to a factor of two, the averaged design is worse at the estimate, and better at half of it
     averaged, local = design(problem(relative=0.7), RUNS, "v_s"), design(problem(), RUNS, "v_s")
@@ -112,7 +112,7 @@ def test_planned_velocities_are_the_best() -> None:
     # at little noise the scatter of fits of simulated runs is the predicted standard error of each parameter, within 3 %
     own = problem(noise=5e-4 * P.alpha_0)
     speeds = spaced_speeds(own, RUNS, "log")
-    assert simulated_errors(own, speeds, 20_000) == pytest.approx(evaluate_design(own, speeds).alone, rel=0.03)
+    assert simulated_errors(own, speeds, 20_000) == pytest.approx(evaluate_design(own, speeds).errors, rel=0.03)
     # their middle and geometric mean are the estimate; they spread with its error, and all are the estimate where it has none
     nodes = nodes_of(P.v_s, 0.3)
     assert nodes[2] == pytest.approx(P.v_s)

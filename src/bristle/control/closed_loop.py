@@ -56,20 +56,8 @@ class Trajectory:
 
     def rms_error(self, since: float = 0.0) -> Array:
         """Rms position error from a time on, rad, (cases,)."""
-        return self._rms(self.error, since)
-
-    def rms_torque(self, since: float = 0.0) -> Array:
-        """Rms torque command from a time on, N*m, (cases,)."""
-        return self._rms(self.torque, since)
-
-    def chatter(self, since: float = 0.0) -> Array:
-        """Total variation of the torque command per second, N*m/s, (cases,)."""
-        kept = self.time >= since
-        return np.asarray(np.abs(np.diff(self.torque[:, kept], axis=1)).sum(axis=1) / float(np.ptp(self.time[kept])))
-
-    def _rms(self, values: Array, since: float) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):  # of a loop that diverges
-            return np.asarray(np.sqrt(np.mean(values[:, self.time >= since] ** 2, axis=1)))
+            return np.asarray(np.sqrt(np.mean(self.error[:, self.time >= since] ** 2, axis=1)))
 
 
 def simulate(

@@ -23,7 +23,7 @@ AMPLITUDES = (0.1, 0.25, 0.5, 1.0, 2.0)
 
 
 class Errors(NamedTuple):
-    """A row of Fig. 8: RMS errors of one joint, rad, and torques, N*m."""
+    """A row of Fig. 8: RMS errors of one joint, rad."""
 
     joint: str
     frequency: float  # Hz
@@ -32,8 +32,6 @@ class Errors(NamedTuple):
     true: float  # LuGre feed-forward with the plant's parameters
     identified: float  # with the identified parameters
     adaptive: float  # with adaptation, initialised at the identified parameters
-    torque_without: float  # RMS torque command without friction compensation
-    torque_with: float  # with the identified parameters
 
 
 def errors(loop: JointLoop) -> tuple[Errors, ...]:
@@ -57,9 +55,8 @@ def errors(loop: JointLoop) -> tuple[Errors, ...]:
                 f"{loop.name}: the loop diverges with {loop.compensator.name}, the gains of its PID and a period of {loop.period:g} s; choose lugre, "
                 "lower adapt.gains or a shorter adapt.period"
             )
-        asked, given = (t.rms_torque(SETTLE).tolist() for t in (bare, steady))
         rows += [
-            Errors(loop.name, f, inertia, without[k], fed[k], fed[2 + k], adaptive[k], asked[k], given[2 + k])
+            Errors(loop.name, f, inertia, without[k], fed[k], fed[2 + k], adaptive[k])
             for k, f in enumerate(frequencies)
         ]
     return tuple(sorted(rows, key=lambda row: (row.frequency, row.inertia)))

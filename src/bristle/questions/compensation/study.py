@@ -43,18 +43,18 @@ class Study:
     replays: tuple[Replay, ...] = ()
 
     def to_frame(self) -> "pd.DataFrame":
-        """Fig. 8: a row per joint, frequency and inertia feed-forward; errors in rad (m), torques in N*m (N)."""
+        """Fig. 8: a row per joint, frequency and inertia feed-forward; errors in rad (m)."""
         import pandas as pd
 
         rows = [(*x, *(share / x.without for share in (x.true, x.identified, x.adaptive))) for x in self.errors]
         columns = [
-            "joint", "frequency", "inertia_feed_forward", "without", "true_model", "identified_model", "adaptive", "torque_without",
-            "torque_with", "true_share", "identified_share", "adaptive_share",
+            "joint", "frequency", "inertia_feed_forward", "without", "true_model", "identified_model", "adaptive",
+            "true_share", "identified_share", "adaptive_share",
         ]  # fmt: skip  # a list of names
         return pd.DataFrame(rows, columns=columns)
 
     def tables(self) -> "dict[str, pd.DataFrame]":
-        """Tables by file name; errors in rad (m), torques in N*m (N), energy in J, errors of replays in percent."""
+        """Tables by file name; errors in rad (m), errors of replays in percent."""
         import pandas as pd
 
         # Table 2: original value of each adapted parameter, and initial, early, final and the paper's ratio to it.
@@ -76,9 +76,7 @@ class Study:
             for at, row in zip(places, of_name, strict=True)
             for frequency, share in zip(m.frequencies.tolist(), row, strict=True)
         ]
-        replayed = [
-            (x.file, x.begun, x.adaptation.law, *x.relative_errors(), x.shares, str(x.verdict)) for x in self.replays
-        ]
+        replayed = [(x.file, x.adaptation.law, *x.relative_errors(), x.shares, str(x.verdict)) for x in self.replays]
         frames = {
             "compensation_errors": self.to_frame(),
             "table_2": pd.DataFrame(table_2, columns=of_table_2).astype({"paper": float}),
@@ -86,7 +84,7 @@ class Study:
             "drift": pd.DataFrame(self.drifts, columns=list(Drift._fields)),
             "ablation": pd.DataFrame(self.ablation, columns=list(AblationRow._fields)),
         }  # fmt: skip  # a table
-        columns = ["file", "begun", "law", "gains_of_1", "adapted", "shares", "verdict"]
+        columns = ["file", "law", "gains_of_1", "adapted", "shares", "verdict"]
         return frames | ({"replay": pd.DataFrame(replayed, columns=columns)} if replayed else {})
 
 
@@ -131,22 +129,18 @@ def outcomes_of(study: Study) -> Iterator[Finding]:
     first, q = study.loops[0], thousandths(study)
     for row in study.errors:
         if not row.inertia:
-            without, identified, adaptive = 1e3 * row.without, 1e3 * row.identified, 1e3 * row.adaptive
-            identified_percent, adaptive_percent = 100 * row.identified / row.without, 100 * row.adaptive / row.without
-            message = (
-                f"{row.joint}, {row.frequency:g} Hz: RMS error {without:.3g} {q} without, {identified:.3g} {q} "
-                f"({identified_percent:.2g} %) with and {adaptive:.3g} {q} ({adaptive_percent:.2g} %) with adaptive compensation."
+            identified, adaptive = (
+                f"{1e3 * x:.3g} {q} ({100 * x / row.without:.2g} %)" for x in (row.identified, row.adaptive)
             )
-            numbers = {
-                "joint": row.joint, "frequency": row.frequency, "without": without, "unit": q, "identified": identified,
-                "identified_percent": identified_percent, "adaptive": adaptive, "adaptive_percent": adaptive_percent,
-            }  # fmt: skip  # a list of values
-            yield Finding("errors-compensated", NOTE, message, numbers)
+            message = (
+                f"{row.joint}, {row.frequency:g} Hz: RMS error {1e3 * row.without:.3g} {q} without, {identified} with and {adaptive} with "
+                "adaptive compensation."
+            )
+            yield Finding("errors-compensated", NOTE, message, row._asdict())
     reference = "true" if study.paper else "identified"
     for x in study.adapted.factors:
         message = f"{first.name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f} of its {reference} value."
-        numbers = {"joint": first.name, "law": x.law, "name": x.parameter, "initial": x.initial, "final": x.final}
-        yield Finding("adapted-to", NOTE, message, numbers)
+        yield Finding("adapted-to", NOTE, message, x._asdict())
 
 
 def worth_of_each(study: Study) -> Iterator[tuple[str, str]]:

@@ -180,7 +180,7 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
                 e = Estimate(value=values[name], unit=unit(name, joint.kind))
                 source = "assumed" if name in missing else "given"
             rows.append(_exported(ParameterName(name, d), e, source))
-    said = [*_assumed(known, ways, rows, joint.kind, J)]
+    said = _assumed(known, ways, rows, joint.kind, J)
     for row in chosen(joint):  # without a direction
         if not parameters.of_friction(row.parameter.name) and row.estimate.value is not None:
             shared = ParameterName.parse(str(row.parameter))
@@ -214,13 +214,12 @@ def _priors(e: Estimate) -> list[Finding]:
 
 def _assumed(
     known: KnownJoint, ways: Sequence[Direction], rows: Sequence[ExportedParameter], kind: Kind, J: float | None
-) -> Iterator[Finding]:
+) -> list[Finding]:
     """What was assumed of each direction, once where it is the same of both."""
-    of_each = [x for d in ways for x in _assumed_of(known, d, d, rows, kind, J)]
-    of_both = [x for d in ways for x in _assumed_of(known, d, Direction.BOTH, rows, kind, J)]
-    for own, both in zip(of_each, of_both, strict=True):
-        numbers = {**both.numbers, "direction": Direction.BOTH}
-        yield replace(both, numbers=numbers) if of_both.count(both) > 1 else own
+    first, *others = ([*_assumed_of(known, d, Direction.BOTH, rows, kind, J)] for d in ways)
+    if others and first != others[0]:
+        return [x for d in ways for x in _assumed_of(known, d, d, rows, kind, J)]
+    return first
 
 
 def _assumed_of(
