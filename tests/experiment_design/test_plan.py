@@ -28,7 +28,7 @@ from bristle.simulation.edro import experiments
 from ..conftest import TRUTH, Ran, few_motions_tried, run, speeds, write
 from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of
 from ..pages import assert_tables_are_named, findings, page_text
-from ..sameness import held, of_kind, without_sentences
+from ..sameness import of_kind
 from .simulated_fits import simulated_errors, spaced_speeds
 
 PARTS = ("now", "with velocities", "with loading", "with motion")
@@ -260,9 +260,6 @@ def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
     assert "inertia" not in found.to_frame()["parameter"].tolist()
     assert "\n  inertia" not in bristle.report_of(found).text()
     assert of_kind(found.assumptions, "inertia-exact")[0].numbers == {"J": 1.3e-3}
-    (ax,) = figures.intervals_figure(found).axes
-    assert len(ax.get_yticks()) == 12
-    assert ax.get_xlim()[0] > 1e-3
     with pytest.raises(ValueError, match="the inertia is given as exact"):
         bristle.plan(path, velocities=4, aim="inertia")
     path.write_text(bare + "inertia: 1.3e-3 +/- 1e-4 kg*m**2\n")
@@ -289,13 +286,10 @@ def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("raster")
 def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     """The page, its figures and tables are written, with the references; each caption says a number with a unit at once, each table has a name."""
-    # a second run leaves the same; references that have other bytes by then are not written over, which is said
+    # references that have other bytes by then are not written over, which is said
     ran = planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--page", tmp_path / "page", "--for", "v_s")
     assert ran.code == 0, ran.err
     assert "for v_s" in ran.words
-    first = (tmp_path / "next.csv").read_bytes()
-    assert planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--for", "v_s").code == 0
-    assert (tmp_path / "next.csv").read_bytes() == first
     page, found = page_text(tmp_path / "page" / "index.html"), findings(page_text(tmp_path / "page" / "index.html"))
     assert len(found) == page.count("<svg") == len(list((tmp_path / "page" / "figures").glob("*.png"))) == 3
     assert all(NUMBER.search(finding) for finding in found), found
@@ -309,33 +303,12 @@ def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     assert (tmp_path / "next.csv").read_text() == "time,position\n0,0\n"
 
 
-def plan_of_one_direction(folder: Path) -> Plan:
-    """Of points of one direction, whose slowest constant speed is beyond v_s."""
-    path = write(folder, speeds(both=False))
-    path.write_text(path.read_text() + "plan: {minimum_velocity: 0.1 rad/s}\n")
-    with few_motions_tried():
-        return bristle.plan(path, velocities=4)
-
-
-@pytest.fixture(scope="module")
-def one_direction(tmp_path_factory: pytest.TempPathFactory) -> Plan:
-    return plan_of_one_direction(tmp_path_factory.mktemp("one"))
-
-
-@pytest.mark.slow
-def test_no_sentence_decides_on_a_plan(one_direction: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With every template replaced by its kind's name a plan comes out the same in every number and warning."""
-    without_sentences(monkeypatch)
-    second = plan_of_one_direction(tmp_path)
-    assert held(second) == held(one_direction)
-    assert [warning.code for warning in second.warnings] == [warning.code for warning in one_direction.warnings]
-    assert one_direction.reference_csv() == second.reference_csv()
-
-
-def test_what_is_not_known_is_guessed_and_said(one_direction: Plan) -> None:
+def test_what_is_not_known_is_guessed_and_said(tmp_path: Path) -> None:
     """Points of one direction: bristle, inertia and the other direction are guesses that the plan names, never nan."""
     # where constant velocities begin above v_s, it says that slower ones would show more
-    found = one_direction
+    path = write(tmp_path, speeds(both=False))
+    path.write_text(path.read_text() + "plan: {minimum_velocity: 0.1 rad/s}\n")
+    found = bristle.plan(path, velocities=4)
     guessed = {"sigma_0+", "sigma_1+", "sigma_0-", "sigma_1-"}
     assert guessed <= set(map(str, found.start.guessed))
     (taken,) = of_kind(found.assumptions, "direction-taken")

@@ -64,7 +64,7 @@ def loss(own: DesignProblem, found: Design) -> float:
     return -float(np.mean(each))
 
 
-def test_planned_velocities_are_the_best() -> None:
+def test_planned_velocities_are_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
     """Twelve runs planned for v_s alone give it at most 0.67 times the standard error of twelve log-spaced ones; simulated fits agree."""
     own = problem()
     planned, log = design(own, RUNS, "v_s"), evaluate_design(own, spaced_speeds(own, RUNS, "log"))
@@ -113,31 +113,15 @@ def test_planned_velocities_are_the_best() -> None:
     own = problem(noise=5e-4 * P.alpha_0)
     speeds = spaced_speeds(own, RUNS, "log")
     assert simulated_errors(own, speeds, 20_000) == pytest.approx(evaluate_design(own, speeds).errors, rel=0.03)
-    # their middle and geometric mean are the estimate; they spread with its error, and all are the estimate where it has none
+    # middle and geometric mean of the nodes are the estimate; they spread with its error
     nodes = nodes_of(P.v_s, 0.3)
-    assert nodes[2] == pytest.approx(P.v_s)
-    assert np.exp(np.log(nodes).mean()) == pytest.approx(P.v_s)
+    assert (nodes[2], np.exp(np.log(nodes).mean())) == pytest.approx((P.v_s, P.v_s))
     assert np.ptp(nodes_of(P.v_s, 0.6)) > 1.5 * np.ptp(nodes)
-    assert nodes_of(P.v_s, 0.0) == pytest.approx(np.full(5, P.v_s))
-
-
-def test_planned_velocities_win_in_every_range(monkeypatch: pytest.MonkeyPatch) -> None:
-    """For v_s and alpha_1, the runs planned for it are at least as good as spaced ones of the same range."""
-    for low, high in ((0.05, 0.8), (1.0, 0.8), (0.15, 0.3)):
-        own = problem(low, high)
-        for k, aim in ((1, "alpha_1"), (3, "v_s")):
-            found = design(own, RUNS, aim)
-            assert found.aim == aim
-            assert all(
-                found.errors[k] <= evaluate_design(own, spaced_speeds(own, RUNS, kind)).errors[k]
-                for kind in ("log", "even")
-            )
-    # ten times as many speeds to choose from lower no design's criterion by 1 %
-    for aim in ("all", "alpha_1"):
-        own, judged = problem(), velocities._Criterion(problem(), aim)
-        usual = judged.value(design(own, RUNS, aim).speeds)
-        monkeypatch.setattr(velocities, "CANDIDATES", 10 * velocities.CANDIDATES)
-        assert usual <= judged.value(design(own, RUNS, aim).speeds) + 0.01
+    # ten times as many speeds to choose from lower the criterion by less than 1 %
+    own, judged = problem(), velocities._Criterion(problem(), "all")
+    usual = judged.value(design(own, RUNS).speeds)
+    monkeypatch.setattr(velocities, "CANDIDATES", 10 * velocities.CANDIDATES)
+    assert usual <= judged.value(design(own, RUNS).speeds) + 0.01
 
 
 @settings(max_examples=30)
@@ -299,37 +283,27 @@ def test_loading_is_planned_for_the_error_that_it_has() -> None:
     # half the noise is half the error where g0 is known; longer rises and finer encoders are no worse; an unsure g0 lowers the peak
     fine = P.alpha_0 / P.sigma_0 / 500
     known = design_loading(Direction.POSITIVE, P, 0.0, 1e-4, fine)
-    row, column = loading.RISES.tolist().index(known.rise), loading.PEAKS.tolist().index(known.share)
     scatter, viscous, _ = loading_errors(P, 0.0, 1e-4, fine, loading.RISES)
-    assert (scatter[row, column], viscous[row, column]) == (known.noise_error, known.viscous_share)
-    assert loading_errors(P, 0.0, 5e-5, fine, loading.RISES)[0][row, column] == pytest.approx(known.noise_error / 2)
+    halved = loading_errors(P, 0.0, 5e-5, fine, loading.RISES)[0]
+    assert halved[np.isfinite(halved)] == pytest.approx(scatter[np.isfinite(scatter)] / 2)
     assert (np.diff(np.hypot(scatter, viscous * P.sigma_0), axis=0) <= 1e-9).all()
     assert known.error <= design_loading(Direction.POSITIVE, P, 0.0, 1e-4, 20 * fine).error
-    assert known.peak == pytest.approx(known.share * (P.alpha_0 + P.alpha_1))
     unsure = design_loading(Direction.POSITIVE, P, 0.005 * P.alpha_0, 1e-4, fine)
-    assert unsure.share < known.share
-    assert unsure.error > known.error
-    reach = float(evaluate(functions.loading_displacement_function(), known.peak, P.alpha_0 + P.alpha_1, P.sigma_0)[0])
-    assert known.counts == pytest.approx(reach / fine)
+    assert (unsure.share < known.share, unsure.error > known.error) == (True, True)
+    reach = float(evaluate(functions.loading_displacement_function(), known.share * g0, g0, P.sigma_0)[0])
+    assert (known.peak, known.counts) == pytest.approx((known.share * g0, reach / fine))
     assert design_loading(Direction.POSITIVE, P, 0.0, 1e-4, fine, share=0.5).rise == known.rise / 2
     # with hardly any noise the slowest rise is planned, its error is the viscous share; ten times the damping never makes the error smaller
     quiet = design_loading(Direction.POSITIVE, P, 0.0, 1e-9, 0.0)
     assert quiet.rise == loading.RISES[-1]
     assert quiet.error == pytest.approx(quiet.viscous_share * P.sigma_0, rel=1e-3)
-    usual = design_loading(Direction.POSITIVE, P, 0.001 * P.alpha_0, 1e-4, 0.0)
+    sets = (P, P._replace(sigma_1=10 * P.sigma_1))
+    usual, damped = (design_loading(Direction.POSITIVE, p, 0.001 * P.alpha_0, 1e-4, 0.0) for p in sets)
     assert usual.error == pytest.approx(np.hypot(usual.noise_error, usual.viscous_share * P.sigma_0))
-    more = P._replace(sigma_1=10 * P.sigma_1)
-    damped = design_loading(Direction.POSITIVE, more, 0.001 * P.alpha_0, 1e-4, 0.0)
-    assert damped.error > usual.error
-    assert damped.share <= usual.share
-    found = (loading_errors(p, 0.001 * P.alpha_0, 1e-4, 0.0, loading.RISES)[:2] for p in (P, more))
-    of_usual, of_damped = (np.hypot(scatter, viscous * P.sigma_0) for scatter, viscous in found)
-    assert (of_damped >= of_usual).all()
+    assert (damped.error > usual.error, damped.share <= usual.share) == (True, True)
     # where the joint moves less than two counts below breakaway the error is infinite, and the peak the highest
     coarse = design_loading(Direction.NEGATIVE, P, 0.0, 1e-4, 1.1 * P.alpha_0 / P.sigma_0)
-    assert coarse.error == np.inf
-    assert coarse.counts < 2
-    assert coarse.share == loading.PEAKS[-1]
+    assert (coarse.error, coarse.counts < 2, coarse.share) == (np.inf, True, loading.PEAKS[-1])
 
 
 @pytest.mark.parametrize("share", [0.4, 0.6, 0.8])
