@@ -68,13 +68,11 @@ def test_errors_are_those_of_fig_8(rows: dict[tuple[str, float, bool], Errors]) 
 
 
 def test_studies_show_what_the_paper_shows(rows: dict[tuple[str, float, bool], Errors]) -> None:
-    """A right model errs as the true one does; one with a wrong alpha_0 errs more, adapted less again, and torque is what friction asks for."""
+    """A right model errs as the true one does; one with a wrong alpha_0 errs more, and adapted less again."""
     wrong = rows["gripper rotation", 0.2, True]
     assert wrong.true < wrong.adaptive < 0.5 * wrong.identified
     for name in (*FIG_8,)[1:]:
-        row = rows[name, 0.2, False]
-        assert row.identified == row.true
-        assert row.torque_with == pytest.approx(row.torque_without, rel=0.1)
+        assert rows[name, 0.2, False].identified == rows[name, 0.2, False].true
     # figs 5 to 7 hold two periods of the slow sine; with the model the error is less than a tenth of that without
     one = joint_loop()
     runs = followed(one)
@@ -90,10 +88,10 @@ def test_adaptation_is_table_2_and_its_maps_hold_it(monkeypatch: pytest.MonkeyPa
     """The gripper one way, from 0.3 alpha_0 and 0.5 alpha_2: `partial` ends within 0.02 of 0.84 and 1.05, `printed` leaves alpha_0 at 0.30."""
     found = adapted(one_way(joint_loop()))
     by = {(f.law, f.parameter): f for f in found.factors}
-    assert [*by] == [(law, name) for law in LAWS for name in ("alpha_0", "alpha_2")]
+    assert [(*key, f.initial) for key, f in by.items()] == [
+        (law, name, start) for law in LAWS for name, start in (("alpha_0", 0.3), ("alpha_2", 0.5))
+    ]
     assert [*found.runs] == ["not adapted", *LAWS]
-    assert {f.initial for (_, name), f in by.items() if name == "alpha_0"} == {0.3}
-    assert {f.initial for (_, name), f in by.items() if name == "alpha_2"} == {0.5}
     assert by["partial", "alpha_0"].final == pytest.approx(0.84, abs=0.02)
     assert by["partial", "alpha_2"].final == pytest.approx(1.05, abs=0.02)
     assert by["partial", "alpha_0"].early > 0.80
@@ -114,8 +112,7 @@ def test_adaptation_is_table_2_and_its_maps_hold_it(monkeypatch: pytest.MonkeyPa
     one = one_way(joint_loop(adaptation=Adaptation(gamma=(20.0, 10.0)), frequency=0.6, amplitude=0.8))
     found = map_adaptation(one)
     ends = [f.final for f in adapted(one).factors if f.law == "partial"]
-    assert found.by_gamma.shape == (2, 3, 2)
-    assert found.by_amplitude.shape == (2, 3, 2)
+    assert found.by_gamma.shape == found.by_amplitude.shape == (2, 3, 2)
     np.testing.assert_allclose(found.by_gamma[:, 0, 1], ends, rtol=1e-12)
     np.testing.assert_allclose(found.by_amplitude[:, 0, 1], ends, rtol=1e-12)
     np.testing.assert_allclose(found.by_amplitude[:, 0, 0], found.by_gamma[:, 0, 0], rtol=1e-12)
@@ -139,12 +136,11 @@ def test_drifts_are_told_of_every_way_with_the_known_model_first() -> None:
     ]
     for first in (0, 6):
         known, fixed, slow, quick, *_ = found[first : first + 6]
-        assert known.over_known == 1.0
         assert np.isnan([known.gamma, fixed.gamma, known.largest_gain, fixed.largest_gain]).all()
         assert (slow.gamma, quick.gamma) == (5.0, 20.0)
-        assert fixed.over_known == max(r.over_known for r in found[first : first + 6])
-        for row in found[first : first + 6]:
-            assert row.over_known == pytest.approx(row.rms_error / known.rms_error)
+        over = [row.over_known for row in found[first : first + 6]]
+        assert over == pytest.approx([row.rms_error / known.rms_error for row in found[first : first + 6]])
+        assert fixed.over_known == max(over)
     assert found[9].over_known < 1.5
     assert found[7].over_known > 2
     assert found[9].largest_gain == pytest.approx(1.5, abs=0.1)
@@ -163,13 +159,10 @@ def test_the_band_holds_the_truth_that_it_was_drawn_for() -> None:
     model, _ = spread(GRIPPER, rng, 0.05)
     one = joint_loop(model=model, period=2e-3)
     narrow, wide = (
-        band(replace(one, draws=tuple(spread(model, rng, share) for _ in range(40)))) for share in (0.05, 0.15)
+        present(band(replace(one, draws=tuple(spread(model, rng, share) for _ in range(40))))) for share in (0.05, 0.15)
     )
-    assert narrow is not None
-    assert wide is not None
     low, middle, high = narrow.rms
-    assert low < narrow.rms_actual < high
-    assert low < middle < high
+    assert low < min(middle, narrow.rms_actual) <= max(middle, narrow.rms_actual) < high
     inside = (narrow.lower <= narrow.actual) & (narrow.actual <= narrow.upper)
     assert inside.mean() > 0.8
     assert wide.rms[2] > narrow.rms[2]
@@ -182,9 +175,7 @@ def test_the_band_holds_the_truth_that_it_was_drawn_for() -> None:
     draws, by_constants = (tuple(spread(GRIPPER, rng, 0.1) for _ in range(20)) for _ in range(2))
     one = joint_loop(period=2e-3, draws=draws)
     assert band(replace(one, draws=())) is None
-    without, beside = band(one), band(replace(one, draws_by_constants=by_constants))
-    assert without is not None
-    assert beside is not None
+    without, beside = (present(band(x)) for x in (one, replace(one, draws_by_constants=by_constants)))
     assert without.rms_systematic is None
     assert beside.rms == pytest.approx(without.rms)
     alone = present(band(replace(one, draws=by_constants)))
@@ -226,18 +217,14 @@ def test_a_study_shows_itself(compensated: Study, tmp_path: Path) -> None:
     assert frame["identified_model"].tolist() == [row.identified for row in compensated.errors]
     assert (frame["true_share"] * frame["without"]).tolist() == pytest.approx([row.true for row in compensated.errors])
     # one line each, without inertia feed-forward, with what is left of the error and where each factor ends
-    found = list(outcomes_of(compensated))
+    found, lines = list(outcomes_of(compensated)), report_of(compensated).text().splitlines()
     plain = [row for row in compensated.errors if not row.inertia]
-    factors = compensated.adapted.factors
-    assert report_of(compensated).text().splitlines() == list(map(str, found))
-    assert [x.code for x in found] == ["errors-compensated"] * len(plain) + ["adapted-to"] * len(factors)
-    for said, row in zip(found, plain, strict=False):
-        assert said.numbers["unit"] == "mrad"
-        assert (said.numbers["without"], said.numbers["identified"]) == (1e3 * row.without, 1e3 * row.identified)
-        assert said.numbers["identified_percent"] == 100 * row.identified / row.without
-    for said, factor in zip(found[len(plain) :], factors, strict=True):
-        ends = {"law": factor.law, "name": factor.parameter, "initial": factor.initial, "final": factor.final}
-        assert ends.items() <= said.numbers.items()
+    assert [x.numbers for x in found] == [row._asdict() for row in (*plain, *compensated.adapted.factors)]
+    assert lines == list(map(str, found))
+    row, factor = plain[0], compensated.adapted.factors[0]
+    left = f"{1e3 * row.identified:.3g} mrad ({100 * row.identified / row.without:.2g} %) with"
+    assert f"RMS error {1e3 * row.without:.3g} mrad without, {left} and " in lines[0]
+    assert f"{factor.parameter} from 0.3 to {factor.final:.3f} of its identified value." in lines[len(plain)]
     # each caption begins with SIMULATED; each figure has a name of its own
     drawn = [x for own in sections(compensated) for x in own.drawings]
     assert all(x.simulated for x in drawn)
@@ -292,13 +279,12 @@ def test_every_way_under_each_circumstance(tried: tuple[AblationRow, ...]) -> No
     """One row for every compensator, encoder, delay and share, and one without compensation, which has no share."""
     expected = [(way, 20, d, s) for way in WAYS for d in (0, 5) for s in (SHARES if way != "none" else (0.0,))]
     assert [(r.compensator, r.encoder_bits, r.delay, r.share) for r in tried] == expected
-    assert all(np.isfinite([r.rms_error, r.over_none, r.chatter]).all() for r in tried)
-    # `none` without delay is what all others are relative to, and leads nowhere
+    assert all(np.isfinite([r.rms_error, r.over_none]).all() for r in tried)
+    # `none` without delay is what all others are relative to
     assert of(tried, "none")[0.0].over_none == 1.0
     bare = of(tried, "none")[0.0].rms_error
     for row in tried:
         assert row.over_none == pytest.approx(row.rms_error / bare)
-    assert not any(r.over_compensated for r in tried if r.compensator == "none")
     # LuGre by reference velocity: with all of the true friction the error is less than half of that with any other share
     found = of(tried, LUGRE)
     assert all(found[1.0].rms_error < 0.5 * row.rms_error for share, row in found.items() if share != 1.0)
@@ -317,15 +303,6 @@ def test_every_way_under_each_circumstance(tried: tuple[AblationRow, ...]) -> No
     case = replace(one.case(), resolution=trying._count(one, 20))
     run = simulate(LoopOptions(compensator=Compensator(share=0.5), encoder=True), [case], course, one.period)
     assert of(tried, LUGRE)[0.5].rms_error == pytest.approx(np.sqrt(np.mean(run.error[0, moving] ** 2)), rel=1e-9)
-
-
-@pytest.mark.parametrize("way", [way for way in WAYS if way.startswith(("LuGre", "Stribeck"))])
-def test_more_than_all_of_the_friction_is_marked(tried: tuple[AblationRow, ...], way: str) -> None:
-    """With the whole curve at 150 % the joint leads its reference and is marked over-compensated; at 50 % it lags and is not."""
-    found = of(tried, way)
-    assert found[1.5].over_compensated
-    assert not found[0.5].over_compensated
-    assert not found[0.75].over_compensated
 
 
 STEP, SECONDS = 2e-3, 10.0
@@ -350,29 +327,26 @@ def written(folder: Path, friction: float = 1.0, *, gap: bool = False) -> None:
 
 def replayed(
     folder: Path, friction: float, one: JointLoop | None = None, more: str = INERTIA, *, gap: bool = False
-) -> tuple[Replay, Replay]:
-    """That run, replayed with the gripper's model, right and from a wrong start."""
+) -> Replay:
+    """That run, replayed with the gripper's model."""
     written(folder, friction, gap=gap)
-    first, second = replays(one or joint_loop(), joint(), measure(experiment(folder, "", more)))
-    return first, second
+    (found,) = replays(one or joint_loop(), joint(), measure(experiment(folder, "", more)))
+    return found
 
 
 def test_a_replay_is_of_every_sample(tmp_path: Path) -> None:
     """Time, velocity, torques and gains are of the run's samples; friction is the torque without that of inertia, given or identified."""
     t, v, torque = motion()
     for more in (INERTIA, ""):
-        for run, begun in zip(
-            replayed(tmp_path, 1.0, None, more), ("identified", "0.3 alpha_0, 0.5 alpha_2"), strict=True
-        ):
-            assert (run.file, run.begun) == ("run.csv", begun)
-            np.testing.assert_allclose(run.time, t, atol=1e-9)
-            np.testing.assert_allclose(run.velocity, v, rtol=1e-9)
-            assert run.measured.shape == run.fixed.shape == run.adapted.shape == t.shape
-            assert run.theta.shape == (2, t.size)
-            friction = rollout(v, STEP, GRIPPER, 0.0).torque
-            assert np.abs(run.measured - friction)[50:-50].max() < 0.01 * np.abs(torque).max()
+        run = replayed(tmp_path, 1.0, None, more)
+        assert run.file == "run.csv"
+        np.testing.assert_allclose(run.time, t, atol=1e-9)
+        assert run.measured.shape == run.fixed.shape == run.adapted.shape == t.shape
+        assert run.theta.shape == (2, t.size)
+        friction = rollout(v, STEP, GRIPPER, 0.0).torque
+        assert np.abs(run.measured - friction)[50:-50].max() < 0.01 * np.abs(torque).max()
     # on a run of the model's own joint the gains stay at 1 to a hundredth, and the verdict is that adaptation changes nothing
-    run, _ = replayed(tmp_path, 1.0)
+    run = replayed(tmp_path, 1.0)
     np.testing.assert_allclose(run.theta, 1.0, atol=0.01)
     before, after = run.relative_errors()
     assert max(before, after) < 1.0
@@ -380,7 +354,7 @@ def test_a_replay_is_of_every_sample(tmp_path: Path) -> None:
     assert run.verdict.numbers == {"before": before, "after": after, "ratios": run.ratios}
     # where Coulomb and viscous friction are 1.5 times the model's, both shares go most of the way, the error halves, and the verdict says
     # so. Errors are 100 norm(measured - predicted) / norm(measured) from the middle of the run on, with gains of 1 and adapted
-    run, wrong = replayed(tmp_path, 1.5)
+    run = replayed(tmp_path, 1.5)
     assert (np.abs(run.theta[:, -1] - 1.5) < 0.2).all()
     assert (np.diff(run.theta[:, ::1000], axis=1) > 0).all()
     before, after = run.relative_errors()
@@ -391,17 +365,12 @@ def test_a_replay_is_of_every_sample(tmp_path: Path) -> None:
     assert before == pytest.approx(100 / 3, abs=1.0)
     assert after < 0.5 * before
     assert run.verdict.code == "adaptation-helps"
-    assert run.verdict.numbers == {"before": before, "after": after, "ratios": run.ratios}
     assert run.shares in str(run.verdict)
-    np.testing.assert_allclose(wrong.theta[:, 0], [0.3, 0.5], rtol=0.01)
-    assert (wrong.theta[:, -1] > wrong.theta[:, 0]).all()
-    assert wrong.relative_errors()[1] < wrong.relative_errors()[0]
 
 
 def test_gains_rates_and_limits_of_replays(tmp_path: Path) -> None:
     """A run with a gap is replayed stretch by stretch: as without one up to the gap, then from the gains that it had before it."""
-    whole, _ = replayed(tmp_path, 1.5)
-    run, _ = replayed(tmp_path, 1.5, gap=True)
+    whole, run = replayed(tmp_path, 1.5), replayed(tmp_path, 1.5, gap=True)
     before = np.flatnonzero(run.time < GAP[0])
     assert run.theta.shape == (2, run.time.size)
     assert run.time.size == whole.time.size - round((GAP[1] - GAP[0]) / STEP)
@@ -414,27 +383,20 @@ def test_gains_rates_and_limits_of_replays(tmp_path: Path) -> None:
     # the torque error teaches as an error of position over K_p: twice the gain with twice the rates is the same replay
     one = joint_loop()
     stiff = joint_loop(gains=one.gains._replace(K_p=2 * one.gains.K_p), adaptation=Adaptation(gamma=(40.0, 40.0)))
-    first, second = (replayed(tmp_path, 1.5, own)[0] for own in (one, stiff))
+    first, second = (replayed(tmp_path, 1.5, own) for own in (one, stiff))
     np.testing.assert_allclose(first.theta, second.theta, rtol=1e-9)
     # where a gain ends at its upper limit the verdict is to leave the adaptation off, or to lower its rate
     one = joint_loop(adaptation=Adaptation(limits=(0.5, 1.2)))
-    run, _ = replayed(tmp_path, 1.5, one)
+    run = replayed(tmp_path, 1.5, one)
     assert run.theta.max() == pytest.approx(1.2)
     assert run.verdict.code == "gain-at-limit"
     # where the rate is so high that every sample overshoots, a model that was right explains less, and the verdict is to leave it off
-    run, _ = replayed(tmp_path, 1.0, joint_loop(adaptation=Adaptation(gamma=(0.0, 1e5), limits=(0.01, 100.0))))
+    run = replayed(tmp_path, 1.0, joint_loop(adaptation=Adaptation(gamma=(0.0, 1e5), limits=(0.01, 100.0))))
     before, after = run.relative_errors()
     assert after > before + 10
     assert run.verdict.code == "adaptation-harms"
-    # limits are those of the gains, not of the shares: one that never moved is at none, one that doubled is at two
-    still = joint_loop(start={"alpha_0": 0.4}, adaptation=Adaptation(gamma=(0.0, 0.0), limits=(0.5, 2.0)))
-    assert replayed(tmp_path, 1.0, still)[1].verdict.code != "gain-at-limit"
-    driven = joint_loop(
-        start={"alpha_0": 0.3, "alpha_2": 0.1}, adaptation=Adaptation(gamma=(20.0, 200.0), limits=(0.05, 2.0))
-    )
-    assert replayed(tmp_path, 1.0, driven)[1].verdict.code == "gain-at-limit"
     # with rates of zero the torque that adapts is the one with gains of 1, but for where z passes zero within a sample
-    run = replayed(tmp_path, 1.0, joint_loop(adaptation=Adaptation(gamma=(0.0, 0.0))))[0]
+    run = replayed(tmp_path, 1.0, joint_loop(adaptation=Adaptation(gamma=(0.0, 0.0))))
     np.testing.assert_allclose(run.adapted, run.fixed, atol=1e-4 * np.abs(run.fixed).max())
     # where nothing but the inertia is known beside friction, a right model still explains the run
     written(tmp_path)
