@@ -226,17 +226,16 @@ def test_which_joints_a_target_takes_and_what_is_said(handed: Handed, edro_resul
     pair = replace(joint, parameters=both).pair
     assert pair.positive == pair.negative == joint.pair.positive
     # a symmetric curve and a bristle per direction: both directions are exported, with the bristle
-    v = np.concatenate([np.geomspace(0.015, 0.8, 12), -np.geomspace(0.015, 0.8, 12)])
+    v = np.geomspace(0.015, 0.8, 24) * np.tile([1, -1], 12)
     T = bristle.friction(v, LAW) + 2e-5 * np.random.default_rng(0).standard_normal(v.size)
     t = np.arange(0, 8, 0.002)
     load = 0.02 * np.interp(t, [0, 2, 6, 8], [0, 1, -1, 0])
     bend = np.cumsum(np.diff(load, prepend=0.0) / (6.0 * (1 - np.abs(load) / 0.026)))
     slow = bristle.fit_presliding(t, bend, load, breakaway=bristle.fit(v, T, directions="symmetric"))
-    known = {row.parameter: row.estimate.value for row in chosen(slow.joint) if row.estimate.value is not None}
-    assert ParameterName("sigma_0", Direction.POSITIVE) in known
+    known = {row.parameter: row.estimate.value for row in chosen(slow.joint)}
     one = bristle.export(slow, "json").joints[0]
     assert one.has_bristle
-    assert one.pair.positive.sigma_0 == known[ParameterName("sigma_0", Direction.POSITIVE)]
+    assert one.pair.positive.sigma_0 == known[ParameterName("sigma_0", Direction.POSITIVE)] > 0
 
 
 def test_what_is_held_loses_nothing(handed: Handed) -> None:
@@ -251,44 +250,21 @@ def test_what_is_held_loses_nothing(handed: Handed) -> None:
     assert losses(dragged, lugre(joint.pair), motions[:1])[0].percent > 1
 
 
-def example(name: str) -> str:
-    text = (DOCS / "export.md").read_text(encoding="utf-8")
-    found = present(re.search(rf"<!-- example: {name} -->\n```\w+\n(.*?)```", text, re.DOTALL))
-    return found[1]
-
-
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc, which is not installed")
-def test_the_microcontroller_of_the_docs_compiles(handed: Handed, tmp_path: Path) -> None:
-    """In at most twenty lines, without a warning."""
-    code = example("microcontroller")
-    assert len(code.splitlines()) <= 20
-    header = target("c").write([replace(handed(), name="wrist")], Request())
-    (tmp_path / "wrist.h").write_bytes(header.content)
-    declared = "int friction_begin(void);\nfloat friction_torque(float v);\n"
-    (tmp_path / "f.c").write_text(declared + code, encoding="utf-8")
-    flags = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror", "-std=c99", "-O2")
-    done = subprocess.run(["gcc", *flags, "-c", "f.c"], cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603, S607
-    assert done.returncode == 0, done.stderr
-
-
 STUBS = """
-#include <vector>
 namespace rclcpp { struct Time {}; struct Duration { double seconds() const { return 1e-3; } }; }
 namespace rclcpp_lifecycle { struct State {}; }
 enum class CallbackReturn { SUCCESS, ERROR };
 namespace controller_interface {
 enum class return_type { OK };
-struct Handle { double value = 0; double get_value() const { return value; } void set_value(double x) { value = x; } };
+struct Handle { double value = 0; void set_value(double x) { value = x; } };
 struct ControllerInterface {
-    std::vector<Handle> state_interfaces_{1}, command_interfaces_{1};
+    Handle command_interfaces_[1];
     double velocity_reference_ = 0.1, effort_reference_ = 0;
     virtual CallbackReturn on_activate(const rclcpp_lifecycle::State &) = 0;
     virtual return_type update(const rclcpp::Time &, const rclcpp::Duration &) = 0;
-    virtual ~ControllerInterface() = default;
 };
 }
-"""
-MAIN = """
+EXAMPLE
 int main()
 {
     FrictionCompensation c;
@@ -300,17 +276,30 @@ int main()
 
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++, which is not installed")
-def test_the_controller_of_the_docs_runs(handed: Handed, tmp_path: Path) -> None:
-    """With stand-ins for ros2_control's classes it compiles, and after 3 s at 0.1 rad/s asks for the joint's friction."""
-    code = example("ros2_control")
-    assert len(code.splitlines()) <= 20
-    header = target("c").write([replace(handed(), name="wrist")], Request())
-    (tmp_path / "wrist.h").write_bytes(header.content)
-    (tmp_path / "f.cpp").write_text(STUBS + code + MAIN, encoding="utf-8")
-    build = ["g++", "-std=c++17", "-O2", "-o", "f", "f.cpp"]
-    done = subprocess.run(build, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603
-    assert done.returncode == 0, done.stderr
-    assert subprocess.run([tmp_path / "f"], check=False).returncode == 0  # noqa: S603
+def test_the_examples_of_the_docs_compile_and_run(handed: Handed, tmp_path: Path) -> None:
+    """The microcontroller's without a warning; ros2_control's, with stand-ins for its classes, asks for the joint's friction after 3 s."""
+    text = (DOCS / "export.md").read_text(encoding="utf-8")
+    examples = dict(re.findall(r"<!-- example: (\w+) -->\n```\w+\n(.*?)```", text, re.DOTALL))
+    assert max(len(code.splitlines()) for code in examples.values()) <= 20
+    (tmp_path / "wrist.h").write_bytes(target("c").write([replace(handed(), name="wrist")], Request()).content)
+    declared = "int friction_begin(void);\nfloat friction_torque(float v);\n"
+    (tmp_path / "f.c").write_text(declared + examples["microcontroller"], encoding="utf-8")
+    (tmp_path / "f.cpp").write_text(STUBS.replace("EXAMPLE", examples["ros2_control"]), encoding="utf-8")
+    flags = (
+        "-Wall",
+        "-Wextra",
+        "-Wpedantic",
+        "-Wconversion",
+        "-Wdouble-promotion",
+        "-Werror",
+        "-std=c99",
+        "-O2",
+        "-c",
+        "f.c",
+    )
+    for command in (["gcc", *flags], ["g++", "-std=c++17", "-O2", "-o", "f", "f.cpp"], ["./f"]):
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603
+        assert (command, done.returncode) == (command, 0), done.stderr
 
 
 NAMES = ("gripper rotation", "wrist pitch", "elbow pitch", "base rotation")

@@ -241,14 +241,13 @@ def test_pairs_and_stiff_bristles(handed: Handed) -> None:
         true = continuous(joint, 4.0)
         assert not joint.law.terms or np.abs(true).max() > joint.fastest / 3
         assert off(velocity(joint, 0.001, 4.0), true) <= 0.5, joint.law.name
-    # Euler, implicit and implicitfast give the same simulation
+    # Euler and implicit give the same simulation
     joint = handed("wrist pitch")
-    euler = velocity(joint, 0.002, 2.0)
-    for integrator in ("implicit", "implicitfast"):
-        assert velocity(joint, 0.002, 2.0, integrator=integrator) == pytest.approx(euler, abs=1e-12)
+    both = (velocity(joint, 0.002, 2.0, integrator=name) for name in ("Euler", "implicit"))
+    assert next(both) == pytest.approx(next(both), abs=1e-12)
     # two links at 2 ms, bristles up to 1e8 times as stiff: nothing rings in stick, whatever the order of frictions
     failed = []
-    for case in product((1.0, 1e2, 1e4, 1e8), ((0, 1), (1, 0)), ("Euler", "implicitfast")):
+    for case in product((1.0, 1e4, 1e8), ((0, 1), (1, 0)), ("Euler", "implicitfast")):
         times, order, integrator = case
         model = mujoco.MjModel.from_xml_string(TWO.format(h=0.002, integrator=integrator))
         data = mujoco.MjData(model)
