@@ -205,15 +205,12 @@ def test_it_begins_at_its_start_values(wrist: LoadedFmu, handed: Handed) -> None
     assert values(wrist, slave, "position", "velocity", "start_position") == [0.0, 0.0, 0.0]
     slave.freeInstance()
     # set while stepping, it changes the friction at once and nothing else; start values cannot be set any more
-    slave = wrist.begin(wrist.instance())
-    slave.setReal([wrist.references["torque"]], [0.2])
-    slave.doStep(0.0, 0.1)
+    slave = wrist.begin(wrist.instance(), start_velocity=0.3)
     names = ["position", "velocity", "z", "friction"]
-    before = values(wrist, slave, *names)
+    *before, old = values(wrist, slave, *names)
     slave.setReal([wrist.references["positive.alpha_2"]], [1.0])
-    after = values(wrist, slave, *names)
-    assert after[:3] == before[:3]
-    assert after[3] > before[3] + 0.5 * before[1]
+    *after, new = values(wrist, slave, *names)
+    assert (after, new > old + 0.5 * 0.3) == (before, True)
     refused(slave.setReal, [wrist.references["start_position"]], [1.0])
     slave.freeInstance()
     # no step goes past the stop time, and a hundred steps of 0.01 s go up to 1 s; the time is known
@@ -330,37 +327,10 @@ def test_a_bad_call_leaves_all_as_it_was(
 
 
 @runs
-def test_memory_and_motions_that_are_not_finite(
-    wrist: LoadedFmu, exported: Exported, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """One piece for an instance and one for a state, by the given functions, all of it given back; none while it steps."""
-    fmpy = installed_fmpy()
-    taken: list[int] = []
-
-    def allocate(n: int, size: int) -> int:
-        taken.append(fmpy.calloc(n, size))
-        return taken[-1]
-
-    def release(pointer: int) -> None:
-        taken.remove(pointer)
-        fmpy.free(pointer)
-
-    callbacks = fmpy.fmi2.fmi2CallbackFunctions()
-    callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(lambda *_: None)
-    callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(allocate)
-    callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(release)
-    slave = wrist.begin(wrist.instance(callbacks=callbacks))
-    for k in range(100):
-        slave.doStep(k * STEP, STEP)
-    stepping, state = len(taken), slave.getFMUstate()
-    saved = len(taken)
-    slave.freeFMUstate(state)
-    slave.freeInstance()
-    assert (stepping, saved, len(taken)) == (1, 2, 0)
-    # a step whose end is out of all bounds returns fmi2Discard and leaves the joint where it was
+def test_a_motion_that_is_not_finite_is_discarded(exported: Exported, capsys: pytest.CaptureFixture[str]) -> None:
+    """A step whose end is out of all bounds returns fmi2Discard and leaves the joint where it was."""
     content = files_of(exported("wrist pitch").content)
     low = content["sources/fmu.c"].replace(b"#define BR_LARGEST 1e30", b"#define BR_LARGEST 1e0")
-    assert low != content["sources/fmu.c"]
     binary = fmu_binary({**content, "sources/fmu.c": low}, "x")
     assert isinstance(binary, bytes)
     (name,) = [name for name in content if name.startswith("binaries/")]
@@ -431,10 +401,8 @@ def test_a_joint_that_slides_has_its_units(handed: Handed, exported: Exported, m
     artefact = handed_over(handed("wrist pitch", kind="prismatic"))
     assert fmu_problems(artefact.content) == []
     units = {v.attrib["name"]: v[0].attrib["unit"] for v in root_of(artefact.content).iter("ScalarVariable")}
-    assert [units[name] for name in ("torque", "position", "velocity", "inertia", "positive.sigma_0")] == [
-        "N", "m", "m/s", "kg", "N/m",
-    ]  # fmt: skip  # a list of values
-    assert not {"rad", "N*m"} & {u.attrib["name"] for u in root_of(artefact.content).iter("Unit")}
+    expected = {"torque": "N", "position": "m", "velocity": "m/s", "inertia": "kg", "positive.sigma_0": "N/m"}
+    assert expected.items() <= units.items()
     # the FMU then has no binary, says so, is valid, and is else the same to the byte
     joint = handed("wrist pitch")
     whole = files_of(exported(joint.name).content)
