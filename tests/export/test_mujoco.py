@@ -126,17 +126,12 @@ def test_what_is_written_and_merged_loads(handed: Handed, target: ExportTarget) 
     owned = {model.actuator(k).name: int(model.actuator(k).trnid[0]) for k in range(model.nu)}
     assert all(owned[as_read(mjcf.own_actuator(x.name))] == k for k, x in enumerate(joints) if owned)
     assert all(c.isprintable() or c == "\n" for c in artefact.content.decode())
-    # taken out again, the insertion leaves the file byte by byte; MuJoCo has the friction despite its defaults
+    # merged, all lines but the joint's are as they were; MuJoCo has the friction despite its defaults
     joint, request = handed("wrist pitch"), Request(into=ROBOT, into_name="arm.xml")
     artefact = target.write([joint], request)
-    old, rest = ROBOT, artefact.content
-    begin = next(k for k, (a, b) in enumerate(zip(old, rest, strict=False)) if a != b)
-    assert old[:begin].endswith(b'range="-90 90"')
-    assert rest.startswith(old[:begin])
-    assert rest.endswith(b"\n</mujoco>\n<!-- end -->\n")
-    assert old.split(b'range="-90 90"/>')[1].split(b"\n</mujoco>")[0] in rest
+    assert [x for x in ROBOT.split(b"\n") if x not in artefact.content.split(b"\n")] == [ROBOT.split(b"\n")[6]]
     lines = check(called(target), artefact, [joint], request)
-    model = mujoco.MjModel.from_xml_string(rest.decode())
+    model = mujoco.MjModel.from_xml_string(artefact.content.decode())
     assert model.dof_armature[0] == joint.inertia
     if target is mjcf.TARGET:
         assert (model.dof_damping[0], model.dof_frictionloss[0]) == (0, 0)
@@ -264,16 +259,6 @@ def test_pairs_and_stiff_bristles(handed: Handed) -> None:
         ends = np.abs(data.qvel).max(), [x.torque for x in frictions]
         failed += [(case, ends)] * (not ends[0] < 1e-6 or ends[1] != pytest.approx([0.02, 0.005], abs=1e-5))
     assert failed == []
-    # pushed against a limit, the joint stands, its bristle is not bent beyond breakaway, and it leaves the limit when it is pulled
-    joint = handed("wrist pitch")
-    model = one(more='limited="true" range="-10 10"', J=joint.inertia)
-    data, friction = mujoco.MjData(model), Friction(model, "wrist pitch", joint)
-    for k in range(3000):
-        data.ctrl[0] = 0.3 if k < 1500 else -0.3
-        friction.apply(data)
-        mujoco.mj_step(model, data)
-        assert abs(friction.deflection) <= 1.02 * max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in joint.pair)
-    assert data.qpos[0] < 0
 
 
 def test_a_torque_of_ones_own_acts_as_a_control(handed: Handed, edro_results: Path) -> None:
