@@ -31,7 +31,6 @@ from bristle.questions.experiment_design.excitation import (
 from bristle.questions.experiment_design.loading import CYCLES, design_loading, loading_errors
 from bristle.questions.experiment_design.references import PlannedRun
 from bristle.questions.experiment_design.velocities import (
-    Design,
     DesignProblem,
     design,
     evaluate_design,
@@ -62,24 +61,12 @@ def simulated_errors(own: DesignProblem, speeds: Array) -> Array:
     return np.asarray((high - low) / 2)
 
 
-def errors_by_v_s(own: DesignProblem, speeds: Array, v_s: Array) -> Array:
-    """Standard error of v_s over it, were it another one than the estimate, for v_s (k,)."""
-    known = (own.prior_information + static_information(speeds, P._replace(v_s=float(x)), own.noise) for x in v_s)
-    return np.array([covariance(x)[0][3] for x in known]) / v_s
-
-
 def problem(low: float = 0.15, high: float = 0.8, relative: float = 0.0, **changed: object) -> DesignProblem:
     """Gripper rotation (+), from `low` v_s to `high` rad/s, with nothing known before."""
     given_ = {
         "p": P, "nodes": nodes_of(P.v_s, relative), "prior_information": np.zeros((4, 4)), "noise": 0.005 * P.alpha_0,
     }  # fmt: skip  # a list of values
     return DesignProblem(**{**given_, "low": low * P.v_s, "high": high, **changed})  # type: ignore[arg-type]  # of mixed types
-
-
-def loss(own: DesignProblem, found: Design) -> float:
-    sets = [own.p._replace(v_s=float(x)) for x in own.nodes]
-    each = [np.linalg.slogdet(own.prior_information + static_information(found.speeds, p, own.noise))[1] for p in sets]
-    return -float(np.mean(each))
 
 
 def test_planned_velocities_are_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -122,39 +109,21 @@ def test_planned_velocities_are_the_best(monkeypatch: pytest.MonkeyPatch) -> Non
     assert (found.errors < evaluate_design(problem(), found.speeds).errors).all()
     assert found.errors[3] < evaluate_design(own, design(problem(), 6, "v_s").speeds).errors[3]
     # with v_s known to a factor of two, the averaged design is worse at the estimate, and better at half of it
-    averaged, local = design(problem(relative=0.7), RUNS, "v_s"), design(problem(), RUNS, "v_s")
-    there = errors_by_v_s(problem(), averaged.speeds, np.array([P.v_s, P.v_s / 2]))
-    here = errors_by_v_s(problem(), local.speeds, np.array([P.v_s, P.v_s / 2]))
-    assert there[0] > here[0]
-    assert there[1] < 0.9 * here[1]
+    there, here = [], []
+    for found, planned in ((there, problem(relative=0.7)), (here, problem())):
+        speeds = design(planned, RUNS, "v_s").speeds
+        for v_s in (P.v_s, P.v_s / 2):
+            found.append(covariance(static_information(speeds, P._replace(v_s=v_s), planned.noise))[0][3])
+    assert (there[0] > here[0], there[1] < 0.9 * here[1]) == (True, True)
     # at little noise the scatter of fits of simulated runs is the predicted standard error of each parameter, within 3 %
     own = problem(noise=5e-4 * P.alpha_0)
     speeds = spaced_speeds(own, RUNS, "log")
     assert simulated_errors(own, speeds) == pytest.approx(evaluate_design(own, speeds).errors, rel=0.03)
-    # middle and geometric mean of the nodes are the estimate; they spread with its error
-    nodes = nodes_of(P.v_s, 0.3)
-    assert (nodes[2], np.exp(np.log(nodes).mean())) == pytest.approx((P.v_s, P.v_s))
-    assert np.ptp(nodes_of(P.v_s, 0.6)) > 1.5 * np.ptp(nodes)
     # ten times as many speeds to choose from lower the criterion by less than 1 %
     own, judged = problem(), velocities._Criterion(problem(), "all")
     usual = judged.value(design(own, RUNS).speeds)
     monkeypatch.setattr(velocities, "CANDIDATES", 10 * velocities.CANDIDATES)
     assert usual <= judged.value(design(own, RUNS).speeds) + 0.01
-
-
-@settings(max_examples=30)
-@given(st.lists(st.floats(0.0, 1.0), min_size=RUNS, max_size=RUNS))
-def test_no_other_runs_are_better(where: list[float]) -> None:
-    """Any twelve speeds of the range have an information no larger, and an error of v_s no smaller, than those planned; averaged over v_s."""
-    own = problem(relative=0.3)
-    speeds = own.low * (own.high / own.low) ** np.array(where)
-    other = evaluate_design(own, speeds)
-    assert loss(own, other) >= loss(own, _PLANNED["all"]) - 0.02
-    variance = 2 * np.log(errors_by_v_s(own, speeds, own.nodes)).mean()
-    assert variance >= 2 * np.log(errors_by_v_s(own, _PLANNED["v_s"].speeds, own.nodes)).mean() - 0.02
-
-
-_PLANNED = {aim: design(problem(relative=0.3), RUNS, aim) for aim in ("all", "v_s")}
 
 
 @settings(max_examples=8)
@@ -246,13 +215,11 @@ def test_motions_are_smooth_and_within_the_torque(monkeypatch: pytest.MonkeyPatc
     assert torque > J * np.abs(run.acceleration).max() / 2
     found = evaluate_motion(plain_lines(LIMITS), replace(PROBLEM, duration=2.0))
     assert found.errors == pytest.approx(covariance(PROBLEM.prior_information + other)[0], rel=1e-6)
-    # where it would take too much torque it is scaled down until it does not, and left as it is where it would not
+    # where it would take too much torque it is scaled down until it does not
     weak = replace(PROBLEM, limits=replace(LIMITS, torque=0.04))
     lines = plain_lines(LIMITS)
     assert evaluate_motion(lines, weak).torque > 0.04
     assert evaluate_motion(within_torque(lines, weak), weak).torque <= 0.04
-    strong = replace(PROBLEM, limits=replace(LIMITS, torque=1.0))
-    assert within_torque(lines, strong).amplitude.tolist() == lines.amplitude.tolist()
     # its relative errors are smaller than those of a plain multisine, within the torque limit; the same each time; longer is better.
     # Planned for sigma_1 alone, its two errors are smaller than when planned for all
     monkeypatch.setattr(excitation, "TRIES", 10)

@@ -29,8 +29,7 @@ from bristle.questions.export.loss import (
     lugre,
 )
 from bristle.questions.export.matlab import write_matlab
-from export_checks.common import NotInstalled
-from export_checks.documents import check_json, check_latex, check_matlab
+from export_checks.documents import check_json
 
 from ..conftest import present, run, speeds, write
 from .conftest import HOSTILE, Handed, assumed, beside
@@ -378,17 +377,6 @@ def test_a_script_for_matlab_assigns_every_value_and_nothing_else(handed: Handed
     assert [row for row in rows if row not in text] == []
 
 
-def test_the_script_runs_in_octave(handed: Handed) -> None:
-    """Octave has each value to the last bit."""
-    joints = [*robot(handed), *(handed("wrist pitch", name=name) for name in HOSTILE[:4])]
-    try:
-        said = check_matlab(write_matlab(joints, ASK), joints, ASK)
-    except NotInstalled as missing:
-        pytest.skip(f"needs Octave: {missing}")
-    assert said[0].endswith("as exported, to the last bit")
-    assert "NOT" not in said[0]
-
-
 def test_the_table_of_a_paper(handed: Handed) -> None:
     """Without its escapes a name has no special character, is short, and stands on one line; comments are ASCII."""
     failed = []
@@ -422,13 +410,3 @@ def test_the_table_of_a_paper(handed: Handed) -> None:
     extreme = replace(rows[0], value=1.23456e-9, standard_error=4.5e-12, interval=(-math.inf, 1e-7))
     text = write_latex([replace(joint, parameters=(extreme, *rows[1:]))], ASK).content.decode()
     assert r"$(1.2346 \pm 0.0045) \times 10^{-9}$ & N\,m & $[-\infty, 1 \times 10^{-7}]$" in text
-
-
-def test_latex_sets_the_table(handed: Handed) -> None:
-    """LaTeX takes it, whatever the joints are called."""
-    joints = [*robot(handed), *(handed("wrist pitch", name=name) for name in HOSTILE)]
-    try:
-        said = check_latex(write_latex(joints, ASK), joints, ASK)
-    except NotInstalled as missing:
-        pytest.skip(f"needs pdflatex: {missing}")
-    assert said == ("pdflatex: sets it",)
