@@ -153,10 +153,8 @@ def test_bad_requests_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 def test_points_alone_have_no_bristle(tmp_path: Path) -> None:
     """A joint of constant velocities goes where no bristle is needed, without sigma_0 and sigma_1; where one is, it is refused."""
-    results = bristle.identify(write(tmp_path, speeds()))
-    path = tmp_path / "results.json"
-    path.write_text(results.to_json(tmp_path), encoding="utf-8")
-    points = path
+    points = tmp_path / "results.json"
+    points.write_text(bristle.identify(write(tmp_path, speeds())).to_json(tmp_path), encoding="utf-8")
     handed = bristle.export(points, "json").joints[0]
     assert {x.parameter.name for x in handed.parameters} == {*Stribeck._fields}
     for to in ("c", "mujoco", "fmu"):
@@ -172,10 +170,9 @@ def test_points_alone_have_no_bristle(tmp_path: Path) -> None:
     assert run("export", points, "--to", "c", "--compensator", "stribeck", "-o", tmp_path / "out.h").code == 0
     # alpha_1 may be none, v_s may not: a note and a caution
     data = json.loads(points.read_text(encoding="utf-8"))
-    fits = data["joints"]["wrist"]["static"]
-    for fit in fits.values():
-        fit["parameters"]["alpha_1"]["interval"] = [-1.0, 1.0]
-        fit["parameters"]["v_s"]["interval"] = [-1.0, 1.0]
+    for fit in data["joints"]["wrist"]["static"].values():
+        for name in ("alpha_1", "v_s"):
+            fit["parameters"][name]["interval"] = [-1.0, 1.0]
     points.write_text(json.dumps(data), encoding="utf-8")
     said = bristle.export(points, "json").joints[0].said
     assert {"interval-with-zero", "interval-with-zero-impossible"} <= {x.code for x in said}

@@ -317,11 +317,8 @@ def test_what_begins_anew_repeats_itself(handed: Handed) -> None:
     friction.apply(data)
     assert friction.deflection == 1e-3
     # the torque of one step, held over two, is not that of the law
-    model = one()
-    data, friction = mujoco.MjData(model), Friction(model, "wrist pitch", joint)
-    friction.apply(data)
-    mujoco.mj_step(model, data)
-    mujoco.mj_step(model, data)
+    for _ in range(2):
+        mujoco.mj_step(model, data)
     with pytest.raises(InputError, match="before every mj_step"):
         friction.apply(data)
     # one sentence each: the names that are there are listed; the dcmotor of an export would count twice; sigma_0 must be known
