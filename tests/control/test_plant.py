@@ -124,18 +124,6 @@ def test_steps_and_the_bench_agree_with_radau() -> None:
     assert np.abs(np.asarray(run.measured)[0] - position).max() <= 4 * one.resolution
     assert np.abs(run.velocity[0] - velocity).max() < 0.02 * np.abs(velocity).max()
     assert np.abs(run.friction[0] - friction).max() < 0.01 * np.abs(friction).max()
-    # each scenario of a batch whose numbers are compiled in is the same as alone
-    m = MOTOR._replace(J=0.077)
-    one = Case(plant=BASE, motor=m, model=BASE, gains=ramp_gains(0.077, 60.0), torque_limit=2.0, resolution=2.4e-5)
-    t = np.arange(1030, dtype=np.float64) * 2e-3
-    reference = Reference(0.05 * t, np.full(t.size, 0.05), np.zeros(t.size))
-    load = 0.005 * np.random.default_rng(3).standard_normal((3, t.size))
-    together = simulate(BENCH, [one] * 3, reference, 2e-3, Disturbance(load=load), alike=True)
-    for k in range(3):
-        alone = simulate(BENCH, [one], reference, 2e-3, Disturbance(load=load[k]), alike=True)
-        for name in ("measured", "voltage", "velocity", "friction"):
-            np.testing.assert_array_equal(getattr(together, name)[k], getattr(alone, name)[0])
-    assert np.ptp(together.velocity[:, -1]) > 0
 
 
 @given(st.floats(-100, 100), st.floats(0, 10), st.floats(1e-6, 1))

@@ -70,18 +70,13 @@ def test_a_reversal_onto_another_stiffness_makes_no_jump(name: Name, stiff: int,
         assert (np.abs(T) <= steady * (1 + 1e-9)).all()
 
 
-def test_stiff_bristles_saturation_and_the_derivative() -> None:
+def test_stiff_bristles_and_the_derivative() -> None:
     """A bristle however stiff at 1 kHz: what grows in stick ends where the joint breaks away, and the loop tracks."""
     for sigma_0 in (6.0, 1e5):
         p = P._replace(sigma_0=sigma_0)
         bare = LoopOptions(compensator=Compensator(name="none"))
         track = simulate(bare, [case("gripper rotation", plant=Pair(p, p))], sine(4.0, 0.5), H)
         assert np.abs(track.error[0, 1000:]).max() < 0.06
-    # after a long saturation the output leaves its limit within a few samples of the error's change of sign
-    gains, limit = Gains(1.0, 10.0, 0.0, 0.0), 1.0
-    outputs = [u for u, _ in run([2.0] * 5000 + [-0.1] * 5, gains, limit)]
-    assert outputs[4999] == limit
-    assert max(outputs[5000:]) < 0
     # on an error that grows steadily the filtered derivative goes to its slope
     h, slope = 1e-3, 0.5
     _, memory = run([slope * h * (k + 1) for k in range(400)], Gains(0.0, 0.0, 1.0, 0.01), h=h)[-1]

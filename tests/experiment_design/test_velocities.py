@@ -94,7 +94,7 @@ def test_planned_velocities_are_the_best(monkeypatch: pytest.MonkeyPatch) -> Non
 
     assert reach(np.geomspace(own.low, own.high, 2000)).max() <= 4 * 1.001
     assert reach(found.speeds) == pytest.approx(4.0, rel=1e-3)
-    assert np.unique(found.speeds).size == 4
+    assert (found.speeds.size, np.unique(found.speeds).size) == (RUNS, 4)
     # where all but alpha_2 is known, its runs all go to the fastest speed v, and its error is noise / (sqrt(n) v)
     own = problem(prior_information=np.diag([1e14, 1e14, 0.0, 1e14]))
     found = design(own, 9, "alpha_2")
@@ -124,17 +124,6 @@ def test_planned_velocities_are_the_best(monkeypatch: pytest.MonkeyPatch) -> Non
     usual = judged.value(design(own, RUNS).speeds)
     monkeypatch.setattr(velocities, "CANDIDATES", 10 * velocities.CANDIDATES)
     assert usual <= judged.value(design(own, RUNS).speeds) + 0.01
-
-
-@settings(max_examples=8)
-@given(low=st.floats(0.02, 2.0), share=st.floats(1.5, 100.0), count=st.integers(4, 9))
-def test_runs_stay_within_their_range(low: float, share: float, count: int) -> None:
-    """Every planned speed lies between the slowest and the fastest, and there are as many as were asked for."""
-    own = problem(low, low * P.v_s * share)
-    found = design(own, count).speeds
-    assert found.size == count
-    assert own.low <= found.min()
-    assert found.max() <= own.high
 
 
 STEP = 0.01
