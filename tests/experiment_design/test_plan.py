@@ -203,8 +203,8 @@ def test_declared_and_undeclared_limits_are_said(measured: Measured, tmp_path: P
         options = measured.experiment.plan.model_validate(asked)
         own = replace(measured, experiment=measured.experiment.model_copy(update={"plan": options}))
         found, said = followed(limits_of(own)[0], options.frequency)
-        told = found.frequency, named in " ".join(map(str, said)), bool(said)
-        assert told == (pytest.approx(frequency), True, bool(named)), asked
+        assert found.frequency == pytest.approx(frequency), asked
+        assert (named in " ".join(map(str, said)), bool(said)) == (True, bool(named)), asked
 
     # each has its kind and value: a note where runs showed it, a caution where it is a guess; a declared one has none
     def said_of(found: Measured, asked: dict[str, object]) -> tuple[Limits, dict[str, Finding]]:

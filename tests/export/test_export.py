@@ -228,7 +228,7 @@ def test_which_joints_a_target_takes_and_what_is_said(handed: Handed, edro_resul
     load = 0.02 * np.interp(t, [0, 2, 6, 8], [0, 1, -1, 0])
     bend = np.cumsum(np.diff(load, prepend=0.0) / (6.0 * (1 - np.abs(load) / 0.026)))
     slow = bristle.fit_presliding(t, bend, load, breakaway=bristle.fit(v, T, directions="symmetric"))
-    known = {row.parameter: row.estimate.value for row in chosen(slow.joint)}
+    known = {row.parameter: row.estimate.value or 0.0 for row in chosen(slow.joint)}
     one = bristle.export(slow, "json").joints[0]
     assert one.has_bristle
     assert one.pair.positive.sigma_0 == known[ParameterName("sigma_0", Direction.POSITIVE)] > 0

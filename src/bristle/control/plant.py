@@ -12,7 +12,6 @@ import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.errors import InputError
 from bristle.model import law, motor
 from bristle.model.laws.parts import Expression
 from bristle.model.parameters import Motor, Pair
@@ -117,7 +116,5 @@ def quantise(x: Expression, resolution: Expression) -> Expression:
 
 
 def white_noise(rng: np.random.Generator, standard_deviation: float, shape: tuple[int, ...]) -> Array:
-    """White normal noise, in the unit of `standard_deviation`. Raises InputError if that is negative."""
-    if not standard_deviation >= 0:
-        raise InputError(f"the standard deviation of noise is {standard_deviation}; expected zero or more")
+    """White normal noise, in the unit of `standard_deviation`."""
     return standard_deviation * rng.standard_normal(shape)

@@ -209,16 +209,12 @@ def plan(
         "The design is local: errors are those at the estimates, to first order; velocities are averaged over"
         f" the plausible values of v_s{f', the motion over {others} other plausible joints' if others else ''}."
     )
-    encoder = "Encoder: the count is unknown; loading is planned as if the encoder were fine."
-    if start.resolution:
-        encoder = f"Encoder: {start.resolution:.3g} {unit('position', joint.kind)} per count."
-    assumed = (
-        Finding("plan-local", NOTE, local, {"others": others}),
-        Finding("encoder-count", NOTE, encoder, {"count": start.resolution}),
-    )
+    assumed = [Finding("plan-local", NOTE, local, {"others": others})]
+    if not start.resolution:
+        encoder = "Encoder: the count is unknown; loading is planned as if the encoder were fine."
+        assumed.append(Finding("encoder-count", NOTE, encoder))
     return Plan(
-        joint=joint, aim=aim, limits=limits, start=start, velocities=runs, loadings=loadings,
-        motion=motion,
+        joint=joint, aim=aim, limits=limits, start=start, velocities=runs, loadings=loadings, motion=motion,
         standard_errors={stage: covariance(x)[0] for stage, x in information.items()} | {"with motion": motion.errors},
         references=schedule(parts, loadings, limits, motion),
         assumptions=(*of_limits, *of_frequency, *start.assumptions, *assumed),

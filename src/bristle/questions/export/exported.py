@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +31,6 @@ from bristle.model.laws.registry import with_load
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Kind, Pair, ParameterName, Stribeck, unit
 from bristle.simulation.joint_loop import bristle_filled, fastest_measured
 
-T = TypeVar("T")
 WAYS = dict(zip(Direction, ("positive", "negative", "both", "shared"), strict=True))  # directions in C and MATLAB
 FREQUENCY = 0.5  # Hz, of the motions along which torques are compared
 
@@ -129,9 +128,9 @@ class ExportedJoint:
         found = [parameters.in_direction(rows, "sigma_0", d) for d in SIGNED]
         return all(row is not None and not row.assumed for row in found)
 
-    def _set(self, of: type[T], direction: Direction) -> T:
+    def _set(self, of: Any, direction: Direction) -> Any:
         rows = {x.parameter: x.value for x in self.parameters}
-        found = {name: parameters.in_direction(rows, name, direction) for name in of._fields}  # type: ignore[attr-defined]  # a set of parameters
+        found = {name: parameters.in_direction(rows, name, direction) for name in of._fields}
         if missing := [name for name, value in found.items() if value is None]:
             raise KeyError(f"{missing[0]}{direction}")
         return of(**found)
