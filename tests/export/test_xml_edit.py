@@ -167,7 +167,7 @@ SPOILT = {
     "f, line 2: declares a document type": b'<?xml version="1.0"?>\n<!DOCTYPE a SYSTEM "file:///etc/passwd"><a/>',
     "f, line 1: declares the encoding 'latin-1'; expected UTF-8": b'<?xml version="1.0" encoding="latin-1"?><a/>',
     "f, line 1: is not encoded as UTF-8": "<a/>".encode("utf-16"),
-    "f, line 1: is not well-formed XML (not well-formed (invalid token))": "<a/>".encode("utf-16-le"),
+    "f, line 1: holds NUL": "<a/>".encode("utf-16-le"),
     "f, line 2: is not encoded as UTF-8": b"<a>\n\xff</a>",
     "f, line 2: is not well-formed XML (mismatched tag)": b"<a>\n<b></a>",
     "f, line 1: is not well-formed XML (undefined entity)": b"<a>&nbsp;</a>",

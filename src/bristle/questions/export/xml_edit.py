@@ -65,6 +65,8 @@ class XmlDocument:
         except UnicodeDecodeError as error:
             line = content.count(b"\n", 0, error.start) + 1
             raise InputError(f"{what}, line {line}: is not encoded as UTF-8; save it so") from error
+        if (at := content.find(0)) >= 0:
+            raise InputError(f"{what}, line {content.count(10, 0, at) + 1}: holds NUL; expected XML in UTF-8")
         return cls(content=content, what=what, root=_root(content, what))
 
     def set_attributes(self, element: XmlElement, values: Mapping[str, str]) -> None:
