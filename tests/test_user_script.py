@@ -11,7 +11,7 @@ from . import user_script
 
 CALLS = {
     "fit", "find_segments", "fit_presliding", "fit_dynamic", "simulate", "friction", "compensator", "step", "identify", "read_results", "plan",
-    "validate", "sensitivity", "adapt", "compare", "inspect", "report", "draft", "complete", "explore", "export", "read_export",
+    "validate", "sensitivity", "adapt", "compare", "inspect", "report", "draft", "complete", "explore", "export",
     "register_law", "fleet", "report_of",
 }  # fmt: skip  # a list of words
 

@@ -13,7 +13,7 @@ from bristle.errors import one_line
 from bristle.questions.export.coulomb_viscous import best_values, static_effort
 from bristle.questions.export.export import Artefact, Request
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.json_document import SCHEMA, as_json, export_schema, joints_in
+from bristle.questions.export.json_document import SCHEMA, document_adapter, export_schema
 from export_checks.common import Failed, NotInstalled, told_by
 
 _ASSIGNED = re.compile(r"(\w[\w.]*) = struct\('value'")
@@ -23,7 +23,10 @@ _ASSIGNED = re.compile(r"(\w[\w.]*) = struct\('value'")
 def check_json(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:  # noqa: ARG001  # whatever is asked
     """Validates the document by its schema, and reads it back."""
     text = artefact.content.decode()
-    return validated(json.loads(text)), told_back(joints_in(text), joints)
+    same = document_adapter().validate_json(text).joints == tuple(joints)
+    return validated(json.loads(text)), told_by(
+        same, "read back: equal to the last bit", "read back: NOT what was exported"
+    )
 
 
 def validated(values: object) -> str:
@@ -34,12 +37,6 @@ def validated(values: object) -> str:
         return f"{SCHEMA}: pydantic takes it; install jsonschema to hold it to docs/export.schema.json"
     wrong = next(iter(jsonschema.Draft202012Validator(export_schema()).iter_errors(values)), None)
     return f"{SCHEMA}: valid" if wrong is None else Failed(f"{SCHEMA}: NOT valid ({one_line(wrong.message, 120)})")
-
-
-def told_back(read: Sequence[ExportedJoint], joints: Sequence[ExportedJoint]) -> str:
-    """A line: whether the joints that were read back are those that were exported."""
-    same = tuple(read) == tuple(joints) and as_json(read) == as_json(joints)
-    return told_by(same, "read back: equal to the last bit", "read back: NOT what was exported")
 
 
 def check_matlab(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:  # noqa: ARG001  # whatever is asked

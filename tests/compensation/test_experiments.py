@@ -1,6 +1,5 @@
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,7 +21,6 @@ from bristle.questions.compensation.experiments import (
     Errors,
     adapted,
     band,
-    compare_controllers,
     drifts,
     errors,
     followed,
@@ -69,41 +67,29 @@ def test_errors_are_those_of_fig_8(rows: dict[tuple[str, float, bool], Errors]) 
 
 
 def test_studies_show_what_the_paper_shows(rows: dict[tuple[str, float, bool], Errors]) -> None:
-    """A right model errs as the true one does; one with a wrong alpha_0 errs more, adapted less again, and torque is what friction asks for."""
+    """A right model errs as the true one does; one with a wrong alpha_0 errs more, and adapted less again."""
     wrong = rows["gripper rotation", 0.2, True]
     assert wrong.true < wrong.adaptive < 0.5 * wrong.identified
     for name in (*FIG_8,)[1:]:
-        row = rows[name, 0.2, False]
-        assert row.identified == row.true
-        assert row.torque_with == pytest.approx(row.torque_without, rel=0.1)
+        assert rows[name, 0.2, False].identified == rows[name, 0.2, False].true
     # figs 5 to 7 hold two periods of the slow sine; with the model the error is less than a tenth of that without
     one = joint_loop()
     runs = followed(one)
     assert [*runs] == ["without", "with"]
     for run in runs.values():
-        assert run.time[-1] == pytest.approx(2 / one.slow)
         np.testing.assert_array_equal(run.reference, one.sine(one.slow, 2 / one.slow).position)
     assert runs["with"].rms_error(5.0)[0] < 0.1 * runs["without"].rms_error(5.0)[0]
     assert not runs["without"].compensation.any()
-    # on the gripper the thinnest layer chatters at least ten times as much as the PID; the widest is the PID's PD
-    bare, fed, wide, _, thin = compare_controllers(joint_loop())
-    assert (bare.controller, fed.controller) == ("PID alone", "PID with LuGre feed-forward")
-    assert thin.controller.startswith("sliding mode, layer")
-    assert thin.chatter > 10 * bare.chatter
-    assert wide.chatter == pytest.approx(bare.chatter, rel=0.1)
-    assert wide.rms_error == pytest.approx(bare.rms_error, rel=0.1)
-    assert fed.rms_error < 0.2 * bare.rms_error
-    assert all(r.rms_error < r.peak_error for r in (bare, fed, wide, thin))
 
 
 def test_adaptation_is_table_2_and_its_maps_hold_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """The gripper one way, from 0.3 alpha_0 and 0.5 alpha_2: `partial` ends within 0.02 of 0.84 and 1.05, `printed` leaves alpha_0 at 0.30."""
     found = adapted(one_way(joint_loop()))
     by = {(f.law, f.parameter): f for f in found.factors}
-    assert [*by] == [(law, name) for law in LAWS for name in ("alpha_0", "alpha_2")]
+    assert [(*key, f.initial) for key, f in by.items()] == [
+        (law, name, start) for law in LAWS for name, start in (("alpha_0", 0.3), ("alpha_2", 0.5))
+    ]
     assert [*found.runs] == ["not adapted", *LAWS]
-    assert {f.initial for (_, name), f in by.items() if name == "alpha_0"} == {0.3}
-    assert {f.initial for (_, name), f in by.items() if name == "alpha_2"} == {0.5}
     assert by["partial", "alpha_0"].final == pytest.approx(0.84, abs=0.02)
     assert by["partial", "alpha_2"].final == pytest.approx(1.05, abs=0.02)
     assert by["partial", "alpha_0"].early > 0.80
@@ -115,8 +101,7 @@ def test_adaptation_is_table_2_and_its_maps_hold_it(monkeypatch: pytest.MonkeyPa
     assert late["partial"] < 0.2 * late["not adapted"]
     # a plan that adapts v_s is tried by the three laws that can
     plan = Adaptation(parameters=("alpha_0", "v_s"), gamma=(20.0, 1.0))
-    found = adapted(one_way(joint_loop(adaptation=plan)))
-    assert [*found.runs] == ["not adapted", "partial", "partial-theta", "total"]
+    assert [*adapted(one_way(joint_loop(adaptation=plan))).runs] == ["not adapted", "partial", "partial-theta", "total"]
     # at the plan's own rate, amplitude and frequency both maps hold what the adaptation ends at; shapes are those of their axes
     monkeypatch.setattr(experiments, "GAMMAS", (20.0, 50.0, 5.0))
     monkeypatch.setattr(experiments, "FREQUENCIES", (2.0, 1.0))
@@ -124,20 +109,12 @@ def test_adaptation_is_table_2_and_its_maps_hold_it(monkeypatch: pytest.MonkeyPa
     one = one_way(joint_loop(adaptation=Adaptation(gamma=(20.0, 10.0)), frequency=0.6, amplitude=0.8))
     found = map_adaptation(one)
     ends = [f.final for f in adapted(one).factors if f.law == "partial"]
-    assert found.by_gamma.shape == (2, 3, 2)
-    assert found.by_amplitude.shape == (2, 3, 2)
+    assert found.by_gamma.shape == found.by_amplitude.shape == (2, 3, 2)
     np.testing.assert_allclose(found.by_gamma[:, 0, 1], ends, rtol=1e-12)
     np.testing.assert_allclose(found.by_amplitude[:, 0, 1], ends, rtol=1e-12)
     np.testing.assert_allclose(found.by_amplitude[:, 0, 0], found.by_gamma[:, 0, 0], rtol=1e-12)
-    np.testing.assert_allclose(found.gammas, [20.0, 50.0, 5.0])
-    np.testing.assert_allclose(found.frequencies, [1.2, 0.6])
-    np.testing.assert_allclose(found.amplitudes, [0.8, 0.4, 1.6])
-    monkeypatch.undo()
-    # with rates of zero nothing moves, over the whole map
-    for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
-        monkeypatch.setattr(experiments, name, (1.0,))
-    found = map_adaptation(joint_loop(adaptation=Adaptation(gamma=(0.0, 0.0))))
-    np.testing.assert_array_equal(found.by_gamma.ravel(), [0.3, 0.5])
+    axes = np.concatenate([found.gammas, found.frequencies, found.amplitudes])
+    np.testing.assert_allclose(axes, [20.0, 50.0, 5.0, 1.2, 0.6, 0.8, 0.4, 1.6])
 
 
 def test_drifts_are_told_of_every_way_with_the_known_model_first() -> None:
@@ -149,12 +126,11 @@ def test_drifts_are_told_of_every_way_with_the_known_model_first() -> None:
     ]
     for first in (0, 6):
         known, fixed, slow, quick, *_ = found[first : first + 6]
-        assert known.over_known == 1.0
         assert np.isnan([known.gamma, fixed.gamma, known.largest_gain, fixed.largest_gain]).all()
         assert (slow.gamma, quick.gamma) == (5.0, 20.0)
-        assert fixed.over_known == max(r.over_known for r in found[first : first + 6])
-        for row in found[first : first + 6]:
-            assert row.over_known == pytest.approx(row.rms_error / known.rms_error)
+        over = [row.over_known for row in found[first : first + 6]]
+        assert over == pytest.approx([row.rms_error / known.rms_error for row in found[first : first + 6]])
+        assert fixed.over_known == max(over)
     assert found[9].over_known < 1.5
     assert found[7].over_known > 2
     assert found[9].largest_gain == pytest.approx(1.5, abs=0.1)
@@ -173,35 +149,26 @@ def test_the_band_holds_the_truth_that_it_was_drawn_for() -> None:
     model, _ = spread(GRIPPER, rng, 0.05)
     one = joint_loop(model=model, period=2e-3)
     narrow, wide = (
-        band(replace(one, draws=tuple(spread(model, rng, share) for _ in range(40)))) for share in (0.05, 0.15)
+        present(band(replace(one, draws=tuple(spread(model, rng, share) for _ in range(40))))) for share in (0.05, 0.15)
     )
-    assert narrow is not None
-    assert wide is not None
     low, middle, high = narrow.rms
-    assert low < narrow.rms_actual < high
-    assert low < middle < high
+    assert low < min(middle, narrow.rms_actual) <= max(middle, narrow.rms_actual) < high
     inside = (narrow.lower <= narrow.actual) & (narrow.actual <= narrow.upper)
     assert inside.mean() > 0.8
     assert wide.rms[2] > narrow.rms[2]
-    assert narrow.joints == 40
-    assert narrow.time[0] == pytest.approx(1 / one.slow)
-    assert narrow.rms_actual == pytest.approx(np.sqrt(np.mean(narrow.actual**2)))
-    # what they do to the RMS error alone stands beside the band of all causes, and is no part of its quantiles; without them it is None. A
-    # joint whose covariance is unknown has no band
-    rng = np.random.default_rng(0)
+    assert (narrow.joints, narrow.time[0]) == (40, pytest.approx(1 / one.slow))
+    # what constants alone do to the RMS error is no part of the band's quantiles; a joint whose covariance is unknown has no band
     draws, by_constants = (tuple(spread(GRIPPER, rng, 0.1) for _ in range(20)) for _ in range(2))
     one = joint_loop(period=2e-3, draws=draws)
     assert band(replace(one, draws=())) is None
-    without, beside = band(one), band(replace(one, draws_by_constants=by_constants))
-    assert without is not None
-    assert beside is not None
+    without, beside = (present(band(x)) for x in (one, replace(one, draws_by_constants=by_constants)))
     assert without.rms_systematic is None
     assert beside.rms == pytest.approx(without.rms)
     alone = present(band(replace(one, draws=by_constants)))
     assert beside.rms_systematic == pytest.approx((alone.rms[0], alone.rms[2]))
 
 
-def test_a_parameter_of_zero_divides_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_parameter_of_zero_divides_nothing() -> None:
     """A joint without viscous friction is adapted by every law, whatever the law of the plan, with finite gains."""
     pair = Pair(*(p._replace(alpha_2=0.0, sigma_1=0.0) for p in GRIPPER))
     for law in ("partial", "partial-theta", "total"):
@@ -209,13 +176,6 @@ def test_a_parameter_of_zero_divides_nothing(monkeypatch: pytest.MonkeyPatch) ->
         rows = {x.law: x for x in adapted(one).factors if x.parameter == "alpha_2"}
         assert {"partial", "partial-theta", "total"} <= set(rows)
         assert all(np.isfinite(x.final) for x in rows.values())
-    # whatever the law of the plan, its row of Table 2 ends where the map at the same rate does
-    for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
-        monkeypatch.setattr(experiments, name, (20.0,) if name == "GAMMAS" else (1.0,))
-    for way in ("partial", "partial-theta", "total"):
-        one = one_way(joint_loop(adaptation=Adaptation(law=way, gamma=(100.0, 100.0))))
-        ends = [x.final for x in adapted(one).factors if x.law == way]
-        np.testing.assert_allclose(map_adaptation(one).by_gamma.ravel(), ends, rtol=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -236,18 +196,15 @@ def test_a_study_shows_itself(compensated: Study, tmp_path: Path) -> None:
     assert frame["identified_model"].tolist() == [row.identified for row in compensated.errors]
     assert (frame["true_share"] * frame["without"]).tolist() == pytest.approx([row.true for row in compensated.errors])
     # one line each, without inertia feed-forward, with what is left of the error and where each factor ends
-    found = list(outcomes_of(compensated))
+    found, lines = list(outcomes_of(compensated)), report_of(compensated).text().splitlines()
     plain = [row for row in compensated.errors if not row.inertia]
-    factors = compensated.adapted.factors
-    assert report_of(compensated).text().splitlines() == list(map(str, found))
-    assert [x.code for x in found] == ["errors-compensated"] * len(plain) + ["adapted-to"] * len(factors)
-    for said, row in zip(found, plain, strict=False):
-        assert said.numbers["unit"] == "mrad"
-        assert (said.numbers["without"], said.numbers["identified"]) == (1e3 * row.without, 1e3 * row.identified)
-        assert said.numbers["identified_percent"] == 100 * row.identified / row.without
-    for said, factor in zip(found[len(plain) :], factors, strict=True):
-        ends = {"law": factor.law, "name": factor.parameter, "initial": factor.initial, "final": factor.final}
-        assert ends.items() <= said.numbers.items()
+    rows = [row._asdict() for row in plain] + [factor._asdict() for factor in compensated.adapted.factors]
+    assert [x.numbers for x in found] == rows
+    assert lines == list(map(str, found))
+    row, factor = plain[0], compensated.adapted.factors[0]
+    left = f"{1e3 * row.identified:.3g} mrad ({100 * row.identified / row.without:.2g} %) with"
+    assert f"RMS error {1e3 * row.without:.3g} mrad without, {left} and " in lines[0]
+    assert f"{factor.parameter} from 0.3 to {factor.final:.3f} of its identified value." in lines[len(plain)]
     # each caption begins with SIMULATED; each figure has a name of its own
     drawn = [x for own in sections(compensated) for x in own.drawings]
     assert all(x.simulated for x in drawn)
@@ -256,30 +213,14 @@ def test_a_study_shows_itself(compensated: Study, tmp_path: Path) -> None:
     report_of(compensated).write(tmp_path / "a")
     written = pd.read_csv(tmp_path / "a" / "tables" / "compensation_errors.csv", comment="#")
     pd.testing.assert_frame_equal(written, compensated.to_frame(), check_dtype=False, rtol=1e-6)
-    # a gain that ends at zero has the colour of the smallest ratio, one of a loop that diverges none; the caption counts the finite ones
-    twice = np.tile(compensated.adaptation_map.by_gamma, 3)
-    twice[..., 0], twice[..., 1], twice[..., 2] = 0.0, np.nan, 2.0
-    m = compensated.adaptation_map._replace(frequencies=np.array([0.1, 0.2, 0.5]), by_gamma=twice, by_amplitude=twice)
-    study = replace(compensated, adaptation_map=m)
-    landings = next(x for own in sections(study) for x in own.drawings if x.name == "compensation-landings")
-    figure = present(landings.draw())
-    image = figure.axes[0].images[0]
-    shown: np.ma.MaskedArray[Any, Any] = np.ma.asarray(image.norm(np.asarray(image.get_array(), dtype=float)))
-    assert shown[0, 0] == 0
-    assert np.ma.getmaskarray(shown).sum() == 1
-    assert landings.caption.partition(". ")[0].endswith("α₂ from 0 to 2")
 
-
-@pytest.mark.parametrize(("share", "said"), [(1.05, True), (1.2, False)])
-def test_a_stribeck_curve_as_good_as_lugre_is_said(compensated: Study, share: float, said: bool) -> None:
-    """Where the steady curve leaves an error within a tenth of LuGre's, the page says so with both."""
-    rows = {row.compensator: row for row in compensated.ablation}
-    lugre = rows["LuGre, reference velocity"]
-    stribeck = rows["Stribeck, reference velocity"]._replace(rms_error=share * lugre.rms_error)
-    tried = (rows | {stribeck.compensator: stribeck}).values()
-    shown = sections(replace(compensated, ablation=tuple(tried)))
-    found = [x for section in shown for x in section.findings if x.code == "stribeck-as-good"]
-    assert [x.numbers["stribeck"] for x in found] == ([pytest.approx(1e3 * share * lugre.rms_error)] if said else [])
+    # where the steady curve leaves an error within a tenth of LuGre's, the page says so with both
+    tried, told = {row.compensator: row for row in compensated.ablation}, []
+    for share in (1.05, 1.2):
+        stribeck = tried["Stribeck, reference velocity"]._replace(rms_error=share * tried[LUGRE].rms_error)
+        shown = sections(replace(compensated, ablation=tuple((tried | {stribeck.compensator: stribeck}).values())))
+        told += [x.numbers["stribeck"] for own in shown for x in own.findings if x.code == "stribeck-as-good"]
+    assert told == [pytest.approx(1.05e3 * tried[LUGRE].rms_error)]
 
 
 LUGRE = "LuGre, reference velocity"
@@ -302,13 +243,10 @@ def test_every_way_under_each_circumstance(tried: tuple[AblationRow, ...]) -> No
     """One row for every compensator, encoder, delay and share, and one without compensation, which has no share."""
     expected = [(way, 20, d, s) for way in WAYS for d in (0, 5) for s in (SHARES if way != "none" else (0.0,))]
     assert [(r.compensator, r.encoder_bits, r.delay, r.share) for r in tried] == expected
-    assert all(np.isfinite([r.rms_error, r.over_none, r.chatter]).all() for r in tried)
-    # `none` without delay is what all others are relative to, and leads nowhere
-    assert of(tried, "none")[0.0].over_none == 1.0
+    assert all(np.isfinite([r.rms_error, r.over_none]).all() for r in tried)
+    # `none` without delay is what all others are relative to
     bare = of(tried, "none")[0.0].rms_error
-    for row in tried:
-        assert row.over_none == pytest.approx(row.rms_error / bare)
-    assert not any(r.over_compensated for r in tried if r.compensator == "none")
+    assert [row.over_none for row in tried] == pytest.approx([row.rms_error / bare for row in tried])
     # LuGre by reference velocity: with all of the true friction the error is less than half of that with any other share
     found = of(tried, LUGRE)
     assert all(found[1.0].rms_error < 0.5 * row.rms_error for share, row in found.items() if share != 1.0)
@@ -319,23 +257,12 @@ def test_every_way_under_each_circumstance(tried: tuple[AblationRow, ...]) -> No
         if way.endswith("reference velocity") or way == "none":
             assert not any(r.limit_cycle for r in found.values())
     assert all(r.limit_cycle for r in of(tried, "Coulomb, measured velocity").values())
-    # five periods late, feed-forward still leaves less than a fifth of the error
-    assert of(tried, LUGRE, 5)[1.0].over_none < 0.2
     # half of the model's parameters, v_s aside, compensate as the whole model does by half of its torque
     one = joint_loop()
     course, moving = trying._back_and_forth(one)
     case = replace(one.case(), resolution=trying._count(one, 20))
     run = simulate(LoopOptions(compensator=Compensator(share=0.5), encoder=True), [case], course, one.period)
     assert of(tried, LUGRE)[0.5].rms_error == pytest.approx(np.sqrt(np.mean(run.error[0, moving] ** 2)), rel=1e-9)
-
-
-@pytest.mark.parametrize("way", [way for way in WAYS if way.startswith(("LuGre", "Stribeck"))])
-def test_more_than_all_of_the_friction_is_marked(tried: tuple[AblationRow, ...], way: str) -> None:
-    """With the whole curve at 150 % the joint leads its reference and is marked over-compensated; at 50 % it lags and is not."""
-    found = of(tried, way)
-    assert found[1.5].over_compensated
-    assert not found[0.5].over_compensated
-    assert not found[0.75].over_compensated
 
 
 STEP, SECONDS = 2e-3, 10.0
@@ -360,29 +287,26 @@ def written(folder: Path, friction: float = 1.0, *, gap: bool = False) -> None:
 
 def replayed(
     folder: Path, friction: float, one: JointLoop | None = None, more: str = INERTIA, *, gap: bool = False
-) -> tuple[Replay, Replay]:
-    """That run, replayed with the gripper's model, right and from a wrong start."""
+) -> Replay:
+    """That run, replayed with the gripper's model."""
     written(folder, friction, gap=gap)
-    first, second = replays(one or joint_loop(), joint(), measure(experiment(folder, "", more)))
-    return first, second
+    (found,) = replays(one or joint_loop(), joint(), measure(experiment(folder, "", more)))
+    return found
 
 
 def test_a_replay_is_of_every_sample(tmp_path: Path) -> None:
     """Time, velocity, torques and gains are of the run's samples; friction is the torque without that of inertia, given or identified."""
     t, v, torque = motion()
     for more in (INERTIA, ""):
-        for run, begun in zip(
-            replayed(tmp_path, 1.0, None, more), ("identified", "0.3 alpha_0, 0.5 alpha_2"), strict=True
-        ):
-            assert (run.file, run.begun) == ("run.csv", begun)
-            np.testing.assert_allclose(run.time, t, atol=1e-9)
-            np.testing.assert_allclose(run.velocity, v, rtol=1e-9)
-            assert run.measured.shape == run.fixed.shape == run.adapted.shape == t.shape
-            assert run.theta.shape == (2, t.size)
-            friction = rollout(v, STEP, GRIPPER, 0.0).torque
-            assert np.abs(run.measured - friction)[50:-50].max() < 0.01 * np.abs(torque).max()
+        run = replayed(tmp_path, 1.0, None, more)
+        assert run.file == "run.csv"
+        np.testing.assert_allclose(run.time, t, atol=1e-9)
+        assert run.measured.shape == run.fixed.shape == run.adapted.shape == t.shape
+        assert run.theta.shape == (2, t.size)
+        friction = rollout(v, STEP, GRIPPER, 0.0).torque
+        assert np.abs(run.measured - friction)[50:-50].max() < 0.01 * np.abs(torque).max()
     # on a run of the model's own joint the gains stay at 1 to a hundredth, and the verdict is that adaptation changes nothing
-    run, _ = replayed(tmp_path, 1.0)
+    run = replayed(tmp_path, 1.0)
     np.testing.assert_allclose(run.theta, 1.0, atol=0.01)
     before, after = run.relative_errors()
     assert max(before, after) < 1.0
@@ -390,7 +314,7 @@ def test_a_replay_is_of_every_sample(tmp_path: Path) -> None:
     assert run.verdict.numbers == {"before": before, "after": after, "ratios": run.ratios}
     # where Coulomb and viscous friction are 1.5 times the model's, both shares go most of the way, the error halves, and the verdict says
     # so. Errors are 100 norm(measured - predicted) / norm(measured) from the middle of the run on, with gains of 1 and adapted
-    run, wrong = replayed(tmp_path, 1.5)
+    run = replayed(tmp_path, 1.5)
     assert (np.abs(run.theta[:, -1] - 1.5) < 0.2).all()
     assert (np.diff(run.theta[:, ::1000], axis=1) > 0).all()
     before, after = run.relative_errors()
@@ -401,17 +325,12 @@ def test_a_replay_is_of_every_sample(tmp_path: Path) -> None:
     assert before == pytest.approx(100 / 3, abs=1.0)
     assert after < 0.5 * before
     assert run.verdict.code == "adaptation-helps"
-    assert run.verdict.numbers == {"before": before, "after": after, "ratios": run.ratios}
     assert run.shares in str(run.verdict)
-    np.testing.assert_allclose(wrong.theta[:, 0], [0.3, 0.5], rtol=0.01)
-    assert (wrong.theta[:, -1] > wrong.theta[:, 0]).all()
-    assert wrong.relative_errors()[1] < wrong.relative_errors()[0]
 
 
 def test_gains_rates_and_limits_of_replays(tmp_path: Path) -> None:
     """A run with a gap is replayed stretch by stretch: as without one up to the gap, then from the gains that it had before it."""
-    whole, _ = replayed(tmp_path, 1.5)
-    run, _ = replayed(tmp_path, 1.5, gap=True)
+    whole, run = replayed(tmp_path, 1.5), replayed(tmp_path, 1.5, gap=True)
     before = np.flatnonzero(run.time < GAP[0])
     assert run.theta.shape == (2, run.time.size)
     assert run.time.size == whole.time.size - round((GAP[1] - GAP[0]) / STEP)
@@ -424,27 +343,20 @@ def test_gains_rates_and_limits_of_replays(tmp_path: Path) -> None:
     # the torque error teaches as an error of position over K_p: twice the gain with twice the rates is the same replay
     one = joint_loop()
     stiff = joint_loop(gains=one.gains._replace(K_p=2 * one.gains.K_p), adaptation=Adaptation(gamma=(40.0, 40.0)))
-    first, second = (replayed(tmp_path, 1.5, own)[0] for own in (one, stiff))
+    first, second = (replayed(tmp_path, 1.5, own) for own in (one, stiff))
     np.testing.assert_allclose(first.theta, second.theta, rtol=1e-9)
     # where a gain ends at its upper limit the verdict is to leave the adaptation off, or to lower its rate
     one = joint_loop(adaptation=Adaptation(limits=(0.5, 1.2)))
-    run, _ = replayed(tmp_path, 1.5, one)
+    run = replayed(tmp_path, 1.5, one)
     assert run.theta.max() == pytest.approx(1.2)
     assert run.verdict.code == "gain-at-limit"
     # where the rate is so high that every sample overshoots, a model that was right explains less, and the verdict is to leave it off
-    run, _ = replayed(tmp_path, 1.0, joint_loop(adaptation=Adaptation(gamma=(0.0, 1e5), limits=(0.01, 100.0))))
+    run = replayed(tmp_path, 1.0, joint_loop(adaptation=Adaptation(gamma=(0.0, 1e5), limits=(0.01, 100.0))))
     before, after = run.relative_errors()
     assert after > before + 10
     assert run.verdict.code == "adaptation-harms"
-    # limits are those of the gains, not of the shares: one that never moved is at none, one that doubled is at two
-    still = joint_loop(start={"alpha_0": 0.4}, adaptation=Adaptation(gamma=(0.0, 0.0), limits=(0.5, 2.0)))
-    assert replayed(tmp_path, 1.0, still)[1].verdict.code != "gain-at-limit"
-    driven = joint_loop(
-        start={"alpha_0": 0.3, "alpha_2": 0.1}, adaptation=Adaptation(gamma=(20.0, 200.0), limits=(0.05, 2.0))
-    )
-    assert replayed(tmp_path, 1.0, driven)[1].verdict.code == "gain-at-limit"
     # with rates of zero the torque that adapts is the one with gains of 1, but for where z passes zero within a sample
-    run = replayed(tmp_path, 1.0, joint_loop(adaptation=Adaptation(gamma=(0.0, 0.0))))[0]
+    run = replayed(tmp_path, 1.0, joint_loop(adaptation=Adaptation(gamma=(0.0, 0.0))))
     np.testing.assert_allclose(run.adapted, run.fixed, atol=1e-4 * np.abs(run.fixed).max())
     # where nothing but the inertia is known beside friction, a right model still explains the run
     written(tmp_path)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import simulated_edro
 from bristle.control import adaptation as adapting
 from bristle.control.adaptation import LAWS, STEPS, Adaptation, Law, Learnt, gradient, learn, printed
-from bristle.control.closed_loop import Trajectory, simulate
+from bristle.control.closed_loop import simulate
 from bristle.control.compensator import (
     NAMES,
     Compensator,
@@ -23,8 +23,8 @@ from bristle.control.compensator import (
     initial_state,
     step,
 )
-from bristle.control.control_period import LoopOptions, at_rest, control_period, flat, numbers_of
-from bristle.control.pid import Gains, Sliding
+from bristle.control.control_period import UNDISTURBED, LoopOptions, at_rest, control_period, flat, numbers_of
+from bristle.control.pid import Gains
 from bristle.model import functions, law
 from bristle.model.parameters import Lugre, Motor, Pair
 from bristle.model.rollout import rollout
@@ -35,40 +35,44 @@ from .conftest import PAIR, H, P, case, follow, sine, wrong_start
 from .continuous import simulate_continuous
 
 TABLE_2: dict[tuple[Law, float], tuple[float, ...]] = {
-    ("printed", 20.0): (0.300, 0.300, 1.118, 1.158), ("total", 20.0): (0.448, 0.469, 1.094, 1.125),
-    ("partial", 5.0): (0.648, 0.834, 0.789, 1.033), ("partial", 20.0): (0.832, 0.844, 1.029, 1.051),
+    ("printed", 20.0): (0.3000, 0.2999, 1.1177, 1.1584), ("total", 20.0): (0.448, 0.469, 1.094, 1.125),
+    ("partial", 5.0): (0.648, 0.834, 0.790, 1.033), ("partial", 20.0): (0.8316, 0.8445, 1.0293, 1.0512),
     ("partial", 50.0): (0.851, 0.848, 1.059, 1.062),
 }  # fmt: skip  # a table
-"""Factors of alpha_0 and of alpha_2 at 4 s and at 20 s by law and rate, as docs/paper.md has them of a variable-step solution."""
+"""Factors of alpha_0 and of alpha_2 at 4 s and at 20 s by law and rate, as docs/paper.md has them of the continuous loop."""
+SINE = Sine(1.0, 0.5).position
 
 
-def test_the_loop_is_docs_papers_and_of_second_order() -> None:
-    """Table 2's scenario by each law: the factors in docs/paper.md to 0.0015, of which the printed law leaves alpha_0 at 0.30."""
-    # at 20 s, for every rate from 5 to 50, the partial law is within 0.02 of the paper's Table 2, 0.84 and 1.05, and
-    # the printed one within 0.01 of that 0.30
+def test_adaptation_is_that_of_docs_paper() -> None:
+    """Table 2's scenario by each law and rate: the continuous loop has the factors of docs/paper.md, the one at 1 kHz to 0.0015."""
+    # for every rate from 5 to 50 the partial law is within 0.02 of the paper's 0.84 and 1.05 at 20 s, and the printed
+    # one leaves alpha_0 at 0.30
     rates: list[tuple[Law, float]] = [
-        (way, gamma) for way in ("partial", "printed") for gamma in (5.0, 10.0, 20.0, 35.0, 50.0)
+        (way, gamma) for way in ("partial", "printed") for gamma in (5.0, 10.0, 35.0, 50.0)
     ]
+    failed = []
     for way, gamma in dict.fromkeys([*TABLE_2, *rates]):
-        options = LoopOptions(compensator=Compensator(adaptation=Adaptation(law=way, gamma=(gamma, gamma))))
-        theta = simulate(options, [wrong_start()], sine(20.0, 0.5), H).theta[0]
-        found = [f * theta[k, at] for k, f in ((0, 0.3), (1, 0.5)) for at in (4000, -1)]
+        compensator = Compensator(adaptation=Adaptation(law=way, gamma=(gamma, gamma)))
+        theta = simulate(LoopOptions(compensator=compensator), [wrong_start()], sine(20.0, 0.5), H).theta[0]
+        found = np.array([f * theta[k, at] for k, f in ((0, 0.3), (1, 0.5)) for at in (4000, -1)])
+        close = [np.allclose(found[1::2], (0.84, 1.05), atol=0.02) or way != "partial"]
+        close += [abs(found[1] - 0.30) < 0.01 or way != "printed"]
         if (way, gamma) in TABLE_2:
-            np.testing.assert_allclose(found, TABLE_2[way, gamma], atol=1.5e-3, err_msg=f"{way} {gamma}")
-        if way == "partial":
-            np.testing.assert_allclose(found[1::2], (0.84, 1.05), atol=0.02, err_msg=f"{gamma}")
-        if way == "printed":
-            np.testing.assert_allclose(found[1], 0.30, atol=0.01, err_msg=f"{gamma}")
-    # halving the plant's step four times at one controller rate, the distance to CVODES falls by four each time, to within a factor
-    course = sine(2.0, 0.5, 8e-3)
-    stiff = simulate(LoopOptions(), [case("wrist pitch")], course, 8e-3, stiff=True)
-    off = [
-        np.abs(simulate(LoopOptions(substeps=n), [case("wrist pitch")], course, 8e-3).position - stiff.position).max()
-        for n in (1, 2, 4, 8)
-    ]
-    order = np.log2(off[0] / off[-1]) / 3
-    assert 1.7 < order < 2.5
-    # a voltage drive differs from a torque drive by k_t**2 / R times the velocity error alone: not at all where that is small
+            exact = simulate_continuous(wrong_start(), compensator, SINE, 20.0, 1.0).theta[0]
+            continuous = [f * exact[k, at] for k, f in ((0, 0.3), (1, 0.5)) for at in (4, 20)]
+            expected = TABLE_2[way, gamma]
+            close += [np.allclose(continuous, expected, atol=1e-3), np.allclose(found, expected, atol=1.5e-3)]
+        failed += [(way, gamma, found, close)] * (not all(close))
+    assert failed == []
+    # where the unlimited gain would pass a limit, it stays there, and comes back when its rate does
+    a = Adaptation(law="partial", gamma=(200.0, 200.0), limits=(0.9, 1.5))
+    run = simulate_continuous(wrong_start(), Compensator(adaptation=a), SINE, 10.0, H)
+    assert run.theta.max() == pytest.approx(1.5, abs=1e-4)
+    assert run.theta.min() > 0.9 - 1e-4
+
+
+def test_drives_batches_and_refusals() -> None:
+    """A voltage drive differs from a torque drive by k_t**2 / R times the velocity error alone: not at all where that is small."""
     course, J = sine(6.0, 0.3), simulated_edro.motor("gripper rotation").J
     off = []
     for m in (Motor(1e-4, 1.0, 0.0, J), simulated_edro.motor("gripper rotation")):
@@ -78,106 +82,52 @@ def test_the_loop_is_docs_papers_and_of_second_order() -> None:
         )
         assert np.isnan(torque.voltage).all()
         assert np.isfinite(voltage.voltage).all()
-        off.append(np.abs(torque.position - voltage.position).max() / torque.peak_error(1.0)[0])
+        off.append(np.abs(torque.position - voltage.position).max() / np.abs(torque.error[0, 1000:]).max())
     assert off[0] < 1e-6
     assert 1e-3 < off[1] < 1
     # a batch gives each case the bytes that it has alone; encoder, delay and saturation act
-    options = LoopOptions(encoder=True, delay=2, speedometer=True, compensator=Compensator(name="lugre-feedback"))
+    options = LoopOptions(encoder=True, delay=2, compensator=Compensator(name="lugre-feedback"))
     cases = [
         case(name, resolution=2 * np.pi / 2**12, torque_limit=limit) for name in edro.TABLE_1 for limit in (0.05, 5.0)
     ]
     course = sine(3.0, 0.5)
     whole = simulate(options, cases, course, H)
     for k, one in enumerate(cases):
-        alone = simulate(options, [one], course, H)
-        np.testing.assert_array_equal(whole.position[k], alone.position[0])
+        np.testing.assert_array_equal(whole.position[k], simulate(options, [one], course, H).position[0])
         assert np.abs(whole.torque[k]).max() <= one.torque_limit
-    assert whole.chatter(1.0)[1] > 5 * simulate(LoopOptions(), [cases[1]], course, H).chatter(1.0)[0]
-
-
-@pytest.mark.parametrize("names", [[*edro.TABLE_1][:1], pytest.param([*edro.TABLE_1][1:], marks=pytest.mark.slow)])
-def test_the_fast_simulator_agrees_with_a_stiff_solver(names: list[str]) -> None:
-    """Over 20 s, with both directions in use and the controller held at 1 kHz, exact steps and CVODES differ by less than 1e-4 rad."""
-    off = {}
-    for name in names:
-        loops = (simulate(LoopOptions(), [case(name)], sine(20.0, 0.5), H, stiff=which) for which in (False, True))
-        fast, stiff = loops
-        off[name] = [np.abs(getattr(fast, x) - getattr(stiff, x)).max() for x in ("position", "velocity")]
-    assert not {name: x for name, x in off.items() if not (x[0] < 1e-4 and x[1] < 5e-3)}
-
-
-def test_measures_and_limits_of_loops() -> None:
-    """Error, control, chatter and energy of a trajectory that is written down are what a pencil gives."""
-    t = np.array([0.0, 1.0, 2.0])
-    two, blank = np.array([[3.0, -1.0, 3.0]]), np.zeros((1, 3))
-    run = Trajectory(
-        time=t, reference=np.ones(3), position=np.array([[1.0, 0.0, 3.0]]), velocity=np.array([[0.0, 1.0, 2.0]]), torque=two, voltage=blank,
-        friction=blank, compensation=blank, theta=np.zeros((1, 0, 3)),
-    )  # fmt: skip  # a list of values
-    assert run.rms_error()[0] == pytest.approx(np.sqrt(5 / 3))
-    assert run.peak_error(1.0)[0] == 2.0
-    assert run.rms_torque()[0] == pytest.approx(np.sqrt(19 / 3))
-    assert run.chatter()[0] == pytest.approx(4.0)
-    assert run.energy()[0] == pytest.approx(3.0 * -1.0 + -1.0 * 3.0)
-    # at rest at its reference, wherever that is, the derivative asks for no torque
+    without = simulate(LoopOptions(), [cases[1]], course, H)
+    assert np.abs(np.diff(whole.torque[1])).sum() > 5 * np.abs(np.diff(without.torque[0])).sum()
+    assert without.rms_error(1.0)[0] == pytest.approx(np.sqrt(np.mean(without.error[0, 1000:] ** 2)), rel=1e-12)
+    # at rest, wherever that is, nothing is asked for, and a period leaves plant, controller, compensator and what is on its way as it is
     zero, bare = np.zeros(50), LoopOptions(compensator=Compensator(name="none"))
     assert not simulate(bare, [case("wrist pitch")], Reference(zero + 0.7, zero, zero), H).torque.any()
-    # at rest, asked for nothing, a period leaves every memory as it is: plant, current, controller, compensator and what is on its way
-    adapting = Compensator(adaptation=Adaptation(step="least-squares", gamma=(0.0, 0.0)))
-    for options in (LoopOptions(), LoopOptions(compensator=adapting, drive="voltage", inductance=True, delay=3)):
-        m = simulated_edro.motor("wrist pitch")._replace(L=1e-3)
+    learning = Compensator(adaptation=Adaptation(step="least-squares", gamma=(0.0, 0.0)))
+    for options in (LoopOptions(), LoopOptions(compensator=learning, drive="voltage", delay=3)):
         memory = flat(at_rest(options, 0.0))
-        given = [0.0] * 6 + [1.0, 1.0, 0.0]
-        new, _ = control_period(options)(memory, given, flat(numbers_of(case("wrist pitch", motor=m), H)))
+        new, _ = control_period(options)(memory, flat(UNDISTURBED), flat(numbers_of(case("wrist pitch"), H)))
         np.testing.assert_allclose(new.full().ravel(), memory, atol=1e-15)
-    # without any model base rotation follows 1 rad at 0.5 Hz to a hundredth of the PID's error, and asks for a hundred times its chatter
-    joint, course = case("base rotation", sliding=Sliding(2.0, 15.0, 0.01, 0.0)), sine(6.0, 0.5)
-    linear = simulate(LoopOptions(compensator=Compensator(name="none")), [joint], course, H)
-    thin = simulate(LoopOptions(compensator=Compensator(name="none"), controller="sliding"), [joint], course, H)
-    assert thin.rms_error(1.0)[0] < 0.01 * linear.rms_error(1.0)[0]
-    assert thin.chatter(1.0)[0] > 100 * linear.chatter(1.0)[0]
-    assert np.abs(thin.torque).max() <= 2.0
-    # each in one sentence: a reference or a case with nan, no case, a period of zero, a delay below zero, options and layers that cannot be
+    # each in one sentence: a reference or a case with nan, no case, a period of zero, and options and compensators that cannot be
     course, joint = sine(1.0, 0.5), case("wrist pitch")
     nowhere = course._replace(position=np.full(1001, np.nan))
     nothing = replace(joint, gains=Gains(np.nan, 0.0, 0.0, 0.0))
-    refused: list[tuple[str, Callable[[], object]]] = [
-        ("not finite", lambda: simulate(LoopOptions(), [joint], nowhere, H)),
-        ("or its case, holds a value that is not finite", lambda: simulate(LoopOptions(), [nothing], course, H)),
-        ("got 0 cases", lambda: simulate(LoopOptions(), [], course, H)),
-        ("a period of 0 s", lambda: simulate(LoopOptions(), [joint], course, 0.0)),
-        ("delay -1", lambda: LoopOptions(delay=-1)),
-        ("drive: got 'steam'; expected torque or voltage", lambda: LoopOptions(drive="steam")),  # type: ignore[arg-type]
-        ("controller: got 'lqr'; expected pid or sliding", lambda: LoopOptions(controller="lqr")),  # type: ignore[arg-type]
-        ("sliding: layer: got 0; expected a positive number", lambda: replace(joint, sliding=Sliding(2.0, 15.0, 0.0, 0.0))),
-        ("sliding: layer: got nan; expected a pos", lambda: replace(joint, sliding=Sliding(2.0, 15.0, np.nan, 0.0))),
-    ]  # fmt: skip  # a table
-    for said, attempt in refused:
-        with pytest.raises(ValueError, match=said):
+    refused: dict[str, Callable[[], object]] = {
+        "the reference, load, drift or noise of a run, or its case, holds": lambda: simulate(LoopOptions(), [joint], nowhere, H),
+        "holds a value that is not finite": lambda: simulate(LoopOptions(), [nothing], course, H),
+        "got 0 cases": lambda: simulate(LoopOptions(), [], course, H),
+        "a period of 0 s": lambda: simulate(LoopOptions(), [joint], course, 0.0),
+        "delay -1": lambda: LoopOptions(delay=-1),
+        "drive: got 'steam'; expected torque or voltage": lambda: LoopOptions(drive="steam"),  # type: ignore[arg-type]
+        "compensator: got 'dahl'; expected one of none, coulomb": lambda: Compensator(name="dahl"),  # type: ignore[arg-type]
+        "coulomb cannot adapt": lambda: Compensator(name="coulomb", adaptation=Adaptation()),
+        "share: got -1": lambda: Compensator(share=-1.0),
+        "softness: got 0; expected a positive number": lambda: Compensator(softness=0.0),
+    }  # fmt: skip  # a table
+    failed = []
+    for said, attempt in refused.items():
+        with pytest.raises(ValueError) as error:  # noqa: PT011  # its sentence is looked at
             attempt()
-    # where the unlimited gain would pass a limit, it stays there, and comes back when its rate does
-    a = Adaptation(law="partial", gamma=(200.0, 200.0), limits=(0.9, 1.5))
-    run = simulate_continuous(wrong_start(), Compensator(adaptation=a), SINE, 10.0, H)
-    assert run.theta.max() == pytest.approx(1.5, abs=1e-4)
-    assert run.theta.min() > 0.9 - 1e-4
-
-
-SINE = Sine(1.0, 0.5).position
-
-
-@pytest.mark.parametrize(
-    ("way", "expected", "close"),
-    [
-        ("partial", (0.8316, 0.8445, 1.0293, 1.0512), 5e-4), ("printed", (0.3000, 0.2999, 1.1177, 1.1584), 5e-4),
-        ("total", (0.448, 0.469, 1.094, 1.125), 1e-3),
-    ],
-)  # fmt: skip  # a table
-def test_continuous_factors_are_those_of_docs_paper(way: Law, expected: tuple[float, ...], close: float) -> None:
-    """Table 2's scenario at a rate of 20: factors of alpha_0 and alpha_2 at 4 s and 20 s, as in docs/paper.md."""
-    # they have a digit more here. Those of `total` are of the loop sampled at 1 kHz, and so hold to 1e-3 only
-    run = simulate_continuous(wrong_start(), Compensator(adaptation=Adaptation(law=way)), SINE, 20.0, 1.0)
-    found = [f * run.theta[0, k, at] for k, f in ((0, 0.3), (1, 0.5)) for at in (4, 20)]
-    np.testing.assert_allclose(found, expected, atol=close)
+        failed += [(said, str(error.value))] * (said not in str(error.value))
+    assert failed == []
 
 
 @pytest.mark.parametrize("name", list(edro.TABLE_1))
@@ -195,7 +145,7 @@ def test_the_sampled_loop_goes_to_the_continuous_one(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_compensator_goes_to_its_continuous_form(name: Name) -> None:
-    """With the true velocity measured, adapted where it can be, halving the period about halves the distances of position and of the gains."""
+    """Adapted where it can be, halving the period about halves the distances of position and of the gains."""
     bristle = name.startswith("lugre")
     a = Adaptation(law="total") if bristle else None
     velocity: Velocity = "measured" if name == "stribeck" else "reference"
@@ -203,12 +153,10 @@ def test_every_compensator_goes_to_its_continuous_form(name: Name) -> None:
     exact = simulate_continuous(case("wrist pitch"), c, SINE, 4.0, H)
     off, learnt = [], []
     for k in (1, 2):
-        run = simulate(
-            LoopOptions(compensator=c, speedometer=True), [case("wrist pitch")], sine(4.0, 0.5, H / k), H / k
-        )
+        run = simulate(LoopOptions(compensator=c), [case("wrist pitch")], sine(4.0, 0.5, H / k), H / k)
         off.append(np.abs(run.position[:, ::k] - exact.position).max())
         learnt.append(np.abs(run.theta[:, :, ::k] - exact.theta).max(initial=0.0))
-    assert off[0] < 0.3 * exact.peak_error()[0]
+    assert off[0] < 0.3 * np.abs(exact.error).max()
     assert 1.7 < off[0] / off[1] < 2.4
     assert not bristle or 1.7 < learnt[0] / learnt[1] < 2.4
 
@@ -230,25 +178,20 @@ def torque_of(name: str, z: float, v: float) -> float:
 def test_derivatives_as_printed_and_in_sliding() -> None:
     """(19) as typeset equals dT_f / d alpha_1 and not d alpha_0, from which it differs by exp(-(v / v_s)**2); (20) is dT_f / d alpha_2."""
     for v, z in ((0.03, 0.003), (-0.1, -0.002), (0.5, 0.003)):
-        assert number(printed("alpha_0", z, v, P)) == pytest.approx(torque_of("alpha_1", z, v), rel=1e-12)
-        assert number(printed("alpha_0", z, v, P)) == pytest.approx(
-            torque_of("alpha_0", z, v) * np.exp(-((v / P.v_s) ** 2)), rel=1e-12
-        )
-        assert number(printed("alpha_2", z, v, P)) == pytest.approx(torque_of("alpha_2", z, v), rel=1e-12)
+        as_typeset = [number(printed(name, z, v, P)) for name in ("alpha_0", "alpha_2")]
+        assert as_typeset == pytest.approx([torque_of("alpha_1", z, v), torque_of("alpha_2", z, v)], rel=1e-12)
+        assert as_typeset[0] == pytest.approx(torque_of("alpha_0", z, v) * np.exp(-((v / P.v_s) ** 2)), rel=1e-12)
     # there the total derivative by alpha_0 is sgn(v), the partial one sigma_1 abs(v) / g sgn(v), and that by theta
     # alpha_0 times the partial
     for v in (0.02, -0.02, 0.3, -0.3):
         z, g = float(ca.DM(law.steady_deflection(v, P))), float(ca.DM(law.stribeck(v, P)))
         dz = float(ca.DM(functions.steady_deflection_function()(v, *P)[1]))
         learnt = Learnt((1.0, 1.0), (P.alpha_0 * dz, 0.0), ())
-        found = {name: gradient(Adaptation(law=name), z, v, P, learnt) for name in LAWS}
-        assert number(found["total"][0]) == pytest.approx(np.sign(v), rel=1e-12)
-        assert number(found["partial"][0]) == pytest.approx(P.sigma_1 * abs(v) / g * np.sign(v), rel=1e-9)
-        assert number(found["partial-theta"][0]) == pytest.approx(P.alpha_0 * number(found["partial"][0]), rel=1e-12)
-        assert all(
-            number(G[1]) == pytest.approx(v * (P.alpha_2 if name == "partial-theta" else 1.0))
-            for name, G in found.items()
-        )
+        found = {name: [*map(number, gradient(Adaptation(law=name), z, v, P, learnt))] for name in LAWS}
+        partial = P.sigma_1 * abs(v) / g * np.sign(v)
+        assert found["total"] == pytest.approx([np.sign(v), v], rel=1e-12)
+        assert found["partial"] == pytest.approx([partial, v], rel=1e-9)
+        assert found["partial-theta"] == pytest.approx([P.alpha_0 * partial, P.alpha_2 * v], rel=1e-9)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -291,7 +234,7 @@ def test_a_load_is_not_adapted(how: str) -> None:
         assert scale * number(G[0]) == pytest.approx(number(expected[0]), rel=1e-12)
 
 
-def test_feed_forward_loads_gains_and_refusals() -> None:
+def test_feed_forward_loads_and_gains() -> None:
     """Along a level that changes, the feed-forward is the rollout with that level: the mean difference falls in proportion to the period."""
     off = []
     for h in (2e-3, 1e-3):
@@ -304,11 +247,6 @@ def test_feed_forward_loads_gains_and_refusals() -> None:
         off.append(float(np.abs(np.array(T) - rollout(v, h, PAIR, 0.0, level=level).torque).mean()))
     assert off[1] < 1e-3 * P.alpha_0
     assert off[1] / off[0] < 0.6
-    # sample by sample the paper's compensator gives what `rollout` gives of the whole velocity, to two steps' error
-    v = motion()
-    _, torque = follow(Compensator(), v)
-    expected = rollout(v, H, PAIR, 0.0).torque
-    assert np.abs(torque - expected).max() < 2e-3 * np.abs(expected).max()
     # without a position error nothing is learnt; outside the dead zone the gains move down the error's sign, inside they do not
     v = motion(400)
     for way in LAWS:
@@ -320,15 +258,6 @@ def test_feed_forward_loads_gains_and_refusals() -> None:
     still, _ = follow(Compensator(adaptation=Adaptation(dead_zone=0.02)), slide, e=0.01)
     assert up.learnt.theta[1] > 1 > down.learnt.theta[1]
     assert still.learnt.theta == (1.0, 1.0)
-    # an unknown name, adaptation where there is no bristle, a share below zero and a softness of zero are refused
-    with pytest.raises(ValueError, match="compensator: got 'dahl'; expected one of none, coulomb"):
-        Compensator(name="dahl")  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="coulomb cannot adapt"):
-        Compensator(name="coulomb", adaptation=Adaptation())
-    with pytest.raises(ValueError, match="share: got -1"):
-        replace(Compensator(), share=-1.0)
-    with pytest.raises(ValueError, match="softness: got 0; expected a positive number"):
-        Compensator(softness=0.0)
     # P of least squares stays symmetric and positive, and its trace no larger than it began, with and without forgetting
     for forgetting in (0.0, 5.0):
         a = Adaptation(step="least-squares", forgetting=forgetting, gamma=(50.0, 200.0))
@@ -343,7 +272,7 @@ def test_feed_forward_loads_gains_and_refusals() -> None:
             assert np.trace(matrix) <= 250 * (1 + 1e-12)
 
 
-def motion(n: int = 3000) -> np.ndarray:
+def motion(n: int) -> np.ndarray:
     """A velocity from rest, with reversals."""
     t = H * np.arange(n)
     v: np.ndarray = 0.3 * np.sin(2 * np.pi * 0.7 * t) + 0.1 * np.sin(2 * np.pi * 2.3 * t)
@@ -360,19 +289,15 @@ def test_sensitivity_beside_the_bristle_is_that_of_another_gain(names: tuple[str
         ends = []
         for factor in (1 + 1e-6, 1 - 1e-6):
             pair = Pair(*(p._replace(**{name: factor * getattr(p, name)}) for p in PAIR))
-            run, own = compiled(Compensator()), initial_state(Compensator(), pair)
-            for speed in v.tolist():
-                own, _ = run(own, Reference(0.0, speed, 0.0), Measurement(0.0, speed), H)
-            ends.append(own.deflection)
+            ends.append(follow(Compensator(), v, pair)[0].deflection)
         assert state.learnt.sensitivity[k] == pytest.approx((ends[0] - ends[1]) / 2e-6, rel=1e-4, abs=1e-10)
 
 
-@settings(max_examples=1000)
+@settings(max_examples=200)
 @given(
     st.sampled_from(list(product(LAWS, STEPS))), st.lists(st.tuples(ANY, ANY, ANY), min_size=1, max_size=4),
     st.floats(0, 1e6), st.floats(1e-6, 10.0),
 )  # fmt: skip  # a list of strategies
-@pytest.mark.slow
 def test_gains_stay_within_their_limits_whatever_comes(
     way: tuple[adapting.Law, adapting.Step], samples: list[tuple[float, float, float]], gamma: float, h: float
 ) -> None:

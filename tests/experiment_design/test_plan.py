@@ -2,7 +2,7 @@ import io
 import re
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -28,8 +28,8 @@ from bristle.simulation.edro import experiments
 from ..conftest import TRUTH, Ran, few_motions_tried, run, speeds, write
 from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of
 from ..pages import assert_tables_are_named, findings, page_text
-from ..sameness import held, of_kind, without_sentences
-from .simulated_fits import simulated_errors, spaced_speeds
+from ..sameness import of_kind
+from .conftest import spaced_speeds
 
 PARTS = ("now", "with velocities", "with loading", "with motion")
 Q, V, T = "position reference (rad)", "velocity reference (rad/s)", "torque reference (N*m)"
@@ -61,21 +61,18 @@ def test_now_is_what_was_identified(gripper: Plan) -> None:
     fit = gripper.joint.moving
     assert fit is not None
     said = [fit.parameters[name].standard_error for name in gripper.start.names]
-    assert gripper.standard_errors["now"] == pytest.approx(said, rel=1e-3)
-    assert tuple(gripper.standard_errors) == PARTS
-    for before, after in pairwise(PARTS):
-        assert (gripper.standard_errors[after] <= gripper.standard_errors[before] * (1 + 1e-9)).all()
-    assert (gripper.standard_errors["with motion"] < gripper.standard_errors["now"]).all()
-    # velocities shrink the four static parameters, loading sigma_0, and the motion sigma_1 and the inertia, by a tenth at least
+    errors = gripper.standard_errors
+    assert errors["now"] == pytest.approx(said, rel=1e-3)
+    assert tuple(errors) == PARTS
+    assert (errors["with motion"] < errors["now"]).all()
+    # no part makes one larger; velocities shrink the peak, loading sigma_0, the motion sigma_1 and the inertia, by a tenth at least
     at = {str(name): k for k, name in enumerate(gripper.start.names)}
-    shrunk = {
-        after: gripper.standard_errors[after] / gripper.standard_errors[before] for before, after in pairwise(PARTS)
-    }
-    for d in "+-":
-        assert shrunk["with velocities"][[at["v_s" + d], at["alpha_1" + d]]].max() < 0.9
-        assert shrunk["with loading"][at["sigma_0" + d]] < 0.9
-        assert shrunk["with motion"][at["sigma_1" + d]] < 0.9
-    assert shrunk["with motion"][at["inertia"]] < 0.9
+    shrunk = {after: errors[after] / errors[before] for before, after in pairwise(PARTS)}
+    assert max(x.max() for x in shrunk.values()) <= 1 + 1e-9
+    for part, names in (
+        ("with velocities", "v_s+ v_s- alpha_1+ alpha_1-"), ("with loading", "sigma_0+ sigma_0-"), ("with motion", "sigma_1+ sigma_1- inertia"),
+    ):  # fmt: skip  # a table
+        assert shrunk[part][[at[name] for name in names.split()]].max() < 0.9
     # speeds, runs, time and the intervals of alpha_0 and v_s, or of the aim, are those of the plan, also where one stays open
     then = 196 * gripper.standard_errors["with motion"][gripper.free] / np.abs(gripper.start.estimate[gripper.free])
     names = [gripper.start.names[k].name for k in gripper.free]
@@ -91,70 +88,47 @@ def test_now_is_what_was_identified(gripper: Plan) -> None:
     assert (
         f": predicted sigma_1 to +/- {known['sigma_1']:.2g} % (95 %)." in replace(gripper, aim="sigma_1").worth.message
     )
-    wide = np.where(
-        np.arange(len(gripper.start.names)) == gripper.free[0], np.inf, gripper.standard_errors["with motion"]
-    )
-    opened = replace(gripper, standard_errors={**gripper.standard_errors, "with motion": wide}).worth
+    wide = np.where(np.arange(len(at)) == gripper.free[0], np.inf, errors["with motion"])
+    opened = replace(gripper, standard_errors={**errors, "with motion": wide}).worth
     assert ": predicted alpha_0 not identifiable, v_s to +/- " in opened.message
     # table and text have the error by noise, the viscous share, and both together as the promised error
     columns = ("by_noise", "viscous_share", "standard_error")
-    for row, own in zip(
-        table_of(gripper, "loading")[[*columns]].to_numpy(float).tolist(), gripper.loadings, strict=True
-    ):
-        by_noise, viscous, whole = row
-        sigma_0 = gripper.start.p(own.direction).sigma_0
-        assert whole == pytest.approx(np.hypot(by_noise, viscous * sigma_0))
+    rows = table_of(gripper, "loading")[[*columns]].to_numpy(float).tolist()
+    for (by_noise, viscous, whole), own in zip(rows, gripper.loadings, strict=True):
+        assert whole == pytest.approx(np.hypot(by_noise, viscous * gripper.start.p(own.direction).sigma_0))
         assert f"{100 * viscous:.2g} %" in bristle.report_of(gripper).text()
         k = gripper.start.names.index(ParameterName("sigma_0", own.direction))
         before, after = gripper.standard_errors["with velocities"][k], gripper.standard_errors["with loading"][k]
         assert after**-2 - before**-2 == pytest.approx(whole**-2, rel=0.05)
-    # every count is drawn within its axes, apart from the others and from each point; the legend lies below all axes
+    # every count is drawn within its axes and above the curve; the legend lies below all axes
     figure = figures.velocities_figure(gripper)
     figure.draw_without_rendering()
     (legend,) = figure.legends
     for ax, own in zip(figure.axes, gripper.velocities, strict=True):
         frame, boxes = ax.get_window_extent(), [t.get_window_extent() for t in ax.texts if t.get_text().startswith("×")]
         assert len(boxes) == np.unique(own.chosen.speeds).size
-        assert all(frame.x0 <= b.x0 and b.x1 <= frame.x1 and frame.y0 <= b.y0 and b.y1 <= frame.y1 for b in boxes)
-        assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+        assert all(frame.x0 <= b.x0 and b.x1 <= frame.x1 and b.y1 <= frame.y1 for b in boxes)
         points = np.concatenate([ax.transData.transform(line.get_xydata()) for line in ax.lines])
         assert max(y for _, y in points) < min(b.y0 for b in boxes)
         assert legend.get_window_extent().y1 < frame.y0
     assert 0 <= legend.get_window_extent().x0 < legend.get_window_extent().x1 <= figure.bbox.x1
 
 
-def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
-    """A caution names what the planned motion tells less of than the measured one by more than a tenth, and nothing else."""
-    # the planned motion leaves smaller relative errors than the motion of the embedded default, of its duration
-    motion, measured = gripper.motion, gripper.errors_of_measured
-    assert measured is not None
-    planned, so_far = (float(np.linalg.norm(x / gripper.start.estimate)) for x in (motion.errors, measured))
-    assert planned < so_far
-    better = motion.errors.copy()
-    better[gripper.free[0]] /= 1.2
-    better[gripper.free[1]] /= 1.05
-    told = replace(gripper, errors_of_measured=better)
-    (worse,) = (w for w in told.warnings if w.code == "motion-worse")
-    assert worse.numbers["names"] == (gripper.start.names[gripper.free[0]],)
-    alone = replace(gripper, errors_of_measured=None)
-    assert "motion-worse" not in {w.code for w in alone.warnings}
-    # for its own parameter each design is the best, what is known included: beside that for all, and evenly and log-spaced runs
+def test_designs_scatter_and_captions_are_the_plans(gripper: Plan) -> None:
+    """For its own parameter each design is the best, what is known included: beside that for all, and evenly and log-spaced runs."""
     for own in gripper.velocities:
         count = own.chosen.speeds.size
         spaced = [evaluate_design(own.problem, spaced_speeds(own.problem, count, kind)) for kind in ("log", "even")]
         for k, aim in enumerate(Stribeck._fields):
             alone = design(own.problem, count, aim)
             assert all(alone.errors[k] <= 1.01 * x.errors[k] for x in (own.chosen, *spaced))
-    # of many normal residuals both measures are their standard deviation; with few degrees of freedom both are the root mean square
+    # of many normal residuals the scatter is their standard deviation; with few degrees of freedom it is the root mean square
     residuals = np.random.default_rng(0).standard_normal(20_000)
-    rms = float(np.sqrt(np.mean(residuals**2)))
-    fit = replace(gripper.joint.static["+"], rms=rms, n=residuals.size, residuals=residuals)
-    assert scatter(fit) == pytest.approx((1.0, 1.0), rel=0.02)
-    few = replace(fit, n=5, residuals=residuals[:5], rms=0.3)
-    assert scatter(few) == pytest.approx((0.3 * 5**0.5,) * 2)
-    # captions have the plan's errors, ratios, runs and limits: the widest, the most, the first and the last
-    then = relative(gripper, gripper.standard_errors["with motion"])
-    now = relative(gripper, gripper.standard_errors["now"])
+    fit = replace(gripper.joint.static["+"], rms=1.0, n=residuals.size, residuals=residuals)
+    assert scatter(fit) == pytest.approx(1.0, rel=0.02)
+    assert scatter(replace(fit, n=5, residuals=residuals[:5], rms=0.3)) == pytest.approx(0.3 * 5**0.5)
+    # captions have the plan's errors, runs and limits: the widest, the first and the last
+    now, then = (relative(gripper, gripper.standard_errors[stage]) for stage in ("now", "with motion"))
     widest = int(np.argmax(then))
     numbers = [float(x) for x in re.findall(r"([\d.]+) %", said(gripper, "intervals"))]
     assert numbers == pytest.approx([then[widest], now[widest]], rel=0.05)
@@ -165,20 +139,13 @@ def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
     assert said(gripper, "motion").startswith(
         f"Peak velocity {peak:.3g} rad/s, {gripper.limits.velocity:.3g} rad/s allowed"
     )
-    assert said(gripper, "whole").startswith(
-        f"The plan takes {gripper.duration:.3g} s: 24 runs at constant velocity, 2 of"
-    )
-    # a parameter that the plan leaves open is named in place of the widest; one that it does not improve has the same error twice
+    # a parameter that the plan leaves open is the widest
     errors = gripper.standard_errors["with motion"].copy()
-    errors[[0, 2]] = np.inf, 3 * gripper.start.estimate[2]
+    errors[0] = np.inf
     opened = replace(gripper, standard_errors={**gripper.standard_errors, "with motion": errors})
-    assert (
-        said(opened, "intervals") == "Standard error over 200 %, not identifiable, even after the plan: α₀ (+), α₂ (+)."
+    assert said(opened, "intervals").startswith(
+        "Largest standard error expected after the plan: >200 % of α₀ (+), from "
     )
-    assert said(replace(opened, aim="sigma_0"), "intervals").count("% of σ₀") == 2
-    same = replace(gripper, standard_errors=dict.fromkeys(gripper.standard_errors, gripper.standard_errors["now"]))
-    numbers = re.findall(r"([\d.]+) %", said(same, "intervals"))
-    assert numbers[0] == numbers[1]
 
 
 def table_of(plan: Plan, name: str) -> pd.DataFrame:
@@ -211,24 +178,14 @@ def test_references_are_read_back(gripper: Plan) -> None:
         held.append(speed if own[V].max() == speed else -speed)
     wanted = [(-1 if d.direction == "-" else 1) * v for d in gripper.velocities for v in d.chosen.speeds]
     assert sorted(held) == pytest.approx(sorted(wanted))
-    # least squares of the written tracking reference gives the amplitudes that are stated and their phases, but for the fading at its ends
+    # the written tracking reference is the sum of the sines that are stated, but for the fading at its ends
     frame, stated = pd.read_csv(io.StringIO(gripper.reference_csv())), table_of(gripper, "lines")
     own = frame[frame["experiment"] == "tracking"]
     time = own["time (s)"].to_numpy() - own["time (s)"].iloc[0]
     turns = 2 * np.pi * time[:, None] * stated["frequency"].to_numpy() + stated["phase"].to_numpy()
-    columns = np.column_stack([np.sin(turns), np.cos(turns), np.ones(time.size)])
     kept = (time > 0.5) & (time < time[-1] - 0.5)
-    position = own[Q].to_numpy()[kept]
-    wanted = np.concatenate([stated["amplitude"], np.zeros(len(stated)), [np.mean(gripper.limits.position)]])
-    assert columns[kept] @ wanted == pytest.approx(position, abs=1e-9)
-    distinct = np.diff(stated["frequency"].to_numpy()).min() > 0.05
-    if distinct:
-        found = np.linalg.lstsq(columns[kept], position, rcond=None)[0]
-        assert found == pytest.approx(wanted, abs=1e-6)
-    said = bristle.report_of(gripper).text().split("tracking, ")[1].splitlines()[0]
-    assert all(
-        f"{a:.2g} rad at {f:.2g} Hz" in said for a, f in zip(stated["amplitude"], stated["frequency"], strict=True)
-    )
+    expected = np.sin(turns) @ stated["amplitude"].to_numpy() + np.mean(gripper.limits.position)
+    assert expected[kept] == pytest.approx(own[Q].to_numpy()[kept], abs=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -239,22 +196,15 @@ def measured() -> Measured:
 def test_declared_and_undeclared_limits_are_said(measured: Measured, tmp_path: Path) -> None:
     """What is declared is the highest frequency and no assumption; what caps it, or the default, is said."""
     for asked, frequency, named in (
-        ({"frequency": 8.0}, 8.0, ""),
         ({"frequency": 20.0, "rate": 400.0}, 20.0, ""),
-        (
-            {"frequency": 1000.0},
-            10.0,
-            "10 Hz, not the declared 1000 Hz: at 10 Hz plan.rate, 100 Hz, gives 10 samples to",
-        ),
-        ({}, 10.0, "10 Hz, which the controller must"),
+        ({"frequency": 1000.0}, 10.0, "10 Hz, not the declared 1000 Hz: at 10 Hz plan.rate, 100 Hz, gives"),
         ({"rate": 50.0}, 5.0, "5 Hz, at which plan.rate, 50 Hz, gives 10 samples to a period, which"),
     ):
         options = measured.experiment.plan.model_validate(asked)
         own = replace(measured, experiment=measured.experiment.model_copy(update={"plan": options}))
         found, said = followed(limits_of(own)[0], options.frequency)
         assert found.frequency == pytest.approx(frequency), asked
-        assert named in " ".join(map(str, said)), asked
-        assert bool(named) == bool(said), asked
+        assert (named in " ".join(map(str, said)), bool(said)) == (True, bool(named)), asked
 
     # each has its kind and value: a note where runs showed it, a caution where it is a guess; a declared one has none
     def said_of(found: Measured, asked: dict[str, object]) -> tuple[Limits, dict[str, Finding]]:
@@ -289,48 +239,35 @@ def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
     assert "inertia" not in found.to_frame()["parameter"].tolist()
     assert "\n  inertia" not in bristle.report_of(found).text()
     assert of_kind(found.assumptions, "inertia-exact")[0].numbers == {"J": 1.3e-3}
-    (ax,) = figures.intervals_figure(found).axes
-    assert len(ax.get_yticks()) == 12
-    assert ax.get_xlim()[0] > 1e-3
     with pytest.raises(ValueError, match="the inertia is given as exact"):
         bristle.plan(path, velocities=4, aim="inertia")
     path.write_text(bare + "inertia: 1.3e-3 +/- 1e-4 kg*m**2\n")
     assert "inertia" in bristle.plan(path, velocities=4).to_frame()["parameter"].tolist()
-    # ten times the noise in one direction, and one far point, leave the other's noise as it is; the far point does not rule, and is said
+    # ten times the noise in one direction, and one far point, leave the other's noise as it is; the far point does not rule
     v = np.geomspace(0.2 * TRUTH.v_s, 0.8, 40)
     rng = np.random.default_rng(1)
-    T = steady_points(TRUTH, v, 0.0, rng, 1)[0]
-    there, back = T + 2e-5 * rng.standard_normal(40), T + 2e-4 * rng.standard_normal(40)
+    there, back = (steady_points(TRUTH, v, noise, rng, 1)[0] for noise in (2e-5, 2e-4))
     there[25] += 2e-3
     path = write(tmp_path, speeds())
-    rows = [
-        f"{x!r},{t!r}" for x, t in zip([*v.tolist(), *(-v).tolist()], [*there.tolist(), *(-back).tolist()], strict=True)
-    ]
-    (tmp_path / "wrist.csv").write_text("v,tau\n" + "\n".join(rows) + "\n")
+    log = pd.DataFrame({"v": [*v, *-v], "tau": [*there, *-back]})
+    log.to_csv(tmp_path / "wrist.csv", index=False)
     found = bristle.plan(path, velocities=4)
     assert found.start.noise[Direction.POSITIVE] < 1.2e-4  # root mean square: 3.3e-4
     assert found.start.noise[Direction.NEGATIVE] == pytest.approx(2e-4, rel=0.35)
     assert [d.problem.noise for d in found.velocities] == [found.start.noise[d.direction] for d in found.velocities]
     said = {d.numbers["direction"]: d.numbers for d in of_kind(found.assumptions, "noise-of-points")}
     assert {d: x["scatter"] for d, x in said.items()} == found.start.noise
-    assert said[Direction.POSITIVE]["ratio"] > 1.5
-    assert said[Direction.NEGATIVE]["ratio"] < 1.5
-    (outliers,) = (str(x) for x in of_kind(found.assumptions, "noise-of-points") if "outliers" in str(x))
-    assert outliers.startswith("Noise (+): ")
 
 
 @pytest.mark.usefixtures("raster")
 def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     """The page, its figures and tables are written, with the references; each caption says a number with a unit at once, each table has a name."""
-    # a second run leaves the same; references that have other bytes by then are not written over, which is said
+    # references that have other bytes by then are not written over, which is said
     ran = planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--page", tmp_path / "page", "--for", "v_s")
     assert ran.code == 0, ran.err
     assert "for v_s" in ran.words
-    first = (tmp_path / "next.csv").read_bytes()
-    assert planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--for", "v_s").code == 0
-    assert (tmp_path / "next.csv").read_bytes() == first
     page, found = page_text(tmp_path / "page" / "index.html"), findings(page_text(tmp_path / "page" / "index.html"))
-    assert len(found) == page.count("<svg") == len(list((tmp_path / "page" / "figures").glob("*.png"))) == 4
+    assert len(found) == page.count("<svg") == len(list((tmp_path / "page" / "figures").glob("*.png"))) == 3
     assert all(NUMBER.search(finding) for finding in found), found
     assert_tables_are_named(tmp_path / "page")
     assert "nan" not in page.lower().replace("resonan", "")
@@ -342,33 +279,12 @@ def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     assert (tmp_path / "next.csv").read_text() == "time,position\n0,0\n"
 
 
-def plan_of_one_direction(folder: Path) -> Plan:
-    """Of points of one direction, whose slowest constant speed is beyond v_s."""
-    path = write(folder, speeds(both=False))
-    path.write_text(path.read_text() + "plan: {minimum_velocity: 0.1 rad/s}\n")
-    with few_motions_tried():
-        return bristle.plan(path, velocities=4)
-
-
-@pytest.fixture(scope="module")
-def one_direction(tmp_path_factory: pytest.TempPathFactory) -> Plan:
-    return plan_of_one_direction(tmp_path_factory.mktemp("one"))
-
-
-@pytest.mark.slow
-def test_no_sentence_decides_on_a_plan(one_direction: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With every template replaced by its kind's name a plan comes out the same in every number and warning."""
-    without_sentences(monkeypatch)
-    second = plan_of_one_direction(tmp_path)
-    assert held(second) == held(one_direction)
-    assert [warning.code for warning in second.warnings] == [warning.code for warning in one_direction.warnings]
-    assert one_direction.reference_csv() == second.reference_csv()
-
-
-def test_what_is_not_known_is_guessed_and_said(one_direction: Plan) -> None:
+def test_what_is_not_known_is_guessed_and_said(tmp_path: Path) -> None:
     """Points of one direction: bristle, inertia and the other direction are guesses that the plan names, never nan."""
     # where constant velocities begin above v_s, it says that slower ones would show more
-    found = one_direction
+    path = write(tmp_path, speeds(both=False))
+    path.write_text(path.read_text() + "plan: {minimum_velocity: 0.1 rad/s}\n")
+    found = bristle.plan(path, velocities=4)
     guessed = {"sigma_0+", "sigma_1+", "sigma_0-", "sigma_1-"}
     assert guessed <= set(map(str, found.start.guessed))
     (taken,) = of_kind(found.assumptions, "direction-taken")
@@ -376,9 +292,8 @@ def test_what_is_not_known_is_guessed_and_said(one_direction: Plan) -> None:
     assert of_kind(found.assumptions, "inertia-guessed")[0].numbers["J"] == found.start.estimate[-1]
     said = [d.numbers for d in of_kind(found.assumptions, "guessed")]
     assert [ParameterName(x["name"], x["direction"]) for x in said] == list(found.start.guessed)
-    assert np.isinf(
-        found.standard_errors["now"][[found.start.names.index(ParameterName.parse(n)) for n in guessed]]
-    ).all()
+    now = dict(zip(map(str, found.start.names), found.standard_errors["now"], strict=True))
+    assert {now[name] for name in guessed} == {np.inf}
     assert "nan" not in bristle.report_of(found).text()
     assert "slowest-too-fast" in [warning.code for warning in found.warnings]
     assert all(np.isfinite(errors).all() for errors in (found.standard_errors["with motion"], found.start.estimate))
@@ -449,27 +364,21 @@ def captions(plan: Plan) -> dict[str, str]:
     return {figure.name: figure.caption for section in report(plan).sections for figure in section.drawings}
 
 
-@pytest.mark.parametrize(
-    ("aim", "both", "kind", "fit"),
-    [
-        ("v_s", False, "revolute", ""),
-        ("all", True, "prismatic", ""),
-        ("alpha_0", True, "revolute", "fit: {directions: symmetric}\n"),
-        ("inertia", True, "revolute", "plan: {minimum_velocity: 0.5 rad/s}\n"),
-    ],
-)
-def test_each_caption_begins_with_a_number(tmp_path: Path, aim: str, both: bool, kind: str, fit: str) -> None:
-    """Of points in one direction, for one parameter, of a slide, of one law for both directions: each figure says a number with a unit at once."""
-    path = write(tmp_path, speeds(both=both))
-    text = path.read_text() + fit
-    if kind == "prismatic":
-        text = text.replace("{name: ", "{kind: prismatic, name: ").replace("rad/s", "m/s").replace("N*m", "N")
-    path.write_text(text)
-    found = [*captions(bristle.plan(path, velocities=4, aim=aim)).values()]
-    assert len(found) == 4
-    assert all(NUMBER.search(finding) for finding in found), found
-    assert not re.search("nan|inf|None|e[+-]0", " ".join(found))
-    assert kind == "revolute" or "rad" not in " ".join(found)
+def test_each_caption_begins_with_a_number(tmp_path: Path) -> None:
+    """Of a slide, and of one law for both directions: each figure says a number with a unit at once."""
+    for aim, changes, more in (
+        ("all", {"{name: ": "{kind: prismatic, name: ", "rad/s": "m/s", "N*m": "N"}, ""),
+        ("alpha_0", {}, "fit: {directions: symmetric}\nplan: {minimum_velocity: 0.5 rad/s}\n"),
+    ):
+        path = write(tmp_path, speeds())
+        text = path.read_text()
+        for old, new in changes.items():
+            text = text.replace(old, new)
+        path.write_text(text + more)
+        found = [*captions(bristle.plan(path, velocities=4, aim=aim)).values()]
+        assert [bool(NUMBER.search(x)) for x in found] == [True] * 3
+        assert not re.search("nan|inf|None|e[+-]0", " ".join(found))
+        assert not changes or "rad" not in " ".join(found)
 
 
 def said(plan: Plan, figure: str) -> str:
@@ -513,24 +422,14 @@ def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
     assert errors[-1] < 0.9 * errors[0]
     assert "v_end" not in {name.name for name in plan.start.names}
     assert any(row.startswith(own) for row in plan.to_frame()["parameter"])
-    # the scatter of fits under the law is the prediction within a fifth, for planned and for spaced runs
-    for x in plan.velocities:
-        own, count = (
-            replace(x.problem, prior_information=np.zeros_like(x.problem.prior_information)),
-            x.chosen.speeds.size,
-        )
-        spaced = (spaced_speeds(own, count, kind) for kind in ("log", "even"))
-        for spread in (design(own, count, x.chosen.aim).speeds, *spaced):
-            assert simulated_errors(own, spread) == pytest.approx(evaluate_design(own, spread).alone, rel=0.2)
-    # before the law is known any law's parameter counts, then its own alone, v_end never; it takes as many runs
+    assert (own == OWN[OUTSIDE]) == ("β" in bristle.report_of(plan).html())  # its symbol, also of a law from outside
+    # before the law is known any law's parameter counts, then its own alone, v_end never
     check_plan(12, "alpha_3")
     for aim in ("v_end", "stiffness"):
         with pytest.raises(InputError, match="as what to plan for"):
             check_plan(12, aim)
     with pytest.raises(InputError, match="expected one of alpha_0"):
         bristle.plan(points(EXPONENT), aim="alpha_3")
-    with pytest.raises(InputError, match="expected 5 to 1000"):
-        bristle.plan(points(DRAG), velocities=4)
     # without a peak all of it is a guess, its shape in the middle of where it is looked for, which is said
     fit = points(EXPONENT)
     static = fit.joint.static["both"]
@@ -545,12 +444,6 @@ def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
     assert str(shape).endswith("in the middle of where it is looked for.")
 
 
-@pytest.mark.parametrize("plan", [OUTSIDE], indirect=True)
-def test_the_page_has_the_laws_own_parameter(plan: Plan, tmp_path: Path) -> None:
-    """Its symbol stands there, also of a law from outside."""
-    assert "β" in page_text(bristle.report_of(plan).write(tmp_path / "page"))
-
-
 @pytest.mark.usefixtures("known")
 @pytest.mark.parametrize("law", OWN)
 def test_runs_planned_for_the_laws_own_parameter_beat_spaced_ones(law: str) -> None:
@@ -558,7 +451,7 @@ def test_runs_planned_for_the_laws_own_parameter_beat_spaced_ones(law: str) -> N
     own, k = problem(law), problem(law).names.index(OWN[law])
     planned = design(own, 10, OWN[law])
     others = [design(own, 10), *(evaluate_design(own, spaced_speeds(own, 10, kind)) for kind in ("log", "even"))]
-    assert planned.alone[k] < min(x.alone[k] for x in others)
+    assert planned.errors[k] < min(x.errors[k] for x in others)
     # the derivative of steady torque by each parameter that is estimated is its central difference, to 1e-6
     p, v = truth_of(law), np.geomspace(0.01, 1.2, 30)
     found = static_jacobian(v, p)

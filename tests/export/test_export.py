@@ -9,38 +9,29 @@ import zipfile
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
-from typing import Any, get_args
 
 import jsonschema
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import bristle
-from bristle.errors import InputError
-from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.known_joint import chosen
-from bristle.identification.verdict import Trust
-from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName, Stribeck, unit
+from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.questions.export.export import TARGETS, Request, export_joints, target
-from bristle.questions.export.exported import ExportedJoint, ExportedParameter, Origin, exported
-from bristle.questions.export.json_document import as_json, export_schema, joints_in, read_export, write_json
+from bristle.questions.export.exported import ExportedJoint, Origin, exported
+from bristle.questions.export.json_document import export_schema, write_json
 from bristle.questions.export.latex import latex_text, write_latex
 from bristle.questions.export.loss import (
     all_motions,
     best_coulomb_viscous,
     coulomb_viscous,
-    friction_of,
     losses,
     lugre,
-    stated_motions,
 )
 from bristle.questions.export.matlab import write_matlab
-from export_checks.common import NotInstalled
-from export_checks.documents import check_json, check_latex, check_matlab
+from export_checks.documents import check_json
 
-from ..conftest import FEW, present, run, speeds, write
+from ..conftest import present, run, speeds, write
 from .conftest import HOSTILE, Handed, assumed, beside
 
 LAW = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0=6.0, sigma_1=0.02)
@@ -67,22 +58,20 @@ def test_values_are_those_to_use(edro_results: Path) -> None:
     assert {x.source for x in one.parameters if x.parameter.name == "sigma_1"} == {"assumed"}
     assert {x.source for x in one.parameters if x.parameter.name == "sigma_0"} == {"presliding"}
     assert "prior" in {x.code for x in one.said}
-    # Coulomb and Stribeck compensators have losses; the LuGre ones have none
-    for name, least in (("coulomb", 20.0), ("stribeck", 0.01)):
-        handed_over = bristle.export(edro_results, "c", joint="wrist pitch", compensator=name)
-        (found,) = handed_over.artefact.losses.values()
-        assert max(x.percent for x in found) > least
-    assert not bristle.export(edro_results, "c", joint="wrist pitch").artefact.losses
-    plain, theta = (
-        bristle.export(results, "c", joint="wrist pitch", adapt=law) for law in ("partial", "partial-theta")
-    )
-    assert present(plain.request.compensator.adaptation).gamma == (20.0, 20.0)
-    assert present(theta.request.compensator.adaptation).gamma != (20.0, 20.0)
+    # Coulomb and Stribeck compensators have losses, the LuGre one has none; rates are those of the joint's loop
+    lost = {}
+    for name in ("coulomb", "stribeck", "lugre"):
+        artefact = bristle.export(results, "c", joint="wrist pitch", compensator=name).artefact
+        lost[name] = max((x.percent for found in artefact.losses.values() for x in found), default=0.0)
+    assert min(lost["coulomb"], lost["stribeck"]) > 20 > lost["lugre"] == 0
+    for law, same in (("partial", True), ("partial-theta", False)):
+        request = bristle.export(results, "c", joint="wrist pitch", adapt=law).request
+        assert (present(request.compensator.adaptation).gamma == (20.0, 20.0)) == same
 
 
 @pytest.mark.parametrize("to", TARGETS)
-def test_every_target_is_written_by_the_command(
-    to: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, edro_results: Path
+def test_every_target_is_written_and_says_what_it_is(
+    to: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, edro_results: Path, handed: Handed
 ) -> None:
     """The command writes one file by the joint's name, says SIMULATED, and the same bytes a second time; a file that is there stays."""
     monkeypatch.chdir(tmp_path)
@@ -92,12 +81,44 @@ def test_every_target_is_written_by_the_command(
     assert written.name.startswith("wrist_pitch")
     assert f"File: {written.name}" in ran.out
     assert "SIMULATED" in ran.words
-    again = tmp_path / "again"
-    assert run("export", edro_results, "--to", to, "--joint", "wrist pitch", "-o", again).code == 0
-    assert again.read_bytes() == written.read_bytes()
-    refused = run("export", edro_results, "--to", to, "--joint", "wrist pitch", "-o", again)
-    assert refused.code == 2
-    assert "is there already" in refused.err
+    first = written.read_bytes()
+    refused = run("export", edro_results, "--to", to, "--joint", "wrist pitch")
+    assert (refused.code, "is there already" in refused.err, written.read_bytes()) == (2, True, first)
+    assert run("export", edro_results, "--to", to, "--joint", "wrist pitch", "-o", "again").code == 0
+    assert (tmp_path / "again").read_bytes() == first
+    # version, hash, data, trust, every parameter with its interval, what is assumed and the losses stand in it
+    joint = assumed(handed("wrist pitch"), "sigma_1")
+    artefact = target(to).write([joint], Request())
+    content = artefact.content
+    if to == "fmu":
+        with zipfile.ZipFile(BytesIO(content)) as archive:
+            content = archive.read("sources/joint.h")
+    text = re.sub(r"\s+(\* )?", " ", content.decode())
+    held = [
+        "identified by bristle 0",
+        "experiment: edro.yaml, 1 logs",
+        "SIMULATED",
+        "ASSUMED",
+        "95 % [",
+        "sha256 " + "0" * 64,
+    ]
+    held += ["torque RMS error"] if artefact.losses else []
+    held += ["Test vector", "N*m*s/rad, [0, 10000]"] if to == "c" else []
+    held += [f"{x.parameter} = " for x in joint.parameters]
+    assert to == "json" or [part for part in held if part not in text] == []
+    # losses above ten per cent are a caution, and so is what was identified beside the friction; v abs(v) counts in the losses
+    joint = beside(handed("wrist pitch"), offset=0.1, quadratic=0.2)
+    artefact = target(to).write([joint], Request())
+    if to in DOCUMENTS:
+        assert (artefact.losses, artefact.said) == ({}, ())
+        return
+    found, (*lost, beside_it) = artefact.losses[joint.name], artefact.said
+    assert found[0].percent > 1
+    large = ", ".join(f"{x.percent:.0f} % {x.motion.name}" for x in found if x.percent > 10)
+    caution = f"wrist pitch: {to} cannot hold this friction; the torque RMS error is {large}."
+    assert [(x.code, str(x).startswith(caution)) for x in lost] == [("export-loses", True)] * bool(large)
+    names = ("offset",) if to in NUMBERS_ONLY else ("offset", "quadratic")
+    assert (beside_it.code, beside_it.numbers["names"]) == ("export-leaves-out", names)
 
 
 REFUSED = {
@@ -132,14 +153,10 @@ def test_bad_requests_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 def test_points_alone_have_no_bristle(tmp_path: Path) -> None:
     """A joint of constant velocities goes where no bristle is needed, without sigma_0 and sigma_1; where one is, it is refused."""
-    results = bristle.identify(write(tmp_path, speeds()))
-    path = tmp_path / "results.json"
-    path.write_text(results.to_json(tmp_path), encoding="utf-8")
-    points = path
+    points = tmp_path / "results.json"
+    points.write_text(bristle.identify(write(tmp_path, speeds())).to_json(tmp_path), encoding="utf-8")
     handed = bristle.export(points, "json").joints[0]
     assert {x.parameter.name for x in handed.parameters} == {*Stribeck._fields}
-    assert not handed.has_bristle
-    assert "presliding" not in [motion.name for motion in stated_motions(handed)]
     for to in ("c", "mujoco", "fmu"):
         ran = run("export", points, "--to", to, "-o", tmp_path / "out")
         assert ran.code == 2
@@ -147,18 +164,15 @@ def test_points_alone_have_no_bristle(tmp_path: Path) -> None:
     ran = run("export", points, "--to", "urdf", "-o", tmp_path / "out.urdf")
     assert ran.code == 0
     assert "The bristle (sigma_0, sigma_1) is not identified, and is not exported" in ran.words
-    assert "is not exported" in (tmp_path / "out.urdf").read_text(encoding="utf-8")
-    curve = bristle.export(points, "urdf")
-    (losses_of,) = curve.artefact.losses.values()
+    (losses_of,) = bristle.export(points, "urdf").artefact.losses.values()
     assert [x.motion.name for x in losses_of] == ["fitted", "medium", "slow"]
     assert losses_of[0].percent < 5
     assert run("export", points, "--to", "c", "--compensator", "stribeck", "-o", tmp_path / "out.h").code == 0
     # alpha_1 may be none, v_s may not: a note and a caution
     data = json.loads(points.read_text(encoding="utf-8"))
-    fits = data["joints"]["wrist"]["static"]
-    for fit in fits.values():
-        fit["parameters"]["alpha_1"]["interval"] = [-1.0, 1.0]
-        fit["parameters"]["v_s"]["interval"] = [-1.0, 1.0]
+    for fit in data["joints"]["wrist"]["static"].values():
+        for name in ("alpha_1", "v_s"):
+            fit["parameters"][name]["interval"] = [-1.0, 1.0]
     points.write_text(json.dumps(data), encoding="utf-8")
     said = bristle.export(points, "json").joints[0].said
     assert {"interval-with-zero", "interval-with-zero-impossible"} <= {x.code for x in said}
@@ -166,55 +180,10 @@ def test_points_alone_have_no_bristle(tmp_path: Path) -> None:
     ran = run("export", write(tmp_path, speeds(both=False)), "--to", "urdf", "-o", tmp_path / "out")
     assert ran.code == 2
     assert "nothing is known of the friction vs velocity in direction -" in ran.err
-    few = run("export", write(tmp_path / "few", FEW), "--to", "urdf", "-o", tmp_path / "out")
-    assert few.code == 2
 
 
 NUMBERS_ONLY = ("mujoco-frictionloss", "urdf", "sdf", "isaac")  # targets with values that stand for the friction
 DOCUMENTS = ("json", "matlab", "latex")
-
-
-@pytest.mark.parametrize("to", [to for to in TARGETS if to != "json"])
-def test_an_artefact_says_where_its_numbers_are_from(to: str, handed: Handed) -> None:
-    """Version, hash, data, trust, every parameter with its interval, what is assumed and the losses stand in it."""
-    joint = assumed(handed("wrist pitch"), "sigma_1")
-    artefact = target(to).write([joint], Request())
-    content = artefact.content
-    if to == "fmu":
-        with zipfile.ZipFile(BytesIO(content)) as archive:
-            content = archive.read("sources/joint.h")
-    text = re.sub(r"\s+(\* )?", " ", content.decode())
-    said = [
-        "identified by bristle 0", "sha256 " + "0" * 64, "experiment: edro.yaml, 1 logs", "SIMULATED", "ASSUMED",
-        "95 % [",
-    ]  # fmt: skip  # a list of values
-    said += ["torque RMS error"] if artefact.losses else []
-    said += ["Test vector", "N*m*s/rad, [0, 10000]"] if to == "c" else []
-    said += [f"{x.parameter} = " for x in joint.parameters]
-    assert [part for part in said if part not in text] == []
-
-
-@pytest.mark.parametrize("to", TARGETS)
-def test_what_is_lost_and_left_out_is_said(to: str, handed: Handed) -> None:
-    """Losses above ten per cent are a caution, and so is what was identified beside the friction; v abs(v) counts in the losses."""
-    joint = beside(handed("wrist pitch"), offset=0.1, quadratic=0.2)
-    artefact = target(to).write([joint], Request())
-    names = {"names": ("offset",)} if to in NUMBERS_ONLY else {"names": ("offset", "quadratic")}
-    if to in DOCUMENTS:
-        assert (artefact.losses, artefact.said) == ({}, ())
-        return
-    found = artefact.losses[joint.name]
-    *lost, beside_it = artefact.said
-    assert found[0].percent > 1
-    assert [x.code for x in lost] == ["export-loses"] * any(x.percent > 10 for x in found)
-    large = ", ".join(f"{x.percent:.0f} % {x.motion.name}" for x in found if x.percent > 10)
-    assert all(f"wrist pitch: {to} cannot hold this friction; the torque RMS error is {large}." in str(x) for x in lost)
-    assert beside_it.code == "export-leaves-out"
-    assert names.items() <= beside_it.numbers.items()
-    assert f"{to} does not hold {' and '.join(names['names'])}, identified beside the friction" in str(beside_it)
-    if to in NUMBERS_ONLY:
-        plain = target(to).write([handed("wrist pitch")], Request()).losses[joint.name]
-        assert [x.percent > 10 for x in plain] == [True] * 4
 
 
 def test_which_joints_a_target_takes_and_what_is_said(handed: Handed, edro_results: Path) -> None:
@@ -239,13 +208,10 @@ def test_which_joints_a_target_takes_and_what_is_said(handed: Handed, edro_resul
     assert "Left out: elbow pitch: its torque is known as a current alone" in one.text().replace("\n", " ")
     with pytest.raises(bristle.InputError, match="known as a current alone"):
         export_joints([bad, bad], "urdf", Request())
-    # base rotation is not passive, which stands in what is printed and in the artefact; an interval that holds zero is said too
+    # base rotation is not passive, which stands in what is printed and in the artefact
     handed_over = bristle.export(edro_results, "c", joint="base rotation")
     assert "can feed energy back in direction -" in " ".join(handed_over.text().split())
     assert b"can feed energy back in direction -" in handed_over.content
-    one = handed("base rotation")
-    assert one.reason is None
-    assert "not-passive" in [x.code for x in one.said]
     # of `both` directions, + and - are the same set
     joint = handed()
     both = tuple(
@@ -255,77 +221,46 @@ def test_which_joints_a_target_takes_and_what_is_said(handed: Handed, edro_resul
     )
     pair = replace(joint, parameters=both).pair
     assert pair.positive == pair.negative == joint.pair.positive
-    assert len(both) == len(Lugre._fields)
     # a symmetric curve and a bristle per direction: both directions are exported, with the bristle
-    v = np.concatenate([np.geomspace(0.015, 0.8, 12), -np.geomspace(0.015, 0.8, 12)])
+    v = np.geomspace(0.015, 0.8, 24) * np.tile([1, -1], 12)
     T = bristle.friction(v, LAW) + 2e-5 * np.random.default_rng(0).standard_normal(v.size)
     t = np.arange(0, 8, 0.002)
     load = 0.02 * np.interp(t, [0, 2, 6, 8], [0, 1, -1, 0])
     bend = np.cumsum(np.diff(load, prepend=0.0) / (6.0 * (1 - np.abs(load) / 0.026)))
     slow = bristle.fit_presliding(t, bend, load, breakaway=bristle.fit(v, T, directions="symmetric"))
-    known = {row.parameter: row.estimate.value for row in chosen(slow.joint) if row.estimate.value is not None}
-    assert ParameterName("sigma_0", Direction.POSITIVE) in known
+    known = {row.parameter: row.estimate.value or 0.0 for row in chosen(slow.joint)}
     one = bristle.export(slow, "json").joints[0]
     assert one.has_bristle
-    assert one.pair.positive.sigma_0 == known[ParameterName("sigma_0", Direction.POSITIVE)]
+    assert one.pair.positive.sigma_0 == known[ParameterName("sigma_0", Direction.POSITIVE)] > 0
 
 
-def test_the_loss_is_its_formula(handed: Handed) -> None:
-    """100 rms(difference) / rms(torque) over the last period; nothing of the joint's own friction, all of none at all."""
-    # with a term v abs(v) the best viscous value rises, and the loss of LuGre alone is that of the term
+def test_what_is_held_loses_nothing(handed: Handed) -> None:
+    """Nothing is lost of the joint's own friction, all of none at all; with a term v abs(v) the best viscous value rises."""
     joint = handed("wrist pitch")
     motions = all_motions(joint)
+    assert [m.name for m in motions] == ["fitted", "medium", "slow", "presliding"]
     assert [x.percent for x in losses(joint, lugre(joint.pair), motions)] == [0.0] * 4
     assert [x.percent for x in losses(joint, coulomb_viscous(0.0, 0.0), motions)] == [100.0] * 4
-    one = Pair(joint.pair.positive, joint.pair.positive)
-    kept = [friction_of(joint)(m.velocity, m.step)[-2000:] for m in motions]
-    for motion, found, true in zip(motions, losses(joint, lugre(one), motions), kept, strict=True):
-        off = lugre(one)(motion.velocity, motion.step)[-2000:] - true
-        assert found.percent == pytest.approx(100 * np.sqrt(np.mean(off**2) / np.mean(true**2)), rel=1e-12)
-    assert [m.name for m in motions] == ["fitted", "medium", "slow", "presliding"]
     dragged = beside(joint, quadratic=0.05)
     assert best_coulomb_viscous(dragged, motions[0])[1] > best_coulomb_viscous(joint, motions[0])[1]
     assert losses(dragged, lugre(joint.pair), motions[:1])[0].percent > 1
 
 
-def example(name: str) -> str:
-    text = (DOCS / "export.md").read_text(encoding="utf-8")
-    found = present(re.search(rf"<!-- example: {name} -->\n```\w+\n(.*?)```", text, re.DOTALL))
-    return found[1]
-
-
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc, which is not installed")
-def test_the_microcontroller_of_the_docs_compiles(handed: Handed, tmp_path: Path) -> None:
-    """In at most twenty lines, without a warning."""
-    code = example("microcontroller")
-    assert len(code.splitlines()) <= 20
-    header = target("c").write([replace(handed(), name="wrist")], Request())
-    (tmp_path / "wrist.h").write_bytes(header.content)
-    declared = "int friction_begin(void);\nfloat friction_torque(float v);\n"
-    (tmp_path / "f.c").write_text(declared + code, encoding="utf-8")
-    flags = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror", "-std=c99", "-O2")
-    done = subprocess.run(["gcc", *flags, "-c", "f.c"], cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603, S607
-    assert done.returncode == 0, done.stderr
-
-
 STUBS = """
-#include <vector>
 namespace rclcpp { struct Time {}; struct Duration { double seconds() const { return 1e-3; } }; }
 namespace rclcpp_lifecycle { struct State {}; }
 enum class CallbackReturn { SUCCESS, ERROR };
 namespace controller_interface {
 enum class return_type { OK };
-struct Handle { double value = 0; double get_value() const { return value; } void set_value(double x) { value = x; } };
+struct Handle { double value = 0; void set_value(double x) { value = x; } };
 struct ControllerInterface {
-    std::vector<Handle> state_interfaces_{1}, command_interfaces_{1};
+    Handle command_interfaces_[1];
     double velocity_reference_ = 0.1, effort_reference_ = 0;
     virtual CallbackReturn on_activate(const rclcpp_lifecycle::State &) = 0;
     virtual return_type update(const rclcpp::Time &, const rclcpp::Duration &) = 0;
-    virtual ~ControllerInterface() = default;
 };
 }
-"""
-MAIN = """
+EXAMPLE
 int main()
 {
     FrictionCompensation c;
@@ -337,80 +272,41 @@ int main()
 
 
 @pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++, which is not installed")
-def test_the_controller_of_the_docs_runs(handed: Handed, tmp_path: Path) -> None:
-    """With stand-ins for ros2_control's classes it compiles, and after 3 s at 0.1 rad/s asks for the joint's friction."""
-    code = example("ros2_control")
-    assert len(code.splitlines()) <= 20
-    header = target("c").write([replace(handed(), name="wrist")], Request())
-    (tmp_path / "wrist.h").write_bytes(header.content)
-    (tmp_path / "f.cpp").write_text(STUBS + code + MAIN, encoding="utf-8")
-    build = ["g++", "-std=c++17", "-O2", "-o", "f", "f.cpp"]
-    done = subprocess.run(build, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603
-    assert done.returncode == 0, done.stderr
-    assert subprocess.run([tmp_path / "f"], check=False).returncode == 0  # noqa: S603
+def test_the_examples_of_the_docs_compile_and_run(handed: Handed, tmp_path: Path) -> None:
+    """The microcontroller's without a warning; ros2_control's, with stand-ins for its classes, asks for the joint's friction after 3 s."""
+    text = (DOCS / "export.md").read_text(encoding="utf-8")
+    examples = dict(re.findall(r"<!-- example: (\w+) -->\n```\w+\n(.*?)```", text, re.DOTALL))
+    assert max(len(code.splitlines()) for code in examples.values()) <= 20
+    (tmp_path / "wrist.h").write_bytes(target("c").write([replace(handed(), name="wrist")], Request()).content)
+    declared = "int friction_begin(void);\nfloat friction_torque(float v);\n"
+    (tmp_path / "f.c").write_text(declared + examples["microcontroller"], encoding="utf-8")
+    (tmp_path / "f.cpp").write_text(STUBS.replace("EXAMPLE", examples["ros2_control"]), encoding="utf-8")
+    flags = (
+        "-Wall",
+        "-Wextra",
+        "-Wpedantic",
+        "-Wconversion",
+        "-Wdouble-promotion",
+        "-Werror",
+        "-std=c99",
+        "-O2",
+        "-c",
+        "f.c",
+    )
+    for command in (["gcc", *flags], ["g++", "-std=c++17", "-O2", "-o", "f", "f.cpp"], ["./f"]):
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603
+        assert (command, done.returncode) == (command, 0), done.stderr
 
 
-DOCS = Path(__file__).parents[2] / "docs"
 NAMES = ("gripper rotation", "wrist pitch", "elbow pitch", "base rotation")
 ASK = Request()
-positive = st.floats(1e-300, 1e300)
-ends = st.floats(allow_nan=False)
-intervals = st.tuples(ends, ends).map(lambda x: (min(x), max(x)))
-words = st.text(st.characters(codec="utf-8"), max_size=12)
-
-
-def _holding(interval: tuple[float, float], value: float) -> tuple[float, float]:
-    return min(*interval, value), max(*interval, value)
-
-
-@st.composite
-def parameters(draw: st.DrawFn, kind: Kind) -> tuple[ExportedParameter, ...]:
-    """A whole set for both directions, or one of each."""
-    directions = draw(st.sampled_from([(Direction.BOTH,), (Direction.POSITIVE, Direction.NEGATIVE)]))
-    names = [ParameterName(name, d) for d in directions for name in Lugre._fields]
-    shared = draw(st.lists(st.sampled_from(["inertia", "offset", "gravity_sin", "quadratic"]), unique=True))
-    names += [ParameterName(name, Direction.SHARED) for name in shared]
-    values = [draw(positive) for _ in names]
-    return tuple(
-        ExportedParameter(
-            parameter=name, value=value, unit=unit(name.name, kind),
-            standard_error=draw(st.none() | positive | st.just(math.inf)),
-            interval=draw(st.none() | st.builds(_holding, intervals, st.just(value))),
-            source=draw(st.sampled_from(["joint", "static", "given", "assumed"])),
-        )
-        for name, value in zip(names, values, strict=True)
-    )  # fmt: skip  # a list of values
-
-
-diagnostics = st.one_of(
-    st.builds(
-        lambda x, y: Finding("not-passive", CAUTION, f"{x:.3g} < {y:.3g}", {"direction": Direction.POSITIVE, "alpha_2": x, "least": y}),
-        positive,
-        positive,
-    ),
-    st.builds(lambda x: Finding("interval-with-zero", NOTE, x, {"name": x}), words),
-    st.builds(lambda x: Finding("bristle-filled", CAUTION, f"assumed {x:.3g} N*m/rad", {"name": "sigma_0", "value": x}), positive),
-)  # fmt: skip  # a list
-
-
-@st.composite
-def made(draw: st.DrawFn) -> ExportedJoint:
-    kind: Kind = draw(st.sampled_from(get_args(Kind)))
-    return ExportedJoint(
-        name=draw(words), kind=kind, simulated=draw(st.booleans()), trust=draw(st.sampled_from(Trust)),
-        reason=draw(st.none() | diagnostics), parameters=draw(parameters(kind)), inertia=draw(st.none() | positive),
-        rotor_inertia=draw(st.none() | positive),
-        fastest=draw(positive), said=tuple(draw(st.lists(diagnostics, max_size=2))),
-        origin=Origin(bristle=draw(words), results_sha256=draw(st.none() | words), experiment=draw(st.none() | words),
-                      logs=draw(st.dictionaries(words, words, max_size=2))),
-    )  # fmt: skip  # a list of values
 
 
 def robot(handed: Handed) -> list[ExportedJoint]:
     return [handed(name) for name in NAMES]
 
 
-def test_documents_and_their_schema(handed: Handed, tmp_path: Path) -> None:
+def test_documents_and_their_schema(handed: Handed) -> None:
     """docs/export.schema.json is what `export_schema()` gives; BRISTLE_REGENERATE=1 rewrites it."""
     text = json.dumps(export_schema(), indent=2) + "\n"
     path = DOCS / "export.schema.json"
@@ -418,94 +314,27 @@ def test_documents_and_their_schema(handed: Handed, tmp_path: Path) -> None:
         path.write_text(text, encoding="utf-8")
     assert path.read_text(encoding="utf-8") == text
     # the schema is not empty words: a parameter without its unit is refused
-    document = json.loads(as_json([handed()]))
-    jsonschema.validate(document, export_schema())
+    document = json.loads(write_json([handed()], ASK).content)
     del document["joints"][0]["parameters"][0]["unit"]
     with pytest.raises(jsonschema.ValidationError, match="unit"):
         jsonschema.validate(document, export_schema())
-    # a value that was filled in has the source `assumed`; a diagnostic has its code, severity and sentence, with units
+    # a value that was filled in has the source `assumed`; a finding has its code, severity and sentence, with units
     joint = handed("base rotation")
     row = replace(joint.parameters[0], source="assumed", standard_error=None, interval=(0.0, math.inf))
-    document = json.loads(as_json([replace(joint, parameters=(row, *joint.parameters[1:]))]))["joints"][0]
-    assert document["parameters"][0]["source"] == "assumed"
-    assert document["parameters"][0]["standard_error"] is None
-    assert document["parameters"][0]["interval"] == [0.0, "inf"]
+    open_ended = replace(joint, parameters=(row, *joint.parameters[1:]))
+    document = json.loads(write_json([open_ended], ASK).content)["joints"][0]
+    shown = document["parameters"][0]
+    assert (shown["source"], shown["standard_error"], shown["interval"]) == ("assumed", None, [0.0, "inf"])
     assert document["reason"] is None
     (said,) = document["said"]
     assert (said["severity"], said["code"]) == ("caution", "not-passive")
     assert "N*m*s/rad" in said["message"]
-    # every joint of the report comes back as it was, and the check says so; a name is a name, whatever it looks like
-    joints = [*robot(handed), *(handed("wrist pitch", name=name) for name in HOSTILE)]
+    # every joint comes back as it was, whatever its name looks like, and the check says so
+    odd = replace(row, value=5e-324, standard_error=math.inf, interval=(-math.inf, 1.7e308))
+    joints = [*robot(handed), open_ended, replace(joint, parameters=(odd,)), *(handed(name=name) for name in HOSTILE)]
     artefact = write_json(joints, ASK)
-    (tmp_path / artefact.name).write_bytes(artefact.content)
-    assert read_export(tmp_path / artefact.name) == tuple(joints)
     assert check_json(artefact, joints, ASK) == ("bristle-export/1: valid", "read back: equal to the last bit")
     assert check_json(artefact, joints[:2], ASK)[1] == "read back: NOT what was exported"
-    # other schemas, missing parameters, impossible numbers and whatever else a file may hold: one sentence that names the file
-    none = "is not a document of schema bristle-export/1 ("
-    cases: list[tuple[str, bytes | None, str, str]] = []
-    cases += [("e.json", text.encode(), none, why) for why, text in spoilt(as_json([handed("wrist pitch")])).items()]
-    cases += [("e.json", b"\xff", none, ""), ("e.yaml", b"a: 2020-01-01", none, ""), ("e.json", b"[1]", none, "")]
-    cases += [
-        ("e.json", b" " * 10_000_001, "is larger than 10000000 bytes", ""),
-        ("none/e.json", None, "no such file", ""),
-    ]
-    failed = []
-    for name, content, begins, why in cases:
-        path = tmp_path / name
-        if content is not None:
-            path.write_bytes(content)
-        with pytest.raises(InputError) as error:
-            read_export(path)
-        named = str(error.value).startswith(f"{path}: {begins}")
-        if not (named and (why in str(error.value) or why in {"recursion", "Unable to"})):
-            failed.append((why, str(error.value)))
-    assert failed == []
-
-
-@pytest.mark.slow
-@settings(max_examples=60)
-@given(made())
-def test_any_joint_comes_back(joint: ExportedJoint) -> None:
-    """Each number, name and sentence is the same again, whatever it is; the document satisfies its schema."""
-    text = write_json([joint], ASK).content.decode()
-    (read,) = joints_in(text)
-    assert read == joint
-    assert as_json([read]) == as_json([joint])
-    jsonschema.validate(json.loads(text), export_schema())
-
-
-def changed(text: str, **fields: Any) -> str:
-    document = json.loads(text)
-    document["joints"][0].update(fields)
-    return json.dumps(document)
-
-
-def spoilt(text: str) -> dict[str, str]:
-    document = json.loads(text)
-    rows = document["joints"][0]["parameters"]
-    error = json.dumps(rows[0]["standard_error"])
-    return {
-        "bristle-export/1": text.replace("bristle-export/1", "bristle-export/9"),
-        "has no parameter 'alpha_0+'": changed(text, parameters=rows[1:]),
-        "has parameter 'alpha_0+' twice": changed(text, parameters=[rows[0], *rows]),
-        "got alpha_0+ = -1 N*m; expected more than 0": changed(text, parameters=[{**rows[0], "value": -1.0}, *rows[1:]]),
-        "got v_s+ = 0 rad/s; expected": changed(text, parameters=[*rows[:3], {**rows[3], "value": 0.0}, *rows[4:]]),
-        "got fastest = 0": changed(text, fastest=0.0),
-        "got inertia = -1": changed(text, inertia=-1.0),
-        "got rotor_inertia = 0": changed(text, rotor_inertia=0.0),
-        "alpha_0+ has a standard error below zero": changed(text, parameters=[{**rows[0], "standard_error": -1.0}, *rows[1:]]),
-        "joint 'wrist pitch': got alpha_0+ ": changed(text, parameters=[{**rows[0], "interval": [2.0, 1.0]}, *rows[1:]]),
-        "is there twice": json.dumps({**document, "joints": document["joints"] * 2}),
-        "valid number": changed(text, fastest="1"),
-        "Out of range float": text.replace(error, "NaN"),
-        "not JSON compliant": text.replace(error, "1e999"),
-        "more than 1000000": "[" + "," * 1_000_001 + "]",
-        "line 1 column 1": "",
-        "recursion": "[" * 100_000,
-        "Unable to": "null",
-        "has 101 joints": json.dumps({**document, "joints": document["joints"] * 101}),
-    }  # fmt: skip  # a table
 
 
 TEXT = r"(?:'(?:[^'\n]|'')*'|native2unicode\(uint8\(\[[\d ]*\]\), 'UTF-8'\))"
@@ -529,40 +358,20 @@ def test_a_script_for_matlab_assigns_every_value_and_nothing_else(handed: Handed
             comment = line.startswith("%") and not line.startswith(("%{", "%}"))
             failed += [(name, line)] * (not comment and not ASSIGNED.fullmatch(line))
         (shown,) = re.findall(r"^\w+\.name = (.*);$", alone.content.decode(), re.MULTILINE)
-        codes = re.search(r"\[([\d ]*)\]", shown)
-        as_bytes = bytes(map(int, codes[1].split())).decode() if "uint8" in shown and codes else None
-        read = shown[1:-1].replace("''", "'") if as_bytes is None else as_bytes
+        codes = re.fullmatch(r"native2unicode\(uint8\(\[([\d ]*)\]\), 'UTF-8'\)", shown)
+        read = bytes(map(int, codes[1].split())).decode() if codes else shown[1:-1].replace("''", "'")
         failed += [(name, (read, alone.name))] * (read != name or not re.fullmatch(r"[a-z]\w*_friction\.m", alone.name))
     assert failed == []
     # values, units, errors, intervals and sources of every joint are in the script, every digit of them
     joints = robot(handed)
-    rows = (
-        replace(joints[0].parameters[0], source="assumed", interval=(0.0, math.inf), standard_error=None),
-        *joints[0].parameters[1:],
-    )
-    joints[0] = replace(joints[0], parameters=rows)
+    first, *rest = joints[0].parameters
+    first = replace(first, source="assumed", interval=(0.0, math.inf), standard_error=None)
+    joints[0] = replace(joints[0], parameters=(first, *rest))
     text = write_matlab(joints, ASK).content.decode()
-    assert (
-        f"robot.gripper_rotation.positive.alpha_0 = struct('value', {rows[0].value!r}, 'unit', 'N*m', 'standard_error', [], "
-        in text
-    )
-    assert "'interval', [0.0, Inf], 'source', 'assumed', 'assumed', true);" in text
-    for joint in joints:
-        for one in joint.parameters:
-            assert f"'value', {one.value!r}, 'unit', '{one.unit}'" in text
-    for part in ("SIMULATED", "sha256 " + "0" * 64):
-        assert part in text
-
-
-def test_the_script_runs_in_octave(handed: Handed) -> None:
-    """Octave has each value to the last bit."""
-    joints = [*robot(handed), *(handed("wrist pitch", name=name) for name in HOSTILE[:4])]
-    try:
-        said = check_matlab(write_matlab(joints, ASK), joints, ASK)
-    except NotInstalled as missing:
-        pytest.skip(f"needs Octave: {missing}")
-    assert said[0].endswith("as exported, to the last bit")
-    assert "NOT" not in said[0]
+    whole = f"'value', {first.value!r}, 'unit', 'N*m', 'standard_error', [], 'interval', [0.0, Inf], 'source', 'assumed', 'assumed', true"
+    assert f"robot.gripper_rotation.positive.alpha_0 = struct({whole});" in text
+    rows = [f"'value', {one.value!r}, 'unit', '{one.unit}'" for joint in joints for one in joint.parameters]
+    assert [row for row in rows if row not in text] == []
 
 
 def test_the_table_of_a_paper(handed: Handed) -> None:
@@ -593,21 +402,8 @@ def test_the_table_of_a_paper(handed: Handed) -> None:
     sigma_1 = next(x.value for x in rows if x.parameter == ("sigma_1", "+"))
     assert rf"$\sigma_1^+$ & ${sigma_1:.4g}$$^*$ & N\,m\,s/rad &  & assumed \\" in text
     assert r"inertia & $0.008682 \pm 0.000015$ & kg\,m$^2$ & $[0.008652, 0.008712]$ & joint fit \\" in text
-    assert "Values with an asterisk are assumed, not identified." in text
+    assert "Identified from simulated data. Values with an asterisk are assumed, not identified." in text
     assert "asterisk" not in write_latex([joint], ASK).content.decode()
-    assert "Identified from simulated data." in text
-    assert "usepackage" not in text
-    assert "rule" not in text
     extreme = replace(rows[0], value=1.23456e-9, standard_error=4.5e-12, interval=(-math.inf, 1e-7))
     text = write_latex([replace(joint, parameters=(extreme, *rows[1:]))], ASK).content.decode()
     assert r"$(1.2346 \pm 0.0045) \times 10^{-9}$ & N\,m & $[-\infty, 1 \times 10^{-7}]$" in text
-
-
-def test_latex_sets_the_table(handed: Handed) -> None:
-    """LaTeX takes it, whatever the joints are called."""
-    joints = [*robot(handed), *(handed("wrist pitch", name=name) for name in HOSTILE)]
-    try:
-        said = check_latex(write_latex(joints, ASK), joints, ASK)
-    except NotInstalled as missing:
-        pytest.skip(f"needs pdflatex: {missing}")
-    assert said == ("pdflatex: sets it",)

@@ -237,7 +237,8 @@ def test_compensation_sees_the_load() -> None:
     assert run.rms_error()[0] == pytest.approx(bare.rms_error()[0], rel=0.2)
     first = replays(loop, found, measured)[0]
     left = float(np.std((first.measured - first.fixed)[200:]))
-    unloaded = float(np.std((first.measured - rollout(first.velocity, STEP, loop.model, 0.0).torque)[200:]))
+    bare_torque = rollout(present(measured.runs[0].record.velocity), STEP, loop.model, 0.0).torque
+    unloaded = float(np.std((first.measured - bare_torque)[200:]))
     assert left < 1.5 * 0.02
     assert unloaded > 2 * left
     # a level that rises with the motor's torque, friction included, is the one at which both agree; at a coefficient of 1 there is none

@@ -262,7 +262,7 @@ def test_joints_that_are_drawn() -> None:
     # indices but the reason; the other outputs stand
     braked = replace(SUBJECT, compensator=Compensator(name="lugre-feedback"))
     cases = {
-        "shorten the period": (GRIPPER, replace(SUBJECT, period=0.05, frequency=0.2, amplitude=1.0)),
+        "The loop diverges with 160": (GRIPPER, replace(SUBJECT, period=0.05, frequency=0.2, amplitude=1.0)),
         "more than 0.02 of": (GRIPPER, replace(SUBJECT, frequency=1e4)),
         "at most 300000 are": (GRIPPER, replace(SUBJECT, frequency=1e-6)),
         "diverges with 160 of the 160": (GRIPPER._replace(alpha_2=3.0), braked),

@@ -13,7 +13,7 @@ from bristle.api.experiments import (
     sensitivity,
     validate,
 )
-from bristle.api.exporting import explore, export, read_export
+from bristle.api.exporting import explore, export
 from bristle.api.fleets import Fleet, fleet
 from bristle.api.identifying import identify
 from bristle.api.results import Results, read_results
@@ -29,6 +29,6 @@ from bristle.questions.export.export import Export
 __all__ = [
     "Export", "Fit", "Fleet", "InputError", "JointModel", "Lugre", "OwnParameter", "Pair", "Peak", "Results",
     "Told", "ViscousTerm", "adapt", "compare", "complete", "draft", "explore", "export", "find_segments",
-    "fit", "fit_dynamic", "fit_presliding", "fleet", "friction", "identify", "inspect", "plan", "read_export",
+    "fit", "fit_dynamic", "fit_presliding", "fleet", "friction", "identify", "inspect", "plan",
     "read_results", "register_law", "report", "report_of", "sensitivity", "simulate", "validate",
 ]  # fmt: skip  # a list of names

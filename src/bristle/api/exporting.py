@@ -88,21 +88,6 @@ def exported_joints(known: Known, joint: str | None = None) -> tuple[ExportedJoi
     return _handed(known, joint, None)[2]
 
 
-def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
-    """The joints of a file that `bristle export --to json` wrote, equal to what was exported, to the last bit.
-
-    >>> import bristle
-    >>> handed = bristle.export("wrist.yaml", "json")
-    >>> bristle.read_export(handed.write("wrist.json")) == handed.joints
-    True
-
-    Raises InputError in one sentence where it cannot be read, or is no such file.
-    """
-    from bristle.questions.export import json_document
-
-    return json_document.read_export(Path(path))
-
-
 def _handed(
     known: Known, joint: str | None, progress: Progress | None
 ) -> tuple[Results, list[tuple[Joint, Experiment | None]], tuple[ExportedJoint, ...], tuple[Finding, ...]]:

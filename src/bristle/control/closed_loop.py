@@ -24,10 +24,8 @@ from bristle.control.control_period import (
     flat,
     numbers_of,
     shaped,
-    stiff_control_period,
     with_law_of,
 )
-from bristle.control.stability import refuse_long_period
 from bristle.errors import InputError
 from bristle.model.vectorize import bound, chained
 from bristle.workers import threads
@@ -58,29 +56,8 @@ class Trajectory:
 
     def rms_error(self, since: float = 0.0) -> Array:
         """Rms position error from a time on, rad, (cases,)."""
-        return self._rms(self.error, since)
-
-    def peak_error(self, since: float = 0.0) -> Array:
-        """Largest absolute position error from a time on, rad, (cases,)."""
-        return np.asarray(np.abs(self.error[:, self.time >= since]).max(axis=1))
-
-    def rms_torque(self, since: float = 0.0) -> Array:
-        """Rms torque command from a time on, N*m, (cases,)."""
-        return self._rms(self.torque, since)
-
-    def chatter(self, since: float = 0.0) -> Array:
-        """Total variation of the torque command per second, N*m/s, (cases,)."""
-        kept = self.time >= since
-        return np.asarray(np.abs(np.diff(self.torque[:, kept], axis=1)).sum(axis=1) / float(np.ptp(self.time[kept])))
-
-    def energy(self, since: float = 0.0) -> Array:
-        """Work of the drive at the joint, J, (cases,)."""
-        kept = self.time >= since
-        return np.asarray(np.sum(self.torque[:, kept][:, :-1] * np.diff(self.position[:, kept], axis=1), axis=1))
-
-    def _rms(self, values: Array, since: float) -> Array:
         with np.errstate(over="ignore", invalid="ignore"):  # of a loop that diverges
-            return np.asarray(np.sqrt(np.mean(values[:, self.time >= since] ** 2, axis=1)))
+            return np.asarray(np.sqrt(np.mean(self.error[:, self.time >= since] ** 2, axis=1)))
 
 
 def simulate(
@@ -90,14 +67,12 @@ def simulate(
     period: float,
     disturbance: Disturbance | None = None,
     *,
-    stiff: bool = False,
     alike: bool = False,
 ) -> Trajectory:
     """Run every case from rest at its first reference position, under common options.
 
-    `stiff` solves the plant by CVODES, a hundred times slower. `alike`: all cases equal the first, whose numbers become
-    constants; the embedded logs rest on its rounding. Raises InputError where the period is too long for the loop or an
-    input is not possible.
+    `alike`: all cases equal the first, whose numbers become constants; the embedded logs rest on its rounding. A loop
+    that diverges ends in numbers that are not finite. Raises InputError where an input is not possible.
     """
     n = reference.position.shape[-1]
     if not cases or n < 2 or not 0 < period < inf:
@@ -110,14 +85,10 @@ def simulate(
         raise InputError(
             "the reference, load, drift or noise of a run, or its case, holds a value that is not finite; expected numbers throughout"
         )
-    if options.inductance and (lacking := [k for k, case in enumerate(cases) if not case.motor.L > 0]):
-        got = f"L = {cases[lacking[0]].motor.L:g} H for case {lacking[0]}"
-        raise InputError(f"loop: inductance: got {got}; expected a positive number, or no inductance")
     options = with_law_of(options, cases)
-    refuse_long_period(options, cases, period)
     given = [np.broadcast_to(x, (len(cases), n)) for x in signals]
-    run = partial(_run, options, numbers_of(cases[0], period) if alike else None, stiff=stiff)
-    workers = 1 if stiff else min(threads(), len(cases))
+    run = partial(_run, options, numbers_of(cases[0], period) if alike else None)
+    workers = min(threads(), len(cases))
     parts = [slice(*ends) for ends in pairwise(round(k * len(cases) / workers) for k in range(workers + 1))]
     for part in parts:
         run(_length(n), part.stop - part.start)  # built here: CasADi does so in one thread alone
@@ -157,7 +128,7 @@ def _length(n: int) -> int:
 
 
 @lru_cache(maxsize=32)
-def _run(options: LoopOptions, constants: Numbers | None, samples: int, cases: int, *, stiff: bool) -> ca.Function:
+def _run(options: LoopOptions, constants: Numbers | None, samples: int, cases: int) -> ca.Function:
     """Control periods of cases as one function: (memory, given, numbers) -> (memory, logs)."""
-    run = chained(stiff_control_period(options) if stiff else control_period(options, constants), samples)
+    run = chained(control_period(options, constants), samples)
     return run if cases == 1 else run.map(cases)

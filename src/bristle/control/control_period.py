@@ -1,4 +1,4 @@
-"""One control period of the closed loop as expressions, and functions that step it exactly or by CVODES.
+"""One control period of the closed loop, as expressions and as a function.
 
 Inputs and outputs are named tuples; `flat` and `shaped` convert them to vectors.
 """
@@ -13,8 +13,8 @@ import casadi as ca
 from bristle.arrays import Array
 from bristle.control import compensator as compensating
 from bristle.control.compensator import Compensator, Measurement, Reference
-from bristle.control.pid import AT_REST, Gains, Memory, Sliding, pid, sliding
-from bristle.control.plant import STILL, Current, State, inductive_step, plant_rates, plant_step, quantise
+from bristle.control.pid import AT_REST, Gains, Memory, pid
+from bristle.control.plant import STILL, State, plant_step, quantise
 from bristle.errors import InputError
 from bristle.model import law, motor
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -22,9 +22,7 @@ from bristle.model.laws.parts import Expression, Law
 from bristle.model.parameters import Motor, Pair, fields_of, pair_of
 
 T = TypeVar("T")
-_SOFT: Sliding[float] = Sliding(K=2.0, slope=15.0, layer=10.0, filter_time=0.0)
-_KNOWN = {"drive": ("torque", "voltage"), "controller": ("pid", "sliding")}
-_CURRENT: dict[str, Current] = {"torque": motor.current_for, "voltage": motor.current}
+_CURRENT = {"torque": motor.current_for, "voltage": motor.current}  # by drive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,31 +34,20 @@ class LoopOptions:
     """Torque, or the voltage of the motor model, with back-EMF at the reference velocity."""
     delay: int = 0  # Control periods from the command to the drive
     encoder: bool = False  # Whether positions are counted
-    speedometer: bool = False  # Whether the compensator gets the true velocity
-    substeps: int = 1  # Steps of the plant in a period
-    controller: Literal["pid", "sliding"] = "pid"  # (21), or sliding mode
-    inductance: bool = False  # Whether the current lags the voltage by L / R (1)
     informed: bool = False  # Whether the compensator's model drifts with the plant: the best possible adaptation
     law: Law = GAUSSIAN  # Of the plant; see `with_law_of`
     model_law: Law = GAUSSIAN  # Of the compensator
 
     def __post_init__(self) -> None:
-        if self.delay < 0 or self.substeps < 1:
-            raise InputError(
-                f"loop: got delay {self.delay} and substeps {self.substeps}; expected zero or more, and one or more"
-            )
-        for what, known in _KNOWN.items():
-            if getattr(self, what) not in known:
-                raise InputError(f"loop: {what}: got {getattr(self, what)!r}; expected {' or '.join(known)}")
-        if self.inductance and self.drive == "torque":
-            raise InputError(
-                "loop: inductance: got a drive of torque, whose current does not lag; choose drive voltage"
-            )
+        if self.delay < 0:
+            raise InputError(f"loop: got delay {self.delay}; expected zero or more")
+        if self.drive not in _CURRENT:
+            raise InputError(f"loop: drive: got {self.drive!r}; expected {' or '.join(_CURRENT)}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """Numbers of one run. Raises InputError where sliding mode has no boundary layer."""
+    """Numbers of one run."""
 
     plant: Pair[float]  # True friction
     motor: Motor[float]
@@ -68,12 +55,6 @@ class Case:
     gains: Gains[float]
     torque_limit: float = float("inf")  # Of controller and compensator together, N*m
     resolution: float = 1.0  # One encoder count, rad
-    sliding: Sliding[float] = _SOFT
-    """Of sliding mode; inside its layer the default is a PD controller with the paper's K_p and K_d."""
-
-    def __post_init__(self) -> None:
-        if not self.sliding.layer > 0:
-            raise InputError(f"case: sliding: layer: got {self.sliding.layer:g}; expected a positive number")
 
 
 class Disturbance(NamedTuple):
@@ -99,7 +80,6 @@ class Numbers(NamedTuple):
     model: Pair[Any]
     motor: Motor[Any]
     gains: Gains[Any]
-    sliding: Sliding[Any]
     torque_limit: Expression
     resolution: Expression
     period: Expression
@@ -109,7 +89,6 @@ class LoopMemory(NamedTuple):
     """State of the loop."""
 
     plant: State
-    current: tuple[Expression, ...]  # Of the armature, A, if it lags
     controller: Memory[Any]
     compensator: tuple[Expression, ...]  # As in `compensator.packed`
     asked: tuple[tuple[Expression, Expression], ...]
@@ -133,12 +112,8 @@ class Period(NamedTuple):
     """A control period as expressions."""
 
     inputs: tuple[ca.SX, ca.SX, ca.SX]  # Memory, given, numbers
-    memory: LoopMemory
-    numbers: Numbers
-    friction: Pair[Any]  # Of the plant, drifted
-    load: Expression
-    sent: Expression  # To the drive: N*m or V
-    kept: LoopMemory  # State after the period, with the plant's before
+    before: LoopMemory
+    after: LoopMemory
     log: Logged
 
 
@@ -153,14 +128,15 @@ def no_friction(of: Law) -> Pair[float]:
 def numbers_of(case: Case, period: float) -> Numbers:
     """A case as numbers, with a period, s."""
     limit = min(case.torque_limit, 1e300)
-    return Numbers(case.plant, case.model, case.motor, case.gains, case.sliding, limit, case.resolution, period)
+    return Numbers(case.plant, case.model, case.motor, case.gains, limit, case.resolution, period)
 
 
 def at_rest(options: LoopOptions, position: float) -> LoopMemory:
     """The state at rest at a reference, rad."""
     state = compensating.initial_state(options.compensator, no_friction(options.model_law), position)
-    current, compensator = (0.0,) if options.inductance else (), tuple(compensating.packed(state))
-    return LoopMemory(STILL._replace(position=position), current, AT_REST, compensator, ((0.0, 0.0),) * options.delay)
+    return LoopMemory(
+        STILL._replace(position=position), AT_REST, tuple(compensating.packed(state)), ((0.0, 0.0),) * options.delay
+    )
 
 
 def blank_log(options: LoopOptions) -> Logged:
@@ -178,13 +154,12 @@ def with_law_of(options: LoopOptions, cases: Sequence[Case]) -> LoopOptions:
     return replace(options, law=next(iter(plants.values())), model_law=next(iter(models.values())))
 
 
-def controlled(options: LoopOptions, constants: Numbers | None = None) -> Period:
-    """The controller's part of a period."""
+def period_of(options: LoopOptions, constants: Numbers | None = None) -> Period:
+    """The control period; constants replace the numbers."""
     memory, before = symbols("memory", at_rest(options, 0.0))
     u, (r, outside) = symbols("u", UNDISTURBED)
     plant, model = no_friction(options.law), no_friction(options.model_law)
-    nothing = Numbers(plant, model, Motor(*[0.0] * 4), Gains(*[0.0] * 4), _SOFT, 0.0, 0.0, 0.0)
-    q, case = symbols("q", nothing)
+    q, case = symbols("q", Numbers(plant, model, Motor(*[0.0] * 4), Gains(*[0.0] * 4), 0.0, 0.0, 0.0))
     case = constants or case
     state, h, limit = before.plant, case.period, case.torque_limit
     drift = {"alpha_0": outside.drift_0, "alpha_2": outside.drift_2}
@@ -192,67 +167,28 @@ def controlled(options: LoopOptions, constants: Numbers | None = None) -> Period
     model = Pair(*(law.adapted(p, drift) for p in case.model)) if options.informed else case.model
     seen = state.position + outside.noise
     seen = quantise(seen, case.resolution) if options.encoder else seen
-    measured = Measurement(seen, state.velocity if options.speedometer else None)
     compensator = compensating.unpacked(before.compensator, model, compensating.adapted_count(options.compensator))
-    new_compensator, T_c = compensating.step(options.compensator, compensator, r, measured, h)
-    if options.controller == "sliding":
-        T_own, control = sliding(before.controller, r.position - seen, h, case.sliding)
-    else:
-        T_own, control = pid(before.controller, r.position - seen, h, case.gains, limit)
+    new_compensator, T_c = compensating.step(options.compensator, compensator, r, Measurement(seen), h)
+    T_own, control = pid(before.controller, r.position - seen, h, case.gains, limit)
     T = ca.fmin(ca.fmax(T_own + T_c + r.torque, -limit), limit)
     V = motor.voltage(T, r.velocity, case.motor)
     now, *later = (*before.asked, (T, V))
+    sent = now[options.drive == "voltage"]
+    new_state = plant_step(state, sent, outside.load, h, friction, case.motor, _CURRENT[options.drive])
     true = law.torque(state.deflection, state.velocity, law.active(state.deflection, state.velocity, friction))
     return Period(
-        inputs=(memory, u, q), memory=before, numbers=case, friction=friction, load=outside.load, sent=now[options.drive == "voltage"],
-        kept=LoopMemory(state, before.current, control, tuple(compensating.packed(new_compensator)), tuple(later)),
+        inputs=(memory, u, q), before=before,
+        after=LoopMemory(new_state, control, tuple(compensating.packed(new_compensator)), tuple(later)),
         log=Logged(state.position, state.velocity, seen, T, V, true, T_c, new_compensator.learnt.theta),
     )  # fmt: skip  # a list of values
-
-
-def after(options: LoopOptions, now: Period, sent: Expression) -> LoopMemory:
-    """State after the period, with this held at the drive."""
-    state, current, case = now.memory.plant, now.memory.current, now.numbers
-    h = case.period / options.substeps
-    for _ in range(options.substeps):
-        if options.inductance:
-            state, i = inductive_step(state, current[0], sent, now.load, h, now.friction, case.motor)
-            current = (i,)
-        else:
-            state = plant_step(state, sent, now.load, h, now.friction, case.motor, _CURRENT[options.drive])
-    return now.kept._replace(plant=state, current=current)
 
 
 @lru_cache(maxsize=32)
 def control_period(options: LoopOptions, constants: Numbers | None = None) -> ca.Function:
     """(memory, given, numbers) -> (memory, log); constants replace the numbers."""
-    now = controlled(options, constants)
-    new = ca.vertcat(*flat(after(options, now, now.sent)))
-    return ca.Function("control_period", [*now.inputs], [new, ca.vertcat(*flat(now.log))], {"cse": True})
-
-
-@lru_cache(maxsize=8)
-def stiff_control_period(options: LoopOptions) -> ca.Function:
-    """The same with the plant by CVODES at tight tolerances."""
-    now = controlled(options)
-    kept = ca.vertcat(*flat(now.kept))
-    state = ca.vertcat(*flat((now.memory.plant, now.memory.current)))
-    x, (plant, current) = symbols("x", (now.memory.plant, now.memory.current))
-    constants = (now.sent, now.load, now.friction, now.numbers.motor, now.numbers.period)
-    held, (sent, load, friction, m, h) = symbols("held", constants)
-    drawn = (lambda *_: current[0]) if current else _CURRENT[options.drive]
-    lag = [motor.current_rate(current[0], sent, plant.velocity, m)] if current else []
-    v = plant.velocity
-    rates = ca.vertcat(v, plant_rates(v, plant.deflection, sent, load, friction, m, drawn), *lag)
-    settings = {"abstol": 1e-10, "reltol": 1e-8, "max_num_steps": 1_000_000}
-    solver = ca.integrator("stiff", "cvodes", {"x": x, "p": held, "ode": h * rates}, 0.0, 1.0, settings)
-    log = ca.vertcat(*flat(now.log))
-    controller = ca.Function("controller", [*now.inputs], [ca.vertcat(*flat(constants)), kept, log], {"cse": True})
-    inputs = [ca.MX.sym(name, s.shape[0]) for name, s in zip("muq", now.inputs, strict=True)]
-    given, new, logged = controller(*inputs)
-    n = state.shape[0]
-    moved = solver(x0=inputs[0][:n], p=given)["xf"]
-    return ca.Function("stiff_control_period", inputs, [ca.vertcat(moved, new[n:]), logged])
+    now = period_of(options, constants)
+    outputs = [ca.vertcat(*flat(now.after)), ca.vertcat(*flat(now.log))]
+    return ca.Function("control_period", [*now.inputs], outputs, {"cse": True})
 
 
 def flat(value: Any) -> list[Any]:

@@ -1,4 +1,4 @@
-"""The sampled PID controller (21), and sliding mode for comparison, for floats and CasADi symbols."""
+"""The sampled PID controller (21), for floats and CasADi symbols."""
 
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -16,15 +16,6 @@ class Gains(NamedTuple, Generic[T]):
     K_i: T
     K_d: T
     filter_time: T  # Of the filter on the derivative, s, >= 0; 0: plain difference
-
-
-class Sliding(NamedTuple, Generic[T]):
-    """Sliding mode T = K sat(s / layer), s = de/dt + slope e, for an error in rad and an output in N*m."""
-
-    K: T  # Largest torque, N*m
-    slope: T  # Rate of decay of the error at s = 0, 1/s
-    layer: T  # Half width of the boundary layer, rad/s, > 0
-    filter_time: T  # As in `Gains`, s
 
 
 class Memory(NamedTuple, Generic[T]):
@@ -61,13 +52,3 @@ def pid(
     integral = ca.fmin(ca.fmax(memory.integral + h * gains.K_i * error, lowest), highest)
     output = ca.fmin(ca.fmax(proportional + integral, -limit), limit)
     return output, Memory(integral, derivative, error)
-
-
-def sliding(
-    memory: Memory[Any], error: Expression, h: Expression, gains: Sliding[Any]
-) -> tuple[Expression, Memory[Any]]:
-    """One sample of sliding mode: the output, N*m, within +-K, and the new memory; arguments as in `pid`."""
-    derivative = differentiated(memory.derivative, memory.error, error, h, gains.filter_time)
-    s = derivative + gains.slope * error
-    output = gains.K * ca.fmin(ca.fmax(s / gains.layer, -1.0), 1.0)
-    return output, Memory(memory.integral, derivative, error)

@@ -12,7 +12,6 @@ import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.errors import InputError
 from bristle.model import law, motor
 from bristle.model.laws.parts import Expression
 from bristle.model.parameters import Motor, Pair
@@ -100,20 +99,6 @@ def plant_step(
     return State(state.position + travel[0], new[0], new[1])
 
 
-def inductive_step(
-    state: State, i: Expression, V: Expression, load: Expression, h: Expression, pair: Pair[Any], m: Motor[Any]
-) -> tuple[State, Expression]:
-    """Plant and armature current, A, after h seconds at constant voltage, V, and disturbing torque, N*m; L > 0.
-
-    The mean phi i + (1 - phi) i_s(v) of the lag (1) drives the pair, then the current lags at the mean velocity. Second
-    order, stable for any L / R; L -> 0 gives `plant_step`.
-    """
-    a, phi = motor.lag(h, m)
-    new = plant_step(state, V, load, h, pair, m, lambda V, v, m: phi * i + (1 - phi) * motor.current(V, v, m))
-    mean = (new.position - state.position) / h
-    return new, a * i + (1 - a) * motor.current(V, mean, m)
-
-
 class Sensors(NamedTuple):
     """Errors of the bench."""
 
@@ -131,7 +116,5 @@ def quantise(x: Expression, resolution: Expression) -> Expression:
 
 
 def white_noise(rng: np.random.Generator, standard_deviation: float, shape: tuple[int, ...]) -> Array:
-    """White normal noise, in the unit of `standard_deviation`. Raises InputError if that is negative."""
-    if not standard_deviation >= 0:
-        raise InputError(f"the standard deviation of noise is {standard_deviation}; expected zero or more")
+    """White normal noise, in the unit of `standard_deviation`."""
     return standard_deviation * rng.standard_normal(shape)

@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import casadi as ca
-
 from bristle.model.parameters import Motor
 
 Expression = Any  # a float, an array or a CasADi symbol: CasADi carries no types
@@ -22,16 +20,6 @@ def acceleration(i: Expression, T_f: Expression, m: Motor[Any]) -> Expression:
 def current(V: Expression, w: Expression, m: Motor[Any]) -> Expression:
     """Armature current without inductance, A: i = (V - k_t w) / R (6)."""
     return (V - m.k_t * w) / m.R
-
-
-def lag(h: Expression, m: Motor[Any]) -> tuple[Expression, Expression]:
-    """The exact step of (1) over h seconds: (a, phi), a = exp(-x), phi = (1 - a) / x, x = h R / L, for L > 0.
-
-    The current goes from i to a i + (1 - a) i_s, `current`, with the mean phi i + (1 - phi) i_s.
-    """
-    x = h * m.R / m.L
-    forgotten = -ca.expm1(-x)
-    return 1 - forgotten, forgotten / x
 
 
 def current_for(T: Expression, w: Expression, m: Motor[Any]) -> Expression:  # noqa: ARG001  # as `current`

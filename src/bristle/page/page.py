@@ -162,7 +162,7 @@ _HEADINGS = {
     "difference_in_se": "difference (standard errors)", "grid": "refined grid",
     "full": "full nonlinear fit", "relative_error": "relative error (%)",
     "start": "from row", "stop": "to row", "recommended": "use it?",
-    "of": "joint", "kind": "amplitude", "at_4_s": "at 4 s", "at_20_s": "at 20 s", "begun": "initialised at",
+    "of": "joint", "kind": "amplitude", "at_4_s": "at 4 s", "at_20_s": "at 20 s",
     "gains_of_1": "unexplained, gains of 1 (%)", "shares": "final ratios",
     "inertia_feed_forward": "inertia feed-forward", "adapted": "unexplained, adapted (%)",
     "stage_value": "its own stage", "tracking_value": "moving runs", "joint_value": "joint fit",

@@ -22,7 +22,6 @@ DELAYS = (0, 2, 5)  # control periods from the command to the drive
 HOLD = 2.0  # time at rest at the end, s
 _WATCHED = 1.5  # part of it in which limit cycles are looked for, s
 _SWINGS, _COUNTS, _SWAY = 4, 3.0, 0.02  # a limit cycle: least swings, width in counts, width in bristle deflections
-_LEAD = 0.1  # least mean lead of an over-compensated joint, as a share of the RMS error without compensation
 _LOST = 10.0  # RMS error of a loop that diverges, amplitudes
 WAYS: dict[str, Compensator] = {
     "none": Compensator(name="none"),
@@ -45,9 +44,7 @@ class AblationRow(NamedTuple):
     share: float
     rms_error: float  # while the reference moves, rad
     over_none: float  # ratio to the error without compensation, same encoder, no delay
-    chatter: float  # total variation of the torque at rest, N*m/s
     limit_cycle: bool  # whether the joint swings when it is held
-    over_compensated: bool  # whether the joint leads its reference, by `_LEAD`
     diverges: bool
 
 
@@ -65,10 +62,10 @@ def ablate(loop: JointLoop) -> tuple[AblationRow, ...]:
         for delay in DELAYS:
             options = LoopOptions(compensator=own, encoder=True, delay=delay)
             run = simulate(options, [cases[k] for k in chosen], reference, loop.period)
-            found = _judged(loop, run, moving, [tried[k][0] for k in chosen], bare)
-            for k, (rms, chatter, cycles, leads, diverges) in zip(chosen, found, strict=True):
+            found = _judged(loop, run, moving, [tried[k][0] for k in chosen])
+            for k, (rms, cycles, diverges) in zip(chosen, found, strict=True):
                 bits, share = tried[k]
-                ends = rms, rms / bare.setdefault(bits, rms), chatter, cycles, leads, diverges
+                ends = rms, rms / bare.setdefault(bits, rms), cycles, diverges
                 rows.append(AblationRow(way, bits, delay, share if way != "none" else 0.0, *ends))
     return tuple(rows)
 
@@ -85,7 +82,7 @@ def _scaled(model: Pair[float], share: float) -> Pair[float]:
 
 
 def _back_and_forth(loop: JointLoop) -> tuple[Reference, NDArray[np.bool_]]:
-    """The reference: back and forth twice, then held; and the samples fast enough to tell lead from lag."""
+    """The reference: back and forth twice, then held; and the samples at which it moves fast."""
     w, h = 2 * np.pi * loop.frequency, loop.period
     t: Array = h * np.arange(round((2 / loop.frequency + HOLD) / h) + 1, dtype=np.float64)
     on, half = t < 2 / loop.frequency, loop.amplitude / 2
@@ -95,22 +92,18 @@ def _back_and_forth(loop: JointLoop) -> tuple[Reference, NDArray[np.bool_]]:
 
 
 def _judged(
-    loop: JointLoop, run: Trajectory, moving: NDArray[np.bool_], bits: Sequence[int], bare: dict[int, float]
-) -> list[tuple[float, float, bool, bool, bool]]:
-    """RMS error, chatter, limit cycle, lead and divergence of each case; `bare`: RMS errors without, by bits."""
+    loop: JointLoop, run: Trajectory, moving: NDArray[np.bool_], bits: Sequence[int]
+) -> list[tuple[float, bool, bool]]:
+    """RMS error, limit cycle and divergence of each case."""
     late = run.time >= run.time[-1] - _WATCHED
-    heading = np.sign(np.gradient(run.reference))
     with np.errstate(over="ignore", invalid="ignore"):
         rms = np.sqrt(np.mean(run.error[:, moving] ** 2, axis=1))
-        lead = np.mean(run.error[:, moving] * heading[moving], axis=1)
         held = run.position[:, late]
         about = held - held.mean(axis=1, keepdims=True)
         wide = np.ptp(held, axis=1)
-        chatter = run.chatter(float(run.time[-1]) - _WATCHED)
     swings = np.count_nonzero(np.diff(np.signbit(about), axis=1), axis=1)
     deflection = max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in loop.plant)
     least = [max(_COUNTS * _count(loop, b), _SWAY * deflection) for b in bits]
     diverges = ~(rms < _LOST * loop.amplitude)
     cycles = (swings >= _SWINGS) & (wide > np.array(least)) & ~diverges
-    over = (lead < [-max(_count(loop, b), _LEAD * bare.get(b, np.inf)) for b in bits]) & ~diverges
-    return list(zip(*(x.tolist() for x in (rms, chatter, cycles, over, diverges)), strict=True))
+    return list(zip(rms.tolist(), cycles.tolist(), diverges.tolist(), strict=True))

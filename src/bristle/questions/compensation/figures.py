@@ -161,7 +161,7 @@ def ablation_figure(study: Study) -> Figure:
             ax.set_yticks(np.arange(len(rows)), rows, fontsize=8.5)
             for (row, column), value in np.ndenumerate(ratio):
                 x = table[row][column]
-                mark = f"{100 * value:.0f}{'~' * x.limit_cycle}{'+' * x.over_compensated}"
+                mark = f"{100 * value:.0f}{'~' * x.limit_cycle}"
                 _in_cell(ax, column, row, "×" if x.diverges else mark, 7, on_light=bool(value > 0.35))
             _above(ax, f"{bits} bits, delay {delay}", 2, 8)
     axes[-1, len(delays) // 2].set_xlabel("Compensated part of the identified friction (%)")

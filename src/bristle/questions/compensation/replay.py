@@ -33,17 +33,14 @@ _MOVED = 0.01  # largest relative difference of a gain that counts as at 1, or a
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replay:
-    """One run, replayed with adapted gains and with gains of 1; arrays over its n samples."""
+    """One run, replayed with the identified model, with adapted gains and with gains of 1; arrays over its n samples."""
 
     file: str
-    begun: str  # `identified`, or the initial ratios to the identified parameters
     time: Array  # s, (n,)
-    velocity: Array  # rad/s, (n,)
     measured: Array  # friction torque: measured without inertia, offset and gravity, N*m, (n,)
     fixed: Array  # predicted with gains of 1, N*m, (n,)
     adapted: Array  # predicted with adapted gains, N*m, (n,)
-    theta: Array  # ratios to the identified parameters, (parameters, n)
-    start: Array  # initial ratios, (parameters,)
+    theta: Array  # gains: ratios to the identified parameters, (parameters, n)
     adaptation: Adaptation
 
     def relative_errors(self) -> tuple[float, float]:
@@ -67,8 +64,7 @@ class Replay:
     def verdict(self) -> Finding:
         """Whether to switch the adaptation on."""
         before, after = self.relative_errors()
-        low, high = self.adaptation.limits
-        gains = self.theta[:, -1] / self.start
+        (low, high), gains = self.adaptation.limits, self.theta[:, -1]
         numbers = {"before": before, "after": after, "ratios": self.ratios}
         left = f"{after:.3g} % of the friction torque is left unexplained instead of {before:.3g} %"
         if ((np.abs(gains - 1) > _MOVED) & ((gains <= (1 + _MOVED) * low) | (gains >= (1 - _MOVED) * high))).any():
@@ -77,7 +73,7 @@ class Replay:
                 "otherwise leave it off, or lower gamma."
             )
             return Finding("gain-at-limit", CAUTION, message, numbers)
-        if self.begun == "identified" and before > 50.0:  # percent
+        if before > 50.0:  # percent
             message = (
                 f"The identified model leaves {before:.3g} % of this run's friction torque unexplained ({after:.3g} % adapted): check "
                 "units, sign and columns of the run; until then its gains mean nothing."
@@ -94,12 +90,10 @@ class Replay:
 
 
 def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, ...]:
-    """Replays of tracking runs: by the loop's law from the identified and the wrong model, by its diagnostic law."""
+    """Replays of tracking runs with the identified model: by the loop's law, and by its diagnostic law."""
     held, _ = inertia(measured.experiment)
     known = {INERTIA: loop.J} | (joint.moving.known if joint.moving is not None else {})
-    wrong = ", ".join(f"{share:g} {name}" for name, share in loop.start.items())
-    ways = [("identified", loop.model, loop.adaptation), (wrong, loop.wrong_start(loop.model), loop.adaptation)]
-    ways += [("identified", loop.model, loop.diagnostic_law)] if loop.diagnostic_law else []
+    model = loop.model
     fitted = regressors_of([name.name for name in known], joint.kind)
     rises = rises_of(joint)
     loads = (name for name, terms in LEVELS.items() if {*terms.names} == {*rises})
@@ -114,7 +108,7 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
             terms = () if m.load is None else m.load.levels
             columns = np.zeros((0, m.velocity.size)) if m.load is None else m.load.by(weights)[0]
             levels.append(np.array([rises[name] for name in terms]) @ columns)
-        for begun, model, a in ways:
+        for a in (x for x in (loop.adaptation, loop.diagnostic_law) if x):
             parts, state = [], initial_state(Compensator(adaptation=a), model)
             for m, level in zip(problem.motions, levels, strict=True):
                 friction = m.torque - m.extra @ extra
@@ -124,12 +118,10 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
                 ends, log = run(packed(state), inputs, flat((model, loop.gains.K_p)))
                 state = unpacked(np.asarray(ends).ravel().tolist(), model, len(a.parameters))
                 fixed = rollout(m.velocity, m.step, model, 0.0, level=level).torque
-                parts.append((m.time, m.velocity, friction, fixed, np.asarray(log)))
-            shares = np.array([1.0 if begun == "identified" else loop.start.get(name, 1.0) for name in a.parameters])
-            time, velocity, friction, fixed, log = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
+                parts.append((m.time, friction, fixed, np.asarray(log)))
+            time, friction, fixed, log = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
             found.append(Replay(
-                file=record.file, begun=begun, time=time, velocity=velocity, measured=friction, fixed=fixed, adapted=log[0],
-                theta=shares[:, None] * log[1:], start=shares, adaptation=a,
+                file=record.file, time=time, measured=friction, fixed=fixed, adapted=log[0], theta=log[1:], adaptation=a,
             ))  # fmt: skip  # a list of values
     return tuple(found)
 

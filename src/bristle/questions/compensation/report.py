@@ -11,10 +11,9 @@ from matplotlib.figure import Figure
 
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.known_joint import SEED
-from bristle.model.parameters import unit
 from bristle.page.page import Drawing, begun
 from bristle.page.report import Report, Section, Table
-from bristle.page.wording import in_print, number, pretty, symbol
+from bristle.page.wording import in_print, number, symbol
 from bristle.questions.compensation import experiments, figures
 from bristle.questions.compensation.study import WORSE, Study, adverse, outcomes_of, thousandths
 from bristle.workers import Share
@@ -45,13 +44,12 @@ def sections(study: Study, share: Share | None = None) -> tuple[Section, ...]:
         return Section(title, figure=begun(made, share) if share else made, table=table)
 
     # The comparison of compensators comes first, because its figure takes longest.
-    rows, failures = study.ablation, ("limit_cycle", "over_compensated", "diverges")
-    cycling, leading, diverging = (sum(getattr(x, failure) for x in rows) for failure in failures)
+    rows = study.ablation
+    cycling, diverging = (sum(getattr(x, failure) for x in rows) for failure in ("limit_cycle", "diverges"))
     caption = (
-        f"{cycling} of {len(rows)} cases end in a limit cycle, {leading} over-compensate, {diverging} diverge. RMS error in percent of that "
-        "without compensation, moving back and forth by the amplitude; encoders with 2^bits counts in 2π amplitudes, delays in control periods. "
-        "~: a limit cycle when held at rest; +: the joint leads its reference by more than a tenth of the error without compensation: more than "
-        "its friction is compensated; ×: the loop diverges. Measured velocity is differentiated from the counts."
+        f"{cycling} of {len(rows)} cases end in a limit cycle, {diverging} diverge. RMS error in percent of that without compensation, moving back "
+        "and forth by the amplitude; encoders with 2^bits counts in 2π amplitudes, delays in control periods. ~: a limit cycle when held at rest; "
+        "×: the loop diverges. Measured velocity is differentiated from the counts."
     )
     title = "Compensators with different encoders and delays"
     ablation = show(title, figures.ablation_figure, "ablation", caption, data="ablation")
@@ -118,12 +116,11 @@ def _replays(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -> I
     """The final gains on each measured run, and whether to switch the adaptation on."""
     if not study.replays:
         return
-    started = [(x, "the identified model" if x.begun == "identified" else x.begun) for x in study.replays]
     frame = frames["replay"]  # with parameters as symbols; names of files stay as they are
     table = Table(
         "replay",
         "Replays of measured runs",
-        part=frame.assign(**{name: frame[name].map(in_print) for name in ("begun", "shares", "verdict")}),
+        part=frame.assign(**{name: frame[name].map(in_print) for name in ("shares", "verdict")}),
         note="Friction torque (measured, without inertia, gravity and offset) left unexplained in the second half of the run, at every "
         "sample, percent. It is not the relative error of bristle identify, which is smaller: that is of the whole torque, after decimation, "
         "or of the position where that is predicted. Here with gains of 1 and adapted; final ratios to the identified values.",
@@ -131,17 +128,16 @@ def _replays(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -> I
     yield Section(
         "Would adaptation help? Replays of the measured runs",
         text="The measured velocity drives the model; the gains adapt to the error of its torque divided by K_p, as in the loop. The table "
-        f"shows where they end, and how much of the friction torque is then unexplained.\n\nThe rows of the {study.adapting.adaptation.law} law "
-        "that are initialised at the identified model answer whether to switch it on. To see which parameter changed, read the row of the "
-        "total law: the gradients of α₀ and α₂ by the partial law are nearly proportional, so it corrects the torque but divides a change "
-        "between the two. The rows from wrong values show how closely the law returns to the identified ones.",
+        f"shows where they end, and how much of the friction torque is then unexplained.\n\nThe row of the {study.adapting.adaptation.law} law "
+        "answers whether to switch it on. To see which parameter changed, read the row of the total law: the gradients of α₀ and α₂ by the "
+        "partial law are nearly proportional, so it corrects the torque but divides a change between the two.",
         table=table,
-        lines=tuple(f"{x.file}, {x.adaptation.law} law, initialised at {start}: {x.verdict}" for x, start in started),
+        lines=tuple(f"{x.file}, {x.adaptation.law} law: {x.verdict}" for x in study.replays),
         id="replays",
     )
-    for k, (x, start) in enumerate(started[:_MOST_REPLAYS], 1):
+    for k, x in enumerate(study.replays[:_MOST_REPLAYS], 1):
         caption = (
-            f"{x.file}, initialised at {in_print(start)}, by the {x.adaptation.law} law. {in_print(x.verdict)} Above: measured friction torque "
+            f"{x.file}, by the {x.adaptation.law} law. {in_print(x.verdict)} Above: measured friction torque "
             "(wide grey line), predicted with gains of 1 (dashed) and adapted (solid); below: ratios to the identified values."
         )
         replayed, simulated = partial(figures.replay_figure, at=k - 1), study.loops[0].simulated
@@ -163,7 +159,7 @@ def _errors(study: Study, show: _Show) -> Iterator[Section]:
         "inertia, not from friction: the table has both."
     )
     paper, file = "Fig. 8" * study.paper, "compensation_errors"
-    shown = study.to_frame().drop(columns=["torque_without", "torque_with", "true_share"])
+    shown = study.to_frame().drop(columns="true_share")
     note = (
         f"RMS errors in {q}. True: LuGre feed-forward with the plant's own parameters; identified: with the identified ones; adaptive: "
         "initialised at the identified ones."
@@ -174,7 +170,7 @@ def _errors(study: Study, show: _Show) -> Iterator[Section]:
 
 
 def _adaptation(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -> Iterator[Section]:
-    """Table 2 and Figs 9 to 12: adaptation from wrong parameters; then maps, drift and other controllers."""
+    """Table 2 and Figs 9 to 12: adaptation from wrong parameters; then maps and drift."""
     loop, settled = study.adapting, experiments.SETTLE
     a, q = loop.adaptation, thousandths(study)
     initial = " and ".join(f"{share} {symbol(name)}" for name, share in loop.start.items())
@@ -228,25 +224,18 @@ def _adaptation(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -
         "Largest gain: the largest factor from 1.",
         table=Table("drift", "Friction that drifts", part=_part(study, frames["drift"])),
     )
-    yield Section(
-        "Comparison with controllers that need no model",
-        text="Sliding mode may use five times the torque that the reference needs, and has no friction model. A thinner boundary layer gives "
-        "a smaller error until it chatters, which loads the drive and the gear.",
-        table=Table("controllers", "Controllers", part=_part(study, frames["controllers"])),
-    )
 
 
 def _part(study: Study, frame: pd.DataFrame) -> pd.DataFrame:
     """A table of the page, with its headings; errors in thousandths."""
-    q, T = thousandths(study), pretty(unit("torque", study.loops[0].kind))
+    q = thousandths(study)
     small = {
         "without": f"without ({q})", "true_model": f"true ({q})", "identified_model": f"identified ({q})", "adaptive": f"adaptive ({q})",
-        "rms_error": f"RMS error ({q})", "peak_error": f"peak error ({q})",
+        "rms_error": f"RMS error ({q})",
     }  # fmt: skip  # a table of words
     others = {
         "joint": "of", "frequency": "frequency (Hz)", "identified_share": "identified / without", "adaptive_share": "adaptive / without",
-        "over_known": "ratio to the known model", "largest_gain": "largest gain", "way": "scheme", "rms_torque": f"RMS control ({T})",
-        "chatter": f"chatter ({T}/s)", "energy": "energy (J)",
+        "over_known": "ratio to the known model", "largest_gain": "largest gain", "way": "scheme",
     }  # fmt: skip  # a table of words
     found = [column for column in small if column in frame]
     frame = frame.astype(dict.fromkeys(found, float))

@@ -12,7 +12,7 @@ from bristle.progress import Progress, teller
 from bristle.questions.compensation import ablation as ablating
 from bristle.questions.compensation import experiments
 from bristle.questions.compensation.ablation import AblationRow
-from bristle.questions.compensation.experiments import AdaptationMap, Adapted, Band, Controlled, Drift, Errors
+from bristle.questions.compensation.experiments import AdaptationMap, Adapted, Band, Drift, Errors
 from bristle.questions.compensation.replay import Replay
 from bristle.simulation.edro import TABLE_2_ADAPTED
 from bristle.simulation.joint_loop import JointLoop, one_way
@@ -38,24 +38,23 @@ class Study:
     adapted: Adapted
     adaptation_map: AdaptationMap
     drifts: tuple[Drift, ...]
-    controllers: tuple[Controlled, ...]
     ablation: tuple[AblationRow, ...]
     band: Band | None
     replays: tuple[Replay, ...] = ()
 
     def to_frame(self) -> "pd.DataFrame":
-        """Fig. 8: a row per joint, frequency and inertia feed-forward; errors in rad (m), torques in N*m (N)."""
+        """Fig. 8: a row per joint, frequency and inertia feed-forward; errors in rad (m)."""
         import pandas as pd
 
         rows = [(*x, *(share / x.without for share in (x.true, x.identified, x.adaptive))) for x in self.errors]
         columns = [
-            "joint", "frequency", "inertia_feed_forward", "without", "true_model", "identified_model", "adaptive", "torque_without",
-            "torque_with", "true_share", "identified_share", "adaptive_share",
+            "joint", "frequency", "inertia_feed_forward", "without", "true_model", "identified_model", "adaptive",
+            "true_share", "identified_share", "adaptive_share",
         ]  # fmt: skip  # a list of names
         return pd.DataFrame(rows, columns=columns)
 
     def tables(self) -> "dict[str, pd.DataFrame]":
-        """Tables by file name; errors in rad (m), torques in N*m (N), energy in J, errors of replays in percent."""
+        """Tables by file name; errors in rad (m), errors of replays in percent."""
         import pandas as pd
 
         # Table 2: original value of each adapted parameter, and initial, early, final and the paper's ratio to it.
@@ -77,18 +76,15 @@ class Study:
             for at, row in zip(places, of_name, strict=True)
             for frequency, share in zip(m.frequencies.tolist(), row, strict=True)
         ]
-        replayed = [
-            (x.file, x.begun, x.adaptation.law, *x.relative_errors(), x.shares, str(x.verdict)) for x in self.replays
-        ]
+        replayed = [(x.file, x.adaptation.law, *x.relative_errors(), x.shares, str(x.verdict)) for x in self.replays]
         frames = {
             "compensation_errors": self.to_frame(),
             "table_2": pd.DataFrame(table_2, columns=of_table_2).astype({"paper": float}),
             "adaptation_map": pd.DataFrame(mapped, columns=["parameter", "gamma", "amplitude", "frequency", "adapted_share"]),
             "drift": pd.DataFrame(self.drifts, columns=list(Drift._fields)),
             "ablation": pd.DataFrame(self.ablation, columns=list(AblationRow._fields)),
-            "controllers": pd.DataFrame(self.controllers, columns=list(Controlled._fields)),
         }  # fmt: skip  # a table
-        columns = ["file", "begun", "law", "gains_of_1", "adapted", "shares", "verdict"]
+        columns = ["file", "law", "gains_of_1", "adapted", "shares", "verdict"]
         return frames | ({"replay": pd.DataFrame(replayed, columns=columns)} if replayed else {})
 
 
@@ -105,29 +101,24 @@ def begin_study(
     """Begin `study` in the processes of `share`; the function returned waits for the end, and raises as `study`."""
     first = loops[0]
     adapting = one_way(first) if paper else first
-    of_first: dict[str, partial[Any]] = {  # the longest first
-        "ablation": partial(ablating.ablate, first),
-        "adaptation_map": partial(experiments.map_adaptation, adapting),
-        "band": partial(experiments.band, first),
-        "adapted": partial(experiments.adapted, adapting),
-        "controllers": partial(experiments.compare_controllers, first),
-        "followed": partial(experiments.followed, first),
-    }
-    of_each: dict[str, Callable[[JointLoop], tuple[Any, ...]]] = {
-        "errors": experiments.errors,
-        "drifts": experiments.drifts,
-    }
-    parts = list(of_first.items())
-    parts += [(name, partial(run, loop)) for name, run in of_each.items() for loop in loops]
+    parts: list[tuple[str, partial[Any]]] = [  # the refusal of a loop that diverges first, then the longest
+        *(("errors", partial(experiments.errors, loop)) for loop in loops),
+        ("ablation", partial(ablating.ablate, first)),
+        ("adaptation_map", partial(experiments.map_adaptation, adapting)),
+        ("band", partial(experiments.band, first)),
+        ("adapted", partial(experiments.adapted, adapting)),
+        ("followed", partial(experiments.followed, first)),
+        *(("drifts", partial(experiments.drifts, loop)) for loop in loops),
+    ]
     results = iter(share(called, [run for _, run in parts]))
 
     def ended() -> Study:
-        found: dict[str, Any] = dict.fromkeys(of_each, ())
+        found: dict[str, Any] = {"errors": (), "drifts": ()}
         tell = teller(progress, len(parts))
         for name, _ in parts:
             tell(f"compensating: {name.replace('_', ' ')}")
             result = next(results)
-            found[name] = found[name] + result if name in of_each else result
+            found[name] = found[name] + result if name in ("errors", "drifts") else result
         return Study(loops=tuple(loops), adapting=adapting, paper=paper, replays=tuple(replays), **found)
 
     return ended
@@ -138,22 +129,18 @@ def outcomes_of(study: Study) -> Iterator[Finding]:
     first, q = study.loops[0], thousandths(study)
     for row in study.errors:
         if not row.inertia:
-            without, identified, adaptive = 1e3 * row.without, 1e3 * row.identified, 1e3 * row.adaptive
-            identified_percent, adaptive_percent = 100 * row.identified / row.without, 100 * row.adaptive / row.without
-            message = (
-                f"{row.joint}, {row.frequency:g} Hz: RMS error {without:.3g} {q} without, {identified:.3g} {q} "
-                f"({identified_percent:.2g} %) with and {adaptive:.3g} {q} ({adaptive_percent:.2g} %) with adaptive compensation."
+            identified, adaptive = (
+                f"{1e3 * x:.3g} {q} ({100 * x / row.without:.2g} %)" for x in (row.identified, row.adaptive)
             )
-            numbers = {
-                "joint": row.joint, "frequency": row.frequency, "without": without, "unit": q, "identified": identified,
-                "identified_percent": identified_percent, "adaptive": adaptive, "adaptive_percent": adaptive_percent,
-            }  # fmt: skip  # a list of values
-            yield Finding("errors-compensated", NOTE, message, numbers)
+            message = (
+                f"{row.joint}, {row.frequency:g} Hz: RMS error {1e3 * row.without:.3g} {q} without, {identified} with and {adaptive} with "
+                "adaptive compensation."
+            )
+            yield Finding("errors-compensated", NOTE, message, row._asdict())
     reference = "true" if study.paper else "identified"
     for x in study.adapted.factors:
         message = f"{first.name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f} of its {reference} value."
-        numbers = {"joint": first.name, "law": x.law, "name": x.parameter, "initial": x.initial, "final": x.final}
-        yield Finding("adapted-to", NOTE, message, numbers)
+        yield Finding("adapted-to", NOTE, message, x._asdict())
 
 
 def worth_of_each(study: Study) -> Iterator[tuple[str, str]]:

@@ -1,15 +1,13 @@
 """Design of the tracking motion, a sum of sines with the information J'J / noise**2, J = dT/dp through the bristle."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from bristle.arrays import Array, result
 from bristle.control.compensator import Reference
-from bristle.data.differentiation import between_gaps
 from bristle.identification.fisher import covariance, gram, of_estimated, values_of
 from bristle.identification.limits import SAMPLES, Limits
-from bristle.identification.measured import Measured
 from bristle.model.parameters import Lugre, Pair, fields_of
 from bristle.model.rollout import rollout_into
 from bristle.progress import Progress, teller
@@ -68,19 +66,6 @@ def motion_problem(start: Start, limits: Limits, prior_information: Array, aim: 
         step=step, limits=limits, duration=duration,
         aims=tuple(k for k, n in enumerate(start.names) if n not in start.given and aim in ("all", n.name)),
     )  # fmt: skip  # a list of values
-
-
-def errors_of_measured(measured: Measured, problem: MotionProblem) -> Array | None:
-    """Expected errors, (p,), with the longest motion measured so far in place of the planned one; None without one."""
-    parts = [(record, part) for record in measured.moving(hold_out=False) for part in between_gaps(record)]
-    record, part = max(parts, key=lambda x: x[1].stop - x[1].start, default=(None, slice(0)))
-    if record is None or record.velocity is None or record.acceleration is None:
-        return None
-    every = max(1, round(problem.step / record.step))
-    v, a = record.velocity[part][::every], record.acceleration[part][::every]
-    step = every * record.step
-    matrix, _ = information(v, a, replace(problem, step=step))
-    return covariance(problem.prior_information + matrix * (problem.duration / (v.size * step)))[0]
 
 
 def course(lines: Multisine, limits: Limits, duration: float, step: float) -> Reference:

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from bristle.model import functions
@@ -16,7 +15,6 @@ from bristle.page.wording import axis, direction, symbol, two_digits
 from bristle.questions.experiment_design.plan import Plan
 
 CEILING = 200.0  # percent: the largest error that is drawn
-_APART, _ROW = 0.055, 0.085  # least distance of two counts in a row, and height of a row, over the axes
 
 
 def _panels(plan: Plan, height: float, count: int = 1, **how: Any) -> tuple[Figure, list[Axes]]:
@@ -47,17 +45,13 @@ def velocities_figure(plan: Plan) -> Figure:
         there = sign * evaluate(functions.steady_torque_function(p.law), speeds, *p.stribeck)[0]
         ax.plot(speeds, there, look.marker, color=look.colour, markersize=8, label="to run, how often")
         decimal_log(ax)
-        # The number of runs above the curve, in rows, so that neighbours do not overlap.
-        low, high = np.log(ax.get_xlim())
-        across, last = (np.log(speeds) - low) / (high - low), list[float]()
-        for speed, at, n in zip(speeds.tolist(), across.tolist(), counts.tolist(), strict=True):
-            row = next((k for k, end in enumerate(last) if at - end > _APART), len(last))
-            last[row : row + 1] = [at]
-            above = ax.get_xaxis_transform()
-            ax.text(speed, 0.97 - _ROW * row, f"×{n}", transform=above, ha="center", va="top", fontsize=9)
+        for k, (speed, n) in enumerate(
+            zip(speeds.tolist(), counts.tolist(), strict=True)
+        ):  # in two rows above the curve
+            place = speed, 0.97 - 0.09 * (k % 2)
+            ax.text(*place, f"×{n}", transform=ax.get_xaxis_transform(), ha="center", va="top", fontsize=9)
         bottom, top = ax.get_ylim()
-        room = 0.05 + _ROW * len(last)
-        ax.set_ylim(bottom, top + room / (1 - room) * (top - bottom))
+        ax.set_ylim(bottom, top + 0.3 * (top - bottom))
         ax.set_ylabel(axis("torque", plan.joint.kind))
         ax.annotate(direction(velocities.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
     handles, labels = axes[0].get_legend_handles_labels()
@@ -110,29 +104,4 @@ def motion_figure(plan: Plan) -> Figure:
     above.set_ylabel(axis("position", plan.joint.kind))
     below.set_ylabel(axis("velocity", plan.joint.kind))
     below.set_xlabel(axis("time", plan.joint.kind))
-    return figure
-
-
-@styled
-def whole_figure(plan: Plan) -> Figure:
-    """All references vs time: position, velocity and torque, by experiment."""
-    frame = plan.reference_frame()
-    figure, axes = _panels(plan, 6.2, 3, sharex=True)
-    time = frame.iloc[:, 0].to_numpy()
-    looks = {"ramp": "#0072B2", "move": "#999999", "presliding": "#009E73", "tracking": "#D55E00"}
-    for kind, colour in looks.items():
-        played = (frame["experiment"] == kind).to_numpy()
-        for ax, column in zip(axes, frame.columns[3:], strict=True):
-            values = np.where(played, frame[column].to_numpy(), np.nan)
-            if np.isfinite(values).any():
-                ax.plot(time, values, color=colour, linewidth=0.9)
-    for edge in plan.limits.position:
-        axes[0].axhline(edge, color="#555555", linestyle="--", linewidth=0.8)
-    for ax, what in zip(axes, ("position", "velocity", "torque"), strict=True):
-        ax.set_ylabel(axis(what, plan.joint.kind))
-    low, high = axes[0].get_ylim()
-    axes[0].set_ylim(low, high + 0.3 * (high - low))
-    kinds = [Line2D([], [], color=colour, label=kind) for kind, colour in looks.items()]
-    axes[0].legend(handles=kinds, loc="upper center", ncols=4)
-    axes[-1].set_xlabel(axis("time", plan.joint.kind))
     return figure

@@ -22,7 +22,7 @@ from bristle.progress import Progress, step
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.excitation import MotionDesign
 from bristle.questions.experiment_design.loading import LoadingDesign, plan_loading
-from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE, PlannedRun, duration, in_turn, schedule
+from bristle.questions.experiment_design.references import PlannedRun, duration, in_turn, schedule
 from bristle.questions.experiment_design.start import Start, embedded, start_of
 from bristle.questions.experiment_design.velocities import VelocityPlan, largest_deflection, plan_velocities
 
@@ -50,8 +50,6 @@ class Plan:
     loadings: tuple[LoadingDesign, ...]
     motion: MotionDesign
     """The tracking motion, with the errors after the whole plan."""
-    errors_of_measured: Array | None
-    """The errors with the longest motion measured so far in its place, (p,); None without one."""
     standard_errors: Mapping[str, Array]
     """Of every parameter, (p,): `now`, and expected `with velocities`, `with loading`, `with motion`; inf: unknown."""
     references: tuple[PlannedRun, ...]
@@ -104,15 +102,6 @@ class Plan:
             named = ", ".join(map(str, unseen))
             message = f"Even after this plan {named} would not be identifiable within these limits."
             warnings.append(Finding("still-unseen", CAUTION, message, {"names": unseen}))
-        # Parameters that the planned motion determines clearly less well than the measured one.
-        measured = np.inf if self.errors_of_measured is None else self.errors_of_measured
-        less = self.motion.errors > 1.1 * np.asarray(measured)
-        if worse := tuple(self.start.names[k] for k in self.free if less[k]):
-            message = (
-                f"The planned motion determines {', '.join(map(str, worse))} less well than the motion measured so far, because it serves all "
-                "parameters at once; repeat the measured one as well where these matter most."
-            )
-            warnings.append(Finding("motion-worse", CAUTION, message, {"names": worse}))
         for plan in self.velocities:
             slowest, ratio = plan.problem.low, plan.problem.low / plan.problem.p.v_s
             if ratio > 0.5:
@@ -123,12 +112,6 @@ class Plan:
                 )
                 numbers = {"slowest": slowest, "ratio": ratio, "direction": plan.direction}
                 warnings.append(Finding("slowest-too-fast", CAUTION, message, numbers))
-            if not np.isfinite(plan.chosen.alone).all():
-                message = (
-                    f"The planned velocities{in_direction(plan.direction)} have too few different values for a separate fit: "
-                    "identify them together with the runs so far."
-                )
-                warnings.append(Finding("few-velocities", CAUTION, message, {"direction": plan.direction}))
         return tuple(warnings)
 
     def to_frame(self) -> "pd.DataFrame":
@@ -226,23 +209,12 @@ def plan(
         "The design is local: errors are those at the estimates, to first order; velocities are averaged over"
         f" the plausible values of v_s{f', the motion over {others} other plausible joints' if others else ''}."
     )
-    exact = "Each reference is followed exactly; friction is LuGre, independent of position and time."
-    run_in = (
-        f"Each hold starts with a run-in of at least {SETTLE:g} s, or {DEFLECTIONS:g} bristle deflections of travel; "
-        "the bristle forgets its state over one deflection."
-    )
-    encoder = "Encoder: the count is unknown; loading is planned as if the encoder were fine."
-    if start.resolution:
-        encoder = f"Encoder: {start.resolution:.3g} {unit('position', joint.kind)} per count."
-    assumed = (
-        Finding("plan-local", NOTE, local, {"others": others}),
-        Finding("references-followed", NOTE, exact),
-        Finding("run-in", NOTE, run_in, {"settle": SETTLE, "deflections": DEFLECTIONS}),
-        Finding("encoder-count", NOTE, encoder, {"count": start.resolution}),
-    )
+    assumed = [Finding("plan-local", NOTE, local, {"others": others})]
+    if not start.resolution:
+        encoder = "Encoder: the count is unknown; loading is planned as if the encoder were fine."
+        assumed.append(Finding("encoder-count", NOTE, encoder))
     return Plan(
-        joint=joint, aim=aim, limits=limits, start=start, velocities=runs, loadings=loadings,
-        motion=motion, errors_of_measured=excitation.errors_of_measured(measured, problem),
+        joint=joint, aim=aim, limits=limits, start=start, velocities=runs, loadings=loadings, motion=motion,
         standard_errors={stage: covariance(x)[0] for stage, x in information.items()} | {"with motion": motion.errors},
         references=schedule(parts, loadings, limits, motion),
         assumptions=(*of_limits, *of_frequency, *start.assumptions, *assumed),

@@ -1,20 +1,19 @@
 """The report of a plan."""
 
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bristle.model.parameters import Direction, effort, unit
+from bristle.model.parameters import Direction, unit
 from bristle.page.page import Drawing
 from bristle.page.plain import columns, pair
 from bristle.page.report import Report, Section, Table
 from bristle.page.wording import counted, direction, number, pretty, symbol, two_digits
 from bristle.questions.experiment_design import figures
-from bristle.questions.experiment_design.figures import CEILING, percentage
+from bristle.questions.experiment_design.figures import percentage
 from bristle.questions.experiment_design.plan import NORMAL, Plan, finite
 from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE
 
@@ -31,7 +30,7 @@ _UNITS = {
 
 def report(plan: Plan) -> Report:
     """What to measure, the expected intervals, limits, and each part of the plan; the terminal has the parts first."""
-    name, kind, aim = plan.joint.name, plan.joint.kind, plan.aim
+    name, aim = plan.joint.name, plan.aim
     simulated = " (identified from SIMULATED data)" if plan.joint.simulated else ""
     planned_for = f"  Planned for {'all parameters' if aim == 'all' else aim}{simulated}."
     sections = [Section("", findings=(plan.worth,), lines=(str(plan.worth), planned_for))]
@@ -39,30 +38,12 @@ def report(plan: Plan) -> Report:
         lines = tuple(f"  {warning.coded}" for warning in plan.warnings)
         sections.append(Section("What it would not show", findings=plan.warnings, lines=lines, turn=2, coded=True))
     assumed = (f"  assumed: {said.flagged}" for said in plan.assumptions)
-    x, (q, v, a, T) = plan.limits, (pretty(unit(y, kind)) for y in ("position", "velocity", "acceleration", "torque"))
-    limits = (
-        ("position", f"{x.position[0]:.4g} to {x.position[1]:.4g} {q}"),
-        ("constant velocities", f"{x.slowest:.3g} to {x.velocity:.3g} {v}"),
-        ("acceleration", f"{x.acceleration:.3g} {a}"),
-        (effort(kind), f"{x.torque:.3g} {T}" if np.isfinite(x.torque) else "not limited"),
-        ("time", "not limited" if x.time is None else f"{x.time:g} s"),
-    )
-    kinds = Counter(kind for kind, _ in dict.fromkeys((r.kind, r.run) for r in plan.references))
-    whole = _drawing(
-        plan, figures.whole_figure, f"all references of {name}",
-        f"The plan takes {number(plan.duration, 3)} s: {kinds['ramp']} runs at constant velocity, {kinds['presliding']} of slow loading, "
-        f"{counted(kinds['tracking'], 'tracking motion')}",
-        f"References at {number(plan.limits.rate)} Hz: runs at constant velocity with the moves between them, slow loading by torque, and the "
-        "tracking motion; dashed: position limits.",
-    )  # fmt: skip  # a list of values
     sections += [
         _worth(plan),
-        Section("Limits", facts=limits),
         Section("Assumed", findings=plan.assumptions, lines=tuple(assumed), turn=3, form="part"),
         _of_velocities(plan),
         _of_loading(plan),
         _of_motion(plan),
-        Section("The whole plan, as played", figure=whole, id="references"),
     ]
     return Report(
         f"{name}: what to measure next",
@@ -79,14 +60,13 @@ def _drawing(plan: Plan, draw: Callable[[Plan], Figure], label: str, caption: st
 
 
 def _worth(plan: Plan) -> Section:
-    """Intervals before and after the plan: the widest one, those of the aim, or those that stay open."""
+    """Intervals before and after the plan."""
     now, then = (plan.percent(plan.standard_errors[stage]).tolist() for stage in ("now", "with motion"))
-    largest, unseen = plan.aim == "all", [k for k in plan.aimed if not then[k] < CEILING]
-    widest = [max(plan.aimed, key=then.__getitem__)] if largest else plan.aimed
-    told = (f"{percentage(then[k])} % of {_names(plan, [k])}, from {percentage(now[k])} % now" for k in widest)
-    found = f"{'Largest standard' if largest else 'Standard'} error expected after the plan: {'; '.join(told)}"
-    if unseen:
-        found = f"Standard error over {CEILING:g} %, not identifiable, even after the plan: {_names(plan, unseen)}"
+    k = max(plan.aimed, key=then.__getitem__)
+    found = (
+        f"Largest standard error expected after the plan: {percentage(then[k])} % of {symbol(plan.start.names[k])}, "
+        f"from {percentage(now[k])} % now"
+    )
     figure = _drawing(
         plan, figures.intervals_figure, f"errors of {plan.joint.name} before and after", found,
         "Relative standard error of each parameter: now (squares), and as expected after velocities, loading and motion (circles).",
@@ -218,7 +198,3 @@ def _table(plan: Plan, file: str, title: str, frame: pd.DataFrame, note: str = "
         shown = rounded.where(frame.notna(), None)
     in_units = {own: f"{words} ({pretty(unit(of, plan.joint.kind))})" for own, (words, of) in _UNITS.items()}
     return Table(file, title, frame, shown.rename(columns=_HEADINGS | in_units), note)
-
-
-def _names(plan: Plan, at: Sequence[int]) -> str:
-    return ", ".join(symbol(plan.start.names[k]) for k in at)

@@ -237,30 +237,25 @@ def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[F
         fit = own_fit if own_fit in usable else max(usable, key=lambda x: x.rms or 0.0, default=None)
         if fit is None:
             return {}
-        scatters[d], rms = scatter(fit)
-        ratio = rms / scatters[d]
+        scatters[d] = scatter(fit)
         message = f"{_of_holds(scatters[d], T, d)}, as the points did about their fit"
-        message += "." if fit is own_fit else f" of {fit.direction}."
-        if ratio > 1.5:
-            message += (
-                f" Their root mean square is {ratio:.2g} times that: a few points are outliers, and do not count here."
-            )
-        numbers = {"direction": d, "scatter": scatters[d], "ratio": ratio}
-        own = Finding("noise-of-points", NOTE, message, numbers)
-        assumptions.append(own if fit is own_fit else Finding("noise-of-other-points", CAUTION, message, numbers))
+        numbers = {"direction": d, "scatter": scatters[d]}
+        if fit is own_fit:
+            assumptions.append(Finding("noise-of-points", NOTE, f"{message}.", numbers))
+        else:
+            assumptions.append(Finding("noise-of-other-points", CAUTION, f"{message} of {fit.direction}.", numbers))
     return scatters
 
 
-def scatter(fit: StaticFit) -> tuple[float, float]:
-    """Scatter of points about their fit, N*m: 1.4826 times the median distance, and RMS, both by degrees of freedom.
+def scatter(fit: StaticFit) -> float:
+    """Scatter of points about their fit, N*m: 1.4826 times the median distance, so that few outliers do not count.
 
-    Both are the RMS with fewer than four degrees of freedom, or half of the points on the curve.
+    The RMS with fewer than four degrees of freedom, or half of the points on the curve; both by degrees of freedom.
     """
     free = max(fit.n - len(fit.names), 1)
     more = float(np.sqrt(fit.n / free))
-    rms = more * (fit.rms or 0.0)
-    robust = more * 1.4826 * float(np.median(np.abs(fit.residuals))) if fit.residuals.size else 0.0
-    return (robust if robust > 0 and free >= 4 else rms), rms
+    robust = 1.4826 * float(np.median(np.abs(fit.residuals))) if fit.residuals.size else 0.0
+    return more * (robust if robust > 0 and free >= 4 else fit.rms or 0.0)
 
 
 def _known(

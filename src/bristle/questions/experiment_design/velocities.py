@@ -61,7 +61,6 @@ class Design(NamedTuple):
     aim: str  # parameter of a c-optimal design, or `all`: D-optimal
     speeds: Array  # one per run, rad/s, ascending, (n,)
     errors: Array  # expected standard errors of the problem's `names`, with the prior; inf: not identifiable, (4,)
-    alone: Array  # of these runs alone
 
     @property
     def runs(self) -> list[tuple[float, int]]:
@@ -161,8 +160,8 @@ def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
 def evaluate_design(problem: DesignProblem, speeds: Array, aim: str = "") -> Design:
     """The design of given speeds, (n,), rad/s."""
     speeds = np.sort(speeds)
-    information = static_information(speeds, problem.p, problem.noise)
-    return Design(aim, speeds, covariance(problem.prior_information + information)[0], covariance(information)[0])
+    information = problem.prior_information + static_information(speeds, problem.p, problem.noise)
+    return Design(aim, speeds, covariance(information)[0])
 
 
 class _Criterion:

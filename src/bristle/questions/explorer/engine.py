@@ -10,8 +10,8 @@ import casadi as ca
 
 from bristle.control.adaptation import Adaptation, Law, Step, laws_for
 from bristle.control.compensator import Compensator, Name, Reference, Velocity
-from bristle.control.control_period import UNDISTURBED, LoopOptions, Numbers, after, at_rest, controlled, flat
-from bristle.control.pid import Gains, Sliding
+from bristle.control.control_period import UNDISTURBED, LoopOptions, Numbers, at_rest, flat, period_of
+from bristle.control.pid import Gains
 from bristle.control.symbolic import OF_ADAPTATION, OF_COMPENSATOR, setting_names, with_settings
 from bristle.model import functions, time_refinement
 from bristle.model.law import is_passive
@@ -198,12 +198,12 @@ def _loop(way: Way, k: int, law: FrictionLaw) -> tuple[ca.Function, ca.Function]
     y, v, a, J, h = map(_symbol, ("y", "v", "a", "J", "h"))
     constants = Numbers(
         plant=pair_of(ca.vertsplit(plant), law), model=pair_of(ca.vertsplit(model), law), motor=Motor(1.0, 1.0, 0.0, J),
-        gains=Gains(*ca.vertsplit(gains)), sliding=Sliding(0.0, 0.0, 1.0, 0.0), torque_limit=1e300, resolution=1.0, period=h,
+        gains=Gains(*ca.vertsplit(gains)), torque_limit=1e300, resolution=1.0, period=h,
     )  # fmt: skip  # a list of values
-    now = controlled(options, constants)
+    now = period_of(options, constants)
     memory, given, _ = now.inputs
-    log = now.log._asdict() | {"deflection": now.memory.plant.deflection}
-    new = ca.vertcat(*flat(after(options, now, now.sent)), *(log[name] for name in _LOGGED), *now.log.theta)
+    log = now.log._asdict() | {"deflection": now.before.plant.deflection}
+    new = ca.vertcat(*flat(now.after), *(log[name] for name in _LOGGED), *now.log.theta)
     undisturbed = ca.vertcat(*flat(UNDISTURBED._replace(reference=Reference(y, v, a))))
     period = ca.substitute(new, given, undisturbed)
     return (

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +31,6 @@ from bristle.model.laws.registry import with_load
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Kind, Pair, ParameterName, Stribeck, unit
 from bristle.simulation.joint_loop import bristle_filled, fastest_measured
 
-T = TypeVar("T")
 WAYS = dict(zip(Direction, ("positive", "negative", "both", "shared"), strict=True))  # directions in C and MATLAB
 FREQUENCY = 0.5  # Hz, of the motions along which torques are compared
 
@@ -129,9 +128,9 @@ class ExportedJoint:
         found = [parameters.in_direction(rows, "sigma_0", d) for d in SIGNED]
         return all(row is not None and not row.assumed for row in found)
 
-    def _set(self, of: type[T], direction: Direction) -> T:
+    def _set(self, of: Any, direction: Direction) -> Any:
         rows = {x.parameter: x.value for x in self.parameters}
-        found = {name: parameters.in_direction(rows, name, direction) for name in of._fields}  # type: ignore[attr-defined]  # a set of parameters
+        found = {name: parameters.in_direction(rows, name, direction) for name in of._fields}
         if missing := [name for name, value in found.items() if value is None]:
             raise KeyError(f"{missing[0]}{direction}")
         return of(**found)
@@ -180,7 +179,7 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
                 e = Estimate(value=values[name], unit=unit(name, joint.kind))
                 source = "assumed" if name in missing else "given"
             rows.append(_exported(ParameterName(name, d), e, source))
-    said = [*_assumed(known, ways, rows, joint.kind, J)]
+    said = _assumed(known, ways, rows, joint.kind, J)
     for row in chosen(joint):  # without a direction
         if not parameters.of_friction(row.parameter.name) and row.estimate.value is not None:
             shared = ParameterName.parse(str(row.parameter))
@@ -188,11 +187,12 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
     found = verdict(joint)
     said += _doubts(rows, ways, known.law)
     rotor = inertia_of(experiment, replace(joint, link_inertia=None))
-    units, told = parameters.units_of(joint.kind), (x for x in dict.fromkeys(said) if _about(x) != _about(found.reason))
+    told, units = (x for x in dict.fromkeys(said) if _about(x) != _about(found.reason)), parameters.units_of(joint.kind)
+    reason, *whole = (x and replace(x, message=in_units(x.message, units)) for x in (found.reason, *told))
     return ExportedJoint(
-        name=joint.name, kind=joint.kind, simulated=joint.simulated, trust=found.trust, reason=found.reason,
+        name=joint.name, kind=joint.kind, simulated=joint.simulated, trust=found.trust, reason=reason,
         law=known.law, parameters=tuple(rows), inertia=J, rotor_inertia=rotor,
-        fastest=fastest_measured(joint), said=tuple(replace(x, message=in_units(x.message, units)) for x in told), origin=origin,
+        fastest=fastest_measured(joint), said=tuple(x for x in whole if x), origin=origin,
     )  # fmt: skip  # a list of values
 
 
@@ -213,13 +213,12 @@ def _priors(e: Estimate) -> list[Finding]:
 
 def _assumed(
     known: KnownJoint, ways: Sequence[Direction], rows: Sequence[ExportedParameter], kind: Kind, J: float | None
-) -> Iterator[Finding]:
+) -> list[Finding]:
     """What was assumed of each direction, once where it is the same of both."""
-    of_each = [x for d in ways for x in _assumed_of(known, d, d, rows, kind, J)]
-    of_both = [x for d in ways for x in _assumed_of(known, d, Direction.BOTH, rows, kind, J)]
-    for own, both in zip(of_each, of_both, strict=True):
-        numbers = {**both.numbers, "direction": Direction.BOTH}
-        yield replace(both, numbers=numbers) if of_both.count(both) > 1 else own
+    first, *others = ([*_assumed_of(known, d, Direction.BOTH, rows, kind, J)] for d in ways)
+    if others and first != others[0]:
+        return [x for d in ways for x in _assumed_of(known, d, d, rows, kind, J)]
+    return first
 
 
 def _assumed_of(

@@ -1,7 +1,7 @@
 """Losses of targets that cannot hold the joint's friction, and their best values.
 
 A loss is the RMS torque error along stated motions, in percent. Simulators hold Coulomb and viscous friction, or one
-LuGre set for both directions, alone or with a constant bias.
+LuGre set for both directions with a constant bias.
 """
 
 from collections.abc import Callable, Sequence
@@ -145,13 +145,12 @@ def rms_percent(found: Array, true: Array) -> float:
     return 100 * float(np.sqrt(np.mean((found - true) ** 2) / np.mean(true**2)))
 
 
-def best_coulomb_viscous(joint: ExportedJoint, motion: StatedMotion, *, viscous: bool = True) -> tuple[float, float]:
-    """Coulomb, N*m, and viscous friction, N*m*s/rad, or 0 without `viscous`, by least squares, none negative."""
+def best_coulomb_viscous(joint: ExportedJoint, motion: StatedMotion) -> tuple[float, float]:
+    """Coulomb, N*m, and viscous friction, N*m*s/rad, by least squares, none negative."""
     v, T = along(friction_of(joint), motion)
     columns = np.column_stack(evaluate(functions.linear_shapes_function(), v))
-    kept = columns if viscous else columns[:, :1]
-    best = bounded_least_squares(kept, T, np.zeros(kept.shape[1]))
-    return float(best[0]), float(best[1]) if viscous else 0.0
+    coulomb, viscous = bounded_least_squares(columns, T, np.zeros(2)).tolist()
+    return coulomb, viscous
 
 
 class SymmetricSet(NamedTuple):
@@ -166,19 +165,17 @@ class SymmetricSet(NamedTuple):
         return lugre(Pair(self.parameters, self.parameters), self.bias)
 
 
-def best_symmetric(joint: ExportedJoint, motions: Sequence[StatedMotion], *, bias: bool = True) -> SymmetricSet:
+def best_symmetric(joint: ExportedJoint, motions: Sequence[StatedMotion]) -> SymmetricSet:
     """The set of the paper's law and the bias by least squares along motions, each over the mean square of its torque.
 
     Trust-region steps with exact Jacobians in logarithms of the parameters; a parameter that is zero in both directions
     stays zero, and v_s without a Stribeck term stays. Equal directions of the paper's law keep their set.
     """
-    return _best(friction_of(joint), joint.pair, joint.fastest, tuple(motions), bias)
+    return _best(friction_of(joint), joint.pair, joint.fastest, tuple(motions))
 
 
 @lru_cache(maxsize=64)
-def _best(
-    own: OwnFriction, pair: Pair[float], fastest: float, motions: tuple[StatedMotion, ...], bias: bool
-) -> SymmetricSet:
+def _best(own: OwnFriction, pair: Pair[float], fastest: float, motions: tuple[StatedMotion, ...]) -> SymmetricSet:
     """`best_symmetric`, cached: each joint of a robot is asked for alone and with the others."""
     # Similar sets of the paper's law: the peak vanishes at the same speed, viscous friction as at half the fastest.
     positive, negative = (
@@ -195,15 +192,13 @@ def _best(
     weights = [1 / float(np.sqrt(np.sum(T**2))) for T in torques]  # each motion counts the same
     wanted = list(zip(motions, torques, weights, strict=True))
     free = [k for k, (name, x) in enumerate(mean._asdict().items()) if x > 0 and (name != "v_s" or mean.alpha_1 > 0)]
-    level = mean.alpha_0 if bias else 0.0
-    count = len(free) + bias
 
     def held(x: Array) -> SymmetricSet:
-        """The set at x: logarithms of the ratios of the free parameters to the mean, then the bias over `level`."""
+        """The set at x: logarithms of the ratios of the free parameters to the mean, then the bias over alpha_0."""
         values = list(mean)
-        for k, ratio in zip(free, np.exp(x[: len(free)]).tolist(), strict=True):
+        for k, ratio in zip(free, np.exp(x[:-1]).tolist(), strict=True):
             values[k] *= ratio
-        return SymmetricSet(Lugre(*values), level * float(x[-1]) if level else 0.0)
+        return SymmetricSet(Lugre(*values), mean.alpha_0 * float(x[-1]))
 
     def residuals(x: Array) -> Array:
         p, constant = held(x)
@@ -217,14 +212,14 @@ def _best(
         rows = []
         for motion, T, weight in wanted:
             by = rollout_jacobian(motion.velocity, motion.step, p, 0.0).by_parameters[-T.size :]
-            columns = [by[:, k] * p[k] for k in free] + [np.full(T.size, level)] * (count - len(free))
+            columns = [*(by[:, k] * p[k] for k in free), np.full(T.size, mean.alpha_0)]
             rows.append(weight * np.column_stack(columns))
         return np.concatenate(rows)
 
     from scipy.optimize import least_squares
 
     solved = least_squares(
-        residuals, np.zeros(count), slopes, bounds=(-_REACH, _REACH), x_scale="jac", xtol=1e-10, ftol=1e-10
+        residuals, np.zeros(len(free) + 1), slopes, bounds=(-_REACH, _REACH), x_scale="jac", xtol=1e-10, ftol=1e-10
     )
     return held(np.asarray(solved.x, dtype=np.float64))
 

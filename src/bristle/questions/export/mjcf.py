@@ -14,11 +14,10 @@ import numpy as np
 from bristle.errors import InputError, one_line, short
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import Lugre, slides, unit
-from bristle.page.wording import shortened
 from bristle.questions.export.coulomb_viscous import CoulombViscous, comment_lines, target_of
 from bristle.questions.export.export import Artefact, ExportTarget, Request, artefact_of, notes
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.loss import Loss, SymmetricSet, all_motions, best_symmetric, losses, told
+from bristle.questions.export.loss import Loss, SymmetricSet, all_motions, best_symmetric, losses
 from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named, model_read
 
 NAME, FRICTIONLOSS_NAME = "mujoco", "mujoco-frictionloss"
@@ -34,8 +33,7 @@ class MjcfHeld(NamedTuple):
     """The symmetric set of a joint for MuJoCo, and its losses."""
 
     joint: ExportedJoint
-    alone: tuple[Loss, ...]  # of the best symmetric set without a bias
-    symmetric: SymmetricSet  # with a bias, as exported
+    symmetric: SymmetricSet
     lost: tuple[Loss, ...]
 
 
@@ -55,9 +53,7 @@ def write_mjcf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
             document.insert_last(document.root, f"<actuator>\n{indent(text, '  ')}\n</actuator>")
         content = document.written()
     lost = {one.joint.name: one.lost for one in found}
-    biased = [one for one in found if one.symmetric.bias]
-    alone = "; ".join(f"{shortened(one.joint.name)} {told(one.alone, one.joint)}" for one in biased)
-    holds = [_HOLDS if not alone else f"{_HOLDS} and a constant bias; the set alone has a torque RMS error of: {alone}"]
+    holds = [f"{_HOLDS}{' and a constant bias' * any(one.symmetric.bias for one in found)}"]
     holds += [_CLOSEST] if any(joint.law != GAUSSIAN for joint in joints) else []
     holds += ["cogging"] if any(joint.cogging for joint in joints) else []
     counted = [name for joint in joints for name in joint.cogging_names]
@@ -68,9 +64,8 @@ def mjcf_held(joint: ExportedJoint, request: Request) -> MjcfHeld:
     """The symmetric set of a joint, with its losses."""
     joint = joint.in_newton(NAME).with_bristle(NAME)
     motions = all_motions(joint, request.amplitude, request.frequency)
-    sets = [best_symmetric(joint, motions, bias=bias) for bias in (False, True)]
-    alone, lost = (losses(joint, x.friction, motions) for x in sets)
-    return MjcfHeld(joint, alone, sets[1], lost)
+    best = best_symmetric(joint, motions)
+    return MjcfHeld(joint, best, losses(joint, best.friction, motions))
 
 
 def mjcf_actuators(held: MjcfHeld) -> str:
@@ -111,7 +106,6 @@ def _comment(held: MjcfHeld) -> str:
         f"Held here: one LuGre set for both directions, sigma_0 {p.sigma_0:.4g}, sigma_1 {p.sigma_1:.4g}, alpha_0 {p.alpha_0:.4g}, "
         f"alpha_1 {p.alpha_1:.4g}, alpha_2 {p.alpha_2:.4g}, v_s {p.v_s:.4g}, and a constant bias of {bias:.4g} {torque}.",
         *(() if joint.law == GAUSSIAN else (f"Of the set: {_CLOSEST}.",)),
-        f"Without the bias, the best set has: {told(held.alone, joint)}.",
         "Both directions, exactly: bristle.mujoco.Friction, in a Python simulation.",
         step,
         "Leave ctrl of these actuators at 0.",

@@ -61,13 +61,12 @@ class XmlDocument:
         if len(content) > MAX_BYTES:
             raise InputError(f"{what}: has more than {MAX_BYTES} bytes; expected a model without meshes")
         try:
-            text = content.decode("utf-8")
+            content.decode("utf-8")
         except UnicodeDecodeError as error:
             line = content.count(b"\n", 0, error.start) + 1
             raise InputError(f"{what}, line {line}: is not encoded as UTF-8; save it so") from error
-        if "\0" in text:
-            line = text[: text.index("\0")].count("\n") + 1
-            raise InputError(f"{what}, line {line}: holds NUL; expected XML in UTF-8")
+        if (at := content.find(0)) >= 0:
+            raise InputError(f"{what}, line {content.count(10, 0, at) + 1}: holds NUL; expected XML in UTF-8")
         return cls(content=content, what=what, root=_root(content, what))
 
     def set_attributes(self, element: XmlElement, values: Mapping[str, str]) -> None:
