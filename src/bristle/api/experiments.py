@@ -58,7 +58,7 @@ def report(
     >>> import bristle, pathlib
     >>> results = bristle.report("wrist.yaml", folder="report")
     >>> sorted(path.name for path in pathlib.Path("report").iterdir() if path.suffix)
-    ['checks.html', 'data.html', 'explore.html', 'index.html', 'joints.html', 'method.html', 'results.json', 'timings.json', 'uncertainty.html']
+    ['checks.html', 'data.html', 'explore.html', 'index.html', 'joints.html', 'method.html', 'results.json', 'uncertainty.html']
 
     Args:
         experiments: files of a joint or a robot each, or one results file, whose report is written anew; none: the embedded

@@ -1,6 +1,5 @@
 """What `identify` returns, and reads back."""
 
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -37,8 +36,6 @@ class Results:
     """What was identified, joint by joint."""
 
     joints: tuple[Joint, ...]
-    timings: dict[str, float] = field(default_factory=dict, compare=False, repr=False)
-    """Seconds spent, by joint."""
     logs: JointLogs = field(default_factory=JointLogs, compare=False, repr=False)
     """What the joints were identified from, for questions that follow."""
 
@@ -96,7 +93,7 @@ class Results:
         return tuple(outcomes(self.joints))
 
     def checks(self) -> tuple[str, ...]:
-        """Each fit beside a full nonlinear one on the same data, a line each, and what each joint took.
+        """Each fit beside a full nonlinear one on the same data, a line each.
 
         Raises InputError where nothing was fitted that could be checked.
         """
@@ -104,8 +101,7 @@ class Results:
 
         for joint in self.joints:
             check_fitted(joint)
-        took = (f"  {what}: {1000 * seconds:.2f} ms" for what, seconds in self.timings.items())
-        return *(line for joint in self.joints for line in checks(joint)), *took
+        return tuple(line for joint in self.joints for line in checks(joint))
 
     def to_frame(self) -> "pd.DataFrame":
         """One row per joint, direction and parameter: value, unit, standard error, interval, warnings."""
@@ -133,7 +129,7 @@ class Results:
         *,
         mailed: bool = False,
     ) -> Path:
-        """Write the report into a folder: pages, results.json, timings.json, figures, tables. Returns the index.html.
+        """Write the report into a folder: pages, results.json, figures, tables. Returns the index.html.
 
         What `adapt` and `explore` returned becomes pages as well; `mailed`: all of it also in one reproducible file,
         report.zip. Only what bristle made there before is replaced. Raises InputError where the folder cannot be used,
@@ -181,9 +177,6 @@ def write_results(
 
     names = [joint.name for joint in results.joints]
     files = {"results.json": encoded(results.to_json(folder))}
-    if results.timings:
-        timings = {name: round(seconds, 6) for name, seconds in results.timings.items()}
-        files["timings.json"] = encoded(json.dumps(timings, indent=1) + "\n")
     told: dict[str, Any] = {}
     if compensated:
         study = compensated()

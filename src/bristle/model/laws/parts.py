@@ -63,6 +63,11 @@ class ViscousTerm:
     rate: Callable[[Expression], Expression]
     """(abs(v)) -> r, >= 0, rising from 0 at rest: CasADi's operations alone."""
 
+    @property
+    def own(self) -> tuple[OwnParameter, ...]:
+        """The coefficient alone, as `Peak.own`."""
+        return (self.coefficient,)
+
 
 @dataclass(frozen=True, slots=True)
 class Law:
@@ -95,7 +100,7 @@ class Law:
     @property
     def own(self) -> tuple[OwnParameter, ...]:
         """Parameters beside those of `Lugre` and `FASTEST`."""
-        return (*self.peak.own, *(term.coefficient for term in self.terms))
+        return tuple(own for part in (self.peak, *self.terms) for own in part.own)
 
     @property
     def more(self) -> tuple[str, ...]:
