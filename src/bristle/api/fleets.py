@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bristle.api.identifying import identify
 from bristle.errors import InputError, short
+from bristle.estimation.levels import FALSE_DISCOVERIES
 from bristle.findings import Severity
 from bristle.identification.known_joint import chosen
 from bristle.identification.verdict import row_warnings, verdict
@@ -33,18 +34,12 @@ _ADDRESS = re.compile(r"([a-z]+://)?[^\s/]+:\d{1,5}")
 class Fleet(NamedTuple):
     """What is known of a fleet."""
 
-    frame: "pd.DataFrame"
-    """The dataset: a row per unit, joint, session, direction and parameter."""
-    findings: "Findings"
-    """Which joints changed, and which units differ."""
-    identified: int
-    """Joint sessions that this run identified; of those with equal content one."""
-    unchanged: int
-    """Joint sessions that were known."""
-    failed: int
-    """Joint sessions without a result; each has a row with its sentence."""
-    output: str | None
-    """The folder of the dataset; None where none was asked for."""
+    frame: "pd.DataFrame"  #: The dataset: a row per unit, joint, session, direction and parameter
+    findings: "Findings"  #: Which joints changed, and which units differ
+    identified: int  #: Joint sessions that this run identified; of those with equal content one
+    unchanged: int  #: Joint sessions that were known
+    failed: int  #: Joint sessions without a result; each has a row with its sentence
+    output: str | None  #: The folder of the dataset; None where none was asked for
 
     @property
     def counts(self) -> str:
@@ -97,7 +92,7 @@ def fleet(
     workers: int | None = None,
     memory: str | None = None,
     verify: bool = False,
-    rate: float = 0.05,
+    rate: float = FALSE_DISCOVERIES,
     baseline: int = 3,
     begun: Callable[[str], object] = lambda _: None,
     progress: Progress | None = None,

@@ -4,11 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from bristle.estimation.levels import FACTOR, FEW
 from bristle.findings import CAUTION, NOTE, Finding
 
-FEW = 8  # least blocks of a bootstrap interval
-ENOUGH = 20  # blocks below which a different bootstrap is explained by them
-FACTOR = 1.5  # ratio of reaches from which intervals differ
 _ROUNDING = 1e-9
 Interval = tuple[float, float] | None
 

@@ -15,7 +15,7 @@ from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
-from bristle.estimation.score_test import MATTERS
+from bristle.estimation.levels import MATTERS
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.comparison import APART, GAIN, SYMMETRIC, Comparison
 from bristle.identification.curve import LEAST, accuracy_of, band, curve
