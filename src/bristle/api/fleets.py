@@ -180,10 +180,9 @@ def connected(
             option = f"--tls-{next(iter(given)).replace('ca', 'ca-file')}"
             raise InputError(f"{option}: is for a --scheduler; name its address, as tls://host:8786")
         return cluster.local_client(workers, memory)
-    own = {"--workers": workers, "--memory": memory}
-    if odd := [name for name, value in own.items() if value is not None]:
-        why = f"is for a cluster of this machine, and {scheduler} has its own workers"
-        raise InputError(f"{odd[0]}: {why}; leave it out")
+    if workers is not None or memory is not None:
+        name = "--memory" if workers is None else "--workers"
+        raise InputError(f"{name}: is for a cluster of this machine, and {scheduler} has its own workers; leave it out")
     if given and len(given) < len(certificates):
         raise InputError("TLS: expected --tls-ca-file, --tls-cert and --tls-key together")
     if missing := [path for path in given.values() if not path.is_file()]:
@@ -201,7 +200,6 @@ def _client(client: Any, workers: int | None, memory: str | None) -> AbstractCon
     if known is None:
         return cluster.local_client(workers, memory)
     if workers is not None or memory is not None:
-        name = "workers" if workers is not None else "memory"
-        why = "is for a cluster of this machine, and there is a client of a running one"
-        raise InputError(f"{name}: {why}; leave it out")
+        name = "memory" if workers is None else "workers"
+        raise InputError(f"{name}: is for a cluster of this machine, and a client of another is given; leave it out")
     return nullcontext(known)

@@ -307,14 +307,8 @@ def has_own_unit(kind: Kind) -> bool:
 
 def effort(kind: Kind) -> str:
     """What a joint's torque is called: torque, force, current, voltage, position error."""
-    own = {
-        "A": "current",
-        "V": "voltage",
-        "N": "force",
-        "N*m": "torque",
-        "rad": "position error",
-        "m": "position error",
-    }
+    error = "position error"
+    own = {"A": "current", "V": "voltage", "N": "force", "N*m": "torque", "rad": error, "m": error}
     return own.get(effort_unit(kind), "deceleration")
 
 

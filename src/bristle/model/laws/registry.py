@@ -94,21 +94,13 @@ def law_named(name: str) -> Law:
 
 
 def apart(name: str) -> tuple[str, tuple[str, ...]]:
-    """The name of a law without its load, and the load, of `LOADS`, or none.
-
-    >>> apart("lorentzian+quadratic+gear-load")
-    ('lorentzian+quadratic', ('gear-load',))
-    """
+    """The name of a law without its load, and the load, of `LOADS`, or none."""
     bare, _, last = name.rpartition("+")
     return (bare, (last,)) if last in LOADS else (name, ())
 
 
 def with_load(law: Law, coefficients: Collection[str]) -> str:
-    """The name of a law with the load of these coefficients, as in `fit.law`.
-
-    >>> with_load(GAUSSIAN, ["link_load"])
-    'gaussian+link-load'
-    """
+    """The name of a law with the load of these coefficients, as in `fit.law`: gaussian+link-load."""
     return "+".join((law.name, *(load for load, names in LOADS.items() if {*names} == {*coefficients})))
 
 
