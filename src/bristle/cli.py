@@ -14,8 +14,8 @@ from bristle.errors import InputError, short_list
 from bristle.estimation.levels import FALSE_DISCOVERIES
 from bristle.page import output_folder as files
 from bristle.progress import shown
-from bristle.terminal import complain, print_found, print_lines
-from bristle.workers import REPORT, cores, prepared
+from bristle.terminal import complain, print_lines
+from bristle.workers import cores
 
 if TYPE_CHECKING:
     from bristle.api import Results
@@ -165,16 +165,13 @@ def report(
     Example: bristle report log.csv --unit position=deg
     """
     folder = output_folder(output, sources[0] if sources else None, "", "results.json")
-    workers = workers or cores()
     told = _told(of_logs)
     with shown() as progress:
-        if workers > 1:
-            prepared(*REPORT)
         inputs, _, guessed = _drafted(sources or [], told, None, progress)
         for sentence in guessed:
             complain(f"guessed: {sentence}")
         results = bristle.report(
-            *inputs, folder=folder, uncertainty=uncertainty, need=need, workers=workers, mailed=mailed,
+            *inputs, folder=folder, uncertainty=uncertainty, need=need, workers=workers or cores(), mailed=mailed,
             found=lambda results: _tell(results.outcomes()), progress=progress,
         )  # fmt: skip  # a list of values
     print_lines([f"Report: {folder / 'index.html'}"], done=True)
@@ -572,10 +569,10 @@ def output_folder(output: Path | None, experiment: Path | None, what: str = "", 
 
 
 def _tell(texts: Iterable[str]) -> None:
-    """Print results in lines of 80 columns that break no number, in colour on a terminal."""
+    """Print results in lines of 80 columns that break no number."""
     from bristle.page.plain import wrapped
 
-    print_found(wrapped(line for text in texts for line in text.rstrip("\n").split("\n")))
+    print_lines(wrapped(line for text in texts for line in text.rstrip("\n").split("\n")))
 
 
 def _told(of_logs: Mapping[str, Any]) -> "Told":
