@@ -10,13 +10,12 @@ from bristle.control.adaptation import LAWS, Adaptation
 from bristle.control.closed_loop import simulate
 from bristle.control.control_period import LoopOptions
 from bristle.control.pid import Gains
-from bristle.data.experiment.load import load_experiment
 from bristle.identification import known_joint
 from bristle.identification.fits import TrackingFit
 from bristle.identification.systematic import shifted
 from bristle.model.parameters import Lugre, Motor, Pair
 from bristle.simulation import edro
-from bristle.simulation.joint_loop import JointLoop, asked_parts, of_experiment, of_paper, one_way
+from bristle.simulation.joint_loop import JointLoop, of_experiment, of_paper, one_way
 
 from ..sameness import of_kind
 from .joints import FASTEST, GRIPPER, J, experiment, joint, joint_loop, tracked, unseen, values_of
@@ -62,19 +61,6 @@ def test_loops_of_table_2_and_of_files(tmp_path: Path) -> None:
         assert (one.amplitude, one.frequency, one.slow, one.period) == (1.0, 0.5, 0.2, 1e-3)
         assert len(one.draws) == known_joint.DRAWS
         assert one.assumptions
-    # `asked_parts` gives the compensator and adaptation of a file alone; rates that are not given are zero
-    compensator, adaptation = asked_parts(experiment(tmp_path, "law: total, parameters: [sigma_0, v_s, alpha_1]"))
-    assert compensator.name == "lugre"
-    assert adaptation.gamma == (0.0, 0.0, 0.0)
-    with pytest.raises(ValueError, match=r"e\.yaml: adapt: law: got 'exact'"):
-        asked_parts(experiment(tmp_path, "law: exact"))
-    assert load_experiment(tmp_path / "e.yaml").adapt.law == "exact"
-    # the period that the refusal names is itself accepted
-    with pytest.raises(ValueError, match="expected at most") as refused:
-        asked_parts(experiment(tmp_path, "frequency: 3 Hz, period: 50 ms"))
-    said = re.search(r"at most (\S+) s", str(refused.value))
-    assert said is not None
-    asked_parts(experiment(tmp_path, f"frequency: 3 Hz, period: {0.999 * float(said[1])} s"))
     # where the inertia was given and not fitted, friction alone is drawn
     fixed = tracked(values_of(GRIPPER, None))
     one = of_experiment(experiment(tmp_path, "", f"inertia: {J!r} kg*m**2\n"), joint(fixed))
@@ -101,12 +87,7 @@ def test_where_the_parts_of_a_loop_come_from(tmp_path: Path) -> None:
     # with a truth that is whole the plant is the truth; without one, or with part of one, it is the identified model, and that is said
     true = Pair(GRIPPER.negative, GRIPPER.negative)
     part = {"both": GRIPPER.negative._replace(sigma_1=float("nan"))}
-    for truth, plant in (
-        ({"both": GRIPPER.negative}, true),
-        (dict(zip("+-", true, strict=True)), true),
-        (part, GRIPPER),
-        ({}, GRIPPER),
-    ):
+    for truth, plant in ((dict(zip("+-", true, strict=True)), true), (part, GRIPPER), ({}, GRIPPER)):
         one = of_experiment(experiment(tmp_path), joint(truth=truth))
         np.testing.assert_allclose(one.plant, plant)
         assert bool(of_kind(one.assumptions, "plant-is-model")) == (plant is GRIPPER)
@@ -117,24 +98,21 @@ def test_where_the_parts_of_a_loop_come_from(tmp_path: Path) -> None:
     assert of_experiment(experiment(tmp_path, "", f"inertia: 0.002 kg*m**2\n{motor}"), nothing).J == 0.002
     assert of_experiment(experiment(tmp_path, "", motor), nothing).J == 0.003
     # the refusal names the joint, what is missing, and how to give it or which runs show it
-    for unknown, said in (
-        (
-            joint(tracked(values_of(GRIPPER, None))),
-            "no inertia is known, .*give it as inertia, or a tracking run that shows it$",
-        ),
-        (
-            replace(joint(), tracking=None),
-            r"nothing is known of the friction vs velocity in direction \+; .* tracking run",
-        ),
+    with pytest.raises(
+        ValueError, match=r"^wrist: no inertia is known, .*give it as inertia, or a tracking run that shows it$"
     ):
-        with pytest.raises(ValueError, match=f"^wrist: {said}"):
-            of_experiment(experiment(tmp_path), unknown)
+        of_experiment(experiment(tmp_path), nothing)
+    with pytest.raises(ValueError, match=r"^wrist: nothing is known of the friction vs velocity in direction \+; "):
+        of_experiment(experiment(tmp_path), replace(joint(), tracking=None))
     # one bad option among good ones: a single sentence with the file's name, the key, what was got and what was expected
+    failed = []
     for what, (spoilt, said) in REFUSED.items():
-        with pytest.raises(ValueError, match=said) as refused:
+        with pytest.raises(ValueError) as refused:  # noqa: PT011  # the pattern is below
             of_experiment(experiment(tmp_path, options({**ASKED, **spoilt})), joint())
-        assert str(refused.value).startswith(f"{tmp_path / 'e.yaml'}: "), what
-        assert "\n" not in str(refused.value), what
+        failed += (
+            [] if re.fullmatch(f"{tmp_path / 'e.yaml'}: {said}.*", str(refused.value)) else [(what, refused.value)]
+        )
+    assert failed == []
     # up to thirty times what was measured is allowed, and said
     one = of_experiment(experiment(tmp_path, "amplitude: 2 rad, frequency: 1 Hz"), joint())
     factor = 2 * np.pi * 2 / FASTEST
@@ -147,10 +125,6 @@ def test_where_the_parts_of_a_loop_come_from(tmp_path: Path) -> None:
         assert one.gains == pytest.approx(Gains(J * w**2, 0.2 * J * w**3, 2 * J * w, 0.0))
         assert one.frequency == 0.5
         assert 2 * np.pi * one.frequency * one.amplitude == pytest.approx(0.5 * FASTEST, rel=0.05)
-    # K_p of zero, over which replays and rates are taken, and an empty start, are refused where the file is read
-    for bad in ("gains: {K_p: 0 N*m/rad}", "start: {}"):
-        with pytest.raises(ValueError, match=r"adapt\.(gains\.K_p|start): got"):
-            experiment(tmp_path, bad)
 
 
 @pytest.mark.parametrize(
@@ -211,36 +185,29 @@ def test_what_the_motion_does_not_show_is_filled_and_said(tmp_path: Path, travel
 REFUSED = {
     "negative rate": ({"gamma": "[-1, 4]"}, r"adapt: gamma: got -1; expected zero or more"),
     "rate that is no number": ({"gamma": "[3, .nan]"}, r"adapt: gamma: got nan"),
-    "infinite rate": ({"gamma": "[3, .inf]"}, r"adapt: gamma: got inf"),
     "too many rates": ({"gamma": "[3, 4, 5]"}, r"adapt: gamma: got 3 rates for 2 parameters"),
     "limits above the start": ({"limits": "[1.5, 3]"}, r"adapt: limits: got 1\.5 to 3; expected 0 < lower <= 1 <= upper"),
-    "limits below the start": ({"limits": "[0.1, 0.5]"}, r"adapt: limits: got 0\.1 to 0\.5"),
-    "limits of zero": ({"limits": "[0, 2]"}, r"adapt: limits: got 0 to 2"),
-    "limits that are no numbers": ({"limits": "[.nan, .nan]"}, r"adapt: limits: got nan to nan"),
     "unknown law": ({"law": "exact"}, r"adapt: law: got 'exact'; expected one of printed, partial, partial-theta, total"),
     "printed for v_s": ({"law": "printed", "parameters": "[alpha_0, v_s]"}, r"adapt: law: printed is typeset for alpha_0 and alpha_2 alone"),
     "unknown step": ({"step": "newton"}, r"adapt: step: got 'newton'; expected one of gradient, normalised, least-squares"),
     "unknown parameter": ({"parameters": "[alpha_0, mass]"}, r"adapt: parameters: got alpha_0, mass"),
     "parameter twice": ({"parameters": "[v_s, v_s]"}, r"adapt: parameters: got v_s, v_s"),
-    "start of what does not exist": ({"start": "{mass: 0.5}"}, r"adapt\.start: got 'mass'; expected some of alpha_0"),
-    "start at nothing": ({"start": "{alpha_0: 0}"}, r"adapt\.start\.alpha_0: got 0"),
     "negative dead zone": ({"dead_zone": "-1"}, r"adapt: dead_zone: got -1"),
     "unknown compensator": ({"compensator": "dahl"}, r"adapt: compensator: got 'dahl'; expected one of"),
+    "start of what does not exist": ({"start": "{mass: 0.5}"}, r"adapt\.start: got 'mass'; expected some of alpha_0"),
     "compensator that cannot adapt": ({"compensator": "coulomb"}, r"adapt: compensator: coulomb cannot adapt"),
     "period too long": ({"period": "20 ms"}, r"adapt\.period: got 0\.02 s; expected at most 0\.01 s"),
-    "frequency of zero": ({"frequency": "0 Hz"}, r"adapt\.frequency: got "),
     "reference too fast": ({"amplitude": "50 rad"}, r"adapt: a reference of 50 at 2 Hz is 314 times as fast as anything measured"),
 }  # fmt: skip  # a table
 
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("parameters", ["alpha_0, alpha_2", "v_s", "alpha_1, sigma_1", "sigma_0"])
-@pytest.mark.parametrize("amplitude", ["20 deg", "2 rad"])
-def test_derived_rates_are_finite_whatever_adapts(tmp_path: Path, law: str, parameters: str, amplitude: str) -> None:
+def test_derived_rates_are_finite_whatever_adapts(tmp_path: Path, law: str, parameters: str) -> None:
     """A default rate is finite, also where a gradient vanishes over most of a sine; zero, and said, where sliding shows nothing."""
     if law == "printed" and parameters != "alpha_0, alpha_2":
         return
-    given = {"law": law, "parameters": f"[{parameters}]", "amplitude": amplitude, "frequency": "1 Hz"}
+    given = {"law": law, "parameters": f"[{parameters}]", "amplitude": "2 rad", "frequency": "1 Hz"}
     one = of_experiment(experiment(tmp_path, options(given)), joint())
     assert np.isfinite(one.adaptation.gamma).all()
     assert max(one.adaptation.gamma) < 1e10
