@@ -262,23 +262,14 @@ def motion() -> Array:
     return v
 
 
-def difference(velocity: Array, p: Lugre[float], k: int, z0: float | None) -> Array:
-    """Central difference of the torque with respect to parameter k."""
-    d = 1e-6 * p[k]
-    up, down = (
-        rollout(velocity, STEP, Lugre(*(x + s * d * (j == k) for j, x in enumerate(p))), z0).torque for s in (1, -1)
-    )
-    return (up - down) / (2 * d)
-
-
-@pytest.mark.parametrize("z0", [None, 1e-3])
-def test_jacobian_equals_finite_differences(table_set: Lugre[float], z0: float | None) -> None:
-    """Each column is the derivative of the torque, the steady start included where z0 is not given."""
+def test_jacobian_from_the_steady_start_equals_differences(table_set: Lugre[float]) -> None:
+    """Each column is the central difference of the torque, the steady start included."""
     p = table_set._replace(v_s=0.12345)  # a value at which no node comes or goes
-    result = rollout_jacobian(motion(), STEP, p, z0)
-    for k in range(6):
-        numeric = difference(motion(), p, k, z0)
-        np.testing.assert_allclose(result.by_parameters[:, k], numeric, atol=1e-6 * np.abs(numeric).max())
+    by = rollout_jacobian(motion(), STEP, p).by_parameters
+    for k, (name, x) in enumerate(p._asdict().items()):
+        up, down = (rollout(motion(), STEP, p._replace(**{name: x + d})).torque for d in (1e-6 * x, -1e-6 * x))
+        numeric = (up - down) / (2e-6 * x)
+        np.testing.assert_allclose(by[:, k], numeric, atol=1e-6 * np.abs(numeric).max())
 
 
 def test_derivatives_by_the_start_and_of_a_pair(gripper: Lugre[float], pair: Pair[float]) -> None:
@@ -309,15 +300,6 @@ def test_derivatives_by_the_start_and_of_a_pair(gripper: Lugre[float], pair: Pai
     np.testing.assert_allclose(two.torque, one.torque, atol=1e-5 * np.abs(one.torque).max())
     total = two.by_parameters[:, :6] + two.by_parameters[:, 6:]
     np.testing.assert_allclose(total, one.by_parameters, atol=1e-4 * np.abs(one.by_parameters).max())
-    # for direction-dependent sets too, within what moving the switch of sigma_0 by less than a step can do
-    flat = np.array([*pair.positive, *pair.negative])
-    flat[[3, 9]] = 0.12345
-    result = rollout_jacobian(motion(), STEP, Pair(Lugre(*flat[:6]), Lugre(*flat[6:])))
-    for k in range(12):
-        d = 1e-6 * flat[k] * (np.arange(12) == k)
-        up, down = (rollout(motion(), STEP, Pair(Lugre(*q[:6]), Lugre(*q[6:]))).torque for q in (flat + d, flat - d))
-        numeric = (up - down) / (2 * d[k])
-        np.testing.assert_allclose(result.by_parameters[:, k], numeric, atol=2e-3 * np.abs(numeric).max())
     # no sample gives (0, 6) or (0, 12); one sample gives the derivative of the steady torque (9), zero for sigma_0 and sigma_1
     assert rollout_jacobian(np.zeros(0), STEP, pair.positive).by_parameters.shape == (0, 6)
     assert rollout_jacobian(np.zeros(0), STEP, pair).by_parameters.shape == (0, 12)
