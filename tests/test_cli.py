@@ -557,9 +557,8 @@ def test_output_that_nobody_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_streams_of_the_system(tmp_path: Path) -> None:
     """Streams that nobody reads, that are full, or whose encoding lacks a letter: what is to be written is, or 2 and one sentence."""
     # `bristle identify ... | head -0` ends without a word, with 0. A file that takes no byte, as a full disk, is a
-    # sentence of every command, help and version too, and nothing is written. Letters that the terminal's encoding
-    # lacks are escaped on it, in an error as well
-    path = write(tmp_path, FEW, joint="αρθρο")
+    # sentence of every command, help too, and nothing is written. Letters that the terminal's encoding lacks are escaped
+    path = write(tmp_path, FEW)
     command = [sys.executable, "-m", "bristle", "identify", str(path), "-o", str(tmp_path / "piped.json")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as piped:  # noqa: S603 # our own command
         present(piped.stdout).close()
@@ -572,29 +571,15 @@ def test_streams_of_the_system(tmp_path: Path) -> None:
         assert ran.stderr.startswith("bristle: ")
     assert process("fit", streams="2> /dev/full").returncode == 2
     assert tree(tmp_path) == before
-    ran = process("identify", path, "-o", tmp_path / "ascii.json", PYTHONIOENCODING="ascii")
-    assert (ran.returncode, ran.stderr) == (0, "")
-    assert ran.stdout.startswith("\\u03b1\\u03c1")
-    assert (tmp_path / "ascii.json").read_bytes() == (tmp_path / "piped.json").read_bytes()
-    assert "αρθρο" in json.loads((tmp_path / "piped.json").read_text(encoding="utf-8"))["joints"]
     ran = process("identify", tmp_path / "ά.yaml", PYTHONIOENCODING="ascii:strict")
     assert ran.returncode == 2
     assert ran.stderr.startswith("bristle: ")
     assert "\\u03ac.yaml: no such file" in ran.stderr
 
 
-@pytest.mark.parametrize(
-    "closed",
-    [pytest.param((">&-", "2>&-", ">&- 2>&-"), marks=pytest.mark.slow), ("<&- >&- 2>&-",)],
-    ids=["some", "all"],
-)
-def test_closed_streams_are_no_defect(tmp_path: Path, closed: Sequence[str]) -> None:
+def test_closed_streams_are_no_defect(tmp_path: Path) -> None:
     """With standard streams closed results are written, and a bad input still ends with 2; the codes are the only word left."""
-    path = write(tmp_path, FEW)
-    for k, streams in enumerate(closed):
-        ran = process("identify", path, "-o", tmp_path / f"{k}.json", streams=streams)
-        assert (ran.returncode, ran.stderr) == (0, "")
-        assert json.loads((tmp_path / f"{k}.json").read_text(encoding="utf-8"))["joints"]
-        ran = process("identify", tmp_path / "none.yaml", streams=streams)
-        assert ran.returncode == 2
-        assert "Traceback" not in ran.stdout + ran.stderr
+    ran = process("identify", write(tmp_path, FEW), "-o", tmp_path / "out.json", streams="<&- >&- 2>&-")
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["joints"]
+    assert process("identify", tmp_path / "none.yaml", streams="<&- >&- 2>&-").returncode == 2

@@ -1,7 +1,6 @@
 import ast
 from collections.abc import Iterator
 from dataclasses import FrozenInstanceError
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -92,46 +91,15 @@ def texts(node: ast.expr) -> Iterator[str]:
         yield node.value
 
 
-@cache
-def constants() -> dict[str, str]:
-    """Texts that modules name: a decision by a name is one by what it stands for."""
-    return {
-        target.id: node.value.value
-        for tree in trees().values()
-        for node in tree.body
-        if isinstance(node, ast.Assign | ast.AnnAssign)
-        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
-        if isinstance(target, ast.Name) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
-    }
-
-
-def phrases(node: ast.AST) -> Iterator[str]:
-    """Texts with a space that an operand is, or has among its items."""
-    match node:
-        case ast.Constant(value=str(text)) if " " in text:
-            yield text
-        case ast.Name(id=name) | ast.Attribute(attr=name) if " " in constants().get(name, ""):
-            yield constants()[name]
-        case ast.JoinedStr(values=items) | ast.Tuple(elts=items) | ast.List(elts=items) | ast.Set(elts=items):
-            for item in items:
-                yield from phrases(item)
-        case ast.FormattedValue(value=inner):
-            yield from phrases(inner)
-        case _:
-            return
-
-
 def decisions(tree: ast.AST) -> Iterator[str]:
     """Texts of several words that a file asks for by `startswith`, `endswith` or `in`."""
     for node in ast.walk(tree):
         match node:
-            case ast.Call(func=ast.Attribute(attr="startswith" | "endswith"), args=args):
-                for operand in args:
-                    yield from phrases(operand)
-            case ast.Compare(left=left, ops=ops, comparators=others) if any(
-                isinstance(op, ast.In | ast.NotIn) for op in ops
-            ):
-                for operand in (left, *others):
-                    yield from phrases(operand)
+            case ast.Call(func=ast.Attribute(attr="startswith" | "endswith"), args=operands):
+                asked = operands
+            case ast.Compare(left=left, ops=[ast.In() | ast.NotIn(), *_], comparators=others):
+                asked = [left, *others]
             case _:
-                pass
+                asked = []
+        held = (x.value for operand in asked for x in ast.walk(operand) if isinstance(x, ast.Constant))
+        yield from (text for text in held if isinstance(text, str) and " " in text.strip())

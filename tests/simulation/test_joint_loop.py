@@ -13,7 +13,7 @@ from bristle.control.pid import Gains
 from bristle.identification import known_joint
 from bristle.identification.fits import TrackingFit
 from bristle.identification.systematic import shifted
-from bristle.model.parameters import Lugre, Motor, Pair
+from bristle.model.parameters import Motor, Pair
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import JointLoop, of_experiment, of_paper, one_way
 
@@ -163,7 +163,7 @@ def test_derived_rates_mend_about_half_of_an_error_in_a_second(tmp_path: Path, p
 @pytest.mark.parametrize(("travel", "how"), [(None, "of the amplitude"), (0.9, "of the travel")])
 def test_what_the_motion_does_not_show_is_filled_and_said(tmp_path: Path, travel: float | None, how: str) -> None:
     """An unseen sigma_0 is alpha_0 over a thousandth of the travel, as a plan takes it, or of the amplitude where no travel is known."""
-    # an unseen sigma_1 is that of (15), in the model and in every draw
+    # an unseen sigma_1 is that of (15)
     deflection = 1e-3 * (travel or 0.4)
     fit = unseen(tracked(values_of(GRIPPER)), {"sigma_0+": 1.0, "sigma_1+": 9.0, "sigma_1-": 9.0})
     one = of_experiment(experiment(tmp_path, "amplitude: 0.4 rad"), replace(joint(fit), travel=travel))
@@ -177,9 +177,6 @@ def test_what_the_motion_does_not_show_is_filled_and_said(tmp_path: Path, travel
     assert [(x["name"], x["direction"]) for x in filled] == [("sigma_0", "+"), ("sigma_1", "+"), ("sigma_1", "-")]
     assert [x["value"] for x in filled] == [positive.sigma_0, positive.sigma_1, negative.sigma_1]
     assert f"from a deflection of 0.001 {how}." in str(said[0])
-    for (p, n), inertia in one.draws:
-        assert p.sigma_0 == pytest.approx(p.alpha_0 / deflection)
-        assert n.sigma_1 == pytest.approx(0.2 * np.sqrt(inertia * n.sigma_0))
 
 
 REFUSED = {
@@ -221,22 +218,6 @@ def drawn(folder: Path, fit: TrackingFit) -> JointLoop:
     return of_experiment(experiment(folder), joint(fit))
 
 
-@pytest.mark.parametrize("share", [0.02, 0.5, 3.0])
-def test_draws_are_physical_and_repeat(tmp_path: Path, share: float) -> None:
-    """However large the errors, alpha_0, v_s, sigma_0 and J of every draw are positive, the others not negative; and every run draws the same."""
-    fit = tracked(values_of(GRIPPER), share)
-    first, second = (drawn(tmp_path, fit).draws for _ in range(2))
-    assert first == second
-    assert len(first) == known_joint.DRAWS
-    assert len(set(first)) == len(first)
-    for pair, inertia in first:
-        assert 0 < inertia < np.inf
-        for p in pair:
-            assert min(p.alpha_0, p.v_s, p.sigma_0) > 0
-            assert min(p) >= 0
-            assert np.isfinite(p).all()
-
-
 def test_draws_are_those_of_the_covariance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By constants alone every parameter of a draw has the same factor, the inertia too; without errors of constants there are no such draws."""
     fit = tracked(values_of(GRIPPER), 1e-9)
@@ -248,20 +229,13 @@ def test_draws_are_those_of_the_covariance(tmp_path: Path, monkeypatch: pytest.M
         factors = rows / list(values_of(GRIPPER).values())
         assert np.abs(factors - factors[:, :1]).max() < 1e-5
         assert np.std(factors[:, 0]) == pytest.approx(1e-3, rel=0.3)
-    # a fit with no covariance, or with one that is not finite, has no draws
-    fit = tracked(values_of(GRIPPER))
-    for other in (replace(fit, names=()), replace(fit, covariance=np.full_like(fit.covariance, np.nan))):
-        assert drawn(tmp_path, other).draws == ()
-    # of a fit with one set for both directions every draw has the same set twice
-    both = {**GRIPPER.positive._asdict(), "inertia": J}
-    for pair, _ in drawn(tmp_path, tracked(both, 0.1)).draws:
-        assert pair.positive == pair.negative != Lugre(*GRIPPER.positive)
-    # over many draws, errors being small, the mean is the fit's value to its own error and the covariance the fit's, correlations included
+    # the same draws in every run; over many, errors being small, the fit's values, and its covariance with its correlations
     n = 4000
     monkeypatch.setattr(known_joint, "DRAWS", n)
     values = values_of(GRIPPER)
     fit = tracked(values, 0.02)
     found = drawn(tmp_path, fit).draws
+    assert drawn(tmp_path, fit).draws == found
     rows = np.array([[*pair.positive, *pair.negative, inertia] for pair, inertia in found])
     errors = np.sqrt(np.diag(fit.covariance))
     assert rows.shape == (n, 13)
