@@ -1,5 +1,4 @@
 import json
-import os
 import time
 from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping
@@ -11,8 +10,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 import bristle
 from bristle import Results
@@ -23,7 +20,7 @@ from bristle.findings import Finding
 from bristle.identification.results import Joint
 
 from .conftest import run, speeds, tree, write
-from .fuzz.inputs import JSON, logs
+from .fuzz.inputs import logs
 
 EVERYTHING = """
 joint: {name: wrist}
@@ -271,39 +268,3 @@ FOREIGN: list[tuple[tuple[str, ...], Any, str]] = [
     ((*FIT, "parameters", "alpha_0", "unit"), "N", "alpha_0: got the unit 'N'; expected N*m"),
     (("schema",), "bristle-results/9", "schema"),
 ]  # fmt: skip  # a table
-
-
-@pytest.fixture(scope="module")
-def whole(fresh: Results) -> str:
-    return fresh.to_json()
-
-
-@pytest.mark.slow
-@settings(max_examples=150, suppress_health_check=list(HealthCheck))
-@given(data=st.data())
-def test_a_damaged_file_is_read_or_refused(data: Any, whole: str, tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Values of samples replaced, moved or left out, and texts cut: the file is read, and reports what it holds, or is one sentence."""
-    document = json.loads(whole)
-    samples = document["samples"]["wrist"]
-    for _ in range(data.draw(st.integers(1, 3))):
-        key = data.draw(st.sampled_from(sorted(samples)))
-        how = data.draw(st.sampled_from(["drop", "swap", "cut", "json"]))
-        if how == "drop":
-            del samples[key]
-        elif how == "swap":
-            samples[key] = samples[data.draw(st.sampled_from(sorted(samples)))]
-        elif how == "cut" and isinstance(samples[key], dict) and "float64" in samples[key]:
-            text = samples[key]["float64"]
-            samples[key] = {**samples[key], "float64": text[: data.draw(st.integers(0, len(text)))]}
-        else:
-            samples[key] = data.draw(JSON)
-    path = tmp_path_factory.getbasetemp() / f"damaged-{os.getpid()}.json"
-    path.write_bytes(json.dumps(document).encode("utf-8", "surrogatepass"))
-    try:
-        read = bristle.read_results(path)
-    except InputError as error:
-        assert "\n" not in str(error)  # noqa: PT017  # it need not be raised
-    else:
-        read.text()
-        read.text(full=True)
-        read.to_json()
