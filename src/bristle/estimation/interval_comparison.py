@@ -40,15 +40,14 @@ def warnings(
         return none
     nearest = reaches.get("profile", (1.0, 1.0))
     if not np.isfinite(nearest).all():
-        message = "the cost stays below the threshold to the end of the range, so the data do not bound the parameter on that side"
+        message = "the cost stays low to the end of the range, so the data do not bound the parameter on that side"
         why = Finding("cost-stays-low", CAUTION, message)
     elif _part(nearest, 0.0):
-        message = "the profile is skewed, which a covariance cannot represent; use the profile"
-        why = Finding("profile-skewed", CAUTION, message)
+        why = Finding("profile-skewed", CAUTION, "the profile is skewed, as no covariance is; use the profile")
     elif few:
         why = Finding("few-to-resample", CAUTION, f"{few} are few to resample; use the profile")
     else:
-        message = "the residuals are less even or less independent than the covariance and the profile assume; use the widest interval"
+        message = "the residuals are less even or independent than covariance and profile assume; use the widest"
         why = Finding("uneven-residuals", CAUTION, message)
     return (*none, they_differ(sides, ends, why))
 
