@@ -1,6 +1,4 @@
 import os
-import pty
-import re
 import signal
 import subprocess
 import sys
@@ -14,7 +12,7 @@ import pytest
 from bristle.progress import shown, step, teller
 from bristle.workers import called, cores, sharing, threads
 
-from .conftest import experiment, run, speeds, table, tree, write
+from .conftest import run, speeds, tree, write
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc, and sends signals")
 REPORT = ("-m", "bristle", "report")
@@ -116,45 +114,7 @@ def test_nothing_is_left_of_what_is_stopped(tmp_path: Path, how: signal.Signals)
     assert not list(tmp_path.iterdir())
 
 
-def on_terminal(*arguments: object, folder: Path) -> tuple[float, str]:
-    """What a command prints on a terminal, and seconds from its start to the first letter."""
-    leader, follower = pty.openpty()
-    command = [sys.executable, "-c", "from bristle.__main__ import main; main()", *map(str, arguments)]
-    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "80"}
-    begun, first, text = time.perf_counter(), float("inf"), b""
-    process = subprocess.Popen(command, cwd=folder, env=environment, stdin=follower, stdout=follower, stderr=follower)  # noqa: S603
-    os.close(follower)
-    while True:
-        try:
-            part = os.read(leader, 65536)
-        except OSError:  # the other end is closed
-            break
-        if not part:
-            break
-        if re.search(rb"[a-z]{3}", part):
-            first = min(first, time.perf_counter() - begun)
-        text += part
-    os.close(leader)
-    assert process.wait() == 0
-    return first, text.decode()
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    (tmp_path / "e.yaml").write_text(experiment(), encoding="utf-8")
-    (tmp_path / "data.csv").write_text(table(speeds()), encoding="utf-8")
-    return tmp_path
-
-
-def test_a_terminal_shows_the_step(folder: Path) -> None:
-    """Within seconds of the start a line stands on the terminal, before the libraries are read, and then the name of each step."""
-    first, text = on_terminal("identify", "e.yaml", folder=folder)
-    assert first < 10  # two, on a machine that does nothing else
-    assert text.index("starting") < 200
-    assert all(name in text for name in ("identifying wrist", "fitting friction vs velocity"))
-
-
-def test_steps_are_counted() -> None:
+def test_steps_are_counted_and_shown(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """A teller tells each step with how many are done; a step of unknown length is told as the only one; without a listener nothing is."""
     told: list[tuple[str, int, int]] = []
     tell = teller(lambda *what: told.append(what), 2)
@@ -163,5 +123,10 @@ def test_steps_are_counted() -> None:
     step(lambda *what: told.append(what), "c")
     step(None, "d")
     assert told == [("a", 0, 2), ("b", 1, 2), ("c", 0, 1)]
-    with shown() as progress:  # no terminal: silent
-        progress("e", 0, 3)
+    # no terminal: silent; on one, a line from the start on, and then the name of each step
+    for terminal in (False, True):
+        monkeypatch.setattr("rich.console.Console.is_terminal", terminal)
+        with shown() as progress:
+            progress("identifying wrist", 0, 3)
+        said = capsys.readouterr().err
+        assert all((words in said) == terminal for words in ("starting", "identifying wrist (1 of 3)"))

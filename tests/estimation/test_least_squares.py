@@ -49,17 +49,6 @@ def solved(problem: LeastSquares[str], values: Mapping[str, float]) -> Multistar
     return solve_from_starts(solve, [values], lambda posed, minimum: (posed, minimum))
 
 
-@given(values=st.tuples(st.floats(-1e3, 1e3), st.floats(1e-6, 1e6)))
-def test_scaling_is_undone(values: tuple[float, float]) -> None:
-    """Scaled values come back by name and one by one; the slopes are those of differences."""
-    own = unknowns("a", "b", logarithmic=("b",))
-    x = own.scaled(dict(zip("ab", values, strict=True)))
-    assert list(own.values(x).values()) == pytest.approx(values, rel=1e-9)
-    assert [float(own.natural_of(j, x[j])) for j in range(2)] == pytest.approx(values, rel=1e-9)
-    slopes = (own.natural(x + 1e-6) - own.natural(x - 1e-6)) / 2e-6
-    assert own.slopes(x) == pytest.approx(slopes, rel=1e-6, abs=1e-6)
-
-
 def test_in_a_linear_problem_covariance_profile_and_bootstrap_coincide() -> None:
     """White noise: errors are the textbook's to a tenth, profile ends are Student's with them, and bootstrap-t's to what chance leaves."""
     rng = np.random.default_rng(0)
