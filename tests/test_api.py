@@ -1,7 +1,7 @@
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import FrozenInstanceError, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -88,8 +88,6 @@ def test_tables_and_single_joints_of_results(clean: Results, tmp_path: Path) -> 
     check_immutable(tuple(x for measured in clean.measured for x in (measured.runs, measured.segments)))
     assert sum(isinstance(part, StaticFit) for part in found) == 2
     assert sum(isinstance(part, np.ndarray) for part in found) > 10
-    with pytest.raises(ValueError, match="read-only"):
-        clean.joints[0].static["+"].covariance[0, 0] = 0.0
     # of several joints a results file gives the one that is named, as `--joint` needs it, or says what there is
     (joint,) = clean.joints
     file = tmp_path / "results.json"
@@ -105,15 +103,11 @@ def test_tables_and_single_joints_of_results(clean: Results, tmp_path: Path) -> 
 def parts(value: object) -> Iterator[object]:
     """Everything that results hold, at any depth, arrays and the results themselves included."""
     yield value
-    inside: Iterator[object] = iter(())
     if is_dataclass(value):
-        inside = (getattr(value, f.name) for f in fields(value))
-    elif isinstance(value, Mapping):
-        inside = iter(value.values())
-    elif isinstance(value, tuple):
-        inside = iter(value)
-    for item in inside:
-        yield from parts(item)
+        value = {f.name: getattr(value, f.name) for f in fields(value)}
+    if isinstance(value, Mapping | tuple):
+        for item in value.values() if isinstance(value, Mapping) else value:
+            yield from parts(item)
 
 
 def check_immutable(result: object) -> list[object]:
@@ -121,11 +115,8 @@ def check_immutable(result: object) -> list[object]:
     found = list(parts(result))
     for part in found:
         assert not isinstance(part, list | set | bytearray)
-        if is_dataclass(part):
-            with pytest.raises(FrozenInstanceError):
-                setattr(part, fields(part)[0].name, None)
-        if isinstance(part, np.ndarray):
-            assert not part.flags.writeable
+        assert not is_dataclass(part) or part.__dataclass_params__.frozen
+        assert not isinstance(part, np.ndarray) or not part.flags.writeable
     return found
 
 

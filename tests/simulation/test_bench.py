@@ -12,16 +12,13 @@ from scipy.stats import kstest
 import simulated_edro
 import virtual_bench
 from bristle.arrays import Array
-from bristle.control.closed_loop import simulate
-from bristle.control.compensator import Compensator, Reference
-from bristle.control.control_period import Case, LoopOptions
-from bristle.control.pid import Gains
+from bristle.control.compensator import Reference
 from bristle.control.plant import Sensors
 from bristle.data.experiment.load import load_experiment, read_runs
 from bristle.identification.measured import measure
 from bristle.model import law, motor
 from bristle.model.law import is_passive
-from bristle.model.parameters import Motor, Pair
+from bristle.model.parameters import Pair
 from bristle.simulation import bench, edro
 from bristle.simulation.references import FASTEST, HARDEST, STEEPEST, Hold, Move, Multisine, Sine, SlowLoads
 from virtual_bench import Clock, Logs, Ramps, Rig
@@ -83,16 +80,6 @@ def test_plateaus_and_slow_loads() -> None:
         r.torque[[0, 4, 8, 12, 14, 15, 23, 25, 29]], [0, 0, 0.15, 0.3, 0, 0, -0.2, 0, 0], atol=1e-15
     )
     assert not np.any([r.position, r.velocity, r.acceleration])
-    # without gains the drive gives the reference's torque and nothing else, within its limit
-    pair, n = edro.TABLE_1["gripper rotation"], 200
-    one = Case(
-        plant=pair, motor=Motor(1.0, 1.0, 0.0, 1e-3), model=pair, gains=Gains(0.0, 0.0, 0.0, 0.0), torque_limit=0.01
-    )
-    torque, still = 0.02 * np.sin(0.05 * np.arange(n)), np.zeros(n)
-    run = simulate(
-        LoopOptions(compensator=Compensator(name="none")), [one], Reference(still, still, still, torque), 1e-3
-    )
-    np.testing.assert_array_equal(run.torque[0], np.clip(torque, -0.01, 0.01))
 
 
 STEP = 1e-4

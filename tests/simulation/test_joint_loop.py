@@ -13,7 +13,7 @@ from bristle.control.pid import Gains
 from bristle.identification import known_joint
 from bristle.identification.fits import TrackingFit
 from bristle.identification.systematic import shifted
-from bristle.model.parameters import Motor, Pair
+from bristle.model.parameters import Pair
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import JointLoop, of_experiment, of_paper, one_way
 
@@ -33,20 +33,16 @@ def options(given: Mapping[str, str]) -> str:
     return ", ".join(f"{name}: {value}" for name, value in given.items())
 
 
-def test_loops_of_table_2_and_of_files(tmp_path: Path) -> None:
+def test_loops_of_table_2() -> None:
     """Table 2's joint: plant and model have the (+) set both ways, J that of this set alone, and no uncertainty."""
     one = one_way(joint_loop(model=Pair(GRIPPER.negative, GRIPPER.negative)))
     assert one.plant == one.model == Pair(GRIPPER.positive, GRIPPER.positive)
     assert pytest.approx((0.0184 / 0.2) ** 2 / 6.1843) == one.J
     assert one.draws == ()
-    # `wrong_start` multiplies the named parameters of both sets by their shares and leaves all others; a case takes what it is given
+    # `wrong_start` multiplies the named parameters of both sets by their shares and leaves all others
     one = joint_loop(start={"alpha_0": 0.3, "v_s": 2.0})
     for before, after in zip(GRIPPER, one.wrong_start(GRIPPER), strict=True):
         assert after == before._replace(alpha_0=0.3 * before.alpha_0, v_s=2.0 * before.v_s)
-    other = Pair(GRIPPER.negative, GRIPPER.positive)
-    assert one.case().motor == Motor(1.0, 1.0, 0.0, one.J)
-    assert (one.case(plant=other).plant, one.case(model=other).model) == (other, other)
-    assert one.case(J=2.0).motor.J == 2.0
     # four loops in the order of Table 1: its sets as plant, what was identified as model, the PID of (21), J by (15), and Table 2's start
     wrong = {name: Pair(*(p._replace(alpha_0=1.1 * p.alpha_0) for p in pair)) for name, pair in edro.TABLE_1.items()}
     found = of_paper([joint(tracked(values_of(pair)), name) for name, pair in wrong.items()])
@@ -61,11 +57,6 @@ def test_loops_of_table_2_and_of_files(tmp_path: Path) -> None:
         assert (one.amplitude, one.frequency, one.slow, one.period) == (1.0, 0.5, 0.2, 1e-3)
         assert len(one.draws) == known_joint.DRAWS
         assert one.assumptions
-    # where the inertia was given and not fitted, friction alone is drawn
-    fixed = tracked(values_of(GRIPPER, None))
-    one = of_experiment(experiment(tmp_path, "", f"inertia: {J!r} kg*m**2\n"), joint(fixed))
-    assert len(one.draws) == known_joint.DRAWS
-    assert {inertia for _, inertia in one.draws} == {J}
 
 
 def test_where_the_parts_of_a_loop_come_from(tmp_path: Path) -> None:
