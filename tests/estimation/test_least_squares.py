@@ -98,11 +98,8 @@ def test_the_lowest_of_several_minima_is_kept() -> None:
     found = solve_from_starts(solve, [-1.5, 1.5, 50.0, 0.5], lambda posed, minimum: (posed, minimum))
     assert found.values["a"] == pytest.approx(1.0, abs=1e-3)
     assert (found.starts, found.reached) == (4, 2)
-    # no sample, one sample and a constant have no correlation, and a standard error that is unknown or zero
-    assert autocorrelation(EMPTY).size == 0
-    assert lag_one(np.ones(1)) == lag_one(np.full(9, 0.1)) == 0.0
-    assert standard_error(np.ones(1)) is None
-    assert standard_error(np.full(50, 0.1)) == pytest.approx(0.0, abs=1e-15)
+    # no sample and a constant have no correlation
+    assert autocorrelation(EMPTY).size == lag_one(np.full(9, 0.1)) == 0
     assert lag_one(np.tile([1.0, -1.0], 50)) == pytest.approx(-0.99)
 
 

@@ -104,39 +104,14 @@ def test_where_the_parts_of_a_loop_come_from(tmp_path: Path) -> None:
             [] if re.fullmatch(f"{tmp_path / 'e.yaml'}: {said}.*", str(refused.value)) else [(what, refused.value)]
         )
     assert failed == []
-    # up to thirty times what was measured is allowed, and said
-    one = of_experiment(experiment(tmp_path, "amplitude: 2 rad, frequency: 1 Hz"), joint())
-    factor = 2 * np.pi * 2 / FASTEST
-    (said,) = of_kind(one.assumptions, "extrapolated")
-    assert said.numbers["ratio"] == pytest.approx(factor)
     # without gains K_p = J w**2, K_i = J w**3 / 5, K_d = 2 J w, w <= 30 rad/s; half of the fastest measured speed
     for period, bandwidth in (("0.1 ms", 30.0), ("2 ms", 10.0)):
         one = of_experiment(experiment(tmp_path, f"period: {period}"), joint())
+        assert len(of_kind(one.assumptions, "default-pid", "reference-taken", "rates-taken")) == 3
         w = bandwidth
         assert one.gains == pytest.approx(Gains(J * w**2, 0.2 * J * w**3, 2 * J * w, 0.0))
         assert one.frequency == 0.5
         assert 2 * np.pi * one.frequency * one.amplitude == pytest.approx(0.5 * FASTEST, rel=0.05)
-
-
-@pytest.mark.parametrize(
-    ("absent", "said"),
-    [
-        ("gains", "default-pid"),
-        ("gamma", "rates-taken"),
-        ("amplitude", "reference-taken"),
-        ("frequency", "reference-taken"),
-    ],
-)
-def test_what_is_absent_is_derived_and_said(tmp_path: Path, absent: str, said: str) -> None:
-    """Without one option its value is derived, is positive and finite, and one sentence names it and the key that would set it."""
-    given = {name: value for name, value in ASKED.items() if name != absent}
-    one = of_experiment(experiment(tmp_path, options(given)), joint())
-    (named,) = of_kind(one.assumptions, said)
-    assert f"adapt.{absent}" in str(named)
-    value = one.adaptation.gamma if absent == "gamma" else getattr(one, absent)
-    numbers = value[:3] if isinstance(value, Gains) else np.atleast_1d(value)
-    assert all(0 < x < np.inf for x in numbers)
-    assert f"{float(numbers[0]):.3g}" in str(named)
 
 
 @pytest.mark.parametrize("parameter", ["alpha_0", "alpha_2"])
