@@ -133,14 +133,6 @@ TOSSED = np.random.default_rng(0).standard_normal(STEPS.size)
 SLIDING = 0.3 * np.sin(2 * np.pi * 0.5 * STEPS)
 
 
-def slow(position: Array, torque: Array, more: str = "") -> dict[str, str]:
-    return log("presliding", more, t=STEPS, q=position, tau=torque)
-
-
-def adapting(options: str) -> dict[str, str]:
-    return {"e.yaml": GOOD["e.yaml"].replace("signals:", f"adapt: {{{options}}}\nsignals:", 1)}
-
-
 def whole_joint(options: str, more: str = "") -> dict[str, str]:
     """An experiment of one moving run that shows all six parameters and the inertia, with adaptation options."""
     t = np.arange(0.0, 8.0, 2e-3)
@@ -180,7 +172,8 @@ BAD = [
         "torque as magnitudes", FIT, "at the 3 points of direction -",
         {"data.csv": "v,tau\n" + "".join(f"{v},{1 + abs(v)}\n" for v in (-3, -2, -1, 1, 2, 3))},
     ),
-    *bad("presliding without loading", FIT, "data.csv: the torque never grows slowly from zero", slow(SLIDING, 0.1 + 0.001 * np.sin(STEPS))),
+    *bad("presliding without loading", FIT, "data.csv: the torque never grows slowly from zero",
+         log("presliding", t=STEPS, q=SLIDING, tau=0.1 + 0.001 * np.sin(STEPS))),
     *bad("tracking at rest", FIT, "data.csv: velocity is 0", log("tracking", t=STEPS, v=0 * STEPS, tau=0 * STEPS)),
     *bad("marker of no report", [REPORT, ADAPT], "out/.bristle-manifest: is not a list of files", {
         **MADE, "out/.bristle-manifest": "mine\n", "out/mine": "mine"}),
@@ -190,7 +183,7 @@ BAD = [
     *bad("argument of many characters", [("fit" * 1000,), ("inspect", "e" * 200 + ".yaml", "x" * 3000)], "..."),
     *bad("full disk", [REPORT], "out: No space left", patch=full_disk(5)),
     *bad("full disk", [IDENTIFY], "out.json: No space left", patch=full_disk(0)),
-    *bad("reference that is no number", [ADAPT], "e.yaml: adapt.amplitude", adapting("amplitude: .nan rad")),
+    *bad("reference that is no number", [ADAPT], "e.yaml: adapt.amplitude", yaml_with("signals:", "adapt: {amplitude: .nan rad}\nsignals:")),
     *bad(
         "period longer than the loop bears", [ADAPT], "got a control period of 0.01 s",
         whole_joint("period: 10 ms, gains: {K_p: 100 N*m/rad, K_d: 10 N*m*s/rad}"),
@@ -378,22 +371,6 @@ def _raiser(error: BaseException) -> Callable[..., None]:
         raise error
 
     return fail
-
-
-@pytest.mark.slow
-def test_the_same_experiment_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two reports are the same in every byte, wherever the experiment lies and however it is named; results.json says where it lies."""
-    for folder in ("here", "far/away"):
-        write(tmp_path / folder, speeds(both=False))
-    monkeypatch.chdir(tmp_path / "here")
-    assert run("report", "wrist.yaml", "-o", "out").code == 0
-    monkeypatch.chdir(tmp_path)
-    assert run("report", "far/away/wrist.yaml", "-o", "new/out").code == 0
-    one, two = tree(tmp_path / "here" / "out"), tree(tmp_path / "new" / "out")
-    assert {name for name in {*one, *two} if one.get(name) != two.get(name)} == {"results.json"}
-    moved = (two["results.json"] or b"").replace(b'"folder": "../../far/away"', b'"folder": ".."')
-    assert moved == one["results.json"]
-    assert not [name for name, data in one.items() if data and str(tmp_path).encode() in data]
 
 
 def test_inspect_lists_and_draws(tmp_path: Path) -> None:

@@ -166,13 +166,10 @@ def test_a_changed_log_is_told(tmp_path: Path, fresh: Results) -> None:
         ran = run("plan", path)
         if ran.code != 2 or len(ran.said) != 1 or says not in ran.err or time.monotonic() - begun > 5:
             wrong.append((way, says, ran))
-    for text, says in (
-        ("{", "expected"), ("joint: {name: elbow}", "missing"), ("!!python/object/apply:os.system [ls]", "without !"), ("joints: []", "a list"),
-    ):  # fmt: skip  # a table
-        path.write_text(spoilt(good, EXPERIMENTS, foreign(text=text)), encoding="utf-8")
-        ran, whole = run("plan", path), bristle.read_results(path).to_frame().equals(fresh.to_frame())
-        if ran.code != 2 or len(ran.said) != 1 or says not in ran.err or not whole:
-            wrong.append((text, says, ran))
+    path.write_text(spoilt(good, EXPERIMENTS, foreign(text="!!python/object/apply:os.system [ls]")), encoding="utf-8")
+    ran = run("plan", path)
+    assert (ran.code, len(ran.said), "without !" in ran.err) == (2, 1, True)
+    assert bristle.read_results(path).to_frame().equals(fresh.to_frame())
     assert wrong == []
 
 

@@ -99,7 +99,7 @@ def test_the_lowest_of_several_minima_is_kept() -> None:
     assert found.values["a"] == pytest.approx(1.0, abs=1e-3)
     assert (found.starts, found.reached) == (4, 2)
     # no sample and a constant have no correlation
-    assert autocorrelation(EMPTY).size == lag_one(np.full(9, 0.1)) == 0
+    assert autocorrelation(np.zeros(0)).size == lag_one(np.full(9, 0.1)) == 0
     assert lag_one(np.tile([1.0, -1.0], 50)) == pytest.approx(-0.99)
 
 
@@ -133,10 +133,10 @@ def test_costs_with_bounds_are_those_of_bounded_least_squares(seed: int) -> None
     assert Projected(problem).costs(v_s) == pytest.approx(expected, rel=1e-7)
 
 
-def correlated(rho: float, n: int, seed: int) -> Array:
-    """AR(1) noise with innovations of variance one, (n,)."""
-    noise = np.random.default_rng(seed).standard_normal(n + 500)
-    return np.asarray(lfilter([1.0], [1.0, -rho], noise)[500:], dtype=float)
+def ar1(rho: float, shape: tuple[int, ...], seed: int = 0) -> Array:
+    """AR(1) noise along the last axis, stationary."""
+    noise = np.random.default_rng(seed).normal(size=(*shape[:-1], shape[-1] + 500))
+    return np.asarray(lfilter([1.0], [1.0, -rho], noise)[..., 500:])
 
 
 def mean_of(x: Array, **options: int) -> Array:
@@ -147,7 +147,7 @@ def test_correlated_noise_inflates_the_variance_of_a_mean() -> None:
     """Over series the mean variance of the draws is 1 / (n (1 - rho)**2), less what block ends cut off: 2 rho / ((1 - rho**2) L), and L / n."""
     for rho in (0.0, 0.5, 0.8):
         n, length, series = 4000, 100, 40
-        found = [mean_of(correlated(rho, n, seed), length=length, draws=300, seed=seed).var() for seed in range(series)]
+        found = [mean_of(ar1(rho, (n,), seed), length=length, draws=300, seed=seed).var() for seed in range(series)]
         cut = 2 * rho / ((1 - rho**2) * length) + length / n
         true = (1 - cut) / (n * (1 - rho) ** 2)
         spread = np.std(found) / np.sqrt(series)
@@ -178,7 +178,7 @@ def test_bootstrap_knows_skewness_priors_and_blocks(monkeypatch: pytest.MonkeyPa
     assert found.steps.std() == pytest.approx(np.sqrt(G * s**2 + sigma**2 * P**2) / (G + P**2), rel=0.06)
     assert found.studentised.std() == pytest.approx(1.0, rel=0.06)
     # blocks that cut correlation make draws scatter by too little; t has unit variance all the same
-    x = correlated(0.9, 6000, 4)
+    x = ar1(0.9, (6000,), 4)
     short = block_bootstrap(-np.ones((x.size, 1)), x - x.mean(), length=12, draws=2000)
     true = 10 / np.sqrt(x.size)
     assert short.steps.std() < 0.8 * true
@@ -211,15 +211,6 @@ def test_a_step_scales_with_its_parameter(power: float, seed: int) -> None:
     one, other = (block_bootstrap(j, left, length=5, draws=50, seed=seed) for j in (J, J * unit))
     np.testing.assert_allclose(other.steps * unit, one.steps, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(other.studentised, one.studentised, rtol=1e-6, atol=1e-9)
-
-
-EMPTY = np.zeros(0)
-
-
-def ar1(rho: float, shape: tuple[int, ...], seed: int = 0) -> Array:
-    """AR(1) noise along the last axis, stationary."""
-    noise = np.random.default_rng(seed).normal(size=(*shape[:-1], shape[-1] + 500))
-    return np.asarray(lfilter([1.0], [1.0, -rho], noise)[..., 500:])
 
 
 @given(arrays(float, st.integers(1, 60), elements=st.floats(-1e6, 1e6)), st.floats(1e-3, 1e3), st.floats(-1e3, 1e3))
