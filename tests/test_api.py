@@ -115,7 +115,7 @@ def check_immutable(result: object) -> list[object]:
     found = list(parts(result))
     for part in found:
         assert not isinstance(part, list | set | bytearray)
-        assert not is_dataclass(part) or part.__dataclass_params__.frozen
+        assert not is_dataclass(part) or vars(type(part))["__dataclass_params__"].frozen
         assert not isinstance(part, np.ndarray) or not part.flags.writeable
     return found
 

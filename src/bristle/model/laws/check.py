@@ -28,8 +28,8 @@ def _fault_of_shape(peak: Peak) -> str | None:
     if not all(0 < x.searched[0] < x.searched[1] < np.inf for x in peak.own):
         return "got a parameter of the shape without a range to search; expected searched=(low, high), 0 < low < high"
     for own in ([x.searched[0] for x in peak.own], [x.middle for x in peak.own], [x.searched[1] for x in peak.own]):
-        s, slope = _tried(lambda v, own=own: peak.shape(v, _V_S, *own), _SPEEDS)
-        mirrored, _ = _tried(lambda v, own=own: peak.shape(v, _V_S, *own), -_SPEEDS)
+        s, slope = _tried(peak.shape, _SPEEDS, _V_S, *own)
+        mirrored, _ = _tried(peak.shape, -_SPEEDS, _V_S, *own)
         lost = np.flatnonzero(~(np.isfinite(s) & np.isfinite(slope)))
         if lost.size:
             at = _SPEEDS[lost[0]] / _V_S
@@ -55,9 +55,9 @@ def _fault_of_rate(rate: Callable[[Expression], Expression]) -> str | None:
     return None
 
 
-def _tried(expression: Callable[[Expression], Expression], speeds: Array) -> tuple[Array, Array]:
-    """An expression and its derivative at some speeds, (n,) each."""
+def _tried(expression: Callable[..., Expression], speeds: Array, *more: float) -> tuple[Array, Array]:
+    """An expression and its derivative at some speeds, (n,) each, and other arguments."""
     v = ca.SX.sym("v")
-    value = ca.SX(expression(v))
+    value = ca.SX(expression(v, *more))
     found = ca.Function("tried", [v], [value, ca.jacobian(value, v)]).map(speeds.size)(speeds)
     return np.array(found[0]).ravel(), np.array(found[1]).ravel()

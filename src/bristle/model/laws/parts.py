@@ -87,7 +87,7 @@ class Law:
     @property
     def own(self) -> tuple[OwnParameter, ...]:
         """Parameters beside those of `Lugre` and `FASTEST`."""
-        return tuple(own for part in (self.peak, *self.terms) for own in part.own)
+        return (*self.peak.own, *(own for term in self.terms for own in term.own))
 
     @property
     def more(self) -> tuple[str, ...]:
