@@ -34,9 +34,7 @@ from bristle.questions.compensation import ablation, experiments
 from bristle.questions.experiment_design import excitation
 from bristle.simulation.bench import steady_points
 
-signal.signal(
-    signal.SIGINT, signal.default_int_handler
-)  # a run in the background ignores it, as would all that it starts
+signal.signal(signal.SIGINT, signal.default_int_handler)  # which a run in the background ignores, with all it starts
 settings.register_profile("repeatable", deadline=None, max_examples=50, derandomize=True, database=None)
 settings.load_profile("repeatable")
 

@@ -1,5 +1,4 @@
 import errno
-import html
 import io
 import json
 import os
@@ -15,18 +14,14 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
-import typer.main
 
-from bristle import __version__, cli
+from bristle import __version__
 from bristle.__main__ import _LONGEST, main
 from bristle.arrays import Array
 from bristle.cli import output_folder
-from bristle.data import text_layout, text_table
-from bristle.data.experiment import yaml_file
 from bristle.data.experiment.load import load_experiment
 from bristle.errors import InputError, one_line, reason
 from bristle.identification.measured import measure
-from bristle.model.parameters import Lugre, unit
 from bristle.model.rollout import rollout
 from bristle.page import output_folder as report_files
 from bristle.page.plain import interval
@@ -35,17 +30,15 @@ from bristle.questions.compensation import experiments
 from bristle.simulation.edro import TABLE_1
 
 from .conftest import FEW, TRUTH, Ran, experiment, present, run, speeds, table, tree, write
-from .pages import Elements, page_text, report_text
+from .pages import page_text
 
 DOCS = Path(__file__).parents[1] / "docs"
-HOSTILE = '<script>alert("1")</script> ../../&x'  # a joint's name that is HTML and a path
 Patch = Callable[[pytest.MonkeyPatch], None]
 GRIPPER = TABLE_1["gripper rotation"].positive
 FOLDER = None  # stands for a folder among the files of a bad input
 PIPE = "a pipe"  # stands for a pipe that nobody writes to
 
 GOOD = {"e.yaml": experiment(), "data.csv": table(FEW)}  # a good experiment, which each bad input spoils
-OWN = '{\n "schema": "bristle-results/2"}\n'  # what a results file of bristle's begins with
 IDENTIFY = ("identify", "e.yaml", "-o", "out.json")
 INSPECT = ("inspect", "e.yaml", "-o", "out.png")
 REPORT = ("report", "e.yaml", "-o", "out")
@@ -102,22 +95,9 @@ def full_disk(after: int, error: type[BaseException] | None = None) -> Patch:
     return patch
 
 
-def limited(module: object, name: str, limit: int) -> Patch:
-    """A limit of a reader, made small."""
-    return lambda monkeypatch: monkeypatch.setattr(module, name, limit)
-
-
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are not drawn, for that takes seconds: what is tested is where files land."""
     monkeypatch.setattr("bristle.page.page.render", lambda _: (b"<svg/>", b""))
-
-
-def both(one: Patch, two: Patch) -> Patch:
-    def patch(monkeypatch: pytest.MonkeyPatch) -> None:
-        one(monkeypatch)
-        two(monkeypatch)
-
-    return patch
 
 
 def bad(
@@ -150,17 +130,7 @@ def yaml_with(old: str, new: str) -> dict[str, str]:
 
 STEPS = np.arange(600) / 100
 TOSSED = np.random.default_rng(0).standard_normal(STEPS.size)
-TURN = 2 * np.pi * 0.1 * STEPS
-LOADED = 0.3 * np.sin(2 * np.pi * STEPS / 3)
 SLIDING = 0.3 * np.sin(2 * np.pi * 0.5 * STEPS)
-
-
-def slow(position: Array, torque: Array, more: str = "") -> dict[str, str]:
-    return log("presliding", more, t=STEPS, q=position, tau=torque)
-
-
-def adapting(options: str) -> dict[str, str]:
-    return {"e.yaml": GOOD["e.yaml"].replace("signals:", f"adapt: {{{options}}}\nsignals:", 1)}
 
 
 def whole_joint(options: str, more: str = "") -> dict[str, str]:
@@ -173,162 +143,77 @@ def whole_joint(options: str, more: str = "") -> dict[str, str]:
     return log("tracking", f"adapt: {{{options}}}\n{more}", t=t, v=v, tau=tau)
 
 
-AGAIN = "  - {files: data.csv, experiment: points}\n"
 MADE = {"out/.bristle-manifest": "index.html\n", "out/index.html": "the last report"}
 BAD = [
     *bad("missing file", READ, "'data.csv' is not a file", gone=["data.csv"]),
-    *bad("missing file", [NEW], "data.csv: no such file", gone=["data.csv"]),
-    *bad("missing experiment", READ, "e.yaml: no such file", gone=["e.yaml"]),
     *bad("empty file", ALL, "data.csv: the file is empty", {"data.csv": ""}),
-    *bad("empty experiment", READ, "e.yaml: got None", {"e.yaml": ""}),
-    *bad("header only", READ, "data.csv: has a header and no row", {"data.csv": "v,tau\n"}),
     *bad("wrong column", READ, "data.csv: no column named 'speed'", yaml_with("column: v", "column: speed")),
-    *bad("wrong unit", READ, "e.yaml: signals.torque: unit 'blorp'", yaml_with("N*m", "blorp")),
-    *bad("wrong dimension", READ, "e.yaml: signals.torque: unit 'rad/s'", yaml_with("N*m", "rad/s")),
     *bad(
         "text among numbers", READ, "data.csv: row 3 of column 'tau' holds 'n.i.'",
         {"data.csv": "v,tau\n" + "0.1,0.2\n" * 2 + "0.1,n.i.\n" + "0.2,0.3\n" * 5},
     ),
-    *bad("all nan", READ, "data.csv: torque holds no finite number", {"data.csv": "v,tau\n0.1,nan\n0.2,nan\n0.3,nan\n"}),
-    *bad("one row", READ, "data.csv: only 1 row", {"data.csv": "v,tau\n0.1,0.2\n"}),
     *bad("constant signal", READ, "data.csv: velocity is 0.1", {"data.csv": "v,tau\n0.1,0.2\n0.1,0.3\n0.1,0.4\n"}),
-    *bad("time backward", READ, "at which time runs backward", ramp([0, 1, 2, 1.5, 3, 4], [1, 2, 3, 4, 5, 6])),
     *bad("no steady segment", FIT, "data.csv", ramp(STEPS, TOSSED)),
-    *bad("no steady segment in two rows", FIT, "data.csv", ramp([0, 1], [1, 2])),
     *bad("malformed YAML", READ, "e.yaml: line 2", {"e.yaml": "joint: {name: wrist}\nsignals: ]\n"}),
-    *bad("unknown key", READ, "e.yaml: unknown key 'joint.nmae'; did you mean 'name'?", yaml_with("name:", "nmae:")),
-    *bad("folder as experiment", READ, "e.yaml: is a folder", {"e.yaml": FOLDER}),
     *bad("folder as data", ALL, "data.csv: is a folder", {"data.csv": FOLDER}),
     *bad("pipe as experiment", READ, "e.yaml: is a pipe", {"e.yaml": PIPE}),
     *bad("pipe as data", ALL, "data.csv: is a pipe", {"data.csv": PIPE}),
     *bad("control character in the name", READ, r"joint.name: the text 'wri\x1b[2Jst' holds U+001B", yaml_with("wrist", r"wri\e[2Jst")),
-    *bad("change of direction in the name", [IDENTIFY], r"joint.name: the text 'wri\u202est' holds U+202E", yaml_with("wrist", "wri\u202est")),
     *bad("lone surrogate in a label", READ, r"runs.0.load: the text '\ud800' holds U+D800", yaml_with("points}", r'points, load: "\ud800"}')),
     *bad("torque of another world", READ, "data.csv: torque reaches 1.96e-162 (SI)", yaml_with("tau, unit: N*m", "tau, unit: N*m, scale: 1e-25")
          | {"data.csv": "v,tau\n0.1,1.96e-137\n0.2,1e-137\n"}),
-    *bad("torque far too large", READ, "data.csv: torque reaches 1e+160 (SI)", {"data.csv": "v,tau\n0.1,1e160\n0.2,1\n"}),
-    *bad("velocity far too small", READ, "data.csv: velocity reaches 2e-160 (SI)", {"data.csv": "v,tau\n1e-160,1\n2e-160,2\n"}),
     *bad("steps of no time", READ, "data.csv: time spans 0 s to 3e-19 s in steps of 1e-19 s", ramp([0, 1e-19, 2e-19, 3e-19], [1, 2, 3, 4])),
-    *bad(
-        "count far too small", FIT, "counts of encoder_resolution, more than any encoder has",
-        slow(LOADED / 100, LOADED, "encoder_resolution: 1e-27 rad\n"),
-    ),
     *bad("inertia that drowns the torque", FIT, "data.csv: an inertia of 1e+29 takes", whole_joint("", "inertia: 1e29 kg*m**2\n")),
-    *bad("row of data in the header", ALL, "data.csv: line 2 stands between names", {"data.csv": "v,tau,a,b\n0,stop,off,x\n1,2,3,4\n2,3,4,5\n"}),
-    *bad("glob of nothing", READ, "e.yaml: runs: files 'log_*.csv' matches no file", yaml_with("data.csv", "log_*.csv")),
-    *bad(
-        "long line", ALL, "data.csv: has a line longer than 64 bytes",
-        {"data.csv": f"v,tau\n0.1,0.2{'0' * 64}\n0.2,0.3\n"}, patch=limited(text_layout, "MAX_LINE", 64),
-    ),
-    *bad("long data", ALL, "data.csv: is ", patch=limited(text_table, "MAX_BYTES", 16)),
-    *bad("long experiment", READ, "e.yaml: is larger than 64 bytes", patch=limited(yaml_file, "MAX_BYTES", 64)),
-    *bad("two of one name", [("report", "e.yaml", "f.yaml", "-o", "out")], "joint.name: 2 experiments name their joint 'wrist'", {
-        "f.yaml": GOOD["e.yaml"]}, gone=["data.csv"]),
     *bad("output below a file", [("report", "e.yaml", "-o", "data.csv/out")], "data.csv/out", patch=undrawn),
-    *bad("output is a file", [("report", "e.yaml", "-o", "data.csv")], "data.csv: is a file", patch=undrawn),
-    *bad(
-        "output below a file",
-        [("identify", "e.yaml", "-o", "data.csv/x.json"), ("inspect", "e.yaml", "-o", "data.csv/x.png"),
-         ("new", "data.csv", "-o", "data.csv/x.yaml")],
-        "data.csv/x.",
-    ),
-    *bad(
-        "output in no folder",
-        [("identify", "e.yaml", "-o", "no/x.json"), ("inspect", "e.yaml", "-o", "no/x.png"), ("new", "data.csv", "-o", "no/x.yaml")],
-        "no/x.",
-    ),
     *bad("output is a folder", [("identify", "e.yaml", "-o", "out"), ("new", "data.csv", "-o", "out")], "out: is ", {"out": FOLDER}),
     *bad("output is the log", [("identify", "e.yaml", "-o", "data.csv")], "data.csv: is there already"),
-    *bad("output is the experiment", [("identify", "e.yaml", "-o", "e.yaml")], "e.yaml: is there already"),
     *bad("torque of the wrong sign", FIT, "e.yaml: the torque opposes the velocity", yaml_with("tau, unit: N*m", "tau, unit: N*m, scale: -1")),
     *bad(
         "torque as magnitudes", FIT, "at the 3 points of direction -",
         {"data.csv": "v,tau\n" + "".join(f"{v},{1 + abs(v)}\n" for v in (-3, -2, -1, 1, 2, 3))},
     ),
-    *bad("file given twice", READ, "e.yaml: runs: data.csv is given twice", yaml_with("runs:\n", f"runs:\n{AGAIN}")),
-    *bad(
-        "held out and fitted", READ, "e.yaml: runs: data.csv is held out and fitted as well",
-        yaml_with("runs:\n", f"runs:\n{AGAIN}".replace("points", "points, hold_out: true")),
-    ),
-    *bad("run that slides", FIT, "data.csv: the joint slides", slow(-0.3 * np.cos(TURN), 0.2 * np.sign(np.sin(TURN)))),
-    *bad("presliding without loading", FIT, "data.csv: the torque never grows slowly from zero", slow(SLIDING, 0.1 + 0.001 * np.sin(STEPS))),
+    *bad("presliding without loading", FIT, "data.csv: the torque never grows slowly from zero",
+         log("presliding", t=STEPS, q=SLIDING, tau=0.1 + 0.001 * np.sin(STEPS))),
     *bad("tracking at rest", FIT, "data.csv: velocity is 0", log("tracking", t=STEPS, v=0 * STEPS, tau=0 * STEPS)),
-    *bad("inertia of the wrong unit", READ, "e.yaml: inertia", yaml_with("signals:", "inertia: 3 kg\nsignals:")),
-    *bad("figure of no kind", [("inspect", "e.yaml", "-o", "out.tiff")], "out.tiff"),
-    *bad("output two lines long", [("report", "e.yaml", "-o", "a\nb/out")], "a b/out", {"a\nb": "mine"}, patch=undrawn),
-    *bad("draft in the way", [("new", "data.csv", "-o", "e.yaml")], "e.yaml: is there already"),
-    *bad("timings in the way", [REPORT], "out/timings.json: is there already", {**MADE, "out/timings.json": "mine"}),
     *bad("marker of no report", [REPORT, ADAPT], "out/.bristle-manifest: is not a list of files", {
         **MADE, "out/.bristle-manifest": "mine\n", "out/mine": "mine"}),
-    *bad("manifest that is a pipe", [REPORT, ADAPT], "out/.bristle-manifest: is a pipe", {"out/.bristle-manifest": PIPE}),
     *bad("output is a pipe", [REPORT, ADAPT], "out: is not a folder; a report needs a folder", {"out": PIPE}),
     *bad("output is a pipe", [IDENTIFY], "out.json: is a pipe; expected a file", {"out.json": PIPE}),
-    *bad("output is a pipe", [INSPECT], "out.png: is a pipe; expected a file", {"out.png": PIPE}),
-    *bad("output is a pipe", [(*PLAN, "-o", "next.csv")], "next.csv: is a pipe; expected a file", {"next.csv": PIPE}),
-    *bad("output is a pipe", [NEW], "draft.yaml: is a pipe; expected a file", {"draft.yaml": PIPE}),
-    *bad("output below a pipe", [("report", "e.yaml", "-o", "out/below")], "out cannot be written", {"out": PIPE}),
-    *bad("output is a folder", [(*PLAN, "-o", "next.csv")], "next.csv: is a folder; name a file", {"next.csv": FOLDER}),
     *bad("output is the page", [(*PLAN, "-o", "next", "--page", "next")], "next: is in the way of the page in next"),
-    *bad("output above the page", [(*PLAN, "-o", "next", "--page", "next/page")], "next: is in the way of the page"),
     *bad("argument of many characters", [("fit" * 1000,), ("inspect", "e" * 200 + ".yaml", "x" * 3000)], "..."),
-    *bad("full disk", [REPORT], "out: No space left", patch=both(undrawn, full_disk(5))),
-    *bad("full disk, second report", [REPORT], "out: No space left", MADE, patch=both(undrawn, full_disk(5))),
+    *bad("full disk", [REPORT], "out: No space left", patch=full_disk(5)),
     *bad("full disk", [IDENTIFY], "out.json: No space left", patch=full_disk(0)),
-    *bad("result in the way", [IDENTIFY], "out.json: is there already; move it, or name another file", {"out.json": OWN}),
-    *bad("full disk", [INSPECT], "out.png: No space left", patch=full_disk(0)),
-    *bad("full disk", [NEW], "draft.yaml: No space left", patch=full_disk(0)),
-    *bad("rate below zero", [ADAPT], "e.yaml: adapt: gamma: got -1", adapting("gamma: [-1, 20]")),
-    *bad("rate that is no list", [ADAPT], "e.yaml: adapt.gamma: got 20; expected a list", adapting("gamma: 20")),
-    *bad("reference that is no number", [ADAPT], "e.yaml: adapt.amplitude", adapting("amplitude: .nan rad")),
+    *bad("reference that is no number", [ADAPT], "e.yaml: adapt.amplitude", yaml_with("signals:", "adapt: {amplitude: .nan rad}\nsignals:")),
     *bad(
         "period longer than the loop bears", [ADAPT], "the loop diverges with lugre, the gains of its PID and a period of 0.01 s",
         whole_joint("period: 10 ms, gains: {K_p: 100 N*m/rad, K_d: 10 N*m*s/rad}"),
     ),
-    *bad("nothing known of the bristle", [ADAPT], "wrist: nothing is known of the friction vs velocity"),
-    *bad("output is a file", [(*ADAPT[:3], "data.csv")], "data.csv: is a file", whole_joint("period: 1 ms")),
     *bad(
         "tiny error of the inertia", [IDENTIFY], "expected an error of at least 1e-09 of the inertia",
         whole_joint("", "inertia: 1e-3 +/- 1e-30 kg*m**2\n"),
     ),
     *bad("decimation beyond reason", [IDENTIFY], "fit.decimation: got 100000", whole_joint("", "fit: {decimation: 100000}\n")),
-    *bad("unit of a flag", [IDENTIFY], "signals.enabled: got a unit, a scale or a delay", yaml_with(
-        "runs:", "  enabled: {column: v, delay: 1 s}\nruns:")),
-    *bad("noise in which nothing is left", [(*VALIDATE, "--noise", "1e160", "--repetitions", "20", "--starts", "1")], "noise: got 1e+160"),
-    *bad("many repetitions", [("validate", "--repetitions", MANY, "-o", "out")], f"repetitions: got {MANY}; expected 20 to 100000"),
-    *bad("many starts", [("validate", "--starts", MANY, "-o", "out")], f"starts: got {MANY}; expected 1 to 100000"),
-    *bad("many velocities", [(*PLAN, "--velocities", MANY)], f"got {MANY} velocities; expected 4 to 1000"),
     *bad("many samples", [("sensitivity", "e.yaml", "--samples", str(2**40))], f"samples: got {2**40}; expected a power of two"),
-    *bad("many samples", [("sensitivity", "e.yaml", "--samples", MANY, "-o", "out")], f"samples: got {MANY}; expected a power of two"),
     *(row for option, value, named in (
-        ("--repetitions", "3", "repetitions: got 3; expected 20 to 100000"), ("--starts", "0", "starts: got 0"),
-        ("--noise", "0", "noise: got 0; expected a positive share of alpha_0"), ("--noise", "nan", "noise: got nan"),
-        ("--noise", "inf", "noise: got inf"), ("--noise", "much", "--noise"), ("-o", "data.csv", "data.csv: is a file"),
+        ("--repetitions", MANY, f"repetitions: got {MANY}; expected 20 to 100000"), ("--starts", "0", "starts: got 0"),
+        ("--noise", "nan", "noise: got nan"), ("--noise", "much", "--noise"), ("-o", "data.csv", "data.csv: is a file"),
     ) for row in bad("validation that cannot be", [(*VALIDATE, option, value)], named)),
     *(row for option, value, named in (
         ("--amplitude", "0.5", "amplitude: got '0.5'; expected a number with its unit"),
-        ("--amplitude", "5 mm", "amplitude: unit 'mm' is not a unit of rad"),
         ("--amplitude", "-1 rad", "amplitude: got -1 rad; expected a quantity above 0"),
-        ("--amplitude", "1e300 rad", "amplitude: got '1e300 rad'; expected a finite size"),
         ("--frequency", "3 rad/s", "frequency: unit 'rad/s' is not a unit of Hz"),
-        ("--frequency", "0 Hz", "frequency: got 0 Hz; expected a quantity above 0"),
         ("--frequency", "1e12 Hz", "frequency: got 1e+12 Hz; expected 1e-06 to 10000 Hz"),
-        ("--frequency", "1e-12 Hz", "frequency: got 1e-12 Hz; expected 1e-06 to 10000 Hz"),
         ("--samples", "100", "samples: got 100; expected a power of two"),
-        ("--samples", "16", "samples: got 16; expected a power of two from 32 to 131072"),
     ) for row in bad("motion that cannot be", [("sensitivity", "e.yaml", "-o", "out", option, value)], named)),
     *bad("many workers", [(*REPORT, "--workers", MANY), (*IDENTIFY, "--workers", MANY)], "'--workers'"),
-    *bad("a long baseline", [("fleet", "data.csv", "--baseline", MANY, "-o", "out")], f"baseline: got {MANY}; expected 1 to 10000"),
-    *(row for options in ("position: [0 rad, 1e5 rad]", "hold: 1e6 s, position: [-1e7 rad, 1e7 rad]", "rate: 100 kHz",
-                          "acceleration: 1e-6 rad/s**2, position: [-1e7 rad, 1e7 rad]")
+    *(row for options in ("position: [0 rad, 1e5 rad]", "rate: 100 kHz")
       for row in bad("plan that nobody plays", [(*PLAN, "-o", "next.csv", "--velocities", "4")], "a plan within these limits takes ",
                      yaml_with("runs:", f"plan: {{{options}}}\nruns:") | {"data.csv": table(speeds())})),
     *bad("unknown option", [(*c, "--colour") for c in ALL], "--colour"),
     *bad("unknown option", [(*c, "--stric") for c in FIT], "--stric"),
-    *bad("unknown option", [("--colour",)], "--colour"),
     *bad("option without its value", [("report", "e.yaml", "-o")], "-o"),
     *bad("unknown command", [("fit", "e.yaml")], "'fit'"),
     *bad("missing argument", [("plan",), ("inspect",)], "EXPERIMENT"),
-    *bad("missing argument", [("new",)], "LOG..."),
     *bad("argument too many", [("identify", "e.yaml", "data.csv")], "data.csv"),
 ]  # fmt: skip  # a table
 
@@ -379,32 +264,6 @@ def test_units_far_off_are_fitted_without_a_word(tmp_path: Path) -> None:
         ran = run("identify", placed(tmp_path, log("ramp", **columns | {name: columns[name] * factor})))
         wrong += [] if (ran.code, len(ran.said)) == ((2, 1) if name == "t" else (0, 0)) else [(name, factor, ran)]
     assert wrong == []
-    # position and velocity that disagree by a unit are a critical warning about the joint that names the unit, and --strict exits with 3
-    time = np.arange(4000) / 100
-    speed = np.repeat([0.1, 0.3, 0.5, 0.8], 1000) + 1e-4 * np.random.default_rng(0).standard_normal(4000)
-    position, torque = np.cumsum(speed) / 100, 0.2 + 0.1 * speed
-    log_of = log("ramp", t=time, q=position, v=60 / (2 * np.pi) * speed, tau=torque)
-    ran = run("identify", placed(tmp_path, log_of), "--strict")
-    assert ran.code == 3
-    said = "critical [velocity-factor]: The position of data.csv moves 0.105 times as far as its logged velocity says"
-    assert said in ran.words
-    assert "`unit: rpm` under signals.velocity" in ran.words
-
-
-@pytest.mark.slow
-def test_options_far_off_are_taken_without_a_warning(tmp_path: Path) -> None:
-    """Values beyond reason, and nothing left to fit, end in a result."""
-    nothing = ", ".join(f"{name}: 1 {unit(name)}" for name in (*Lugre._fields, "inertia"))
-    for fixed in (nothing, "alpha_0: 1e29 N*m"):
-        files = whole_joint("", f"fit: {{decimation: 2, fixed: {{{fixed}}}}}\n")
-        assert run("identify", placed(tmp_path, files)).code == 0
-
-
-@pytest.fixture(scope="module")
-def hostile(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
-    """The folder of an experiment in one direction, whose joint has a hostile name, and how its report, in `out`, ended."""
-    folder = tmp_path_factory.mktemp("hostile")
-    return folder, run("report", write(folder, speeds(both=False), joint=HOSTILE), "-o", folder / "out")
 
 
 def test_strict_ends_with_3_where_a_joint_is_not_to_be_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -417,9 +276,7 @@ def test_strict_ends_with_3_where_a_joint_is_not_to_be_used(tmp_path: Path, monk
     assert len(strict.said) == 1
     assert (tmp_path / "strict.json").read_bytes() == (tmp_path / "free.json").read_bytes()
     undrawn(monkeypatch)
-    one = write(tmp_path / "one", speeds(both=False))  # of too few points there is nothing to validate
-    tried = ("validate", one, "-o", "tried", "--repetitions", "20", "--starts", "2", "--strict")
-    assert run(*tried).code == 0
+    one = write(tmp_path / "one", speeds(both=False))
     assert run("identify", one, "--strict", "--need", "1e-3%").code == 3
     assert run("identify", one, "--need", "none").code == 2
     assert run("report", "wrist.yaml", "--strict").code == 3
@@ -446,7 +303,7 @@ def test_logs_need_no_experiment_file(tmp_path: Path, monkeypatch: pytest.Monkey
     assert (refused.code, len(refused.said)) == (2, 1)
 
 
-def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path, hostile: tuple[Path, Ran]) -> None:
+def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
     """Where nothing is in warning --strict is 0; the JSON satisfies its schema, holds the truth within 5 standard errors, and is printed."""
     ran = run("identify", write(tmp_path, speeds()), "-o", tmp_path / "out.json", "--strict", "--uncertainty")
     assert ran.code == 0
@@ -468,70 +325,21 @@ def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path, hostile: 
             ends = r"\s+".join(re.escape(interval(ways[way])) for way in ("covariance", "profile", "bootstrap"))
             assert re.search(rf"^ +{name}{re.escape(sign)} +\S+\s+{ends}\s", ran.out, re.MULTILINE)
             assert ways["profile"] == fit["parameters"][name]["interval"]
-    # one direction only is fitted, and said: exit 0, a fit of that direction alone, and the warning in JSON and page
-    folder, ran = hostile
-    joint = json.loads((folder / "out" / "results.json").read_text(encoding="utf-8"))["joints"][HOSTILE]
-    assert ran.code == 0
-    assert not ran.said
-    assert list(joint["static"]) == ["+"]
-    (warning,) = (x["message"] for x in joint["warnings"])
-    assert "Direction - is not identified" in warning
-    assert warning in html.unescape(report_text(folder / "out"))
-    # a name that is HTML and a path is shown as it is, makes no element of the page, and no file outside of the report or of another name
-    text = report_text(folder / "out")
-    page = Elements(text)
-    assert ran.code == 0
-    assert "<script" not in text.lower()
-    assert page.runs == set()
-    assert HOSTILE in page.text
-    assert {p.name for p in folder.iterdir()} == {"wrist.yaml", "wrist.csv", "out"}
-    figures = [p.name for p in (folder / "out" / "figures").iterdir()]
-    assert figures
-    assert all(re.fullmatch(r"[a-z0-9-]+\.(svg|png|csv)", name) for name in figures)
 
 
-@pytest.fixture(scope="module")
-def adaptations() -> dict[Path, Ran]:
-    return {}
-
-
-@pytest.fixture
-def adapted(
-    tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch, adaptations: dict[Path, Ran]
-) -> tuple[Path, Ran]:
-    """The folder of one moving run of which `bristle adapt` wrote into out, once for all tests here, and what it said."""
+@pytest.mark.usefixtures("few_studies")
+def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From one moving run: exit 0, a page with the sections and tables of the compensated joint, its replay, and a sentence on it."""
     for name, value in {"LONG": 4.0, "SETTLE": 1.0, "SHORT": 4.0}.items():
         monkeypatch.setattr(experiments, name, value)
-    if not adaptations:
-        folder = tmp_path_factory.mktemp("adapted")
-        ran = run("adapt", placed(folder, whole_joint("frequency: 1 Hz")), "-o", folder / "out")
-        adaptations[folder] = ran
-    (found,) = adaptations.items()
-    return found
-
-
-@pytest.mark.usefixtures("raster", "few_studies")
-def test_adapt_puts_the_joint_into_the_loop(adapted: tuple[Path, Ran]) -> None:
-    """From one moving run: exit 0, a page with the sections and tables of the compensated joint, its replay, and a sentence on it."""
-    folder, ran = adapted
+    ran = run("adapt", placed(tmp_path, whole_joint("frequency: 1 Hz")), "-o", tmp_path / "out")
     assert ran.code == 0, ran.err
     assert "wrist, 1 Hz: RMS error" in ran.out
     assert "data.csv, partial law: It changes nothing here" in ran.words
-    shown = Elements(page_text(folder / "out" / "index.html"))
-    assert shown.runs == set()
-    for words in ("Would adaptation help?", "Friction that drifts", "PID: default", "Learning rates:"):
-        assert words in shown.text
-    assert (folder / "out" / "tables" / "replay.csv").is_file()
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("raster", "few_studies")
-def test_adapt_writes_the_same_twice(adapted: tuple[Path, Ran]) -> None:
-    """Run again into its own folder, every file is the same."""
-    folder, _ = adapted
-    first = tree(folder / "out")
-    assert run("adapt", folder / "e.yaml", "-o", folder / "out").code == 0
-    assert tree(folder / "out") == first
+    shown = page_text(tmp_path / "out" / "index.html")
+    parts = ("Would adaptation help?", "Friction that drifts", "PID: default", "Learning rates:")
+    assert [words for words in parts if words not in shown] == []
+    assert (tmp_path / "out" / "tables" / "replay.csv").is_file()
 
 
 @pytest.mark.parametrize("patch", [None, full_disk(0, KeyboardInterrupt)], ids=["fitting", "writing"])
@@ -549,7 +357,7 @@ def test_an_interrupt_is_130(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pa
     assert tree(tmp_path) == before
 
 
-@pytest.mark.parametrize("of", [RuntimeError, KeyError, ValueError, np.linalg.LinAlgError])
+@pytest.mark.parametrize("of", [RuntimeError, ValueError])
 def test_our_own_defect_is_no_bad_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, of: type[Exception]) -> None:
     """Any exception but InputError and OSError leaves `main`, so that Python ends with its traceback and 1."""
     monkeypatch.setattr("bristle.api.identifying.identify_joint", _raiser(of("ours")))
@@ -563,49 +371,6 @@ def _raiser(error: BaseException) -> Callable[..., None]:
         raise error
 
     return fail
-
-
-@pytest.mark.slow
-def test_the_same_experiment_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Two reports are the same in every byte but those of timings.json, wherever the experiment lies, however it is named, and wherever one is."""
-    # of one that lies elsewhere beside its experiment, results.json says so
-    write(tmp_path / "here", speeds(both=False))
-    there = write(tmp_path / "far" / "away", speeds(both=False))
-    monkeypatch.chdir(tmp_path / "here")
-    assert run("report", "wrist.yaml", "-o", "out").code == 0
-    monkeypatch.chdir(tmp_path)
-    assert run("report", there, "-o", there.parent / "out").code == 0
-    assert run("report", there, "-o", tmp_path / "new" / "out").code == 0
-    one, two, three = (tree(folder / "out") for folder in (tmp_path / "here", there.parent, tmp_path / "new"))
-    differ = {name for name in one if one[name] != three[name]} - {"timings.json"}
-    assert differ == {"results.json"}
-    moved = (three["results.json"] or b"").replace(b'"folder": "../../far/away"', b'"folder": ".."')
-    assert moved == one["results.json"]
-    assert json.loads(one.pop("timings.json") or b"") != {}
-    assert two.pop("timings.json")
-    assert one == two
-    assert "index.html" in one
-    assert not [name for name, data in one.items() if data and str(tmp_path).encode() in data]
-
-
-def test_report_replaces_its_own_files_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A second report keeps foreign files byte for byte, and of bristle's own leaves those of the second report alone."""
-    undrawn(monkeypatch)
-    foreign = {"notes.txt": b"mine", "figures/mine.svg": b"mine", "tables/mine.csv": b"mine"}
-    out = tmp_path / "out"
-    assert run("report", write(tmp_path, FEW, joint="old name"), "-o", out).code == 0
-    assert (out / "figures" / "old-name-curve.svg").is_file()
-    for name, data in foreign.items():
-        (out / name).write_bytes(data)
-    assert run("report", write(tmp_path, FEW, joint="new name"), "-o", out).code == 0
-    there = {name: data for name, data in tree(out).items() if data is not None}
-    listed = set((out / report_files.MARKER).read_text(encoding="utf-8").splitlines())
-    assert set(there) == listed | set(foreign) | {report_files.MARKER}
-    assert {name: there[name] for name in foreign} == foreign
-    assert not [name for name in there if "old-name" in name]
-    assert "figures/new-name-curve.svg" in there
-    assert list(json.loads(there["results.json"])["joints"]) == ["new name"]
-    assert b"new name" in there["index.html"]
 
 
 def test_inspect_lists_and_draws(tmp_path: Path) -> None:
@@ -640,38 +405,20 @@ def test_new_drafts_a_file_that_loads(tmp_path: Path) -> None:
     (tmp_path / "draft.yaml").write_text(printed.out, encoding="utf-8")
     assert printed.err == ran.err
     assert len(measure(tmp_path / "draft.yaml").runs) == 1
-    # an experiment file gets the lines that its runs ask for, once; another folder is refused
-    t = np.arange(2000) / 250
-    q = 0.6 * np.sin(2 * np.pi * 0.3 * t) + 0.4 * np.sin(2 * np.pi * 0.8 * t)
-    v = np.gradient(q, t)
-    torque = 2 * np.sign(v) + v + 3 * np.sin(q) + 0.05 * np.random.default_rng(0).standard_normal(t.size)
-    half = placed(tmp_path, log("tracking", t=t, q=q, tau=torque))
-    ran = run("new", half, "-o", tmp_path / "full.yaml")
-    assert ran.code == 0
-    assert ran.said[0].startswith("fit: directions: auto, regressors: [inertia, gravity]; a first regression")
-    assert load_experiment(tmp_path / "full.yaml").fit.regressors == ("inertia", "gravity")
-    again = run("new", tmp_path / "full.yaml")
-    assert again.said == ["nothing added under fit"]
-    assert again.out.rstrip() == (tmp_path / "full.yaml").read_text(encoding="utf-8").rstrip()
-    (tmp_path / "other").mkdir()
-    refused = run("new", half, "-o", tmp_path / "other" / "full.yaml")
-    assert refused.code == 2
-    assert not list((tmp_path / "other").iterdir())
+    # an experiment file is completed by itself, and beside its runs
+    assert run("new", tmp_path / "draft.yaml").said[0].startswith("nothing added")
+    assert run("new", tmp_path / "draft.yaml", "-o", tmp_path / "plans" / "full.yaml").code == 2
 
 
-def test_version_help_and_colour(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_version_and_help(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """`--version` prints the package's version and nothing else."""
     assert run("--version") == Ran(0, f"{__version__}\n", "")
     # escapes stand for what a terminal would obey; a very long sentence keeps its beginning and its end, where it says what to do
     assert one_line(reason(OSError("a\x1b[31m\nb\u202e \udc80")), _LONGEST) == "a\\x1b[31m b\\u202e \\udc80"
-    for text in ("x" * 10**6, "\x1b" * 10**6, "x" * 499 + "\x1b" * 100):
-        missing = OSError(errno.ENOENT, "none; name another", f"file: {text}")
-        for error in (InputError(f"file: {text}; name another"), missing):
-            said = one_line(reason(error), _LONGEST)
-            assert len(said) < 510
-            assert said.startswith("file: ")
-            assert said.endswith("; name another")
-    assert one_line(reason(OSError("x" * 500)), _LONGEST) == "x" * 500
+    for text in ("x" * 10**6, "x" * 499 + "\x1b" * 100):
+        said = one_line(reason(InputError(f"file: {text}; name another")), _LONGEST)
+        assert len(said) < 510
+        assert re.fullmatch("file: .*; name another", said)
     # without any argument the help is printed, as with --help, and each command shows its own; on 80 columns no summary is cut
     monkeypatch.setenv("COLUMNS", "80")
     alone = run()
@@ -680,29 +427,12 @@ def test_version_help_and_colour(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     shown = re.findall(r"^  ([a-z]+)  +\S.*\.$", alone.out, re.MULTILINE)
     named = "report identify inspect validate adapt compare fleet sensitivity explore export plan new explain"
     assert set(shown) == set(named.split())
-    assert set(shown) == set(typer.main.get_command(cli.app).commands)  # type: ignore[attr-defined]
     assert not [line for line in alone.out.splitlines() if line.startswith("  ") and line.endswith("...")]
     assert max(map(len, alone.out.splitlines())) <= 80
     for name in shown:
         text = run(name, "--help").out
         assert "Usage: " in text
         assert f"Example: bristle {name}" in text
-    # on a terminal the severity has a colour, elsewhere and with NO_COLOR none; the text is the same
-    for name in ("FORCE_COLOR", "COLORTERM", "TTY_COMPATIBLE", "NO_COLOR"):
-        monkeypatch.delenv(name, raising=False)
-    for term, more, coloured in (
-        ("xterm-256color", {}, True),
-        ("dumb", {}, False),
-        ("xterm-256color", {"NO_COLOR": "1"}, False),
-    ):
-        for name, value in ({"TERM": term} | more).items():
-            monkeypatch.setenv(name, value)
-        plain, shown = run("explain", "lacks-a-term").out, Tty()
-        assert "\x1b" not in plain
-        assert run("explain", "lacks-a-term", stdout=shown).code == 0
-        assert ("\x1b[33mcaution\x1b[0m" in shown.getvalue()) == coloured
-        assert ("\x1b" in shown.getvalue()) == coloured
-        assert re.sub(r"\x1b\[[0-9;]*m", "", shown.getvalue()) == plain
     # `bristle --help` imports none of the libraries that take seconds
     script = (
         "import sys; from bristle.__main__ import main; sys.argv = ['bristle', '--help']\n"
@@ -716,15 +446,8 @@ def test_version_help_and_colour(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     assert not {"numpy", "casadi", "pandas", "matplotlib", "scipy"} & set(modules)
     # without -o the folder has the name of the experiment file, or, of a results.json, of the folder that it lies in
     monkeypatch.chdir(tmp_path)
-    for file, called in (("wrist.yaml", "wrist"), ("june/results.json", "june"), ("a/b.json", "b")):
-        assert output_folder(None, Path(file), "-adapt") == Path("reports") / f"{called}-adapt"
-
-
-class Tty(io.StringIO):
-    """A standard output that is a terminal."""
-
-    def isatty(self) -> bool:
-        return True
+    found = [output_folder(None, Path(file), "-adapt") for file in ("wrist.yaml", "june/results.json")]
+    assert found == [Path("reports/wrist-adapt"), Path("reports/june-adapt")]
 
 
 def process(*arguments: object, streams: str = "", **environment: str) -> subprocess.CompletedProcess[str]:
@@ -767,49 +490,29 @@ def test_output_that_nobody_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_streams_of_the_system(tmp_path: Path) -> None:
     """Streams that nobody reads, that are full, or whose encoding lacks a letter: what is to be written is, or 2 and one sentence."""
     # `bristle identify ... | head -0` ends without a word, with 0. A file that takes no byte, as a full disk, is a
-    # sentence of every command, help and version too, and nothing is written. Letters that the terminal's encoding
-    # lacks are escaped on it, in an error as well
-    path = write(tmp_path, FEW, joint="αρθρο")
+    # sentence of every command, help too, and nothing is written. Letters that the terminal's encoding lacks are escaped
+    path = write(tmp_path, FEW)
     command = [sys.executable, "-m", "bristle", "identify", str(path), "-o", str(tmp_path / "piped.json")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as piped:  # noqa: S603 # our own command
         present(piped.stdout).close()
         said = present(piped.stderr).read()
         assert (piped.wait(), said) == (0, b"")
     before = tree(tmp_path)
-    for arguments in (
-        ("identify", path, "-o", tmp_path / "full.json"),
-        ("--help",),
-        ("--version",),
-        ("identify", "--help"),
-    ):
+    for arguments in (("identify", path, "-o", tmp_path / "full.json"), ("--help",)):
         ran = process(*arguments, streams="> /dev/full")
         assert (ran.returncode, len(ran.stderr.splitlines())) == (2, 1)
         assert ran.stderr.startswith("bristle: ")
     assert process("fit", streams="2> /dev/full").returncode == 2
     assert tree(tmp_path) == before
-    ran = process("identify", path, "-o", tmp_path / "ascii.json", PYTHONIOENCODING="ascii")
-    assert (ran.returncode, ran.stderr) == (0, "")
-    assert ran.stdout.startswith("\\u03b1\\u03c1")
-    assert (tmp_path / "ascii.json").read_bytes() == (tmp_path / "piped.json").read_bytes()
-    assert "αρθρο" in json.loads((tmp_path / "piped.json").read_text(encoding="utf-8"))["joints"]
     ran = process("identify", tmp_path / "ά.yaml", PYTHONIOENCODING="ascii:strict")
     assert ran.returncode == 2
     assert ran.stderr.startswith("bristle: ")
     assert "\\u03ac.yaml: no such file" in ran.stderr
 
 
-@pytest.mark.parametrize(
-    "closed",
-    [pytest.param((">&-", "2>&-", ">&- 2>&-"), marks=pytest.mark.slow), ("<&- >&- 2>&-",)],
-    ids=["some", "all"],
-)
-def test_closed_streams_are_no_defect(tmp_path: Path, closed: Sequence[str]) -> None:
+def test_closed_streams_are_no_defect(tmp_path: Path) -> None:
     """With standard streams closed results are written, and a bad input still ends with 2; the codes are the only word left."""
-    path = write(tmp_path, FEW)
-    for k, streams in enumerate(closed):
-        ran = process("identify", path, "-o", tmp_path / f"{k}.json", streams=streams)
-        assert (ran.returncode, ran.stderr) == (0, "")
-        assert json.loads((tmp_path / f"{k}.json").read_text(encoding="utf-8"))["joints"]
-        ran = process("identify", tmp_path / "none.yaml", streams=streams)
-        assert ran.returncode == 2
-        assert "Traceback" not in ran.stdout + ran.stderr
+    ran = process("identify", write(tmp_path, FEW), "-o", tmp_path / "out.json", streams="<&- >&- 2>&-")
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["joints"]
+    assert process("identify", tmp_path / "none.yaml", streams="<&- >&- 2>&-").returncode == 2

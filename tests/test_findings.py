@@ -1,40 +1,20 @@
 import ast
 from collections.abc import Iterator
-from dataclasses import FrozenInstanceError
-from functools import cache
 from typing import Any
 
 import numpy as np
-import pytest
 from pydantic import TypeAdapter
 
-import bristle
-from bristle.api import Results
-from bristle.data.experiment.load import load_experiment
-from bristle.findings import CAUTION, NOTE, Finding, Severity, unit_of, with_subjects
-from bristle.identification.results import Joint
+from bristle.findings import NOTE, Finding, Severity, unit_of, with_subjects
 from bristle.identification.verdict import WEIGHTIEST_FIRST
 from bristle.model.parameters import units_of
 from bristle.page.said import entries
-from bristle.questions.compensation.replay import replays
-from bristle.questions.joint_report.sentences import choice
-from bristle.questions.sensitivity.study import findings, sobol_sentences
-from bristle.simulation import edro
-from bristle.simulation.joint_loop import of_experiment, of_paper
 
-from .sameness import held, without_sentences
 from .source import SOURCE, nodes, trees
 
 
 def test_findings_are_values_that_are_explained() -> None:
-    """Equal and of one hash where code, message and numbers are, whatever it is about; it cannot be assigned to."""
-    made, same = (Finding("single-run", CAUTION, "1 of 4.", {"reached": 1}, subject=x) for x in ((), ("static",)))
-    other = Finding("single-run", CAUTION, "2 of 4.", {"reached": 2})
-    assert made == same
-    assert len({made, same, other}) == 2
-    with pytest.raises(FrozenInstanceError):
-        made.code = "strays"  # type: ignore[misc]
-    # an open bound and no number too; parts of it that are findings become their text
+    """One comes back from JSON as it was, an open bound and no number too; parts of it that are findings become their text."""
     part = Finding("sum", NOTE, "A part.")
     ends, count = (-np.inf, np.float64(2.5)), np.int64(3)
     numbers = {"ends": ends, "count": count, "none": np.nan, "why": part, "names": ("a", "b")}
@@ -102,84 +82,15 @@ def texts(node: ast.expr) -> Iterator[str]:
         yield node.value
 
 
-@cache
-def constants() -> dict[str, str]:
-    """Texts that modules name: a decision by a name is one by what it stands for."""
-    return {
-        target.id: node.value.value
-        for tree in trees().values()
-        for node in tree.body
-        if isinstance(node, ast.Assign | ast.AnnAssign)
-        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
-        if isinstance(target, ast.Name) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
-    }
-
-
-def phrases(node: ast.AST) -> Iterator[str]:
-    """Texts with a space that an operand is, or has among its items."""
-    match node:
-        case ast.Constant(value=str(text)) if " " in text:
-            yield text
-        case ast.Name(id=name) | ast.Attribute(attr=name) if " " in constants().get(name, ""):
-            yield constants()[name]
-        case ast.JoinedStr(values=items) | ast.Tuple(elts=items) | ast.List(elts=items) | ast.Set(elts=items):
-            for item in items:
-                yield from phrases(item)
-        case ast.FormattedValue(value=inner):
-            yield from phrases(inner)
-        case _:
-            return
-
-
 def decisions(tree: ast.AST) -> Iterator[str]:
     """Texts of several words that a file asks for by `startswith`, `endswith` or `in`."""
     for node in ast.walk(tree):
         match node:
-            case ast.Call(func=ast.Attribute(attr="startswith" | "endswith"), args=args):
-                for operand in args:
-                    yield from phrases(operand)
-            case ast.Compare(left=left, ops=ops, comparators=others) if any(
-                isinstance(op, ast.In | ast.NotIn) for op in ops
-            ):
-                for operand in (left, *others):
-                    yield from phrases(operand)
+            case ast.Call(func=ast.Attribute(attr="startswith" | "endswith"), args=operands):
+                asked = operands
+            case ast.Compare(left=left, ops=[ast.In() | ast.NotIn(), *_], comparators=others):
+                asked = [left, *others]
             case _:
-                pass
-
-
-def advised(joints: tuple[Joint, ...]) -> Iterator[Finding]:
-    """Which sigma_0 to use."""
-    for joint in joints:
-        yield from map(choice, joint.presliding.fits.values() if joint.presliding else ())
-
-
-def found(results: Results) -> Iterator[Finding]:
-    """What is said of the first joint's sensitivity, Sobol indices included, and of the adaptation on its runs."""
-    joint, measured = results.joints[0], results.measured[0]
-    study = bristle.sensitivity(results, joint=joint.name, samples=32)
-    assert study.sobol is not None
-    yield from (*findings(study), *sobol_sentences(study.sobol, study.kind))
-    yield from (x.verdict for x in replays(of_experiment(measured.experiment, joint), joint, measured))
-
-
-@pytest.mark.slow
-def test_no_sentence_decides_on_the_embedded_joints(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With every template replaced by its kind's name, two joints come out the same in every number, kind and severity; so does --strict."""
-    # the notes on their files, the advice on models and on sigma_0, the assumptions of their loops, and what is found of
-    # sensitivity and adaptation are among them
-    experiments = edro.experiments()[::3]
-    gripper = load_experiment(experiments[0])
-    first = bristle.identify(*experiments)
-    worded = [str(warning) for warning in first.warnings]
-    loops = held((*of_paper(first.joints), of_experiment(gripper, first.joints[0])))
-    said = (*advised(first.joints), *found(first))
-    kinds = {x.code for x in said}
-    before = held(said)
-    without_sentences(monkeypatch)
-    second = bristle.identify(*experiments)
-    assert held(second.joints) == held(first.joints)
-    assert held((*of_paper(second.joints), of_experiment(gripper, second.joints[0]))) == loops
-    assert held((*advised(second.joints), *found(second))) == before
-    assert {"from-transitions", "claim-on-map", "sobol-indices"} < kinds
-    assert [d.code for d in first.warnings] == [d.code for d in second.warnings]
-    assert worded != [str(warning) for warning in second.warnings]
+                asked = []
+        held = (x.value for operand in asked for x in ast.walk(operand) if isinstance(x, ast.Constant))
+        yield from (text for text in held if isinstance(text, str) and " " in text.strip())

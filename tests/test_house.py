@@ -125,12 +125,3 @@ def test_one_version() -> None:
     packages = {requirement for name in named for requirement in extras[name]}
     optional = set(extras) - {"test", "test-all", "lint", "release", "benchmark"}
     assert {requirement for name in optional for requirement in extras[name]} <= packages
-    # summary, licence, versions of Python from the first that is asked for, and a README in Markdown whose figures and links stand
-    project = PROJECT["project"]
-    assert project["readme"] == "README.md"
-    first = project["requires-python"].removeprefix(">=")
-    assert f"Programming Language :: Python :: {first}" in project["classifiers"]
-    assert not [c for c in project["classifiers"] if c.startswith("License ::")], (
-        "the licence is an expression, PEP 639"
-    )
-    assert len(project["description"]) < 512

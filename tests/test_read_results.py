@@ -1,5 +1,4 @@
 import json
-import os
 import time
 from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping
@@ -11,20 +10,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 import bristle
 from bristle import Results
-from bristle.api import experiments, identifying, sources
-from bristle.arrays import UNWRITTEN
+from bristle.api import identifying, sources
 from bristle.data.experiment.load import load_experiment
 from bristle.errors import InputError
 from bristle.findings import Finding
 from bristle.identification.results import Joint
 
 from .conftest import run, speeds, tree, write
-from .fuzz.inputs import JSON, logs
+from .fuzz.inputs import logs
 
 EVERYTHING = """
 joint: {name: wrist}
@@ -100,26 +96,14 @@ def leaves(value: Any, at: str = "") -> Iterator[tuple[str, Any]]:
             yield at, value
 
 
-def unwritten(value: Any) -> Iterator[str]:
-    """The names of fields that are marked as unwritten and hold something, at any depth."""
-    if is_dataclass(value) and not isinstance(value, Finding):
-        for item in fields(value):
-            held = getattr(value, item.name)
-            if item.metadata.get("exclude") and np.size(held):
-                yield item.name
-            yield from unwritten(held)
-    elif isinstance(value, Mapping | tuple):
-        for held in value.values() if isinstance(value, Mapping) else value:
-            yield from unwritten(held)
-
-
 def test_what_is_read_is_what_was_written(fresh: Results, read: Results) -> None:
     """Every field of the joint is that of the fresh one, to the last bit, those with an entry per sample too; written again it is the same text."""
     (joint,), (again,) = fresh.joints, read.joints
-    assert UNWRITTEN["exclude"]
-    assert {"profile", "residuals", "segments", "loadings", "curve", "draws", "measured"} <= set(unwritten(joint))
     assert dict(leaves(again)) == dict(leaves(joint))
     assert read.to_json("x") == fresh.to_json("x")
+    # so are the data that questions ask for, which are read from the logs again
+    for one, two in zip(read.measured, fresh.measured, strict=True):
+        assert dict(leaves(one)) == dict(leaves(two))
     # of the embedded data set no folder is written: the file is the same on every machine
     logs = sources.JointLogs(texts=tuple(text for _, text in sources.open_all(()) if text))
     stems = ("gripper", "wrist", "elbow", "base")
@@ -138,30 +122,6 @@ def test_the_file_names_nothing_absolute(fresh: Results, folder: Path) -> None:
     assert json.loads(bristle.identify(loaded.measured[0].experiment).to_json())["experiments"] == []
 
 
-ASKED: dict[str, Ask] = {
-    "plan": lambda x: bristle.report_of(bristle.plan(x, velocities=4)).text(),
-    "validate": lambda x: bristle.validate(x, repetitions=20, starts=1).to_frame().to_csv(),
-    "sensitivity": lambda x: bristle.report_of(bristle.sensitivity(x, samples=0)).text(),
-    "adapt": lambda x: repr(bristle.adapt(x)),
-    "compare": lambda x: bristle.report_of(bristle.compare(x, x)).text() if isinstance(x, Results) else "",
-    "inspect": lambda x: str(bristle.inspect(x).segments),
-}
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("few_motions")
-def test_questions_of_what_was_read_are_answered_as_before(
-    fresh: Results, read: Results, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each question says of results that were read, and of their file, what it says of the fresh ones, and identifies nothing."""
-    # of `adapt`, whose loops take long, it is what these begin from: the joint in its loop, and the replays of its runs
-    monkeypatch.setattr(experiments, "study", lambda subjects, replays, _: (subjects, replays))
-    for question, ask in ASKED.items():
-        assert ask(read) == (answer := ask(fresh)), question
-        if question != "compare":
-            assert ask(str(folder / "out" / "results.json")) == answer, question
-
-
 @pytest.mark.slow
 def test_what_needs_no_logs_asks_for_none(fresh: Results, folder: Path, tmp_path: Path) -> None:
     """Where the logs are gone, the page, tables and text are those of the fresh results, byte for byte; what needs them says so in a sentence."""
@@ -170,27 +130,14 @@ def test_what_needs_no_logs_asks_for_none(fresh: Results, folder: Path, tmp_path
     (there / "results.json").write_text((folder / "out" / "results.json").read_text("utf-8"), encoding="utf-8")
     read = bristle.read_results(there / "results.json")
     assert read.text() == fresh.text()
-    assert read.to_frame().equals(fresh.to_frame())
-    assert read.uncertainty().equals(fresh.uncertainty())
     assert read._repr_html_() == fresh._repr_html_()
     read.write(here)
     fresh.write(tmp_path / "fresh")
     made, wanted = tree(here), tree(tmp_path / "fresh")
-    names = {n for n in wanted if n not in ("timings.json", "results.json", ".bristle-manifest")}
-    assert {n: made[n] for n in names} == {n: wanted[n] for n in names}
+    assert {name for name in {*made, *wanted} if made.get(name) != wanted.get(name)} == {"results.json"}
     bristle.validate(read, repetitions=20, starts=1)
     with pytest.raises(InputError, match=r"points\.csv' is not a file"):
         bristle.plan(read)
-
-
-@pytest.mark.slow
-def test_the_command_line_writes_a_report_of_a_results_file(read: Results, folder: Path, tmp_path: Path) -> None:
-    """`bristle report results.json` writes it anew, with the file of its experiment; other questions of it are asked in `test_bad_numbers.py`."""
-    assert read.joints
-    ran = run("report", folder / "out" / "results.json", "-o", tmp_path / "report")
-    assert ran.code == 0, ran.err
-    (again,) = json.loads((tmp_path / "report" / "results.json").read_text("utf-8"))["experiments"]
-    assert again["file"] == "wrist.yaml"
 
 
 def test_a_changed_log_is_told(tmp_path: Path, fresh: Results) -> None:
@@ -219,13 +166,10 @@ def test_a_changed_log_is_told(tmp_path: Path, fresh: Results) -> None:
         ran = run("plan", path)
         if ran.code != 2 or len(ran.said) != 1 or says not in ran.err or time.monotonic() - begun > 5:
             wrong.append((way, says, ran))
-    for text, says in (
-        ("{", "expected"), ("joint: {name: elbow}", "missing"), ("!!python/object/apply:os.system [ls]", "without !"), ("joints: []", "a list"),
-    ):  # fmt: skip  # a table
-        path.write_text(spoilt(good, EXPERIMENTS, foreign(text=text)), encoding="utf-8")
-        ran, whole = run("plan", path), bristle.read_results(path).to_frame().equals(fresh.to_frame())
-        if ran.code != 2 or len(ran.said) != 1 or says not in ran.err or not whole:
-            wrong.append((text, says, ran))
+    path.write_text(spoilt(good, EXPERIMENTS, foreign(text="!!python/object/apply:os.system [ls]")), encoding="utf-8")
+    ran = run("plan", path)
+    assert (ran.code, len(ran.said), "without !" in ran.err) == (2, 1, True)
+    assert bristle.read_results(path).to_frame().equals(fresh.to_frame())
     assert wrong == []
 
 
@@ -255,10 +199,6 @@ def test_a_robot_is_read_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     read = bristle.read_results(path)
     assert [dict(leaves(joint)) for joint in read.joints] == [dict(leaves(joint)) for joint in fresh.joints]
     assert [x["joints"] for x in json.loads(read.to_json(tmp_path))["experiments"]] == [["shoulder", "elbow"]]
-    with pytest.raises(InputError, match="got 2 joints; expected one: say which with joint, one of shoulder, elbow"):
-        bristle.sensitivity(path, samples=0)
-    with pytest.raises(InputError, match="one of shoulder, elbow"):
-        bristle.sensitivity(path, joint="knee", samples=0)
     asked = [bristle.report_of(bristle.sensitivity(x, joint="elbow", samples=0)).text() for x in (path, read, fresh)]
     assert asked[0] == asked[1] == asked[2]
 
@@ -285,22 +225,15 @@ FOREIGN: list[tuple[tuple[str, ...], Any, str]] = [
     (RESIDUALS, {"shape": [12], "float64": "!!"}, "is not base64"),
     (RESIDUALS, {"shape": [12], "float64": "AAAA"}, "has 3 bytes, which are not float64"),
     (RESIDUALS, {"shape": [10**17, 10**17], "float64": ""}, "has 0 bytes"),
-    (RESIDUALS, {"shape": [-1, -1], "float64": "AAAAAAAAAAA="}, "has 8 bytes"),
     (RESIDUALS, {"shape": [1], "float64": "AAAAAAAAAAA="}, "has shape (1,); expected (n) as beside it"),
-    (RESIDUALS, {"shape": [0] * 99, "float64": ""}, "has 0 bytes"),
     (RESIDUALS, {"shape": [12], "float64": b64encode(np.full(12, 1e200).tobytes()).decode()}, "has a number beyond 1e+100"),
     (RESIDUALS, "static/+/no", "Input should be an object"),
     (RESIDUALS, "segments/0", "residuals.shape: Field required"),
-    (RESIDUALS, 3, "Input should be"),
-    (RESIDUALS, None, "Input should be"),
     (("samples", "wrist", "static/+/segments"), ["static/+"], "Circular reference"),
-    (("samples", "wrist", "static/+/segments"), {}, "Input should be a valid"),
     (("samples", "wrist", "static/+/n"), 3, "is not a field of the joint"),
     (("samples", "elbow"), {}, "is not a joint"),
     (("samples", "wrist"), None, "holds no samples"),
-    (("samples",), [], "samples"),
     (EXPERIMENTS, foreign(file="../../etc/passwd"), "the name of a file"),
-    (EXPERIMENTS, foreign(file="a\0"), "control character"),
     (EXPERIMENTS, foreign(folder="b\0"), "control character"),
     (EXPERIMENTS, foreign(text="x" * 2_000_000), "expected at most"),
     ((*FIT, "n"), "x", "Input should be"),
@@ -309,39 +242,3 @@ FOREIGN: list[tuple[tuple[str, ...], Any, str]] = [
     ((*FIT, "parameters", "alpha_0", "unit"), "N", "alpha_0: got the unit 'N'; expected N*m"),
     (("schema",), "bristle-results/9", "schema"),
 ]  # fmt: skip  # a table
-
-
-@pytest.fixture(scope="module")
-def whole(fresh: Results) -> str:
-    return fresh.to_json()
-
-
-@pytest.mark.slow
-@settings(max_examples=150, suppress_health_check=list(HealthCheck))
-@given(data=st.data())
-def test_a_damaged_file_is_read_or_refused(data: Any, whole: str, tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Values of samples replaced, moved or left out, and texts cut: the file is read, and reports what it holds, or is one sentence."""
-    document = json.loads(whole)
-    samples = document["samples"]["wrist"]
-    for _ in range(data.draw(st.integers(1, 3))):
-        key = data.draw(st.sampled_from(sorted(samples)))
-        how = data.draw(st.sampled_from(["drop", "swap", "cut", "json"]))
-        if how == "drop":
-            del samples[key]
-        elif how == "swap":
-            samples[key] = samples[data.draw(st.sampled_from(sorted(samples)))]
-        elif how == "cut" and isinstance(samples[key], dict) and "float64" in samples[key]:
-            text = samples[key]["float64"]
-            samples[key] = {**samples[key], "float64": text[: data.draw(st.integers(0, len(text)))]}
-        else:
-            samples[key] = data.draw(JSON)
-    path = tmp_path_factory.getbasetemp() / f"damaged-{os.getpid()}.json"
-    path.write_bytes(json.dumps(document).encode("utf-8", "surrogatepass"))
-    try:
-        read = bristle.read_results(path)
-    except InputError as error:
-        assert "\n" not in str(error)  # noqa: PT017  # it need not be raised
-    else:
-        read.text()
-        read.text(full=True)
-        read.to_json()

@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 
 from bristle.errors import InputError, one_line, reason
 from bristle.terminal import complain, discard, open_streams, print_lines
-from bristle.workers import interruptible, pin
+from bristle.workers import pin
 
 _LONGEST = 500  # characters of an error's sentence: one of ours is shorter, the system's or click's may not be
 
@@ -36,9 +36,8 @@ def _run() -> int:
     pin()
     code = 2
     try:
-        with interruptible():
-            code = app(standalone_mode=False) or 0  # the code of a typer.Exit is handed back, not raised
-            print_lines([])
+        code = app(standalone_mode=False) or 0  # the code of a typer.Exit is handed back, not raised
+        print_lines([])
     except (KeyboardInterrupt, typer.Abort):
         code = 130
     except (BrokenPipeError, SystemExit) as end:  # who read the help has seen enough; click makes an exit of it

@@ -80,8 +80,7 @@ class WrittenArray:
     """An array in JSON, exact to the last bit."""
 
     shape: tuple[int, ...]
-    float64: str
-    """Base64 of its numbers, row by row, as little-endian float64."""
+    float64: str  #: Base64 of its numbers, row by row, as little-endian float64
 
 
 def _to_base64(array: Floats) -> WrittenArray:

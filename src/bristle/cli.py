@@ -12,10 +12,11 @@ import typer
 
 import bristle
 from bristle.errors import InputError, short_list
+from bristle.estimation.levels import FALSE_DISCOVERIES
 from bristle.page import output_folder as files
 from bristle.progress import shown
-from bristle.terminal import complain, print_found, print_lines
-from bristle.workers import REPORT, cores, prepared
+from bristle.terminal import complain, print_lines
+from bristle.workers import cores
 
 if TYPE_CHECKING:
     from bristle.api import Results
@@ -165,16 +166,13 @@ def report(
     Example: bristle report log.csv --unit position=deg
     """
     folder = output_folder(output, sources[0] if sources else None, "", "results.json")
-    workers = workers or cores()
     told = _told(of_logs)
     with shown() as progress:
-        if workers > 1:
-            prepared(*REPORT)
         inputs, _, guessed = _drafted(sources or [], told, None, progress)
         for sentence in guessed:
             complain(f"guessed: {sentence}")
         results = bristle.report(
-            *inputs, folder=folder, uncertainty=uncertainty, need=need, workers=workers, mailed=mailed,
+            *inputs, folder=folder, uncertainty=uncertainty, need=need, workers=workers or cores(), mailed=mailed,
             found=lambda results: _tell(results.outcomes()), progress=progress,
         )  # fmt: skip  # a list of values
     print_lines([f"Report: {folder / 'index.html'}"], done=True)
@@ -404,7 +402,7 @@ def compare(first: Path, second: Path, output: Path | None = None) -> None:
 )
 def fleet(
     catalog: str, output: str | None = None, scheduler: str | None = None, workers: int | None = None,
-    memory: str | None = None, verify: bool = False, rate: float = 0.05, baseline: int = 3, tls_ca_file: Path | None = None,
+    memory: str | None = None, verify: bool = False, rate: float = FALSE_DISCOVERIES, baseline: int = 3, tls_ca_file: Path | None = None,
     tls_cert: Path | None = None, tls_key: Path | None = None, strict: bool = False,
 ) -> None:  # fmt: skip  # a list of options
     """Watch a fleet: which joints changed, which units differ.
@@ -568,10 +566,10 @@ def output_folder(output: Path | None, experiment: Path | None, what: str = "", 
 
 
 def _tell(texts: Iterable[str]) -> None:
-    """Print results in lines of 80 columns that break no number, in colour on a terminal."""
+    """Print results in lines of 80 columns that break no number."""
     from bristle.page.plain import wrapped
 
-    print_found(wrapped(line for text in texts for line in text.rstrip("\n").split("\n")))
+    print_lines(wrapped(line for text in texts for line in text.rstrip("\n").split("\n")))
 
 
 def _told(of_logs: Mapping[str, Any]) -> "Told":

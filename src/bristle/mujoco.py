@@ -210,8 +210,6 @@ def _check_model(model: Any, name: str) -> None:
     dof, joint = model.joint(name).dofadr[0], model.joint(name).id
     own = {x: getattr(model, f"dof_{x}")[dof] for x in ("damping", "frictionloss")}
     twice = [(f"{what} {value:.4g} of its own", "set it to 0 in the model") for what, value in own.items() if value]
-    if np.any(getattr(model, "dof_dampingpoly", np.zeros((model.nv, 1)))[dof]):
-        twice.append(("a polynomial damping of its own", "set it to 0 in the model"))
     lugre = getattr(mujoco.mjtDyn, "mjDYN_DCMOTOR", None)
     if lugre is not None:
         transmissions = (mujoco.mjtTrn.mjTRN_JOINT.value, mujoco.mjtTrn.mjTRN_JOINTINPARENT.value)

@@ -19,13 +19,11 @@ def open_streams() -> None:
 def discard(name: str) -> None:
     """Send a standard stream, and its buffer, to nowhere from now on."""
     stream, number = getattr(sys, name), {"stdout": 1, "stderr": 2}[name]
-    nowhere = os.open(os.devnull, os.O_WRONLY)
     if isinstance(stream, io.TextIOWrapper) or stream is None:
+        nowhere = os.open(os.devnull, os.O_WRONLY)  # the number itself, if that stream is closed
+        os.dup2(nowhere, number)
         if nowhere != number:
-            os.dup2(nowhere, number if stream is None else stream.fileno())
             os.close(nowhere)
-    else:
-        os.close(nowhere)
     if not isinstance(stream, io.TextIOWrapper):
         setattr(sys, name, io.StringIO())
 
@@ -41,32 +39,6 @@ def print_lines(lines: Iterable[str], *, done: bool = False) -> None:
         discard("stdout")
         if not done:
             raise OSError(error.errno, error.strerror or str(error), "standard output") from error
-
-
-def print_found(lines: Iterable[str]) -> None:
-    """Print results, in colour on a terminal, as `NO_COLOR` and `TERM` allow; plain text elsewhere."""
-    if not sys.stdout.isatty():
-        print_lines(lines)
-        return
-    from rich.console import Console
-    from rich.text import Text
-
-    text = Text("\n".join(lines))
-    for words, style in _COLOURS.items():
-        text.highlight_regex(words, style)
-    console = Console(file=sys.stdout, highlight=False, soft_wrap=True)
-    with console.capture() as capture:
-        console.print(text, end="")
-    print_lines(capture.get().splitlines())
-
-
-_COLOURS = {  # whether to use a number, severities, codes, simulated data
-    r"(?m)(?<=: )use(?=\. )|(?<=  )use(?=$|  )": "green",
-    r"\bcautions?\b": "yellow",
-    r"do not use|\bcritical\b|Critical": "red",
-    r"(?<=\[)[a-z][a-z0-9]*(-[a-z0-9]+)*(?=\])": "cyan",
-    r"SIMULATED": "magenta",
-}
 
 
 def complain(line: str) -> None:

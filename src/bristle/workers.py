@@ -19,8 +19,6 @@ REPORT = (  # modules that make a report
 )
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
-_interrupts = list[int]()
-
 
 def cores() -> int:
     """Number of cores that this process may use."""
@@ -91,35 +89,6 @@ def prepared(*modules: str) -> Any:
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
     return context
-
-
-@contextmanager
-def interruptible() -> Iterator[None]:
-    """Ctrl-C raises KeyboardInterrupt meanwhile.
-
-    And once more at the next `heed` where somebody caught that, as a bare `except` does.
-    """
-
-    def raise_it(*_: object) -> None:
-        _interrupts.append(signal.SIGINT)
-        raise KeyboardInterrupt
-
-    own = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if not own or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    signal.signal(signal.SIGINT, raise_it)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        _interrupts.clear()
-
-
-def heed() -> None:
-    """Raise KeyboardInterrupt where one was caught and the work went on; called before anything is written."""
-    if _interrupts:
-        raise KeyboardInterrupt
 
 
 @contextmanager

@@ -32,7 +32,7 @@ def _joint(results_file: Path, name: str) -> ExportedJoint:
     results = bristle.read_results(results_file)
     joint = results.joint(name)
     origin = Origin(bristle="0", results_sha256="0" * 64, experiment="edro.yaml", logs={"ramp.csv": "1" * 64})
-    return exported(joint, results.logs.experiment_of(joint)[0], origin)
+    return exported(joint, results.logs.experiment_of(joint), origin)
 
 
 @pytest.fixture(scope="session")

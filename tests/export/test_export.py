@@ -53,7 +53,7 @@ def test_values_are_those_to_use(edro_results: Path) -> None:
     # slow loading and an inertia give sigma_1 by (15), an assumption: its source is `assumed`, and the warning goes along
     joint = replace(results.joint("wrist pitch"), tracking=None, joint_fit=None)
     one = exported(
-        joint, results.logs.experiment_of(joint)[0], Origin(bristle="0", results_sha256=None, experiment=None, logs={})
+        joint, results.logs.experiment_of(joint), Origin(bristle="0", results_sha256=None, experiment=None, logs={})
     )
     assert {x.source for x in one.parameters if x.parameter.name == "sigma_1"} == {"assumed"}
     assert {x.source for x in one.parameters if x.parameter.name == "sigma_0"} == {"presliding"}

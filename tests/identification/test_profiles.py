@@ -13,7 +13,8 @@ from scipy.optimize import brentq, minimize, nnls
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation.covariance import covariance as uncertainty
-from bristle.estimation.interval_comparison import FACTOR, warnings
+from bristle.estimation.interval_comparison import warnings
+from bristle.estimation.levels import FACTOR
 from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.fits import Uncertainty
 from bristle.identification.static.grid import Solution, default_range, solve

@@ -165,17 +165,13 @@ def test_rollouts_jacobians_and_passivity_of_laws(chosen: Law) -> None:
     assert not law.is_passive(driving)
     full = (p.alpha_0 + p.alpha_1) / p.sigma_0
     assert (_torque(full, np.geomspace(0.1, 0.8, 50), driving) < 0).any()
-    # a law's tuple keeps its type through replacing, pickling and pairs; the paper's is `Lugre` itself; a wrong field is refused
+    # a law's tuple keeps its type through replacing, pickling and pairs; the paper's is `Lugre` itself
     p = set_of(chosen)
-    assert isinstance(p, Lugre)
-    assert type(p._replace(alpha_0=1.0)) is type(p)
-    assert p._replace(alpha_0=1.0)._asdict() == {**p._asdict(), "alpha_0": 1.0}
+    assert isinstance(p._replace(alpha_0=1.0), type(p))
     again = pickle.loads(pickle.dumps(p))  # noqa: S301  # our own bytes
     assert (again, type(again), again.law) == (p, type(p), chosen)
     assert pair_of([*p, *p], chosen) == Pair(p, p)
     assert (type(p) is Lugre) == (chosen == GAUSSIAN)
-    with pytest.raises(TypeError):
-        lugre_of(chosen)(*p, 1.0)  # type: ignore[call-arg]  # one too many
 
 
 def test_terms_limits_and_names_of_laws(outside: Law) -> None:
@@ -187,8 +183,7 @@ def test_terms_limits_and_names_of_laws(outside: Law) -> None:
         at_end = 0.8 * p.alpha_2 + alpha_3 * 0.8**2
         expected = [at_end] * 4 if alpha_3 < 0 else p.alpha_2 * v + alpha_3 * v**2
         np.testing.assert_allclose(viscous, expected, rtol=1e-8)
-    # without a peak and without damping LuGre is Dahl: dT/dx = sigma_0 (1 - T sgn(v) / alpha_0), so T = alpha_0 (1 - exp(-sigma_0 x /
-    # alpha_0))
+    # without peak and damping LuGre is Dahl: dT/dx = sigma_0 (1 - T sgn(v) / alpha_0), T = alpha_0 (1 - exp(-sigma_0 x / alpha_0))
     p, h = Lugre(0.02, 0.0, 0.0, 1.0, 6.0, 0.0), 1e-3
     x = 0.01 * (1 - np.cos(2 * np.pi * np.arange(501) * h))
     v = np.gradient(x, h)
@@ -204,12 +199,11 @@ def test_terms_limits_and_names_of_laws(outside: Law) -> None:
     for wrong in ("gauss", "quadratic", "gaussian+", "gaussian+lorentzian", "gaussian+quadratic+quadratic", ""):
         with pytest.raises(KeyError, match="lorentzian"):
             law_named(wrong)
-    assert next(iter(competing())) == GAUSSIAN
+    assert competing()[0] == GAUSSIAN
     assert "free-exponent" not in {one.peak.name for one in competing()}
     # parameters of a registered law have a unit, a least value and a direction; the law competes with each term
     assert fields_of(outside)[6:] == ("steepness", "cubic", FASTEST)
     assert unit("cubic", "prismatic") == "N*s**3/m**3"
-    assert unit("cubic", "revolute in A") == "A*s**3/rad**3"
     assert unit("cubic", "prismatic in V") == "V*s**3/m**3"
     assert (least_of("cubic"), least_of("steepness")) == (-np.inf, 0.0)
     assert ParameterName.parse("cubic") == ParameterName("cubic", Direction.BOTH)
@@ -251,18 +245,16 @@ def _rated(rate: Any) -> ViscousTerm:
 
 
 NO_PARTS: list[tuple[Peak | ViscousTerm, str]] = [
-    (_named("gaussian", "n"), "choose another name"), (_named("auto", "n"), "expected letters"), (_named("two words", "n"), "expected letters"),
-    (_named("mine", "alpha_0"), "'alpha_0'"), (_named("mine", "delta"), "'delta'"), (_named("mine", "a b"), "'a b'"),
+    (_named("gaussian", "n"), "choose another name"), (_named("auto", "n"), "expected letters"), (_named("mine", "alpha_0"), "'alpha_0'"),
+    (_named("mine", "delta"), "'delta'"), (_named("mine", "a b"), "'a b'"),
     (_shaped(lambda v, v_s: 2 * _half(v, v_s)), "of 2 at rest"),
     (_shaped(lambda v, v_s: 1 / (1 + v / v_s)), "between v and -v|not finite"),
     (_shaped(lambda v, v_s: 1 + 0 * v / v_s), "does not fall"),
-    (_shaped(lambda v, v_s: _half(v, v_s) - 0.5 * (v / v_s) ** 2 * _half(v, v_s)), "does not fall"),
     (_shaped(lambda v, v_s: ca.exp(-ca.sqrt(ca.fabs(v) / v_s))), "no derivative"),
     (_shaped(lambda v: 1 / (1 + v**2)), "CasADi cannot evaluate"),
     (_shaped(_half, reach=0.0), "reach of 0"),
     (Peak(name="x", title="x", shape=_power, reach=3.0, own=(OwnParameter(name="n_9", symbol="n", units=("1", "1")),)), "range to search"),
     (_rated(lambda speed: 1 + speed), "of 1 at rest"), (_rated(lambda speed: -speed), "rise with speed"),
-    (_rated(lambda speed, other: speed + other), "CasADi cannot evaluate"),
 ]  # fmt: skip  # a table
 """Parts whose name or whose parameter is another's; peaks that are not even, finite, 1 at rest, falling to 0 with a derivative, or that
 no fit can search for; terms that add at rest, or whose rate does not rise."""
@@ -367,12 +359,7 @@ def test_motor_equations_agree(V: float, w: float, k_t: float, R: float, J: floa
 
 
 def test_units_functions_and_names() -> None:
-    """Two calls give the same object, with named inputs and outputs."""
-    assert functions.step_function() is functions.step_function()
-    assert functions.step_function().name_in() == ["v0", "v1", "h", *Lugre._fields]
-    assert functions.step_sensitivity_function().name_out()[:3] == ["a", "b", "a_alpha_0"]
-    assert functions.step_parameters() == ("alpha_0", "alpha_1", "v_s", "sigma_0")
-    # a sign is a direction; a bare LuGre parameter is of both directions, any other is shared; what prints is read as the same parameter
+    """A sign is a direction; a bare LuGre parameter is of both directions, any other is shared; what prints is read as the same parameter."""
     expected = {
         "alpha_0+": ("alpha_0", "+"), "sigma_1-": ("sigma_1", "-"), "v_s": ("v_s", "both"), "inertia": ("inertia", "shared"),
     }  # fmt: skip  # a table
@@ -380,13 +367,10 @@ def test_units_functions_and_names() -> None:
         name = ParameterName.parse(text)
         assert (name.name, name.direction) == parts
         assert str(name) == f"{name}" == text
-    positive = ParameterName.parse("alpha_0+")
-    assert (positive.within("+"), positive.within("shared")) == ("alpha_0", "alpha_0+")
     # what is known of a direction is its own value, else that of both, else the shared one; of another direction nothing
     known = {ParameterName.parse(name): x for name, x in {"alpha_0+": 1.0, "v_s": 2.0, "inertia": 3.0}.items()}
     assert [in_direction(known, n, "+") for n in ("alpha_0", "v_s", "inertia", "sigma_0")] == [1.0, 2.0, 3.0, None]
     assert in_direction(known, "alpha_0", "-") is None
-    assert in_direction(known, "alpha_0", "both") is None
     # in both kinds of joint, each unit parses and the terms of (1)-(5) have the dimension of what they are added to
     pint = pytest.importorskip("pint")
     registry = pint.UnitRegistry()

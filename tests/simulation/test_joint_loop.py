@@ -10,13 +10,12 @@ from bristle.control.adaptation import LAWS, Adaptation
 from bristle.control.closed_loop import simulate
 from bristle.control.control_period import LoopOptions
 from bristle.control.pid import Gains
-from bristle.data.experiment.load import load_experiment
 from bristle.identification import known_joint
 from bristle.identification.fits import TrackingFit
 from bristle.identification.systematic import shifted
-from bristle.model.parameters import Lugre, Motor, Pair
+from bristle.model.parameters import Pair
 from bristle.simulation import edro
-from bristle.simulation.joint_loop import JointLoop, asked_parts, of_experiment, of_paper, one_way
+from bristle.simulation.joint_loop import JointLoop, of_experiment, of_paper, one_way
 
 from ..sameness import of_kind
 from .joints import FASTEST, GRIPPER, J, experiment, joint, joint_loop, tracked, unseen, values_of
@@ -34,20 +33,16 @@ def options(given: Mapping[str, str]) -> str:
     return ", ".join(f"{name}: {value}" for name, value in given.items())
 
 
-def test_loops_of_table_2_and_of_files(tmp_path: Path) -> None:
+def test_loops_of_table_2() -> None:
     """Table 2's joint: plant and model have the (+) set both ways, J that of this set alone, and no uncertainty."""
     one = one_way(joint_loop(model=Pair(GRIPPER.negative, GRIPPER.negative)))
     assert one.plant == one.model == Pair(GRIPPER.positive, GRIPPER.positive)
     assert pytest.approx((0.0184 / 0.2) ** 2 / 6.1843) == one.J
     assert one.draws == ()
-    # `wrong_start` multiplies the named parameters of both sets by their shares and leaves all others; a case takes what it is given
+    # `wrong_start` multiplies the named parameters of both sets by their shares and leaves all others
     one = joint_loop(start={"alpha_0": 0.3, "v_s": 2.0})
     for before, after in zip(GRIPPER, one.wrong_start(GRIPPER), strict=True):
         assert after == before._replace(alpha_0=0.3 * before.alpha_0, v_s=2.0 * before.v_s)
-    other = Pair(GRIPPER.negative, GRIPPER.positive)
-    assert one.case().motor == Motor(1.0, 1.0, 0.0, one.J)
-    assert (one.case(plant=other).plant, one.case(model=other).model) == (other, other)
-    assert one.case(J=2.0).motor.J == 2.0
     # four loops in the order of Table 1: its sets as plant, what was identified as model, the PID of (21), J by (15), and Table 2's start
     wrong = {name: Pair(*(p._replace(alpha_0=1.1 * p.alpha_0) for p in pair)) for name, pair in edro.TABLE_1.items()}
     found = of_paper([joint(tracked(values_of(pair)), name) for name, pair in wrong.items()])
@@ -62,24 +57,6 @@ def test_loops_of_table_2_and_of_files(tmp_path: Path) -> None:
         assert (one.amplitude, one.frequency, one.slow, one.period) == (1.0, 0.5, 0.2, 1e-3)
         assert len(one.draws) == known_joint.DRAWS
         assert one.assumptions
-    # `asked_parts` gives the compensator and adaptation of a file alone; rates that are not given are zero
-    compensator, adaptation = asked_parts(experiment(tmp_path, "law: total, parameters: [sigma_0, v_s, alpha_1]"))
-    assert compensator.name == "lugre"
-    assert adaptation.gamma == (0.0, 0.0, 0.0)
-    with pytest.raises(ValueError, match=r"e\.yaml: adapt: law: got 'exact'"):
-        asked_parts(experiment(tmp_path, "law: exact"))
-    assert load_experiment(tmp_path / "e.yaml").adapt.law == "exact"
-    # the period that the refusal names is itself accepted
-    with pytest.raises(ValueError, match="expected at most") as refused:
-        asked_parts(experiment(tmp_path, "frequency: 3 Hz, period: 50 ms"))
-    said = re.search(r"at most (\S+) s", str(refused.value))
-    assert said is not None
-    asked_parts(experiment(tmp_path, f"frequency: 3 Hz, period: {0.999 * float(said[1])} s"))
-    # where the inertia was given and not fitted, friction alone is drawn
-    fixed = tracked(values_of(GRIPPER, None))
-    one = of_experiment(experiment(tmp_path, "", f"inertia: {J!r} kg*m**2\n"), joint(fixed))
-    assert len(one.draws) == known_joint.DRAWS
-    assert {inertia for _, inertia in one.draws} == {J}
 
 
 def test_where_the_parts_of_a_loop_come_from(tmp_path: Path) -> None:
@@ -101,12 +78,7 @@ def test_where_the_parts_of_a_loop_come_from(tmp_path: Path) -> None:
     # with a truth that is whole the plant is the truth; without one, or with part of one, it is the identified model, and that is said
     true = Pair(GRIPPER.negative, GRIPPER.negative)
     part = {"both": GRIPPER.negative._replace(sigma_1=float("nan"))}
-    for truth, plant in (
-        ({"both": GRIPPER.negative}, true),
-        (dict(zip("+-", true, strict=True)), true),
-        (part, GRIPPER),
-        ({}, GRIPPER),
-    ):
+    for truth, plant in ((dict(zip("+-", true, strict=True)), true), (part, GRIPPER), ({}, GRIPPER)):
         one = of_experiment(experiment(tmp_path), joint(truth=truth))
         np.testing.assert_allclose(one.plant, plant)
         assert bool(of_kind(one.assumptions, "plant-is-model")) == (plant is GRIPPER)
@@ -117,61 +89,29 @@ def test_where_the_parts_of_a_loop_come_from(tmp_path: Path) -> None:
     assert of_experiment(experiment(tmp_path, "", f"inertia: 0.002 kg*m**2\n{motor}"), nothing).J == 0.002
     assert of_experiment(experiment(tmp_path, "", motor), nothing).J == 0.003
     # the refusal names the joint, what is missing, and how to give it or which runs show it
-    for unknown, said in (
-        (
-            joint(tracked(values_of(GRIPPER, None))),
-            "no inertia is known, .*give it as inertia, or a tracking run that shows it$",
-        ),
-        (
-            replace(joint(), tracking=None),
-            r"nothing is known of the friction vs velocity in direction \+; .* tracking run",
-        ),
+    with pytest.raises(
+        ValueError, match=r"^wrist: no inertia is known, .*give it as inertia, or a tracking run that shows it$"
     ):
-        with pytest.raises(ValueError, match=f"^wrist: {said}"):
-            of_experiment(experiment(tmp_path), unknown)
+        of_experiment(experiment(tmp_path), nothing)
+    with pytest.raises(ValueError, match=r"^wrist: nothing is known of the friction vs velocity in direction \+; "):
+        of_experiment(experiment(tmp_path), replace(joint(), tracking=None))
     # one bad option among good ones: a single sentence with the file's name, the key, what was got and what was expected
+    failed = []
     for what, (spoilt, said) in REFUSED.items():
-        with pytest.raises(ValueError, match=said) as refused:
+        with pytest.raises(ValueError) as refused:  # noqa: PT011  # the pattern is below
             of_experiment(experiment(tmp_path, options({**ASKED, **spoilt})), joint())
-        assert str(refused.value).startswith(f"{tmp_path / 'e.yaml'}: "), what
-        assert "\n" not in str(refused.value), what
-    # up to thirty times what was measured is allowed, and said
-    one = of_experiment(experiment(tmp_path, "amplitude: 2 rad, frequency: 1 Hz"), joint())
-    factor = 2 * np.pi * 2 / FASTEST
-    (said,) = of_kind(one.assumptions, "extrapolated")
-    assert said.numbers["ratio"] == pytest.approx(factor)
+        failed += (
+            [] if re.fullmatch(f"{tmp_path / 'e.yaml'}: {said}.*", str(refused.value)) else [(what, refused.value)]
+        )
+    assert failed == []
     # without gains K_p = J w**2, K_i = J w**3 / 5, K_d = 2 J w, w <= 30 rad/s; half of the fastest measured speed
     for period, bandwidth in (("0.1 ms", 30.0), ("2 ms", 10.0)):
         one = of_experiment(experiment(tmp_path, f"period: {period}"), joint())
+        assert len(of_kind(one.assumptions, "default-pid", "reference-taken", "rates-taken")) == 3
         w = bandwidth
         assert one.gains == pytest.approx(Gains(J * w**2, 0.2 * J * w**3, 2 * J * w, 0.0))
         assert one.frequency == 0.5
         assert 2 * np.pi * one.frequency * one.amplitude == pytest.approx(0.5 * FASTEST, rel=0.05)
-    # K_p of zero, over which replays and rates are taken, and an empty start, are refused where the file is read
-    for bad in ("gains: {K_p: 0 N*m/rad}", "start: {}"):
-        with pytest.raises(ValueError, match=r"adapt\.(gains\.K_p|start): got"):
-            experiment(tmp_path, bad)
-
-
-@pytest.mark.parametrize(
-    ("absent", "said"),
-    [
-        ("gains", "default-pid"),
-        ("gamma", "rates-taken"),
-        ("amplitude", "reference-taken"),
-        ("frequency", "reference-taken"),
-    ],
-)
-def test_what_is_absent_is_derived_and_said(tmp_path: Path, absent: str, said: str) -> None:
-    """Without one option its value is derived, is positive and finite, and one sentence names it and the key that would set it."""
-    given = {name: value for name, value in ASKED.items() if name != absent}
-    one = of_experiment(experiment(tmp_path, options(given)), joint())
-    (named,) = of_kind(one.assumptions, said)
-    assert f"adapt.{absent}" in str(named)
-    value = one.adaptation.gamma if absent == "gamma" else getattr(one, absent)
-    numbers = value[:3] if isinstance(value, Gains) else np.atleast_1d(value)
-    assert all(0 < x < np.inf for x in numbers)
-    assert f"{float(numbers[0]):.3g}" in str(named)
 
 
 @pytest.mark.parametrize("parameter", ["alpha_0", "alpha_2"])
@@ -189,7 +129,7 @@ def test_derived_rates_mend_about_half_of_an_error_in_a_second(tmp_path: Path, p
 @pytest.mark.parametrize(("travel", "how"), [(None, "of the amplitude"), (0.9, "of the travel")])
 def test_what_the_motion_does_not_show_is_filled_and_said(tmp_path: Path, travel: float | None, how: str) -> None:
     """An unseen sigma_0 is alpha_0 over a thousandth of the travel, as a plan takes it, or of the amplitude where no travel is known."""
-    # an unseen sigma_1 is that of (15), in the model and in every draw
+    # an unseen sigma_1 is that of (15)
     deflection = 1e-3 * (travel or 0.4)
     fit = unseen(tracked(values_of(GRIPPER)), {"sigma_0+": 1.0, "sigma_1+": 9.0, "sigma_1-": 9.0})
     one = of_experiment(experiment(tmp_path, "amplitude: 0.4 rad"), replace(joint(fit), travel=travel))
@@ -203,44 +143,34 @@ def test_what_the_motion_does_not_show_is_filled_and_said(tmp_path: Path, travel
     assert [(x["name"], x["direction"]) for x in filled] == [("sigma_0", "+"), ("sigma_1", "+"), ("sigma_1", "-")]
     assert [x["value"] for x in filled] == [positive.sigma_0, positive.sigma_1, negative.sigma_1]
     assert f"from a deflection of 0.001 {how}." in str(said[0])
-    for (p, n), inertia in one.draws:
-        assert p.sigma_0 == pytest.approx(p.alpha_0 / deflection)
-        assert n.sigma_1 == pytest.approx(0.2 * np.sqrt(inertia * n.sigma_0))
 
 
 REFUSED = {
     "negative rate": ({"gamma": "[-1, 4]"}, r"adapt: gamma: got -1; expected zero or more"),
     "rate that is no number": ({"gamma": "[3, .nan]"}, r"adapt: gamma: got nan"),
-    "infinite rate": ({"gamma": "[3, .inf]"}, r"adapt: gamma: got inf"),
     "too many rates": ({"gamma": "[3, 4, 5]"}, r"adapt: gamma: got 3 rates for 2 parameters"),
     "limits above the start": ({"limits": "[1.5, 3]"}, r"adapt: limits: got 1\.5 to 3; expected 0 < lower <= 1 <= upper"),
-    "limits below the start": ({"limits": "[0.1, 0.5]"}, r"adapt: limits: got 0\.1 to 0\.5"),
-    "limits of zero": ({"limits": "[0, 2]"}, r"adapt: limits: got 0 to 2"),
-    "limits that are no numbers": ({"limits": "[.nan, .nan]"}, r"adapt: limits: got nan to nan"),
     "unknown law": ({"law": "exact"}, r"adapt: law: got 'exact'; expected one of printed, partial, partial-theta, total"),
     "printed for v_s": ({"law": "printed", "parameters": "[alpha_0, v_s]"}, r"adapt: law: printed is typeset for alpha_0 and alpha_2 alone"),
     "unknown step": ({"step": "newton"}, r"adapt: step: got 'newton'; expected one of gradient, normalised, least-squares"),
     "unknown parameter": ({"parameters": "[alpha_0, mass]"}, r"adapt: parameters: got alpha_0, mass"),
     "parameter twice": ({"parameters": "[v_s, v_s]"}, r"adapt: parameters: got v_s, v_s"),
-    "start of what does not exist": ({"start": "{mass: 0.5}"}, r"adapt\.start: got 'mass'; expected some of alpha_0"),
-    "start at nothing": ({"start": "{alpha_0: 0}"}, r"adapt\.start\.alpha_0: got 0"),
     "negative dead zone": ({"dead_zone": "-1"}, r"adapt: dead_zone: got -1"),
     "unknown compensator": ({"compensator": "dahl"}, r"adapt: compensator: got 'dahl'; expected one of"),
+    "start of what does not exist": ({"start": "{mass: 0.5}"}, r"adapt\.start: got 'mass'; expected some of alpha_0"),
     "compensator that cannot adapt": ({"compensator": "coulomb"}, r"adapt: compensator: coulomb cannot adapt"),
     "period too long": ({"period": "20 ms"}, r"adapt\.period: got 0\.02 s; expected at most 0\.01 s"),
-    "frequency of zero": ({"frequency": "0 Hz"}, r"adapt\.frequency: got "),
     "reference too fast": ({"amplitude": "50 rad"}, r"adapt: a reference of 50 at 2 Hz is 314 times as fast as anything measured"),
 }  # fmt: skip  # a table
 
 
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("parameters", ["alpha_0, alpha_2", "v_s", "alpha_1, sigma_1", "sigma_0"])
-@pytest.mark.parametrize("amplitude", ["20 deg", "2 rad"])
-def test_derived_rates_are_finite_whatever_adapts(tmp_path: Path, law: str, parameters: str, amplitude: str) -> None:
+def test_derived_rates_are_finite_whatever_adapts(tmp_path: Path, law: str, parameters: str) -> None:
     """A default rate is finite, also where a gradient vanishes over most of a sine; zero, and said, where sliding shows nothing."""
     if law == "printed" and parameters != "alpha_0, alpha_2":
         return
-    given = {"law": law, "parameters": f"[{parameters}]", "amplitude": amplitude, "frequency": "1 Hz"}
+    given = {"law": law, "parameters": f"[{parameters}]", "amplitude": "2 rad", "frequency": "1 Hz"}
     one = of_experiment(experiment(tmp_path, options(given)), joint())
     assert np.isfinite(one.adaptation.gamma).all()
     assert max(one.adaptation.gamma) < 1e10
@@ -254,22 +184,6 @@ def drawn(folder: Path, fit: TrackingFit) -> JointLoop:
     return of_experiment(experiment(folder), joint(fit))
 
 
-@pytest.mark.parametrize("share", [0.02, 0.5, 3.0])
-def test_draws_are_physical_and_repeat(tmp_path: Path, share: float) -> None:
-    """However large the errors, alpha_0, v_s, sigma_0 and J of every draw are positive, the others not negative; and every run draws the same."""
-    fit = tracked(values_of(GRIPPER), share)
-    first, second = (drawn(tmp_path, fit).draws for _ in range(2))
-    assert first == second
-    assert len(first) == known_joint.DRAWS
-    assert len(set(first)) == len(first)
-    for pair, inertia in first:
-        assert 0 < inertia < np.inf
-        for p in pair:
-            assert min(p.alpha_0, p.v_s, p.sigma_0) > 0
-            assert min(p) >= 0
-            assert np.isfinite(p).all()
-
-
 def test_draws_are_those_of_the_covariance(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By constants alone every parameter of a draw has the same factor, the inertia too; without errors of constants there are no such draws."""
     fit = tracked(values_of(GRIPPER), 1e-9)
@@ -281,20 +195,13 @@ def test_draws_are_those_of_the_covariance(tmp_path: Path, monkeypatch: pytest.M
         factors = rows / list(values_of(GRIPPER).values())
         assert np.abs(factors - factors[:, :1]).max() < 1e-5
         assert np.std(factors[:, 0]) == pytest.approx(1e-3, rel=0.3)
-    # a fit with no covariance, or with one that is not finite, has no draws
-    fit = tracked(values_of(GRIPPER))
-    for other in (replace(fit, names=()), replace(fit, covariance=np.full_like(fit.covariance, np.nan))):
-        assert drawn(tmp_path, other).draws == ()
-    # of a fit with one set for both directions every draw has the same set twice
-    both = {**GRIPPER.positive._asdict(), "inertia": J}
-    for pair, _ in drawn(tmp_path, tracked(both, 0.1)).draws:
-        assert pair.positive == pair.negative != Lugre(*GRIPPER.positive)
-    # over many draws, errors being small, the mean is the fit's value to its own error and the covariance the fit's, correlations included
+    # the same draws in every run; over many, errors being small, the fit's values, and its covariance with its correlations
     n = 4000
     monkeypatch.setattr(known_joint, "DRAWS", n)
     values = values_of(GRIPPER)
     fit = tracked(values, 0.02)
     found = drawn(tmp_path, fit).draws
+    assert drawn(tmp_path, fit).draws == found
     rows = np.array([[*pair.positive, *pair.negative, inertia] for pair, inertia in found])
     errors = np.sqrt(np.diag(fit.covariance))
     assert rows.shape == (n, 13)

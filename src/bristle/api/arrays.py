@@ -207,14 +207,6 @@ def friction(velocity: "ArrayLike", of: Fit | Lugre[float]) -> Array:
     >>> bristle.friction([0.0, 0.5, -0.5], law).round(3)
     array([ 0.  ,  0.04, -0.04])
 
-    Parameters of another law are `lugre_of` it:
-
-    >>> from bristle.model.laws.registry import law_named
-    >>> from bristle.model.parameters import lugre_of
-    >>> drag = lugre_of(law_named("lorentzian+quadratic"))(*law, alpha_3=0.01, v_end=1.0)
-    >>> bristle.friction([0.5], drag).round(4)
-    array([0.0426])
-
     Raises InputError where a fit knows nothing of friction vs velocity.
     """
     if isinstance(of, Fit):
@@ -365,15 +357,11 @@ def _seconds(index: Any) -> Any:
 
 def _in_seconds(values: Any) -> Any:
     """Dates and durations as s from the first one; other values unchanged."""
-    if not hasattr(values, "dtype"):
+    kind = getattr(getattr(values, "dtype", None), "kind", "")
+    if kind not in ("m", "M"):
         return values
-    if getattr(values.dtype, "tz", None) is not None:  # instants, which NumPy knows without zones alone
-        values = getattr(values, "dt", values).tz_convert("UTC")
-        values = getattr(values, "dt", values).tz_localize(None)
-    if values.dtype.kind not in "mM":
-        return values
-    array = np.asanyarray(values)
-    return (array - array[:1]) / np.timedelta64(1, "s") if array.dtype.kind == "M" else array / np.timedelta64(1, "s")
+    array = np.asanyarray(values, dtype="M8[ns]" if kind == "M" else None)  # in UTC, if they have a time zone
+    return (array - array[:1] if kind == "M" else array) / np.timedelta64(1, "s")
 
 
 def _column(name: str, values: Any) -> Array:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from bristle.api.exporting import explorers
 from bristle.api.fleets import Fleet
 from bristle.api.identifying import Known, asked_joint, identified, identify, read_if_results
-from bristle.api.results import Results, write_results
+from bristle.api.results import Results
 from bristle.api.sources import Source, path_of
 from bristle.data.experiment.draft import Told
 from bristle.errors import InputError
@@ -58,7 +58,7 @@ def report(
     >>> import bristle, pathlib
     >>> results = bristle.report("wrist.yaml", folder="report")
     >>> sorted(path.name for path in pathlib.Path("report").iterdir() if path.suffix)
-    ['checks.html', 'data.html', 'explore.html', 'index.html', 'joints.html', 'method.html', 'results.json', 'timings.json', 'uncertainty.html']
+    ['checks.html', 'data.html', 'explore.html', 'index.html', 'joints.html', 'method.html', 'results.json', 'uncertainty.html']
 
     Args:
         experiments: files of a joint or a robot each, or one results file, whose report is written anew; none: the embedded
@@ -87,11 +87,11 @@ def report(
             *experiments, uncertainty=uncertainty, need=need, share=share, progress=progress, each=draw
         )
         explored = explorers(results, share)
-        subjects = () if experiments else of_paper(results.joints)
-        compensated = begin_study(subjects, (), progress, share, paper=True) if subjects else None
+        compensated = None if experiments else begin_study(of_paper(results.joints), (), progress, share, paper=True)
         if found is not None:
             found(results)
-        write_results(results, Path(folder), progress, compensated, explored, mailed=mailed, share=share, begun=begun)
+        study = None if compensated is None else compensated()
+        results.write(folder, progress, study, next(explored), mailed=mailed, share=share, begun=begun)
     return results
 
 

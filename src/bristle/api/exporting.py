@@ -103,7 +103,7 @@ def _handed(
     for one in results.joints if joint is None or isinstance(known, Fit) else (results.joint(joint),):
         own: Experiment | None = None
         with suppress(InputError):
-            own, _ = results.logs.experiment_of(one)
+            own = results.logs.experiment_of(one)
         found.append((one, own))
     joints: list[ExportedJoint] = []
     refused: list[Finding] = []
@@ -188,8 +188,8 @@ def _known(results: Results, joint: str | None = None) -> _Known:
 def known_loop(results: Results, joint: Joint) -> JointLoop | str:
     """The loop of an identified joint, the paper's for the embedded ones, or the reason why there is none."""
     try:
-        experiment, folder = results.logs.experiment_of(joint)
-        if folder != edro.datasets_folder() or joint.name not in edro.TABLE_1:
+        experiment = results.logs.experiment_of(joint)
+        if experiment.path.parent.resolve() != edro.datasets_folder() or joint.name not in edro.TABLE_1:
             return of_experiment(experiment, joint)
     except InputError as error:
         return str(error)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bristle.api.identifying import identify
 from bristle.errors import InputError, short
+from bristle.estimation.levels import FALSE_DISCOVERIES
 from bristle.findings import Severity
 from bristle.identification.known_joint import chosen
 from bristle.identification.verdict import row_warnings, verdict
@@ -31,18 +32,12 @@ _ADDRESS = re.compile(r"([a-z]+://)?[^\s/]+:\d{1,5}")
 class Fleet(NamedTuple):
     """What is known of a fleet."""
 
-    frame: "pd.DataFrame"
-    """The dataset: a row per unit, joint, session, direction and parameter."""
-    findings: "Findings"
-    """Which joints changed, and which units differ."""
-    identified: int
-    """Joint sessions that this run identified; of those with equal content one."""
-    unchanged: int
-    """Joint sessions that were known."""
-    failed: int
-    """Joint sessions without a result; each has a row with its sentence."""
-    output: str | None
-    """The folder of the dataset; None where none was asked for."""
+    frame: "pd.DataFrame"  #: The dataset: a row per unit, joint, session, direction and parameter
+    findings: "Findings"  #: Which joints changed, and which units differ
+    identified: int  #: Joint sessions that this run identified; of those with equal content one
+    unchanged: int  #: Joint sessions that were known
+    failed: int  #: Joint sessions without a result; each has a row with its sentence
+    output: str | None  #: The folder of the dataset; None where none was asked for
 
     @property
     def counts(self) -> str:
@@ -84,7 +79,7 @@ def fleet(
     workers: int | None = None,
     memory: str | None = None,
     verify: bool = False,
-    rate: float = 0.05,
+    rate: float = FALSE_DISCOVERIES,
     baseline: int = 3,
     begun: Callable[[str], object] = lambda _: None,
     progress: Progress | None = None,
@@ -172,10 +167,9 @@ def connected(
             option = f"--tls-{next(iter(given)).replace('ca', 'ca-file')}"
             raise InputError(f"{option}: is for a --scheduler; name its address, as tls://host:8786")
         return cluster.local_client(workers, memory)
-    own = {"--workers": workers, "--memory": memory}
-    if odd := [name for name, value in own.items() if value is not None]:
-        why = f"is for a cluster of this machine, and {scheduler} has its own workers"
-        raise InputError(f"{odd[0]}: {why}; leave it out")
+    if workers is not None or memory is not None:
+        name = "--memory" if workers is None else "--workers"
+        raise InputError(f"{name}: is for a cluster of this machine, and {scheduler} has its own workers; leave it out")
     if given and len(given) < len(certificates):
         raise InputError("TLS: expected --tls-ca-file, --tls-cert and --tls-key together")
     if missing := [path for path in given.values() if not path.is_file()]:
@@ -193,7 +187,6 @@ def _client(client: Any, workers: int | None, memory: str | None) -> AbstractCon
     if known is None:
         return cluster.local_client(workers, memory)
     if workers is not None or memory is not None:
-        name = "workers" if workers is not None else "memory"
-        why = "is for a cluster of this machine, and there is a client of a running one"
-        raise InputError(f"{name}: {why}; leave it out")
+        name = "memory" if workers is None else "workers"
+        raise InputError(f"{name}: is for a cluster of this machine, and a client of another is given; leave it out")
     return nullcontext(known)

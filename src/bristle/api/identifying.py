@@ -5,7 +5,6 @@ from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
-from time import perf_counter
 from typing import NamedTuple
 
 from bristle.api.results import Results, choose, read_results
@@ -160,25 +159,23 @@ def _identified(
     for loaded, _ in files:
         every += [next(alone)] if isinstance(loaded, Experiment) else measure_robot(loaded, progress, share)
     every = [one for one in every if one.experiment.joint.name in chosen]
-    work = partial(_timed, crosscheck=crosscheck, uncertainty=uncertainty, need=NEED if need is None else percent(need))
+    work = partial(_work, crosscheck=crosscheck, uncertainty=uncertainty, need=NEED if need is None else percent(need))
     waiting = iter(share(partial(work, progress=progress) if share is map else work, every))
-    found: list[tuple[Joint, float]] = []
+    found = list[Joint]()
     for done, measured in enumerate(every):
         if progress:
             progress(f"identifying {measured.experiment.joint.name}", done, len(every))
         found.append(next(waiting))
-        each(found[-1][0])
-    timings = {joint.name: seconds for joint, seconds in found}
+        each(found[-1])
     texts = tuple(text for _, text in files if text is not None)
     logs = JointLogs(texts=texts, read={one.experiment.joint.name: one for one in every})
-    return Results(joints=tuple(joint for joint, _ in found), timings=timings, logs=logs)
+    return Results(joints=tuple(found), logs=logs)
 
 
-def _timed(
+def _work(
     measured: Measured, crosscheck: bool, uncertainty: bool, need: float, progress: Progress | None = None
-) -> tuple[Joint, float]:
-    """A joint, and the seconds that its identification took."""
-    begun = perf_counter()
+) -> Joint:
+    """`identify_joint`; where data are no good the error names what was found in them first."""
     try:
         joint = identify_joint(measured, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress)
     except InputError as error:
@@ -186,7 +183,7 @@ def _timed(
             raise
         cause = next((w for w in measured.findings if w.severity is Severity.CRITICAL), error)
         raise InputError(f"{measured.experiment.joint.name}: {cause}") from error
-    return replace(joint, need=need), perf_counter() - begun
+    return replace(joint, need=need)
 
 
 def percent(need: float | str) -> float:

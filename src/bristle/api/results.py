@@ -1,7 +1,6 @@
 """What `identify` returns, and reads back."""
 
-import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
@@ -37,8 +36,6 @@ class Results:
     """What was identified, joint by joint."""
 
     joints: tuple[Joint, ...]
-    timings: dict[str, float] = field(default_factory=dict, compare=False, repr=False)
-    """Seconds spent, by joint."""
     logs: JointLogs = field(default_factory=JointLogs, compare=False, repr=False)
     """What the joints were identified from, for questions that follow."""
 
@@ -130,15 +127,33 @@ class Results:
         explored: "Explorer | None" = None,
         *,
         mailed: bool = False,
+        share: Share = map,
+        begun: Mapping[str, Mapping[str, "Drawing"]] = MappingProxyType({}),
     ) -> Path:
-        """Write the report into a folder: pages, results.json, timings.json, figures, tables. Returns the index.html.
+        """Write the report into a folder: pages, results.json, figures, tables. Returns the index.html.
 
         What `adapt` and `explore` returned becomes pages as well; `mailed`: all of it also in one reproducible file,
-        report.zip. Only what bristle made there before is replaced. Raises InputError where the folder cannot be used,
-        with nothing half-written.
+        report.zip. `share` does the drawing, and `begun` are figures of joints by kind that are drawn already. Only what
+        bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
+        half-written.
         """
-        known = None if compensated is None else (lambda: compensated)
-        return write_results(self, Path(folder), progress, known, iter([explored]), mailed=mailed)
+        from bristle.page.page import encoded
+
+        names, files = [joint.name for joint in self.joints], {"results.json": encoded(self.to_json(folder))}
+        told: dict[str, Any] = {}
+        if compensated is not None:
+            worth, harms = dict(worth_of_each(compensated)), tuple(adverse(compensated))
+            sections = import_module("bristle.questions.compensation.report").sections(compensated, share)
+            told = {"worth": worth, "adverse": harms, "frames": compensated.tables(), "compensation": sections}
+        if explored is not None:
+            files["explore.html"] = encoded(explored.html)
+        report = import_module("bristle.questions.joint_report.report").report(
+            self.joints,
+            title=names[0] if len(names) == 1 else f"{len(names)} joints", seed=0,
+            explored=None if explored is None else explored.joints, begun=begun, files=files, **told,
+        )  # fmt: skip  # a list of values
+        index: Path = report.write(Path(folder), progress, mailed=mailed)
+        return index
 
     def export(self, to: str, *, joint: str | None = None, **options: Any) -> "Export":
         """`bristle.export` of a joint, or of all."""
@@ -161,42 +176,6 @@ class Results:
         from bristle.questions.array_fit.figure import joints_html
 
         return joints_html(self.joints, self.to_frame())
-
-
-def write_results(
-    results: Results,
-    folder: Path,
-    progress: Progress | None,
-    compensated: Callable[[], Study] | None,
-    explored: Iterator["Explorer | None"],
-    *,
-    mailed: bool,
-    share: Share = map,
-    begun: Mapping[str, Mapping[str, "Drawing"]] = MappingProxyType({}),
-) -> Path:
-    """`Results.write` with the drawing shared out; `compensated` and `explored` are awaited, `begun` are drawn figures."""
-    from bristle.page.page import encoded
-
-    names = [joint.name for joint in results.joints]
-    files = {"results.json": encoded(results.to_json(folder))}
-    if results.timings:
-        timings = {name: round(seconds, 6) for name, seconds in results.timings.items()}
-        files["timings.json"] = encoded(json.dumps(timings, indent=1) + "\n")
-    told: dict[str, Any] = {}
-    if compensated:
-        study = compensated()
-        told = {"worth": dict(worth_of_each(study)), "adverse": tuple(adverse(study)), "frames": study.tables()}
-        told["compensation"] = import_module("bristle.questions.compensation.report").sections(study, share)
-    played = next(explored)
-    if played is not None:
-        files["explore.html"] = encoded(played.html)
-    report = import_module("bristle.questions.joint_report.report").report(
-        results.joints,
-        title=names[0] if len(names) == 1 else f"{len(names)} joints", seed=0,
-        explored=None if played is None else played.joints, begun=begun, files=files, **told,
-    )  # fmt: skip  # a list of values
-    index: Path = report.write(folder, progress, mailed=mailed)
-    return index
 
 
 def read_results(path: Path | str) -> Results:

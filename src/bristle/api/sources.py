@@ -153,14 +153,12 @@ class JointLogs:
             raise InputError(f"{joint.name}: {what} since the joint was identified; {expected}")
         return measured
 
-    def experiment_of(self, joint: Joint) -> tuple[Experiment, Path | None]:
-        """The experiment of a joint, its logs unread, and the folder of its file, if known. Raises InputError."""
+    def experiment_of(self, joint: Joint) -> Experiment:
+        """The experiment of a joint, its logs unread. Raises InputError."""
         if joint.name in self.read:
-            folder = next((_path(text).parent for text in self.texts if joint.name in text.joints), None)
-            return self.read[joint.name].experiment, folder
-        text = self._text(joint, " experiment file")
-        loaded = _loaded(text, joint)
-        return loaded if isinstance(loaded, Experiment) else pick(loaded, joint.name).experiment, _path(text).parent
+            return self.read[joint.name].experiment
+        loaded = _loaded(self._text(joint, " experiment file"), joint)
+        return loaded if isinstance(loaded, Experiment) else pick(loaded, joint.name).experiment
 
     def written(self, folder: Path) -> Iterator[WrittenExperiment]:
         """The files as a results file in some folder holds them: relative, so that both may be moved together."""

@@ -4,12 +4,11 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from bristle.arrays import Array
+from bristle.estimation.levels import PATTERN, POOR
 from bristle.findings import CRITICAL, NOTE, Finding
 
 _WINDOW = 5.0  # Sokal's c: the sum ends at c integrated autocorrelation times
 _FEW = 8
-_POOR = 0.15  # of the measured torque: largest acceptable pattern
-_CHANCE = 3.3  # over sqrt(n): share of white noise outside its differences, exceeded once in 2000 times
 
 
 def autocorrelation(x: Array) -> Array:
@@ -70,7 +69,7 @@ def correlated(residuals: Array, widened: float) -> Finding:
 
 
 def unexplained(residuals: Array, norm: float) -> tuple[Finding, ...]:
-    """A finding where residuals, (n,), in order of time or velocity, hold a pattern larger than `_POOR` of the `norm`.
+    """A finding where residuals, (n,), in order of time or velocity, hold a pattern larger than `POOR` of the `norm`.
 
     Noise is half the mean square of successive differences (von Neumann, 1941). None of fewer than eight equations.
     """
@@ -78,7 +77,7 @@ def unexplained(residuals: Array, norm: float) -> tuple[Finding, ...]:
         return ()
     power, n = float(residuals @ residuals), residuals.size
     noise = min(float(np.sum(np.diff(residuals) ** 2)) / 2 * n / (n - 1), power)
-    if power - noise <= max((_POOR * norm) ** 2, _CHANCE / np.sqrt(n) * power):
+    if power - noise <= max((POOR * norm) ** 2, PATTERN / np.sqrt(n) * power):
         return ()
     error, of_noise = 100 * np.sqrt(power) / norm, 100 * np.sqrt(noise) / norm
     message = (

@@ -20,7 +20,7 @@ from scipy.special import chdtrc
 
 from bristle.arrays import Array
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.levels import CONFIDENCE
+from bristle.estimation.levels import CONFIDENCE, SIGNIFICANCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import Name, projected
@@ -33,7 +33,6 @@ _CELLS = 2000  # most cells
 _TIMES = 4.0  # least integrated autocorrelation times per block
 _SIX = np.sqrt(np.array([0.5, 1.0, 1.5]))
 _WEBB = np.concatenate([-_SIX, _SIX])  # mean 0, variance 1, third moment 0 (Webb 2014)
-_UNEVEN = 0.01  # level of the test for uneven variance
 _FULL = 1.0 - 1e-6  # leverage without a residual
 
 Refit = Callable[[Array, bool], tuple[Array, Array]]
@@ -101,7 +100,7 @@ def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Ar
 
 
 def variances_differ(residuals: Array, place: Array) -> bool:
-    """Whether the variance depends on the place: Koenker's test at 1 % of a parabola in its logarithm."""
+    """Whether the variance depends on the place: Koenker's test of a parabola in its logarithm."""
     x, square = np.log(np.abs(place)), residuals**2
     if residuals.size < 10 or not np.ptp(x) > 0 or not square.any():
         return False
@@ -109,7 +108,7 @@ def variances_differ(residuals: Array, place: Array) -> bool:
     basis = np.linalg.qr(np.column_stack([np.ones_like(s), s, s * s]))[0][:, 1:]
     total = float(np.sum((square - square.mean()) ** 2))
     share = float(np.sum((basis.T @ square) ** 2)) / total if total > 0 else 0.0
-    return bool(chdtrc(2, residuals.size * share) < _UNEVEN)
+    return bool(chdtrc(2, residuals.size * share) < SIGNIFICANCE)
 
 
 def bootstrap_at(solution: MultistartSolution[Name]) -> tuple[dict[Name, tuple[Array, Array]], int]:

@@ -30,8 +30,7 @@ class Conditional(NamedTuple):
     cost: Array  # J, (K,)
 
 
-Face = Callable[[Array], Conditional]
-"""Solves the problem, or a face of it, at values of eta, (K, P)."""
+Face = Callable[[Array], Conditional]  # solves the problem, or a face of it, at values of eta, (K, P)
 
 
 class Looks(NamedTuple):

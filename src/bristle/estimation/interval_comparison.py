@@ -4,11 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from bristle.estimation.levels import FACTOR, FEW
 from bristle.findings import CAUTION, NOTE, Finding
 
-FEW = 8  # least blocks of a bootstrap interval
-ENOUGH = 20  # blocks below which a different bootstrap is explained by them
-FACTOR = 1.5  # ratio of reaches from which intervals differ
 _ROUNDING = 1e-9
 Interval = tuple[float, float] | None
 
@@ -42,15 +40,14 @@ def warnings(
         return none
     nearest = reaches.get("profile", (1.0, 1.0))
     if not np.isfinite(nearest).all():
-        message = "the cost stays below the threshold to the end of the range, so the data do not bound the parameter on that side"
+        message = "the cost stays low to the end of the range, so the data do not bound the parameter on that side"
         why = Finding("cost-stays-low", CAUTION, message)
     elif _part(nearest, 0.0):
-        message = "the profile is skewed, which a covariance cannot represent; use the profile"
-        why = Finding("profile-skewed", CAUTION, message)
+        why = Finding("profile-skewed", CAUTION, "the profile is skewed, as no covariance is; use the profile")
     elif few:
         why = Finding("few-to-resample", CAUTION, f"{few} are few to resample; use the profile")
     else:
-        message = "the residuals are less even or less independent than the covariance and the profile assume; use the widest interval"
+        message = "the residuals are less even or independent than covariance and profile assume; use the widest"
         why = Finding("uneven-residuals", CAUTION, message)
     return (*none, they_differ(sides, ends, why))
 

@@ -10,13 +10,10 @@ from scipy.special import fdtrc
 
 from bristle.arrays import Array
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.levels import SIGNIFICANCE
+from bristle.estimation.levels import EXPLAINS, MATTERS, SIGNIFICANCE
 from bristle.findings import NOTE, Finding
 
-LEAST = 0.05  # of the residuals' squares: candidates that explain less are not reported
-MATTERS = 0.01  # of rms friction, or of a standard error: smaller effects are a note
-_MANY = 100
-"""Equations from which correlated and uneven noise is estimated along a column."""
+_MANY = 100  # equations from which correlated and uneven noise is estimated along a column
 _BESIDE, _RANK = 1e-6, 1e-10  # relative length of a column beside known ones, and relative rank of these
 
 
@@ -134,7 +131,11 @@ def explained(fit: Fitted, candidates: Sequence[Candidate]) -> Explained:
             columns = fit.weight[:, None] * candidate.columns[which]
             found, k = _score(basis, left, columns), columns.shape[1] + 2 * (len(candidate.columns) > 1)
             bic = n * np.log1p(-min(found.share, 1 - 1e-12)) + k * np.log(n)
-            if found.p * tried < SIGNIFICANCE and found.share * now > LEAST * total and (best is None or bic < best[0]):
+            if (
+                found.p * tried < SIGNIFICANCE
+                and found.share * now > EXPLAINS * total
+                and (best is None or bic < best[0])
+            ):
                 best = bic, candidate, which, found
         if best is None:
             return Explained(findings, left, errors)

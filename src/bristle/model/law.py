@@ -1,7 +1,7 @@
 """The LuGre friction law: every equation of the package that is not the motor's stands here, once.
 
 Pure CasADi expressions of the bristle deflection z (rad), the velocity v (rad/s) and the parameters p (`Lugre`, or
-`Stribeck` where no bristle enters). Which peak and which terms the law has, p knows; they stand in `laws`, a file each.
+`Stribeck` where no bristle enters). Which peak and which terms the law has, p knows; they stand in `laws`.
 Everything else - curves, simulators, residuals, Jacobians, adaptation - is derived from them; derivatives come from
 CasADi.
 """

@@ -10,8 +10,7 @@ from scipy import special
 
 T = TypeVar("T")
 Floats = NDArray[np.float64]
-Operation = Callable[..., object]
-"""A ufunc of operands and an optional output array, the last one."""
+Operation = Callable[..., object]  # A ufunc of operands and an optional output array, the last one
 
 _ZERO = np.array(0.0)
 

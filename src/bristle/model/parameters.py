@@ -49,18 +49,13 @@ class Stribeck(NamedTuple, Generic[T]):
 class Lugre(NamedTuple, Generic[T]):
     """LuGre parameters, (3)-(5), with units of a revolute joint; for other laws see `lugre_of`."""
 
-    alpha_0: T
-    """Coulomb friction, N*m, > 0."""
+    alpha_0: T  #: Coulomb friction, N*m, > 0
     alpha_1: T
     """Stribeck amplitude, N*m, >= 0 (the paper calls it stiction; the breakaway level is alpha_0 + alpha_1)."""
-    alpha_2: T
-    """Viscous friction, N*m*s/rad, >= 0."""
-    v_s: T
-    """Stribeck velocity, rad/s, > 0."""
-    sigma_0: T
-    """Bristle stiffness, N*m/rad, > 0."""
-    sigma_1: T
-    """Bristle damping, N*m*s/rad, >= 0."""
+    alpha_2: T  #: Viscous friction, N*m*s/rad, >= 0
+    v_s: T  #: Stribeck velocity, rad/s, > 0
+    sigma_0: T  #: Bristle stiffness, N*m/rad, > 0
+    sigma_1: T  #: Bristle damping, N*m*s/rad, >= 0
 
     @property
     def law(self) -> Law:
@@ -227,14 +222,10 @@ _PERIODIC = re.compile(r"(cogging|ripple)_(sin|cos)_([1-9][0-9]*)")
 class Motor(NamedTuple, Generic[T]):
     """The DC motor seen at the joint, (1)-(2)."""
 
-    k_t: T
-    """Torque constant, N*m/A, which is also the back-EMF constant, V*s/rad, > 0."""
-    R: T
-    """Armature resistance, ohm, > 0."""
-    L: T
-    """Armature inductance, H, >= 0."""
-    J: T
-    """Combined inertia of rotor and link, kg*m**2, > 0."""
+    k_t: T  #: Torque constant, N*m/A, which is also the back-EMF constant, V*s/rad, > 0
+    R: T  #: Armature resistance, ohm, > 0
+    L: T  #: Armature inductance, H, >= 0
+    J: T  #: Combined inertia of rotor and link, kg*m**2, > 0
 
 
 _UNITS = {
@@ -316,14 +307,8 @@ def has_own_unit(kind: Kind) -> bool:
 
 def effort(kind: Kind) -> str:
     """What a joint's torque is called: torque, force, current, voltage, position error."""
-    own = {
-        "A": "current",
-        "V": "voltage",
-        "N": "force",
-        "N*m": "torque",
-        "rad": "position error",
-        "m": "position error",
-    }
+    error = "position error"
+    own = {"A": "current", "V": "voltage", "N": "force", "N*m": "torque", "rad": error, "m": error}
     return own.get(effort_unit(kind), "deceleration")
 
 

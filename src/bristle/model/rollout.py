@@ -15,8 +15,7 @@ from bristle.model.time_refinement import Index, Nodes, inserted, with_extra_nod
 from bristle.model.vectorize import evaluate, scan, vectorised
 
 AT_ONCE = 15_000  # samples worked on at a time
-_FADED = 1e-150
-"""Added to each sensitivity's source, against slow denormal numbers."""
+_FADED = 1e-150  # added to each sensitivity's source, against slow denormal numbers
 _ONE = np.zeros(1, dtype=np.intp)  # where one motion begins
 _PASSES = 50  # at most this many scans of a chunk to settle where z changes sign
 _STILL = 1e-12

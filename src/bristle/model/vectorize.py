@@ -16,8 +16,7 @@ from bristle.arrays import Array
 from bristle.model.operations import OPERATIONS, Operation, choose, walked
 
 _IF_ELSE_ZERO, _NOT = OPERATIONS[ca.OP_IF_ELSE_ZERO], OPERATIONS[ca.OP_NOT]
-_BLOCK = 16_384
-"""Elements per block, whose buffers stay in the cache."""
+_BLOCK = 16_384  # elements per block, whose buffers stay in the cache
 _TOGETHER = 10  # ticks that are written out as one, at most
 _REUSE = 4096  # elements from which looking for memory to write over is worth the while
 

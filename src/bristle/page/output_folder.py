@@ -11,7 +11,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from bristle.errors import InputError, check_regular
-from bristle.workers import heed
 
 MARKER = ".bristle-manifest"  # in a folder of bristle's: what bristle made in it, a relative path a line
 # names of a page and its files
@@ -22,7 +21,7 @@ _PAGE = re.compile(
 RESULTS, TASKS, LEDGER, LOCK = FLEET = ("results", "tasks", "ledger.json", ".lock")
 # files of a folder that no page of another question may replace
 _WHOLE = {"results.json": "a report", "ledger.json": "a fleet"}
-_FILES = ("index.html", "results.json", "timings.json", "report.zip")  # files that most pages have
+_FILES = ("index.html", "results.json", "report.zip")  # files that most pages have
 
 
 def write_text(path: Path, text: str) -> None:
@@ -196,7 +195,6 @@ def _is_there(path: Path, instead: str) -> bool:
 
 
 def _write(path: Path, data: bytes) -> None:
-    heed()
     path.write_bytes(data)
 
 
@@ -216,10 +214,10 @@ def _named(path: Path, what: str) -> Iterator[None]:
 
 
 def zipped(files: Mapping[str, bytes]) -> bytes:
-    """Files, by relative POSIX path, as a reproducible ZIP archive, without timings.json, which differs each time."""
+    """Files, by relative POSIX path, as a reproducible ZIP archive."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name in sorted(files.keys() - {"timings.json"}):
+        for name in sorted(files):
             entry = zipfile.ZipInfo(name, date_time=(1980, 1, 1, 0, 0, 0))
             entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
             archive.writestr(entry, files[name])

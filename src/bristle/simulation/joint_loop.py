@@ -13,23 +13,22 @@ from bristle.control.pid import Gains
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import AdaptOptions
 from bristle.errors import InputError
+from bristle.estimation.levels import FASTER
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.known_joint import DEFLECTION, draws_of, inertia_of, rises_of, truth_of, whole, without_load
 from bristle.identification.moving_runs import load_columns, terms_of
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, ParameterName, effort, unit
+from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.rollout import load_level
 from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
 from bristle.simulation.references import Sine
 
-_BEYOND = 30.0  # largest speed of a reference over the fastest measured
 _FREQUENCY = 0.5  # of the default reference, Hz
-_BESIDE = ("offset", "gravity", "spring", "quadratic")
-"""Terms of the torque beside friction, inertia and links."""
+_BESIDE = ("offset", "gravity", "spring", "quadratic")  # terms of the torque beside friction, inertia and links
 
 
 class Carried(NamedTuple):
@@ -152,7 +151,6 @@ PAPER_ASSUMPTIONS: tuple[Finding, ...] = (
         "blocks. The position is measured as it is, unless an encoder is named."),
     Finding("paper-table-2", CAUTION, "Table 2: the paper says wrist, its numbers are the gripper's; plant and model have "
         "its (+) parameters in both directions."),
-    Finding("paper-feed-forward", NOTE, "No inertia feed-forward, unless it is named."),
 )  # fmt: skip  # a table
 """Constants of the closed loop that the paper does not give."""
 
@@ -178,10 +176,10 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     amplitude, frequency = requested_motion(asked, fastest)
     speed = 2 * np.pi * frequency * amplitude
     beyond = speed / fastest
-    if beyond > _BEYOND:
+    if beyond > FASTER:
         raise InputError(
             f"{experiment.path}: adapt: a reference of {amplitude:g} at {frequency:g} Hz is {beyond:.3g} times as fast as anything measured; "
-            f"expected at most {_BEYOND:g} times: lower adapt.amplitude or adapt.frequency"
+            f"expected at most {FASTER:g} times: lower adapt.amplitude or adapt.frequency"
         )
     if beyond > 1:
         message = f"The reference is {beyond:.2g} times as fast as anything measured: the model is extrapolated."
@@ -209,19 +207,9 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     start = asked.start if "start" in asked.model_fields_set else shares
     truth = truth_of(joint)
     if truth is None:
-        message = (
-            "The plant is the identified model itself: backlash, flexibility and noise are not in the simulations."
-        )
+        message = "The plant is the identified model itself, and its drive has no limit: backlash, flexibility and noise are left out."
         assumed.append(Finding("plant-is-model", CAUTION, message))
-    message = f"The drive gives the {effort(joint.kind)} that it is asked for, every {asked.period:g} s, without limit."
-    assumed.append(Finding("drive-without-limit", CAUTION, message, {"period": asked.period}))
     assumed += [joint.torque_scale] if joint.torque_scale else []
-    if joint.uncertain_constants:
-        message = (
-            f"Joints are also drawn with the error of {' and '.join(joint.uncertain_constants)}; where the controller makes its torque by the same "
-            "constants that error cancels, and the range is narrower."
-        )
-        assumed.append(Finding("systematic-drawn", NOTE, message))
     loop = JointLoop(
         name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
         draws=draws_of(joint, known, travel, J), draws_by_constants=draws_of(joint, known, travel, J, statistical=False),

@@ -16,8 +16,7 @@ from bristle.model.vectorize import evaluate
 _SMOOTH = Polynomial([0.0, 0.0, 3.0, -2.0])  # from one velocity to the next
 _TRAVELLED = _SMOOTH.integ()
 _ACROSS = Polynomial([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])  # from one position to the next, at rest at both
-STEEPEST = float(_SMOOTH.deriv()(0.5))
-"""Largest acceleration of a hold's ramp, times its duration over its velocity."""
+STEEPEST = float(_SMOOTH.deriv()(0.5))  # largest acceleration of a hold's ramp, times its duration over its velocity
 FASTEST = float(_ACROSS.deriv()(0.5))  # largest velocity of a move, over its mean
 HARDEST = float(np.abs(_ACROSS.deriv(2)(_ACROSS.deriv(3).roots().real)).max())
 """Largest acceleration of a move, times its duration squared over its way."""

@@ -12,9 +12,9 @@ from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import correlated, unexplained
 from bristle.estimation.covariance import condition, student
-from bristle.estimation.levels import SIGNIFICANCE
+from bristle.estimation.levels import MATTERS, SIGNIFICANCE
 from bristle.estimation.multistart import MultistartSolution
-from bristle.estimation.score_test import MATTERS, moved_by
+from bristle.estimation.score_test import moved_by
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction
 from bristle.identification.dynamic.claims import (
     WIDE,

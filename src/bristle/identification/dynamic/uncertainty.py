@@ -10,7 +10,7 @@ from bristle.arrays import Array
 from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import SHOWN, bootstrap_at
 from bristle.estimation.covariance import seen
-from bristle.estimation.interval_comparison import ENOUGH, FEW
+from bristle.estimation.levels import ENOUGH, FEW
 from bristle.estimation.nonlinear import projected
 from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.estimation.score_test import moved_by

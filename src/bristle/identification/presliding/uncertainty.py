@@ -11,7 +11,7 @@ from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import SHOWN, Resampled, block_bootstrap
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
-from bristle.estimation.interval_comparison import ENOUGH, FEW
+from bristle.estimation.levels import ENOUGH, FEW
 from bristle.identification.fits import Estimate, RunScatter, Uncertainty
 from bristle.identification.presliding.stiffness import (
     ESTIMATORS,

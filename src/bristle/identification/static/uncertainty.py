@@ -8,6 +8,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.estimation import bootstrap, interval_comparison
+from bristle.estimation.levels import FEW
 from bristle.identification.fits import Uncertainty
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.grid import Projected, Solution
@@ -117,7 +118,7 @@ def resample(
             )
             errors = np.sqrt(np.diag(covariance)[: size.size]) / size
         errors = errors[: size.size]  # shape parameters come after them
-    if problem.smooth is not None and drawn.blocks < interval_comparison.FEW:
+    if problem.smooth is not None and drawn.blocks < FEW:
         keep[:], errors = False, errors[:0]
     ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())]).reshape(-1, 2)
     best, logarithmic, floor = (each[keep, None] for each in (solution.theta, problem.logarithmic, problem.least))

@@ -1,1 +1,1 @@
-"""Friction laws: the Stribeck peak, and terms beside viscous friction, one per file."""
+"""Friction laws: the Stribeck peak, and terms beside viscous friction."""

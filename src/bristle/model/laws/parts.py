@@ -10,24 +10,18 @@ from typing import Any
 
 Expression = Any  # a float or a CasADi symbol: CasADi carries no types
 
-FASTEST = "v_end"
-"""Parameter of laws with terms: the fastest measured speed, rad/s, given and never estimated."""
+FASTEST = "v_end"  # parameter of laws with terms: the fastest measured speed, rad/s, given and never estimated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OwnParameter:
     """A parameter of some laws alone."""
 
-    name: str
-    """A Python name, unlike any other parameter's."""
-    symbol: str
-    """In print, such as α₃; mathematical text may stand between dollars."""
-    units: tuple[str, str]
-    """SI, revolute and prismatic, as pint reads them."""
-    least: float = 0.0
-    """Least value, SI; -inf where it has a sign."""
-    searched: tuple[float, float] = (0.0, 0.0)
-    """Search range of a peak's parameter, both > 0."""
+    name: str  #: A Python name, unlike any other parameter's
+    symbol: str  #: In print, such as α₃; mathematical text may stand between dollars
+    units: tuple[str, str]  #: SI, revolute and prismatic, as pint reads them
+    least: float = 0.0  #: Least value, SI; -inf where it has a sign
+    searched: tuple[float, float] = (0.0, 0.0)  #: Search range of a peak's parameter, both > 0
 
     @property
     def middle(self) -> float:
@@ -39,29 +33,27 @@ class OwnParameter:
 class Peak:
     """The fall of the Stribeck term with speed."""
 
-    name: str
-    """In `fit.law`: letters and hyphens."""
-    title: str
-    """In a sentence: a ... peak."""
+    name: str  #: In `fit.law`: letters and hyphens
+    title: str  #: In a sentence: a ... peak
     shape: Callable[..., Expression]
     """(v, v_s, *own) -> s, dimensionless: CasADi's operations alone, even in v, 1 at v = 0, falling to 0."""
-    own: tuple[OwnParameter, ...] = ()
-    """Parameters beside v_s, in the order of the arguments."""
-    reach: float
-    """Multiple of v_s at which nine tenths are gone."""
+    own: tuple[OwnParameter, ...] = ()  #: Parameters beside v_s, in the order of the arguments
+    reach: float  #: Multiple of v_s at which nine tenths are gone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ViscousTerm:
     """Added to viscous friction: v times a coefficient times a rate of the speed."""
 
-    name: str
-    """In `fit.law` after a +: letters and hyphens."""
-    title: str
-    """What the coefficient multiplies, such as v·|v|."""
+    name: str  #: In `fit.law` after a +: letters and hyphens
+    title: str  #: What the coefficient multiplies, such as v·|v|
     coefficient: OwnParameter
-    rate: Callable[[Expression], Expression]
-    """(abs(v)) -> r, >= 0, rising from 0 at rest: CasADi's operations alone."""
+    rate: Callable[[Expression], Expression]  #: (abs(v)) -> r, >= 0, rising from 0 at rest: CasADi's operations alone
+
+    @property
+    def own(self) -> tuple[OwnParameter, ...]:
+        """The coefficient alone, as `Peak.own`."""
+        return (self.coefficient,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +87,7 @@ class Law:
     @property
     def own(self) -> tuple[OwnParameter, ...]:
         """Parameters beside those of `Lugre` and `FASTEST`."""
-        return (*self.peak.own, *(term.coefficient for term in self.terms))
+        return (*self.peak.own, *(own for term in self.terms for own in term.own))
 
     @property
     def more(self) -> tuple[str, ...]:

@@ -3,13 +3,13 @@
 import logging
 import re
 from collections.abc import Collection
+from functools import cache
 from importlib.metadata import entry_points
-from itertools import product
 from keyword import iskeyword
 
-from bristle.model.laws import exponential, free_exponent, gaussian, lorentzian, quadratic
+from bristle.model.laws.alternatives import EXPONENTIAL, FREE_EXPONENT, LORENTZIAN, QUADRATIC
 from bristle.model.laws.check import fault_of
-from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.gaussian import GAUSSIAN, PEAK
 from bristle.model.laws.parts import FASTEST, Law, OwnParameter, Peak, ViscousTerm
 
 PAPER = "paper"  # another name of the paper's law
@@ -21,30 +21,21 @@ LOADS = {
     "gear-load-squared": ("gear_load", "gear_load_squared"),
 }
 """Loads by which the level rises (`law.load_levels`), as in `fit.law` after a +, and their coefficients."""
-_GROUP = "bristle.laws"
 _PARTS: dict[str, Peak | ViscousTerm] = {
-    part.name: part for part in (gaussian.PEAK, exponential.PEAK, lorentzian.PEAK, free_exponent.PEAK, quadratic.TERM)
+    part.name: part for part in (PEAK, EXPONENTIAL, LORENTZIAN, FREE_EXPONENT, QUADRATIC)
 }
-_COMPETE = {gaussian.PEAK.name, exponential.PEAK.name, lorentzian.PEAK.name, quadratic.TERM.name}
-"""Choices of `auto`; the free exponent is fitted by name alone."""
+_COMPETE = set(_PARTS) - {FREE_EXPONENT.name}  # choices of `auto`; the free exponent is fitted by name alone
 _NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")  # names of parameters, valid in C and MATLAB
 _LOG = logging.getLogger(__name__)
-_looked: list[bool] = []  # not empty once installed packages have been asked for theirs
 
 
 def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
     """Make a peak or a term known by its name, for `fit.law`, and for `auto` where it is to compete.
 
-    >>> import bristle, numpy as np
+    >>> import bristle
     >>> n = bristle.OwnParameter(name="steep", symbol="n", units=("1", "1"), searched=(0.5, 3.0))
     >>> steep = lambda v, v_s, n: (1 + (v / v_s) ** 2) ** -n
-    >>> peak = bristle.Peak(name="steep", title="power-law", shape=steep, own=(n,), reach=3.0)
-    >>> bristle.register_law(peak, compete=False)
-    >>> v = np.geomspace(0.01, 0.8, 30)
-    >>> T = 0.02 + 0.006 * (1 + (v / 0.07) ** 2) ** -1.5 + 0.04 * v
-    >>> found = bristle.fit(v, T + 1e-6 * np.sin(1e4 * v), law="steep")
-    >>> round(found.params["steep+"], 1)
-    1.5
+    >>> bristle.register_law(bristle.Peak(name="steep", title="power-law", shape=steep, own=(n,), reach=3.0))
 
     Args:
         part: what the law is to have.
@@ -64,9 +55,8 @@ def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
         raise ValueError(f"got the name {part.name!r}; expected letters, digits and hyphens, and not {PAPER} or {AUTO}")
     from bristle.model.parameters import reserved_names
 
-    brought = part.own if isinstance(part, Peak) else (part.coefficient,)
-    others = reserved_names() | {own.name for other in _PARTS.values() if other != part for own in _own(other)}
-    taken = [x.name for x in brought if x.name in others or iskeyword(x.name) or not _NAME.fullmatch(x.name)]
+    others = reserved_names() | {own.name for other in _PARTS.values() if other != part for own in other.own}
+    taken = [x.name for x in part.own if x.name in others or iskeyword(x.name) or not _NAME.fullmatch(x.name)]
     if taken:
         raise ValueError(
             f"{part.name}: got a parameter called {taken[0]!r}; expected letters, digits and _, and a name that no other has"
@@ -87,7 +77,7 @@ def law_named(name: str) -> Law:
     if name == AUTO:
         return GAUSSIAN
     first, *rest = name.split("+")
-    first = gaussian.PEAK.name if first == PAPER else first
+    first = PEAK.name if first == PAPER else first
     if not {first, *rest} <= _PARTS.keys():
         _look()
     peak, terms = _PARTS.get(first), [_PARTS.get(x) for x in rest]
@@ -98,36 +88,27 @@ def law_named(name: str) -> Law:
 
 
 def apart(name: str) -> tuple[str, tuple[str, ...]]:
-    """The name of a law without its load, and the load, of `LOADS`, or none.
-
-    >>> apart("lorentzian+quadratic+gear-load")
-    ('lorentzian+quadratic', ('gear-load',))
-    """
+    """The name of a law without its load, and the load, of `LOADS`, or none."""
     bare, _, last = name.rpartition("+")
     return (bare, (last,)) if last in LOADS else (name, ())
 
 
 def with_load(law: Law, coefficients: Collection[str]) -> str:
-    """The name of a law with the load of these coefficients, as in `fit.law`.
-
-    >>> with_load(GAUSSIAN, ["link_load"])
-    'gaussian+link-load'
-    """
+    """The name of a law with the load of these coefficients, as in `fit.law`: gaussian+link-load."""
     return "+".join((law.name, *(load for load, names in LOADS.items() if {*names} == {*coefficients})))
 
 
 def competing() -> tuple[Law, ...]:
     """The choices of `auto`, the paper's first: every peak, with and without each term."""
     _look()
-    peaks = [part for part in _PARTS.values() if isinstance(part, Peak) and part.name in _COMPETE]
-    terms = [part for part in _PARTS.values() if isinstance(part, ViscousTerm) and part.name in _COMPETE]
-    choices = product(peaks, [(), *((term,) for term in terms)])
-    return tuple(Law(peak, chosen) for peak, chosen in choices)
+    parts = [part for name, part in _PARTS.items() if name in _COMPETE]
+    terms = [(), *((part,) for part in parts if isinstance(part, ViscousTerm))]
+    return tuple(Law(peak, chosen) for peak in parts if isinstance(peak, Peak) for chosen in terms)
 
 
 def own_parameters() -> dict[str, OwnParameter]:
     """Parameters of known peaks and terms, by name."""
-    return {own.name: own for part in _PARTS.values() for own in _own(part)}
+    return {own.name: own for part in _PARTS.values() for own in part.own}
 
 
 def own_parameter(name: str) -> OwnParameter | None:
@@ -142,20 +123,15 @@ def friction_names() -> frozenset[str]:
     return frozenset((*own_parameters(), FASTEST))
 
 
-def _own(part: Peak | ViscousTerm) -> tuple[OwnParameter, ...]:
-    return part.own if isinstance(part, Peak) else (part.coefficient,)
-
-
 def _named(kind: type[Peak] | type[ViscousTerm]) -> list[str]:
     return [name for name, part in _PARTS.items() if isinstance(part, kind)]
 
 
+@cache
 def _look() -> None:
     """Load the laws of installed packages, once."""
-    if not _looked:
-        _looked.append(True)
-        for entry in entry_points(group=_GROUP):
-            try:
-                register_law(entry.load())
-            except Exception as error:  # noqa: BLE001  # a package that is broken is no reason to fail without its law
-                _LOG.warning("the law %s of an installed package is left out: %s: %s", entry.name, entry.value, error)
+    for entry in entry_points(group="bristle.laws"):
+        try:
+            register_law(entry.load())
+        except Exception as error:  # noqa: BLE001  # a package that is broken is no reason to fail without its law
+            _LOG.warning("the law %s of an installed package is left out: %s: %s", entry.name, entry.value, error)
