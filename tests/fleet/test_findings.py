@@ -234,7 +234,7 @@ def test_values_that_are_not_to_be_used_are_left_out(plain: Plain) -> None:
     at = np.sort(frame.loc[own == "robot-011 J2", "session"].unique())[4]
     late = (own == "robot-011 J2") & (frame["session"] >= at).to_numpy()
     said = np.where(late, "position-held", np.where(own == "robot-012 J1", "few-counts", ""))
-    said = np.where((own == "robot-013 J1") & (frame["session"] >= at).to_numpy(), "offset-left-out", said)
+    said = np.where((own == "robot-013 J1") & (frame["session"] >= at).to_numpy(), "held-out-unused", said)
     again = findings(frame.assign(warnings=pd.Categorical(said)))
     (row,) = again.warned.to_dict("records")
     assert (row["unit"], row["joint"], row["code"], row["severity"]) == ("robot-011", "J2", "position-held", "caution")

@@ -36,7 +36,7 @@ TABLE_1 = {
 }
 NOISE = 2e-4
 FEW_BELOW = Finding(
-    "few-below-v-s",
+    "slowest-too-fast",
     CAUTION,
     "Only 2 of 14 points lie below v_s in direction +; measure slower speeds to identify the Stribeck term.",
     {"below": 2, "points": 14, "direction": "+"},

@@ -263,15 +263,13 @@ def _sentence(rows: Mapping[Model, Row], static: Mapping[str, StaticFit], *, kep
         gap = rest[0].bic - best.bic
         lowest = f"{lowest} ({'hardly worse: ' * (gap < _SAME)}{rest[0].name} has {gap:.1f} more)"
     why = [lowest]
-    # terms without support, and a Stribeck term from points that stick and slip
+    # terms without support
     outcomes = {f.outcome.code for f in static.values()}
     shown = [r.bic for (model, _), r in rows.items() if model == STRIBECK]
     if not kept and shown and "static-as-asked" not in outcomes:
         gain = best.bic - min(shown)
         lower = f", though it would lower the BIC by {gain:.1f} (the fit's warnings say why)" if gain > 0 else ""
         why.append(f"the Stribeck term is not identifiable from these data, as the fit found{lower}")
-    if kept and "static-stick-slip" in outcomes:
-        why.append("but its Stribeck term rests on points that stick and slip")
     if any(model == LUGRE and not r.candidate for (model, _), r in rows.items()):
         why.append("the motion does not show LuGre's bristle")
     message = f"Use {best.name}: {'; '.join(why)}."

@@ -13,10 +13,10 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import correlated, inflation
-from bristle.estimation.levels import NO_SIGN, SIGNIFICANCE
+from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.linear import best_column_p_value
 from bristle.estimation.score_test import moved_by
-from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
+from bristle.findings import CAUTION, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import Estimate, Profile
 from bristle.identification.shared_findings import AT_BOUND, TAKES_UP_PEAK, curve_held
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
@@ -33,9 +33,8 @@ from bristle.identification.systematic import all_shifted
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
-_MIN_SPEED_RATIO = 0.34  # of the slowest speed: at a smaller v_s nothing is left of the term, and alpha_1 is invented
 _OPEN = Finding("interval-open", CAUTION, "No finite interval: the data allow it to the end of what is searched.")
-_THERE = {"peak-left-out", "bend", "one-speed", "v-s-down-to-zero", "v-s-up-to-any", "none-below-v-s"}
+_THERE = {"peak-left-out", "bend", "v-s-down-to-zero", "v-s-up-to-any", "none-below-v-s"}
 """Reasons to drop a term that is not noise."""
 
 
@@ -128,7 +127,9 @@ def solve_static(
     moved = {constant: moved_by(jacobian[:, free], change) for constant, change in problem.shifts.items()}
     reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
     ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
-    warnings = _fit_warnings(problem, solution, intervals, profiles, v_s_range)
+    warnings = list(dropped.values())
+    if variance_inflation > 2:
+        warnings.append(correlated(solution.residuals, sqrt(variance_inflation)))
     outcome = Finding("static-converged", NOTE, "Converged.")
     if dropped and not problem.peaks:
         message = "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted."
@@ -140,7 +141,7 @@ def solve_static(
         problem=problem, solution=solution, parameters=parameters,
         shifts={constant: dict(zip(names, by.tolist(), strict=True)) for constant, by in moved.items()},
         names=(*names, *list(beside)[: alone - free.sum()]), covariance=covariance, freedom=freedom, outcome=outcome,
-        warnings=(*dropped.values(), *warnings), profiles=profiles, dropped=dropped, profiled=likelihood,
+        warnings=tuple(warnings), profiles=profiles, dropped=dropped, profiled=likelihood,
         student=dict(zip(problem.names, zip(*(x.tolist() for x in ends), strict=True), strict=True)), beside=beside,
     )  # fmt: skip  # a list of values
 
@@ -236,67 +237,22 @@ def _unsupported(problem: Regression, solution: Solution, k: int, direction: Dir
     ratio = gain / unexplained / _inflation(problem, solution)
     p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
     speeds, v_s, seen = problem.speeds(direction), float(problem.split(solution.theta)[1][k]), problem.law.peak.reach
-    fastest, slowest, of = float(speeds.max()), float(speeds.min()), unit_of("velocity")
-    if SIGNIFICANCE < p < NO_SIGN:
-        message = f"noise alone would look as much like a Stribeck peak in {100 * p:.0f} % of cases"
-        return Finding("like-noise", NOTE, message, {"percent": 100 * p})
+    fastest, of = float(speeds.max()), unit_of("velocity")
     if p > SIGNIFICANCE:
-        return Finding("no-peak", NOTE, "no sign of a Stribeck peak")
+        message = f"noise alone would look as much like a Stribeck peak in {100 * p:.0f} % of cases"
+        return Finding("no-peak", NOTE, message, {"percent": 100 * p})
     if v_s * seen > fastest:
         message = (
             f"its v_s of {v_s:.3g}{of} would lie near the fastest speed, {fastest:.3g}{of}, so the term would bend the whole "
             f"curve instead of dropping at low speed (speeds beyond {seen:g} v_s would decide)"
         )
         return Finding("bend", NOTE, message, {"v_s": v_s, "fastest": fastest, "seen": seen})
-    message = (
-        f"its v_s of {v_s:.3g}{of} would lie below a third of the slowest speed, {slowest:.3g}{of}, so the term would depend "
-        "on that one speed (slower ones would decide)"
-    )
-    return (
-        Finding("one-speed", NOTE, message, {"v_s": v_s, "slowest": slowest})
-        if v_s < _MIN_SPEED_RATIO * slowest
-        else None
-    )
+    return None
 
 
 def _inflation(problem: Regression, solution: Solution) -> float:
     """Variance inflation by correlated residuals; 1 for points."""
     return inflation(solution.residuals) if problem.smooth is not None else 1.0
-
-
-def _fit_warnings(
-    problem: Regression,
-    solution: Solution,
-    intervals: Mapping[ParameterName, tuple[float, float]],
-    profiles: Mapping[Direction, Profile],
-    v_s_range: tuple[float, float],
-) -> tuple[Finding, ...]:
-    """Warnings about a fit as a whole."""
-    warnings = []
-    low, high = v_s_range
-    for direction, profile in profiles.items():
-        interval, where = intervals[ParameterName("v_s", direction)], in_direction(direction)
-        if interval[0] == 0 and np.isinf(interval[1]):
-            message = f"v_s is not identifiable from these speeds{where}: its profile is flat."
-            warnings.append(Finding("flat-profile", CRITICAL, message, {"direction": direction}))
-        if not low * 1.001 < profile.best < high / 1.001:
-            message = (
-                f"The best v_s lies at the edge of the range searched{where}, {low:.3g}{unit_of('velocity')} to "
-                f"{high:.3g}{unit_of('velocity')}."
-            )
-            warnings.append(Finding("at-edge", CRITICAL, message, {"direction": direction, "low": low, "high": high}))
-        speeds = np.abs(problem.velocity) if direction == "both" else problem.speeds(direction)
-        below, points = int(np.count_nonzero(speeds < profile.best)), speeds.size
-        if below < 3:
-            message = (
-                f"Only {below} of {points} points lie below v_s{in_direction(direction)}; measure slower speeds to identify the "
-                "Stribeck term."
-            )
-            numbers = {"below": below, "points": points, "direction": direction}
-            warnings.append(Finding("few-below-v-s", CAUTION, message, numbers))
-    if (variance_inflation := _inflation(problem, solution)) > 2:
-        warnings.append(correlated(problem.residuals(solution.theta), sqrt(variance_inflation)))
-    return tuple(warnings)
 
 
 def is_closed(interval: tuple[float, float]) -> bool:
