@@ -10,7 +10,6 @@ import jsonschema
 import numpy as np
 import pytest
 
-from bristle.estimation.interval_comparison import they_differ
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.document import joints_of, parsed, validated, with_samples
 from bristle.identification.results import Joint, adapter
@@ -144,7 +143,8 @@ def test_the_file_and_the_printed_report_are_the_result(
     assert samples["static/+/segments"][0] in {f"segments/{k}" for k in range(len(moved.segments))}
     # kind, severity, sentence and numbers of any kind stand in the file; kind and numbers come back
     name, inner = ParameterName("alpha_0", Direction.POSITIVE), Finding("cost-stays-low", CAUTION, "the cost stays low")
-    said = they_differ(("above", "below"), (("profile", 0.5, math.inf), (str(name), np.float64(1), -math.inf)), inner)
+    ends = (("profile", 0.5, math.inf), (str(name), np.float64(1), -math.inf))
+    said = Finding("intervals-differ", NOTE, "They differ.", {"ends": ends, "reason": inner})
     text = results_file.to_json(
         [replace(slide, warnings=(said, Finding("plan-local", NOTE, "3 others.", {"count": np.int64(3)})))]
     )
@@ -157,7 +157,7 @@ def test_the_file_and_the_printed_report_are_the_result(
     back, _ = read.warnings
     assert (back.code, str(back)) == (said.code, str(said))
     assert back.numbers == {
-        "sides": ("above", "below"), "ends": (("profile", 0.5, math.inf), ("alpha_0+", 1.0, -math.inf)), "reason": str(inner),
+        "ends": (("profile", 0.5, math.inf), ("alpha_0+", 1.0, -math.inf)), "reason": str(inner),
     }  # fmt: skip  # one value
     # one row per joint, direction and parameter, with the columns that the API promises
     frame = results_file.to_frame([joint, slide])

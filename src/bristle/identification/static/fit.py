@@ -108,8 +108,10 @@ def fit_static(
     errors_of_grid = {name: e.standard_error for name, e in core.parameters.items()}
     checked = crosscheck(core.problem, core.solution, errors_of_grid, v_s_range)
     warnings = warnings if checked.agrees else (*warnings, checked.verdict)
-    logarithmic, alone = {name for name in core.names if name.name in _LOGARITHMIC}, problem.smooth is None
-    scatter = clustered(*parts_of_runs(core, runs), core.parameters, core.freedom, logarithmic, independent=alone)
+    logarithmic = {name for name in core.names if name.name in _LOGARITHMIC}
+    scatter = clustered(
+        *parts_of_runs(core, runs), core.parameters, core.freedom, logarithmic, independent=problem.smooth is None
+    )
     one, finished = len(core.problem.directions) == 1, dict[str, StaticFit]()
     for d in (parts := _parts(problem)):
         fit = replace(
