@@ -140,7 +140,6 @@ def test_the_file_and_the_printed_report_are_the_result(
     assert {"velocity", "measured", "residuals", "time"}.isdisjoint(found["joint_fit"])
     assert all("loadings" not in fit for fit in found["presliding"]["fits"].values())
     assert {"joint_fit/residuals", "presliding/fits/+/loadings", "static/+/profile"} <= samples.keys()
-    assert samples["static/+/segments"][0] in {f"segments/{k}" for k in range(len(moved.segments))}
     # kind, severity, sentence and numbers of any kind stand in the file; kind and numbers come back
     name, inner = ParameterName("alpha_0", Direction.POSITIVE), Finding("cost-stays-low", CAUTION, "the cost stays low")
     ends = (("profile", 0.5, math.inf), (str(name), np.float64(1), -math.inf))
