@@ -1,14 +1,15 @@
 """Exact profiles of the parameters of a static fit (`estimation.conditional_profile`, eta = log(v_s))."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
 from scipy.interpolate import BSpline
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq, minimize
 
 from bristle.arrays import Array
 from bristle.estimation.conditional_profile import ConditionalProfiles, Face, Looks
@@ -32,8 +33,7 @@ _ROUNDING = 1e-13  # of the torque off the linear columns: closer costs are equa
 _NODES = 1000  # velocities of a reduced problem
 _SLOWEST = 1e-7  # of the fastest speed: the slowest node
 _FIRST = 7  # logarithmic values of a shape parameter tried first
-_STEPS = 14  # most refinements between the neighbours of the best
-_SETTLED = 1e-4  # of its logarithm: tolerance of a shape parameter
+_SETTLED, _SAME = 1e-4, 1e-9  # tolerances of its logarithm, and of the cost
 _WITHIN = 5  # values within its interval at which the others' intervals are evaluated
 
 
@@ -158,36 +158,20 @@ def others(solution: Solution, peaks: int, peak: int) -> Array:
 
 
 def with_best_shape(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
-    """The problem with the best shape of its peak."""
+    """The problem with the best shape of its peak: of some values, refined over their logarithms."""
     if not problem.law.peak.own or not problem.peaks:
         return problem
-    ranges = tuple(own.searched for own in problem.law.peak.own)
-    best, _ = _searched(lambda shape: solve(replace(problem, shape=shape), v_s_range).cost, ranges)
-    return replace(problem, shape=best)
 
+    def shaped(u: Array) -> Regression:
+        return replace(problem, shape=tuple(np.exp(u).tolist()))
 
-def _searched(
-    cost: Callable[[tuple[float, ...]], float], ranges: tuple[tuple[float, float], ...]
-) -> tuple[tuple[float, ...], float]:
-    """The minimum of a cost within ranges, nested: for each value of the first, the best of the rest."""
-    if not ranges:
-        return (), cost(())
-    (low, high), *rest = ranges
+    def cost(u: Array) -> float:
+        return solve(shaped(u), v_s_range).cost
 
-    def inner(u: float) -> tuple[tuple[float, ...], float]:
-        """The best of the rest at a logarithm of the first."""
-        own = float(np.exp(u))
-        shape, least = _searched(lambda others: cost((own, *others)), tuple(rest))
-        return (own, *shape), least
-
-    values = np.linspace(np.log(low), np.log(high), _FIRST)
-    first = [inner(u) for u in values.tolist()]
-    k = int(np.argmin([least for _, least in first]))
-    around = float(values[max(k - 1, 0)]), float(values[min(k + 1, values.size - 1)])
-    found = minimize_scalar(
-        lambda u: inner(float(u))[1], bounds=around, method="bounded", options={"xatol": _SETTLED, "maxiter": _STEPS}
-    )
-    return min(first[k], inner(float(found.x)), key=lambda x: x[1])
+    box = np.log([own.searched for own in problem.law.peak.own])
+    first = np.array(min(product(*(np.linspace(*ends, _FIRST) for ends in box)), key=lambda u: cost(np.array(u))))
+    near = np.clip(first[:, None] + np.ptp(box, axis=1)[:, None] / (_FIRST - 1) * [-1, 1], box[:, :1], box[:, 1:])
+    return shaped(minimize(cost, first, method="Powell", bounds=near, options={"xtol": _SETTLED, "ftol": _SAME}).x)
 
 
 def own_columns(problem: Regression, solution: Solution) -> Array:
