@@ -437,7 +437,7 @@ def on_motion(
     fit = f"directions: {request.param}, decimation: 2"
     experiment = load_experiment(experiment_file(tmp_path_factory.mktemp("moving"), {"t": v, "v": v, "T": v}, fit=fit))
     alone = whole(experiment, records, held, ("+", "-") if request.param == "separate" else ("both",))
-    static = fit_moving(experiment, records, [])[0]
+    static = fit_moving(experiment, records, [])
     runs = tuple(Run(kind="tracking", record=r, hold_out=r is held[0]) for r in (*records, *held))
     measured = Measured(experiment=experiment, runs=runs, segments=((), ()))
     compared = present(model_selection.compare_on_motion(measured, static, alone))

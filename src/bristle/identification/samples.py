@@ -26,7 +26,8 @@ def samples_of(joint: Joint) -> dict[str, Any]:
             way = f"{at}/{name}" if at else name
             if item is not None and item.metadata.get("exclude"):
                 default = item.default if item.default_factory is MISSING else item.default_factory()
-                form, nothing = (_adapter(item.type).dump_python(x, mode="json") for x in (held, default))
+                of: Any = item.type
+                form, nothing = (_adapter(of).dump_python(x, mode="json") for x in (held, default))
                 if form == nothing:
                     continue
                 samples[way] = form

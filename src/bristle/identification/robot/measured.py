@@ -68,17 +68,6 @@ def measure_robot(
         if progress:
             progress(f"links of {part.name}", len(measured), len(parts))
         measured.append(done)
-    # a joint with a known constant that contradicts the masses makes fitted constants doubtful
-    scales = ((m.experiment.joint.name, w) for m in measured for w in m.findings if w.code == "links-scale")
-    for name, scale in [(name, w.numbers["scale"]) for name, w in scales][:1]:
-        message = (
-            f"The torque constant comes out of the URDF's masses, and at {name}, whose constant is known, the links' "
-            f"torque would fit {scale:.3g} times as large: this constant, and friction with it, may be off as much."
-        )
-        doubt = Finding("constant-by-masses", CAUTION, message, {"joint": name, "scale": scale})
-        for k, m in enumerate(measured):
-            if m.torque_constant and m.torque_constant.value:
-                measured[k] = replace(m, findings=(*m.findings, doubt))
     return tuple(measured)
 
 

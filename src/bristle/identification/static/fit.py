@@ -20,7 +20,6 @@ from bristle.estimation.score_test import Fitted, explained
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.candidates import candidates
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, TrackingFit, Uncertainty
-from bristle.identification.load_levels import levels_of, settled_weights
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import (
     DIRECTIONS,
@@ -32,15 +31,14 @@ from bristle.identification.moving_runs import (
 )
 from bristle.identification.repeats import clustered, widened
 from bristle.identification.static.crosscheck import crosscheck
-from bristle.identification.static.grid import default_range, plain_grid, solve
+from bristle.identification.static.grid import default_range, plain_grid
 from bristle.identification.static.points import PointSearch, groups, point_regressors, points_problem
-from bristle.identification.static.problem import Regression, from_records, with_prior
+from bristle.identification.static.problem import Regression, from_records
 from bristle.identification.static.solution import StaticSolution, other_fit, solve_static
 from bristle.identification.static.strays import most_strays
 from bristle.identification.static.uncertainty import parts_of_runs, three_ways
 from bristle.identification.systematic import with_systematic
 from bristle.model.parameters import (
-    INERTIA,
     Direction,
     Kind,
     ParameterName,
@@ -73,7 +71,7 @@ def fit_static(
     held: Sequence[tuple[str, Regression]] = (),
     runs: Sequence[tuple[str, Regression]] = (),
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Fits and cross-checks of one problem, by direction or `shared`; `held` to predict, `runs` to fit apart."""
+    """Fits of one problem, and cross-checks of points, by direction or `shared`; `held` to predict, `runs` to fit apart."""
     v_s_range = default_range(problem.velocity)
     # a direction measured at one speed alone has no viscous friction of its own
     lost = set[ParameterName]()
@@ -95,25 +93,26 @@ def fit_static(
     search = where.search
     of_strays = report_strays(core, search, options, kind) if search else ()
     strays = [search.points[k] for k in search.strays] if search and not search.misfit else []
-    three = three_ways(core, v_s_range)
+    three = three_ways(core, v_s_range) if problem.smooth is None else {}
     sticks = np.array([s.stick_slip for s in where.segments], dtype=bool)
     of_sticking = _without_sticking(problem, core, options, kind, sticks)
-    measured = slice(problem.torque.size - problem.priors)
-    residuals = core.solution.residuals[measured]
-    in_order = residuals[np.argsort(problem.equation_velocity[measured])] if where.segments else residuals
-    left = unexplained(in_order, float(np.linalg.norm(problem.measured[measured])))
+    residuals = core.solution.residuals
+    in_order = residuals[np.argsort(problem.equation_velocity)] if where.segments else residuals
+    left = unexplained(in_order, float(np.linalg.norm(problem.measured)))
     warnings = (*left, *of_strays, *core.warnings, *of_sticking, *terms_left_out(core, kind, where))
     posed = ((file, replace(p, peaks=core.problem.peaks)) for file, p in held)
     errors = tuple(HoldOut(file=file, relative_error=p.relative_error(core.solution.theta)) for file, p in posed)
-    errors_of_grid = {name: e.standard_error for name, e in core.parameters.items()}
-    checked = crosscheck(core.problem, core.solution, errors_of_grid, v_s_range)
-    warnings = warnings if checked.agrees else (*warnings, checked.verdict)
+    checks, parts = dict[str, Crosscheck](), _parts(problem)
+    if problem.smooth is None:
+        errors_of_grid = {name: e.standard_error for name, e in core.parameters.items()}
+        checks[parts[-1]] = check = crosscheck(core.problem, core.solution, errors_of_grid, v_s_range)
+        warnings = warnings if check.agrees else (*warnings, check.verdict)
     logarithmic = {name for name in core.names if name.name in _LOGARITHMIC}
     scatter = clustered(
         *parts_of_runs(core, runs), core.parameters, core.freedom, logarithmic, independent=problem.smooth is None
     )
     one, finished = len(core.problem.directions) == 1, dict[str, StaticFit]()
-    for d in (parts := _parts(problem)):
+    for d in parts:
         fit = replace(
             _static_fit(core, kind, d, where, three), warnings=warnings, hold_out=errors,
             plain_grid={name.name: x for name, x in plain.items() if one or name.direction is d},
@@ -123,7 +122,7 @@ def fit_static(
         own = {name.name: x for name, x in scatter.items() if one or name.direction is d}
         shifts = {c: {n.name: x for n, x in by.items() if one or n.direction is d} for c, by in core.shifts.items()}
         finished[d] = with_systematic(widened(fit, own, _LOGARITHMIC), shifts)
-    return finished, {parts[-1]: checked}
+    return finished, checks
 
 
 def estimate_static(
@@ -226,15 +225,14 @@ def report_strays(core: StaticSolution, search: PointSearch, options: FitOptions
 def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[Finding]:
     """Terms that the fit lacks, to first order; points in the order of velocity."""
     problem, theta = core.problem, core.solution.theta
-    measured = slice(problem.torque.size - problem.priors)
-    velocity = problem.equation_velocity[measured]
+    velocity = problem.equation_velocity
     order = np.argsort(velocity, kind="stable") if where.segments else np.arange(velocity.size)
     names = problem.names
     errors = [((e := core.parameters.get(name)) and e.standard_error) or np.inf for name in names]
     friction = np.array([of_curve(name.name) for name in names], dtype=bool)
     fit = Fitted(
-        problem.jacobian(theta)[measured][order], core.solution.residuals[measured][order],
-        np.array(errors, dtype=np.float64), friction, float(np.sqrt(np.mean(problem.friction(theta)[measured] ** 2))),
+        problem.jacobian(theta)[order], core.solution.residuals[order],
+        np.array(errors, dtype=np.float64), friction, float(np.sqrt(np.mean(problem.friction(theta) ** 2))),
         widened=False,
     )  # fmt: skip  # a list of values
     time, position = (x[order] if x.size == order.size else x for x in (where.time, where.position))
@@ -256,13 +254,12 @@ def _static_fit(
     rows = np.ones(residuals.size, dtype=bool)
     if two and part != "shared":
         rows = velocity > 0 if part == "+" else velocity < 0
-    rows[rows.size - problem.priors :] = False
     names = [name for name in problem.names if not two or name.direction is part]
     parameters = {name.name: core.parameters[name] for name in names}
-    for name in names:  # warnings of the three intervals, unless at a bound
-        one = parameters[name.name]
-        if not any(warning.code == "at-bound" for warning in one.warnings):
-            parameters[name.name] = replace(one, warnings=(*one.warnings, *three[name].warnings))
+    own = {name.name: three[name] for name in names if name in three}
+    for bare, x in own.items():  # warnings of the three intervals, unless at a bound
+        if not any(warning.code == "at-bound" for warning in parameters[bare].warnings):
+            parameters[bare] = replace(parameters[bare], warnings=(*parameters[bare].warnings, *x.warnings))
     if part != "shared" and part in core.dropped:
         lost = (core.dropped[part],)
         names_lost = peak_parameters(problem.law)
@@ -290,7 +287,7 @@ def _static_fit(
         relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None, n=int(rows.sum()),
         outcome=core.outcome, names=tuple(core.names[k].name for k in keep),
         covariance=core.covariance[np.ix_(keep, keep)], degrees_of_freedom=int(core.freedom),
-        profile=core.profiles.get(part), uncertainty={name.name: three[name] for name in names},
+        profile=core.profiles.get(part), uncertainty=own,
         velocity=velocity[rows], torque=torque[rows], residuals=residuals[rows],
         segments=tuple(s for s, row in zip(where.segments, rows.tolist(), strict=False) if row),
         time=where.time[rows[: where.time.size]], position=where.position[rows[: where.position.size]],
@@ -346,35 +343,15 @@ def by_file(points: Iterable[Segment]) -> dict[str, list[Segment]]:
     return found
 
 
-def fit_moving(
-    experiment: Experiment, records: Sequence[Record], held: Sequence[Record]
-) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Static fits and cross-checks of moving runs, by the grid. Raises InputError where a signal is missing."""
-    fixed, prior = inertia(experiment)
-    moving, asked = directions(experiment, records), regressors(experiment)
-
-    def problem(
-        chosen: Sequence[Record], weights: Mapping[str, float] | None
-    ) -> tuple[Regression, tuple[Array, Array], int]:
-        """The regression of some records, time and position of its equations, samples dropped at ends."""
-        return from_records(chosen, moving, asked, experiment.fit.every, fixed, experiment.fit.friction, weights)
-
-    def fitted(weights: Mapping[str, float]) -> Mapping[ParameterName, float]:
-        """By the grid, with these coefficients of gravity and links."""
-        one = problem(records, weights)[0]
-        return one.named(solve(one, default_range(one.velocity)).theta)
-
-    weights = settled_weights(fitted, problem(records, None)[0].weights) if levels_of(asked) else {}
-    training, (time, position), _ = problem(records, weights)
+def fit_moving(experiment: Experiment, records: Sequence[Record], held: Sequence[Record]) -> dict[str, StaticFit]:
+    """Static fits of moving runs, by the grid. Raises InputError where a signal is missing."""
+    moving, asked, (fixed, _) = directions(experiment, records), regressors(experiment), inertia(experiment)
+    options = moving, asked, experiment.fit.every, fixed, experiment.fit.friction
+    training, (time, position), _ = from_records(records, *options)
+    tests, runs = ([(r.file, from_records([r], *options, training.weights)[0]) for r in x] for x in (held, records))
+    runs = [(file, one) for file, one in runs if len(runs) > 1 and one.torque.size > len(one.names)]
     where = PointInfo(time=time, position=position)
-    if prior is not None and "inertia" in asked:
-        free = training.linear @ np.linalg.lstsq(training.linear, training.torque, rcond=None)[0]
-        sigma = float(np.std(training.torque - free))
-        training = with_prior(training, INERTIA, prior.value, float(prior.standard_error or 0.0), sigma)
-    tests = [(r.file, problem([r], weights)[0]) for r in held]
-    apart = [(r.file, problem([r], weights)[0]) for r in records if len(records) > 1]
-    runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
-    return fit_static(training, experiment.fit, experiment.joint.kind, where, tests, runs)
+    return fit_static(training, experiment.fit, experiment.joint.kind, where, tests, runs)[0]
 
 
 def reconcile_static(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:

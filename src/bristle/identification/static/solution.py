@@ -34,7 +34,7 @@ from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
 _OPEN = Finding("interval-open", CAUTION, "No finite interval: the data allow it to the end of what is searched.")
-_THERE = {"peak-left-out", "bend", "v-s-down-to-zero", "v-s-up-to-any", "none-below-v-s"}
+_THERE = {"bend", "v-s-down-to-zero", "v-s-up-to-any", "none-below-v-s"}
 """Reasons to drop a term that is not noise."""
 
 
@@ -97,7 +97,7 @@ def solve_static(
     variance_inflation = _inflation(problem, solution)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
-    intervals, of_shape = over_shapes(problem, likelihood, v_s_range)
+    profile, of_shape = over_shapes(problem, likelihood, v_s_range)
     more = own_columns(problem, solution)
     J = np.concatenate([jacobian[:, free], more], axis=1)
     with_more, freedom = uncertainty.covariance(J, solution.cost, variance_inflation)
@@ -109,13 +109,18 @@ def solve_static(
     doubted = {
         d for d, reason in dropped.items() if {reason.code, getattr(reason.numbers.get("why"), "code", None)} & _THERE
     }
-    # interval by the profile, standard error by the exact Jacobian
+    reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
+    ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
+    student = {name: (low, high) for name, low, high in zip(problem.names, *(x.tolist() for x in ends), strict=True)}
+    # interval by the profile, of moving data by Student's t; standard error by the exact Jacobian
+    intervals = {**student, **profile}
     errors, parameters = np.full(len(problem.names), np.nan), dict[ParameterName, Estimate]()
     errors[free] = np.sqrt(np.diag(covariance)[: free.sum()])
     for name, value, error in zip(problem.names, solution.theta.tolist(), errors.tolist(), strict=True):
         (low, high), told = intervals[name], [AT_BOUND] if name in solution.at_bound else []
         if name.name in {"alpha_1", "v_s"} and not is_closed(intervals[name._replace(name="v_s")]):
-            told.append(_OPEN)  # alpha_1 grows with v_s
+            told.append(_OPEN)
+            high = high if name.name == "v_s" else np.inf  # alpha_1 grows with v_s
         elif name.name in {"alpha_0", "alpha_2"} and name.direction in doubted:
             told.append(TAKES_UP_PEAK)  # a peak that is there but not bounded
         parameters[name] = Estimate(
@@ -125,8 +130,6 @@ def solve_static(
         )  # fmt: skip  # a list of values
     names = list(compress(problem.names, free))
     moved = {constant: moved_by(jacobian[:, free], change) for constant, change in problem.shifts.items()}
-    reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
-    ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
     warnings = list(dropped.values())
     if variance_inflation > 2:
         warnings.append(correlated(solution.residuals, sqrt(variance_inflation)))
@@ -134,7 +137,7 @@ def solve_static(
     if dropped and not problem.peaks:
         message = "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted."
         outcome = Finding("static-no-stribeck", NOTE, message)
-        if all(reason.code in {"peak-left-out", "no-stribeck-asked"} for reason in dropped.values()):
+        if options.model == "coulomb-viscous":
             message = "Coulomb and viscous friction alone are fitted, as fit.law asks."
             outcome = Finding("static-as-asked", NOTE, message)
     return StaticSolution(
@@ -142,7 +145,7 @@ def solve_static(
         shifts={constant: dict(zip(names, by.tolist(), strict=True)) for constant, by in moved.items()},
         names=(*names, *list(beside)[: alone - free.sum()]), covariance=covariance, freedom=freedom, outcome=outcome,
         warnings=tuple(warnings), profiles=profiles, dropped=dropped, profiled=likelihood,
-        student=dict(zip(problem.names, zip(*(x.tolist() for x in ends), strict=True), strict=True)), beside=beside,
+        student=student, beside=beside,
     )  # fmt: skip  # a list of values
 
 
@@ -170,26 +173,22 @@ def _settled(
     problem: Regression, options: FitOptions, v_s_range: tuple[float, float]
 ) -> tuple[Regression, Solution, StaticProfiles, dict[Direction, Finding]]:
     """The final problem with solution and profiles, and the directions that lose their Stribeck term, with reasons."""
-    not_asked = Finding("no-stribeck-asked", NOTE, "Not fitted: fit.law is coulomb-viscous.")
     asked, points, least = options.model == "coulomb-viscous", problem.torque.size, len(problem.names) + 1
-    dropped, solution, judged = dict[Direction, Finding](), None, options.model != "stribeck"
-    if points < least:
+    dropped, solution, judged = dict[Direction, Finding](), None, options.model == "auto"
+    if asked or points < least:
         message = f"{points} points are too few for a Stribeck term; at least {least} are needed."
         few = Finding("too-few-for-peak", NOTE, message, {"points": points, "least": least})
+        not_asked = Finding("no-stribeck-asked", NOTE, "Not fitted: fit.law is coulomb-viscous.")
         dropped = dict.fromkeys(problem.peaks, not_asked if asked else few)
     else:
         solution = solve(problem, v_s_range)
         dropped = _without_peak(problem, partial(_unsupported, problem, solution)) if judged else {}
-    if asked and points >= least:
-        message = "Not fitted, for fit.law is coulomb-viscous, although these data show a Stribeck term."
-        left_out = Finding("peak-left-out", NOTE, message)
-        dropped = {d: not_asked if d in dropped else left_out for d in problem.peaks}
     while True:
         kept = replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped))
         if solution is None or dropped:
             solution = solve(kept, v_s_range)
         likelihood = profiled(kept, solution, _inflation(kept, solution))
-        if (better := likelihood.linear.better) is not None:
+        if likelihood.linear is not None and (better := likelihood.linear.better) is not None:
             found = descended(kept, np.exp(better).tolist(), v_s_range)
             solution = replace(found, base_costs=solution.base_costs, grid=solution.grid, profiles=solution.profiles)
             likelihood = profiled(kept, solution, _inflation(kept, solution))
