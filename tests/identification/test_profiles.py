@@ -378,18 +378,3 @@ def test_three_intervals_agree_or_say_why_not() -> None:
         assert_sound(found, three)
         words += [str(warning) for own in three.values() for warning in own.warnings]
     assert any("6 points for 4 parameters are few to resample" in warning for warning in words)
-
-
-@pytest.mark.slow
-def test_at_a_bound_the_intervals_are_one_sided() -> None:
-    """Without viscous friction its estimate is zero at times: intervals from zero up, and one sentence that says so."""
-    hits = 0
-    for seed in range(4):
-        found, three = fitted(np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16), 4e-4, seed, GRIPPER._replace(alpha_2=0.0))
-        assert_sound(found, three)
-        own = three[parse("alpha_2")]
-        if parse("alpha_2") in found.solution.at_bound:
-            hits += 1
-            assert [interval[0] for interval in (own.covariance, own.profile) if interval] == [0, 0]
-            assert [warning.code for warning in own.warnings] == ["intervals-at-bound"]
-    assert 1 <= hits <= 3
