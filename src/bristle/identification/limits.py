@@ -58,9 +58,11 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
             f"{what}: {told} {of}, {how}; set plan.{key} to override.",
             {"limit": key, "value": seen, "unit": of},
         )
-        assumed.append(
-            Finding("limit-guessed" if guessed else "limit-measured", CAUTION if guessed else NOTE, message, numbers)
+        guess, known = (
+            Finding("limit-guessed", CAUTION, message, numbers),
+            Finding("limit-measured", NOTE, message, numbers),
         )
+        assumed.append(guess if guessed else known)
         return seen
 
     seen = _rounded(float(speeds.max()) if points else _largest(measured.runs, "velocity"))

@@ -205,9 +205,8 @@ def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bo
             f"{'the unit, the torque constant and the gear' if signal == 'torque' else 'the order of the joints, units and the URDF'}."
         )
         named = {"signal": signal, "low": least, "high": most, "least": low, "most": high}
-        found.append(
-            Finding("effort-far-beyond" if far else "beyond-urdf", CRITICAL if far else CAUTION, message, named)
-        )
+        beyond = Finding("beyond-urdf", CAUTION, message, named)
+        found.append(Finding("effort-far-beyond", CRITICAL, message, named) if far else beyond)
     return found
 
 
