@@ -293,11 +293,11 @@ class Fault(NamedTuple):
 
 TERM = ("lacks-a-term", "lacks-unknown-term", "residual-trend", "unexplained")
 SIDES = ("offset-or-friction", "directions-differ", "lacks-a-term")
-DRIFT = ("friction-drifts", "drift-in-order", "drift-over-runs", "torque-drifts-in-runs", "residual-trend")
+DRIFT = ("friction-drifts", "drift-in-order", "torque-drifts-in-runs", "residual-trend")
 OPEN = ("open-cycles",)
 CLIPPED = ("clipped", "clipped-left-out")
 PLAY = ("backlash", "reversals-left")
-STRAYS = ("strays", "strays-matter", "strays-left-out")
+STRAYS = ("strays",)
 FAULTS: dict[str, Fault] = {
     "torque late": Fault("motion", _late, 0.005, 0.03, ("torque-delayed",)),
     "torque through a slow filter": Fault("motion", _filtered, 3, 15, ("torque-delayed", "reversals-left")),

@@ -295,7 +295,7 @@ class Fault(NamedTuple):
     """Codes whose sentence names the fault, or the pattern that it leaves, and words of a refusal that does."""
 
 
-DRIFT = ("drift-in-order", "drift-over-runs", "friction-drifts", "residual-trend")
+DRIFT = ("drift-in-order", "friction-drifts", "residual-trend")
 TERM = ("lacks-a-term", "lacks-unknown-term", "residual-trend")
 DELAY = ("torque-delayed",)
 LATE = ("reversals-left", "inertia-below-zero")
@@ -303,7 +303,7 @@ WARMS = ("torque-drifts-in-runs", "friction-drifts", "residual-trend")
 RIPPLE = ("residual-ripple", "lacks-a-term")
 SPEED = ("velocity-factor", "velocity-unrelated")
 COARSE = ("whole-positions", "count-bias")
-PEAK = ("no-stribeck", "few-below-v-s", "takes-up-peak", "interval-open")
+PEAK = ("no-stribeck", "takes-up-peak", "interval-open")
 STRAYS = ("strays",)
 SIDES = ("offset-or-friction", "directions-differ", "lacks-a-term")
 LOADED = ("loaded-at-start", "open-cycles", "above-g0")

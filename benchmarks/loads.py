@@ -110,7 +110,7 @@ def xl330(file: Path) -> tuple[Record, NDArray[np.bool_]]:
     return Record(file=file.name, time=t, **smooth), kept
 
 
-def posed(logs: Logs, load: tuple[str, ...], weights: Mapping[str, float] | None) -> Regression:
+def posed(logs: Logs, load: tuple[str, ...], weights: Mapping[str, float]) -> Regression:
     """The equations of some logs."""
     records, kept = zip(*logs, strict=True)
     whole, _, _ = from_records(records, ("both",), ("inertia", "gravity", *load), 1, None, GAUSSIAN, weights)
@@ -130,7 +130,7 @@ def held_out(fitted: Logs, held: Logs, load: tuple[str, ...]) -> tuple[float, in
         problem = posed(fitted, load, weights)
         return problem.named(solution(problem))
 
-    weights = settled_weights(named, posed(fitted, load, None).weights) if load else {}
+    weights = settled_weights(named) if load else {}
     problem, test = posed(fitted, load, weights), posed(held, load, weights)
     theta = solution(problem)
     rises = {n.name: x for n, x in zip(problem.names, theta.tolist(), strict=True) if n.name in levels_of(load)}

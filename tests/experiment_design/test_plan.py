@@ -14,7 +14,7 @@ from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.findings import Finding, Severity
 from bristle.identification.fisher import static_jacobian
-from bristle.identification.limits import Limits, followed, limits_of
+from bristle.identification.limits import Limits, limits_of
 from bristle.identification.measured import Measured, measure
 from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.questions.experiment_design import excitation, figures
@@ -194,19 +194,8 @@ def measured() -> Measured:
 
 
 def test_declared_and_undeclared_limits_are_said(measured: Measured, tmp_path: Path) -> None:
-    """What is declared is the highest frequency and no assumption; what caps it, or the default, is said."""
-    for asked, frequency, named in (
-        ({"frequency": 20.0, "rate": 400.0}, 20.0, ""),
-        ({"frequency": 1000.0}, 10.0, "10 Hz, not the declared 1000 Hz: at 10 Hz plan.rate, 100 Hz, gives"),
-        ({"rate": 50.0}, 5.0, "5 Hz, at which plan.rate, 50 Hz, gives 10 samples to a period, which"),
-    ):
-        options = measured.experiment.plan.model_validate(asked)
-        own = replace(measured, experiment=measured.experiment.model_copy(update={"plan": options}))
-        found, said = followed(limits_of(own)[0], options.frequency)
-        assert found.frequency == pytest.approx(frequency), asked
-        assert (named in " ".join(map(str, said)), bool(said)) == (True, bool(named)), asked
+    """Each has its kind and value: a note where runs showed it, a caution where it is a guess; a declared one has none."""
 
-    # each has its kind and value: a note where runs showed it, a caution where it is a guess; a declared one has none
     def said_of(found: Measured, asked: dict[str, object]) -> tuple[Limits, dict[str, Finding]]:
         options = found.experiment.plan.model_validate(asked)
         limits, said = limits_of(replace(found, experiment=found.experiment.model_copy(update={"plan": options})))
@@ -216,17 +205,22 @@ def test_declared_and_undeclared_limits_are_said(measured: Measured, tmp_path: P
     shown = {
         "velocity": limits.velocity, "minimum_velocity": limits.slowest, "hold": limits.hold,
         "acceleration": limits.acceleration, "torque": limits.torque, "position": limits.position,
-        "rate": limits.rate,
+        "rate": limits.rate, "frequency": 10.0,
     }  # fmt: skip  # a table
     assert {kind: said[kind].numbers["value"] for kind in shown} == shown
     assert said.keys() == shown.keys()
-    assert [key for key, d in said.items() if d.severity is not Severity.NOTE] == ["rate"]
+    assert [key for key, d in said.items() if d.severity is not Severity.NOTE] == ["rate", "frequency"]
     declared = {"velocity": 1.0, "minimum_velocity": 0.01, "hold": 2.0, "position": (0.0, 1.0), "acceleration": 9.0}
-    assert said_of(measured, declared | {"torque": 1.0, "rate": 200.0})[1] == {}
+    declared |= {"torque": 1.0, "rate": 200.0, "frequency": 20.0}
+    limits, said = said_of(measured, declared)
+    assert (limits.frequency, said) == (20.0, {})
+    assert said_of(measured, {"rate": 50.0})[0].frequency == 5.0
+    with pytest.raises(ValueError, match="expected at least 10000 Hz, ten samples of a period"):
+        said_of(measured, {"frequency": 1000.0})
     limits, said = said_of(measure(write(tmp_path, speeds())), {})
     assert said["acceleration"].numbers["value"] == limits.acceleration
     assert said["position"].numbers["value"][1] == pytest.approx(limits.travel, rel=1e-2)
-    guesses = {"acceleration", "position", "rate"}
+    guesses = {"acceleration", "position", "rate", "frequency"}
     assert {key for key, d in said.items() if d.severity is Severity.CAUTION} == guesses
 
 

@@ -1,23 +1,18 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy import sparse
 from scipy.optimize import curve_fit
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
-from bristle.data.record import Record
 from bristle.identification.fits import StaticFit
 from bristle.identification.moving_runs import load_columns
 from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
 from bristle.identification.static.grid import Projected, default_range, plain_grid, solve, solve_at
-from bristle.identification.static.problem import Regression, from_points, from_records, with_prior
-from bristle.identification.static.profiles import reduced
+from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Lugre
 
 from ..names import parse
@@ -71,7 +66,7 @@ def test_peaks_are_found_where_they_are(speeds: Array, gripper: Lugre[float]) ->
     fit = points(velocity, torque)
     assert fit.outcome.code == "static-no-stribeck"
     (refused,) = (warning for warning in fit.warnings if warning.code == "no-stribeck")
-    assert refused.numbers["why"].code in {"bend", "like-noise"}
+    assert refused.numbers["why"].code in {"bend", "no-peak"}
     # a curve that rises at every speed keeps a Stribeck term that the data show: alpha_2 > 0.86 alpha_1 / v_s is none
     p = gripper._replace(alpha_2=gripper.alpha_1 / gripper.v_s)
     assert (np.diff(curve(speeds, p)) > 0).all()
@@ -91,21 +86,9 @@ def test_peaks_are_found_where_they_are(speeds: Array, gripper: Lugre[float]) ->
     assert all("one-speed-only" in codes(fit.parameters[name].warnings) for name in ("alpha_0", "alpha_2"))
     assert fit.parameters["alpha_0"].value == pytest.approx(float(curve(np.array([0.2]), gripper)[0]), rel=1e-3)
     assert fit.parameters["alpha_2"].value == 0
-    # with no speed below v_s the Stribeck term is dropped, or its interval is open and a warning asks for slower speeds
+    # with no speed below v_s the Stribeck term is dropped
     velocity = np.geomspace(1.2 * gripper.v_s, 0.8, 14)
-    torque = curve(velocity, gripper) + white(14, 2e-5, 8)
-    fit = points(velocity, torque)
-    if fit.parameters["v_s"].value is None:
-        assert fit.outcome.code == "static-no-stribeck"
-    else:
-        assert "few-below-v-s" in codes(fit.warnings)
-    # where only stick-slip points show the Stribeck region, the outcome itself says that the term rests on them
-    v = np.concatenate([np.geomspace(0.01, 0.1, 6), np.linspace(0.3, 1.2, 12)])
-    torque = curve(v, gripper) + white(v.size, 1e-4, 1)
-    fit = points(v, torque, v < 0.2)
-    assert fit.parameters["alpha_1"].value is not None
-    assert any("alpha_0" in w.numbers for w in fit.warnings if w.code == "stick-slip-points")
-    assert fit.outcome.code == "static-stick-slip"
+    assert points(velocity, curve(velocity, gripper) + white(14, 2e-5, 8)).outcome.code == "static-no-stribeck"
 
 
 @pytest.mark.parametrize(
@@ -146,16 +129,12 @@ def test_units_directions_and_checks_of_a_fit(speeds: Array, gripper: Lugre[floa
     assert checks["+"].cost_grid == pytest.approx(float(fits["+"].residuals @ fits["+"].residuals), rel=1e-12)
     assert checks["+"].agrees
     assert set(map(str, checks["+"].parameters)) == {"alpha_0+", "alpha_2+"}
-    # Coulomb and viscous friction asked for: the outcome says so; where the data show a peak, alpha_0 and alpha_2 are cautioned, else not
-    noise = white(speeds.size, 1e-4, 4)
-    for p, shown in ((gripper, True), (gripper._replace(alpha_1=0.0), False)):
-        problem = from_points(speeds, curve(speeds, p) + noise, ("+",))
-        fit = fit_static(problem, FitOptions(law="coulomb-viscous"), "revolute", PointInfo())[0]["+"]
-        assert fit.outcome.code == "static-as-asked"
-        assert fit.parameters["alpha_1"].value is None
-        assert ("peak-left-out" in codes(fit.warnings)) == shown
-        for name in ("alpha_0", "alpha_2"):
-            assert ("takes-up-peak" in codes(fit.parameters[name].warnings)) == shown
+    # Coulomb and viscous friction asked for: the outcome says so, whatever the data show
+    fits, _ = fit_static(
+        from_points(speeds, curve(speeds, gripper), ("+",)), FitOptions(law="coulomb-viscous"), "revolute", PointInfo()
+    )
+    assert fits["+"].outcome.code == "static-as-asked"
+    assert fits["+"].parameters["alpha_1"].value is None
 
 
 positive = st.floats(0.1, 10.0)
@@ -265,66 +244,3 @@ def test_solves_at_bounds_and_of_points(speeds: Array, gripper: Lugre[float]) ->
     problem = from_points(velocity, curve(velocity, gripper), ("both",))
     solution = solve(problem, default_range(velocity))
     assert solution.profiles[0][0] <= solution.base_costs[0] * (1 + 1e-9) + 1e-18
-    # points that nothing smooths are returned themselves
-    velocity = np.geomspace(0.02, 0.8, 12)
-    problem = from_points(velocity, curve(velocity, GRIPPER), ("both",))
-    assert reduced(problem, (0.01, 0.8)) is problem
-    # a motion at one speed in either sense, smoothed, is reduced without harm
-    velocity = np.tile(np.repeat([0.3, -0.3], 50), 4)
-    raw = from_points(velocity, curve(velocity, GRIPPER), ("both",))
-    smooth = sparse.csr_array(sparse.kron(sparse.eye_array(40), np.full((1, 10), 0.1)))
-    problem = replace(raw, torque=smooth @ raw.torque, linear=smooth @ raw.linear, smooth=smooth)
-    theta = np.array([0.01, 0.02, 0.003, 0.1])
-    expected, found = (float(np.sum(p.residuals(theta) ** 2)) for p in (problem, reduced(problem, (0.1, 0.3))))
-    assert found == pytest.approx(expected, rel=1e-8)
-
-
-def moving(directions: tuple[str, ...], *, decimation: int = 10) -> Regression:
-    """Six seconds at 1 kHz through standstill, filtered, with inertia; a prior on alpha_0."""
-    rng, time = np.random.default_rng(3), np.arange(6000) / 1000
-    velocity = 0.5 * np.sin(5 * time) + 0.2 * np.sin(13 * time) + 1e-4 * rng.standard_normal(time.size)
-    acceleration = np.gradient(velocity, time)
-    torque = curve(velocity, GRIPPER) + 0.004 * acceleration + 1e-3 * rng.standard_normal(time.size)
-    record = Record(
-        file="motion.csv", time=time, velocity=velocity, acceleration=acceleration, torque=torque, starts=(0, 3500)
-    )
-    problem, _, _ = from_records([record], directions, ("inertia", "offset"), decimation)
-    name = "alpha_0" if len(directions) == 1 else "alpha_0-"
-    return with_prior(problem, parse(name), 0.02, 1e-3, 5e-4)
-
-
-CASES = {
-    "one direction": moving(("both",)),
-    "two directions": moving(("+", "-")),
-    "not filtered": moving(("+", "-"), decimation=1),
-}
-SMALL = {name: reduced(problem, default_range(problem.velocity)) for name, problem in CASES.items()}
-
-
-@pytest.mark.parametrize("case", CASES)
-@settings(max_examples=20)
-@given(seed=st.integers(0, 10**6))
-def test_sums_of_squares_are_the_same_for_every_theta(case: str, seed: int) -> None:
-    """Not at the minimum alone: for any parameters with v_s in the range the cost is that of all equations, to 1e-8 of the torque's square."""
-    problem, few = CASES[case], SMALL[case]
-    # parameters of any sign, each up to twice what makes its column as long as the torque
-    rng, (low, high) = np.random.default_rng(seed), default_range(problem.velocity)
-    v_s = np.exp(rng.uniform(np.log(low), np.log(high), len(problem.peaks)))
-    scale = np.linalg.norm(problem.torque) / np.linalg.norm(problem.design(v_s), axis=0)
-    theta = np.concatenate([2 * scale * rng.uniform(-1, 1, scale.size), v_s])
-    expected, found = (float(np.sum(p.residuals(theta) ** 2)) for p in (problem, few))
-    assert found == pytest.approx(expected, rel=1e-8, abs=1e-8 * float(problem.torque @ problem.torque))
-
-
-@pytest.mark.parametrize("case", CASES)
-def test_gradients_and_solution_are_the_same(case: str) -> None:
-    """J'J, J'r and the least cost agree too, with an order of magnitude fewer equations, and names and bounds are kept."""
-    problem, few = CASES[case], SMALL[case]
-    assert few.names == problem.names
-    assert few.torque.size < 0.2 * problem.torque.size
-    whole, solution = (solve(p, default_range(problem.velocity)) for p in (problem, few))
-    assert solution.theta == pytest.approx(whole.theta, rel=1e-5)
-    assert solution.cost == pytest.approx(whole.cost, rel=1e-6)
-    J, own = problem.jacobian(whole.theta), few.jacobian(whole.theta)
-    scale = np.linalg.norm(J, axis=0)
-    assert (own / scale).T @ (own / scale) == pytest.approx((J / scale).T @ (J / scale), abs=1e-5)

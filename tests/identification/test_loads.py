@@ -41,7 +41,6 @@ from bristle.model.laws.registry import LOADS, apart, law_named
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, of_load, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.rollout import rollout, rollout_into
-from bristle.page.wording import symbol
 from bristle.questions.compensation.replay import replays
 from bristle.questions.joint_report.brief import brief_report
 from bristle.questions.joint_report.report import full_text
@@ -61,32 +60,21 @@ SETS = [P, Pair(P, P._replace(alpha_0=0.3))]
 
 
 @pytest.mark.parametrize("p", SETS)
-def test_a_constant_level_is_coulomb_friction(p: Lugre[float] | Pair[float]) -> None:
-    """A level of 0.01 throughout is an alpha_0 that is 0.01 larger, exactly."""
+def test_levels_are_friction_and_differentiated(p: Lugre[float] | Pair[float]) -> None:
+    """A level of 0.01 throughout is an alpha_0 that is 0.01 larger, exactly; dT/dc of a level c . L is that of central differences."""
     more = [one._replace(alpha_0=one.alpha_0 + 0.01) for one in ([p] if isinstance(p, Lugre) else p)]
     shifted = more[0] if len(more) == 1 else Pair(*more)
     level = np.full(VELOCITY.size, 0.01)
     assert np.array_equal(rollout(VELOCITY, 1e-3, p, level=level).torque, rollout(VELOCITY, 1e-3, shifted).torque)
-
-
-@pytest.mark.parametrize("p", SETS)
-@pytest.mark.parametrize("z0", [None, 1e-4])
-def test_derivatives_by_a_level_are_those_of_differences(p: Lugre[float] | Pair[float], z0: float | None) -> None:
-    """dT/dc of a level c . L is that of central differences, to 1e-8 of the largest."""
     # of two different sets to 1e-4: where z changes sign within a step is not differentiated
-    near = 1e-8 if isinstance(p, Lugre) else 1e-4
-    c = np.array([0.05, 0.03])
-
-    def torque(c: Array) -> Array:
-        return rollout(VELOCITY, 1e-3, p, z0, level=c @ RISES).torque
-
+    near, c = 1e-8 if isinstance(p, Lugre) else 1e-4, np.array([0.05, 0.03])
     count = 6 if isinstance(p, Lugre) else 12
-    rows = [np.empty(VELOCITY.size) for _ in range(count + 3)]
-    rollout_into(rows, VELOCITY, 1e-3, p, z0, level=np.vstack([c @ RISES, RISES]))
-    for k in range(2):
-        step = 1e-6 * np.eye(2)[k]
-        by_difference = (torque(c + step) - torque(c - step)) / 2e-6
-        assert rows[count + k] == pytest.approx(by_difference, abs=near * np.abs(by_difference).max())
+    for z0 in (None, 1e-4):
+        rows = [np.empty(VELOCITY.size) for _ in range(count + 3)]
+        rollout_into(rows, VELOCITY, 1e-3, p, z0, level=np.vstack([c @ RISES, RISES]))
+        for k, step in enumerate(1e-6 * np.eye(2)):
+            up, down = (rollout(VELOCITY, 1e-3, p, z0, level=x @ RISES).torque for x in (c + step, c - step))
+            assert rows[count + k] == pytest.approx((up - down) / 2e-6, abs=near * np.abs((up - down) / 2e-6).max())
 
 
 def geared_file(law: str, rises: float = 0.1, supply: tuple[float, ...] = EXACT) -> Path:
@@ -265,41 +253,30 @@ def embedded(edro_results: Path) -> tuple[Joint, Joint]:
     return plain, replace(plain, joint_fit=fit, settings={"law": "gaussian+link-load: Gaussian peak"})
 
 
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({}, "has none as coefficients"),
-        ({"foo_load": 0.1}, "has none as coefficients"),
-        ({"gear_load_squared": 0.1}, "has gear_load_squared as coefficients"),
-        ({"link_load": 0.1, "motor_load": 0.1}, "expected those of one of link-load, motor-load"),
-    ],
-)
-def test_results_with_another_load_are_refused(
-    embedded: tuple[Joint, Joint], tmp_path: Path, wrong: dict[str, float], said: str
-) -> None:
-    """Coefficients that were edited into those of no load, or of two: one sentence, not a page without them."""
-    document = json.loads(bristle.Results(joints=embedded[1:]).to_json())
-    fit = document["joints"]["wrist pitch"]["joint_fit"]
-    known, path = fit["parameters"].pop("link_load"), tmp_path / "results.json"
-    fit["parameters"] |= {name: {**known, "value": value} for name, value in wrong.items()}
-    path.write_text(json.dumps(document))
-    with pytest.raises(InputError, match=said):
-        bristle.read_results(path)
-
-
-def test_who_takes_the_joint_without_load_says_so(embedded: tuple[Joint, Joint]) -> None:
-    """What is left out is named with how much it is; a joint without a load has nothing to say."""
+def test_joints_with_a_load_say_so(embedded: tuple[Joint, Joint], tmp_path: Path) -> None:
+    """What is left out is named with how much it is, reports say which law and load the fits have; edited coefficients of no load are refused."""
     plain, loaded = embedded
     (told,) = without_load(loaded)
     assert (told.numbers["names"], told.numbers["rise"]) == (("link_load",), 0.1)
     assert not without_load(plain)
-    # the short report says which law and load the fits have; that of the paper's law says none. A document names both, and their
-    # coefficients
-    plain, found = embedded
-    assert found.law_name == "gaussian+link-load"
-    assert "law: gaussian+link-load: Gaussian peak" in " ".join(brief_report([found]).split())
+    assert loaded.law_name == "gaussian+link-load"
+    assert "law: gaussian+link-load: Gaussian peak" in " ".join(brief_report([loaded]).split())
     assert not any(line.startswith("  law:") for line in brief_report([plain]).splitlines())
-    assert "Fitted: gaussian+link-load (" in " ".join(full_text([found]).split())
+    assert "Fitted: gaussian+link-load (" in " ".join(full_text([loaded]).split())
+    wrong: dict[str, dict[str, float]] = {
+        "has none as coefficients": {"foo_load": 0.1},
+        "has gear_load_squared as coefficients": {"gear_load_squared": 0.1},
+        "expected those of one of link-load, motor-load": {"link_load": 0.1, "motor_load": 0.1},
+    }
+    document = json.loads(bristle.Results(joints=embedded[1:]).to_json())
+    fit, path = document["joints"]["wrist pitch"]["joint_fit"], tmp_path / "results.json"
+    known = fit["parameters"].pop("link_load")
+    rest = fit["parameters"]
+    for said, values in wrong.items():
+        fit["parameters"] = {**rest, **{name: {**known, "value": value} for name, value in values.items()}}
+        path.write_text(json.dumps(document))
+        with pytest.raises(InputError, match=said):
+            bristle.read_results(path)
 
 
 JOINT = Lugre(0.3, 0.1, 0.05, 0.2, 100.0, 0.3)
@@ -446,13 +423,9 @@ def test_what_is_held_out_is_predicted_with_the_same_orders(tmp_path: Path) -> N
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"orders": [4]}, "fit.orders: nothing has orders; add cogging or ripple to fit.regressors, or leave it out"),
     ({"orders": [-4]}, "got -4; expected auto, or whole numbers from 1 to 100_000"),
-    ({"orders": [0]}, "got 0; expected auto, or whole numbers"),
     ({"orders": [4.5]}, "got 4.5; expected auto, or whole numbers"),
-    ({"orders": [True]}, "got True; expected auto, or whole numbers"),
     ({"orders": "all"}, "got 'all'; expected auto, or whole numbers"),
-    ({"orders": []}, "got []; expected auto, or up to 20 orders, each once"),
     ({"orders": [4, 4]}, "got [4, 4]; expected auto, or up to 20 orders, each once"),
-    ({"orders": [10**6]}, "got 1000000; expected auto, or whole numbers from 1 to 100_000"),
     ({"orders": [5000]}, "fit.orders: got 5000; expected at most"),
     (
         {"predict": "position"},
@@ -462,7 +435,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
 """Orders that cannot be, and what is said of them."""
 
 
-@pytest.mark.parametrize(("kind", "rate"), [("revolute", 4.0), ("prismatic", 8 * np.pi), ("prismatic in A", 8 * np.pi)])
+@pytest.mark.parametrize(("kind", "rate"), [("revolute", 4.0), ("prismatic in A", 8 * np.pi)])
 def test_an_order_is_per_turn_or_per_metre(kind: JointKind, rate: float) -> None:
     """Order 4 is four periods a turn, or a metre; its amplitude has the unit of the torque, and a ripple turns with the motion."""
     q, v = np.linspace(0, 1, 50), np.linspace(-1, 1, 50)
@@ -473,5 +446,3 @@ def test_an_order_is_per_turn_or_per_metre(kind: JointKind, rate: float) -> None
     assert columns["cogging_sin_4"] == pytest.approx(np.sin(rate * q))
     assert columns["ripple_cos_4"] == pytest.approx(np.cos(rate * q) * np.sign(v))
     assert {unit(name, kind) for name in list(columns)[1:]} == {unit("torque", kind)}
-    assert symbol("cogging_sin_4") == "cogging (sin 4)"
-    assert ParameterName.parse("cogging_sin_4") == ParameterName("cogging_sin_4", Direction.SHARED)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import sparse, stats
+from scipy import stats
 from scipy.optimize import brentq, minimize, nnls
 
 from bristle.arrays import Array
@@ -15,13 +15,12 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.estimation.covariance import covariance as uncertainty
 from bristle.estimation.interval_comparison import warnings
 from bristle.estimation.levels import FACTOR
-from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.fits import Uncertainty
 from bristle.identification.static.grid import Solution, default_range, solve
-from bristle.identification.static.problem import Regression, from_points, with_prior
+from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.profiles import StaticProfiles, profiled
 from bristle.identification.static.solution import StaticSolution, solve_static
-from bristle.identification.static.uncertainty import resample, three_ways
+from bristle.identification.static.uncertainty import three_ways
 from bristle.model.parameters import Lugre, ParameterName, Stribeck
 
 from ..names import named, parse
@@ -193,17 +192,6 @@ def test_profiles_at_bounds_and_ends() -> None:
         assert low <= solution.theta[-1] <= high
         open_, closed = open_ + unlimited, closed + (not unlimited)
     assert min(open_, closed) >= 2
-    # torque that pulls along the motion leaves friction nothing but zero: none is free to be drawn or has ends
-    problem = moving_problem()
-    pulled = replace(
-        problem, torque=-problem.torque, linear=problem.linear[:, :-1], linear_names=problem.linear_names[:-1]
-    )
-    v_s_range = default_range(problem.velocity)
-    solution = solve(pulled, v_s_range)
-    solution = replace(solution, at_bound=tuple(pulled.names))
-    found = resample(pulled, solution, v_s_range, 40, covariance=np.zeros((0, 0)))
-    assert np.isnan(np.concatenate([found.low, found.high, found.draws.ravel()])).all()
-    assert found.draws.shape == (len(pulled.names), 40)
     # an estimate at its bound has its own sentence, and one interval alone parts from none
     (said,) = warnings(0.0, (0.0, 1.0), (0.0, 9.0), (0.0, 3.0), at_bound=True)
     assert said.code == "intervals-at-bound"
@@ -225,40 +213,6 @@ def test_two_peaks_end_where_brute_force_does(viscous: float, seed: int) -> None
     solution, found = solved(problem)
     assert np.isinf(found.intervals[parse("alpha_1-")][1])
     assert_ends(problem, solution, found, tuple(map(parse, ("alpha_0-", "alpha_1-", "gravity_sin"))), rel=1e-5)
-
-
-def moving_problem(seed: int = 0, samples: int = 2400) -> Regression:
-    """Moving data, smoothed: means of eight samples each, of a sine of velocity, with an inertia beside friction."""
-    rng = np.random.default_rng(seed)
-    phase = np.linspace(0, 14 * np.pi, samples)
-    velocity = 0.4 * np.sin(phase) + 1e-3 * rng.standard_normal(samples)
-    inertia = np.cos(phase)
-    torque = curve(velocity, GRIPPER) + 0.01 * inertia + 2e-3 * rng.standard_normal(samples)
-    raw = from_points(velocity, torque, ("both",), {"inertia": inertia})
-    smooth = sparse.csr_array(sparse.kron(sparse.eye_array(samples // 8), np.full((1, 8), 1 / 8)))
-    return replace(raw, torque=smooth @ torque, linear=smooth @ raw.linear, smooth=smooth)
-
-
-@pytest.mark.parametrize("prior", [False, True])
-def test_smoothed_moving_data_end_where_brute_force_does(*, prior: bool) -> None:
-    """Moving data, whose profiles come from the reduced problem: brute force on the data themselves agrees, with a prior among them and without."""
-    problem = moving_problem()
-    if prior:
-        problem = with_prior(problem, parse("alpha_0"), GRIPPER.alpha_0, 1e-4, 7e-4)
-    solution, found = solved(problem, 1.7)
-    room = found.threshold - solution.cost
-    assert found.threshold == pytest.approx(profile_threshold(solution.cost, problem.torque.size, 5, 1.7))
-    few = found.problem
-    assert few.torque.size < problem.torque.size
-    for name in (*problem.linear_names, parse("alpha_1")):
-        for end in found.intervals[name]:
-            assert brute(few, solution, name, end) - found.threshold == pytest.approx(0, abs=1e-4 * room), name
-    for end in found.intervals[parse("v_s")]:
-        assert least(problem, np.array([end])) - found.threshold == pytest.approx(0, abs=1e-4 * room)
-    alpha_1, v_s = parse("alpha_1"), parse("v_s")
-    held = found.intervals[alpha_1][1]
-    at = min(np.geomspace(*found.intervals[v_s], 60), key=lambda s: least(problem, np.array([s]), alpha_1, held))
-    assert least(problem, np.array([at]), alpha_1, held) - found.threshold == pytest.approx(0, abs=0.01 * room)
 
 
 CURVED: dict[str, Callable[[], Regression]] = {
@@ -325,46 +279,33 @@ def test_intervals_within_the_factor_are_not_doubted(value: float, below: float,
 def test_one_wider_than_the_factor_is_named_with_its_side(
     value: float, size: float, stretch: float, which: int
 ) -> None:
-    """Whichever of the three reaches too far, the sentence says on which side, and gives all three intervals."""
+    """Whichever of the three reaches too far, the sentence says on which side."""
     sides = {"below": (stretch, 1.0), "above": (1.0, stretch), "below and above": (stretch, stretch)}
     for side, (low, high) in sides.items():
         own = [(value - size, value + size)] * 3
         own[which] = (value - low * size, value + high * size)
         (warning,) = warnings(value, *own)
         assert warning.code == "intervals-differ"
-        said = str(warning)
-        assert f"{side} the estimate differ" in said
-        assert "(covariance " in said
-        assert said.count(" to ") >= 3
-        assert "profile" in said
-        assert "bootstrap" in said
+        assert f"{side} the estimate differ" in str(warning)
 
 
 PLAIN = (9.0, 11.0)
 FIVE = "5 points for 4 parameters"
 
 
-@pytest.mark.parametrize(
-    ("profile", "bootstrap", "few", "reason"),
-    [
+def test_the_reason_is_the_one_that_applies() -> None:
+    """An open profile, a skewed one, few points, or uneven residuals: each has its own kind, in that order."""
+    for profile, bootstrap, few, reason in (
         ((9.0, 13.0), PLAIN, None, "profile-skewed"),
         ((9.0, np.inf), PLAIN, None, "cost-stays-low"),
         ((0.0, 12.0), PLAIN, None, "profile-skewed"),
         (PLAIN, (7.0, 13.0), FIVE, "few-to-resample"),
         (PLAIN, (7.0, 13.0), None, "uneven-residuals"),
         (None, (7.0, 13.0), None, "uneven-residuals"),
-    ],
-)
-def test_the_reason_is_the_one_that_applies(
-    profile: tuple[float, float] | None, bootstrap: tuple[float, float], few: str | None, reason: str
-) -> None:
-    """An open profile, a skewed one, few points, or uneven residuals: each has its own kind, in that order."""
-    (warning,) = warnings(10.0, PLAIN, profile, bootstrap, few=few)
-    said = str(warning)
-    assert warning.numbers["reason"].code == reason
-    assert str(warning.numbers["reason"]) in said
-    assert "nan" not in said
-    assert ("None" in said) is False
+    ):
+        (warning,) = warnings(10.0, PLAIN, profile, bootstrap, few=few)
+        assert warning.numbers["reason"].code == reason
+        assert str(warning.numbers["reason"]) in str(warning)
 
 
 def fitted(
@@ -438,18 +379,3 @@ def test_three_intervals_agree_or_say_why_not() -> None:
         assert_sound(found, three)
         words += [str(warning) for own in three.values() for warning in own.warnings]
     assert any("6 points for 4 parameters are few to resample" in warning for warning in words)
-
-
-@pytest.mark.slow
-def test_at_a_bound_the_intervals_are_one_sided() -> None:
-    """Without viscous friction its estimate is zero at times: intervals from zero up, and one sentence that says so."""
-    hits = 0
-    for seed in range(4):
-        found, three = fitted(np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16), 4e-4, seed, GRIPPER._replace(alpha_2=0.0))
-        assert_sound(found, three)
-        own = three[parse("alpha_2")]
-        if parse("alpha_2") in found.solution.at_bound:
-            hits += 1
-            assert [interval[0] for interval in (own.covariance, own.profile) if interval] == [0, 0]
-            assert [warning.code for warning in own.warnings] == ["intervals-at-bound"]
-    assert 1 <= hits <= 3

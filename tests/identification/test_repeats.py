@@ -8,8 +8,6 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.slow_loading import Loading
 from bristle.estimation.covariance import student
-from bristle.estimation.interval_comparison import they_differ
-from bristle.findings import CAUTION, Finding
 from bristle.identification.dynamic.descent import logarithms
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
@@ -84,16 +82,12 @@ def test_the_scatter_is_the_root_of_the_reduced_chi_squared() -> None:
     assert codes(wide.warnings) == ["runs-scatter"]
     far = replace(scattered(), by_run={"near": 1.0, "middle": 1.1, "far": 2.0})
     assert wider_estimate(e, far, spread).warnings[0].numbers["farthest"] == "far"
-    differ = they_differ(["above"], [("profile", 1.9, 2.5)], Finding("profile-skewed", CAUTION, "it is skewed"))
-    curve_and_draws = {"curve": np.array([[1.9, 2.5], [1.0, 1.0]]), "draws": np.array([2.5])}
     three = Uncertainty(
-        covariance=(1.8, 2.2), profile=(0.5, np.inf), bootstrap=None, warnings=(differ,), **curve_and_draws
+        covariance=(1.8, 2.2), profile=(0.5, np.inf), bootstrap=None, curve=np.array([[1.9, 2.5], [1.0, 1.0]])
     )
     spread_three = wider_three(three, spread)
-    assert spread_three.covariance == wide.interval
-    assert spread_three.profile == (0.0, np.inf)
+    assert (spread_three.covariance, spread_three.profile) == (wide.interval, (0.0, np.inf))
     assert spread_three.curve[0] == pytest.approx([2 - 0.1 * reach, 2 + 0.5 * reach])
-    assert spread_three.warnings[0].numbers["ends"] == (("profile", *spread_three.curve[0].tolist()),)
     low, high = spreader(2.0, reach, "sigma_0", logarithmic=True)(np.array([1.0, 4.0]))
     assert (low * high, high) == pytest.approx((4.0, 2 * 2**reach))
 

@@ -20,7 +20,7 @@ from bristle.identification.results import Joint
 from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.identification.systematic import NORMAL, combined, statistical
-from bristle.model.parameters import INERTIA, Lugre, Pair, ParameterName, least_of
+from bristle.model.parameters import Lugre, Pair, least_of
 from bristle.questions.joint_report.results_file import to_frame
 from bristle.simulation.bench import steady_points
 
@@ -172,8 +172,7 @@ def assert_combined(wide: Interval | None, narrow: Interval | None, e: Estimate)
         assert wide == pytest.approx(combined(narrow, value_of(e), e.systematic or 0.0), rel=1e-12)
 
 
-@pytest.mark.parametrize("bound", [False, True])
-@pytest.mark.parametrize("softens", [False, True])
+@pytest.mark.parametrize(("softens", "bound"), [(True, False), (False, False), (False, True)])
 def test_loadings_that_soften_or_scatter_widen_the_statistical_part_alone(*, softens: bool, bound: bool) -> None:
     """sigma_0 of loadings that soften, or differ, or only bound g0, moves as K does, and K widens what these widened; of sigma_1 no more is known."""
     stiff = GRIPPER.sigma_0 * np.array([1.0, 1.1, 0.9, 1.05])
@@ -204,7 +203,6 @@ def test_loadings_that_soften_or_scatter_widen_the_statistical_part_alone(*, sof
         (f"{K} N*m/A", False, "torque-exact"),
         (f"{K} N*m/A", True, None),
         (f"{K} ± 0.01 N*m/A", True, "torque-uncertain"),
-        (f"{K} N*m/A +/- 0.01 N*m/A", False, "torque-uncertain"),
         ("1", False, None),
         ("1 +/- 0.01", False, "torque-uncertain"),
     ],
@@ -245,20 +243,6 @@ def test_of_a_voltage_every_stage_moves_as_a_refit_does(tmp_path: Path) -> None:
         hundredth = 0.01 * error_of(e)  # what counts add, and is subtracted, is not linear in K
         assert shift == pytest.approx(SHARE * e.value - viscous, rel=0.01, abs=hundredth), name
         assert e.systematic == abs(shift)
-    # with the inertia fixed the static fit moves exactly as a refit with another K, that of all parameters nearly
-    fixed: dict[str, Any] = {"inertia": "0.0087 kg*m**2"}
-    moved = K * (1 + STEPPED * SHARE)
-    joint, other = (wrist(tmp_path, f"{x} N*m/A", ("tracking",), **fixed) for x in (f"{K} +/- {SHARE * K}", moved))
-    for d, name, e in every(joint.static):
-        after = other.static[d].parameters[name].value
-        if e.value is not None and after is not None:
-            assert list(e.shifts.values()) == pytest.approx([(after - e.value) / STEPPED], rel=2e-3)
-    assert INERTIA not in present(joint.tracking).parameters
-    for parameter in map(ParameterName.parse, ("alpha_2+", "sigma_0-", "sigma_1+", "sigma_1-")):
-        e, moves = present(joint.tracking).parameters[parameter], present(other.tracking).parameters[parameter]
-        (shift,) = e.shifts.values()
-        assert shift == pytest.approx((value_of(moves) - value_of(e)) / STEPPED, rel=0.15)
-        assert parameter.name != "sigma_1" or shift > 3 * SHARE * value_of(e)
 
 
 @pytest.mark.parametrize("torque", [True, False])

@@ -33,7 +33,7 @@ TABLE_1 = {
     "-": Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146),
 }
 NOISE = 2e-4
-FEW_BELOW = Finding("few-below-v-s", CAUTION, "Only 2 of 14 points lie below v_s in direction +.")
+FEW_BELOW = Finding("slowest-too-fast", CAUTION, "Only 2 of 14 points lie below v_s in direction +.")
 AGREE = Finding("routes-agree", NOTE, "Grid and full nonlinear fit agree.", {"worst": 1e-7, "reached": 7, "starts": 8})
 HOSTILE = """<script>alert("$x$")</script>&amp; 'q' $\\frac{$ --> ]]>"""
 

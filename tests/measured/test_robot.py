@@ -53,7 +53,7 @@ def test_six_joints_that_move_together(measured_data: Path) -> None:
     joints = {m.experiment.joint.name: m for m in measure_robot(robot(measured_data))}
     errors = {}
     for name, measured in joints.items():
-        fits, _ = fit_moving(measured.experiment, measured.moving(hold_out=False), measured.moving(hold_out=True))
+        fits = fit_moving(measured.experiment, measured.moving(hold_out=False), measured.moving(hold_out=True))
         (errors[name],) = {h.relative_error for fit in fits.values() for h in fit.hold_out}
     assert errors.keys() == MOST.keys()
     assert not {name: error for name, error in errors.items() if error > MOST[name]}

@@ -67,11 +67,11 @@ def test_columns_codes_and_symbols_in_print() -> None:
         assert "--" not in code
         assert by_code(code) is by_code(code.upper().replace("-", "_")) is by_code(f"[{code}]") is x
     # `bristle explain` prints the paragraph of a code, why it has its severity and what to do
-    x, ran = by_code("strays-matter"), run("explain", "STRAYS_MATTER")
+    x, ran = by_code("drift-in-order"), run("explain", "DRIFT_IN_ORDER")
     assert ran.code == 0
     assert all(text in ran.words for text in (x.meaning, x.reason, x.advice))
     # it ends with 2 and one sentence, which names those that are near
-    for code, near in {"stray-matters": "strays-matter", "lacks": "lacks-a-term", "?": ""}.items():
+    for code, near in {"drift-in-oder": "drift-in-order", "lacks": "lacks-a-term", "?": ""}.items():
         ran = run("explain", code)
         assert (ran.code, ran.out, len(ran.said)) == (2, "", 1)
         assert near in ran.err

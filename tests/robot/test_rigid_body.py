@@ -35,11 +35,11 @@ def arm_body() -> RigidBody:
     return rigid_body(read_urdf(ARM), NAMES, DOWN, None)
 
 
-def motion(n: int = 4001, seed: int = 0) -> tuple[Array, Array, Array, Array]:
-    """Time, s, (n,), and position, velocity and acceleration of six joints over three seconds, (n, 6)."""
+def motion(n: int) -> tuple[Array, Array, Array]:
+    """Position, velocity and acceleration of six joints over three seconds, (n, 6)."""
     t = np.linspace(0.0, 3.0, n)[:, None]
-    w, p = np.random.default_rng(seed).uniform(1.0, 4.0, (2, 6))
-    return t[:, 0], HOME + 0.4 * np.sin(w * t + p), 0.4 * w * np.cos(w * t + p), -0.4 * w**2 * np.sin(w * t + p)
+    w, p = np.random.default_rng(0).uniform(1.0, 4.0, (2, 6))
+    return HOME + 0.4 * np.sin(w * t + p), 0.4 * w * np.cos(w * t + p), -0.4 * w**2 * np.sin(w * t + p)
 
 
 @given(q=st.floats(-6, 6), v=st.floats(-5, 5), a=st.floats(-20, 20))
@@ -54,31 +54,11 @@ def test_a_pendulum_has_the_torque_of_a_pendulum(
 
 
 def test_torques_and_payloads_of_an_arm(arm_body: RigidBody, tmp_path: Path) -> None:
-    """T(q, v, x a + y b) = x T(q, v, a) + y T(q, v, b) where x + y = 1."""
-    _, q, v, a = motion(50)
-    b = a[::-1]
-    mixed = arm_body.torques(q, v, 0.3 * a + 0.7 * b)
-    assert mixed == pytest.approx(0.3 * arm_body.torques(q, v, a) + 0.7 * arm_body.torques(q, v, b), abs=1e-9)
-    # what the joints do, the integral of T v, is the change of kinetic and potential energy, which Pinocchio computes apart
-    import pinocchio
-
-    t, q, v, a = motion()
-    torque = arm_body.torques(q, v, a)
-    power = np.sum(torque * v, axis=1)
-    work = np.sum((power[1:] + power[:-1]) / 2 * np.diff(t))
-    data = arm_body.model.createData()
-    order = np.argsort(arm_body.places)
-    ends = [
-        pinocchio.computeKineticEnergy(arm_body.model, data, q[k, order], v[k, order])
-        + pinocchio.computePotentialEnergy(arm_body.model, data, q[k, order])
-        for k in (0, -1)
-    ]
-    assert work == pytest.approx(ends[1] - ends[0], rel=1e-5)
-    # the torque of some joints is that of all where the others stand still at zero; with the names reversed, it is reversed with the motion
+    """The torque of some joints is that of all where the others stand still at zero; with the names reversed, it is reversed with the motion."""
     few = ("elbow", "shoulder")
     own = rigid_body(read_urdf(ARM), few, DOWN, None)
     at = [NAMES.index(name) for name in few]
-    _, *parts = motion(20)
+    parts = motion(20)
     whole = [np.zeros_like(x) for x in parts]
     for full, x in zip(whole, parts, strict=True):
         full[:, at] = x[:, at]
@@ -87,11 +67,9 @@ def test_torques_and_payloads_of_an_arm(arm_body: RigidBody, tmp_path: Path) -> 
     turned = rigid_body(read_urdf(ARM), NAMES[::-1], DOWN, None)
     assert torques(turned, *(x[:, ::-1] for x in parts)) == pytest.approx(torques(arm_body, *parts)[:, ::-1], abs=1e-9)
     assert turned.inertias(parts[0][:, ::-1]) == pytest.approx(arm_body.inertias(parts[0])[:, ::-1], abs=1e-9)
-    # upside down, what stands still asks for the opposite torque; without gravity for none
+    # upside down, what stands still asks for the opposite torque
     q, rest = HOME[None, :], np.zeros((1, 6))
-    held = arm_body.torques(q, rest, rest)
-    assert arm_body.torques(q, rest, rest, gravity=(0.0, 0.0, G)) == pytest.approx(-held)
-    assert arm_body.torques(q, rest, rest, gravity=(0.0, 0.0, 0.0)) == pytest.approx(0.0 * held, abs=1e-12)
+    assert arm_body.torques(q, rest, rest, gravity=(0.0, 0.0, G)) == pytest.approx(-arm_body.torques(q, rest, rest))
     # a point of mass at the tool asks for the torque of a URDF that has it as a link
     text = ARM.read_text(encoding="utf-8")
     load = Payload(mass=2.5, center=(0.03, -0.02, 0.1), link="tool")
@@ -99,11 +77,11 @@ def test_torques_and_payloads_of_an_arm(arm_body: RigidBody, tmp_path: Path) -> 
         f'<link name="load">{inertial(2.5)}</link><joint name="held" type="fixed"><parent link="tool"/><child link="load"/>'
         '<origin xyz="0.03 -0.02 0.1"/></joint></robot>'
     )
-    _, q, v, a = motion(20)
+    q, v, a = motion(20)
     merged = body_of(tmp_path, text.replace("</robot>", fixed), NAMES).torques(q, v, a)
     assert body_of(tmp_path, text, NAMES, load).torques(q, v, a) == pytest.approx(merged, abs=1e-9)
     # what joints and links are called changes no torque: Pinocchio's own names, a payload's, or the same for both
-    _, *parts = motion(10)
+    parts = motion(10)
     for old, new in (
         ("elbow", "universe"), ("forearm", "universe"), ("base", "world"), ("forearm", "elbow"),
         ("forearm", "bristle_payload"), ("wrist_roll", "roll & pitch"), ("turret", "Tür 1"),

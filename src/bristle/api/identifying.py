@@ -92,7 +92,7 @@ def identify(
         experiments: files, or what was loaded from them.
         joint: the only one of a robot that is identified; None: all.
         progress: told of every step.
-        crosscheck: whether moving runs are fitted by CasADi and IPOPT as well, which takes long; the static fits always are.
+        crosscheck: whether moving runs are fitted by CasADi and IPOPT as well, which takes long; those of points always are.
         uncertainty: whether each parameter of moving runs gets its intervals by profile and bootstrap too; those of
             static and presliding fits always do.
         need: how well friction must be known (95 %) for the values to be used, percent, as 5 or "5%"; None: 10.

@@ -32,8 +32,7 @@ def warnings(
         message = f"No bootstrap: {few} are too few to resample; at least {FEW} are needed."
         none = (Finding("no-bootstrap", NOTE, message, {"few": few, "least": FEW}),)
     known = {"covariance": covariance, "profile": profile, "bootstrap": bootstrap}
-    ends = tuple((name, *interval) for name, interval in known.items() if interval is not None)
-    reaches = {name: (value - low, high - value) for name, low, high in ends}
+    reaches = {name: (value - x[0], x[1] - value) for name, x in known.items() if x is not None}
     both = zip(("below", "above"), zip(*reaches.values(), strict=True), strict=False)
     sides = [side for side, reach in both if _part(reach, value)]
     if not sides:
@@ -49,18 +48,8 @@ def warnings(
     else:
         message = "the residuals are less even or independent than covariance and profile assume; use the widest"
         why = Finding("uneven-residuals", CAUTION, message)
-    return (*none, they_differ(sides, ends, why))
-
-
-def they_differ(sides: Sequence[str], ends: Sequence[tuple[str, float, float]], reason: Finding) -> Finding:
-    """The finding on intervals, each a method and its ends, that differ on some `sides` of the estimate."""
-    told = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends)
-    message = (
-        f"The 95 % bounds {' and '.join(sides)} the estimate differ by more than 1.5x between the methods ({told}): "
-        f"{reason.message}."
-    )
-    numbers = {"sides": tuple(sides), "ends": tuple(ends), "reason": reason}
-    return Finding("intervals-differ", NOTE, message, numbers)
+    message = f"The 95 % bounds {' and '.join(sides)} the estimate differ by more than 1.5x between the methods: {why.message}."
+    return (*none, Finding("intervals-differ", NOTE, message, {"sides": tuple(sides), "reason": why}))
 
 
 def _part(reaches: Sequence[float], value: float) -> bool:

@@ -1,12 +1,11 @@
 """Fisher information F = J' J / noise**2, J = dT / dp, of torques with white noise; covariance >= F**-1."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from bristle.arrays import Array, freeze
+from bristle.arrays import Array, result
 from bristle.findings import CAUTION, Finding
 from bristle.identification.dynamic.fit import hardly_seen
 from bristle.model import functions
@@ -31,25 +30,41 @@ _HARDLY = 1e-3  # of the largest eigenvalue: directions below are hardly seen
 _PART = 0.3  # of its largest share: members of a direction
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Information:
     """What a measurement tells about some parameters."""
 
     names: tuple[ParameterName, ...]
     point: Array  # Parameter values at which the model was linearised, (p,)
     matrix: Array  # F, (p, p), in one over the parameters' units
-    standard_errors: Array = field(init=False)
-    """Lower bounds for any unbiased fit, (p,); infinite where the parameter is not seen."""
-    correlation: Array = field(init=False)  # Of the estimates, (p, p); zero where one of the two is not seen
-    unseen: tuple[Finding, ...] = field(init=False)  # Hardly seen directions in parameter space, worst first
 
-    def __post_init__(self) -> None:
-        """Judge the matrix; copy and freeze every array."""
-        errors, correlation = covariance(self.matrix)
-        object.__setattr__(self, "standard_errors", errors)
-        object.__setattr__(self, "correlation", correlation)
-        object.__setattr__(self, "unseen", unseen_directions(self.matrix, self.names))
-        freeze(self)
+    @property
+    def standard_errors(self) -> Array:
+        """Lower bounds for any unbiased fit, (p,); infinite where the parameter is not seen."""
+        return covariance(self.matrix)[0]
+
+    @property
+    def correlation(self) -> Array:
+        """Of the estimates, (p, p); zero where one of the two is not seen."""
+        return covariance(self.matrix)[1]
+
+    @property
+    def unseen(self) -> tuple[Finding, ...]:
+        """Hardly seen directions in parameter space, worst first."""
+        size = np.sqrt(np.diag(self.matrix))
+        unseen = [
+            Finding("nothing-seen-of", CAUTION, f"{name} is not identifiable.", {"name": name})
+            for name, s in zip(self.names, size, strict=True)
+            if s == 0
+        ]
+        kept = np.flatnonzero(size > 0)
+        values, vectors = np.linalg.eigh(_scaled(self.matrix, size)[np.ix_(kept, kept)])
+        for value, vector in zip(values, vectors.T, strict=True):
+            if value < _HARDLY * values[-1]:
+                share = np.abs(vector) / np.abs(vector).max()
+                order = [k for k in np.argsort(-share, kind="stable") if share[k] > _PART]
+                unseen.append(hardly_seen([(self.names[kept[k]], float(vector[k])) for k in order]))
+        return tuple(unseen)
 
 
 def names_of(p: Lugre[float] | Pair[float]) -> tuple[ParameterName, ...]:
@@ -124,24 +139,6 @@ def covariance(matrix: Array) -> tuple[Array, Array]:
     correlation = inverse / np.where(lost, np.inf, spread)[:, None] / np.where(lost, np.inf, spread)
     np.fill_diagonal(correlation, 1.0)
     return errors, correlation
-
-
-def unseen_directions(matrix: Array, names: Sequence[object]) -> tuple[Finding, ...]:
-    """Hardly seen directions of information F, (p, p), worst first."""
-    size = np.sqrt(np.diag(matrix))
-    unseen = [
-        Finding("nothing-seen-of", CAUTION, f"{name} is not identifiable.", {"name": name})
-        for name, s in zip(names, size, strict=True)
-        if s == 0
-    ]
-    kept = np.flatnonzero(size > 0)
-    values, vectors = np.linalg.eigh(_scaled(matrix, size)[np.ix_(kept, kept)])
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value < _HARDLY * values[-1]:
-            share = np.abs(vector) / np.abs(vector).max()
-            order = [k for k in np.argsort(-share, kind="stable") if share[k] > _PART]
-            unseen.append(hardly_seen([(names[kept[k]], float(vector[k])) for k in order]))
-    return tuple(unseen)
 
 
 def _scaled(matrix: Array, size: Array) -> Array:

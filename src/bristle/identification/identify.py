@@ -380,7 +380,7 @@ class _Decisions:
         elif not training and (not measured.slow or {run.kind for run in measured.runs} & {"ramp", "points"}):
             raise InputError(nothing_to_fit(measured))
         elif training and experiment.fit.predict == "torque":
-            static, checks = fit_moving(experiment, training, measured.moving(hold_out=True))
+            static = fit_moving(experiment, training, measured.moving(hold_out=True))
         if training:
             step(self.progress, "fitting the moving runs")
             held, load = measured.moving(hold_out=True), partial(_presliding, experiment, measured.slow)

@@ -97,12 +97,10 @@ def level_columns(
     return dict(zip(load.levels, rises * np.sign(needed(record, "velocity")), strict=True))
 
 
-def settled_weights(
-    fitted: Callable[[Mapping[str, float]], Mapping[ParameterName, float]], start: Mapping[str, float] | None = None
-) -> dict[str, float]:
-    """Coefficients of gravity and links, iterated from `start` until a fit under their load returns them."""
+def settled_weights(fitted: Callable[[Mapping[str, float]], Mapping[ParameterName, float]]) -> dict[str, float]:
+    """Coefficients of gravity and links, iterated until a fit under their load returns them."""
     own = {name for regressor in _WEIGHTS for name in terms_of(regressor).names}
-    weights = dict(start or {})
+    weights = dict[str, float]()
     for _ in range(_MOST):
         found = {name.name: x for name, x in fitted(weights).items() if name.name in own}
         moved = max((abs(x - weights.get(name, 0.0)) for name, x in found.items()), default=0.0)

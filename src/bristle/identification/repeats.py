@@ -7,9 +7,8 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.special import fdtrc
 
-from bristle.arrays import Array
+from bristle.arrays import Array, Interval
 from bristle.estimation.covariance import moved_without_each, student
-from bristle.estimation.interval_comparison import they_differ
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.findings import CAUTION, Finding
 from bristle.identification.fits import Estimate, RunScatter, StaticFit, TrackingFit, Uncertainty
@@ -152,9 +151,8 @@ def wider_estimate(e: Estimate, x: RunScatter, spread: Spread) -> Estimate:
     )
     numbers = {"runs": runs, "scatter": x.before, "widened": x.widened, "freedom": freedom, "farthest": farthest}
     why = Finding("runs-scatter", CAUTION, message, numbers)
-    error, told = e.standard_error, (*_spread_warnings(e.warnings, spread), why)
-    wider = None if error is None else error * x.widened
-    return replace(e, standard_error=wider, interval=_spread_pair(e.interval, spread), warnings=told)
+    error = None if e.standard_error is None else e.standard_error * x.widened
+    return replace(e, standard_error=error, interval=_spread_pair(e.interval, spread), warnings=(*e.warnings, why))
 
 
 def wider_three(three: Uncertainty, spread: Spread) -> Uncertainty:
@@ -162,29 +160,15 @@ def wider_three(three: Uncertainty, spread: Spread) -> Uncertainty:
     return replace(
         three, covariance=_spread_pair(three.covariance, spread), profile=_spread_pair(three.profile, spread),
         bootstrap=_spread_pair(three.bootstrap, spread), curve=np.stack([spread(three.curve[0]), three.curve[1]]),
-        draws=spread(three.draws), warnings=_spread_warnings(three.warnings, spread),
+        draws=spread(three.draws),
     )  # fmt: skip  # a list of values
 
 
-def _spread_pair(ends: tuple[float, float] | None, spread: Spread) -> tuple[float, float] | None:
+def _spread_pair(ends: Interval | None, spread: Spread) -> Interval | None:
     if ends is None:
         return None
     low, high = spread(np.array(ends)).tolist()
     return low, high
-
-
-def _spread_warnings(warnings: Sequence[Finding], spread: Spread) -> tuple[Finding, ...]:
-    """The warnings with interval ends spread alike."""
-    return tuple(
-        they_differ(
-            w.numbers["sides"],
-            [(way, *spread(np.array(ends)).tolist()) for way, *ends in w.numbers["ends"]],
-            w.numbers["reason"],
-        )
-        if w.code == "intervals-differ"
-        else w
-        for w in warnings
-    )
 
 
 def limit_widening(x: RunScatter, widened_by: float) -> RunScatter:

@@ -18,36 +18,20 @@ _FAR = 1e100  # largest sample, in any unit: its square is finite
 
 
 def samples_of(joint: Joint) -> dict[str, Any]:
-    """Unwritten values of a joint that are no defaults, as JSON, by path; an equal value is its path."""
+    """Unwritten values of a joint that are no defaults, as JSON, by path."""
     samples: dict[str, Any] = {}
-    first: dict[Hashable, str] = {}
 
     def walk(value: Any, at: str) -> None:
         for name, held, item in _parts(value):
             way = f"{at}/{name}" if at else name
-            if item is None or not item.metadata.get("exclude"):
-                walk(held, way)
-                if item is None and is_dataclass(held):
-                    first.setdefault(_exact(held), way)
-                continue
-            default = item.default if item.default_factory is MISSING else item.default_factory()
-            if _exact(held) == _exact(default):
-                continue
-            hint: Any = item.type
-            if isinstance(held, np.ndarray):
-                samples[way] = form(held, way, hint)
-            elif isinstance(held, tuple) and is_dataclass(held[0]):
-                samples[way] = [form(x, f"{way}/{k}", type(x)) for k, x in enumerate(held)]
-            else:
-                samples[way] = _adapter(hint).dump_python(held, mode="json")
-
-    def form(value: Any, way: str, kind: Any) -> Any:
-        """The JSON form, or the path of an equal value."""
-        earlier = first.setdefault(_exact(value), way)
-        if earlier != way:
-            return earlier
-        walk(value, way)
-        return _adapter(kind).dump_python(value, mode="json")
+            if item is not None and item.metadata.get("exclude"):
+                default = item.default if item.default_factory is MISSING else item.default_factory()
+                of: Any = item.type
+                form, nothing = (_adapter(of).dump_python(x, mode="json") for x in (held, default))
+                if form == nothing:
+                    continue
+                samples[way] = form
+            walk(held, way)
 
     walk(joint, "")
     return samples
@@ -55,29 +39,17 @@ def samples_of(joint: Joint) -> dict[str, Any]:
 
 def put_back(joint: Any, samples: Mapping[str, Any]) -> None:
     """Put samples where they belong in a parsed joint. Raises InputError where a path leads nowhere or is taken."""
-    ways = {way: way.rpartition("/") for way in sorted(samples, key=lambda way: way.count("/"))}
-    for way, (above, _, name) in ways.items():
-        owner = _at(joint, above)
+    for way in sorted(samples, key=lambda way: way.count("/")):
+        owner = joint
+        *above, name = way.split("/")
+        for step in above:
+            try:
+                owner = owner[int(step) if isinstance(owner, list) else step]
+            except (LookupError, TypeError, ValueError):
+                owner = None
         if not isinstance(owner, dict) or name in owner:
             raise InputError(f"samples: {short(way)} is not a field of the joint")
         owner[name] = samples[way]
-    for way, (above, _, name) in ways.items():
-        form = samples[way]
-        if isinstance(form, list):
-            form[:] = [_at(joint, x) if isinstance(x, str) else x for x in form]
-        elif isinstance(form, str):
-            _at(joint, above)[name] = _at(joint, form)
-
-
-def _at(joint: Any, way: str) -> Any:
-    """The value at a path; the path itself where there is none."""
-    value = joint
-    for step in way.split("/") if way else ():
-        try:
-            value = value[int(step) if isinstance(value, list) else step]
-        except (LookupError, TypeError, ValueError):
-            return way
-    return value
 
 
 def check_samples(value: Any, at: str = "") -> None:
@@ -103,7 +75,7 @@ def check_samples(value: Any, at: str = "") -> None:
 
 
 def _parts(value: Any) -> Iterator[tuple[str, Any, "Field[Any] | None"]]:
-    """Members of a value by name, last field first, because earlier ones refer to segments."""
+    """Members of a value by name."""
     if type(value) in PLAIN or isinstance(value, Finding):
         return
     if isinstance(value, Mapping):
@@ -111,18 +83,7 @@ def _parts(value: Any) -> Iterator[tuple[str, Any, "Field[Any] | None"]]:
     elif type(value) is tuple:
         yield from ((str(k), held, None) for k, held in enumerate(value))
     elif is_dataclass(value):
-        yield from ((item.name, getattr(value, item.name), item) for item in reversed(fields(value)))
-
-
-def _exact(value: Any) -> Hashable:
-    """A key that is equal for bitwise equal values."""
-    if isinstance(value, np.ndarray):
-        return value.shape, value.tobytes()
-    if isinstance(value, Finding):
-        return value.code, str(value), value.subject
-    if type(value) not in PLAIN and (parts := [(name, _exact(held)) for name, held, _ in _parts(value)]):
-        return type(value).__name__, *parts
-    return repr(value)
+        yield from ((item.name, getattr(value, item.name), item) for item in fields(value))
 
 
 @cache

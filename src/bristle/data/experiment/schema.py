@@ -454,5 +454,5 @@ class PlanOptions(StrictModel):
             yield f"plan.rate: got {self.rate:g} Hz; expected at least 20 Hz, four samples of the shortest turn"
         if self.frequency is not None and self.frequency < 0.2:
             yield f"plan.frequency: got {self.frequency:g} Hz; expected at least 0.2 Hz, three periods of a motion"
-        if self.frequency is not None and "rate" in self.model_fields_set and self.rate < 10 * self.frequency:
+        if self.frequency is not None and self.rate < 10 * self.frequency:
             yield f"plan.rate: got {self.rate:g} Hz; expected at least {10 * self.frequency:g} Hz, ten samples of a period of plan.frequency"

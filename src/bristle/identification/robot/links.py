@@ -69,7 +69,7 @@ def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], fou
     """The scale by the LuGre fit with links as a regressor, where it is more precise and fits better."""
     if not found.scale:
         return found
-    static, _ = fit_moving(experiment, records, ())
+    static = fit_moving(experiment, records, ())
     problem, start = posed_and_start(experiment, directions(experiment, records), records, static, None)
     fit = fit_tracking(problem, start, experiment.joint.kind).fit
     links = fit.parameters[ParameterName("links", Direction.SHARED)]

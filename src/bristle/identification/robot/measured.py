@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bristle.arrays import Array
 from bristle.data.bandwidth import decimation
 from bristle.data.experiment.load import Experiment, Run, from_current, in_own_unit
 from bristle.data.experiment.schema import PlusMinus
@@ -40,11 +39,13 @@ from bristle.identification.robot.links import (
     thinned,
     torque_constant,
 )
-from bristle.model.parameters import unit
 from bristle.progress import Progress
 from bristle.workers import Share
 
-_BEYOND = 0.01  # rad or m beyond a limit that are reported
+_BEYOND, _FEW = (
+    0.01,
+    0.0005,
+)  # rad or m, or share of a speed, beyond a limit that are reported; share of samples that are not
 _PEAK, _NO_DRIVE = 1.5, 5.0  # of the URDF's effort: a peak, and more than any drive has
 _LEAST = 0.05  # of a joint's torque: smaller link torques are not reported
 _SAMPLES = 500  # for the mean inertia of the links
@@ -67,17 +68,6 @@ def measure_robot(
         if progress:
             progress(f"links of {part.name}", len(measured), len(parts))
         measured.append(done)
-    # a joint with a known constant that contradicts the masses makes fitted constants doubtful
-    scales = ((m.experiment.joint.name, w) for m in measured for w in m.findings if w.code == "links-scale")
-    for name, scale in [(name, w.numbers["scale"]) for name, w in scales][:1]:
-        message = (
-            f"The torque constant comes out of the URDF's masses, and at {name}, whose constant is known, the links' "
-            f"torque would fit {scale:.3g} times as large: this constant, and friction with it, may be off as much."
-        )
-        doubt = Finding("constant-by-masses", CAUTION, message, {"joint": name, "scale": scale})
-        for k, m in enumerate(measured):
-            if m.torque_constant and m.torque_constant.value:
-                measured[k] = replace(m, findings=(*m.findings, doubt))
     return tuple(measured)
 
 
@@ -193,36 +183,30 @@ def _with_constant(
 
 
 def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bool) -> list[Finding]:
-    """Positions, speeds and torques beyond the URDF's limits."""
+    """Positions, speeds and torques beyond the URDF's limits: critical beyond what any drive has."""
     if urdf is None:
         return []
-    joint = urdf.joint(name)
-    signals = ([getattr(run.record, name) for run in runs] for name in ("position", "velocity", "torque"))
-    q, v, T = (np.concatenate([np.zeros(0), *(x for x in logged if x is not None)]) for logged in signals)
-    found, beyond = [], list[tuple[str, Array, float, float]]()
-    if q.size and (q.min() < joint.lower - _BEYOND or q.max() > joint.upper + _BEYOND):
-        beyond.append(("position", q, joint.lower, joint.upper))
-    if v.size and np.quantile(np.abs(v), 0.999) > joint.velocity * (1 + _BEYOND):
-        beyond.append(("velocity", v, -joint.velocity, joint.velocity))
-    for signal, logged, lowest, highest in beyond:
-        of, low, high = unit_of(signal), float(logged.min()), float(logged.max())
+    joint, found = urdf.joint(name), list[Finding]()
+    effort = np.inf if in_amperes else joint.effort
+    for signal, low, high, share, slack in (
+        ("position", joint.lower, joint.upper, 0.0, _BEYOND),
+        ("velocity", -joint.velocity, joint.velocity, _FEW, _BEYOND * joint.velocity),
+        ("torque", -effort, effort, _FEW, (_PEAK - 1) * effort),
+    ):
+        logged = np.concatenate([np.zeros(0), *(x for run in runs if (x := getattr(run.record, signal)) is not None)])
+        if not logged.size:
+            continue
+        least, most = np.quantile(logged, [share, 1 - share]).tolist()
+        if least >= low - slack and most <= high + slack:
+            continue
+        of, far = unit_of(signal), signal == "torque" and max(-least, most) > _NO_DRIVE * effort
         message = (
-            f"The {signal} runs from {low:.3g} to {high:.3g}{of}; the URDF allows {lowest:.3g} to {highest:.3g}{of}: check the "
-            "order of the joints, units and the URDF."
+            f"The {signal} runs from {least:.3g} to {most:.3g}{of}; the URDF allows {low:.3g} to {high:.3g}{of}: check "
+            f"{'the unit, the torque constant and the gear' if signal == 'torque' else 'the order of the joints, units and the URDF'}."
         )
-        named = {"signal": signal, "low": low, "high": high, "least": lowest, "most": highest}
-        found.append(Finding("beyond-urdf", CAUTION, message, named))
-    if T.size and not in_amperes and (most := float(np.quantile(np.abs(T), 0.999))) > _PEAK * joint.effort:
-        of = unit("torque", joint.kind)
-        reached = f"The torque reaches {most:.3g} {of}, and the URDF allows {joint.effort:.3g} {of}: check the"
-        numbers = {"most": most, "limit": joint.effort, "unit": of}
-        if most > _NO_DRIVE * joint.effort:
-            message = f"{reached} unit of the torque or current, the torque constant and the gear."
-            found.append(Finding("effort-far-beyond", CRITICAL, message, numbers))
-        else:
-            found.append(
-                Finding("effort-beyond", CAUTION, f"{reached} torque constant, the gear and the URDF.", numbers)
-            )
+        named = {"signal": signal, "low": least, "high": most, "least": low, "most": high}
+        beyond = Finding("beyond-urdf", CAUTION, message, named)
+        found.append(Finding("effort-far-beyond", CRITICAL, message, named) if far else beyond)
     return found
 
 

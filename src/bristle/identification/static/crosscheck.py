@@ -11,7 +11,6 @@ from bristle.identification.fits import Crosscheck
 from bristle.identification.shared_findings import crosschecked
 from bristle.identification.static.grid import Solution
 from bristle.identification.static.problem import Regression, unknowns_of
-from bristle.identification.static.profiles import reduced
 from bristle.model import law
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, ParameterName, of_curve, static_of, without_peak
@@ -26,26 +25,24 @@ def full_fit(problem: Regression, v_s_range: tuple[float, float], starts: int = 
     """theta, in the order of `names`, at the end of each IPOPT run from random starts; v_s within a range, rad/s."""
     unknowns, (low, high) = unknowns_of(problem, v_s_range), np.log(v_s_range).tolist()
     x = ca.MX.sym("x", len(problem.names))
-    # residuals in CasADi, of moving data in reduced equations
-    few = reduced(problem, v_s_range)
-    value = dict(zip(few.names, natural(unknowns, x), strict=True))
-    others = [k for k, name in enumerate(few.linear_names) if not of_curve(name.name)]
-    extra = ca.vertcat(*(value[few.linear_names[k]] for k in others))
-    residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, others]), extra)
-    one, shape = static_of(few.law), dict(zip(few.law.shape_parameters[1:], few.shape, strict=True))
-    nothing = without_peak(few.law) | {"alpha_2": 0.0}  # for a single speed
-    given = {**nothing, **shape, FASTEST: float(np.abs(few.velocity).max())}
-    for direction in few.directions:
+    value = dict(zip(problem.names, natural(unknowns, x), strict=True))
+    others = [k for k, name in enumerate(problem.linear_names) if not of_curve(name.name)]
+    extra = ca.vertcat(*(value[problem.linear_names[k]] for k in others))
+    residual = ca.DM(problem.torque) - ca.mtimes(ca.DM(problem.linear[:, others]), extra)
+    one, shape = static_of(problem.law), dict(zip(problem.law.shape_parameters[1:], problem.shape, strict=True))
+    nothing = without_peak(problem.law) | {"alpha_2": 0.0}  # for a single speed
+    given = {**nothing, **shape, FASTEST: float(np.abs(problem.velocity).max())}
+    for direction in problem.directions:
         fitted = {name: value[key] for name in one._fields if (key := ParameterName(name, direction)) in value}
         p = one(**{name: {**given, **fitted}[name] for name in one._fields})
-        moving = few.velocity != 0
-        if len(few.directions) == 2:
-            moving = few.velocity > 0 if direction is Direction.POSITIVE else few.velocity < 0
-        if few.smooth is None:
-            residual -= ca.DM(np.where(moving, 1.0, 0.0)) * law.steady_torque(ca.DM(few.velocity), p)
+        moving = problem.velocity != 0
+        if len(problem.directions) == 2:
+            moving = problem.velocity > 0 if direction is Direction.POSITIVE else problem.velocity < 0
+        if problem.smooth is None:
+            residual -= ca.DM(np.where(moving, 1.0, 0.0)) * law.steady_torque(ca.DM(problem.velocity), p)
         else:
-            shares = ca.DM(few.smooth[:, moving].toarray())
-            residual -= ca.mtimes(shares, law.steady_torque(ca.DM(few.velocity[moving]), p))
+            shares = ca.DM(problem.smooth[:, moving].tocsc())
+            residual -= ca.mtimes(shares, law.steady_torque(ca.DM(problem.velocity[moving]), p))
     residual /= float(np.abs(problem.torque).max()) or 1.0
     full = solver("full", x, ca.dot(residual, residual), **OPTIONS)
     rng = np.random.default_rng(SEED)

@@ -16,11 +16,10 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import unexplained
 from bristle.estimation.covariance import condition
-from bristle.estimation.score_test import Candidate, Fitted, Score, explained
-from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, in_units, unit_of
+from bristle.estimation.score_test import Fitted, explained
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.candidates import candidates
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, TrackingFit, Uncertainty
-from bristle.identification.load_levels import levels_of, settled_weights
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import (
     DIRECTIONS,
@@ -32,15 +31,14 @@ from bristle.identification.moving_runs import (
 )
 from bristle.identification.repeats import clustered, widened
 from bristle.identification.static.crosscheck import crosscheck
-from bristle.identification.static.grid import default_range, plain_grid, solve
+from bristle.identification.static.grid import default_range, plain_grid
 from bristle.identification.static.points import PointSearch, groups, point_regressors, points_problem
-from bristle.identification.static.problem import Regression, from_records, with_prior
+from bristle.identification.static.problem import Regression, from_records
 from bristle.identification.static.solution import StaticSolution, other_fit, solve_static
 from bristle.identification.static.strays import most_strays
 from bristle.identification.static.uncertainty import parts_of_runs, three_ways
 from bristle.identification.systematic import with_systematic
 from bristle.model.parameters import (
-    INERTIA,
     Direction,
     Kind,
     ParameterName,
@@ -51,8 +49,7 @@ from bristle.model.parameters import (
 )
 
 _ONE_SPEED = 1.25  # ratio of fastest to slowest speed below which they count as one
-_MANY, _MIXED = 10, 0.5  # of a drift by rows: least points of a direction, largest rank correlation of speed and row
-_LISTED = 50  # most points named in a warning
+_LISTED = 3  # most points named in a warning
 _LOGARITHMIC = ("v_s",)  # widened as logarithms
 
 
@@ -74,7 +71,7 @@ def fit_static(
     held: Sequence[tuple[str, Regression]] = (),
     runs: Sequence[tuple[str, Regression]] = (),
 ) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Fits and cross-checks of one problem, by direction or `shared`; `held` to predict, `runs` to fit apart."""
+    """Fits of one problem, and cross-checks of points, by direction or `shared`; `held` to predict, `runs` to fit apart."""
     v_s_range = default_range(problem.velocity)
     # a direction measured at one speed alone has no viscous friction of its own
     lost = set[ParameterName]()
@@ -96,29 +93,28 @@ def fit_static(
     search = where.search
     of_strays = report_strays(core, search, options, kind) if search else ()
     strays = [search.points[k] for k in search.strays] if search and not search.misfit else []
-    three = three_ways(core, v_s_range)
+    three = three_ways(core, v_s_range) if problem.smooth is None else {}
     sticks = np.array([s.stick_slip for s in where.segments], dtype=bool)
-    of_sticking, of_sticking_alone = _without_sticking(problem, core, options, kind, sticks)
-    measured = slice(problem.torque.size - problem.priors)
-    residuals = core.solution.residuals[measured]
-    in_order = residuals[np.argsort(problem.equation_velocity[measured])] if where.segments else residuals
-    left = unexplained(in_order, float(np.linalg.norm(problem.measured[measured])))
+    of_sticking = _without_sticking(problem, core, options, kind, sticks)
+    residuals = core.solution.residuals
+    in_order = residuals[np.argsort(problem.equation_velocity)] if where.segments else residuals
+    left = unexplained(in_order, float(np.linalg.norm(problem.measured)))
     warnings = (*left, *of_strays, *core.warnings, *of_sticking, *terms_left_out(core, kind, where))
     posed = ((file, replace(p, peaks=core.problem.peaks)) for file, p in held)
     errors = tuple(HoldOut(file=file, relative_error=p.relative_error(core.solution.theta)) for file, p in posed)
-    errors_of_grid = {name: e.standard_error for name, e in core.parameters.items()}
-    checked = crosscheck(core.problem, core.solution, errors_of_grid, v_s_range)
-    warnings = warnings if checked.agrees else (*warnings, checked.verdict)
-    logarithmic, alone = {name for name in core.names if name.name in _LOGARITHMIC}, problem.smooth is None
-    scatter = clustered(*parts_of_runs(core, runs), core.parameters, core.freedom, logarithmic, independent=alone)
+    checks, parts = dict[str, Crosscheck](), _parts(problem)
+    if problem.smooth is None:
+        errors_of_grid = {name: e.standard_error for name, e in core.parameters.items()}
+        checks[parts[-1]] = check = crosscheck(core.problem, core.solution, errors_of_grid, v_s_range)
+        warnings = warnings if check.agrees else (*warnings, check.verdict)
+    logarithmic = {name for name in core.names if name.name in _LOGARITHMIC}
+    scatter = clustered(
+        *parts_of_runs(core, runs), core.parameters, core.freedom, logarithmic, independent=problem.smooth is None
+    )
     one, finished = len(core.problem.directions) == 1, dict[str, StaticFit]()
-    for d in (parts := _parts(problem)):
-        outcome = core.outcome
-        if d in of_sticking_alone:
-            message = "The Stribeck term depends on points that stick and slip; without them it is not identifiable."
-            outcome = Finding("static-stick-slip", CAUTION, message)
+    for d in parts:
         fit = replace(
-            _static_fit(core, kind, d, where, three), outcome=outcome, warnings=warnings, hold_out=errors,
+            _static_fit(core, kind, d, where, three), warnings=warnings, hold_out=errors,
             plain_grid={name.name: x for name, x in plain.items() if one or name.direction is d},
             strays=tuple(x for x in strays if DIRECTIONS.get(d, 0.0) * x.velocity >= 0),
         )  # fmt: skip  # a list of values
@@ -126,7 +122,7 @@ def fit_static(
         own = {name.name: x for name, x in scatter.items() if one or name.direction is d}
         shifts = {c: {n.name: x for n, x in by.items() if one or n.direction is d} for c, by in core.shifts.items()}
         finished[d] = with_systematic(widened(fit, own, _LOGARITHMIC), shifts)
-    return finished, {parts[-1]: checked}
+    return finished, checks
 
 
 def estimate_static(
@@ -170,153 +166,79 @@ def _nothing(direction: str, problem: Regression, kind: Kind, where: PointInfo, 
 
 def _without_sticking(
     problem: Regression, core: StaticSolution, options: FitOptions, kind: Kind, sticks: NDArray[np.bool_]
-) -> tuple[list[Finding], set[Direction]]:
-    """A finding on the fit without sticking points, (n,), and the directions that lose their Stribeck term by it."""
+) -> list[Finding]:
+    """A finding on the fit without sticking points, (n,)."""
     if not sticks.any():
-        return [], set()
+        return []
     rest = problem.rows(np.logical_not(sticks))
     numbers: dict[str, Any] = {"sticking": int(sticks.sum()), "points": sticks.size}
     message = f"{numbers['sticking']} of {sticks.size} points stick and slip."
     if _too_few(rest):
-        message = f"{message} Without them no fit is possible."
-        return [Finding("stick-slip-points", CAUTION, message, numbers)], set()
-    alone = solve_static(rest, options, kind)
-    other = other_fit(core, alone)
-    message = f"{message} Without: {other.told}"
-    said = Finding("stick-slip-points", CAUTION, message, {**numbers, **other.numbers}, {"torque": other.apart})
-    return [said], {*core.problem.peaks} - {*alone.problem.peaks}
+        return [Finding("stick-slip-points", CAUTION, f"{message} Without them no fit is possible.", numbers)]
+    other = other_fit(core, solve_static(rest, options, kind))
+    numbers |= other.numbers
+    return [Finding("stick-slip-points", CAUTION, f"{message} Without: {other.told}", numbers, {"torque": other.apart})]
 
 
 def report_strays(core: StaticSolution, search: PointSearch, options: FitOptions, kind: Kind) -> tuple[Finding, ...]:
-    """Findings on the strays of a solve, with the fit without them, or with them if they are left out."""
-    side = search.sides[0] if len(search.sides) == 1 else ""
-    named, resting = _listed(search, search.strays), _listed(search, search.resting)
-    warnings = []
-    if resting:
-        count, points = len(search.resting), "; ".join(resting)
-        message = (
-            f"{_points(count)} below breakaway left out{in_direction(side)}: {points}; the joint does not slide there."
-        )
-        numbers = {"count": count, "direction": side, "points": tuple(in_units(x, {}) for x in resting)}
-        warnings.append(Finding("resting-left-out", NOTE, message, numbers))
-    numbers = {"points": tuple(in_units(x, {}) for x in named)}
+    """A finding on the strays of a solve, with the fit without them, or with them if they are left out."""
+    count, side = len(search.points), search.sides[0] if len(search.sides) == 1 else ""
+    points = [search.points[k] for k in search.strays[:_LISTED]]
+    named = ", ".join(f"{' '.join(s.subject)} at {s.velocity:.3g}{unit_of('velocity')}" for s in points)
+    named += f" and {len(search.strays) - _LISTED} more" if len(search.strays) > _LISTED else ""
     if search.misfit:
-        most, count = most_strays(search.problem), len(search.points)
+        most = most_strays(search.problem)
         message = (
-            f"The law does not fit{in_direction(side)}: more than {most} of {count} points would have to be left out, "
-            f"{'; '.join(named)} first. Look at the residuals for what is missing; `exclude` under fit leaves out points that you know "
-            "to be faulty."
+            f"The law does not fit{in_direction(side)}: more than {most} of {count} points would have to be left out, {named} first. Look at "
+            "the residuals for what is missing; `exclude` under fit leaves out points that you know to be faulty."
         )
-        numbers |= {"direction": side, "most": most, "count": count}
-        left = core.problem.residuals(core.solution.theta)
-        warnings.append(Finding("misfit", CAUTION, message, numbers, {"torque": float(np.sqrt(np.mean(left**2)))}))
-    if search.misfit or not named:
-        return tuple(warnings)
-    dropped, text = options.drops_strays and bool(search.left_out), core.problem.text
+        left = float(np.sqrt(np.mean(core.problem.residuals(core.solution.theta) ** 2)))
+        numbers = {"direction": side, "most": most, "count": count}
+        return (Finding("misfit", CAUTION, message, numbers, {"torque": left}),)
+    dropped = options.drops_strays and bool(search.left_out)
+    if not search.strays or not (dropped or search.matter):
+        return ()
     second = solve_static(search.problem.rows(search.sliding if dropped else search.kept), options, kind)
     other = other_fit(core, second)
-    numbers |= {"count": len(search.strays), **other.numbers}
-    message = f"{_points(len(search.strays))} off the law of the others"
+    numbers, message = (
+        {"count": len(search.strays), **other.numbers},
+        f"{len(search.strays)} of {count} points off the law of the others",
+    )
     if dropped:
-        message = f"{message}, left out: {'; '.join(named)}. With: {other.told} To keep, write `set_up: as-written` under fit."
-        return (*warnings, Finding("strays-left-out", CAUTION, message, numbers))
+        message = (
+            f"{message} left out: {named}. With them: {other.told} To keep them, write `set_up: as-written` under fit."
+        )
+        return (Finding("strays", CAUTION, message, numbers),)
     # moved by more than a standard error, or identified by one fit alone
     ours, theirs = ({n: e.value for n, e in x.parameters.items() if e.value is not None} for x in (core, second))
     errors = {n: core.parameters[n].standard_error or 0.0 for n in ours}
     alike = {n for n in ours.keys() & theirs.keys() if abs(ours[n] - theirs[n]) <= errors[n]}
-    moved = tuple(text(n) for n in dict.fromkeys((*core.parameters, *second.parameters)) if n not in alike)
-    advice = _advice(search, options)
-    message = f"{message}: {'; '.join(named)}. Without: {other.told}"
-    numbers |= {"advice": in_units(advice, {})}
-    if not moved or not search.matter:
-        return (*warnings, Finding("strays", CAUTION, f"{message} {advice}", numbers))
-    message = f"{message} That is more than one standard error of {', '.join(moved)}. {advice}"
-    warning = Finding("strays-matter", CAUTION, message, {**numbers, "moved": moved}, {"torque": other.apart})
-    return (*warnings, warning)
-
-
-def _advice(search: PointSearch, options: FitOptions) -> str:
-    """What to do about strays that stay in."""
-    if not options.drops_strays:
-        return "To leave out, leave `set_up: as-written` out."
-    speed = np.abs([s.velocity for s in search.points])
-    side = np.sign([s.velocity for s in search.points])
-    own = list(search.strays)
-    others = np.delete(speed, [*own, *search.resting])
-    weaker = all(side[k] * search.deviations[k] < 0 for k in own)
-    if others.size and weaker and speed[own].max() < others.min():
-        slowest = f"{others.min():.3g}{unit_of('velocity')}"
-        return (
-            f"They are the slowest, and have less friction than the law: below {slowest} it falls towards 0, as a regularised "
-            f"law does, or they do not slide. Write `segments: {{minimum_velocity: {slowest}}}` to leave them out."
-        )
-    return "They stay: neighbours, the ends of the range, or more than a tenth of the points are not strays, but show what the law lacks."
-
-
-def _points(count: int) -> str:
-    return f"{count} point{'' if count == 1 else 's'}"
-
-
-def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[str, ...]:
-    """The first points by name, and the number of others."""
-    named, rest = list[str](), len(rows) - _LISTED
-    for k in rows[:_LISTED]:
-        s = search.points[k]
-        file, where = s.subject
-        off = f", {search.deviations[k]:+.0f} standard deviations off" if search.deviations[k] else ""
-        named.append(
-            f"{file} {where} ({s.torque:.4g}{unit_of('torque')} at {s.velocity:.3g}{unit_of('velocity')}{off})"
-        )
-    return (*named, *([f"and {rest} more"] if rest > 0 else []))
+    moved = [core.problem.text(n) for n in dict.fromkeys((*core.parameters, *second.parameters)) if n not in alike]
+    if not moved:
+        return ()
+    why = "neighbours, the ends of the range, or more than a tenth of the points show what the law lacks"
+    why = why if options.drops_strays else "to leave them out, leave `set_up: as-written` out"
+    message = f"{message}, {named}, stay in: {why}. Without them {', '.join(moved)} would move by more than an error: {other.told}"
+    return (Finding("strays", CAUTION, message, numbers, {"torque": other.apart}),)
 
 
 def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[Finding]:
     """Terms that the fit lacks, to first order; points in the order of velocity."""
     problem, theta = core.problem, core.solution.theta
-    measured = slice(problem.torque.size - problem.priors)
-    velocity = problem.equation_velocity[measured]
+    velocity = problem.equation_velocity
     order = np.argsort(velocity, kind="stable") if where.segments else np.arange(velocity.size)
     names = problem.names
     errors = [((e := core.parameters.get(name)) and e.standard_error) or np.inf for name in names]
     friction = np.array([of_curve(name.name) for name in names], dtype=bool)
     fit = Fitted(
-        problem.jacobian(theta)[measured][order], core.solution.residuals[measured][order],
-        np.array(errors, dtype=np.float64), friction, float(np.sqrt(np.mean(problem.friction(theta)[measured] ** 2))),
+        problem.jacobian(theta)[order], core.solution.residuals[order],
+        np.array(errors, dtype=np.float64), friction, float(np.sqrt(np.mean(problem.friction(theta) ** 2))),
         widened=False,
     )  # fmt: skip  # a list of values
     time, position = (x[order] if x.size == order.size else x for x in (where.time, where.position))
     fitted = [*(name.name for name in names), *problem.given]
     rows = candidates(velocity[order], time, position, fitted, kind, len(problem.directions))
-    points = [where.segments[k] for k in order] if where.segments else []
-    modelled = (problem.torque - core.solution.residuals)[measured][order]
-    return explained(fit, [*rows, *_by_rows(points, modelled)]).findings
-
-
-def _by_rows(points: Sequence[Segment], torque: Array) -> list[Candidate]:
-    """A drift of the modelled torque, N*m, (n,), with the rows of given points whose speeds go up and down."""
-    given = bool(points) and all(s.stop == s.start + 1 for s in points) and len({s.file for s in points}) == 1
-    v, row = (np.array([getattr(s, name) for s in points], dtype=np.float64) for name in ("velocity", "start"))
-    for side in (v > 0, v < 0):
-        if side.sum() >= _MANY:
-            ranks = np.argsort(np.argsort(np.abs(v[side]))), np.argsort(np.argsort(row[side]))
-            given &= abs(float(np.corrcoef(*ranks)[0, 1])) <= _MIXED
-        else:
-            given &= not side.any()
-    if not given:
-        return []
-
-    def tell(found: Score, _: int) -> Finding:
-        share = float(found.sizes[0])
-        across = share * float(np.median(np.abs(torque)))
-        message = (
-            f"Beside what speed explains, the torque of the points goes with their rows in {points[0].file}: {across:+.3g}{unit_of('torque')} from "
-            f"first to last, {100 * abs(share):.0f} % of it. If they stand there as they were measured, it drifts: warm up, or measure each "
-            "speed going up and coming down."
-        )
-        numbers = {"file": points[0].file, "across": across, "share": abs(share)}
-        return Finding("drift-of-rows", CAUTION, message, numbers, {"torque": abs(across)})
-
-    return [Candidate(tell, ((torque * (row - row.mean()) / np.ptp(row))[:, None],), is_friction=True)]
+    return explained(fit, rows).findings
 
 
 def _static_fit(
@@ -332,13 +254,12 @@ def _static_fit(
     rows = np.ones(residuals.size, dtype=bool)
     if two and part != "shared":
         rows = velocity > 0 if part == "+" else velocity < 0
-    rows[rows.size - problem.priors :] = False
     names = [name for name in problem.names if not two or name.direction is part]
     parameters = {name.name: core.parameters[name] for name in names}
-    for name in names:  # warnings of the three intervals, unless at a bound
-        one = parameters[name.name]
-        if not any(warning.code == "at-bound" for warning in one.warnings):
-            parameters[name.name] = replace(one, warnings=(*one.warnings, *three[name].warnings))
+    own = {name.name: three[name] for name in names if name in three}
+    for bare, x in own.items():  # warnings of the three intervals, unless at a bound
+        if not any(warning.code == "at-bound" for warning in parameters[bare].warnings):
+            parameters[bare] = replace(parameters[bare], warnings=(*parameters[bare].warnings, *x.warnings))
     if part != "shared" and part in core.dropped:
         lost = (core.dropped[part],)
         names_lost = peak_parameters(problem.law)
@@ -366,7 +287,7 @@ def _static_fit(
         relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None, n=int(rows.sum()),
         outcome=core.outcome, names=tuple(core.names[k].name for k in keep),
         covariance=core.covariance[np.ix_(keep, keep)], degrees_of_freedom=int(core.freedom),
-        profile=core.profiles.get(part), uncertainty={name.name: three[name] for name in names},
+        profile=core.profiles.get(part), uncertainty=own,
         velocity=velocity[rows], torque=torque[rows], residuals=residuals[rows],
         segments=tuple(s for s, row in zip(where.segments, rows.tolist(), strict=False) if row),
         time=where.time[rows[: where.time.size]], position=where.position[rows[: where.position.size]],
@@ -422,35 +343,15 @@ def by_file(points: Iterable[Segment]) -> dict[str, list[Segment]]:
     return found
 
 
-def fit_moving(
-    experiment: Experiment, records: Sequence[Record], held: Sequence[Record]
-) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
-    """Static fits and cross-checks of moving runs, by the grid. Raises InputError where a signal is missing."""
-    fixed, prior = inertia(experiment)
-    moving, asked = directions(experiment, records), regressors(experiment)
-
-    def problem(
-        chosen: Sequence[Record], weights: Mapping[str, float] | None
-    ) -> tuple[Regression, tuple[Array, Array], int]:
-        """The regression of some records, time and position of its equations, samples dropped at ends."""
-        return from_records(chosen, moving, asked, experiment.fit.every, fixed, experiment.fit.friction, weights)
-
-    def fitted(weights: Mapping[str, float]) -> Mapping[ParameterName, float]:
-        """By the grid, with these coefficients of gravity and links."""
-        one = problem(records, weights)[0]
-        return one.named(solve(one, default_range(one.velocity)).theta)
-
-    weights = settled_weights(fitted, problem(records, None)[0].weights) if levels_of(asked) else {}
-    training, (time, position), _ = problem(records, weights)
+def fit_moving(experiment: Experiment, records: Sequence[Record], held: Sequence[Record]) -> dict[str, StaticFit]:
+    """Static fits of moving runs, by the grid. Raises InputError where a signal is missing."""
+    moving, asked, (fixed, _) = directions(experiment, records), regressors(experiment), inertia(experiment)
+    options = moving, asked, experiment.fit.every, fixed, experiment.fit.friction
+    training, (time, position), _ = from_records(records, *options)
+    tests, runs = ([(r.file, from_records([r], *options, training.weights)[0]) for r in x] for x in (held, records))
+    runs = [(file, one) for file, one in runs if len(runs) > 1 and one.torque.size > len(one.names)]
     where = PointInfo(time=time, position=position)
-    if prior is not None and "inertia" in asked:
-        free = training.linear @ np.linalg.lstsq(training.linear, training.torque, rcond=None)[0]
-        sigma = float(np.std(training.torque - free))
-        training = with_prior(training, INERTIA, prior.value, float(prior.standard_error or 0.0), sigma)
-    tests = [(r.file, problem([r], weights)[0]) for r in held]
-    apart = [(r.file, problem([r], weights)[0]) for r in records if len(records) > 1]
-    runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
-    return fit_static(training, experiment.fit, experiment.joint.kind, where, tests, runs)
+    return fit_static(training, experiment.fit, experiment.joint.kind, where, tests, runs)[0]
 
 
 def reconcile_static(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:

@@ -13,7 +13,6 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
 from bristle.estimation.levels import SIGNIFICANCE
-from bristle.estimation.linear import inverse_gram
 from bristle.estimation.score_test import scores
 from bristle.findings import NOTE, Finding, unit_of
 from bristle.identification.moving_runs import DIRECTIONS, declared, load_columns, terms_of
@@ -41,8 +40,7 @@ class PointSearch:
     matter: bool = False  # Whether the curve moves without them
     apart: bool = True  # Whether strays are few and isolated; others show a term that the law lacks
     misfit: bool = False  # Whether there are more strays than allowed
-    deviations: Array  # Torque less that of the law, in standard deviations, (n,)
-    expected: Array  # Torque of the law, N*m, (n,)
+    expected: Array  # Torque of the law of the others, N*m, (n,)
 
     @property
     def left_out(self) -> tuple[int, ...]:
@@ -89,44 +87,34 @@ def strays_under_all(
 def _search(sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence[str], law: Law) -> PointSearch:
     problem = points_problem(points, sides, asked, law)
     problem = with_best_shape(problem, default_range(problem.velocity))
-    n = len(points)
-    resting = _resting(problem)
-    sliding = np.flatnonzero(all_but(n, resting))
-    search = find_strays(problem.rows(all_but(n, resting)))
-    strays = tuple(sliding[list(search.rows)].tolist())
-    if not search.misfit and strays:
-        # points within the scatter of their own standard errors are no strays
-        (residuals, _), sure = _from_the_law(problem, (*strays, *resting)), ndtri(1 - SIGNIFICANCE / (2 * n))
-        strays = tuple(k for k in strays if not abs(residuals[k]) <= sure * (points[k].standard_error or 0.0))
+    n, resting = len(points), _resting(problem)
+    sliding = all_but(n, resting)
+    search = find_strays(problem.rows(sliding))
+    strays = tuple(np.flatnonzero(sliding)[list(search.rows)].tolist())
     found = PointSearch(
         sides=sides, points=points, problem=problem, strays=strays, resting=resting, misfit=search.misfit,
-        deviations=np.zeros(n), expected=problem.torque,
+        expected=problem.torque,
     )  # fmt: skip  # a list of values
-    if not resting and (search.misfit or not strays):
+    if not (resting or strays):
         return found
-    residuals, spread = _from_the_law(problem, (*resting, *(() if search.misfit else strays)))
-    expected = problem.torque - residuals
-    with_all = refit(problem.rows(found.sliding)).theta
-    moved = (problem.torque - problem.residuals(with_all) - expected)[found.sliding]
+    # points within the scatter of their own standard errors are no strays
+    out, sure = () if search.misfit else strays, ndtri(1 - SIGNIFICANCE / (2 * n))
+    off = _off_the_others(problem, (*resting, *out))
+    out = tuple(k for k in out if not abs(off[k]) <= sure * (points[k].standard_error or 0.0))
+    strays = strays if search.misfit else out
+    expected = problem.torque - _off_the_others(problem, (*resting, *out))
+    moved = problem.torque[sliding] - refit(problem.rows(sliding)).residuals - expected[sliding]
     # isolated: no three neighbours in order of velocity, none at an end
     among = np.pad(np.isin(np.argsort(problem.velocity), strays).astype(float), _NEIGHBOURS - 1, constant_values=1.0)
-    apart = among.size < _NEIGHBOURS or np.convolve(among, np.ones(_NEIGHBOURS)).max() < _NEIGHBOURS
     return replace(
-        found, matter=bool((np.abs(moved) > _MOVES * np.abs(expected[found.sliding])).any()), apart=bool(apart),
-        deviations=np.divide(residuals, spread, out=np.zeros(n), where=spread > 0), expected=expected,
+        found, strays=strays, expected=expected, matter=bool((np.abs(moved) > _MOVES * np.abs(expected[sliding])).any()),
+        apart=bool(among.size < _NEIGHBOURS or np.convolve(among, np.ones(_NEIGHBOURS)).max() < _NEIGHBOURS),
     )  # fmt: skip  # a list of values
 
 
-def _from_the_law(problem: Regression, rows: Sequence[int]) -> tuple[Array, Array]:
-    """Torque less that of the law of all other points, N*m, and its standard deviation, (n,)."""
-    belongs = problem.rows(all_but(problem.torque.size, rows))
-    law = refit(belongs)
-    free = np.linalg.norm(law.jacobian, axis=0) > 0
-    size = np.linalg.norm(law.jacobian[:, free], axis=0)
-    J = problem.jacobian(law.theta)[:, free] / size
-    variance = law.cost / max(belongs.torque.size - law.theta.size, 1)
-    leverage = np.einsum("np,pq,nq->n", J, inverse_gram(law.jacobian[:, free] / size), J)
-    return problem.residuals(law.theta), np.sqrt(variance * (1 + np.maximum(leverage, 0.0)))
+def _off_the_others(problem: Regression, rows: Sequence[int]) -> Array:
+    """Torque less that of the law of all other points, N*m, (n,)."""
+    return problem.residuals(refit(problem.rows(all_but(problem.torque.size, rows))).theta)
 
 
 def _resting(problem: Regression) -> tuple[int, ...]:
@@ -165,9 +153,11 @@ def without_strays(experiment: Experiment, searches: Sequence[PointSearch]) -> I
             reason = Finding("below-breakaway", NOTE, message, numbers)
             yield replace(s, accepted=False, reasons=(reason,))
         for k in search.left_out if dropped else ():
-            deviations = abs(float(search.deviations[k]))
-            message = f"Off the law of the others by {deviations:.0f} standard deviations; fit.set_up: as-written would make it pass."
-            reason = Finding("stray-dropped", NOTE, message, {"deviations": deviations})
+            off = search.points[k].torque - float(search.expected[k])
+            message = (
+                f"Off the law of the others by {off:.2g}{unit_of('torque')}; fit.set_up: as-written would make it pass."
+            )
+            reason = Finding("stray-dropped", NOTE, message, {"off": off})
             yield replace(search.points[k], accepted=False, reasons=(reason,))
 
 

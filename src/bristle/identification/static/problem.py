@@ -43,7 +43,6 @@ class Regression:
     smooth: sparse.csr_array | None = None  # The decimation filter, (n, N)
     memory: dict[tuple[object, str, bytes, tuple[float, ...]], Tables] = field(default_factory=dict, repr=False)
     """Smoothed columns, which take long."""
-    priors: int = 0  # Number of the last equations that are priors
     shifts: Mapping[str, Array] = field(default_factory=dict)
     """Change of `torque` per standard error of each constant, (n,)."""
     given: tuple[str, ...] = ()  # Parameters that `torque` was made of, where the joint coasts
@@ -157,7 +156,7 @@ class Regression:
         return replace(self, torque=torque.copy(), memory={})
 
     def rows(self, keep: NDArray[np.bool_]) -> "Regression":
-        """The problem with some of its equations, by mask, (n,), without priors."""
+        """The problem with some of its equations, by mask, (n,)."""
         return replace(
             self, velocity=self.velocity[keep] if self.smooth is None else self.velocity, torque=self.torque[keep],
             linear=self.linear[keep], smooth=None if self.smooth is None else self.smooth[np.flatnonzero(keep)],
@@ -230,7 +229,7 @@ def from_records(
     """The problem for moving data: both sides pass a zero-phase Butterworth filter to one sample in `decimation`.
 
     A known `inertia`, kg*m**2, is taken off; `weights` are coefficients of gravity and links where the level rises with
-    load; None: those without a peak. Returns the problem, time (s from the start of its run) and position (rad, or
+    load; None: those of the fit without a peak. Returns the problem, time (s from the start of its run) and position (rad, or
     empty) of each equation, and the samples dropped at ends. Raises InputError where a segment is too short or a signal
     is missing.
     """
@@ -264,23 +263,6 @@ def from_records(
     has_position = all(r.position is not None for r in records)
     position = smooth @ np.concatenate([needed(r, "position") for r in records]) if has_position else np.zeros(0)
     return problem, (time, position), dropped
-
-
-def with_prior(
-    problem: Regression, name: ParameterName, value: float, standard_error: float, sigma: float
-) -> Regression:
-    """The problem with one more equation: a linear parameter is value +- standard_error, residuals scatter by sigma."""
-    weight = sigma / standard_error
-    row = np.array([[weight if n == name else 0.0 for n in problem.linear_names]])
-    smooth = problem.smooth if problem.smooth is not None else sparse.eye_array(problem.velocity.size, format="csr")
-    blank = sparse.csr_array((1, problem.velocity.size))
-    return replace(
-        problem, torque=np.append(problem.torque, weight * value),
-        known=None if problem.known is None else np.append(problem.known, 0.0),
-        shifts={name: np.append(shift, 0.0) for name, shift in problem.shifts.items()},
-        linear=np.vstack([problem.linear, row]), smooth=sparse.csr_array(sparse.vstack([smooth, blank])), memory={},
-        priors=problem.priors + 1,
-    )  # fmt: skip  # a list of values
 
 
 def _moves(velocity: Array, direction: str) -> Array:

@@ -1,21 +1,20 @@
 """Exact profiles of the parameters of a static fit (`estimation.conditional_profile`, eta = log(v_s))."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
-from scipy.interpolate import BSpline
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq, minimize
 
 from bristle.arrays import Array
 from bristle.estimation.conditional_profile import ConditionalProfiles, Face, Looks
 from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
 from bristle.identification.fits import Profile
-from bristle.identification.static.grid import GRID, PLAIN_GRID, Projected, Solution, solve, subsets
-from bristle.identification.static.problem import Regression, log_grid
+from bristle.identification.static.grid import PLAIN_GRID, Projected, Solution, solve, subsets
+from bristle.identification.static.problem import Regression
 from bristle.model.parameters import Direction, ParameterName
 
 _LOOKS = (
@@ -29,11 +28,8 @@ _NEAR = 40  # values of v_s around the minimum on a drawn profile
 _BEYOND = 0.5  # drawn range beyond the interval, in widths
 _AROUND = (0.5, 2.0, 101)  # range of the other v_s of two peaks, over its best: from, to, values
 _ROUNDING = 1e-13  # of the torque off the linear columns: closer costs are equal
-_NODES = 1000  # velocities of a reduced problem
-_SLOWEST = 1e-7  # of the fastest speed: the slowest node
 _FIRST = 7  # logarithmic values of a shape parameter tried first
-_STEPS = 14  # most refinements between the neighbours of the best
-_SETTLED = 1e-4  # of its logarithm: tolerance of a shape parameter
+_SETTLED, _SAME = 1e-4, 1e-9  # tolerances of its logarithm, and of the cost
 _WITHIN = 5  # values within its interval at which the others' intervals are evaluated
 
 
@@ -42,11 +38,13 @@ class StaticProfiles(NamedTuple):
 
     intervals: dict[ParameterName, tuple[float, float]]  # 95 % intervals, by name
     threshold: float  # The largest cost within an interval
-    problem: Regression  # The problem in few equations
-    linear: ConditionalProfiles  # Of the linear parameters, alpha_1 included
+    problem: Regression
+    linear: ConditionalProfiles | None  # Of the linear parameters, alpha_1 included; None of moving data
 
     def curve(self, name: ParameterName, value: float, low: float, high: float) -> Array:
-        """A linear parameter's profile, (2, k), to half a width beyond its interval."""
+        """A linear parameter's profile, (2, k), to half a width beyond its interval; empty of moving data."""
+        if self.linear is None:
+            return np.zeros((2, 0))
         j, wide = self.problem.names.index(name), high - low
         least = 0.0 if self.linear.bounded[j] else -np.inf
         ends = max(low - _BEYOND * wide, least), high + _BEYOND * wide
@@ -57,20 +55,21 @@ class StaticProfiles(NamedTuple):
 def profiled(
     problem: Regression, solution: Solution, variance_inflation: float = 1.0, threshold: float | None = None
 ) -> StaticProfiles:
-    """The profiles of a solution; v_s, 0 or inf, is open where its profile stays below the threshold."""
+    """The profiles of a solution, of moving data those of v_s alone; v_s is open, 0 or inf, where its profile stays below."""
     if threshold is None:
         parameters = len(problem.names) + len(problem.shape)
         threshold = profile_threshold(solution.cost, problem.torque.size, parameters, variance_inflation)
-    few = reduced(problem, (float(solution.grid[0]), float(solution.grid[-1]))) if problem.peaks else problem
     peaks = len(problem.peaks)
-    names, best = few.names[: len(few.names) - peaks], solution.theta[solution.theta.size - peaks :]
-    projected, v_s = Projected(few), dict[ParameterName, tuple[float, float]]()
-    for k, name in enumerate(few.names[len(names) :]):
+    names, best = problem.names[: len(problem.names) - peaks], solution.theta[solution.theta.size - peaks :]
+    projected, v_s = Projected(problem), dict[ParameterName, tuple[float, float]]()
+    for k, name in enumerate(problem.names[len(names) :]):
         # of two, the other's v_s is searched on the grid and near its best
         costs = partial(projected.profile, peak=k, others=others(solution, peaks, k))
         v_s[name] = interval_on_grid(costs, solution.grid, costs(solution.grid), float(best[k]), threshold)
+    if problem.smooth is not None:
+        return StaticProfiles(v_s, threshold, problem, None)
     box = np.array([np.clip(ends, solution.grid[0], solution.grid[-1]) for ends in v_s.values()]).reshape(peaks, 2)
-    bounded = np.isfinite(few.least[: len(names)])
+    bounded = np.isfinite(problem.least[: len(names)])
 
     def over_log(projected: Projected) -> Face:
         return lambda log_v_s: projected.conditional(np.exp(log_v_s))
@@ -78,7 +77,7 @@ def profiled(
     def faces(j: int) -> Iterator[Face]:
         """Every face on which parameter j is free."""
         may_vanish = [name for k, name in enumerate(names) if bounded[k] and k != j]
-        return (over_log(Projected(few, dropped)) for dropped in subsets(may_vanish))
+        return (over_log(Projected(problem, dropped)) for dropped in subsets(may_vanish))
 
     linear = ConditionalProfiles(
         free=over_log(projected), faces=faces, bounded=bounded, best=np.log(best), cost=solution.cost,
@@ -91,7 +90,7 @@ def profiled(
         if low == 0 or not np.isfinite(high):
             alpha_1 = name._replace(name="alpha_1")
             intervals[alpha_1] = intervals[alpha_1][0], np.inf
-    return StaticProfiles(intervals | v_s, threshold, few, linear)
+    return StaticProfiles(intervals | v_s, threshold, problem, linear)
 
 
 def drawn_profiles(
@@ -118,39 +117,6 @@ def drawn_profiles(
     return profiles
 
 
-def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
-    """The problem in fewer equations and velocities, with the same costs to 1e-8 over the range of v_s."""
-    if problem.smooth is None:
-        return problem
-    # orthonormal directions, (n, r), that span torque and columns for every v_s in the range, to 1e-8
-    values = log_grid(v_s_range, GRID)
-    shapes = [problem.shapes(values, k) for k in range(len(problem.peaks))]
-    columns = np.column_stack([problem.linear, *shapes, problem.torque])
-    sizes = np.linalg.norm(columns, axis=0)
-    left, lengths, _ = np.linalg.svd(columns / np.where(sizes > 0, sizes, 1.0), full_matrices=False)
-    basis: Array = left[:, lengths > 1e-8 * lengths[0]]
-    two = len(problem.directions) == 2
-    velocities, shares = [], []
-    for sign in (1.0, -1.0) if two else (1.0,):
-        moving = problem.velocity * sign > 0 if two else problem.velocity != 0
-        speed, weight = np.abs(problem.velocity[moving]), problem.smooth[:, moving].T @ basis
-        # A cubic spline in log(abs(v)) through a friction curve's values at some nodes meets it within about 1e-9 of its
-        # size, so each sample's share of a sum can be handed to the nodes. Slower than 1e-7 of the fastest it is constant.
-        high = float(np.log(speed.max()))
-        low = max(float(np.log(speed.min())), high + np.log(_SLOWEST))
-        at = np.linspace(low, max(high, low + 1.0), _NODES)
-        knots = np.concatenate([[at[0]] * 4, at[2:-2], [at[-1]] * 4])
-        on_samples = BSpline.design_matrix(np.clip(np.log(speed), at[0], at[-1]), knots, 3)
-        on_nodes: Array = BSpline.design_matrix(at, knots, 3).toarray()
-        of_splines = np.asarray(on_samples.T @ (weight.T * np.sign(problem.velocity[moving])).T, dtype=np.float64)
-        velocities.append(sign * np.exp(at))
-        shares.append(sign * np.asarray(np.linalg.solve(on_nodes.T, of_splines).T, dtype=np.float64))
-    return replace(
-        problem, velocity=np.concatenate(velocities), torque=basis.T @ problem.torque, linear=basis.T @ problem.linear,
-        smooth=sparse.csr_array(np.concatenate(shares, axis=1)), known=None, memory={},
-    )  # fmt: skip  # a list of values
-
-
 def others(solution: Solution, peaks: int, peak: int) -> Array:
     """Values of the other of two v_s: near its best, and the grid, (k,)."""
     other = float(solution.theta[solution.theta.size - 1 - peak])
@@ -158,36 +124,22 @@ def others(solution: Solution, peaks: int, peak: int) -> Array:
 
 
 def with_best_shape(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
-    """The problem with the best shape of its peak."""
+    """The problem with the best shape of its peak: of some values, refined over their logarithms."""
     if not problem.law.peak.own or not problem.peaks:
         return problem
-    ranges = tuple(own.searched for own in problem.law.peak.own)
-    best, _ = _searched(lambda shape: solve(replace(problem, shape=shape), v_s_range).cost, ranges)
-    return replace(problem, shape=best)
 
+    def shaped(u: Array) -> Regression:
+        return replace(problem, shape=tuple(np.exp(u).tolist()))
 
-def _searched(
-    cost: Callable[[tuple[float, ...]], float], ranges: tuple[tuple[float, float], ...]
-) -> tuple[tuple[float, ...], float]:
-    """The minimum of a cost within ranges, nested: for each value of the first, the best of the rest."""
-    if not ranges:
-        return (), cost(())
-    (low, high), *rest = ranges
+    def cost(u: Array) -> float:
+        return solve(shaped(u), v_s_range).cost
 
-    def inner(u: float) -> tuple[tuple[float, ...], float]:
-        """The best of the rest at a logarithm of the first."""
-        own = float(np.exp(u))
-        shape, least = _searched(lambda others: cost((own, *others)), tuple(rest))
-        return (own, *shape), least
-
-    values = np.linspace(np.log(low), np.log(high), _FIRST)
-    first = [inner(u) for u in values.tolist()]
-    k = int(np.argmin([least for _, least in first]))
-    around = float(values[max(k - 1, 0)]), float(values[min(k + 1, values.size - 1)])
-    found = minimize_scalar(
-        lambda u: inner(float(u))[1], bounds=around, method="bounded", options={"xatol": _SETTLED, "maxiter": _STEPS}
+    box = np.log([own.searched for own in problem.law.peak.own])
+    first = np.array(
+        min(product(*(np.linspace(low, high, _FIRST) for low, high in box)), key=lambda u: cost(np.array(u)))
     )
-    return min(first[k], inner(float(found.x)), key=lambda x: x[1])
+    near = np.clip(first[:, None] + np.ptp(box, axis=1)[:, None] / (_FIRST - 1) * [-1, 1], box[:, :1], box[:, 1:])
+    return shaped(minimize(cost, first, method="Powell", bounds=near, options={"xtol": _SETTLED, "ftol": _SAME}).x)
 
 
 def own_columns(problem: Regression, solution: Solution) -> Array:

@@ -13,10 +13,10 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import correlated, inflation
-from bristle.estimation.levels import NO_SIGN, SIGNIFICANCE
+from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.linear import best_column_p_value
 from bristle.estimation.score_test import moved_by
-from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
+from bristle.findings import CAUTION, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import Estimate, Profile
 from bristle.identification.shared_findings import AT_BOUND, TAKES_UP_PEAK, curve_held
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
@@ -33,9 +33,8 @@ from bristle.identification.systematic import all_shifted
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
-_MIN_SPEED_RATIO = 0.34  # of the slowest speed: at a smaller v_s nothing is left of the term, and alpha_1 is invented
 _OPEN = Finding("interval-open", CAUTION, "No finite interval: the data allow it to the end of what is searched.")
-_THERE = {"peak-left-out", "bend", "one-speed", "v-s-down-to-zero", "v-s-up-to-any", "none-below-v-s"}
+_THERE = {"bend", "v-s-down-to-zero", "v-s-up-to-any", "none-below-v-s"}
 """Reasons to drop a term that is not noise."""
 
 
@@ -98,7 +97,7 @@ def solve_static(
     variance_inflation = _inflation(problem, solution)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
-    intervals, of_shape = over_shapes(problem, likelihood, v_s_range)
+    profile, of_shape = over_shapes(problem, likelihood, v_s_range)
     more = own_columns(problem, solution)
     J = np.concatenate([jacobian[:, free], more], axis=1)
     with_more, freedom = uncertainty.covariance(J, solution.cost, variance_inflation)
@@ -110,13 +109,18 @@ def solve_static(
     doubted = {
         d for d, reason in dropped.items() if {reason.code, getattr(reason.numbers.get("why"), "code", None)} & _THERE
     }
-    # interval by the profile, standard error by the exact Jacobian
+    reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
+    ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
+    student = {name: (low, high) for name, low, high in zip(problem.names, *(x.tolist() for x in ends), strict=True)}
+    # interval by the profile, of moving data by Student's t; standard error by the exact Jacobian
+    intervals = {**student, **profile}
     errors, parameters = np.full(len(problem.names), np.nan), dict[ParameterName, Estimate]()
     errors[free] = np.sqrt(np.diag(covariance)[: free.sum()])
     for name, value, error in zip(problem.names, solution.theta.tolist(), errors.tolist(), strict=True):
         (low, high), told = intervals[name], [AT_BOUND] if name in solution.at_bound else []
         if name.name in {"alpha_1", "v_s"} and not is_closed(intervals[name._replace(name="v_s")]):
-            told.append(_OPEN)  # alpha_1 grows with v_s
+            told.append(_OPEN)
+            high = high if name.name == "v_s" else np.inf  # alpha_1 grows with v_s
         elif name.name in {"alpha_0", "alpha_2"} and name.direction in doubted:
             told.append(TAKES_UP_PEAK)  # a peak that is there but not bounded
         parameters[name] = Estimate(
@@ -126,22 +130,22 @@ def solve_static(
         )  # fmt: skip  # a list of values
     names = list(compress(problem.names, free))
     moved = {constant: moved_by(jacobian[:, free], change) for constant, change in problem.shifts.items()}
-    reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
-    ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
-    warnings = _fit_warnings(problem, solution, intervals, profiles, v_s_range)
+    warnings = list(dropped.values())
+    if variance_inflation > 2:
+        warnings.append(correlated(solution.residuals, sqrt(variance_inflation)))
     outcome = Finding("static-converged", NOTE, "Converged.")
     if dropped and not problem.peaks:
         message = "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted."
         outcome = Finding("static-no-stribeck", NOTE, message)
-        if all(reason.code in {"peak-left-out", "no-stribeck-asked"} for reason in dropped.values()):
+        if options.model == "coulomb-viscous":
             message = "Coulomb and viscous friction alone are fitted, as fit.law asks."
             outcome = Finding("static-as-asked", NOTE, message)
     return StaticSolution(
         problem=problem, solution=solution, parameters=parameters,
         shifts={constant: dict(zip(names, by.tolist(), strict=True)) for constant, by in moved.items()},
         names=(*names, *list(beside)[: alone - free.sum()]), covariance=covariance, freedom=freedom, outcome=outcome,
-        warnings=(*dropped.values(), *warnings), profiles=profiles, dropped=dropped, profiled=likelihood,
-        student=dict(zip(problem.names, zip(*(x.tolist() for x in ends), strict=True), strict=True)), beside=beside,
+        warnings=tuple(warnings), profiles=profiles, dropped=dropped, profiled=likelihood,
+        student=student, beside=beside,
     )  # fmt: skip  # a list of values
 
 
@@ -169,26 +173,22 @@ def _settled(
     problem: Regression, options: FitOptions, v_s_range: tuple[float, float]
 ) -> tuple[Regression, Solution, StaticProfiles, dict[Direction, Finding]]:
     """The final problem with solution and profiles, and the directions that lose their Stribeck term, with reasons."""
-    not_asked = Finding("no-stribeck-asked", NOTE, "Not fitted: fit.law is coulomb-viscous.")
     asked, points, least = options.model == "coulomb-viscous", problem.torque.size, len(problem.names) + 1
-    dropped, solution, judged = dict[Direction, Finding](), None, options.model != "stribeck"
-    if points < least:
+    dropped, solution, judged = dict[Direction, Finding](), None, options.model == "auto"
+    if asked or points < least:
         message = f"{points} points are too few for a Stribeck term; at least {least} are needed."
         few = Finding("too-few-for-peak", NOTE, message, {"points": points, "least": least})
+        not_asked = Finding("no-stribeck-asked", NOTE, "Not fitted: fit.law is coulomb-viscous.")
         dropped = dict.fromkeys(problem.peaks, not_asked if asked else few)
     else:
         solution = solve(problem, v_s_range)
         dropped = _without_peak(problem, partial(_unsupported, problem, solution)) if judged else {}
-    if asked and points >= least:
-        message = "Not fitted, for fit.law is coulomb-viscous, although these data show a Stribeck term."
-        left_out = Finding("peak-left-out", NOTE, message)
-        dropped = {d: not_asked if d in dropped else left_out for d in problem.peaks}
     while True:
         kept = replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped))
         if solution is None or dropped:
             solution = solve(kept, v_s_range)
         likelihood = profiled(kept, solution, _inflation(kept, solution))
-        if (better := likelihood.linear.better) is not None:
+        if likelihood.linear is not None and (better := likelihood.linear.better) is not None:
             found = descended(kept, np.exp(better).tolist(), v_s_range)
             solution = replace(found, base_costs=solution.base_costs, grid=solution.grid, profiles=solution.profiles)
             likelihood = profiled(kept, solution, _inflation(kept, solution))
@@ -236,67 +236,22 @@ def _unsupported(problem: Regression, solution: Solution, k: int, direction: Dir
     ratio = gain / unexplained / _inflation(problem, solution)
     p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
     speeds, v_s, seen = problem.speeds(direction), float(problem.split(solution.theta)[1][k]), problem.law.peak.reach
-    fastest, slowest, of = float(speeds.max()), float(speeds.min()), unit_of("velocity")
-    if SIGNIFICANCE < p < NO_SIGN:
-        message = f"noise alone would look as much like a Stribeck peak in {100 * p:.0f} % of cases"
-        return Finding("like-noise", NOTE, message, {"percent": 100 * p})
+    fastest, of = float(speeds.max()), unit_of("velocity")
     if p > SIGNIFICANCE:
-        return Finding("no-peak", NOTE, "no sign of a Stribeck peak")
+        message = f"noise alone would look as much like a Stribeck peak in {100 * p:.0f} % of cases"
+        return Finding("no-peak", NOTE, message, {"percent": 100 * p})
     if v_s * seen > fastest:
         message = (
             f"its v_s of {v_s:.3g}{of} would lie near the fastest speed, {fastest:.3g}{of}, so the term would bend the whole "
             f"curve instead of dropping at low speed (speeds beyond {seen:g} v_s would decide)"
         )
         return Finding("bend", NOTE, message, {"v_s": v_s, "fastest": fastest, "seen": seen})
-    message = (
-        f"its v_s of {v_s:.3g}{of} would lie below a third of the slowest speed, {slowest:.3g}{of}, so the term would depend "
-        "on that one speed (slower ones would decide)"
-    )
-    return (
-        Finding("one-speed", NOTE, message, {"v_s": v_s, "slowest": slowest})
-        if v_s < _MIN_SPEED_RATIO * slowest
-        else None
-    )
+    return None
 
 
 def _inflation(problem: Regression, solution: Solution) -> float:
     """Variance inflation by correlated residuals; 1 for points."""
     return inflation(solution.residuals) if problem.smooth is not None else 1.0
-
-
-def _fit_warnings(
-    problem: Regression,
-    solution: Solution,
-    intervals: Mapping[ParameterName, tuple[float, float]],
-    profiles: Mapping[Direction, Profile],
-    v_s_range: tuple[float, float],
-) -> tuple[Finding, ...]:
-    """Warnings about a fit as a whole."""
-    warnings = []
-    low, high = v_s_range
-    for direction, profile in profiles.items():
-        interval, where = intervals[ParameterName("v_s", direction)], in_direction(direction)
-        if interval[0] == 0 and np.isinf(interval[1]):
-            message = f"v_s is not identifiable from these speeds{where}: its profile is flat."
-            warnings.append(Finding("flat-profile", CRITICAL, message, {"direction": direction}))
-        if not low * 1.001 < profile.best < high / 1.001:
-            message = (
-                f"The best v_s lies at the edge of the range searched{where}, {low:.3g}{unit_of('velocity')} to "
-                f"{high:.3g}{unit_of('velocity')}."
-            )
-            warnings.append(Finding("at-edge", CRITICAL, message, {"direction": direction, "low": low, "high": high}))
-        speeds = np.abs(problem.velocity) if direction == "both" else problem.speeds(direction)
-        below, points = int(np.count_nonzero(speeds < profile.best)), speeds.size
-        if below < 3:
-            message = (
-                f"Only {below} of {points} points lie below v_s{in_direction(direction)}; measure slower speeds to identify the "
-                "Stribeck term."
-            )
-            numbers = {"below": below, "points": points, "direction": direction}
-            warnings.append(Finding("few-below-v-s", CAUTION, message, numbers))
-    if (variance_inflation := _inflation(problem, solution)) > 2:
-        warnings.append(correlated(problem.residuals(solution.theta), sqrt(variance_inflation)))
-    return tuple(warnings)
 
 
 def is_closed(interval: tuple[float, float]) -> bool:

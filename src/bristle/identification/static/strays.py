@@ -1,7 +1,7 @@
 """Strays: points without which the refitted cost is lower by more than chance (F test), one after another.
 
-At a given v_s the cost falls by r**2 / (1 - h), with leverage h (Cook and Weisberg, Residuals and Influence in
-Regression, 1982); pairs and threes are tried where no single point is significant.
+At a given v_s the cost falls by r' (I - H)**-1 r, with hat matrix H (Cook and Weisberg, Residuals and Influence in
+Regression, 1982); pairs are tried where no single point is significant.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,17 +15,16 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.estimation.levels import RARE, SIGNIFICANCE
+from bristle.estimation.levels import SIGNIFICANCE
 from bristle.identification.static.grid import Projected, Solution, default_range, solve
 from bristle.identification.static.problem import Regression, log_grid
 
 SHARE = 8
 """At most one stray in so many points, or two of few."""
 _GRIDS = {1: 96, 2: 24}  # values of v_s by number of peaks
-_LEVELS = {1: SIGNIFICANCE, 2: SIGNIFICANCE, 3: RARE}  # by size of a set: there are many threes
 SINGLY = 1000  # points up to which strays are left out one by one
 _ALIKE = 0.25  # of the largest fall of the cost: of many points, others above it are left out together
-_TRIED = {1: None, 2: 200, 3: 24}  # most points that form sets of a size, by their single falls of the cost
+_PAIRED = 200  # most points that form pairs, by their single falls of the cost
 _REFITTED = 5  # sets that are refitted, of the largest falls on the grid
 _VANISHED = 1e-9  # share off the fit's columns below which a point is always fitted
 
@@ -57,7 +56,7 @@ def most_strays(problem: Regression) -> int:
 
 
 def _significant(problem: Regression) -> list[int]:
-    """The most significant point, else pair or three, or nothing."""
+    """The most significant point, else pair, or nothing."""
     n, parameters = problem.torque.size, len(problem.names)
     if n < parameters + 2:
         return []
@@ -66,16 +65,21 @@ def _significant(problem: Regression) -> list[int]:
     if n <= SINGLY and problem.peaks:
         v_s = np.tile(log_grid(default_range(problem.velocity), _GRIDS[v_s.size]), (v_s.size, 1))
     noise = 1e-20 * float(problem.torque @ problem.torque) or 1e-300
-    for sets, falls in _candidates(problem, v_s):
-        size, chosen, exact = sets.shape[1], sets[0].tolist(), float(falls[0])
+    nodes, order = list(_nodes(problem, v_s)), np.arange(n)
+    for size in (1, 2)[: n - parameters - 1]:
+        sets = np.array(list(combinations(np.sort(order[:_PAIRED]) if size == 2 else order, size)))
+        costs = reduce(np.minimum, (node.cost - node.falls(sets) for node in nodes))
+        best = np.argsort(costs)
+        sets, falls, order = sets[best], min(node.cost for node in nodes) - costs[best], sets[best, 0]
+        chosen, exact = sets[0].tolist(), float(falls[0])
         if n <= SINGLY:
             few = sets[:_REFITTED].tolist()
-            costs = [refit(problem.rows(all_but(n, rows))).cost for rows in few]
-            chosen, exact = few[int(np.argmin(costs))], base - min(costs)
+            refitted = [refit(problem.rows(all_but(n, rows))).cost for rows in few]
+            chosen, exact = few[int(np.argmin(refitted))], base - min(refitted)
         together = n > SINGLY and size == 1
         fall = np.append(exact, falls[falls > _ALIKE * falls[0]] if together else [])
         F = fall / size * (n - parameters - size) / np.maximum(base - fall, noise)
-        rare = fdtrc(size, n - parameters - size, F) * comb(n, size) < _LEVELS[size]
+        rare = fdtrc(size, n - parameters - size, F) * comb(n, size) < SIGNIFICANCE
         if rare[0] and exact > noise * size:
             return list(sets[: fall.size - 1, 0][rare[1:]].tolist() if together else chosen)
     return []
@@ -93,22 +97,6 @@ def all_but(n: int, rows: Sequence[int]) -> NDArray[np.bool_]:
     return keep
 
 
-def _candidates(problem: Regression, v_s: Array) -> Iterator[tuple[NDArray[np.intp], Array]]:
-    """Sets of points, (k, size), and their falls of the cost over v_s, (k,), largest first: singles, pairs, threes."""
-    n = problem.torque.size
-    nodes = list(_nodes(problem, v_s))
-    order = np.arange(n)
-    for size, most in _TRIED.items():
-        if n - len(problem.names) - size < 1:
-            return
-        among = np.sort(order[:most])
-        at = np.array(list(combinations(range(among.size), size)))
-        costs, sets = reduce(np.minimum, (node.cost - node.falls(among, at) for node in nodes)), among[at]
-        best = np.argsort(costs)
-        order = sets[best, 0] if size == 1 else order
-        yield sets[best], min(node.cost for node in nodes) - costs[best]
-
-
 class _Node(NamedTuple):
     """The problem at one v_s per peak."""
 
@@ -116,42 +104,29 @@ class _Node(NamedTuple):
     residuals: Array  # (n,)
     basis: Array  # Orthonormal columns of the fit, (n, p)
 
-    def falls(self, among: NDArray[np.intp], at: NDArray[np.intp]) -> Array:
-        """Falls of the cost without each set of points, (k,), r' (I - H)**-1 r; `at`, (k, size), indexes `among`."""
-        size, r, rows = at.shape[1], list(self.residuals[among][at.T]), self.basis[among]
-        if size == 1:  # of any number of points
-            left = {(0, 0): 1 - np.einsum("np,np->n", rows, rows)}
-        else:
-            hat = rows @ rows.T
-            left = {(i, j): float(i == j) - hat[at[:, i], at[:, j]] for i in range(size) for j in range(i + 1)}
-        own = [left[i, i] for i in range(size)]
-        falls, apart = np.zeros(len(at)), np.ones(len(at), dtype=bool)
-        for j in range(size):
-            apart &= left[j, j] > _VANISHED * np.maximum(own[j], _VANISHED)
-            pivot = np.where(apart, left[j, j], 1.0)
-            falls += r[j] ** 2 / pivot
-            for i in range(j + 1, size):
-                ratio = left[i, j] / pivot
-                r[i] = r[i] - ratio * r[j]
-                left |= {(i, k): left[i, k] - ratio * left[k, j] for k in range(j + 1, i + 1)}
+    def falls(self, sets: NDArray[np.intp]) -> Array:
+        """Falls of the cost without each set of one or two points, (k, size); 0 where the others do not fix the fit."""
+        rows, (r, *more) = self.basis[sets], self.residuals[sets].T
+        own, *other = 1 - np.einsum("ksp,ksp->sk", rows, rows)
+        apart = own > _VANISHED
+        pivot = np.where(apart, own, 1.0)
+        falls = r**2 / pivot
+        for r_2, own_2 in zip(more, other, strict=True):
+            across = -np.einsum("kp,kp->k", rows[:, 0], rows[:, 1])
+            rest = own_2 - across**2 / pivot
+            apart &= rest > _VANISHED * np.maximum(own_2, _VANISHED)
+            falls += (r_2 - across * r / pivot) ** 2 / np.where(apart, rest, 1.0)
         return np.where(apart, falls, 0.0)
 
 
 def _nodes(problem: Regression, v_s: Array) -> Iterator[_Node]:
     """The problem at each v_s, (peaks, k), without negative Stribeck terms."""
     projected = Projected(problem)
-    peaks = len(problem.peaks)
-    if not peaks:
-        yield _Node(projected.rest_cost, projected.rest, projected.q)
-        return
-    columns = []
-    for k in range(peaks):
-        off, length = projected.off(v_s[k], k)
-        columns.append(off / np.sqrt(length))
-    for chosen in product(range(v_s.shape[1]), repeat=peaks):
-        own = np.stack([unit[:, j] for unit, j in zip(columns, chosen, strict=True)], axis=1)
-        basis = np.linalg.qr(own)[0] if peaks > 1 else own
-        along = np.linalg.lstsq(own, projected.rest, rcond=None)[0] if peaks > 1 else own.T @ projected.rest
-        basis = basis if (along > 0).all() else own[:, (along > 0) & (own.T @ projected.rest > 0)][:, :1]
+    columns = [off / np.sqrt(length) for off, length in (projected.off(x, k) for k, x in enumerate(v_s))]
+    for chosen in product(range(v_s.shape[1]), repeat=len(columns)):
+        own = np.array([unit[:, j] for unit, j in zip(columns, chosen, strict=True)]).reshape(-1, projected.rest.size).T
+        along, basis = np.linalg.lstsq(own, projected.rest, rcond=None)[0], np.linalg.qr(own)[0]
+        if not (along > 0).all():
+            basis = own[:, (along > 0) & (own.T @ projected.rest > 0)][:, :1]
         residuals = projected.rest - basis @ (basis.T @ projected.rest)
         yield _Node(float(residuals @ residuals), residuals, np.concatenate([projected.q, basis], axis=1))

@@ -8,7 +8,6 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.estimation import bootstrap, interval_comparison
-from bristle.estimation.levels import FEW
 from bristle.identification.fits import Uncertainty
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.grid import Projected, Solution
@@ -26,10 +25,8 @@ _DRAWN, _BEYOND = 61, 0.6  # values of v_s on a drawn profile, and its range bey
 def three_ways(solved: StaticSolution, v_s_range: tuple[float, float]) -> dict[ParameterName, Uncertainty]:
     """Intervals of every parameter, by name."""
     n, names = solved.problem.torque.size, solved.problem.names
-    spare = n - len(names)
-    drawn = resample(solved.problem, solved.solution, v_s_range, covariance=solved.covariance)
-    few = f"{n} points for {len(names)} parameters" if spare < _FEW else None
-    few = few or ("blocks of independent residuals" if np.isnan(drawn.low).all() else None)
+    drawn = resample(solved.problem, solved.solution, v_s_range)
+    few = f"{n} points for {len(names)} parameters" if n - len(names) < _FEW else None
     out = {}
     for name, value, low, high, draws in zip(names, solved.solution.theta.tolist(), *drawn, strict=True):
         at_bound, resampled = name in solved.solution.at_bound, None if np.isnan(low) else (float(low), float(high))
@@ -78,48 +75,36 @@ def resample(
     v_s_range: tuple[float, float],
     draws: int = bootstrap.REFITS,
     seed: int = SEED,
-    covariance: Array | None = None,
 ) -> StaticDraws:
-    """Bootstrap intervals in the order of `names`: few points are refitted, others go a Gauss-Newton step."""
-    keep = np.ones(len(problem.names), dtype=bool)
-    alone = problem.smooth is None and len(problem.peaks) < 2 and not problem.shape
+    """Bootstrap intervals of points in the order of `names`: few are refitted, others go a Gauss-Newton step."""
+    keep, alone = np.ones(len(problem.names), dtype=bool), len(problem.peaks) < 2 and not problem.shape
+    center, as_logarithm = solution.theta[:, None], problem.logarithmic[:, None]
+    if not (alone and problem.torque.size <= MANY):
+        keep = np.array([name not in solution.at_bound for name in problem.names])
+    if not keep.any():
+        nothing = np.full(keep.size, np.nan)
+        return StaticDraws(nothing, nothing, np.full((keep.size, draws), np.nan))
+
+    def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
+        """Distances of the estimates, and their errors."""
+        torques = (problem.torque - solution.residuals)[:, None] + residuals
+        if not problem.peaks:
+            theta, errors = bootstrap.linear_refit(problem.linear, torques, uneven)
+            return theta - center, errors
+        batch = Batch(problem, torques, v_s_range)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            steps = np.where(as_logarithm, np.log(batch.theta / center), batch.theta - center)
+        size = np.where(as_logarithm, np.column_stack([center, batch.theta[:, 1:]]), 1.0)
+        return steps, batch.errors(robust=uneven) / size
+
     if alone and problem.torque.size <= MANY:
-        center, as_logarithm = solution.theta[:, None], problem.logarithmic[:, None]
-
-        def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
-            """Distances of the estimates, and their errors."""
-            torques = (problem.torque - solution.residuals)[:, None] + residuals
-            if not problem.peaks:
-                theta, errors = bootstrap.linear_refit(problem.linear, torques, uneven)
-                return theta - center, errors
-            batch = Batch(problem, torques, v_s_range)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                steps = np.where(as_logarithm, np.log(batch.theta / center), batch.theta - center)
-            size = np.where(as_logarithm, np.column_stack([center, batch.theta[:, 1:]]), 1.0)
-            return steps, batch.errors(robust=uneven) / size
-
         J, left = solution.jacobian, solution.residuals
         drawn, errors = bootstrap.residual_bootstrap(J, left, problem.velocity, refit, draws, seed)
     else:
-        keep = np.array([name not in solution.at_bound for name in problem.names])
-        if not keep.any():
-            nothing = np.full(keep.size, np.nan)
-            return StaticDraws(nothing, nothing, np.full((keep.size, draws), np.nan))
-        size = np.where(problem.logarithmic, solution.theta, 1.0)[keep]
-        J, left, measured = solution.jacobian[:, keep] * size, solution.residuals, problem.torque.size - problem.priors
-        if problem.shape and problem.peaks:
-            J = np.concatenate([J, own_columns(problem, solution)], axis=1)
-        if problem.smooth is None or covariance is None:
-            drawn, errors = bootstrap.residual_bootstrap(J, left, problem.velocity, seed=seed)
-        else:
-            sigma = float(np.sqrt(solution.cost / max(left.size - size.size, 1)))
-            drawn = bootstrap.block_bootstrap(
-                -J[:measured], left[:measured], priors=-J[measured:], sigma=sigma, seed=seed
-            )
-            errors = np.sqrt(np.diag(covariance)[: size.size]) / size
-        errors = errors[: size.size]  # shape parameters come after them
-    if problem.smooth is not None and drawn.blocks < FEW:
-        keep[:], errors = False, errors[:0]
+        J = (solution.jacobian * np.where(problem.logarithmic, solution.theta, 1.0))[:, keep]
+        J = np.concatenate([J, own_columns(problem, solution)], axis=1)
+        drawn, errors = bootstrap.residual_bootstrap(J, solution.residuals, problem.velocity, seed=seed)
+        errors = errors[: keep.sum()]  # shape parameters come after them
     ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())]).reshape(-1, 2)
     best, logarithmic, floor = (each[keep, None] for each in (solution.theta, problem.logarithmic, problem.least))
 

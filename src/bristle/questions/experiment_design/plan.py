@@ -10,7 +10,7 @@ from bristle.arrays import Array, result
 from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding, in_direction
 from bristle.identification.fisher import covariance, static_information
-from bristle.identification.limits import Limits, followed, limits_of
+from bristle.identification.limits import Limits, limits_of
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -171,7 +171,6 @@ def plan(
         raise InputError(
             f"the {aim} is given as exact: there is nothing to plan for it; give its standard error, or leave it out of the experiment file"
         )
-    limits, of_frequency = followed(limits, measured.experiment.plan.frequency)
     share = 1.0
     while share > 0.02:  # all times are shortened by one share until the plan fits into the time
         short = replace(limits, hold=limits.hold * share)
@@ -217,7 +216,7 @@ def plan(
         joint=joint, aim=aim, limits=limits, start=start, velocities=runs, loadings=loadings, motion=motion,
         standard_errors={stage: covariance(x)[0] for stage, x in information.items()} | {"with motion": motion.errors},
         references=schedule(parts, loadings, limits, motion),
-        assumptions=(*of_limits, *of_frequency, *start.assumptions, *assumed),
+        assumptions=(*of_limits, *start.assumptions, *assumed),
     )  # fmt: skip  # a list of values
 
 

@@ -110,10 +110,8 @@ def decided(joint: Joint) -> Iterator[tuple[str, str]]:
             yield "samples", f"{', '.join(made)} (cleaning.times overrules)"
     yield from ((name, joint.settings[key]) for name, key in told.items() if key in joint.settings)
     fits = [fit for fit in value_fits(joint) if not isinstance(fit, TrackingFit)]
-    said = dict.fromkeys(w for fit in fits for w in fit.warnings)
-    strays, resting = (
-        sum(w.numbers["count"] for w in said if w.code == code) for code in ("strays-left-out", "resting-left-out")
-    )
+    why = [reason.code for s in joint.segments for reason in s.reasons]
+    strays, resting = why.count("stray-dropped"), why.count("below-breakaway")
     left_out = [f"{strays} off the law of the others (fit.set_up: as-written keeps them)"] * bool(strays)
     left_out += [f"{resting} at which the joint did not slide (bristle inspect lists them)"] * bool(resting)
     if left_out:
