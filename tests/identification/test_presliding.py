@@ -212,34 +212,6 @@ def both_ways(record: Record) -> Presliding:
     return identify_presliding([record], {"+": LEVEL, "-": LEVEL}, None, FitOptions(), None, "revolute")
 
 
-def delays(record: Record) -> list[float]:
-    """That a fit of slow cycles names, s."""
-    found = both_ways(record)
-    return [d.numbers["delay"] for d in found.warnings if d.code == "turns-late"]
-
-
-def test_delays_of_slow_loading() -> None:
-    """A torque that turns later or earlier than the displacement is named, with its delay within a tenth."""
-    for delay, sine in ((0.1, False), (0.5, False), (-0.2, False), (0.5, True)):
-        assert delays(cycles(1, delay, sine=sine)) == pytest.approx([delay], rel=0.1)
-    # neither damping, counts, noise nor a joint that softens more than LuGre's makes the torque turn late
-    for bits, noise, softer, sine in [
-        (*pair, 0.5 * ((k + sine) % 2), sine)  # each pair by both kinds of loading, one of them softening
-        for k, pair in enumerate([(12, 1e-3), (16, 1e-3), (18, 1e-3), (20, 1e-4), (20, 1e-2)])
-        for sine in (False, True)
-    ]:
-        assert delays(cycles(2, 0.0, sine=sine, softer=softer, bits=bits, noise=noise)) == []
-    # where the torque is held there is no instant at which it turns: nothing is named, whatever the length, s
-    for half in (0.16, 0.8, 2.0):
-        t = np.arange(0, 32, 0.005)
-        corners = [0, 4 - half, 4 + half, 8, 12 - half, 12 + half, 16]
-        torque = 0.85 * G0 * np.interp(t % 16, corners, [0, 1, 1, 0, -1, -1, 0])
-        dT = np.diff(torque, prepend=0.0)
-        y = np.cumsum(dT / (GRIPPER.sigma_0 * (1 - np.sign(dT) * torque / G0)))
-        noise = 0.01 * G0 * np.random.default_rng(5).standard_normal(t.size)
-        assert delays(Record(file="held.csv", time=t, position=y, torque=torque + noise)) == []
-
-
 @pytest.mark.parametrize("bits", [12, 16, 20])
 def test_cycles_that_move_are_said(bits: int) -> None:
     """A position that drifts by a few percent of the range in a cycle is named with its share; cycles that come back are not."""

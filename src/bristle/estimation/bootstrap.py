@@ -118,10 +118,8 @@ def bootstrap_at(solution: MultistartSolution[Name]) -> tuple[dict[Name, tuple[A
     x, unknowns, n = minimum.x, problem.unknowns, minimum.residuals.size - problem.priors
     inside = np.isfinite(errors) & (unknowns.lower < x) & (x < unknowns.upper)
     which = problem.shared[inside[problem.shared]]
-    J, whole = projected(minimum.jacobian, which, problem.blocks), problem.independent
-    starts = [block.rows.start for block in problem.blocks] if whole else problem.starts
-    length, sigma = n if whole else None, problem.sigma
-    drawn = block_bootstrap(J[:n], minimum.residuals[:n], starts, priors=J[n:], sigma=sigma, length=length)
+    J = projected(minimum.jacobian, which, problem.blocks)
+    drawn = block_bootstrap(J[:n], minimum.residuals[:n], problem.starts, priors=J[n:], sigma=problem.sigma)
     out: dict[Name, tuple[Array, Array]] = {}
     for column, j in enumerate(which.tolist()):
         box, ends = (unknowns.lower[j], unknowns.upper[j]), x[j] + np.array(drawn.interval(column, float(errors[j])))

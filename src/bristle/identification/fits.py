@@ -296,9 +296,9 @@ class TrackingFit:
     law: LawByName = GAUSSIAN
     parameters: Mapping[ParameterName, Estimate]
     rms: Number
-    """Root mean square residual, N*m (rad where the position is predicted)."""
+    """Root mean square residual, N*m."""
     relative_error: Number
-    """100 * norm(residual) / norm(measured), percent; a position is measured from the mean of its window."""
+    """100 * norm(residual) / norm(measured), percent."""
     n: int
     outcome: Finding
     starts: int
@@ -315,26 +315,20 @@ class TrackingFit:
     """Values of parameters that were given, or that the motion does not show."""
     count_bias: Mapping[ParameterName, Number] = field(default_factory=dict)
     """Bias by encoder counts, already subtracted; empty where it was not estimated."""
-    crosscheck: Crosscheck | None = None
-    """The same problem by CasADi and IPOPT."""
     time: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     """Of each equation, s from the start of its run, (n,)."""
-    quantity: Literal["torque", "position"] = "torque"
-    """The predicted quantity."""
     velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     measured: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
-    """Torque, N*m, or position, rad, (n,)."""
+    """Torque, N*m, (n,)."""
     residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     friction: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
-    """Measured friction, N*m, (n,): measured torque less the other modelled terms; empty where the position is predicted."""
+    """Measured friction, N*m, (n,): measured torque less the other modelled terms; empty where unknown."""
     load: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
     """The load that friction rises with, N*m, (n,); empty without load."""
     starts_of_runs: tuple[int, ...] = field(default=(0,), metadata=UNWRITTEN)
     """First equation of each segment between gaps."""
     late: tuple[float, float] = field(default=(0.0, np.inf), metadata=UNWRITTEN)
     """Delay of the logged torque, to first order, and its standard error, s."""
-    windows: int = 0
-    """Number of simulated windows; 0 where the torque is predicted."""
     uncertainty: Mapping[ParameterName, Uncertainty] = field(default_factory=dict)
     """Intervals three ways, by parameter; empty unless asked for."""
     repeats: Mapping[ParameterName, RunScatter] = field(default_factory=dict)

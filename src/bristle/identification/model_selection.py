@@ -77,9 +77,7 @@ def compare_on_points(measured: Measured, static: Mapping[str, StaticFit]) -> Co
 def compare_on_motion(
     measured: Measured, static: Mapping[str, StaticFit], alone: TrackingFit, apart: Values | None = None
 ) -> Comparison | None:
-    """The models on moving runs, LuGre from `alone` or `apart`; `static` fits the same runs. None of a position."""
-    if alone.quantity != "torque":
-        return None
+    """The models on moving runs, LuGre from `alone` or `apart`; `static` fits the same runs."""
     experiment, (records, held) = measured.experiment, (measured.moving(hold_out=x) for x in (False, True))
     (fixed, _), law, variants = inertia(experiment), experiment.fit.friction, _variants(moved_in(records))
 
@@ -204,7 +202,7 @@ def bic_of_directions(
     measured: Measured, alone: TrackingFit, each: TrackingFit | None = None
 ) -> tuple[dict[str, float], Values | None]:
     """BIC of LuGre by `SYMMETRIC` and `APART` (`each`, or fitted here, with its end); empty for one direction."""
-    if alone.quantity != "torque" or len(moved_in(measured.moving(hold_out=False))) < len(DIRECTIONS):
+    if len(moved_in(measured.moving(hold_out=False))) < len(DIRECTIONS):
         return {}, None
     try:
         apart = each and _as_fitted(each)

@@ -92,7 +92,7 @@ def completed(path: Path) -> tuple[str, str]:
     measured = measure(asked)
     points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
     better = set_up.trial_of_points(measured.experiment, points).better() if points else None
-    if better is None and moving and measured.experiment.fit.predict == "torque":
+    if better is None and moving:
         better = set_up.trial_of_motion(measured.experiment, moving).better()
     if better is None:
         why = "no regressor, nor other directions, would explain these runs clearly better"

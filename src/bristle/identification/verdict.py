@@ -34,7 +34,7 @@ _BY_WEIGHT = (
     "no-torque-constant acts-early feedback-unknown commands-at-once per-inertia one-speed-only "
     "stick-slip holds-swing position-differs torque-drifts positions-disagree torques-doubted stick-slip-points "
     "other-law friction-drifts lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "
-    "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed turns-late delay-or-presliding "
+    "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed delay-or-presliding "
     "drift-of-rows drift-over-runs torque-drifts-in-runs friction-by-load clipped lost-samples position-jumps "
     "position-held sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start "
     "rows-not-finite rows-backward rows-repeated points-repeated rows-of-short-segments gaps count-bias counts-bias "
@@ -173,5 +173,5 @@ def _of_fit(joint: Joint, source: Source, direction: str) -> tuple[_Said, _Said,
         return (), (*joint.presliding.fits[direction].warnings, *joint.presliding.warnings), ()
     moving = moving_fits(joint).get(source)
     fit = joint.static[direction] if source is Source.STATIC else moving
-    check = joint.crosscheck.get(direction) if moving is None else moving.crosscheck
+    check = joint.crosscheck.get(direction) if moving is None else None
     return ((), (), ()) if fit is None else ((fit.outcome,), fit.warnings, (check.verdict,) if check else ())

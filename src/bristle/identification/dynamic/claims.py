@@ -176,11 +176,9 @@ def _is_weak(e: Estimate) -> bool:
 
 def _passes(problem: DynamicProblem, reach: float) -> Iterator[tuple[Direction, int]]:
     """After each reversal the new direction, and in how many samples the joint has moved by `reach` from there, if it does."""
-    starts = [k for k, m in enumerate(problem.motions) if not m.continues_previous]
-    for begin, end in pairwise([*starts, len(problem.motions)]):  # a stretch without a gap
-        motions = problem.motions[begin:end]
-        time, velocity = (np.concatenate([getattr(m, name) for m in motions]) for name in ("time", "velocity"))
-        way = np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2 * np.diff(time))])
+    for m in problem.motions:
+        velocity = m.velocity
+        way = np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2 * m.step)])
         turns = np.flatnonzero(np.diff(np.sign(velocity))) + 1
         for first, last in pairwise([*turns, velocity.size]):
             far = np.abs(way[first:last] - way[first]) >= reach
@@ -240,10 +238,8 @@ def asked_peak(
     """The Stribeck term of a direction that the residuals of a minimum without it ask for; None where they ask for none.
 
     At the v_s that they like best; a t test of alpha_1 to first order, Bonferroni over the values of v_s, which finds a
-    term where there is none with this chance at most. Of a predicted torque alone.
+    term where there is none with this chance at most.
     """
-    if problem.quantity != "torque":
-        return None
     alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
     seen = [k for k, n in enumerate(solution.names) if solution.scaled_errors[k] < np.inf and n not in (alpha_1, v_s)]
     known, rest = solution.minimum.jacobian[:, seen], solution.minimum.residuals

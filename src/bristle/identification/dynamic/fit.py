@@ -29,7 +29,6 @@ from bristle.identification.dynamic.descent import (
     FEWEST,
     LOGARITHMIC,
     equations_left,
-    fit,
     solve_dynamic,
     with_deflections,
     without_deflections,
@@ -58,7 +57,6 @@ from bristle.model.parameters import INERTIA, Kind, ParameterName, bends_down, l
 from bristle.progress import Progress
 
 _EDGE = 0.01  # in log(v_s): distance from the end of its range
-_TRIES = 30  # steps for initial states of a held-out window
 _BENT = 4.0  # ratio of costs from which a term that bends the whole curve is kept
 _UNEVEN = 1.5  # ratio of run residuals from which runs are weighted
 _NOTHING = 100.0  # percent: the error of no model
@@ -93,8 +91,7 @@ def fit_tracking(
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in solution.names if n in estimates)
     rows = equations_left(problem, solution)
-    torque = problem.quantity == "torque"  # of a simulated position, which drifts, nothing is said
-    friction, load = friction_and_load(problem, solution.values) if torque else (np.zeros(0), np.zeros(0))
+    friction, load = friction_and_load(problem, solution.values)
     outcome = Finding("converged", NOTE, "The fit converged.")
     if not solution.minimum.converged:
         outcome = Finding("not-converged", CRITICAL, "The fit did not converge; it gives no estimates.")
@@ -102,10 +99,10 @@ def fit_tracking(
         message = f"The fit converged, with {', '.join(map(str, bound))} at a bound."
         outcome = Finding("converged-at-bound", CAUTION, message, {"names": bound})
     warnings = (
-        *(unexplained(rows, problem.extent) if torque else ()),
+        *unexplained(rows, problem.extent),
         *search_findings(problem, solution, estimates, rows),
         *left.findings,
-        *(offset_or_friction(solution.names, solution.values, solution.covariance, solution.freedom) if torque else ()),
+        *offset_or_friction(solution.names, solution.values, solution.covariance, solution.freedom),
         *loads_alike(problem, solution),
         *hardly_seen_findings(solution, unseen),
         *physics(problem, solution.values, unseen),
@@ -119,10 +116,8 @@ def fit_tracking(
         hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, solution.values)) for file, p in held),
         names=free, covariance=solution.covariance[: len(free), : len(free)],
         fixed={**problem.fixed, **{name: solution.values[name] for name in unseen if name in solution.values}},
-        time=problem.time, velocity=problem.velocity, measured=problem.measured, quantity=problem.quantity,
-        residuals=rows, friction=friction + rows if torque else friction, load=load,
-        starts_of_runs=problem.starts, late=left.late,
-        windows=len(problem.motions) if problem.quantity == "position" else 0,
+        time=problem.time, velocity=problem.velocity, measured=problem.measured, residuals=rows,
+        friction=friction + rows, load=load, starts_of_runs=problem.starts, late=left.late,
     )  # fmt: skip  # a list of values
     return DynamicSolution(result, problem, solution.values, solution)
 
@@ -202,14 +197,8 @@ def _not_shown(
 
 
 def relative_error(problem: DynamicProblem, values: Values) -> float:
-    """100 * norm(measured - predicted) / norm(measured), percent; initial states are steady, of windows fitted."""
-    known = without_deflections(values)
-    whole = with_deflections(problem, known)
-    if problem.quantity == "position":
-        of_starts = replace(problem, fixed={**problem.fixed, **known}, priors=())
-        whole |= fit(of_starts, {name: whole[name] for name in of_starts.names}, _TRIES)[0]
-    rows, _ = residuals(problem, whole)
-    return problem.percent(rows)
+    """100 * norm(measured - predicted) / norm(measured), percent, from a deflection that carries the first torque."""
+    return problem.percent(residuals(problem, with_deflections(problem, without_deflections(values)))[0])
 
 
 def estimates_of(

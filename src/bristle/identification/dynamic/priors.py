@@ -17,18 +17,15 @@ from bristle.errors import InputError
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.profile_likelihood import Profiled
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
-from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.descent import (
     LOGARITHMIC,
     carried,
     logarithms,
-    solve_dynamic,
     with_deflections,
     without_deflections,
 )
-from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
+from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
-from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem
 from bristle.identification.dynamic.uncertainty import parts_of_runs, profile_until_stable, shifts_of, with_three_ways
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
@@ -38,7 +35,7 @@ from bristle.identification.results import Consistency
 from bristle.identification.systematic import with_systematic
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import INERTIA, Direction, ParameterName, of_friction, peak_parameters, without_peak
+from bristle.model.parameters import INERTIA, Direction, ParameterName, of_friction, without_peak
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress
 
@@ -67,19 +64,16 @@ def fit_with_priors(
     near: TrackingFit | Values | None = None,
     *,
     static_is_apart: bool,
-    crosscheck: bool = False,
     uncertainty: bool = False,
     progress: Progress | None = None,
 ) -> DynamicStages:
     """All parameters from moving runs, alone and with priors of other stages. Raises InputError for missing signals.
 
     `static_is_apart`: the static fits are of other data; `load` makes the presliding stage; `near` is a fit of the same
-    runs, or its values, to begin at. `crosscheck` adds IPOPT (slow), `uncertainty` intervals by profile and bootstrap.
+    runs, or its values, to begin at. `uncertainty` adds intervals by profile and bootstrap.
     """
-    moving, options = directions(experiment, records), experiment.fit
-    kind, by_torque = experiment.joint.kind, options.predict == "torque"
-    pose = partial(_problem, experiment, moving, predict=options.predict)
-    count = _count(experiment, records) if by_torque else 0.0
+    moving = directions(experiment, records)
+    kind, count, pose = experiment.joint.kind, _count(experiment, records), partial(_problem, experiment, moving)
 
     def fitted(
         posed: DynamicProblem, *others: Values, search: bool = False
@@ -103,11 +97,7 @@ def fit_with_priors(
     known = [with_deflections(problem, _from(problem, near, start))] if isinstance(near, TrackingFit) else []
     if near is not None and not known:  # values of the same problem need no other start
         start = _from(problem, near, start)
-    solved, profiles = fitted(problem, *known, search=by_torque and near is None)
-    if crosscheck and by_torque:
-        check = check_tracking(solved)
-        said = () if check.agrees else (check.verdict,)
-        solved = solved._replace(fit=replace(solved.fit, crosscheck=check, warnings=(*solved.fit.warnings, *said)))
+    solved, profiles = fitted(problem, *known, search=near is None)
     fit, freedom = solved.fit, dict(zip(solved.solution.names, solved.solution.freedoms.tolist(), strict=True))
     scatter = clustered(*parts_of_runs(solved), fit.parameters, freedom, logarithms(fit.names))
     by_runs = finished(solved, profiles)
@@ -159,17 +149,7 @@ def posed_and_start(
             )
         fixed |= dict.fromkeys(meant, value)
     start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
-    whole = replace(whole, fixed=fixed)
-    if experiment.fit.predict == "torque":
-        return whole, start
-    # simulations are slow: begin at the fit of the velocity between counts, with a peak
-    count = _count(experiment, records)
-    smooth = [between_counts(r, count) for r in records] if count else records
-    near = replace(_problem(experiment, moving, smooth, fixed), fixed=fixed)
-    found = without_deflections(solve_dynamic(near, start).values)
-    none = [d for d in whole.directions if found.get(ParameterName("alpha_1", d)) == 0]
-    peak = {ParameterName(name, d) for d in none for name in peak_parameters(whole.law)} & found.keys()
-    return _problem(experiment, moving, records, fixed, "position"), found | {name: start[name] for name in peak}
+    return replace(whole, fixed=fixed), start
 
 
 def _from(
@@ -186,18 +166,12 @@ def _problem(
     moving: tuple[str, ...],
     records: Sequence[Record],
     fixed: Mapping[ParameterName, float],
-    predict: str = "torque",
 ) -> DynamicProblem:
-    """The problem of some records; of a position with a simulated motor."""
+    """The problem of some records."""
     (known, _), options, asked = inertia(experiment), experiment.fit, regressors(experiment)
-    count, law = _count(experiment, records), options.friction
-    if predict == "torque":
-        posed = dynamic_problem(records, moving, asked, options.every, known, fixed, law)
-        return replace(posed, count=count, cutoff=max(r.cutoff for r in records), stribeck=options.model)
-    if known is not None:
-        asked, fixed = (*asked, "inertia"), {**fixed, INERTIA: known}
-    posed = replace(dynamic_problem(records, moving, asked, 1, None, fixed, law), count=count, stribeck=options.model)
-    return simulation(records, posed, experiment.motor, options.every)
+    posed = dynamic_problem(records, moving, asked, options.every, known, fixed, options.friction)
+    cutoff = max(r.cutoff for r in records)
+    return replace(posed, count=_count(experiment, records), cutoff=cutoff, stribeck=options.model)
 
 
 def _count(experiment: Experiment, records: Sequence[Record]) -> float:

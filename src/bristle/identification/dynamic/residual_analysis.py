@@ -54,8 +54,6 @@ class ResidualAnalysis(NamedTuple):
 def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: Kind) -> ResidualAnalysis:
     """Terms that a fit of the torque lacks, to first order, and patterns that remain."""
     errors = solution.scaled_errors.copy()
-    if problem.quantity != "torque":
-        return ResidualAnalysis([], errors)
     motions = problem.motions
     values: Values = {**problem.fixed, **solution.values}
     extra = np.array([values[name] for name in problem.extra_names])

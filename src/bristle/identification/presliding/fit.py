@@ -25,7 +25,6 @@ from bristle.identification.presliding.stiffness import (
     torque_shares,
     with_shifts,
 )
-from bristle.identification.presliding.turns import turning_lag
 from bristle.identification.presliding.uncertainty import stiffness_scatter, stiffness_uncertainty
 from bristle.identification.repeats import spreader, wider_estimate, wider_three
 from bristle.identification.systematic import shifted, shifted_three
@@ -79,7 +78,6 @@ def identify_presliding(
     cycles = [find_loops(r, r.cutoff, resolution) for r in records]
     loops = tuple(loop for closed, _ in cycles for loop in closed)
     warnings += _loop_warnings(loops, [drift for _, drifts in cycles for drift in drifts], fits)
-    warnings += turning_lag(records, loadings, {d: fit.level for d, fit in fits.items()}, options, resolution)
     return Presliding(fits=fits, breakaway=breakaway, breakaways=tuple(slid), loops=loops, warnings=tuple(warnings))
 
 

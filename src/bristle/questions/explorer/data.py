@@ -246,8 +246,8 @@ def _drawn(displacement: Array, torque: Array) -> dict[str, Any]:
 
 
 def _moving(fit: TrackingFit | None) -> dict[str, Any] | None:
-    """The equations of the fit of moving runs, with its set; None unless it predicts torque."""
-    if fit is None or fit.quantity != "torque" or fit.velocity.size < 2:
+    """The equations of the fit of moving runs, with its set; None where there is none."""
+    if fit is None or fit.velocity.size < 2:
         return None
     sets = {d: p for d in SIGNED if (p := fit.values(d) or fit.values(Direction.BOTH)) is not None}
     if not sets:

@@ -230,10 +230,6 @@ def checks(joint: Joint) -> Iterator[str]:
     """Each fit of a joint compared with a full nonlinear one on the same data."""
     for direction, check in joint.crosscheck.items():
         yield from _check(f"{joint.name} {direction}", "the grid", check, direction)
-    if joint.tracking is not None and joint.tracking.crosscheck is not None:
-        yield from _check(f"{joint.name}, moving runs", "Gauss-Newton", joint.tracking.crosscheck)
-    elif joint.tracking is not None:
-        yield f"{joint.name}, moving runs: a simulated position has no second route; it was not checked"
 
 
 def law_lines(joints: Sequence[Joint]) -> Iterator[str]:

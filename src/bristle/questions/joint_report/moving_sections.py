@@ -41,7 +41,7 @@ def course(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing | None:
     stretch = 1 + sum(part.start >= begin for begin in fit.starts_of_runs[1:])
     where = f"segment {stretch} of {count}" if count > 1 else "the run"
     caption = (
-        f"{_left(joint, fit)} Measured {fit.quantity} (wide grey line) and predicted by the {_name(joint)} (thin "
+        f"{_left(joint, fit)} Measured torque (wide grey line) and predicted by the {_name(joint)} (thin "
         f"line), from {start} to {end} s of {where}, where the reversals are strongest. Below: measured minus "
         "predicted."
     )
@@ -54,21 +54,16 @@ def _name(joint: Joint) -> str:
 
 def _left(joint: Joint, fit: TrackingFit) -> str:
     """The error of the fit in a sentence."""
-    rms = f"{number(fit.rms, 2)} {pretty(unit(fit.quantity, joint.kind))}"
-    return sentence(f"the model leaves {rms} RMS, {number(fit.relative_error, 2)} % of the {fit.quantity}")
+    rms = f"{number(fit.rms, 2)} {pretty(unit('torque', joint.kind))}"
+    return sentence(f"the model leaves {rms} RMS, {number(fit.relative_error, 2)} % of the torque")
 
 
 def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     """The sections; empty without moving runs."""
     if joint.tracking is None:
         return []
-    fits, torque = moving_fits(joint), joint.tracking.quantity == "torque"
+    fits = moving_fits(joint)
     how = "the measured velocity drives the model, and its torque is compared with the measured one."
-    if not torque:
-        how = (
-            "the motor is simulated, and its position is compared with the measured one, in windows with separate "
-            "initial values; no velocity is needed."
-        )
     priors = " The joint fit adds the estimates of the other stages, with their uncertainty."
     shared = "± one standard error; parameters shared by both directions have no sign."
     rows = []
@@ -90,17 +85,15 @@ def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     ]
     held = tables.tracking_hold_out([joint])
     if len(held):
-        relative = "Relative error: 100 · ‖measured − predicted‖ / ‖measured‖ on runs that were not fitted"
-        windows = "; position relative to the mean of its window, of which only the initial values were fitted"
-        table = Table("tracking_hold_out", "Held-out runs", part=held, note=f"{relative}{'' if torque else windows}.")
+        relative = "Relative error: 100 · ‖measured − predicted‖ / ‖measured‖ on runs that were not fitted."
+        table = Table("tracking_hold_out", "Held-out runs", part=held, note=relative)
         sections.append(Section("", table=table, form="part"))
     last = joint.joint_fit or joint.tracking
     if last.time.size:
-        terms = ", inertia and other regressors included" if last.quantity == "torque" else ""
         thinned = f" Evenly thinned to {MOST} points." if last.time.size > MOST else ""
         caption = (
-            f"{_left(joint, last)} Measured {last.quantity} (circles) and what the {_name(joint)} predicts (dots) vs "
-            f"velocity{terms}. Below: measured minus predicted.{thinned}"
+            f"{_left(joint, last)} Measured torque (circles) and what the {_name(joint)} predicts (dots) vs "
+            f"velocity, inertia and other regressors included. Below: measured minus predicted.{thinned}"
         )
         load = (
             "Measured friction along the motion vs the load that it rises with, in three bands of speed (the slowest "
@@ -112,11 +105,10 @@ def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
 
 
 def _said(joint: Joint, fit: TrackingFit) -> tuple[Said, ...]:
-    rms = f"{number(fit.rms, 3)} {pretty(unit(fit.quantity, joint.kind))}"
-    windows = f", simulated in {fit.windows} windows" if fit.windows else ""
+    rms = f"{number(fit.rms, 3)} {pretty(unit('torque', joint.kind))}"
     said: list[Said] = [
         f"{in_print(fit.outcome)} Relative error {number(fit.relative_error, 3)} %, rms residual {rms}, {fit.n} "
-        f"samples, {counted(len(fit.starts_of_runs), 'segment')}{windows}. {reached(fit)}",
+        f"samples, {counted(len(fit.starts_of_runs), 'segment')}. {reached(fit)}",
         f"Condition number of the scaled Jacobian: {number(fit.condition, 2)}.",
     ]
     added = [f"{symbol(name)} {pretty(text)}" for name, text in biased(fit).items()]
@@ -124,8 +116,6 @@ def _said(joint: Joint, fit: TrackingFit) -> tuple[Said, ...]:
         said.append(f"Bias by encoder counts, subtracted: {'; '.join(added)}.")
     elif fit.count_bias:
         said.append("Encoder counts bias every parameter by less than a tenth of a standard error.")
-    if fit.crosscheck:
-        said += ["Cross-check:", in_print(fit.crosscheck.verdict)]
     return tuple(said)
 
 
@@ -185,8 +175,8 @@ def _compared(joint: Joint, fit: TrackingFit, over: str, k: Any, looks: tuple[di
     above.plot(x, torque, color=_GREY, label="measured", **looks[0])
     above.plot(x, torque - residual, color=_BLUE, label="predicted", **looks[1])
     below.plot(x, residual, color=_VERMILION, label="_residual", **looks[2])
-    above.set_ylabel(axis(fit.quantity, joint.kind))
-    below.set_ylabel(axis(fit.quantity, joint.kind, "residual"))
+    above.set_ylabel(axis("torque", joint.kind))
+    below.set_ylabel(axis("torque", joint.kind, "residual"))
     below.set_xlabel(axis(over, joint.kind))
     low, high = above.get_ylim()
     above.set_ylim(low, high + 0.2 * (high - low))  # room for the legend

@@ -64,8 +64,8 @@ def _of_moving(joint: Joint) -> Iterator[Finding]:
     if "inertia" in wide:
         harder = "The moving runs leave inertia open: accelerate harder, or give the inertia."
         yield Finding("inertia-open", NOTE, harder)
-    if fit.quantity == "torque" and any(warning.code == "count-bias" for warning in fit.warnings):
-        finer = "Encoder counts bias the moving runs: try fit.predict: position on the same logs, or a finer encoder."
+    if any(warning.code == "count-bias" for warning in fit.warnings):
+        finer = "Encoder counts bias the moving runs: use a finer encoder."
         yield Finding("avoid-counts", NOTE, finer)
 
 

@@ -45,7 +45,7 @@ def known_to(joint: Joint, plus_minus: str = "±", *, beside: bool = False) -> s
     left = error_left(joint)
     if left is None or (beside and held is not None):
         return f"Friction known {to} {speeds}{need}."
-    what = "position" if _of_position(joint) else effort(joint.kind)
+    what = effort(joint.kind)
     of_friction = friction_left(joint) if known.share < 0.5 and not beside else None
     share = "" if of_friction is None else f" ({number(of_friction, 2)} % of friction)"
     rest = f"; {'fitted' if held is None else 'held-out'} {what} within {number(left, 2)} %{share}"
@@ -67,18 +67,13 @@ def error_left(joint: Joint) -> float | None:
 def friction_left(joint: Joint) -> float | None:
     """`error_left` relative to friction, percent: the friction that compensation leaves on the joint's own runs.
 
-    None where it is not known, a position is predicted, or averages at constant velocity were fitted.
+    None where it is not known, or averages at constant velocity were fitted.
     """
     left, known = error_left(joint), joint.accuracy
     averages = any(isinstance(fit, StaticFit) and fit.segments for fit in value_fits(joint))
-    if left is None or known is None or not known.share or averages or _of_position(joint):
+    if left is None or known is None or not known.share or averages:
         return None
     return left / known.share
-
-
-def _of_position(joint: Joint) -> bool:
-    """Whether the fit of the values to use predicts a position."""
-    return any(isinstance(fit, TrackingFit) and fit.quantity == "position" for fit in value_fits(joint))
 
 
 def pair(e: Estimate) -> str:

@@ -190,7 +190,7 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None, said: se
 def _tracking(joint: Joint, name: str, fit: TrackingFit, said: set[str]) -> Iterator[str]:
     yield _heading(name, fit.outcome, fit.warnings)
     yield f"    {'data':<15}= {fit.n} samples, {counted(len(fit.starts_of_runs), 'segment')}"
-    yield from _errors(fit, unit(fit.quantity, joint.kind), f" of the {fit.quantity}")
+    yield from _errors(fit, unit("torque", joint.kind), " of the torque")
     yield f"    {'starts':<15}= {sentences.reached(fit)}"
     yield f"    {'condition':<15}= {_number(fit.condition)}"
     yield from _parameters("parameters", fit.parameters, said)
@@ -200,8 +200,6 @@ def _tracking(joint: Joint, name: str, fit: TrackingFit, said: set[str]) -> Iter
         yield from (f"      {f'{name}:':<13}{text}" for name, text in added.items())
     yield from _correlations(fit.names, fit.covariance)
     yield from _sentences(fit.warnings, said)
-    if fit.crosscheck:
-        yield from _check(fit.crosscheck, "this fit")
 
 
 def _with_unit(value: float | None, error: float | None, si: str) -> str:
