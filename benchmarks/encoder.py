@@ -1,8 +1,8 @@
 """What an encoder's counts do to the estimates, over its bits: `python benchmarks/encoder.py`.
 
-(a) presliding of gripper rotation (+): relative error of sigma_0 by (14), its inverse, the count edges and all samples, the joint resting on a count
-edge or anywhere in a count. (b) moving runs of gripper rotation: error of each parameter in its standard errors, as fitted and after the bias of
-counts is taken off. Simulated, with fixed seeds.
+(a) presliding of gripper rotation (+): relative error of sigma_0 by (14) and from count edges, the joint resting on a count edge or anywhere in
+a count. (b) moving runs of gripper rotation: error of each parameter in its standard errors, as fitted and after the bias of counts is taken off.
+Simulated, with fixed seeds.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,7 +32,7 @@ from bristle.simulation import edro
 PAIR = edro.TABLE_1["gripper rotation"]
 P = PAIR.positive
 G0 = P.alpha_0 + P.alpha_1
-METHODS = ("printed", "corrected", "edges", "samples")
+METHODS = ("printed", "sigma_0")
 REPETITIONS = 200
 SEEDS = 10
 
@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def presliding() -> None:
-    """The four estimates of sigma_0, on a count edge and over rest positions."""
+    """Both estimates of sigma_0, on a count edge and over rest positions."""
     print(
         f"(a) sigma_0 of gripper rotation (+), error in %: on a count edge without noise; mean +- spread over {REPETITIONS} rest positions, with"
     )

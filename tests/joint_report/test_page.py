@@ -125,7 +125,7 @@ def test_a_page_stands_alone_and_is_whole(
         "joints.html": ("Parameters of", "Full nonlinear fit", "caution", "What to measure next", "Files and what was done", "segments kept",
                         "Held-out runs", "RMS residual", "Fig. 1", "from 4.75 to 7.75 s", "segment 2 of 2", "parametric bootstrap", str(DIFFER),
                         str(NOT_SHOWN)),
-        "presliding.html": (*METHODS.values(), "from encoder transitions; insensitive to where inside a count the joint rests",
+        "presliding.html": (METHODS["printed"], METHODS["edges"], "from encoder transitions; insensitive to where inside a count the joint rests",
                             "-2.4 % where the joint rests", "-51 % on average, with a spread of 28 %", "from the static fit",
                             "of an assumed damping ratio", "median breakaway torque", "is an outlier", "differ because the loop is wide",
                             "loss per cycle (J)", "1 more are in the table"),

@@ -61,14 +61,14 @@ def test_json_satisfies_its_schema_and_holds_no_nan(
     assert list(found["joints"]) == [x.name for x in joints]
     for fit in (found["joints"]["slide"]["static"]["both"], found["joints"]["gaps"]["presliding"]["fits"]["+"]):
         assert fit.get("rms") is None
-        assert fit["warnings"] or fit["edges"]["warnings"]
+        assert fit["warnings"] or fit["sigma_0"]["warnings"]
     for parameter in found["joints"]["slide"]["static"]["both"]["parameters"].values():
         assert parameter["standard_error"] is None
         assert bool(parameter["warnings"]) == (parameter["value"] is None)
     assert found["joints"]["slide"]["static"]["both"]["parameters"]["alpha_2"]["interval"] == ["-inf", "inf"]
     assert (found["joints"][joint.name]["tracking"], found["joints"][joint.name]["presliding"]) == (None, None)
     assert found["joints"]["gaps"]["truth"]["both"]["sigma_1"] is None
-    bias, edges = found["joints"]["gaps"]["presliding"]["fits"]["+"]["bias_mean"], fit["edges"]
+    bias, edges = found["joints"]["gaps"]["presliding"]["fits"]["+"]["bias_mean"], fit["sigma_0"]
     assert (bias, edges["value"], edges["interval"]) == (None, None, [12.5, "inf"])
     run = found["joints"]["gaps"]["tracking"]
     assert (run["condition"], run["relative_error"], run["count_bias"]) == ("inf", "inf", {"inertia": None})
@@ -185,7 +185,7 @@ def whole() -> Joint:
 
 
 def test_tables_of_slow_loading(slow: Joint, joint: Joint) -> None:
-    """sigma_0 is the recommended one; a direction that only presliding knows comes after all others."""
+    """A direction that only presliding knows comes after all others."""
     frame = results_file.to_frame([slow])
     names = ["alpha_0", "alpha_1", "alpha_2", "v_s", "sigma_0", "sigma_1"]
     assert list(frame["parameter"]) == 2 * names
@@ -202,14 +202,13 @@ def test_tables_of_slow_loading(slow: Joint, joint: Joint) -> None:
     assert frame.loc[("-", "sigma_0"), "true"] == TABLE_1["+"].sigma_0
     assert np.isnan(float(str(frame.loc[("-", "sigma_1"), "true"])))
     assert frame.loc[("-", "sigma_1"), "inside"] is None
-    # four rows per direction, of which one is recommended, each with its error against the truth
+    # two rows per direction, each with its error against the truth
     frame = tables.all_tables([slow])["presliding"]
     assert list(frame.columns) == [
-        "joint", "direction", "method", "value", "unit", "standard_error", "lower", "upper", "true", "error_percent", "inside", "recommended",
+        "joint", "direction", "method", "value", "unit", "standard_error", "lower", "upper", "true", "error_percent", "inside",
     ]  # fmt: skip  # a list of words
-    assert list(frame["method"]) == 2 * ["printed", "corrected", "edges", "samples"]
-    assert list(frame[frame["recommended"]]["method"]) == ["edges", "edges"]
-    np.testing.assert_allclose(frame["error_percent"], 2 * [-50.0, -45.0, 0.0, 5.0], atol=1e-9)
+    assert list(frame["method"]) == 2 * ["printed", "edges"]
+    np.testing.assert_allclose(frame["error_percent"], 2 * [-50.0, 0.0], atol=1e-9)
     # one row per loading that broke away, with its distance from the median, and one per closed cycle; every unit is in the table of units
     made = tables.all_tables([slow])
     np.testing.assert_allclose(made["breakaway"]["from_median_percent"], [-20.0, 0.0], atol=1e-9)

@@ -223,21 +223,15 @@ class AmplitudeStiffness:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PreslidingFit:
-    """sigma_0 of one direction by four estimators, and sigma_1 by (15)."""
+    """sigma_0 of one direction, and sigma_1 by (15)."""
 
     direction: str
     printed: Estimate
     """(14) as printed, T1 / x1."""
-    corrected: Estimate
-    """Its closed-form inverse, exact where rest lies on a count edge."""
-    edges: Estimate
-    """From count edge to count edge."""
-    samples: Estimate
-    """From all samples."""
+    sigma_0: Estimate
+    """From count edge to count edge, or from all samples where no counts are seen."""
     sigma_1: Estimate
     """(15) with an assumed damping ratio, without a standard error."""
-    recommended: str
-    """The estimator to use, `edges` or `samples`."""
     degrees_of_freedom: Number = float("inf")
     """Of its standard error."""
     level: Number
@@ -265,11 +259,6 @@ class PreslidingFit:
     repeats: Mapping[str, RunScatter] = field(default_factory=dict)
     """Scatter of `sigma_0` over the runs."""
 
-    @property
-    def sigma_0(self) -> Estimate:
-        """The recommended estimate."""
-        return {"edges": self.edges, "samples": self.samples}[self.recommended]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Presliding:
@@ -285,7 +274,7 @@ class Presliding:
     def warnings_of(self, direction: str) -> Iterator[Finding]:
         """Those about the fit of a direction, then those about its estimates and its breakaway."""
         fit, broken = self.fits[direction], self.breakaway.get(direction)
-        estimates = (fit.printed, fit.corrected, fit.edges, fit.samples, fit.sigma_1, *((broken,) if broken else ()))
+        estimates = (fit.printed, fit.sigma_0, fit.sigma_1, *((broken,) if broken else ()))
         return _and_of(fit.warnings, estimates)
 
 

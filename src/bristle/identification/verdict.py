@@ -37,7 +37,7 @@ _BY_WEIGHT = (
     "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed delay-or-presliding "
     "drift-of-rows drift-over-runs torque-drifts-in-runs friction-by-load clipped lost-samples position-jumps "
     "position-held sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start "
-    "rows-not-finite rows-backward rows-repeated points-repeated rows-of-short-segments gaps count-bias counts-bias "
+    "rows-not-finite rows-backward rows-repeated points-repeated rows-of-short-segments gaps count-bias "
     "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter outlier "
     "stage-differs inertia-doubted unseen "
 )

@@ -222,7 +222,7 @@ def _point(s: Any) -> dict[str, Any]:
 
 
 def _presliding(fit: PreslidingFit) -> dict[str, Any]:
-    """Slow loading of one direction, each loading from its rest position by the recommended sigma_0."""
+    """Slow loading of one direction, each loading from its rest position by sigma_0."""
     loadings, sigma_0 = [], fit.sigma_0.value
     for x in fit.loadings:
         # The rest position: mean over count edges of the displacement less that of the model.

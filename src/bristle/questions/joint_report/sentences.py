@@ -11,7 +11,7 @@ from bristle.identification.known_joint import chosen, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import value_warnings
 from bristle.model.parameters import Kind, ParameterName, effort, unit
-from bristle.page.wording import METHODS, measured, number
+from bristle.page.wording import measured, number
 
 BIASED = 0.1  # least bias by encoder counts that is named, in standard errors
 
@@ -128,19 +128,19 @@ def agreement(joint: Joint) -> str | None:
 
 
 def methods(fit: PreslidingFit) -> dict[str, Estimate]:
-    """The estimates of sigma_0 by method, in the order of `METHODS`."""
-    return {name: getattr(fit, name) for name in METHODS}
+    """The estimates of sigma_0 by method, of `METHODS`."""
+    return {"printed": fit.printed, "edges" if fit.quantum else "samples": fit.sigma_0}
 
 
 def choice(fit: PreslidingFit) -> Finding:
-    """Which of the four estimates to use, and why."""
+    """What sigma_0 is made of."""
     if fit.sigma_0.value is None:
         least = (fit.sigma_0.interval or (math.nan,))[0]
         if math.isnan(least):
             return Finding("sigma-0-unknown", CAUTION, "No sigma_0 can be given.")
         at_least = f"No sigma_0 can be given; it is at least {least:.3g} {fit.sigma_0.unit}."
         return Finding("sigma-0-at-least", CAUTION, at_least, {"least": least})
-    if fit.recommended == "edges":
+    if fit.quantum:
         insensitive = "sigma_0 from encoder transitions; insensitive to where inside a count the joint rests."
         return Finding("from-transitions", NOTE, insensitive)
     no_edges = "sigma_0 from all samples; no counts are seen in the displacement, so there are no edges to go by."

@@ -105,16 +105,16 @@ def tracking_hold_out(joint: Joint) -> _Rows:
 
 
 def presliding(joints: Sequence[Joint]) -> pd.DataFrame:
-    """sigma_0 by each method, side by side, with the truth where the data are simulated; `recommended` marks the one to use."""
+    """sigma_0 by each method, side by side, with the truth where the data are simulated."""
     frame = declared(_presliding(joints)).assign(parameter="sigma_0")
     return with_truth(frame, joints).drop(columns="parameter")
 
 
-@_table("direction method value# unit standard_error# systematic# lower# upper# recommended?")
+@_table("direction method value# unit standard_error# systematic# lower# upper#")
 def _presliding(joint: Joint) -> _Rows:
     for d, fit in _slow_fits(joint).items():
         for method, e in methods(fit).items():
-            yield d, method, *_known(e), method == fit.recommended
+            yield d, method, *_known(e)
 
 
 def _known(e: Estimate) -> tuple[Any, ...]:

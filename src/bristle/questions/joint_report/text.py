@@ -172,8 +172,7 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None, said: se
     if breakaway:
         yield f"    {'breakaway':<15}= {', '.join(filter(None, _cells(breakaway)))}"
         yield from (f"        ({_once(warning, said)})" for warning in breakaway.warnings)
-    by_method = {f"{name}{'*' * (name == fit.recommended)}": e for name, e in sentences.methods(fit).items()}
-    yield from _parameters("sigma_0", by_method, said)
+    yield from _parameters("sigma_0", sentences.methods(fit), said)
     yield from _repeats(fit.repeats)
     yield from _parameters("sigma_1", {"sigma_1": fit.sigma_1}, said)
     torque, position, stiffness = (unit(name, joint.kind) for name in ("torque", "position", "sigma_0"))
