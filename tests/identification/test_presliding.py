@@ -95,7 +95,7 @@ def test_slow_loading_tells_sigma_0_with_its_errors() -> None:
     slope = 2 * h / GRIPPER.sigma_0 / (bent(T + h) - bent(T - h))
     rate = np.array([float(law.bristle_rate(t / GRIPPER.sigma_0, 1e-9, GRIPPER._replace(v_s=1.0))) / 1e-9 for t in T])
     np.testing.assert_allclose(slope, rate, rtol=1e-6)
-    # of three runs, the one that breaks away at two thirds of the others is named; the median is that of the others
+    # of both runs, the one that breaks away at two thirds of the others is named; the median is that of the others
     records = [slid("a.csv", G0), slid("b.csv", 0.65 * G0), slid("c.csv", 1.01 * G0)]
     result = identify_presliding(records, {}, None, FitOptions(), None, "revolute")
     assert result.breakaway["+"].value == pytest.approx(G0, rel=0.05)
@@ -182,71 +182,57 @@ def loadings(seed: int, noise: float = 0.02, count: int = 2, quantum: float = FI
     return soft_loadings(lugre, quantum, count, seed, noise, share=0.78, cutoff=10.0)
 
 
-def three_ways(own: list[Loading], level: KnownValue, seed: int = 0) -> Uncertainty:
-    return stiffness_uncertainty(own, level, stiffness(own, level, "revolute"), seed)
+def both_ways(own: list[Loading], level: KnownValue) -> Uncertainty:
+    return stiffness_uncertainty(own, level, stiffness(own, level, "revolute"))
 
 
-def ends(three: Uncertainty) -> Array:
-    """Of covariance, profile and bootstrap, (3, 2)."""
-    return np.array([three.covariance, three.profile, three.bootstrap], dtype=np.float64)
-
-
-def widths(three: Uncertainty) -> Array:
-    """The same, (3,)."""
-    own: Array = np.diff(ends(three), axis=1)[:, 0]
+def widths(both: Uncertainty) -> Array:
+    """Of covariance and profile, (2,)."""
+    own: Array = np.diff(np.array([both.covariance, both.profile], dtype=np.float64), axis=1)[:, 0]
     return own
 
 
 def test_profiles_of_slow_loading() -> None:
     """At given g0 the line through the count edges is linear least squares: both intervals are the same to 1e-6 of the width."""
-    three = three_ways(loadings(0), known(G0, 0.0))
-    np.testing.assert_allclose(ends(three)[1], ends(three)[0], rtol=0, atol=1e-6 * widths(three)[0])
-    assert not three.warnings
+    both = both_ways(loadings(0), known(G0, 0.0))
+    np.testing.assert_allclose(both.profile, present(both.covariance), rtol=0, atol=1e-6 * widths(both)[0])
+    assert not both.warnings
     # a g0 that may be much lower makes a much stiffer joint: the profile reaches farther up than the covariance, which is symmetric
     own, level = loadings(2), known(G0, 0.06 * G0)
     levels = (known(0.9 * G0, 0.0), level, known(1.1 * G0, 0.0))
     low, value, high = (value_of(stiffness(own, x, "revolute")) for x in levels)
-    three = three_ways(own, level)
-    longer = np.sign((low - value) - (value - high))
-    for low_end, high_end in map(present, (three.profile, three.bootstrap)):
-        assert np.sign((high_end - value) - (value - low_end)) == longer
-    # the presliding fit carries the recommended estimator's; the same seed draws the same bytes, another one others
-    own, level = loadings(0), known(G0, 0.003 * G0)
-    fit = fit_presliding(own, level, None, "revolute")
-    same, other = (three_ways(own, level, seed) for seed in (0, 1))
-    assert fit.uncertainty["sigma_0"].draws.tobytes() == same.draws.tobytes() != other.draws.tobytes()
-    assert fit.uncertainty["sigma_0"].profile == other.profile
+    low_end, high_end = present(both_ways(own, level).profile)
+    assert np.sign((high_end - value) - (value - low_end)) == np.sign((low - value) - (value - high))
     # where no sample is left below a g0 within its error, that g0 is left out: no end of an interval is nan, or the other end
     (whole,) = loadings(0, 0.0, count=1)
     few = slice(-12, None)
     late = replace(whole, quantum=0.0, **{n: getattr(whole, n)[few] for n in ("time", "displacement", "torque")})
     level = known(1.01 * float(late.torque[-1]) / REACH, 0.1 * G0)
     assert late.torque[0] > REACH * (level.value - level.standard_error)
-    three = three_ways([late], level)
-    for low, high in map(present, (three.covariance, three.profile)):
+    both = both_ways([late], level)
+    for low, high in map(present, (both.covariance, both.profile)):
         assert low < high
-    # where counts hide the motion the profile is the lower bound, open above, with the reason; nothing is drawn
+    # where counts hide the motion the profile is the lower bound, open above, with the reason
     hidden = loadings(0, quantum=4 * float(bent(np.array([G0 / 2]))[0]))
-    bound, three = stiffness(hidden, known(G0, 0.01 * G0), "revolute"), three_ways(hidden, known(G0, 0.01 * G0))
+    bound, both = stiffness(hidden, known(G0, 0.01 * G0), "revolute"), both_ways(hidden, known(G0, 0.01 * G0))
     assert bound.value is None
-    assert (three.profile, three.covariance, three.bootstrap) == (bound.interval, None, None)
-    assert three.warnings == bound.warnings != ()
-    assert three.draws.size == 0
+    assert (both.profile, both.covariance) == (bound.interval, None)
+    assert both.warnings == bound.warnings != ()
 
 
 def test_errors_of_g0_that_are_small_or_missing() -> None:
-    """With an error of g0 over which the estimator is nearly a line all three widths agree, and are wider than without it."""
+    """With an error of g0 over which the estimator is nearly a line both widths agree, and are wider than without it."""
     for way in WAYS:
         own = loadings(0, quantum=way)
-        sure, unsure = (three_ways(own, known(G0, share * G0)) for share in (0.0, 0.003))
+        sure, unsure = (both_ways(own, known(G0, share * G0)) for share in (0.0, 0.003))
         assert (widths(unsure) > widths(sure)).all()
         assert widths(unsure) == pytest.approx(widths(unsure)[0], rel=0.15)
         # it ascends in value and is the statistic of which the interval is made
         own, level = loadings(3, quantum=way), known(G0, 0.003 * G0)
-        three, value = three_ways(own, level), value_of(stiffness(own, level, "revolute"))
-        assert (np.diff(three.curve[0]) > 0).all()
-        assert np.interp(present(three.profile), *three.curve) == pytest.approx([1.0, 1.0], abs=1e-3)
-        assert np.interp(value, *three.curve) == pytest.approx(0.0, abs=1e-3)
+        both, value = both_ways(own, level), value_of(stiffness(own, level, "revolute"))
+        assert (np.diff(both.curve[0]) > 0).all()
+        assert np.interp(present(both.profile), *both.curve) == pytest.approx([1.0, 1.0], abs=1e-3)
+        assert np.interp(value, *both.curve) == pytest.approx(0.0, abs=1e-3)
         # where nothing tells how well g0 is known, the profile is the one at that g0, and no fault of ours
         for error in (np.nan, np.inf):
             estimate = stiffness(own, known(G0, 0.0), "revolute")
@@ -258,9 +244,9 @@ def test_errors_of_g0_that_are_small_or_missing() -> None:
 def test_a_profile_ends_where_the_least_over_g0_is_the_threshold(share: float) -> None:
     """At each end ((u - u(g0)) / e(g0))**2 + ((g0 - level) / error)**2, minimised by another method, is the square of Student's t."""
     own, error = loadings(1), share * G0
-    three = three_ways(own, known(G0, error))
+    both = both_ways(own, known(G0, error))
     freedom = by_edges([of_loading(x, G0) for x in own])[2]
-    for end in present(three.profile):
+    for end in present(both.profile):
 
         def least(x: float, end: float = end) -> float:
             u, e, _ = by_edges([of_loading(one, G0 + x * error) for one in own])
@@ -273,13 +259,13 @@ def test_a_profile_ends_where_the_least_over_g0_is_the_threshold(share: float) -
 @pytest.mark.slow
 def test_intervals_of_sigma_0_hold_the_truth_and_the_estimate() -> None:
     """Over 40 joints whose g0 is off by its error, each way's intervals hold sigma_0 in 85 % at least, by each estimator."""
-    error, hits = 0.004 * G0, {way: np.zeros(3) for way in WAYS}
+    error, hits = 0.004 * G0, {way: np.zeros(2) for way in WAYS}
     rng = np.random.default_rng(0)
     for seed in range(40):
         level = known(G0 + error * rng.standard_normal(), error)
         for way in WAYS:
-            three = three_ways(loadings(seed, quantum=way), level)
-            hits[way] += [holds(x, GRIPPER.sigma_0) for x in (three.covariance, three.profile, three.bootstrap)]
+            both = both_ways(loadings(seed, quantum=way), level)
+            hits[way] += [holds(x, GRIPPER.sigma_0) for x in (both.covariance, both.profile)]
     assert all((found >= 0.85 * 40).all() for found in hits.values()), hits
     # of encoders and counts of runs, with g0 known or bounded, or there is no interval and a reason
     for bits, count, seed in product((10, 12, 14, 16), (1, 2, 5), range(8)):
@@ -358,7 +344,6 @@ def test_stiffness_of_a_softening_joint(tmp_path: Path, monkeypatch: pytest.Monk
     low, high = present(fit.sigma_0.interval)
     assert all(low <= row.sigma_0 <= high for row in fit.amplitudes)
     assert error_of(fit.sigma_0) >= (high - low) / 4
-    assert fit.uncertainty["sigma_0"].bootstrap is None
     # up to a tenth of g0 the bend is within the noise: no g0 above the bound is excluded
     records = runs(lugre, 0.0, 3, 1, noise=0.02, share=0.1)
     fit = identify_presliding(records, {}, None, FitOptions(), None, "revolute").fits["+"]
@@ -388,7 +373,7 @@ def test_stiffness_of_a_softening_joint(tmp_path: Path, monkeypatch: pytest.Monk
 
 @pytest.mark.parametrize("quantum", COUNTS)
 def test_a_maxwell_slip_joint_softens(quantum: float) -> None:
-    """Of ten joints at least nine are named; the ratio of their secants is the true one within three of its errors, below LuGre's."""
+    """Of ten joints at least nine are named; the ratio of their secants is the true one within both of its errors, below LuGre's."""
     named = [warning for seed in range(10) if (warning := by_amplitude(maxwell_slip, quantum, 8, seed)[1]) is not None]
     assert len(named) >= 9
     for warning in named:

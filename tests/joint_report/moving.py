@@ -21,7 +21,7 @@ DIFFER = Finding(
 )
 NOT_SHOWN = Finding("stage-unseen", NOTE, "Not identifiable from the tracking runs.")
 UNSEEN = Finding(
-    "unseen-far", CAUTION, "Not identifiable from this motion: its standard error is more than ten times its value."
+    "unseen-wide", CAUTION, "Not identifiable from this motion: its standard error is more than ten times its value."
 )
 CORRELATED = Finding(
     "correlated", NOTE, "Residuals are correlated (lag one 0.62); standard errors are multiplied by 2.1 for it."

@@ -99,7 +99,7 @@ def test_every_warning_knows_its_subject(moved: Joint, slow: Joint) -> None:
         read = adapter().validate_json(results_file.to_json([told])).joints[joint.name]
         assert [x.subject for x in read.all_warnings()] == subjects
     by_kind = {warning.code: warning.subject for warning in moved.with_subjects().all_warnings()}
-    assert by_kind["unseen-far"] == ("moving runs", "alpha_1-")
+    assert by_kind["unseen-wide"] == ("moving runs", "alpha_1-")
 
 
 def leaves(value: Any) -> Iterator[Any]:

@@ -29,7 +29,7 @@ class Verdict(NamedTuple):
 _BY_WEIGHT = (
     "torque-unsigned unexplained misfit inertia-below-zero velocity-factor velocity-unrelated whole-positions count-unit "
     "count-contradicts effort-far-beyond links-not-removed joint-order gravity-direction links-oppose not-converged "
-    "out-of-steps still-lower full-fit-lower undercut ipopt-undercuts at-edge flat-profile "
+    "still-lower full-fit-lower undercut ipopt-undercuts at-edge flat-profile "
     "v-s-unknowable static-too-few too-few-points indistinct strays-matter stages-do-not-fit yields not-positive "
     "no-torque-constant acts-early feedback-unknown commands-at-once per-inertia one-speed-only "
     "stick-slip holds-swing position-differs torque-drifts positions-disagree torques-doubted stick-slip-points "
@@ -43,7 +43,7 @@ _BY_WEIGHT = (
 )
 WEIGHTIEST_FIRST = {code: place for place, code in enumerate(_BY_WEIGHT.split())}
 """Order of findings without a known effect; others follow as they arose."""
-_REPEATED = {"unseen", "only-sum-seen", "converged-at-bound", "static-no-stribeck"}
+_REPEATED = {"unseen", "converged-at-bound", "static-no-stribeck"}
 """Codes of a fit that repeat those of its values or directions."""
 
 
@@ -80,7 +80,7 @@ def verdict(joint: Joint) -> Verdict:
 
 _CAUSES = {
     "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts",
-    "reversals-left", "backlash", "position-jumps", "lost-samples", "clipped", "torque-missing", "torque-saturates",
+    "reversals-left", "backlash", "position-jumps", "lost-samples", "clipped", "torque-missing",
 }  # fmt: skip  # a list of values
 _WIDENS = {"clipped-left-out", "runs-scatter", "torque-coarse", "torques-doubted"}
 """Codes that explain residuals, and those that explain wide errors."""

@@ -35,9 +35,7 @@ _TURNS_WORSE, _FEWEST = 2.0, 20  # ratio of residuals at reversals (clean runs: 
 _PLACES, _BETWEEN, _LARGE = 3, 0.2, 0.1  # places named, s between two, and their squares beside the largest
 _WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)  # of the largest speed, to pass the backlash
 _ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())  # of the largest torque: half the width of a dead zone
-_TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest torque: where a sensor or drive saturates
-_OF_ITSELF = 1.5  # factor within which the fitted size of a dead zone or saturation agrees with it
-_NEARLY_ALL, _MORE = 0.99, 1.1  # of the readings; and what noise adds to them
+_OF_ITSELF = 1.5  # factor within which the fitted size of a dead zone agrees with it
 _SMALL = 1e-5  # of the way: a shift of the position with a proportional torque
 _PHASE = 0.37  # of a count: the rest position of a simulated counting
 
@@ -89,11 +87,6 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
         ask(_backlash, *(_shifted(problem, solution.values, torque, width) for width in _WIDTHS))
     if (largest := max(float(np.abs(T).max()) for T in torque)) > 0:
         ask(partial(_dead_zone, largest), *([np.clip(T / (x * largest), -1, 1) for T in torque] for x in _ZONES))
-        read = float(np.quantile(np.abs(np.concatenate([m.measured for m in motions])), _NEARLY_ALL))
-        ask(
-            partial(_saturates, read, largest),
-            *([T - np.clip(T, -x * largest, x * largest) for T in torque] for x in _TOPS),
-        )
     lacks = explained(fit, every)
     patterns = pattern_left(problem, lacks.left / weight)
     errors[seen] = lacks.errors
@@ -222,18 +215,6 @@ def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
     )
     said = Finding("torque-missing", CAUTION, message, {"torque": missing, "share": found.share}, {"torque": missing})
     return said if 1 / _OF_ITSELF < missing / (_ZONES[which] * largest) < _OF_ITSELF else None
-
-
-def _saturates(read: float, largest: float, found: Score, which: int) -> Finding | None:
-    """A torque that reads hardly more than some size; nearly all readings are below `read`."""
-    top, missed = _TOPS[which] * largest, -float(found.sizes[0])
-    left = top + (1 - 1 / _OF_ITSELF) * (largest - top)
-    message = (
-        f"The torque reads hardly more than {top:.2g}{unit_of('torque')} where it is larger, which would explain {100 * found.share:.0f} % of "
-        "what the fit leaves: its sensor or drive saturates. Move slower or more gently, or widen the range."
-    )
-    said = Finding("torque-saturates", CAUTION, message, {"torque": top, "share": found.share})
-    return said if 1 / _OF_ITSELF < missed < _OF_ITSELF and read < _MORE * left else None
 
 
 def _inertia(kind: Kind, found: Score, _: int) -> Finding:

@@ -89,10 +89,10 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> Est
     solve = estimator_of(loadings)
     value, error, freedom = solve(pieces)
     error = float(np.hypot(error, by_level(solve, loadings, level) * level.standard_error))
-    first, edges = unbent(first_torques(loadings, level.value), level.value), edge_columns(pieces)
-    if quantum > 0 and first.size and edges is not None:
-        rest = edges.y - value * edges.x
-        noise = float(np.sqrt(rest @ rest / max(rest.size - len(edges.starts) - 1, 1) / first.size))
+    first = unbent(first_torques(loadings, level.value), level.value)
+    if quantum > 0 and first.size:
+        y, U, lines = _at_edges(pieces)
+        noise = float(np.linalg.norm(U - value * y) / np.sqrt(max(y.size - lines - 1, 1) * first.size))
         if 0 < value < (float(np.mean(first)) - 1.96 * noise) / quantum / _YIELDS:
             message = (
                 "The joint moves much further than its first counts predict: it slides, or this is not slow loading "
@@ -184,67 +184,45 @@ def first_torques(loadings: Sequence[Loading], g0: float) -> Array:
     return np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
 
 
-class Columns(NamedTuple):
-    """Regression y = slope x of all loadings, each about its mean, (n,)."""
-
-    x: Array
-    y: Array
-    instrument: Array
-    starts: list[int]  # First row of each loading
-
-
-def _columns(parts: Sequence[tuple[Array, Array, Array]]) -> Columns:
-    """From x, y and instrument of each loading."""
-    starts = np.cumsum([0, *(x.size for x, *_ in parts)])[:-1].tolist()
-    x, y, instrument = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Columns(x, y, instrument, starts)
-
-
-def edge_columns(pieces: Sequence[Piece]) -> Columns | None:
-    """U over y at count edges, weighted; None without two edges in a loading."""
-    parts = []
-    for p in pieces:
-        if p.edge_y.size > 1:
-            root, total = np.sqrt(p.weight), p.weight.sum()
-            y = root * (p.edge_y - p.weight @ p.edge_y / total)
-            parts.append((y, root * (p.edge_U - p.weight @ p.edge_U / total), y))
-    return _columns(parts) if parts else None
-
-
-def sample_columns(pieces: Sequence[Piece]) -> Columns | None:
-    """Displacement over U of all samples with time as instrument, or None."""
-    parts = [(p.U - p.U.mean(), p.y - p.y.mean(), p.time - p.time.mean()) for p in pieces if p.time.size]
-    return _columns(parts) if parts else None
+def _at_edges(pieces: Sequence[Piece]) -> tuple[Array, Array, int]:
+    """Weighted displacement and U at count edges, (n,), each loading about its mean, and the number of loadings."""
+    parts = [
+        [np.sqrt(p.weight) * (x - p.weight @ x / p.weight.sum()) for x in (p.edge_y, p.edge_U)]
+        for p in pieces
+        if p.edge_y.size > 1
+    ]
+    y, U = np.concatenate([np.zeros((2, 0)), *parts], axis=1)
+    return y, U, len(parts)
 
 
 def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
     """Slope of U over y at count edges, standard error, degrees of freedom; infinite without two edges."""
-    edges = edge_columns(pieces)
-    if edges is None:
+    y, U, lines = _at_edges(pieces)
+    if not lines:
         return np.inf, np.inf, 1.0
-    y, U, _, starts = edges
     slope = float(y @ U / (y @ y))
-    score, freedom = y * (U - slope * y), y.size - len(starts) - 1
+    score, freedom = y * (U - slope * y), y.size - lines - 1
     variance_inflation = inflation(score)
     # two edges and an intercept leave no residual: the error is then the slope itself
     scattered = float(score @ score) * y.size / max(freedom, 1) * variance_inflation / float(y @ y) ** 2
     variance = scattered if freedom > 0 else slope**2
-    return slope, float(np.sqrt(variance)), max(y.size / variance_inflation - len(starts) - 1, 1.0)
+    return slope, float(np.sqrt(variance)), max(y.size / variance_inflation - lines - 1, 1.0)
 
 
 def by_samples(pieces: Sequence[Piece]) -> tuple[float, float, float]:
     """One over the slope of y over U, standard error, degrees of freedom; infinite without displacement."""
-    samples = sample_columns(pieces)
-    if samples is None:
+    # with time as instrument, each loading about its mean
+    parts = [np.stack([x - x.mean() for x in (p.U, p.y, p.time)]) for p in pieces if p.time.size]
+    if not parts:
         return np.inf, np.inf, 1.0
-    U, y, t, starts = samples
+    U, y, t = np.concatenate(parts, axis=1)
     along = float(t @ U)
     compliance = float(t @ y) / along if along else 0.0
     rest = y - compliance * U
     score = t * rest  # correlated, with a variance that grows with the torque
     variance_inflation = inflation(score)
-    freedom = max(y.size / variance_inflation - len(starts) - 1, 1.0)
-    scatter = float(score @ score) * variance_inflation * y.size / max(y.size - len(starts) - 1, 1)
+    freedom = max(y.size / variance_inflation - len(parts) - 1, 1.0)
+    scatter = float(score @ score) * variance_inflation * y.size / max(y.size - len(parts) - 1, 1)
     error = np.sqrt(scatter) / abs(along or 1.0)
     if abs(compliance) < _NONE:
         return np.inf, np.inf, freedom

@@ -8,22 +8,17 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.estimation import interval_comparison
-from bristle.estimation.bootstrap import SHOWN, Resampled, block_bootstrap
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
-from bristle.estimation.interval_comparison import ENOUGH, FEW
 from bristle.identification.fits import Estimate, RunScatter, Uncertainty
 from bristle.identification.presliding.stiffness import (
     KnownValue,
-    edge_columns,
     estimator_of,
     of_loading,
     quantum_of,
-    sample_columns,
 )
 from bristle.identification.repeats import limit_widening, scatter_of
 
-SEED = 0
 _LEAST_FREEDOM = 4.0  # degrees of freedom from which a run states its own error
 _NODES = 17  # values of g0 of the estimator, linear between them
 _LOOKS = Looks(first=4001, near=2, again=0, drawn=4001)  # one look at so many
@@ -52,13 +47,10 @@ class _Line(NamedTuple):
         return np.asarray(np.divide(1.0, u, out=np.full(u.shape, np.inf), where=u > 0), dtype=np.float64)
 
 
-def stiffness_uncertainty(
-    loadings: Sequence[Loading], level: KnownValue, estimate: Estimate, seed: int = SEED
-) -> Uncertainty:
-    """Intervals of sigma_0; of a lower bound its interval alone.
+def stiffness_uncertainty(loadings: Sequence[Loading], level: KnownValue, estimate: Estimate) -> Uncertainty:
+    """Intervals of sigma_0 by covariance and by profile; of a lower bound its interval alone.
 
-    By profile: Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2 <= t**2. By bootstrap-t: blocks, each with its own
-    g0.
+    By profile: Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2 <= t**2.
     """
     if estimate.value is None or not estimate.standard_error or estimate.value <= 0:
         return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, warnings=estimate.warnings)
@@ -75,20 +67,12 @@ def stiffness_uncertainty(
     about = np.unique(np.append(middle + _BEYOND * np.linspace(-1, 1, _CURVE)[:, None] * np.abs(ends - middle), ends))
     low, *_, high = sorted(line.sigma_0(ends).tolist())
     profile = low, high
-    error = estimate.standard_error / (estimate.value**2 if line.inverse else 1.0)
-    drawn, draws = _drawn(loadings, level, line, error, seed)
-    few = f"{drawn.blocks} blocks of {'samples' if line.inverse else 'count edges'}" if drawn.blocks < ENOUGH else None
-    bootstrap = None
-    if drawn.blocks >= FEW:
-        low, high = sorted(line.sigma_0(line.at(0.0)[0] + np.array(drawn.interval(0, error))).tolist())
-        bootstrap = low, high
-    warnings = interval_comparison.warnings(estimate.value, estimate.interval, profile, bootstrap, few=few)
-    values, shown = line.sigma_0(about), line.sigma_0(draws)
+    values = line.sigma_0(about)
     order = np.argsort(values)
     return Uncertainty(
-        covariance=estimate.interval, profile=profile, bootstrap=bootstrap,
+        covariance=estimate.interval, profile=profile, bootstrap=None,
         curve=np.stack([values, profiles.heights(0, about, 0.0)])[:, order[np.isfinite(values[order])]],
-        draws=np.zeros(0) if bootstrap is None else shown[np.isfinite(shown)][:SHOWN], warnings=warnings,
+        warnings=interval_comparison.warnings(estimate.value, estimate.interval, profile, None),
     )  # fmt: skip  # a list of values
 
 
@@ -129,24 +113,3 @@ def _line(loadings: Sequence[Loading], level: KnownValue) -> _Line:
     x, g0 = x[g0 >= _LEAST * level.value], g0[g0 >= _LEAST * level.value]
     u, e, _ = np.array([at(one) for one in g0.tolist()]).T
     return _Line(inverse, x[np.isfinite(u)], u[np.isfinite(u)], e[np.isfinite(u)], reach)
-
-
-def _drawn(
-    loadings: Sequence[Loading], level: KnownValue, line: _Line, error: float, seed: int
-) -> tuple[Resampled, Array]:
-    """Bootstrap of u with errors of data and g0, and draws of u, (b,); `error` is the estimate's."""
-    pieces = [of_loading(loading, level.value) for loading in loadings]
-    columns = sample_columns(pieces) if line.inverse else edge_columns(pieces)
-    x, y, instrument, starts = columns or (np.zeros(0), np.zeros(0), np.zeros(0), [])
-    value = estimator_of(loadings)(pieces)[0]
-    off = (x / value if line.inverse else x * value) - y
-    instruments = instrument[:, None] if line.inverse else None
-    drawn = block_bootstrap(x[:, None], off, starts, instrument=instruments, seed=seed)
-    middle, e = map(float, line.at(0.0))
-    steps = drawn.steps[:, 0]
-    errors = np.divide(steps, drawn.studentised[:, 0], out=np.full(steps.size, e), where=steps != 0)
-    g0 = np.random.default_rng([seed, 1]).standard_normal(steps.size)
-    moved = line.at(g0)[0] - middle
-    total = np.sqrt(errors**2 + max(error**2 - e**2, 0.0))
-    studentised = np.divide(steps - moved, total, out=np.zeros(steps.size), where=total > 0)
-    return drawn._replace(steps=(steps - moved)[:, None], studentised=studentised[:, None]), middle + steps + moved
