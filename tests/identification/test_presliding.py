@@ -19,9 +19,9 @@ from bristle.estimation.covariance import student
 from bristle.findings import Finding
 from bristle.identification import identify
 from bristle.identification.dynamic.priors import _stiffness
-from bristle.identification.fits import AmplitudeStiffness, Presliding, PreslidingFit, StaticFit, Uncertainty
+from bristle.identification.fits import Presliding, PreslidingFit, StaticFit, Uncertainty
 from bristle.identification.presliding.fit import fit_presliding, identify_presliding
-from bristle.identification.presliding.softening import stiffness_by_amplitude
+from bristle.identification.presliding.softening import softening
 from bristle.identification.presliding.stiffness import REACH, KnownValue, by_edges, of_loading, printed_bias, stiffness
 from bristle.identification.presliding.uncertainty import stiffness_uncertainty
 from bristle.identification.results import Joint
@@ -170,7 +170,6 @@ def test_levels_and_displacements_that_tell_little() -> None:
         assert record.position is not None
         fit = found(replace(record, position=size * record.position), 0.0)
         assert fit.sigma_0.value is None
-        assert not fit.amplitudes
 
 
 FINE = 2 * np.pi / 2**17
@@ -317,32 +316,20 @@ def soft_loadings(
     return [x for r in records for x in find_loadings(r, cutoff if noise else 1e3, quantum or None, None)]
 
 
-def by_amplitude(
-    law: Law, quantum: float, count: int, seed: int
-) -> tuple[tuple[AmplitudeStiffness, ...], Finding | None]:
-    """Stiffness by amplitude with a g0 that is off by one standard error, drawn, of 1 %."""
+def softens(law: Law, quantum: float, count: int, seed: int) -> Finding | None:
+    """With a g0 that is off by one standard error, drawn, of 1 %."""
     off = 1 + 0.01 * np.random.default_rng([seed, 1]).standard_normal()
-    return stiffness_by_amplitude(soft_loadings(law, quantum, count, seed), known(off * G0, 0.01 * G0), "revolute")
+    return softening(soft_loadings(law, quantum, count, seed), known(off * G0, 0.01 * G0), "revolute")
 
 
 def test_stiffness_of_a_softening_joint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without noise the secant at each amplitude is sigma_0 x / -log(1 - x), x = T / g0, the initial one among them; sigma_0 is the same in all."""
-    rows, softens = stiffness_by_amplitude(soft_loadings(lugre, 0.0, 2, 0, 0.0), known(G0, 0.0), "revolute")
-    assert softens is None
-    assert [row.kind for row in rows] == ["initial"] + 5 * ["secant"]
-    for row in rows:
-        x = row.torque / G0
-        assert row.value == pytest.approx(GRIPPER.sigma_0 * x / -np.log1p(-x), rel=2e-3)
-        assert row.lugre == pytest.approx(row.value, rel=2e-3)
-        assert row.sigma_0 == pytest.approx(GRIPPER.sigma_0, rel=2e-3)
-        assert row.displacement * row.value == pytest.approx(row.torque, rel=1e-12)
-    # one sigma_0 cannot hold at all amplitudes: its interval holds that of each, and no narrower one stands beside it
+    """One sigma_0 cannot hold at all amplitudes: its interval holds that of each, and no narrower one stands beside it."""
     records = runs(maxwell_slip, COUNTS[1], 6, 0)
     level = known(G0, 0.01 * G0)
     fit = identify_presliding(records, {"+": level}, None, FitOptions(), COUNTS[1], "revolute").fits["+"]
-    assert "softens" in codes(fit.warnings)
+    (said,) = (w for w in fit.warnings if w.code == "softens")
     low, high = present(fit.sigma_0.interval)
-    assert all(low <= row.sigma_0 <= high for row in fit.amplitudes)
+    assert all(low <= x <= high for x in said.numbers["sigma_0"])
     assert error_of(fit.sigma_0) >= (high - low) / 4
     # up to a tenth of g0 the bend is within the noise: no g0 above the bound is excluded
     records = runs(lugre, 0.0, 3, 1, noise=0.02, share=0.1)
@@ -374,7 +361,7 @@ def test_stiffness_of_a_softening_joint(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize("quantum", COUNTS)
 def test_a_maxwell_slip_joint_softens(quantum: float) -> None:
     """Of ten joints at least nine are named; the ratio of their secants is the true one within both of its errors, below LuGre's."""
-    named = [warning for seed in range(10) if (warning := by_amplitude(maxwell_slip, quantum, 8, seed)[1]) is not None]
+    named = [warning for seed in range(10) if (warning := softens(maxwell_slip, quantum, 8, seed)) is not None]
     assert len(named) >= 9
     for warning in named:
         low, high = (warning.numbers[name] for name in ("low", "high"))
@@ -402,7 +389,6 @@ def test_a_maxwell_slip_joint_softens(quantum: float) -> None:
     assert low <= G0 <= high < 1.2 * G0
     low, high = present(fit.sigma_0.interval)
     assert low <= GRIPPER.sigma_0 <= high < 1.1 * low
-    assert value_of(fit.sigma_0) > max(row.value for row in fit.amplitudes)
     own = fit.repeats["sigma_0"].by_run.values()
     assert min(own) <= value_of(fit.sigma_0) <= max(own)
 
@@ -412,10 +398,10 @@ def test_a_lugre_joint_does_not() -> None:
     """Of 60 pure LuGre joints at each encoder, with g0 known or only bounded, none is named (at 1 % a test of 360 would see some four)."""
     for quantum in COUNTS:
         for seed in range(60):
-            assert by_amplitude(lugre, quantum, 1 + seed % 4, seed)[1] is None
+            assert softens(lugre, quantum, 1 + seed % 4, seed) is None
             own = soft_loadings(lugre, quantum, 2, seed)
             bound = known(max(x.held for x in own), np.inf)
-            assert stiffness_by_amplitude(own, bound, "revolute")[1] is None
+            assert softening(own, bound, "revolute") is None
 
 
 SOFT = Lugre(0.8, 0.35, 0.6, 0.05, 60.0, 1.0)  # its bristle bends by 19 mrad

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from math import hypot
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 
@@ -204,24 +204,6 @@ class Crosscheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AmplitudeStiffness:
-    """Stiffness of slow loading from rest up to one torque."""
-
-    kind: Literal["initial", "secant"]
-    torque: Number
-    """N*m."""
-    displacement: Number
-    """rad."""
-    value: Number
-    """torque / displacement, N*m/rad."""
-    standard_error: Number
-    lugre: Number
-    """That of LuGre's exponential with the initial stiffness, N*m/rad."""
-    sigma_0: Number
-    """Of the LuGre joint with this displacement, N*m/rad: constant where LuGre holds."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PreslidingFit:
     """sigma_0 of one direction, and sigma_1 by (15)."""
 
@@ -250,8 +232,6 @@ class PreslidingFit:
     """Mean bias over rest positions within a count."""
     bias_spread: Number
     """Its standard deviation."""
-    amplitudes: tuple[AmplitudeStiffness, ...] = ()
-    """Stiffness by amplitude, the initial one first; empty where the loadings show too little."""
     loadings: tuple[Loading, ...] = field(default=(), metadata=UNWRITTEN)
     warnings: tuple[Finding, ...] = ()
     uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)

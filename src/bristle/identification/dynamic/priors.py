@@ -39,7 +39,6 @@ from bristle.model.parameters import INERTIA, Direction, ParameterName, of_frict
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress
 
-_SURER = 1.5  # ratio of errors from which one stage knows a parameter better
 _WORSE = 1.5  # ratio of relative errors from which the joint fit is doubted
 _BENDS = 0.01  # of the travel: deflection of the bristle at the start by default
 
@@ -283,14 +282,11 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
             else:
                 apart = [by - prior.shifts[c][k] if c in prior.shifts else by for c, by in moving.shifts.items()]
                 difference = (moving.value - value) / hypot(error, moving.standard_error, *apart)
-                stage, own = error / abs(value or 1.0), moving.standard_error / abs(moving.value or 1.0)
-                if abs(difference) <= limit:
-                    verdict = Finding("stage-agrees", NOTE, "They agree.")
-                else:
-                    check = f"check the {prior.stage if own < stage else 'moving'} data first, which are less precise."
-                    if max(own, stage) < _SURER * min(own, stage):
-                        check = "neither is much more precise: see the warnings of both."
-                    verdict = Finding("stage-differs", CAUTION, f"They differ by more than chance; {check}")
+                verdict = Finding("stage-agrees", NOTE, "They agree.")
+                if abs(difference) > limit:
+                    less = prior.stage if error > moving.standard_error else "moving"
+                    message = f"They differ by more than chance; check the {less} data first, which are less precise."
+                    verdict = Finding("stage-differs", CAUTION, message)
             rows.append(
                 Consistency(
                     parameter=name, stage=prior.stage, stage_value=value, stage_error=error,

@@ -13,7 +13,7 @@ from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, NOTE, Finding, in_direction, in_units, unit_of
 from bristle.identification.fits import Estimate, Presliding, PreslidingFit, Uncertainty
-from bristle.identification.presliding.softening import stiffness_by_amplitude, with_most
+from bristle.identification.presliding.softening import softening, with_most
 from bristle.identification.presliding.stiffness import (
     REACH,
     KnownValue,
@@ -99,11 +99,11 @@ def fit_presliding(
     sigma_0 = stiffness(loadings, by_bend, kind)
     warnings = [w for w in sigma_0.warnings if w.code == "within-noise"]
     bent = by_bend.middle if by_bend.most < np.inf else level
-    amplitudes, softens = ((), None) if sigma_0.value is None else stiffness_by_amplitude(loadings, bent, kind)
+    softens = None if sigma_0.value is None else softening(loadings, bent, kind)
     if softens is not None:
         warnings.append(softens)
         if sigma_0.interval is not None:  # widened to hold the sigma_0 of each amplitude
-            ends = [*sigma_0.interval, *(x.sigma_0 for x in amplitudes)]
+            ends = [*sigma_0.interval, *softens.numbers["sigma_0"]]
             error = max(sigma_0.standard_error or 0.0, (max(ends) - min(ends)) / (2 * student(np.inf)))
             sigma_0 = replace(sigma_0, standard_error=error, interval=(min(ends), max(ends)))
     if 0 < counts < _FEW * len(loadings):
@@ -144,7 +144,7 @@ def fit_presliding(
         sigma_1=_sigma_1(sigma_0, inertia, kind), degrees_of_freedom=estimator_of(loadings)(pieces)[2],
         level=level.value, level_standard_error=level.standard_error,
         level_source=level.source, quantum=quantum, counts=counts, bias_on_edge=on_edge, bias_mean=mean,
-        bias_spread=spread, amplitudes=amplitudes, loadings=tuple(loadings), warnings=tuple(warnings),
+        bias_spread=spread, loadings=tuple(loadings), warnings=tuple(warnings),
         uncertainty={"sigma_0": shifted_three(three, sigma_0)},
         repeats={"sigma_0": scatter} if scatter else {},
     )  # fmt: skip  # a list of values

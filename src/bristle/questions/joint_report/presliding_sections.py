@@ -37,7 +37,6 @@ def presliding(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     return [
         _stiffness(joint, slow),
         Section("", figures=tuple(_figures(slow, figures)), form="part"),
-        *_amplitudes(joint, slow),
         *_breakaway_and_cycles(joint, slow),
         Section("As a whole" if slow.warnings else "", findings=slow.warnings, form="part"),
     ]
@@ -95,23 +94,6 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawi
     left_out = len(losses) - MOST_LOOPS
     rest = f" The first {MOST_LOOPS} are drawn; {left_out} more are in the table." if left_out > 0 else ""
     yield figures["hysteresis"]._replace(caption=f"{lost}{rest}", how=how, data="hysteresis")
-
-
-def _amplitudes(joint: Joint, slow: Presliding) -> Iterator[Section]:
-    frame = tables.stiffness([joint])
-    if frame.empty:
-        return
-    softens = any(warning.code == "softens" for fit in slow.fits.values() for warning in fit.warnings)
-    found = "the joint softens by more than" if softens else "no softening is found beyond"
-    how = (
-        f"Stiffness in {pretty(unit('sigma_0', joint.kind))}, torque / displacement from rest; beside it what "
-        "T = g₀ (1 − exp(−σ₀ y / g₀)) gives from the initial stiffness on."
-    )
-    torque, position = (pretty(unit(name, joint.kind)) for name in ("torque", "position"))
-    headings = {"torque": f"torque ({torque})", "displacement": f"displacement ({position})", "value": "stiffness"}
-    part = frame.drop(columns="sigma_0").rename(columns=headings | {"lugre": "LuGre's own"})
-    table = Table("stiffness", "Stiffness vs amplitude", part=part, note=how)
-    yield Section(f"Stiffness vs amplitude: {found} LuGre's own exponential", table=table, form="folded")
 
 
 def _breakaway_and_cycles(joint: Joint, slow: Presliding) -> Iterator[Section]:

@@ -134,14 +134,6 @@ def hysteresis(joint: Joint) -> _Rows:
     yield from map(own, joint.presliding.loops if joint.presliding else ())
 
 
-@_table("direction kind torque# displacement# value# standard_error# lugre# sigma_0#")
-def stiffness(joint: Joint) -> _Rows:
-    """Stiffness against amplitude: initial and secants of each direction, beside what LuGre's own exponential gives from the initial one on."""
-    own = attrgetter("kind", "torque", "displacement", "value", "standard_error", "lugre", "sigma_0")
-    for d, fit in _slow_fits(joint).items():
-        yield from ((d, *own(x)) for x in fit.amplitudes)
-
-
 @_table("direction file start breakaway from_median_percent")
 def breakaway(joint: Joint) -> _Rows:
     """One row per loading that broke away: where it began, its torque, and how far that is from the median of its direction, percent."""
@@ -327,5 +319,5 @@ def all_tables(joints: Sequence[Joint]) -> dict[str, pd.DataFrame]:
     """Every table by the name of its file."""
     fits = (parameters, inputs, segments, comparison, crosscheck, hold_out, points, profiles)
     moving = (tracking, tracking_hold_out, consistency, table_1, uncertainty, repeats)
-    makers = (*fits, models, laws, presliding, breakaway, stiffness, hysteresis, *moving, units)
+    makers = (*fits, models, laws, presliding, breakaway, hysteresis, *moving, units)
     return {maker.__name__: maker(joints) for maker in makers}

@@ -175,14 +175,6 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None, said: se
     yield from _parameters("sigma_0", sentences.methods(fit), said)
     yield from _repeats(fit.repeats)
     yield from _parameters("sigma_1", {"sigma_1": fit.sigma_1}, said)
-    torque, position, stiffness = (unit(name, joint.kind) for name in ("torque", "position", "sigma_0"))
-    if fit.amplitudes:
-        yield "    [[stiffness vs amplitude]]"
-    rows = []
-    for x in fit.amplitudes:
-        at = f"at {_number(x.torque)} {torque}, {_number(x.displacement)} {position};"
-        rows.append((f"{x.kind}:", f"{pair(x.value, x.standard_error)} {stiffness}", at, f"LuGre {_number(x.lugre)}"))
-    yield from columns(rows, indent=6)
     yield from _sentences(fit.warnings, said)
 
 
