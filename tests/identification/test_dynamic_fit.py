@@ -101,7 +101,8 @@ def test_without_noise_the_truth_comes_back(p: Lugre[float] | Pair[float], monke
     # SciPy's trust region ends there, too
     of = descent.least_squares(problem, start)
     x, box = of.unknowns.scaled(start), (of.unknowns.lower, of.unknowns.upper)
-    by_scipy = least_squares(lambda x: of.evaluate(x)[0], x, lambda x: of.evaluate(x)[1], box, x_scale="jac")
+    both = [lambda x, k=k: of.evaluate(x)[k] for k in (0, 1)]
+    by_scipy = least_squares(both[0], x, both[1], box, x_scale="jac")
     assert 2 * by_scipy.cost == pytest.approx(minimum.cost, rel=1e-6)
     assert (np.abs(by_scipy.x - minimum.x) < 0.1 * np.sqrt(variances)).all()
 

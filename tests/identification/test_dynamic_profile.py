@@ -22,7 +22,6 @@ from .conftest import GRIPPER, TONES, by_name, codes, error_of, holds, moved, po
 STEP = 2e-3
 TRUTH = by_name(GRIPPER)
 A = parse("a")
-_NAMES: tuple[Unknown, ...] = (A,)
 
 
 def fitted(noise: float, seed: int, priors: Sequence[Prior] = (), slow: float = 0.25) -> DynamicSolution:
@@ -76,9 +75,8 @@ def test_profiles_of_moving_data(gripper: DynamicSolution) -> None:
 def two_minima(gripper: DynamicSolution, start: float) -> DynamicSolution:
     """The end next to a start of a cost with a minimum near a = -1 and a lower one at a = 1: (a**2 - 1)**2 + 0.04 (a - 1)**2, and noise."""
     noise, no = np.random.default_rng(0).standard_normal(58), np.full(1, np.inf)
-    unknowns = Unknowns[Unknown](
-        names=(A,), logarithmic=np.zeros(1, bool), scale=np.ones(1), lower=-no, upper=no, least=-no
-    )
+    names: tuple[Unknown, ...] = (A,)
+    unknowns = Unknowns(names=names, logarithmic=np.zeros(1, bool), scale=np.ones(1), lower=-no, upper=no, least=-no)
 
     def evaluate(x: Array) -> tuple[Array, Array]:
         a = x[0]
