@@ -65,7 +65,7 @@ def _and_of(warnings: tuple[Finding, ...], estimates: Iterable[Estimate]) -> Ite
 
 @result
 class Uncertainty:
-    """The 95 % interval of one parameter three ways, in its unit; None with a warning where one does not exist."""
+    """The 95 % interval of one parameter three ways, in its unit; None where one does not exist."""
 
     covariance: Interval | None
     """By Student's t from the exact Jacobian, widened for correlated residuals."""
