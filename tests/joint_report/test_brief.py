@@ -78,7 +78,7 @@ def test_values_bands_and_rows_of_the_brief(edro_results: Path) -> None:
     assert (ends[0][:, 1] <= ends[0][:, 0]).all()
     assert (ends[0][:, 0] <= ends[0][:, 2]).all()
     assert (np.ptp(ends[1], axis=1) > np.ptp(ends[0], axis=1)).all()
-    # in the full report, and three ways, each parameter has one line with its interval, none above 80 columns
+    # in the full report, and three ways (slow loading two), each parameter has one line with its interval, none above 80 columns
     full, three = edro.text(full=True).splitlines(), list(interval_lines(edro.joints))
     assert max(map(len, [*full, *three, *wrapped(edro.outcomes())])) <= WIDTH
     for joint in edro.joints:
@@ -90,7 +90,7 @@ def test_values_bands_and_rows_of_the_brief(edro_results: Path) -> None:
             )
     rows = [line for line in three if re.match(r"[a-z]+_[a-z0-9]+[+-]? +\[", line)]
     assert len(rows) > 30
-    assert all(len(re.findall(r"\[.+?\]", row)) == 3 for row in rows)
+    assert all(len(re.findall(r"\[.+?\]", row)) == (2 if row.startswith("sigma_0") else 3) for row in rows)
 
 
 @pytest.mark.parametrize("make", [gripper, loaded, moving], ids=["points", "slow", "moving"])
