@@ -163,8 +163,7 @@ def _by_stage(joint: Joint, sign: str) -> Iterator[tuple[str, str, Estimate]]:
     """Every estimate of a LuGre parameter in one direction: stage, parameter, estimate."""
     yield from (("static", name, e) for name, e in joint.static[sign].parameters.items())
     if joint.presliding is not None:
-        yield "edges", "sigma_0", joint.presliding.fits[sign].edges
-        yield "samples", "sigma_0", joint.presliding.fits[sign].samples
+        yield "edges", "sigma_0", joint.presliding.fits[sign].sigma_0
     for stage, fit in (("moving runs", joint.tracking), ("joint fit", joint.joint_fit)):
         if fit is not None:
             yield from ((stage, name, fit.parameters[ParameterName(name, Direction(sign))]) for name in Lugre._fields)

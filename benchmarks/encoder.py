@@ -1,9 +1,8 @@
 """What an encoder's counts do to the estimates, over its bits: `python benchmarks/encoder.py`.
 
-(a) presliding of gripper rotation (+): relative error of sigma_0 by (14), its inverse, the count edges and all samples, the joint resting on a count
-edge or anywhere in a count. (b) moving runs of gripper rotation: error of each parameter in its standard errors, as fitted and after the bias of
-counts is taken off. (c) the same runs, the torque predicted from the estimated velocity beside the position predicted by the simulated motor:
-relative errors. Simulated, with fixed seeds.
+(a) presliding of gripper rotation (+): relative error of sigma_0 by (14) and from count edges, the joint resting on a count edge or anywhere in
+a count. (b) moving runs of gripper rotation: error of each parameter in its standard errors, as fitted and after the bias of counts is taken off.
+Simulated, with fixed seeds.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +19,6 @@ from bristle.data.slow_loading import find_loadings
 from bristle.findings import NOTE, Finding
 from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
-from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
 from bristle.identification.fits import PreslidingFit, TrackingFit
 from bristle.identification.presliding.fit import fit_presliding
@@ -34,21 +32,19 @@ from bristle.simulation import edro
 PAIR = edro.TABLE_1["gripper rotation"]
 P = PAIR.positive
 G0 = P.alpha_0 + P.alpha_1
-METHODS = ("printed", "corrected", "edges", "samples")
+METHODS = ("printed", "sigma_0")
 REPETITIONS = 200
 SEEDS = 10
-SEEDS_OF_ROUTES = 5
 
 
 def main() -> None:
-    """Print the three tables."""
+    """Print both tables."""
     presliding()
     moving()
-    routes()
 
 
 def presliding() -> None:
-    """The four estimates of sigma_0, on a count edge and over rest positions."""
+    """Both estimates of sigma_0, on a count edge and over rest positions."""
     print(
         f"(a) sigma_0 of gripper rotation (+), error in %: on a count edge without noise; mean +- spread over {REPETITIONS} rest positions, with"
     )
@@ -111,43 +107,6 @@ def both(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
 
     found = fit_tracking(pose([run], {}), truth(), "revolute", search=False)
     return found.fit, without_count_bias(found, [run], pose, quantum)
-
-
-def routes() -> None:
-    """Relative errors of both routes over bits."""
-    names = [ParameterName.parse(name) for name in ("alpha_0+", "alpha_2+", "sigma_0+", "sigma_1+", "inertia")]
-    print(
-        f"(c) the same, relative error in %, mean +- spread over {SEEDS_OF_ROUTES} seeds; Stribeck terms given; torque predicted / position predicted"
-    )
-    print(f"{'bits':>4}" + "".join(f"{name!s:>32}" for name in names))
-    for bits in (11, 12, 14, 16, 20):
-        pairs = [by_route(2 * np.pi / 2**bits, seed) for seed in range(SEEDS_OF_ROUTES)]
-        off = np.array([[[relative(fit, name) for fit in pair] for pair in pairs] for name in names])
-        cells = [
-            " / ".join(spread(own[:, k]) if np.isfinite(own[:, k]).any() else "not seen" for k in (0, 1)) for own in off
-        ]
-        print(f"{bits:>4}" + "".join(f"{cell:>32}" for cell in cells))
-
-
-def by_route(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
-    """One seed's fit of the torque, the bias of counts taken off, and of the position."""
-    run = measured(quantum, seed)
-    known = {name: value for name, value in truth().items() if name.name in ("alpha_1", "v_s")}
-    start = {name: value for name, value in truth().items() if name not in known}
-
-    def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> DynamicProblem:
-        return dynamic_problem(records, ("+", "-"), ("inertia",), simulated_edro.DECIMATION, None, fixed)
-
-    found = fit_tracking(pose([run], known), start, "revolute", search=False)
-    whole = dynamic_problem([run], ("+", "-"), ("inertia",), 1, None, known)
-    windows = simulation([run], whole, simulated_edro.motor("gripper rotation"), simulated_edro.DECIMATION, 0.5)
-    return without_count_bias(found, [run], pose, quantum), fit_tracking(windows, start, "revolute", search=False).fit
-
-
-def relative(fit: TrackingFit, name: ParameterName) -> float:
-    """Relative error, percent; nan where the motion does not show the parameter."""
-    value = fit.parameters[name].value
-    return np.nan if value is None else 100 * (value / truth()[name] - 1)
 
 
 def measured(quantum: float, seed: int) -> Record:

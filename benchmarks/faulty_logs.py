@@ -363,7 +363,7 @@ FAULTS: dict[str, Fault] = {
     "slow loading: load cell offset": Fault(slow, torque(lambda x, s: x.torque + s), (0.05, 0.2), LOADED),
     "slow loading: position drifts": Fault(slow, position(lambda x, s: x.q + s * x.t), (3e-5, 1e-4), ("open-cycles",)),
     "slow loading: torque clipped": Fault(slow, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.5), ("clipped",)),
-    "slow loading: torque late": Fault(slow, torque(lambda x, s: np.interp(x.t - s, x.t, x.torque)), (0.1, 0.5), ("turns-late", "open-cycles")),
+    "slow loading: torque late": Fault(slow, torque(lambda x, s: np.interp(x.t - s, x.t, x.torque)), (0.1, 0.5), ("open-cycles",)),
     "slow loading: position of 12, 14 bits": Fault(slow, position(lambda x, s: counted(x.q, s)), (14, 12), ("few-counts", "within-noise")),
     "slow loading: backlash": Fault(slow, position(lambda x, s: x.q + s / 2 * np.tanh(x.torque / 0.02)), (0.0003, 0.002), ("open-cycles",)),
     "slow loading: wrong sign": Fault(slow, torque(lambda x, s: -s * x.torque), (1.0, 2.0), OPPOSES),

@@ -267,7 +267,7 @@ def validate(
 ) -> None:  # fmt: skip  # a list of options
     """Validate the fits against full nonlinear ones.
 
-    Each fit is checked by CasADi and IPOPT on the same data, then the grid search where the truth is known. The validation
+    Each static fit is checked by CasADi and IPOPT on the same data, then the grid search where the truth is known. The validation
     simulates points from the fitted model at your own velocities, and fits them by grids and by local solvers from random starts.
 
     Example: bristle validate wrist.yaml -o reports/wrist-validate
@@ -280,7 +280,7 @@ def validate(
 
         check_request(repetitions, starts, noise)
         if experiment is not None:  # each fit beside a full nonlinear one on the same data
-            results = identified(experiment, joint=joint, crosscheck=True, progress=progress)
+            results = identified(experiment, joint=joint, progress=progress)
             results.joint()
             beside = results.checks()
         validated = bristle.validate(results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)

@@ -15,7 +15,7 @@ from bristle.estimation.bootstrap import block_bootstrap, bootstrap_at, residual
 from bristle.estimation.covariance import covariance, student
 from bristle.estimation.linear import bounded_least_squares
 from bristle.estimation.multistart import MultistartSolution, solve_from_starts
-from bristle.estimation.nonlinear import Block, LeastSquares, Minimum, Unknowns, minimise
+from bristle.estimation.nonlinear import LeastSquares, Minimum, Unknowns, minimise
 from bristle.estimation.profile_likelihood import profiles
 from bristle.identification.static.grid import Projected, solve_at
 from bristle.identification.static.problem import from_points
@@ -66,16 +66,6 @@ def test_in_a_linear_problem_covariance_profile_and_bootstrap_coincide() -> None
         value, reach = solution.values[name], student(freedom) * np.sqrt(matrix[j, j])
         assert found[name].interval == pytest.approx((value - reach, value + reach), abs=1e-5 * reach)
         assert drawn[name][0] == pytest.approx([value - reach, value + reach], abs=0.2 * reach)
-    # a mean of 40 blocks, each with an offset of its own: the jackknife's error is that of the mean of 40 numbers
-    rng = np.random.default_rng(2)
-    offsets = np.repeat(rng.standard_normal(40), 25)
-    one = line(offsets, np.ones((1000, 1)))
-    blocks = tuple(Block(slice(25 * k, 25 * k + 25), []) for k in range(40))
-    problem = LeastSquares(unknowns=one.unknowns, evaluate=one.evaluate, blocks=blocks, independent=True)
-    found = solved(problem, {"a": 1.0})
-    assert np.sqrt(found.covariance[0, 0]) == pytest.approx(offsets.std() / np.sqrt(39), rel=1e-6)
-    assert found.freedom == 39
-    assert found.widening == pytest.approx(5.0, rel=0.05)
 
 
 def test_the_lowest_of_several_minima_is_kept() -> None:

@@ -161,7 +161,6 @@ PLAUSIBLE: Mapping[str, st.SearchStrategy[Any]] = {
         st.sampled_from(["alpha_0", "alpha_0+", "alpha_1-", "v_s", "sigma_0", "sigma_1", "sigma_1+", "inertia", "offset", "gravity_sin"]),
         quantities(), max_size=2,
     ),
-    "fit.predict": st.sampled_from(["torque", "position"]),
     "fit.decimation": st.sampled_from([1, 2, 5, 10, 300, 10_000]),
     "signals.torque.scale": st.one_of(_POSITIVE, _of_or_uncertain("N*m/A"), NUMBERS),
     "signals.torque.delay": _of("s"),

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 from bristle.arrays import Array
@@ -14,7 +15,6 @@ from bristle.estimation.nonlinear import minimise
 from bristle.findings import Finding, Severity
 from bristle.identification.dynamic import descent
 from bristle.identification.dynamic.claims import bristle_doubts
-from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.descent import fit, solve_dynamic
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
@@ -98,6 +98,13 @@ def test_without_noise_the_truth_comes_back(p: Lugre[float] | Pair[float], monke
     variances = np.diag(np.linalg.inv(minimum.jacobian.T @ minimum.jacobian)) * minimum.cost / minimum.residuals.size
     assert (np.abs(other.x - minimum.x) < 1e-2 * np.sqrt(variances)).all()
     assert thinned.keys() == plain.keys()
+    # SciPy's trust region ends there, too
+    of = descent.least_squares(problem, start)
+    x, box = of.unknowns.scaled(start), (of.unknowns.lower, of.unknowns.upper)
+    both = [lambda x, k=k: of.evaluate(x)[k] for k in (0, 1)]
+    by_scipy = least_squares(both[0], x, both[1], box, x_scale="jac")
+    assert 2 * by_scipy.cost == pytest.approx(minimum.cost, rel=1e-6)
+    assert (np.abs(by_scipy.x - minimum.x) < 0.1 * np.sqrt(variances)).all()
 
 
 def test_intervals_hold_the_truth_and_follow_noise_and_priors() -> None:
@@ -122,7 +129,6 @@ def test_intervals_hold_the_truth_and_follow_noise_and_priors() -> None:
         assert found.parameters[name].interval == (0.0, np.inf)
         assert found.parameters[name].warnings[0].code in NOT_IDENTIFIABLE
     level = found.parameters[parse("alpha_0")]
-    assert "only-sum-seen" in codes(level.warnings)
     assert level.value == pytest.approx(GRIPPER.alpha_0 + GRIPPER.alpha_1, rel=0.01)
     # a prior as sure as the data moves an estimate about half of the way; a sure one all the way; and the error shrinks
     problem = posed(record(noise=3e-4), decimation=5)
@@ -355,14 +361,6 @@ def test_descents_respect_bounds_and_find_minima() -> None:
         start = np.full(3, row), np.full((3, 1), slope)
         with pytest.raises(ValueError, match="the cost is not finite"):
             minimise(partial(lambda at, _: at, start), np.zeros(1), *box)
-    # from a start good in one direction and far off in the other, others no better, the minimum of both is found
-    problem = posed(record(Pair(GRIPPER, GRIPPER), 1e-5), ("+", "-"), 10)
-    good = by_name(Pair(GRIPPER, GRIPPER))
-    start = {n: x * (0.003 if (n.name, n.direction) == ("v_s", "-") else 1.0) for n, x in good.items()}
-    alone, whole = solve_dynamic(problem, start, search=False), solve_dynamic(problem, start)
-    assert whole.minimum.cost < 0.5 * alone.minimum.cost
-    for name, true in good.items():
-        assert whole.values[name] == pytest.approx(true, rel=0.02)
     # where one set for both directions ends without a peak, or in one too narrow to matter, each direction still gets its own
     uneven = Pair(
         GRIPPER._replace(alpha_1=0.1 * GRIPPER.alpha_0), OTHER._replace(alpha_1=0.8 * OTHER.alpha_0, v_s=0.03)
@@ -372,26 +370,13 @@ def test_descents_respect_bounds_and_find_minima() -> None:
     for name, true in truth.items():
         assert whole.values[name] == pytest.approx(true, rel=0.02)
     # from a start without Stribeck terms, v_s beyond all speeds, one descent ends without them, several find both
-    for v_s in (0.3, 0.5):
-        problem, truth = posed(record(Pair(GRIPPER, OTHER), 1e-5), ("+", "-"), 10), by_name(Pair(GRIPPER, OTHER))
-        start = {name: {"alpha_1": 0.0, "v_s": v_s}.get(name.name, x) for name, x in truth.items()}
-        alone, whole = solve_dynamic(problem, start, search=False), solve_dynamic(problem, start)
-        assert all(x == 0 for name, x in alone.values.items() if name.name == "alpha_1")
-        assert whole.minimum.cost < 1e-3 * alone.minimum.cost
-        for name, true in truth.items():
-            assert whole.values[name] == pytest.approx(true, rel=0.01)
-
-
-@pytest.mark.parametrize(
-    "p", [GRIPPER, pytest.param(Pair(GRIPPER, OTHER), marks=pytest.mark.slow)], ids=["one set", "pair"]
-)
-def test_ipopt_finds_the_same(p: Lugre[float] | Pair[float]) -> None:
-    """The same problem as one CasADi chain solved by IPOPT ends at the same cost, with every parameter within a tenth of its standard error."""
-    run = record(p, 3e-4, v=V[:3000])
-    check = check_tracking(fit_tracking(posed(run, sides(p), 5), by_name(p), "revolute", search=False))
-    assert check.agrees
-    assert check.reached == check.starts
-    assert max(map(abs, check.difference_in_se.values())) < 0.1
+    problem, truth = posed(record(Pair(GRIPPER, OTHER), 1e-5), ("+", "-"), 10), by_name(Pair(GRIPPER, OTHER))
+    start = {name: {"alpha_1": 0.0, "v_s": 0.5}.get(name.name, x) for name, x in truth.items()}
+    alone, whole = solve_dynamic(problem, start, search=False), solve_dynamic(problem, start)
+    assert all(x == 0 for name, x in alone.values.items() if name.name == "alpha_1")
+    assert whole.minimum.cost < 1e-3 * alone.minimum.cost
+    for name, true in truth.items():
+        assert whole.values[name] == pytest.approx(true, rel=0.01)
 
 
 def test_a_bristle_is_found_from_any_start_and_beside_what_is_fixed() -> None:
@@ -417,7 +402,6 @@ def test_a_bend_that_noise_makes_hides_no_coulomb_friction() -> None:
     problem = posed(record(flat, 0.02, 15, v=0.5 * V), ("+", "-"), 20)
     found = fit_tracking(problem, start, "revolute").fit.parameters[parse("alpha_0-")]
     assert abs(value_of(found) - OTHER.alpha_0) < 3 * error_of(found) < 0.3 * OTHER.alpha_0
-    assert "only-sum-seen" in codes(found.warnings)
     # in what the halves of a record differ, and by how many standard errors, does not change with the size of the Jacobian's columns
     softer = present(record(GRIPPER._replace(sigma_0=0.5 * GRIPPER.sigma_0), 2e-4).torque)
     both = with_torque(record(noise=2e-4), lambda T: np.where(np.arange(V.size) < V.size // 2, T, softer))

@@ -1,29 +1,27 @@
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
-from bristle.arrays import Array, Interval
+from bristle.arrays import Array
 from bristle.estimation.covariance import student
+from bristle.estimation.multistart import solve_from_starts
+from bristle.estimation.nonlinear import LeastSquares, Minimum, Unknowns, minimise
 from bristle.estimation.profile_likelihood import profiles
-from bristle.findings import NOTE, Finding
-from bristle.identification.dynamic.descent import fit, solve_dynamic
+from bristle.identification.dynamic.descent import fit
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
-from bristle.identification.dynamic.problem import DynamicProblem, Motion, Prior, Unknown, Values
+from bristle.identification.dynamic.problem import Prior, Unknown, Values
 from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
-from bristle.identification.fits import Estimate, TrackingFit
-from bristle.model.parameters import Direction, Lugre, ParameterName
+from bristle.identification.fits import Estimate
+from bristle.model.parameters import ParameterName
 
-from ..conftest import present
 from ..names import named, parse
 from .conftest import GRIPPER, TONES, by_name, codes, error_of, holds, moved, posed, tones, value_of
 
 STEP = 2e-3
 TRUTH = by_name(GRIPPER)
-LUGRE = named(dict.fromkeys(Lugre._fields, 1.0))
-A, B, C = map(parse, "abc")
+A = parse("a")
 
 
 def fitted(noise: float, seed: int, priors: Sequence[Prior] = (), slow: float = 0.25) -> DynamicSolution:
@@ -36,73 +34,6 @@ def fitted(noise: float, seed: int, priors: Sequence[Prior] = (), slow: float = 
 @pytest.fixture(scope="module")
 def gripper() -> DynamicSolution:
     return fitted(3e-4, 0)
-
-
-def linear(columns: Array, torque: Array, priors: Sequence[Prior] = ()) -> DynamicProblem:
-    """A problem with a column for each of a, b and so on, and nothing else that is free."""
-    names = (A, B, C)[: columns.shape[1]]
-    t = np.arange(torque.size, dtype=np.float64)
-    motion = Motion(
-        file="x", time=t, velocity=np.ones(t.size), torque=torque, extra=columns, smooth=None, measured=torque
-    )
-
-    def equations(
-        _: DynamicProblem, known: Values, __: Sequence[dict[Unknown, Array]]
-    ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
-        yield torque - columns @ [known[n] for n in names], dict(zip(names, columns.T, strict=True))
-
-    return DynamicProblem(
-        motions=(motion,), directions=(Direction.BOTH,), extra_names=names, fixed=LUGRE, initial_states=(),
-        equations=equations, priors=tuple(priors), sigma=1.0,
-    )  # fmt: skip  # a list of values
-
-
-def solved(problem: DynamicProblem, start: Values) -> DynamicSolution:
-    """The problem's minimum next to a start, with a fit that says its intervals by the covariance."""
-    solution = solve_dynamic(problem, start, search=False)
-    reach = student(solution.freedom)
-    errors = solution.scaled_errors * solution.posed.unknowns.scale
-    parameters = {
-        name: Estimate(
-            value=solution.values[name],
-            unit="",
-            standard_error=error,
-            interval=(solution.values[name] - reach * error, solution.values[name] + reach * error),
-        )
-        for name, error in zip(problem.names, errors.tolist(), strict=True)
-        if isinstance(name, ParameterName)
-    }
-    converged = Finding("converged", NOTE, "The fit converged.")
-    found = TrackingFit(
-        parameters=parameters, rms=1.0, relative_error=1.0, n=1, outcome=converged, starts=1, reached=1, condition=1.0
-    )  # fmt: skip  # a list of values
-    return DynamicSolution(found, problem, solution.values, solution)
-
-
-def close(one: Interval | None, other: Interval | None, share: float) -> None:
-    low, high = present(other)
-    assert present(one) == pytest.approx((low, high), abs=share * (high - low))
-
-
-@pytest.mark.parametrize("rho", [0.0, 0.9])
-@pytest.mark.parametrize("told", [False, True])
-def test_in_a_linear_problem_all_three_coincide(rho: float, told: bool) -> None:
-    """Profile and covariance agree to 1e-6 of the width, residuals correlated or not, a prior or none; bootstrap-t to what chance leaves."""
-    rng = np.random.default_rng(3)
-    columns = np.column_stack([np.ones(3000), np.sin(np.arange(3000) / 40), rng.standard_normal(3000)])
-    torque = columns @ [1.0, 2.0, 3.0] + lfilter([1.0], [1.0, -rho], rng.standard_normal(3000))
-    priors = [Prior("static", (A,), np.array([1.1]), np.array([[1 / 0.1]]))] if told else []
-    rows = np.vstack([columns, [[10.0 * told, 0.0, 0.0]]])
-    exact = np.linalg.lstsq(rows, np.append(torque, 11.0 * told))[0]
-    found = solved(linear(columns, torque, priors), dict(zip((A, B, C), exact.tolist(), strict=True)))
-    seen, better = profiles(found.solution)
-    assert better is None
-    three = with_three_ways(found, found.fit, seen).uncertainty
-    for name in (A, B, C):
-        close(three[name].profile, three[name].covariance, 1e-6)
-        close(three[name].bootstrap, three[name].covariance, 0.12)
-        assert not three[name].warnings
-    assert three[A].draws.std() > 0
 
 
 def test_profiles_of_moving_data(gripper: DynamicSolution) -> None:
@@ -119,7 +50,6 @@ def test_profiles_of_moving_data(gripper: DynamicSolution) -> None:
             _, minimum = fit(rest, {n: v for n, v in gripper.values.items() if n != name})
             assert (minimum.cost - rows @ rows) / high == pytest.approx(1.0, abs=0.02)
     # it is zero at the estimate, one at both ends, ascends in value, and falls to the estimate and rises from it
-    seen, _ = profiles(gripper.solution)
     for name, (interval, (values, height), warnings) in seen.items():
         assert not warnings
         assert (np.diff(values) > 0).all()
@@ -128,19 +58,10 @@ def test_profiles_of_moving_data(gripper: DynamicSolution) -> None:
         assert (np.diff(height)[:at] <= 1e-3).all()
         assert (np.diff(height)[at:] >= -1e-3).all()
         np.testing.assert_allclose(np.interp(interval, values, height), 1.0, atol=1e-6)
-    # a well-posed fit costs two evaluations a side (28 for seven parameters); progress is told parameter by parameter
-    count, told = [0], list[tuple[str, int, int]]()
-    posed = gripper.solution.posed
-
-    def counted(x: Array) -> tuple[Array, Array]:
-        count[0] += 1
-        return posed.evaluate(x)
-
-    solution = gripper.solution._replace(posed=replace(posed, evaluate=counted))
-    profiles(solution, lambda *what: told.append(what))
-    assert count[0] <= 30
-    assert [done for _, done, _ in told] == list(range(7))
-    assert {of for _, _, of in told} == {7}
+    # progress is told parameter by parameter
+    told = list[tuple[int, int]]()
+    profiles(gripper.solution, lambda _, done, of: told.append((done, of)))
+    assert told == [(k, 7) for k in range(7)]
 
     # no restart, no warning, the same fit
     def never(_: Values) -> DynamicSolution:
@@ -151,35 +72,33 @@ def test_profiles_of_moving_data(gripper: DynamicSolution) -> None:
     assert again.values == gripper.values
 
 
-def two_minima(k: float = 1.0, tilt: float = 0.2) -> DynamicProblem:
-    """A cost with a minimum near a = -1 and a lower one at a = 1: k**2 (a**2 - 1)**2 + tilt**2 (a - 1)**2, and noise that a does not touch."""
-    problem = linear(np.ones((60, 1)), np.ones(60))
-    noise = np.random.default_rng(0).standard_normal(60)
-    noise[:2] = 0.0
+def two_minima(gripper: DynamicSolution, start: float) -> DynamicSolution:
+    """The end next to a start of a cost with a minimum near a = -1 and a lower one at a = 1: (a**2 - 1)**2 + 0.04 (a - 1)**2, and noise."""
+    noise, no = np.random.default_rng(0).standard_normal(58), np.full(1, np.inf)
+    names: tuple[Unknown, ...] = (A,)
+    unknowns = Unknowns(names=names, logarithmic=np.zeros(1, bool), scale=np.ones(1), lower=-no, upper=no, least=-no)
 
-    def double(
-        _: DynamicProblem, known: Values, __: Sequence[dict[Unknown, Array]]
-    ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
-        a, rest, slope = known[A], noise.copy(), np.zeros(60)
-        rest[:2] = k * (a * a - 1), tilt * (a - 1)
-        slope[:2] = -2 * k * a, -tilt
-        yield rest, {A: slope}
+    def evaluate(x: Array) -> tuple[Array, Array]:
+        a = x[0]
+        return np.array([a * a - 1, 0.2 * (a - 1), *noise]), np.array([[2 * a], [0.2], *np.zeros((58, 1))])
 
-    return replace(problem, equations=double)
+    def solve(at: Values, *_: float) -> tuple[LeastSquares[Unknown], Minimum]:
+        return LeastSquares(unknowns=unknowns, evaluate=evaluate), minimise(evaluate, np.array([at[A]]), -no, no)
+
+    solution = solve_from_starts(solve, [{A: start}], lambda posed, minimum: (posed, minimum))
+    return gripper._replace(solution=solution, values=solution.values)
 
 
-def test_profiles_that_restart_the_fit_or_stay_open() -> None:
+def test_profiles_that_restart_the_fit_or_stay_open(gripper: DynamicSolution) -> None:
     """Begun in the higher of two minima, the profile walks into the lower one; the fit is done again from there, and says so."""
-    problem = two_minima()
-    first = solved(problem, {A: -1.0})
+    first = two_minima(gripper, -1.0)
     assert first.values[A] == pytest.approx(-1.0, abs=0.1)
     assert profiles(first.solution)[1] is not None
-    again, seen = profile_until_stable(first, lambda end: solved(problem, {A: end[A]}))
+    again, seen = profile_until_stable(first, lambda end: two_minima(gripper, end[A]))
     assert again.values[A] == pytest.approx(1.0, abs=1e-3)
     assert "refitted" in codes(again.fit.warnings)
     assert seen[A].interval[0] < 1 < seen[A].interval[1]
     # where the new fit ends in the old minimum each time, the search stops after three, says it, and still gives an interval
-    first = solved(two_minima(), {A: -1.0})
     again, seen = profile_until_stable(first, lambda _: first)
     assert "still-lower" in codes(again.fit.warnings)
     assert np.isfinite(seen[A].interval).all()

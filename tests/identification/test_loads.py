@@ -149,12 +149,10 @@ def test_names_of_loads_and_who_tells_them() -> None:
             FitOptions(law=wrong)
     with pytest.raises(KeyError):  # what a results file or an export holds is a curve
         law_named("gaussian+gear-load")
-    # points alone, or a simulated position, cannot be fitted with a load: one sentence each, not a fit without it
+    # points alone cannot be fitted with a load: one sentence, not a fit without it
     v = np.geomspace(0.05, 1, 20)
     with pytest.raises(InputError, match="gear-load needs a tracking run"):
         bristle.fit(v, 0.1 + 0.05 * v + 1e-4 * np.sin(1e4 * v), law="paper+gear-load")
-    with pytest.raises(ValueError, match="gear-load is fitted to a torque"):
-        FitOptions(law="paper+gear-load", predict="position")
     # without gravity among the regressors nobody knows what the links bring: one sentence
     file = geared_file("paper+gear-load")
     file.write_text(file.read_text().replace("[inertia, gravity]", "[inertia]"))
@@ -427,10 +425,6 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"orders": "all"}, "got 'all'; expected auto, or whole numbers"),
     ({"orders": [4, 4]}, "got [4, 4]; expected auto, or up to 20 orders, each once"),
     ({"orders": [5000]}, "fit.orders: got 5000; expected at most"),
-    (
-        {"predict": "position"},
-        "fit.regressors: cogging is fitted to a torque; leave it out, or set fit.predict: torque",
-    ),
 ]
 """Orders that cannot be, and what is said of them."""
 

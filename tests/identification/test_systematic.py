@@ -12,21 +12,18 @@ import bristle
 from bristle.arrays import Interval
 from bristle.data.experiment.schema import FitOptions
 from bristle.identification.curve import band
-from bristle.identification.dynamic.output_error import with_more_torque
-from bristle.identification.dynamic.problem import InitialState, residuals
 from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.results import Joint
 from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.identification.systematic import NORMAL, combined, statistical
-from bristle.model.parameters import Lugre, Pair, least_of
+from bristle.model.parameters import Lugre, least_of
 from bristle.questions.joint_report.results_file import to_frame
 from bristle.simulation.bench import steady_points
 
 from ..conftest import present
-from .conftest import G0, GRIPPER, OTHER, codes, curve, error_of, holds, known, value_of
-from .test_output_error import MOTOR, STEP, drive, posed, values_of
+from .conftest import G0, GRIPPER, codes, curve, error_of, holds, known, value_of
 from .test_presliding import maxwell_slip, soft_loadings
 from .test_repeats import loading
 
@@ -243,20 +240,3 @@ def test_of_a_voltage_every_stage_moves_as_a_refit_does(tmp_path: Path) -> None:
         hundredth = 0.01 * error_of(e)  # what counts add, and is subtracted, is not linear in K
         assert shift == pytest.approx(SHARE * e.value - viscous, rel=0.01, abs=hundredth), name
         assert e.systematic == abs(shift)
-
-
-@pytest.mark.parametrize("torque", [True, False])
-def test_a_simulated_motor_moves_with_its_drive(*, torque: bool) -> None:
-    """What an error of the drive does to the simulated position is what the drive itself does, times that error, a voltage's through R / k_t."""
-    t = np.arange(0, 1.2, STEP)
-    problem = posed(t, drive(t) * (0.06 if torque else 1.0), 0.3 * np.sin(2 * t), 0.4, torque=torque)
-    per = 1.0 if torque else MOTOR.R / MOTOR.k_t
-    whole = problem.motions
-    motions = tuple(replace(w, shifts={"K": SHARE * w.drive / per}) for w in whole)
-    problem = replace(problem, motions=motions)
-    rest = {"y0": 0.0, "v0": 0.1, "z0": 1e-4}
-    values = values_of(Pair(GRIPPER, OTHER)) | {
-        InitialState(n, k): x for n, x in rest.items() for k in range(len(motions))
-    }
-    louder = replace(problem, motions=tuple(replace(w, drive=(1 + 0.5 * SHARE) * w.drive) for w in motions))
-    assert residuals(with_more_torque(problem, "K", 0.5), values)[0] == pytest.approx(residuals(louder, values)[0])

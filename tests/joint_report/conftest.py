@@ -132,15 +132,15 @@ def loading(direction: str, phase: float, file: str, breakaway: float | None = N
 
 
 def slow_fit(direction: str) -> PreslidingFit:
-    """sigma_0 of one direction from three loadings, as if the edges had found the truth, the samples a little more, and (14) half of it."""
+    """sigma_0 of one direction from three loadings, as if the edges had found the truth, and (14) half of it."""
     p, warnings = TABLE_1[direction], (UNKNOWN_REST,)
     s, half = p.sigma_0, p.sigma_0 / 2
     stiffness = Estimate(value=s, unit=unit("sigma_0"), standard_error=0.01 * s, interval=(0.98 * s, 1.02 * s))
-    first = Estimate(value=half, unit=unit("sigma_0"), interval=(0.9 * half, 10 * half), warnings=warnings)
+    first = Estimate(value=half, unit=unit("sigma_0"), warnings=warnings)
     return PreslidingFit(
-        direction=direction, printed=first, corrected=replace(first, value=1.1 * half), edges=stiffness, samples=replace(stiffness, value=1.05 * s),
+        direction=direction, printed=first, sigma_0=stiffness,
         sigma_1=Estimate(value=p.sigma_1, unit=unit("sigma_1"), warnings=(PRIOR,)),
-        recommended="edges", degrees_of_freedom=40.0, level=p.alpha_0 + p.alpha_1, level_standard_error=2e-4,
+        degrees_of_freedom=40.0, level=p.alpha_0 + p.alpha_1, level_standard_error=2e-4,
         level_source=Finding("of-static-fit", NOTE, "the static fit"),
         quantum=QUANTUM, counts=60,
         bias_on_edge=-0.024, bias_mean=-0.51, bias_spread=0.28,
@@ -183,7 +183,7 @@ def nothing_seen(direction: str = "+") -> PreslidingFit:
     no_damping = Finding("no-sigma-1", NOTE, "No estimate: (15) needs J and sigma_0, but there is no sigma_0.")
     bound = Estimate(value=None, unit="N*m/rad", interval=(12.5, float("inf")), warnings=(noise,))
     return replace(
-        slow_fit(direction), printed=bound, corrected=bound, edges=bound, samples=bound, recommended="samples",
+        slow_fit(direction), printed=bound, sigma_0=bound,
         sigma_1=Estimate(value=None, unit="N*m*s/rad", warnings=(no_damping,)), quantum=0.0, counts=0, warnings=(),
         bias_on_edge=np.nan, bias_mean=np.nan, bias_spread=np.nan,
     )  # fmt: skip  # a list of changes

@@ -152,10 +152,10 @@ def test_what_slow_loading_shows(slow: Joint) -> None:
     bounded = replace(fit, level=1.001 * most, level_standard_error=float("inf"))
     assert presliding_sections.level_drawn(fit) == fit.level
     assert presliding_sections.level_drawn(bounded) == pytest.approx(fit.level, rel=0.1)
-    # in grey print the three curves can still be told apart; the recommended one is named
+    # in grey print both curves can still be told apart; the one to use is named
     lines = {str(x.get_label()): x.get_linestyle() for x in panels(slow)[0].get_lines()}
     named = {label: line for label, line in lines.items() if label.startswith(tuple(METHODS.values()))}
-    assert len(named) == len(set(named.values())) == 3
+    assert len(named) == len(set(named.values())) == 2
     assert [label for label in named if label.endswith("(use this)")] == ["count edge to count edge (use this)"]
     # a fit without sigma_0 shows its loadings alone
     (ax,) = panels(only(slow, fits={"+": nothing_seen()}, loops=()))

@@ -184,7 +184,7 @@ def fit_dynamic(
         kind: of the joint, `revolute` or `prismatic`.
         uncertainty: whether each parameter gets its intervals by profile and bootstrap too, which takes longer.
         options: as under `fit` in an experiment file: `directions`, `law` (if not given, that of the first prior), `regressors`,
-            `position_cutoff`, `predict`, `fixed`, `shared`.
+            `position_cutoff`, `fixed`, `shared`.
 
     Raises InputError in one sentence where an array is not n finite numbers, an option is unknown, or the motion cannot be
     fitted.

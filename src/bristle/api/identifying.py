@@ -72,7 +72,6 @@ def identify(
     *experiments: Source,
     joint: str | None = None,
     progress: Progress | None = None,
-    crosscheck: bool = False,
     uncertainty: bool = False,
     need: float | str | None = None,
     workers: int = 1,
@@ -92,7 +91,6 @@ def identify(
         experiments: files, or what was loaded from them.
         joint: the only one of a robot that is identified; None: all.
         progress: told of every step.
-        crosscheck: whether moving runs are fitted by CasADi and IPOPT as well, which takes long; those of points always are.
         uncertainty: whether each parameter of moving runs gets its intervals by profile and bootstrap too; those of
             static and presliding fits always do.
         need: how well friction must be known (95 %) for the values to be used, percent, as 5 or "5%"; None: 10.
@@ -103,13 +101,12 @@ def identify(
     """
     files = open_all(experiments)
     with sharing(min(workers, len(_chosen(files, joint))), "bristle.identification.identify") as share:
-        return _identified(files, joint, share, progress, crosscheck=crosscheck, uncertainty=uncertainty, need=need)
+        return _identified(files, joint, share, progress, uncertainty=uncertainty, need=need)
 
 
 def identified(
     *experiments: Source,
     joint: str | None = None,
-    crosscheck: bool = False,
     uncertainty: bool = False,
     need: float | str | None = None,
     share: Share = map,
@@ -130,7 +127,7 @@ def identified(
             )
         experiments = (known,)
     files = open_all(experiments)
-    return _identified(files, joint, share, progress, each, crosscheck=crosscheck, uncertainty=uncertainty, need=need)
+    return _identified(files, joint, share, progress, each, uncertainty=uncertainty, need=need)
 
 
 _Files = Sequence[tuple[Experiment | Robot, WrittenExperiment | None]]
@@ -148,7 +145,6 @@ def _identified(
     progress: Progress | None,
     each: Callable[[Joint], None] = lambda _: None,
     *,
-    crosscheck: bool,
     uncertainty: bool,
     need: float | str | None,
 ) -> Results:
@@ -159,7 +155,7 @@ def _identified(
     for loaded, _ in files:
         every += [next(alone)] if isinstance(loaded, Experiment) else measure_robot(loaded, progress, share)
     every = [one for one in every if one.experiment.joint.name in chosen]
-    work = partial(_work, crosscheck=crosscheck, uncertainty=uncertainty, need=NEED if need is None else percent(need))
+    work = partial(_work, uncertainty=uncertainty, need=NEED if need is None else percent(need))
     waiting = iter(share(partial(work, progress=progress) if share is map else work, every))
     found = list[Joint]()
     for done, measured in enumerate(every):
@@ -172,12 +168,10 @@ def _identified(
     return Results(joints=tuple(found), logs=logs)
 
 
-def _work(
-    measured: Measured, crosscheck: bool, uncertainty: bool, need: float, progress: Progress | None = None
-) -> Joint:
+def _work(measured: Measured, uncertainty: bool, need: float, progress: Progress | None = None) -> Joint:
     """`identify_joint`; where data are no good the error names what was found in them first."""
     try:
-        joint = identify_joint(measured, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress)
+        joint = identify_joint(measured, uncertainty=uncertainty, progress=progress)
     except InputError as error:
         if measured.link_inertia is None and not measured.findings:
             raise

@@ -117,10 +117,8 @@ def bootstrap_at(solution: MultistartSolution[Name]) -> tuple[dict[Name, tuple[A
     x, unknowns, n = minimum.x, problem.unknowns, minimum.residuals.size - problem.priors
     inside = np.isfinite(errors) & (unknowns.lower < x) & (x < unknowns.upper)
     which = problem.shared[inside[problem.shared]]
-    J, whole = projected(minimum.jacobian, which, problem.blocks), problem.independent
-    starts = [block.rows.start for block in problem.blocks] if whole else problem.starts
-    length, sigma = n if whole else None, problem.sigma
-    drawn = block_bootstrap(J[:n], minimum.residuals[:n], starts, priors=J[n:], sigma=sigma, length=length)
+    J = projected(minimum.jacobian, which, problem.blocks)
+    drawn = block_bootstrap(J[:n], minimum.residuals[:n], problem.starts, priors=J[n:], sigma=problem.sigma)
     out: dict[Name, tuple[Array, Array]] = {}
     for column, j in enumerate(which.tolist()):
         box, ends = (unknowns.lower[j], unknowns.upper[j]), x[j] + np.array(drawn.interval(column, float(errors[j])))
@@ -137,7 +135,6 @@ def block_bootstrap(
     *,
     priors: Array | None = None,
     sigma: float = 1.0,
-    instrument: Array | None = None,
     length: int | None = None,
     draws: int = DRAWS,
     seed: int = 0,
@@ -150,7 +147,6 @@ def block_bootstrap(
         starts: first equation of each segment between gaps.
         priors: rows of the Jacobian that belong to priors, (m, p), whose residuals scatter by `sigma`.
         sigma: see there.
-        instrument: the first factor of G_b and s_b, of a single unknown, (n, 1); None: the Jacobian itself.
         length: equations in a block; None: `block_length` of the scores.
         draws: B.
         seed: of the generator.
@@ -159,11 +155,10 @@ def block_bootstrap(
     size = np.sqrt(np.einsum("np,np->p", jacobian, jacobian) + np.einsum("mp,mp->p", prior_rows, prior_rows))
     size[size == 0] = 1.0
     J = jacobian / size
-    Z = J if instrument is None else instrument / np.linalg.norm(instrument)
-    length = length or block_length(Z * residuals[:, None])
+    length = length or block_length(J * residuals[:, None])
     edges, of_segment = cells(residuals.size, starts, length)
-    grams = np.array([Z[a:b].T @ J[a:b] for a, b in pairwise(edges.tolist())])
-    scores = np.array([Z[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
+    grams = np.array([J[a:b].T @ J[a:b] for a, b in pairwise(edges.tolist())])
+    scores = np.array([J[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
     # sums over the block from each cell, over the number of blocks with each cell
     sizes = np.bincount(of_segment)
     begin, cells_of = (np.cumsum(sizes) - sizes)[of_segment], sizes[of_segment]

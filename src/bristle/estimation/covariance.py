@@ -11,7 +11,7 @@ from bristle.arrays import Array
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.levels import CONFIDENCE
 from bristle.estimation.linear import inverse_gram
-from bristle.estimation.nonlinear import LeastSquares, Minimum, projected
+from bristle.estimation.nonlinear import LeastSquares, Minimum
 
 SEEN = 1e-9  # of the longest Jacobian column: shorter ones have no influence
 
@@ -34,8 +34,8 @@ def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Ar
 
 
 def covariance_at(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
-    """The covariance at a minimum: by the jackknife for independent blocks, else robust to correlation."""
-    known, scaled = (_jackknife if problem.independent else _robust)(problem, minimum)
+    """The covariance at a minimum, robust to correlation."""
+    known, scaled = _robust(problem, minimum)
     errors, whole = np.full(known.size, np.inf), np.full((known.size, known.size), np.nan)
     chain = problem.unknowns.slopes(minimum.x)[known]
     errors[known], whole[np.ix_(known, known)] = scaled.errors, scaled.matrix * np.outer(chain, chain)
@@ -72,28 +72,6 @@ def _robust(problem: LeastSquares[Any], minimum: Minimum) -> tuple[NDArray[np.bo
     freedoms[known] = np.maximum((n - p) / variance_inflation, 1.0)
     freedom = float(np.median(freedoms[known][shared])) if shared.any() else 1.0
     return known, Covariance(np.sqrt(spread), plain * np.outer(ratio, ratio), freedom, widening, freedoms)
-
-
-def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> tuple[NDArray[np.bool_], Covariance]:
-    """By the linearised jackknife over blocks, whose own unknowns are eliminated."""
-    blocks, rest, shared = problem.blocks, minimum.residuals, problem.shared
-    influential = shared[seen(minimum.jacobian[:, shared])]
-    size = _lengths(minimum.jacobian[:, influential])
-    left = projected(minimum.jacobian, influential, blocks) / size
-    grams = [left[rows].T @ left[rows] for rows, _ in blocks]
-    slopes = [left[rows].T @ rest[rows] for rows, _ in blocks]
-    priors = left[blocks[-1].rows.stop :]
-    inner = np.asarray(np.linalg.pinv(sum(grams) + priors.T @ priors, hermitian=True), dtype=np.float64)
-    count = len(blocks)
-    moves = moved_without_each(inner, grams, slopes)
-    spread = (count - 1) / count * moves.T @ moves + problem.sigma**2 * inner @ priors.T @ priors @ inner
-    spread /= np.outer(size, size)
-    plain = np.diag(inner) / size**2 * minimum.cost / max(rest.size - minimum.x.size, 1)
-    known = np.isin(np.arange(minimum.x.size), influential)
-    widening = float(np.median(np.sqrt(spread.diagonal() / plain)))
-    freedom = max(count - 1.0, 1.0)
-    freedoms = np.full(known.size, freedom)
-    return known, Covariance(np.sqrt(spread.diagonal()), spread, freedom, widening, freedoms)
 
 
 def moved_without_each(inverse: Array, grams: Sequence[Array], slopes: Sequence[Array]) -> Array:

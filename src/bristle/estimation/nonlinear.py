@@ -73,7 +73,6 @@ class LeastSquares(Generic[Name]):
     unknowns: Unknowns[Name]
     evaluate: Evaluate
     blocks: tuple[Block, ...] = ()  # In the order of the rows
-    independent: bool = False  # Whether blocks err independently
     starts: tuple[int, ...] = (0,)  # First equation of each segment between gaps
     priors: int = 0  # Number of the last rows that are priors, which scatter by `sigma`
     sigma: float = 1.0

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from math import hypot
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 
@@ -65,7 +65,7 @@ def _and_of(warnings: tuple[Finding, ...], estimates: Iterable[Estimate]) -> Ite
 
 @result
 class Uncertainty:
-    """The 95 % interval of one parameter three ways, in its unit; None with a warning where one does not exist."""
+    """The 95 % interval of one parameter three ways, in its unit; None where one does not exist."""
 
     covariance: Interval | None
     """By Student's t from the exact Jacobian, widened for correlated residuals."""
@@ -204,40 +204,16 @@ class Crosscheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AmplitudeStiffness:
-    """Stiffness of slow loading from rest up to one torque."""
-
-    kind: Literal["initial", "secant"]
-    torque: Number
-    """N*m."""
-    displacement: Number
-    """rad."""
-    value: Number
-    """torque / displacement, N*m/rad."""
-    standard_error: Number
-    lugre: Number
-    """That of LuGre's exponential with the initial stiffness, N*m/rad."""
-    sigma_0: Number
-    """Of the LuGre joint with this displacement, N*m/rad: constant where LuGre holds."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PreslidingFit:
-    """sigma_0 of one direction by four estimators, and sigma_1 by (15)."""
+    """sigma_0 of one direction, and sigma_1 by (15)."""
 
     direction: str
     printed: Estimate
     """(14) as printed, T1 / x1."""
-    corrected: Estimate
-    """Its closed-form inverse, exact where rest lies on a count edge."""
-    edges: Estimate
-    """From count edge to count edge."""
-    samples: Estimate
-    """From all samples."""
+    sigma_0: Estimate
+    """From count edge to count edge, or from all samples where no counts are seen."""
     sigma_1: Estimate
     """(15) with an assumed damping ratio, without a standard error."""
-    recommended: str
-    """The estimator to use, `edges` or `samples`."""
     degrees_of_freedom: Number = float("inf")
     """Of its standard error."""
     level: Number
@@ -256,19 +232,12 @@ class PreslidingFit:
     """Mean bias over rest positions within a count."""
     bias_spread: Number
     """Its standard deviation."""
-    amplitudes: tuple[AmplitudeStiffness, ...] = ()
-    """Stiffness by amplitude, the initial one first; empty where the loadings show too little."""
     loadings: tuple[Loading, ...] = field(default=(), metadata=UNWRITTEN)
     warnings: tuple[Finding, ...] = ()
     uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
     """Intervals of `sigma_0` three ways."""
     repeats: Mapping[str, RunScatter] = field(default_factory=dict)
     """Scatter of `sigma_0` over the runs."""
-
-    @property
-    def sigma_0(self) -> Estimate:
-        """The recommended estimate."""
-        return {"edges": self.edges, "samples": self.samples}[self.recommended]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -285,7 +254,7 @@ class Presliding:
     def warnings_of(self, direction: str) -> Iterator[Finding]:
         """Those about the fit of a direction, then those about its estimates and its breakaway."""
         fit, broken = self.fits[direction], self.breakaway.get(direction)
-        estimates = (fit.printed, fit.corrected, fit.edges, fit.samples, fit.sigma_1, *((broken,) if broken else ()))
+        estimates = (fit.printed, fit.sigma_0, fit.sigma_1, *((broken,) if broken else ()))
         return _and_of(fit.warnings, estimates)
 
 
@@ -296,9 +265,9 @@ class TrackingFit:
     law: LawByName = GAUSSIAN
     parameters: Mapping[ParameterName, Estimate]
     rms: Number
-    """Root mean square residual, N*m (rad where the position is predicted)."""
+    """Root mean square residual, N*m."""
     relative_error: Number
-    """100 * norm(residual) / norm(measured), percent; a position is measured from the mean of its window."""
+    """100 * norm(residual) / norm(measured), percent."""
     n: int
     outcome: Finding
     starts: int
@@ -315,26 +284,20 @@ class TrackingFit:
     """Values of parameters that were given, or that the motion does not show."""
     count_bias: Mapping[ParameterName, Number] = field(default_factory=dict)
     """Bias by encoder counts, already subtracted; empty where it was not estimated."""
-    crosscheck: Crosscheck | None = None
-    """The same problem by CasADi and IPOPT."""
     time: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     """Of each equation, s from the start of its run, (n,)."""
-    quantity: Literal["torque", "position"] = "torque"
-    """The predicted quantity."""
     velocity: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     measured: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
-    """Torque, N*m, or position, rad, (n,)."""
+    """Torque, N*m, (n,)."""
     residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     friction: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
-    """Measured friction, N*m, (n,): measured torque less the other modelled terms; empty where the position is predicted."""
+    """Measured friction, N*m, (n,): measured torque less the other modelled terms; empty where unknown."""
     load: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
     """The load that friction rises with, N*m, (n,); empty without load."""
     starts_of_runs: tuple[int, ...] = field(default=(0,), metadata=UNWRITTEN)
     """First equation of each segment between gaps."""
     late: tuple[float, float] = field(default=(0.0, np.inf), metadata=UNWRITTEN)
     """Delay of the logged torque, to first order, and its standard error, s."""
-    windows: int = 0
-    """Number of simulated windows; 0 where the torque is predicted."""
     uncertainty: Mapping[ParameterName, Uncertainty] = field(default_factory=dict)
     """Intervals three ways, by parameter; empty unless asked for."""
     repeats: Mapping[ParameterName, RunScatter] = field(default_factory=dict)

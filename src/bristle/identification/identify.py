@@ -64,15 +64,12 @@ _CHOICES = 2  # choices of a law by moving runs: the load, then peak and terms
 _OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
 
 
-def identify_joint(
-    measured: Measured, *, crosscheck: bool = False, uncertainty: bool = False, progress: Progress | None = None
-) -> Joint:
+def identify_joint(measured: Measured, *, uncertainty: bool = False, progress: Progress | None = None) -> Joint:
     """Everything identified of a joint, with intervals and warnings. Raises InputError where no run can be fitted.
 
-    `crosscheck` solves the moving fit by IPOPT as well (slow); `uncertainty` adds its intervals by profile and
-    bootstrap.
+    `uncertainty` adds intervals of the moving fit by profile and bootstrap.
     """
-    return _Decisions(measured, progress).joint_of(crosscheck=crosscheck, uncertainty=uncertainty)
+    return _Decisions(measured, progress).joint_of(uncertainty=uncertainty)
 
 
 class _Decisions:
@@ -88,7 +85,7 @@ class _Decisions:
         self.bic: dict[str, float] = {}  # by `SYMMETRIC` and `APART`
         self.late = 0.0  # s, by which the torque was logged too late
 
-    def joint_of(self, *, crosscheck: bool, uncertainty: bool) -> Joint:
+    def joint_of(self, *, uncertainty: bool) -> Joint:
         """The identified joint, after all decisions."""
         auto = self.measured.experiment.fit.directions == "auto"
         if auto:
@@ -121,8 +118,8 @@ class _Decisions:
                 break
             self._take(settled)
         measured, joint = self.measured, self.joint
-        if joint.tracking is not None and (crosscheck or uncertainty):  # for the final set-up alone
-            joint = self._identified(measured, joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty)
+        if joint.tracking is not None and uncertainty:  # for the final set-up alone
+            joint = self._identified(measured, joint.tracking, uncertainty=True)
         step(self.progress, "comparing friction models")
         models, other = self._models(joint), 0.0
         if {APART, SYMMETRIC} <= self.bic.keys():
@@ -154,15 +151,14 @@ class _Decisions:
             bic = directions_of_points(measured.experiment, points)
             one = bool(bic) and bic[SYMMETRIC] <= bic[APART]
         else:
-            ways = len(moved_in(training)) if training else 0
-            one = ways == len(DIRECTIONS) and measured.experiment.fit.predict == "torque"
+            one = bool(training) and len(moved_in(training)) == len(DIRECTIONS)
         self.bic, self.measured = bic, _with_directions(measured, "symmetric" if one else "separate")
 
     def _regressors(self) -> None:
         """Choose the regressors with the least error on held-out parts, unless the file names them."""
         experiment, fit, better = self.measured.experiment, self.measured.experiment.fit, None
         moving, points = self.measured.moving(hold_out=False), self.measured.points(hold_out=False)
-        if fit.set_up == AS_WRITTEN or "regressors" in fit.model_fields_set or fit.predict != "torque":
+        if fit.set_up == AS_WRITTEN or "regressors" in fit.model_fields_set:
             return
         if points:
             better = trial_of_points(experiment, points).better()
@@ -243,7 +239,7 @@ class _Decisions:
         """Take a wider low pass if residuals fall by a tenth: the narrower one then filtered out part of the motion."""
         measured, alone, found = self.measured, self.joint.tracking, None
         experiment = measured.experiment
-        if experiment.fit.position_cutoff is not None or alone is None or alone.quantity != "torque":
+        if experiment.fit.position_cutoff is not None or alone is None:
             return
         sides = directions(experiment, measured.moving(hold_out=False))
         for factor in _WIDER:
@@ -366,7 +362,6 @@ class _Decisions:
         measured: Measured,
         near: TrackingFit | Values | None = None,
         *,
-        crosscheck: bool = False,
         uncertainty: bool = False,
     ) -> Joint:
         """The joint under one law; the moving fit begins at `near`."""
@@ -379,14 +374,14 @@ class _Decisions:
             static, checks = fit_points(measured, points)
         elif not training and (not measured.slow or {run.kind for run in measured.runs} & {"ramp", "points"}):
             raise InputError(nothing_to_fit(measured))
-        elif training and experiment.fit.predict == "torque":
+        elif training:
             static = fit_moving(experiment, training, measured.moving(hold_out=True))
         if training:
             step(self.progress, "fitting the moving runs")
             held, load = measured.moving(hold_out=True), partial(_presliding, experiment, measured.slow)
             stages = fit_with_priors(
                 experiment, training, held, static, load if measured.slow else None, near, static_is_apart=bool(points),
-                crosscheck=crosscheck, uncertainty=uncertainty, progress=self.progress,
+                uncertainty=uncertainty, progress=self.progress,
             )  # fmt: skip  # a list of values
             static = static if points else reconcile_static(static, stages.tracking)
             fit = stages.joint_fit or stages.tracking
@@ -450,11 +445,9 @@ def _training(measured: Measured) -> tuple[Record, ...]:
             refuse_noise(experiment, q - q.mean(), torque, f"of {record.file}, taken as presliding", nothing)
     if training:
         refuse_opposing_runs(experiment, training)
-    elif experiment.fit.load or experiment.fit.predict == "position":
-        load = "".join(experiment.fit.load[:1])
-        asked, what = (f"fit.law: {load}", "the load") if load else ("fit.predict: position", "predict")
+    elif load := experiment.fit.load[:1]:
         raise InputError(
-            f"{experiment.path.name}: {asked} needs a tracking run to fit; add one under runs, or leave {what} out"
+            f"{experiment.path.name}: fit.law: {load[0]} needs a tracking run to fit; add one under runs, or leave the load out"
         )
     return training
 

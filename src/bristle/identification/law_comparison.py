@@ -76,8 +76,6 @@ def laws_of_motion(
 ) -> tuple[Comparison | None, dict[str, Values]]:
     """The laws on the moving runs, other peaks with `every`, and where each fit ended, by name; None of too few."""
     records = measured.moving(hold_out=False)
-    if alone.quantity != "torque":
-        return None, {}
     own = measured.experiment.fit.load
     every = every or any(name.name == "alpha_1" and e.value for name, e in alone.parameters.items())
     beside = [law for law in laws_beside(alone.law) if every or law.peak in (alone.law.peak, GAUSSIAN.peak)]

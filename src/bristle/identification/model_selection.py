@@ -41,9 +41,7 @@ def compare_on_points(measured: Measured, static: Mapping[str, StaticFit]) -> Co
 
 
 def compare_on_motion(measured: Measured, static: Mapping[str, StaticFit], alone: TrackingFit) -> Comparison | None:
-    """The models on moving runs, LuGre as fitted; `static` fits the same runs. None of a position, or too few."""
-    if alone.quantity != "torque":
-        return None
+    """The models on moving runs, LuGre as fitted; `static` fits the same runs. None of too few."""
     experiment, records = measured.experiment, measured.moving(hold_out=False)
     sides, (fixed, _), options = directions(experiment, records), inertia(experiment), experiment.fit
     asked = asked_regressors(experiment, sides)
@@ -142,7 +140,7 @@ def bic_of_directions(
     measured: Measured, alone: TrackingFit, each: TrackingFit | None = None
 ) -> tuple[dict[str, float], Values | None]:
     """BIC of LuGre by `SYMMETRIC` and `APART` (`each`, or fitted here, with its end); empty for one direction."""
-    if alone.quantity != "torque" or len(moved_in(measured.moving(hold_out=False))) < len(DIRECTIONS):
+    if len(moved_in(measured.moving(hold_out=False))) < len(DIRECTIONS):
         return {}, None
     if each is not None:
         residuals, parameters, end = each.residuals, _unknowns(each), None

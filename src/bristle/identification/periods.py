@@ -67,21 +67,14 @@ def with_periods(measured: Measured) -> Measured:
     else:
         known, rest, columns = np.zeros((0, 0)), np.zeros(0), {}
     orders, count, last = shown_orders(known, rest, columns), len(columns), max(columns, default=0)
-    shown, numbers = with_options(measured, orders=orders), {"tried": count, "last": last, "turn": turn}
-    if orders:
-        first, named = min(columns), ", ".join(map(str, orders))
-        message = (
-            f"Of {count} orders, from {first} to {last} per {turn}, {named} explain more of what the fit without them leaves "
-            "than chance does (F tests at 1 %, corrected for all orders tried): they are fitted. To keep them, write "
-            f"orders: [{named}] under fit."
-        )
-        note = Finding("orders-found", NOTE, message, {**numbers, "first": first, "orders": orders})
-    else:
-        message = (
-            f"Of {count} orders, up to {last} per {turn}, none explains more of what the fit leaves than chance does (F tests at 1 %, "
-            "corrected for all orders tried): nothing that repeats with the position is fitted."
-        )
-        note = Finding("no-orders", NOTE, message, numbers)
+    shown, named = with_options(measured, orders=orders), ", ".join(map(str, orders))
+    then = f"they are fitted. To keep them, write orders: [{named}] under fit." if orders else "none is fitted."
+    message = (
+        f"Of {count} orders, up to {last} per {turn}, {named or 'none'} explain more of what the fit without them leaves than "
+        f"chance does (F tests at 1 %, corrected for all orders tried): {then}"
+    )
+    numbers = {"tried": count, "last": last, "turn": turn, "orders": orders}
+    note = Finding("orders-found" if orders else "no-orders", NOTE, message, numbers)
     return replace(shown, findings=(*shown.findings, note))
 
 

@@ -197,8 +197,8 @@ class Joint:
 
 
 _SUBJECTS = {
-    **{name: (name,) for name in ("static", "presliding", "breakaway", "sigma_1", "models", "laws")},
-    **{name: ("sigma_0", name) for name in ("printed", "corrected", "edges", "samples")},
+    **{name: (name,) for name in ("static", "presliding", "breakaway", "sigma_0", "sigma_1", "models", "laws")},
+    "printed": ("sigma_0", "printed"),
     "crosscheck": ("cross-check",),
     "tracking": ("moving runs",),
     "joint_fit": ("joint fit",),

@@ -20,7 +20,7 @@ UNRESOLVED = frozenset({
 })  # fmt: skip  # a list of values
 """Codes that refuse a parameter and its interval."""
 NOT_IDENTIFIABLE = UNRESOLVED | {
-    "unseen-wide", "unseen-far", "unseen-bend", "unseen-peak", "unseen-no-peak",
+    "unseen-wide", "unseen-bend", "unseen-peak", "unseen-no-peak",
 }  # fmt: skip  # a list of values
 """Codes that refuse a parameter."""
 

@@ -29,21 +29,21 @@ class Verdict(NamedTuple):
 _BY_WEIGHT = (
     "torque-unsigned unexplained misfit inertia-below-zero velocity-factor velocity-unrelated whole-positions count-unit "
     "count-contradicts effort-far-beyond links-not-removed joint-order gravity-direction links-oppose not-converged "
-    "out-of-steps still-lower full-fit-lower undercut ipopt-undercuts "
+    "still-lower full-fit-lower undercut ipopt-undercuts "
     "v-s-unknowable static-too-few too-few-points indistinct strays stages-do-not-fit yields not-positive "
     "no-torque-constant acts-early feedback-unknown commands-at-once per-inertia one-speed-only "
     "stick-slip position-differs torque-drifts positions-disagree torques-doubted stick-slip-points "
     "other-law friction-drifts lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "
-    "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed turns-late delay-or-presliding "
+    "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed delay-or-presliding "
     "torque-drifts-in-runs friction-by-load clipped lost-samples position-jumps "
     "position-held sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start "
-    "rows-not-finite rows-backward rows-repeated rows-of-short-segments gaps count-bias counts-bias "
+    "rows-not-finite rows-backward rows-repeated rows-of-short-segments gaps count-bias "
     "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter outlier "
     "stage-differs inertia-doubted unseen "
 )
 WEIGHTIEST_FIRST = {code: place for place, code in enumerate(_BY_WEIGHT.split())}
 """Order of findings without a known effect; others follow as they arose."""
-_REPEATED = {"unseen", "only-sum-seen", "converged-at-bound", "static-no-stribeck"}
+_REPEATED = {"unseen", "converged-at-bound", "static-no-stribeck"}
 """Codes of a fit that repeat those of its values or directions."""
 
 
@@ -163,6 +163,6 @@ def _of_fit(joint: Joint, row: Known) -> tuple[Finding, ...]:
     fit = joint.static[d] if row.source is Source.STATIC else moving
     if fit is None:
         return ()
-    check = joint.crosscheck.get(d) if moving is None else moving.crosscheck
+    check = joint.crosscheck.get(d) if moving is None else None
     ended = (fit.outcome, *((check.verdict,) if check else ()))
     return (*(x for x in ended if x.severity is not Severity.NOTE), *fit.warnings)

@@ -185,7 +185,6 @@ def free(name: str, taken: Callable[[str], bool]) -> str:
 FITS = {"tracking": "moving runs", "joint": "joint fit"}  # fits of moving runs, in headings and tables
 METHODS = {  # ways to sigma_0, in tables and legends
     "printed": "(14) as printed, T₁ / x₁",
-    "corrected": "inverse of (14)",
     "edges": "count edge to count edge",
     "samples": "all samples",
 }

@@ -98,7 +98,6 @@ class Experiment(StrictModel):
             got += [f"a run of kind {run.experiment}" for run in self.runs if run.experiment != "tracking"]
             got += [f"fit.regressors: {made}"] if made in (self.fit.regressors or ()) else []
             got += ["inertia"] if made == "inertia" and self.inertia is not None else []
-            got += ["fit.predict: position"] if self.fit.predict == "position" else []
             if got:
                 yield f"coasting: got {got[0]} beside it; expected tracking runs whose torque nothing but gravity and inertia makes"
         for k, run in enumerate(self.runs):

@@ -260,7 +260,8 @@ GONE = {
     "presliding_cutoff": "the spectra choose the low pass of slow loading",
     "moving_above": "the fit of all parameters describes slow motion as well",
     "shared": "fit.directions: symmetric has both directions share all of friction",
-    "horizon": "the windows that are simulated are 0.5 s long, shorter in short runs",
+    "horizon": "moving runs are fitted whole",
+    "predict": "the torque of the measured velocity is predicted, and the bias by encoder counts taken off",
 }
 """Keys that `fit` had, and what holds in their place: files that have them are read, and told so."""
 
@@ -301,8 +302,6 @@ class FitOptions(StrictModel):
         default_factory=dict
     )
     """Parameters that the fit of all parameters takes as given, by name, a bare one for both directions; SI."""
-    predict: Literal["torque", "position"] = "torque"
-    """Predicted by the model of moving runs: the torque of the measured velocity, or, with the motor, the position."""
     breakaway_displacement: Annotated[float, quantity("position"), Field(gt=0)] | None = None
     """Displacement from rest that counts as breakaway, rad; None: where the speed leaves noise and loading behind."""
     position_cutoff: Hertz | None = None
@@ -359,8 +358,6 @@ class FitOptions(StrictModel):
         return apart(self.law)[1]
 
     def _problems(self) -> Iterator[str]:
-        if self.load and self.predict == "position":
-            yield f"fit.law: {self.load[0]} is fitted to a torque; leave it out, or set fit.predict: torque"
         if self.regressors is not None and "offset" in self.regressors and self.directions == "separate":
             yield (
                 "fit.regressors: offset cannot be told from the two Coulomb terms of separate directions; leave it out, "
@@ -371,8 +368,6 @@ class FitOptions(StrictModel):
         repeats = [name for name in PERIODIC if name in (self.regressors or ())]
         if self.orders is not None and not repeats:
             yield "fit.orders: nothing has orders; add cogging or ripple to fit.regressors, or leave it out"
-        if repeats and self.predict == "position":
-            yield f"fit.regressors: {repeats[0]} is fitted to a torque; leave it out, or set fit.predict: torque"
 
 
 class PidGains(StrictModel):

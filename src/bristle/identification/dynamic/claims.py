@@ -16,42 +16,19 @@ from bristle.estimation.levels import NO_SIGN, RARE, SIGNIFICANCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import moved_by, scores
-from bristle.findings import CAUTION, NOTE, Finding, unit_of
+from bristle.findings import NOTE, Finding, unit_of
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, residuals
 from bristle.identification.fits import Estimate
 from bristle.identification.shared_findings import NOT_IDENTIFIABLE, UNRESOLVED
-from bristle.model.parameters import Direction, ParameterName, of_load, peak_parameters
+from bristle.model.parameters import Direction, ParameterName, peak_parameters
 
 WIDE = 0.5  # a relative standard error beyond which a parameter is called not identifiable from the motion
 _SAMPLES = 5  # in which a motion has to pass the bristle's deflection
 _NOTHING = 1e-8  # share of its column that a half must have, to say anything of a parameter
-_INFLATED = 10.0  # a variance inflation beyond which two parameters are told apart badly
 _SPEEDS = 8  # values of v_s at which a left-out term is looked for, ...
 _SLOWEST = 1e-2  # ... from this share of the fastest speed on
 BRISTLE = ("sigma_0", "sigma_1")
 _COMPANION = {"v_s": "alpha_1", "sigma_1": "sigma_0"}  # what means nothing without another parameter, and without which
-
-
-def loads_alike(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[Finding]:
-    """The coefficients of a load that another parameter makes up for: a variance inflation, 1 / (1 - R**2), above 10."""
-    free, found = np.flatnonzero(np.isfinite(solution.scaled_errors)), list[Finding]()
-    J, names = solution.minimum.jacobian[: problem.size, free], [solution.names[k] for k in free]
-    J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)
-    for j, name in enumerate(names):
-        if not isinstance(name, ParameterName) or not of_load(name.name):
-            continue
-        others = np.delete(J, j, axis=1)
-        made = np.linalg.lstsq(others, J[:, j], rcond=None)[0]
-        inflation = 1 / max(float(np.sum((J[:, j] - others @ made) ** 2)), 1e-12)
-        if inflation > _INFLATED:
-            other = [x for k, x in enumerate(names) if k != j][int(np.argmax(np.abs(made)))]
-            message = (
-                f"{name} and {other} are hardly told apart (variance inflation {inflation:.0f}): as one rises, the other falls. Add runs at other "
-                "angles, or with another weight; the friction under a load of this motion is known better than either."
-            )
-            numbers = {"name": str(name), "other": str(other), "inflation": inflation}
-            found.append(Finding("load-collinear", CAUTION, message, numbers))
-    return found
 
 
 def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Finding]:
@@ -176,11 +153,9 @@ def _is_weak(e: Estimate) -> bool:
 
 def _passes(problem: DynamicProblem, reach: float) -> Iterator[tuple[Direction, int]]:
     """After each reversal the new direction, and in how many samples the joint has moved by `reach` from there, if it does."""
-    starts = [k for k, m in enumerate(problem.motions) if not m.continues_previous]
-    for begin, end in pairwise([*starts, len(problem.motions)]):  # a stretch without a gap
-        motions = problem.motions[begin:end]
-        time, velocity = (np.concatenate([getattr(m, name) for m in motions]) for name in ("time", "velocity"))
-        way = np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2 * np.diff(time))])
+    for m in problem.motions:
+        velocity = m.velocity
+        way = np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2 * m.step)])
         turns = np.flatnonzero(np.diff(np.sign(velocity))) + 1
         for first, last in pairwise([*turns, velocity.size]):
             far = np.abs(way[first:last] - way[first]) >= reach
@@ -240,10 +215,8 @@ def asked_peak(
     """The Stribeck term of a direction that the residuals of a minimum without it ask for; None where they ask for none.
 
     At the v_s that they like best; a t test of alpha_1 to first order, Bonferroni over the values of v_s, which finds a
-    term where there is none with this chance at most. Of a predicted torque alone.
+    term where there is none with this chance at most.
     """
-    if problem.quantity != "torque":
-        return None
     alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
     seen = [k for k, n in enumerate(solution.names) if solution.scaled_errors[k] < np.inf and n not in (alpha_1, v_s)]
     known, rest = solution.minimum.jacobian[:, seen], solution.minimum.residuals

@@ -23,7 +23,6 @@ from bristle.identification.dynamic.problem import (
 )
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, ParameterName, in_direction, least_of, of_load
-from bristle.model.rollout import rollout
 from bristle.progress import Progress
 
 FEWEST = 2  # least equations per unknown
@@ -38,7 +37,6 @@ _MOST = 10.0  # of the largest torque: limit of alpha_1
 _RUNGS, _DESCENT = 8, 6  # deflections tried, and steps at each
 _LOST = 10.0  # of the lowest cost: no descent begins above
 _OFFSET = ParameterName("offset", Direction.SHARED)
-_WINDOWS = 2  # least windows for the jackknife
 _WORTH = 0.1  # p-value of a Stribeck term that is worth a start
 
 
@@ -68,8 +66,8 @@ def solved(
 
 
 def thinned(problem: DynamicProblem, first: int = 0) -> DynamicProblem:
-    """A predicted torque at every 8th of many samples, unsmoothed; other problems as they are."""
-    if problem.quantity != "torque" or sum(m.time.size for m in problem.motions) < _LARGE:
+    """Every 8th of many samples, unsmoothed; problems of fewer as they are."""
+    if sum(m.time.size for m in problem.motions) < _LARGE:
         return problem
     names, at = ("time", "velocity", "torque", "extra", "measured"), slice(first, None, _EVERY)
     few = ({name: getattr(m, name)[at] for name in names} | {"load": m.load and m.load.at(at)} for m in problem.motions)
@@ -98,7 +96,7 @@ def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
     travel = problem.travel or speed
     known: Values = {**problem.fixed, **at}
     alpha_0, sigma_0 = ([x for n, x in known.items() if n.name == name] for name in ("alpha_0", "sigma_0"))
-    damping, position = torque / speed, max(float(np.ptp(m.measured)) for m in problem.motions) or 1.0
+    damping = torque / speed
     columns = np.array([np.abs(m.extra).max(axis=0) for m in problem.motions]).max(axis=0)
     table = {  # typical size, and bounds of the scaled unknown
         "alpha_0": (1.0, *np.log([1e-6 * torque, 1e3 * torque])),
@@ -109,8 +107,6 @@ def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
         "sigma_1": (damping, 0.0, np.inf),
         **dict.fromkeys(problem.law.coefficients, (torque / speed**2, -np.inf, np.inf)),
         "z0": (max(alpha_0) / min(sigma_0), -2.0, 2.0),
-        "v0": (speed, -np.inf, np.inf),
-        "y0": (position, -np.inf, np.inf),
     }
     for (name, _), top in zip(problem.extra_names, columns, strict=True):
         table[name] = (torque / (top or 1.0), -np.inf, np.inf)
@@ -124,8 +120,7 @@ def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
         names=problem.names, logarithmic=logarithmic, scale=scale, lower=lower, upper=upper, least=least
     )
     return LeastSquares(
-        unknowns=unknowns, evaluate=_evaluation(problem, unknowns), blocks=problem.blocks,
-        independent=problem.quantity == "position", starts=problem.starts,
+        unknowns=unknowns, evaluate=_evaluation(problem, unknowns), blocks=problem.blocks, starts=problem.starts,
         priors=sum(len(prior.names) for prior in problem.priors), sigma=problem.sigma,
     )  # fmt: skip  # a list of values
 
@@ -163,23 +158,19 @@ def logarithms(names: Iterable[ParameterName]) -> set[ParameterName]:
 
 
 def equations_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
-    """Unweighted residuals of all equations, N*m or rad, (n,)."""
+    """Unweighted residuals of all equations, N*m, (n,)."""
     weight = problem.weight
     return solution.minimum.residuals[: weight.size] / weight
 
 
 def with_deflections(problem: DynamicProblem, start: Values) -> dict[Unknown, float]:
-    """A start with initial states: the deflection that carries the first torque, or that of the motion before."""
-    p, out, end = parameters(problem, start), dict(start), 0.0
+    """A start with initial states: the deflection that carries the first torque."""
+    p, out = parameters(problem, start), dict[Unknown, float](start)
     for k, m in enumerate(problem.motions):
         acting = p if isinstance(p, Lugre) else p[int(m.torque[0] < 0)]
         most = acting.alpha_0 / acting.sigma_0
-        z0 = float(np.clip(m.torque[: max(m.torque.size // 100, 1)].mean() / acting.sigma_0, -most, most))
-        if m.continues_previous:
-            z0 = end
-        end = float(rollout(m.velocity, m.step, p, z0).z[-1]) if problem.quantity == "position" else z0
-        first = {"y0": float(m.measured[0]), "v0": float(m.velocity[0]), "z0": z0}
-        out |= {InitialState(name, k): first[name] for name in problem.initial_states}
+        z0 = m.torque[: max(m.torque.size // 100, 1)].mean() / acting.sigma_0
+        out[InitialState("z0", k)] = float(np.clip(z0, -most, most))
     return out
 
 
@@ -196,19 +187,14 @@ def solve_dynamic(
     *,
     search: bool = True,
 ) -> MultistartSolution[Unknown]:
-    """The lowest minimum from `others`, a start and those of a `search`. Raises InputError for a single window."""
-    if problem.quantity == "position" and len(problem.motions) < _WINDOWS:
-        raise InputError(
-            f"{problem.motions[0].file}: fit.predict: the moving runs make one window; expected at least {_WINDOWS}, whose "
-            "differences give the errors: measure longer"
-        )
+    """The lowest minimum from `others`, a start and those of a `search`."""
     begins = [*others, with_deflections(problem, start)]
-    if search and problem.quantity == "torque" and len(problem.directions) == len(SIGNED):
+    if search and len(problem.directions) == len(SIGNED):
         one = _with_one_friction(problem)
         found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), progress=progress)
         both = carried(problem, {**one.fixed, **without_deflections(found.values)})
         begins.append(with_deflections(problem, {name: x for name, x in both.items() if name not in problem.fixed}))
-    elif search and problem.quantity == "torque":
+    elif search:
         begins += _by_softness(problem, start)
     solve, finish = partial(solved, problem), partial(polished, problem)
     best = solve_from_starts(solve, begins, finish, progress)

@@ -108,7 +108,7 @@ def _of_counts(solved: DynamicSolution, ratio: float) -> TrackingFit:
     left = _doubted(solved, solved.fit, dict.fromkeys(slow, why))
     message = (
         "Encoder counts decide this fit: what they add to its numbers cannot be told, and is not subtracted. Take a finer "
-        "encoder, or fit.predict: position, which simulates the motor and differentiates nothing."
+        "encoder."
     )
     return replace(left, warnings=(*left.warnings, Finding("count-bias-unknown", CAUTION, message)))
 
@@ -149,7 +149,7 @@ def _corrected(
         parameters[name] = replace(e, value=new, standard_error=error * wider, interval=ends)
     message = (
         f"Encoder counts bias {', '.join(map(str, large))} by more than a standard error. The bias was subtracted, but a "
-        "finer encoder is better, or fit.predict: position, which simulates the motor and differentiates nothing."
+        "finer encoder is better."
     )
     warning = (Finding("count-bias", CAUTION, message, {"names": tuple(large)}),) if large else ()
     bias_of = {name: bias for name, (bias, _) in moved.items()}

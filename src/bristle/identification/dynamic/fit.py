@@ -15,12 +15,11 @@ from bristle.estimation.covariance import condition, student
 from bristle.estimation.levels import MATTERS, SIGNIFICANCE
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import moved_by
-from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.claims import (
     WIDE,
     asked_peak,
     bristle_doubts,
-    loads_alike,
     peak_doubts,
     warned,
     without_weak,
@@ -29,7 +28,6 @@ from bristle.identification.dynamic.descent import (
     FEWEST,
     LOGARITHMIC,
     equations_left,
-    fit,
     solve_dynamic,
     with_deflections,
     without_deflections,
@@ -58,7 +56,6 @@ from bristle.model.parameters import INERTIA, Kind, ParameterName, bends_down, l
 from bristle.progress import Progress
 
 _EDGE = 0.01  # in log(v_s): distance from the end of its range
-_TRIES = 30  # steps for initial states of a held-out window
 _BENT = 4.0  # ratio of costs from which a term that bends the whole curve is kept
 _UNEVEN = 1.5  # ratio of run residuals from which runs are weighted
 _NOTHING = 100.0  # percent: the error of no model
@@ -93,8 +90,7 @@ def fit_tracking(
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in solution.names if n in estimates)
     rows = equations_left(problem, solution)
-    torque = problem.quantity == "torque"  # of a simulated position, which drifts, nothing is said
-    friction, load = friction_and_load(problem, solution.values) if torque else (np.zeros(0), np.zeros(0))
+    friction, load = friction_and_load(problem, solution.values)
     outcome = Finding("converged", NOTE, "The fit converged.")
     if not solution.minimum.converged:
         outcome = Finding("not-converged", CRITICAL, "The fit did not converge; it gives no estimates.")
@@ -102,11 +98,10 @@ def fit_tracking(
         message = f"The fit converged, with {', '.join(map(str, bound))} at a bound."
         outcome = Finding("converged-at-bound", CAUTION, message, {"names": bound})
     warnings = (
-        *(unexplained(rows, problem.extent) if torque else ()),
+        *unexplained(rows, problem.extent),
         *search_findings(problem, solution, estimates, rows),
         *left.findings,
-        *(offset_or_friction(solution.names, solution.values, solution.covariance, solution.freedom) if torque else ()),
-        *loads_alike(problem, solution),
+        *offset_or_friction(solution.names, solution.values, solution.covariance, solution.freedom),
         *hardly_seen_findings(solution, unseen),
         *physics(problem, solution.values, unseen),
         *not_shown(unseen),
@@ -119,10 +114,8 @@ def fit_tracking(
         hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, solution.values)) for file, p in held),
         names=free, covariance=solution.covariance[: len(free), : len(free)],
         fixed={**problem.fixed, **{name: solution.values[name] for name in unseen if name in solution.values}},
-        time=problem.time, velocity=problem.velocity, measured=problem.measured, quantity=problem.quantity,
-        residuals=rows, friction=friction + rows if torque else friction, load=load,
-        starts_of_runs=problem.starts, late=left.late,
-        windows=len(problem.motions) if problem.quantity == "position" else 0,
+        time=problem.time, velocity=problem.velocity, measured=problem.measured, residuals=rows,
+        friction=friction + rows, load=load, starts_of_runs=problem.starts, late=left.late,
     )  # fmt: skip  # a list of values
     return DynamicSolution(result, problem, solution.values, solution)
 
@@ -202,14 +195,8 @@ def _not_shown(
 
 
 def relative_error(problem: DynamicProblem, values: Values) -> float:
-    """100 * norm(measured - predicted) / norm(measured), percent; initial states are steady, of windows fitted."""
-    known = without_deflections(values)
-    whole = with_deflections(problem, known)
-    if problem.quantity == "position":
-        of_starts = replace(problem, fixed={**problem.fixed, **known}, priors=())
-        whole |= fit(of_starts, {name: whole[name] for name in of_starts.names}, _TRIES)[0]
-    rows, _ = residuals(problem, whole)
-    return problem.percent(rows)
+    """100 * norm(measured - predicted) / norm(measured), percent, from a deflection that carries the first torque."""
+    return problem.percent(residuals(problem, with_deflections(problem, without_deflections(values)))[0])
 
 
 def estimates_of(
@@ -245,11 +232,6 @@ def estimates_of(
     kept = {name: Finding("unseen-shape", NOTE, message) for name, code in shown.items() if code == "unseen-bend"}
     estimates = warned(estimates, kept)
     beside = {n._replace(name=name) for n in kept for name in ("alpha_0", "alpha_2")} & estimates.keys()
-    bent = {
-        n._replace(name="alpha_0") for n, why in dropped.items() if why.code == "unseen-bend" and n.name == "alpha_1"
-    }
-    only_sum = Finding("only-sum-seen", NOTE, "Were v_s above these speeds, this would contain alpha_1.")
-    estimates = warned(estimates, dict.fromkeys(bent & estimates.keys(), only_sum))
     errors = dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True))
     # parameters that take up an omitted term by more than an error
     for direction in problem.directions:
@@ -299,8 +281,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[Parame
             if value == least and of_friction(bare):
                 warnings.append(AT_BOUND)
         if relative > WIDE and of_friction(bare) and np.isfinite(least_of(bare)):
-            message = "Not identifiable from this motion: its standard error is more than ten times its value."
-            warnings.append(wide(relative) if relative < 10 else Finding("unseen-far", NOTE, message))
+            warnings.append(wide(relative))
         out[name] = Estimate(
             value=value, unit=unit(bare, kind), standard_error=se if np.isfinite(se) else None, interval=(low, high),
             warnings=tuple(warnings),
@@ -310,7 +291,8 @@ def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[Parame
 
 def wide(share: float) -> Finding:
     """That a standard error is this share of its value."""
-    message = f"Not identifiable from this motion: its standard error is {100 * share:.0f} % of its value."
+    told = f"{100 * share:.0f} % of" if share < 10 else "more than ten times"
+    message = f"Not identifiable from this motion: its standard error is {told} its value."
     return Finding("unseen-wide", NOTE, message, {"share": share})
 
 
@@ -338,8 +320,6 @@ def search_findings(
                 "shows it; add points at constant velocity, or give it under fit.fixed."
             )
             yield Finding("shape-held", CAUTION, message, {"names": names, "value": own.middle})
-    if not solution.minimum.converged:
-        yield Finding("out-of-steps", CRITICAL, "The fit reached its limit of iterations before it converged.")
     if solution.widening > sqrt(2):
         yield correlated(rows, solution.widening)
 
@@ -385,20 +365,15 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Finding:
     return Finding("only-as-sum", CAUTION, message, {"all": (*up, *down), "up": up, "down": down})
 
 
-OF_PHYSICS = frozenset({"not-passive", "curve-held", "odd-damping"})  # verdicts of `physics`
+OF_PHYSICS = frozenset({"not-passive", "curve-held"})  # verdicts of `physics`
 
 
 def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
-    """Findings on passivity and presliding damping."""
-    warnings, J = [], values.get(INERTIA, problem.fixed.get(INERTIA))
+    """Findings on passivity and on a curve that bends down."""
+    warnings = []
     for d, lugre in sets_of(problem, values).items():
         if not is_passive(lugre) and not {ParameterName(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
             warnings.append(not_passive(lugre, d))
         if bends_down(lugre):
             warnings.append(curve_held(getattr(lugre, FASTEST)))
-        if J and J > 0 and not {ParameterName(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
-            ratio = (lugre.sigma_1 + lugre.alpha_2) / (2 * sqrt(J * lugre.sigma_0))
-            if not 0.02 < ratio < 5:
-                message = f"The damping ratio in presliding{in_direction(d)} would be {ratio:.2g}; 0.1 to 1 is usual."
-                warnings.append(Finding("odd-damping", CAUTION, message, {"direction": d, "ratio": ratio}))
     return warnings

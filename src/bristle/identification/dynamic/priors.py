@@ -17,18 +17,15 @@ from bristle.errors import InputError
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.profile_likelihood import Profiled
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
-from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.descent import (
     LOGARITHMIC,
     carried,
     logarithms,
-    solve_dynamic,
     with_deflections,
     without_deflections,
 )
-from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
+from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
-from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem
 from bristle.identification.dynamic.uncertainty import parts_of_runs, profile_until_stable, shifts_of, with_three_ways
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
@@ -38,11 +35,10 @@ from bristle.identification.results import Consistency
 from bristle.identification.systematic import with_systematic
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import INERTIA, Direction, ParameterName, of_friction, peak_parameters, without_peak
+from bristle.model.parameters import INERTIA, Direction, ParameterName, of_friction, without_peak
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress
 
-_SURER = 1.5  # ratio of errors from which one stage knows a parameter better
 _WORSE = 1.5  # ratio of relative errors from which the joint fit is doubted
 _BENDS = 0.01  # of the travel: deflection of the bristle at the start by default
 
@@ -67,19 +63,16 @@ def fit_with_priors(
     near: TrackingFit | Values | None = None,
     *,
     static_is_apart: bool,
-    crosscheck: bool = False,
     uncertainty: bool = False,
     progress: Progress | None = None,
 ) -> DynamicStages:
     """All parameters from moving runs, alone and with priors of other stages. Raises InputError for missing signals.
 
     `static_is_apart`: the static fits are of other data; `load` makes the presliding stage; `near` is a fit of the same
-    runs, or its values, to begin at. `crosscheck` adds IPOPT (slow), `uncertainty` intervals by profile and bootstrap.
+    runs, or its values, to begin at. `uncertainty` adds intervals by profile and bootstrap.
     """
-    moving, options = directions(experiment, records), experiment.fit
-    kind, by_torque = experiment.joint.kind, options.predict == "torque"
-    pose = partial(_problem, experiment, moving, predict=options.predict)
-    count = _count(experiment, records) if by_torque else 0.0
+    moving = directions(experiment, records)
+    kind, count, pose = experiment.joint.kind, _count(experiment, records), partial(_problem, experiment, moving)
 
     def fitted(
         posed: DynamicProblem, *others: Values, search: bool = False
@@ -103,11 +96,7 @@ def fit_with_priors(
     known = [with_deflections(problem, _from(problem, near, start))] if isinstance(near, TrackingFit) else []
     if near is not None and not known:  # values of the same problem need no other start
         start = _from(problem, near, start)
-    solved, profiles = fitted(problem, *known, search=by_torque and near is None)
-    if crosscheck and by_torque:
-        check = check_tracking(solved)
-        said = () if check.agrees else (check.verdict,)
-        solved = solved._replace(fit=replace(solved.fit, crosscheck=check, warnings=(*solved.fit.warnings, *said)))
+    solved, profiles = fitted(problem, *known, search=near is None)
     fit, freedom = solved.fit, dict(zip(solved.solution.names, solved.solution.freedoms.tolist(), strict=True))
     scatter = clustered(*parts_of_runs(solved), fit.parameters, freedom, logarithms(fit.names))
     by_runs = finished(solved, profiles)
@@ -159,17 +148,7 @@ def posed_and_start(
             )
         fixed |= dict.fromkeys(meant, value)
     start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
-    whole = replace(whole, fixed=fixed)
-    if experiment.fit.predict == "torque":
-        return whole, start
-    # simulations are slow: begin at the fit of the velocity between counts, with a peak
-    count = _count(experiment, records)
-    smooth = [between_counts(r, count) for r in records] if count else records
-    near = replace(_problem(experiment, moving, smooth, fixed), fixed=fixed)
-    found = without_deflections(solve_dynamic(near, start).values)
-    none = [d for d in whole.directions if found.get(ParameterName("alpha_1", d)) == 0]
-    peak = {ParameterName(name, d) for d in none for name in peak_parameters(whole.law)} & found.keys()
-    return _problem(experiment, moving, records, fixed, "position"), found | {name: start[name] for name in peak}
+    return replace(whole, fixed=fixed), start
 
 
 def _from(
@@ -186,18 +165,12 @@ def _problem(
     moving: tuple[str, ...],
     records: Sequence[Record],
     fixed: Mapping[ParameterName, float],
-    predict: str = "torque",
 ) -> DynamicProblem:
-    """The problem of some records; of a position with a simulated motor."""
+    """The problem of some records."""
     (known, _), options, asked = inertia(experiment), experiment.fit, regressors(experiment)
-    count, law = _count(experiment, records), options.friction
-    if predict == "torque":
-        posed = dynamic_problem(records, moving, asked, options.every, known, fixed, law)
-        return replace(posed, count=count, cutoff=max(r.cutoff for r in records), stribeck=options.model)
-    if known is not None:
-        asked, fixed = (*asked, "inertia"), {**fixed, INERTIA: known}
-    posed = replace(dynamic_problem(records, moving, asked, 1, None, fixed, law), count=count, stribeck=options.model)
-    return simulation(records, posed, experiment.motor, options.every)
+    posed = dynamic_problem(records, moving, asked, options.every, known, fixed, options.friction)
+    cutoff = max(r.cutoff for r in records)
+    return replace(posed, count=_count(experiment, records), cutoff=cutoff, stribeck=options.model)
 
 
 def _count(experiment: Experiment, records: Sequence[Record]) -> float:
@@ -309,14 +282,11 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
             else:
                 apart = [by - prior.shifts[c][k] if c in prior.shifts else by for c, by in moving.shifts.items()]
                 difference = (moving.value - value) / hypot(error, moving.standard_error, *apart)
-                stage, own = error / abs(value or 1.0), moving.standard_error / abs(moving.value or 1.0)
-                if abs(difference) <= limit:
-                    verdict = Finding("stage-agrees", NOTE, "They agree.")
-                else:
-                    check = f"check the {prior.stage if own < stage else 'moving'} data first, which are less precise."
-                    if max(own, stage) < _SURER * min(own, stage):
-                        check = "neither is much more precise: see the warnings of both."
-                    verdict = Finding("stage-differs", CAUTION, f"They differ by more than chance; {check}")
+                verdict = Finding("stage-agrees", NOTE, "They agree.")
+                if abs(difference) > limit:
+                    less = prior.stage if error > moving.standard_error else "moving"
+                    message = f"They differ by more than chance; check the {less} data first, which are less precise."
+                    verdict = Finding("stage-differs", CAUTION, message)
             rows.append(
                 Consistency(
                     parameter=name, stage=prior.stage, stage_value=value, stage_error=error,

@@ -1,7 +1,8 @@
 """The moving problem: the measured velocity drives LuGre, which must explain the measured torque."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -38,7 +39,7 @@ Values = Mapping[Any, float]  # of parameters, or of every unknown
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motion:
-    """A segment between gaps, or a simulated window, of N samples and n equations."""
+    """A segment between gaps, of N samples and n equations."""
 
     file: str
     time: Array  # s from the start of its run, (N,)
@@ -46,10 +47,8 @@ class Motion:
     torque: Array  # Measured, less a fixed inertia's, N*m, (N,)
     extra: Array  # Columns of the extra regressors, (N, k)
     smooth: sparse.csr_array | None  # The decimation filter, (n, N), or None
-    continues_previous: bool = False  # Whether it begins where the motion before it ends
     weight: float = 1.0  # Factor on its residuals
-    measured: Array  # Measured torque, N*m, or position, rad, (N,)
-    drive: Array = field(default_factory=lambda: np.zeros(0))  # Of a window: voltage, V, or torque, N*m, (N,)
+    measured: Array  # Measured torque, N*m, (N,)
     position: Array = field(default_factory=lambda: np.zeros(0))  # rad, (N,), or empty
     coarsening: float = 1.0  # As in `rollout`
     shifts: Mapping[str, Array] = field(default_factory=dict)
@@ -99,13 +98,10 @@ class DynamicProblem:
     law: Law = GAUSSIAN
     priors: tuple[Prior, ...] = ()
     sigma: float = 1.0  # Scatter of the residuals, N*m: the weight of priors
-    quantity: Literal["torque", "position"] = "torque"  # What is predicted; residuals of a position are in rad
-    initial_states: tuple[str, ...] = ("z0",)  # Unknown initial states of each motion
     count: float = 0.0  # Encoder count behind the velocity, rad, or 0
     cutoff: float = 0.0  # Of the low pass of the motion, Hz, or 0
     stribeck: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"  # As `fit.model`
     given: tuple[str, ...] = ()  # As in `Regression`
-    equations: "Equations" = field(default_factory=lambda: equation_error)
 
     @property
     def friction_names(self) -> tuple[ParameterName, ...]:
@@ -114,10 +110,9 @@ class DynamicProblem:
 
     @property
     def names(self) -> tuple[Unknown, ...]:
-        """Unknowns: free LuGre parameters, extra regressors, initial states."""
+        """Unknowns: free LuGre parameters, extra regressors, initial deflections."""
         every = (*self.friction_names, *self.extra_names)
-        starts = (InitialState(name, k) for k in range(len(self.motions)) for name in self.initial_states)
-        return (*(n for n in every if n not in self.fixed), *starts)
+        return (*(n for n in every if n not in self.fixed), *(InitialState("z0", k) for k in range(len(self.motions))))
 
     @property
     def size(self) -> int:
@@ -141,13 +136,9 @@ class DynamicProblem:
 
     @property
     def blocks(self) -> tuple[Block, ...]:
-        """Equations and initial states of each motion."""
-        count = len(self.initial_states)
-        stops, first = np.cumsum([m.size for m in self.motions]).tolist(), len(self.names) - count * len(self.motions)
-        return tuple(
-            Block(slice(stop - m.size, stop), list(range(first + count * k, first + count * (k + 1))))
-            for k, (stop, m) in enumerate(zip(stops, self.motions, strict=True))
-        )
+        """Equations and initial deflection of each motion."""
+        ends, first = np.cumsum([0, *(m.size for m in self.motions)]).tolist(), len(self.names) - len(self.motions)
+        return tuple(Block(slice(*rows), [first + k]) for k, rows in enumerate(pairwise(ends)))
 
     @property
     def file(self) -> NDArray[np.str_]:
@@ -157,8 +148,7 @@ class DynamicProblem:
     @property
     def starts(self) -> tuple[int, ...]:
         """First equation of each segment between gaps."""
-        first = np.cumsum([0, *(m.size for m in self.motions)])[:-1].tolist()
-        return tuple(k for k, m in zip(first, self.motions, strict=True) if not m.continues_previous)
+        return tuple(block.rows.start for block in self.blocks)
 
     @property
     def weight(self) -> Array:
@@ -167,15 +157,13 @@ class DynamicProblem:
 
     @property
     def measured(self) -> Array:
-        """Measured quantity of each equation, (n,)."""
+        """Measured torque of each equation, N*m, (n,)."""
         return np.concatenate([m.smoothed(m.measured) for m in self.motions])
 
     @property
     def extent(self) -> float:
-        """Norm of the measured torque, or of positions about each motion's mean."""
-        rows = [m.smoothed(m.measured) for m in self.motions]
-        rows = rows if self.quantity == "torque" else [r - r.mean() for r in rows]
-        return float(np.linalg.norm(np.concatenate(rows)))
+        """Norm of the measured torque."""
+        return float(np.linalg.norm(self.measured))
 
     def percent(self, rows: Array) -> float:
         """100 * norm(rows) / extent, percent; nan without an extent."""
@@ -197,13 +185,6 @@ class DynamicProblem:
     def time(self) -> Array:
         """Of each equation, s, (n,)."""
         return np.concatenate([m.smoothed(m.time) for m in self.motions])
-
-
-Equations = Callable[
-    [DynamicProblem, Values, Sequence[dict[Unknown, Array]]], Iterable[tuple[Array, dict[Unknown, Array]]]
-]
-"""(problem, values, memory) -> of each motion measured less modelled, and model derivatives by name, (N,) each. The
-memory may hold the derivatives."""
 
 
 def dynamic_problem(
@@ -283,7 +264,7 @@ def residuals(problem: DynamicProblem, values: Values, chain: Array | None = Non
         {name: slopes[j, rows] for name, j in row_of.items()} if m.smooth is None else {}
         for m, rows in zip(problem.motions, blocks, strict=True)
     ]
-    by_motion = problem.equations(problem, known, memory)
+    by_motion = _equations(problem, known, memory)
     for m, here, (rest, slope_of) in zip(problem.motions, blocks, by_motion, strict=True):
         seen = [name for name in slope_of if name in row_of]
         columns = [rest, *(slope_of[name] for name in seen)]
@@ -295,7 +276,7 @@ def residuals(problem: DynamicProblem, values: Values, chain: Array | None = Non
     return left, slopes.T
 
 
-def equation_error(
+def _equations(
     problem: DynamicProblem, known: Values, memory: Sequence[dict[Unknown, Array]]
 ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
     """Of each motion measured less modelled torque, N*m, (N,), and the derivatives of the latter."""

@@ -54,8 +54,6 @@ class ResidualAnalysis(NamedTuple):
 def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: Kind) -> ResidualAnalysis:
     """Terms that a fit of the torque lacks, to first order, and patterns that remain."""
     errors = solution.scaled_errors.copy()
-    if problem.quantity != "torque":
-        return ResidualAnalysis([], errors)
     motions = problem.motions
     values: Values = {**problem.fixed, **solution.values}
     extra = np.array([values[name] for name in problem.extra_names])
@@ -92,10 +90,8 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
     if (largest := max(float(np.abs(T).max()) for T in torque)) > 0:
         ask(partial(_dead_zone, largest), *([np.clip(T / (x * largest), -1, 1) for T in torque] for x in _ZONES))
         read = float(np.quantile(np.abs(np.concatenate([m.measured for m in motions])), _NEARLY_ALL))
-        ask(
-            partial(_saturates, read, largest),
-            *([T - np.clip(T, -x * largest, x * largest) for T in torque] for x in _TOPS),
-        )
+        above = ([T - np.clip(T, -x * largest, x * largest) for T in torque] for x in _TOPS)
+        ask(partial(_saturates, read, largest), *above)
     lacks = explained(fit, every)
     patterns = pattern_left(problem, lacks.left / weight)
     errors[seen] = lacks.errors

@@ -16,14 +16,12 @@ from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.estimation.score_test import moved_by
 from bristle.findings import CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.fit import DynamicSolution
-from bristle.identification.dynamic.output_error import with_more_torque
-from bristle.identification.dynamic.problem import Unknown, Values, residuals
+from bristle.identification.dynamic.problem import Unknown, Values
 from bristle.identification.fits import Estimate, TrackingFit, Uncertainty
 from bristle.model.parameters import ParameterName
 from bristle.progress import Progress
 
 _RESTARTS = 3
-_STEP = 1e-2  # of a standard error of a constant, for differences
 
 Refit = Callable[[Values], DynamicSolution]  # fits again from all unknowns
 
@@ -128,17 +126,11 @@ def shifts_of(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float
     inside = (x > unknowns.lower) & (x < unknowns.upper)
     chosen = shared[seen(minimum.jacobian[:, shared]) & inside[shared]]
     J, slopes = projected(minimum.jacobian, chosen, posed.blocks), unknowns.slopes(x)[chosen]
-    weight, shifts = problem.weight, dict[str, Mapping[ParameterName, float]]()
+    shifts = dict[str, Mapping[ParameterName, float]]()
     for constant in constants:
-        if problem.quantity == "torque":
-            rows = [m.smoothed(m.shifts.get(constant, np.zeros(m.time.size))) for m in problem.motions]
-            change = np.concatenate(rows)
-        else:
-            both = (with_more_torque(problem, constant, by) for by in (_STEP, -_STEP))
-            more, less = (residuals(moved, solved.values)[0] for moved in both)
-            change = (more - less) / (2 * _STEP)
+        change = np.concatenate([m.weighted(m.shifts.get(constant, np.zeros(m.time.size))) for m in problem.motions])
         of_priors = ((x.root, x.shifts.get(constant, np.zeros(x.value.size))) for x in problem.priors)
-        rows = [change * weight, *(-problem.sigma * (root @ shift) for root, shift in of_priors)]
+        rows = [change, *(-problem.sigma * (root @ shift) for root, shift in of_priors)]
         moves = (-moved_by(J, np.concatenate(rows)) * slopes).tolist()
         names = (unknowns.names[k] for k in chosen.tolist())
         shifts[constant] = {n: by for n, by in zip(names, moves, strict=True) if isinstance(n, ParameterName)}

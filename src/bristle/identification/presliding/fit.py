@@ -8,24 +8,24 @@ import numpy as np
 from bristle.data.bandwidth import of_slow_loading
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
-from bristle.data.slow_loading import ONSET, Loading, Loop, find_all_loadings, find_loops
+from bristle.data.slow_loading import ONSET, Loading, find_all_loadings, find_loops
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, NOTE, Finding, in_direction, in_units, unit_of
 from bristle.identification.fits import Estimate, Presliding, PreslidingFit, Uncertainty
-from bristle.identification.moving_runs import DIRECTIONS
-from bristle.identification.presliding.softening import stiffness_by_amplitude, with_most
+from bristle.identification.presliding.softening import softening, with_most
 from bristle.identification.presliding.stiffness import (
-    ESTIMATORS,
     REACH,
     KnownValue,
+    estimator_of,
     of_loading,
+    printed,
     printed_bias,
+    quantum_of,
     stiffness,
     torque_shares,
     with_shifts,
 )
-from bristle.identification.presliding.turns import turning_lag
 from bristle.identification.presliding.uncertainty import stiffness_scatter, stiffness_uncertainty
 from bristle.identification.repeats import spreader, wider_estimate, wider_three
 from bristle.identification.systematic import shifted, shifted_three
@@ -35,8 +35,6 @@ from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
 
 _FEW = 8  # count edges per loading below which they are few
-_MOVED = 3.0  # counts by which the end of a cycle has moved
-_MOVES = 0.01  # least share of its range that is reported
 _OUTLIER = 0.2  # relative distance of an outlier from the median breakaway torque
 _SINGLE = 0.1  # assumed relative standard error of a single breakaway torque
 _CREEP = 1 / (ONSET - 1)
@@ -78,33 +76,36 @@ def identify_presliding(
         fits[direction] = fit_presliding(own, level, inertia, kind)
     cycles = [find_loops(r, r.cutoff, resolution) for r in records]
     loops = tuple(loop for closed, _ in cycles for loop in closed)
-    warnings += _loop_warnings(loops, [drift for _, drifts in cycles for drift in drifts], fits)
-    warnings += turning_lag(records, loadings, {d: fit.level for d, fit in fits.items()}, options, resolution)
+    if drifts := [drift for _, drifts in cycles for drift in drifts]:
+        farthest = max(drifts, key=abs)
+        message = (
+            f"{len(drifts)} of {len(drifts) + len(loops)} hysteresis cycles not closed, by up to {100 * farthest:+.0f} % of "
+            "their range, and left out: friction differs between the directions at these peaks, or the first cycle started "
+            "from rest."
+        )
+        numbers = {"open": len(drifts), "cycles": len(drifts) + len(loops), "most": farthest}
+        warnings.append(Finding("open-cycles", CAUTION, message, numbers))
     return Presliding(fits=fits, breakaway=breakaway, breakaways=tuple(slid), loops=loops, warnings=tuple(warnings))
 
 
 def fit_presliding(
     loadings: Sequence[Loading], level: KnownValue, inertia: KnownValue | None, kind: Kind
 ) -> PreslidingFit:
-    """sigma_0 of one direction by four estimators, and sigma_1 by (15) if an inertia is known."""
-    quantum, direction = max(loading.quantum for loading in loadings), loadings[0].direction
+    """sigma_0 of one direction, beside (14) as printed, and sigma_1 by (15) if an inertia is known."""
+    quantum, direction = quantum_of(loadings), loadings[0].direction
     pieces = [of_loading(loading, level.value) for loading in loadings]
     counts = sum(piece.edge_y.size for piece in pieces)
-    best = "edges" if quantum > 0 else "samples"
     by_bend = with_most(loadings, level)
-    estimates = stiffness(loadings, by_bend, kind)
-    hidden = estimates["edges"] is estimates["samples"]  # one lower bound for all
-    warnings = list(estimates["samples"].warnings) if hidden else []
-    sigma_0 = estimates[best]
+    sigma_0 = stiffness(loadings, by_bend, kind)
+    warnings = [w for w in sigma_0.warnings if w.code == "within-noise"]
     bent = by_bend.middle if by_bend.most < np.inf else level
-    amplitudes, softens = ((), None) if sigma_0.value is None else stiffness_by_amplitude(loadings, bent, kind)
+    softens = None if sigma_0.value is None else softening(loadings, bent, kind)
     if softens is not None:
         warnings.append(softens)
         if sigma_0.interval is not None:  # widened to hold the sigma_0 of each amplitude
-            ends = [*sigma_0.interval, *(x.sigma_0 for x in amplitudes)]
+            ends = [*sigma_0.interval, *softens.numbers["sigma_0"]]
             error = max(sigma_0.standard_error or 0.0, (max(ends) - min(ends)) / (2 * student(np.inf)))
             sigma_0 = replace(sigma_0, standard_error=error, interval=(min(ends), max(ends)))
-    estimates[best] = sigma_0
     if 0 < counts < _FEW * len(loadings):
         message = (
             f"Few encoder counts: {counts} edges in {len(loadings)} loadings; use a finer encoder, or load closer to "
@@ -120,14 +121,14 @@ def fit_presliding(
         u = np.array([max(sigma_0.value * quantum / level.value, 1e-9)])
         on_edge, mean, spread = (float(x[0]) for x in printed_bias(u))
     if more is None:
-        three = stiffness_uncertainty(loadings, level, best, sigma_0)
+        three = stiffness_uncertainty(loadings, level, sigma_0)
     else:
         three = Uncertainty(covariance=None, profile=sigma_0.interval, bootstrap=None, warnings=(more,))
-    scatter = stiffness_scatter(loadings, by_bend.middle, best, sigma_0)
+    scatter = stiffness_scatter(loadings, by_bend.middle, sigma_0)
     if scatter and scatter.stretched > 1 and sigma_0.value is not None:
         widen = spreader(sigma_0.value, scatter.stretched, "sigma_0")
-        estimates[best], three = wider_estimate(sigma_0, scatter, widen), wider_three(three, widen)
-    estimates = with_shifts(estimates, loadings, level)
+        sigma_0, three = wider_estimate(sigma_0, scatter, widen), wider_three(three, widen)
+    sigma_0 = with_shifts(sigma_0, loadings, level)
     warnings += [warning for warning in three.warnings if warning.code == "intervals-differ"]
     reached = max((x.held for x in loadings if x.breakaway is None), default=0.0)
     if not level.is_bound and reached > level.value + _SURE * level.standard_error:
@@ -139,11 +140,12 @@ def fit_presliding(
         numbers = {"reached": reached, "g0": level.value, "source": level.source, "reach": REACH}
         warnings.append(Finding("above-g0", CAUTION, message, numbers))
     return PreslidingFit(
-        direction=direction, **estimates, sigma_1=_sigma_1(estimates[best], inertia, kind), recommended=best,
-        degrees_of_freedom=ESTIMATORS[best](pieces)[2], level=level.value, level_standard_error=level.standard_error,
+        direction=direction, printed=printed(loadings, level.value, kind), sigma_0=sigma_0,
+        sigma_1=_sigma_1(sigma_0, inertia, kind), degrees_of_freedom=estimator_of(loadings)(pieces)[2],
+        level=level.value, level_standard_error=level.standard_error,
         level_source=level.source, quantum=quantum, counts=counts, bias_on_edge=on_edge, bias_mean=mean,
-        bias_spread=spread, amplitudes=amplitudes, loadings=tuple(loadings), warnings=tuple(warnings),
-        uncertainty={"sigma_0": shifted_three(three, estimates[best])},
+        bias_spread=spread, loadings=tuple(loadings), warnings=tuple(warnings),
+        uncertainty={"sigma_0": shifted_three(three, sigma_0)},
         repeats={"sigma_0": scatter} if scatter else {},
     )  # fmt: skip  # a list of values
 
@@ -208,52 +210,6 @@ def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: flo
             return KnownValue(value, float(np.hypot(error or _SINGLE * value, half)), source, shifts)
     source = Finding("of-largest-held", CAUTION, "the largest torque held")
     return KnownValue(held, float("inf"), source)
-
-
-def _moves_by_law(loop: Loop, fits: Mapping[str, PreslidingFit]) -> float:
-    """Share of its range by which a cycle of LuGre ends away if g0 differs between directions; 0 if unknown."""
-    ends, stiffness = (float(loop.torque.min()), float(loop.torque.max())), [fit.sigma_0.value for fit in fits.values()]
-    known = [x for x in stiffness if x is not None]
-    if len(known) < len(DIRECTIONS) or not all(max(map(abs, ends)) < fit.level for fit in fits.values()):
-        return 0.0
-    sigma_0, moved = float(np.mean(known)), 0.0
-    for d, sign in DIRECTIONS.items():
-        loaded = np.array(sorted(sign * T for T in ends))
-        y = evaluate(functions.loading_displacement_function(), loaded, fits[d].level, sigma_0)[0]
-        moved += sign * float(np.diff(y)[0])
-    return moved / (2 * loop.displacement_amplitude)
-
-
-def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float], fits: Mapping[str, PreslidingFit]) -> list[Finding]:
-    warnings = []
-    few = [x.counts for x in loops if 0 < x.counts < 2 * _FEW]
-    if few:
-        least, most = min(few), max(few)
-        spanned = f"{least}" if least == most else f"{least} to {most}"
-        message = f"The hysteresis loops span only {spanned} encoder counts: their slopes and losses are coarse."
-        warnings.append(Finding("coarse-loops", NOTE, message, {"least": least, "most": most}))
-    if drifts:
-        cycles, farthest = len(drifts) + len(loops), max(drifts, key=abs)
-        message = (
-            f"{len(drifts)} of {cycles} hysteresis cycles not closed, by up to {100 * farthest:+.0f} % of their range, "
-            "and left out: friction differs between the directions at these peaks, or the first cycle started from rest."
-        )
-        numbers = {"open": len(drifts), "cycles": cycles, "most": farthest}
-        warnings.append(Finding("open-cycles", CAUTION, message, numbers))
-    shares = np.array([(x.position[-1] - x.position[0]) / (2 * x.displacement_amplitude) for x in loops])
-    seen = all(abs(share) * x.counts > _MOVED or not x.counts for share, x in zip(shares, loops, strict=True))
-    share = abs(float(shares.mean())) if shares.size > 1 else 0.0
-    if seen and share > _MOVES and share > 2 * float(np.ptp(shares)):
-        off = abs(float(np.mean([_moves_by_law(x, fits) for x in loops]) - shares.mean()))
-        if off >= max(_MOVES, share / 2):
-            mean = float(shares.mean())
-            message = (
-                f"Each of {len(loops)} closed hysteresis cycles ends away from where it began, by {100 * mean:+.1f} % of its range "
-                "on average, where LuGre comes back: the position drifts, the torque has an offset, or friction differs between "
-                "the directions. By a drift sigma_0 is off by up to about half of that, one way in (+), the other in (-)."
-            )
-            warnings.append(Finding("cycles-move", CAUTION, message, {"cycles": len(loops), "share": mean}))
-    return warnings
 
 
 def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: Kind) -> Estimate:

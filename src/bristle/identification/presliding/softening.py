@@ -1,4 +1,4 @@
-"""Stiffness against amplitude, and softening beyond LuGre's exponential: y = rest + f(U), f piecewise linear."""
+"""Softening beyond LuGre's exponential: y = rest + f(U), f piecewise linear."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,7 +13,6 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
 from bristle.estimation.levels import RARE
 from bristle.findings import CAUTION, Finding, in_direction
-from bristle.identification.fits import AmplitudeStiffness
 from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading, unbent
 from bristle.model.parameters import Kind, unit
 
@@ -57,10 +56,11 @@ class _Bending(NamedTuple):
         return float(np.sqrt(share @ self.covariance @ share))
 
 
-def stiffness_by_amplitude(
-    loadings: Sequence[Loading], level: KnownValue, kind: Kind
-) -> tuple[tuple[AmplitudeStiffness, ...], Finding | None]:
-    """Stiffness of one direction by amplitude, and a finding if it softens beyond LuGre; empty of too few points."""
+def softening(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> Finding | None:
+    """A finding if the stiffness of one direction falls with the torque by more than LuGre's; None also of too few points.
+
+    Its `sigma_0` are those of the LuGre joints with the displacement of each amplitude.
+    """
     points, line = _points(loadings, level.value), None
     # even knots, as many as the points determine, with some points before each
     most = float(points.T.max(initial=0.0))
@@ -72,34 +72,28 @@ def stiffness_by_amplitude(
             break
         line = None
     if line is None:
-        return (), None
-    secant, lugre = knots / line.y, knots / line.U * line.U[0] / line.y[0]
-    rows = tuple(
-        AmplitudeStiffness(kind=name, torque=T, displacement=y, value=x, standard_error=e, lugre=own, sigma_0=bristle)
-        for name, T, y, x, e, own, bristle in zip(
-            ("initial", *["secant"] * (knots.size - 1)), knots.tolist(), line.y.tolist(), secant.tolist(),
-            (secant / line.y * np.sqrt(np.diag(line.covariance))).tolist(), lugre.tolist(), (line.U / line.y).tolist(),
-            strict=True,
-        )
-    )  # fmt: skip  # one row, one line
+        return None
     by_level = 0.0  # error of the fall by g0
     if level.standard_error and not level.is_bound:
         width = min(level.standard_error, 0.1 * level.value)
         falls = [other.fall for s in (-1, 1) if (other := _line(points, knots, level.value + s * width)) is not None]
         by_level = abs(falls[-1] - falls[0]) / (2 * width) * level.standard_error if len(falls) == 2 else np.inf
-    error = float(np.hypot(line.error, by_level))
-    if line.fall > stdtrit(line.freedom, RARE) * error or np.exp(line.fall) > 1 - _SMALLEST:
-        return rows, None
+    if line.fall > stdtrit(line.freedom, RARE) * np.hypot(line.error, by_level) or np.exp(line.fall) > 1 - _SMALLEST:
+        return None
+    secant, lugre = knots / line.y, knots / line.U
     low, high, of, d = float(knots[0]), float(knots[-1]), unit("torque", kind), loadings[0].direction
-    ratio, own = float(secant[-1] / secant[0]), float(lugre[-1] / lugre[0])
+    ratio, own = (float(x[-1] / x[0]) for x in (secant, lugre))
     error = ratio * line.error
     message = (
         f"Softening{in_direction(d)}: from {low:.3g} to {high:.3g} {of} the secant stiffness falls to {ratio:.2g} +/- "
         f"{error:.1g} of its initial value, LuGre's own exponential to {own:.2g}; the interval of sigma_0 spans what the "
         "amplitudes give, and a Maxwell-slip model would describe the rest."
     )
-    numbers = {"low": low, "high": high, "unit": of, "ratio": ratio, "error": error, "lugre": own, "direction": d}
-    return rows, Finding("softens", CAUTION, message, numbers)
+    numbers = {
+        "low": low, "high": high, "unit": of, "ratio": ratio, "error": error, "lugre": own, "direction": d,
+        "sigma_0": tuple((line.U / line.y).tolist()),
+    }  # fmt: skip  # a list of values
+    return Finding("softens", CAUTION, message, numbers)
 
 
 def with_most(loadings: Sequence[Loading], level: KnownValue) -> KnownValue:

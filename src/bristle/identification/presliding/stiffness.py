@@ -1,4 +1,4 @@
-"""sigma_0 from slow loading by four estimators; U = -g0 log(1 - T / g0) = sigma_0 y, one encoder count is q."""
+"""sigma_0 from slow loading; U = -g0 log(1 - T / g0) = sigma_0 y, one encoder count is q."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +11,6 @@ from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.fits import Estimate
 from bristle.identification.systematic import shifted
@@ -23,7 +22,6 @@ REACH = 0.8  # of g0: above, noise in T is amplified by log(1 - T / g0)
 LIMIT = 0.97  # of g0: noise above it is cut off, where U has no value
 _YIELDS = 3.0  # ratio below the first count's limit at which a joint slides
 _STRAIGHT = 1e6  # of the largest torque held: a g0 that bends nothing
-_PHASES = 64  # rest positions in a count, for the spread by counts
 _NONE = 1e-60  # a smaller compliance is rounding
 
 
@@ -65,84 +63,78 @@ Estimator = Callable[[Sequence[Piece]], tuple[float, float, float]]
 """sigma_0, its standard error and degrees of freedom from pieces."""
 
 
-def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dict[str, Estimate]:
-    """sigma_0 of one direction by each estimator; a lower bound if counts hide the motion, its interval over all g0."""
+def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> Estimate:
+    """sigma_0 of one direction from its count edges, or from all samples where no counts are seen.
+
+    A lower bound if counts hide the motion; under a bound of g0 the interval is that over all g0.
+    """
     if level.is_bound:
         most = min(level.most, _STRAIGHT * level.value)
         each = (KnownValue(g0, 0.0, level.source) for g0 in (level.value, level.middle.value, most))
-        near, middle, far = (stiffness(loadings, given, kind) for given in each)
-        found = {name: _between(near[name], middle[name], far[name]) for name in near}
-        ends = found["edges"].interval
-        if ends is None:
-            return found
-
-        def weakest(w: Finding) -> Finding:
-            """The finding with the lower bound over all g0."""
-            named = w.code == "within-noise"
-            return _within_noise(w.numbers["edges"], ends[0], w.numbers["unit"]) if named else w
-
-        return {name: replace(e, warnings=tuple(map(weakest, e.warnings))) for name, e in found.items()}
-    quantum = max(loading.quantum for loading in loadings)
-    pieces = [of_loading(loading, level.value) for loading in loadings]
+        return _between(*(stiffness(loadings, given, kind) for given in each))
+    quantum, pieces = quantum_of(loadings), [of_loading(loading, level.value) for loading in loadings]
     still = max((float(np.ptp(piece.y)) for piece in pieces if piece.y.size), default=0.0) == 0
     if still or (quantum > 0 and not any(piece.edge_y.size > 1 for piece in pieces)):
         # a lower bound where the joint moves within the encoder's noise
         loaded = max((float(piece.U.max(initial=0.0)) for piece in pieces), default=0.0)
-        crossed = max(piece.edge_y.size for piece in pieces)
+        crossed, of = max(piece.edge_y.size for piece in pieces), unit("sigma_0", kind)
         least = loaded / ((crossed + 1) * quantum) if quantum > 0 else 0.0
-        crossings, of = "1 count edge" if crossed == 1 else f"{crossed} count edges", unit("sigma_0", kind)
-        warnings = (_within_noise(crossings, least, of),)
-        bound = Estimate(value=None, unit=of, interval=(least, float("inf")), warnings=warnings)
-        return dict.fromkeys(("printed", "corrected", "edges", "samples"), bound)
-    # samples and edges, with the errors at given g0 and by g0
-    value, error, freedom = by_samples(pieces)
-    of_level = by_level(by_samples, loadings, level) * level.standard_error
-    if quantum == 0:
-        none = Finding("no-counts", NOTE, "No encoder counts are visible; (14) and the count edges need them.")
-        absent = Estimate(value=None, unit=unit("sigma_0", kind), warnings=(none,))
-        samples = _estimate(value, float(np.hypot(error, of_level)), freedom, kind)
-        return {"printed": absent, "corrected": absent, "edges": absent, "samples": samples}
-    bias, spread = by_phase(pieces, value, quantum)
-    error = float(np.sqrt(error**2 + of_level**2 + spread**2))
-    samples = _estimate(value, error, freedom, kind)
-    if np.isinf(spread):
-        message = "No estimate from all samples: at some rest positions inside a count they would show no motion."
-        samples = Estimate(value=None, unit=samples.unit, warnings=(Finding("counts-hide", NOTE, message),))
-    elif samples.value is not None and abs(bias) > error:  # an interval without the counts' bias would be wrong
-        share = bias / value
-        message = f"No interval: encoder counts bias this estimate by about {100 * share:.1f} %, more than its standard error."
-        wrong = Finding("counts-bias", CAUTION, message, {"share": share})
-        samples = Estimate(value=value, unit=samples.unit, warnings=(*samples.warnings, wrong))
-    value, error, freedom = by_edges(pieces)
-    of_level = by_level(by_edges, loadings, level) * level.standard_error
-    edges = _estimate(value, float(np.hypot(error, of_level)), freedom, kind)
-    printed, corrected, least = _first_count(loadings, pieces, level.value, quantum, kind, value)
-    if 0 < value < least / _YIELDS:
+        crossings = "1 count edge" if crossed == 1 else f"{crossed} count edges"
         message = (
-            "The joint moves much further than its first counts predict: it slides, or this is not slow loading "
-            "below breakaway."
+            f"The displacement stays within the encoder's noise ({crossings} in the longest loading): sigma_0 is at least "
+            f"{least:.3g} {of}; a finer encoder is needed for more."
         )
-        edges = samples = Estimate(value=None, unit=edges.unit, warnings=(Finding("yields", CAUTION, message),))
-    return {"printed": printed, "corrected": corrected, "edges": edges, "samples": samples}
+        why = Finding("within-noise", CAUTION, message, {"edges": crossings, "least": least, "unit": of})
+        return Estimate(value=None, unit=of, interval=(least, float("inf")), warnings=(why,))
+    solve = estimator_of(loadings)
+    value, error, freedom = solve(pieces)
+    error = float(np.hypot(error, by_level(solve, loadings, level) * level.standard_error))
+    first = unbent(first_torques(loadings, level.value), level.value)
+    if quantum > 0 and first.size:
+        y, U, lines = _at_edges(pieces)
+        noise = float(np.linalg.norm(U - value * y) / np.sqrt(max(y.size - lines - 1, 1) * first.size))
+        if 0 < value < (float(np.mean(first)) - 1.96 * noise) / quantum / _YIELDS:
+            message = (
+                "The joint moves much further than its first counts predict: it slides, or this is not slow loading "
+                "below breakaway."
+            )
+            return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(Finding("yields", CAUTION, message),))
+    if not (0 < value < np.inf and np.isfinite(error)):
+        message = "Not positive: the displacement does not increase with the torque."
+        why = Finding("not-positive", CRITICAL, message)
+        return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(why,))
+    reach = student(freedom) * error
+    interval = max(value - reach, 0.0), value + reach
+    return Estimate(value=value, unit=unit("sigma_0", kind), standard_error=error, interval=interval)
+
+
+def printed(loadings: Sequence[Loading], g0: float, kind: Kind) -> Estimate:
+    """(14) as printed, T1 / x1: the mean torque at the first count edge below g0, over a count; without an error."""
+    T, quantum, of = first_torques(loadings, g0), quantum_of(loadings), unit("sigma_0", kind)
+    if not quantum or not T.size:
+        why = Finding("no-counts", NOTE, "No encoder counts are visible below g0; (14) needs them.")
+        return Estimate(value=None, unit=of, warnings=(why,))
+    message = "Assumes that the joint moves a whole count to the first edge; it may be any part of one."
+    return Estimate(value=float(np.mean(T)) / quantum, unit=of, warnings=(Finding("whole-count", NOTE, message),))
+
+
+def quantum_of(loadings: Sequence[Loading]) -> float:
+    """One count, rad; 0 where no counts are seen."""
+    return max(loading.quantum for loading in loadings)
 
 
 def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
-    """The middle estimate with the union of the intervals and warnings of near and far."""
-    other, told = {x.code: x for x in far.warnings}, list[Finding]()
-    for one in near.warnings:
-        both = (one, other.pop(one.code, one))
-        ends = [x.numbers[name] for x in both for name in ("low", "high") if one.code == "rest-excludes"]
-        told.append(_rest_excludes(min(ends), max(ends), one.numbers["unit"]) if ends else one)
-    warnings = (*told, *other.values())
+    """The middle estimate with the union of the intervals and warnings of near and far, of equal ones far's."""
+    warnings = (*{x.code: x for x in (*near.warnings, *far.warnings)}.values(),)
     known = [x.interval for x in (near, far) if x.interval]
     interval = (min(low for low, _ in known), max(high for _, high in known)) if len(known) == 2 else None
     if near.value is None or middle.value is None or far.value is None:
         if interval:
             interval = (interval[0], float("inf"))
         return Estimate(value=None, unit=near.unit, interval=interval, warnings=warnings)
-    errors = [x.standard_error for x in (near, far) if x.standard_error is not None]
-    error = float(np.hypot(max(errors), (near.value - far.value) / np.sqrt(12))) if len(errors) == 2 else None
-    return Estimate(value=middle.value, unit=near.unit, standard_error=error, interval=interval, warnings=warnings)
+    errors = [x.standard_error or 0.0 for x in (near, far)]
+    error = float(np.hypot(max(errors), (near.value - far.value) / np.sqrt(12)))
+    return replace(middle, standard_error=error, interval=interval, warnings=warnings)
 
 
 def printed_bias(u: Array) -> tuple[Array, Array, Array]:
@@ -187,154 +179,59 @@ def by_level(estimator: Estimator, loadings: Sequence[Loading], level: KnownValu
     return float(np.mean(steps)) / width if steps else np.inf
 
 
-def _estimate(value: float, error: float, freedom: float, kind: Kind) -> Estimate:
-    """With its interval by Student's t; without a value where it is no stiffness."""
-    if not (0 < value < np.inf and np.isfinite(error)):
-        message = "Not positive: the displacement does not increase with the torque."
-        why = Finding("not-positive", CRITICAL, message)
-        return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(why,))
-    reach = student(freedom) * error
-    interval = max(value - reach, 0.0), value + reach
-    return Estimate(value=value, unit=unit("sigma_0", kind), standard_error=error, interval=interval)
-
-
-def _first_count(
-    loadings: Sequence[Loading], pieces: Sequence[Piece], g0: float, quantum: float, kind: Kind, slope: float
-) -> tuple[Estimate, Estimate, float]:
-    """(14) and its inverse, means over loadings, intervals for any rest position; and the least sigma_0 allowed."""
-    T = first_torques(loadings, g0)
-    if T.size == 0:
-        none = Finding("nothing-below-g0", NOTE, "No displacement was measured below g0.")
-        absent = Estimate(value=None, unit=unit("sigma_0", kind), warnings=(none,))
-        return absent, absent, 0.0
-    U = unbent(T, g0)
-    # distance to the first edge, in counts: uniform, its mean over loadings nearly normal
-    half = min(CONFIDENCE / 2, 1.96 / float(np.sqrt(12 * T.size)))
-    nearest, farthest = (1 - CONFIDENCE, 1.0) if T.size == 1 else (0.5 - half, 0.5 + half)
-    edges = edge_columns(pieces)
-    rest, lines = (np.zeros(0), 0) if edges is None else (edges.y - slope * edges.x, len(edges.starts))
-    noise = float(np.sqrt(rest @ rest / max(rest.size - lines - 1, 1)))
-    off = 1.96 * noise / float(np.sqrt(T.size))
-    low = max(float(np.mean(U)) - off, 0.0) / (quantum * farthest)
-    high = (float(np.mean(U)) + off) / (quantum * nearest)
-    of, found = unit("sigma_0", kind), list[Estimate]()
-    for value in (float(np.mean(x)) / quantum for x in (T, U)):
-        if low <= value <= high:
-            message = (
-                "Assumes that the joint moves a whole count to the first edge; it may be any part of one. "
-                "The interval allows for an unknown rest position."
-            )
-            why, interval = Finding("whole-count", NOTE, message), (low, high)
-        else:
-            why, interval = _rest_excludes(low, high, of), None
-        found.append(Estimate(value=value, unit=of, interval=interval, warnings=(why,)))
-    return found[0], found[1], low
-
-
-def _rest_excludes(low: float, high: float, of: str) -> Finding:
-    """A note that the first count's assumption contradicts the interval, in this unit."""
-    message = (
-        "No interval: it assumes that the joint moves a whole count to the first edge, and over the rest positions "
-        f"of these loadings sigma_0 lies in [{low:.3g}, {high:.3g}] {of}, which excludes it."
-    )
-    return Finding("rest-excludes", NOTE, message, {"low": low, "high": high, "unit": of})
-
-
 def first_torques(loadings: Sequence[Loading], g0: float) -> Array:
     """Torque at the first count edge below g0 of each loading, N*m, (k,)."""
     return np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
 
 
-class Columns(NamedTuple):
-    """Regression y = slope x of all loadings, each about its mean, (n,)."""
-
-    x: Array
-    y: Array
-    instrument: Array
-    starts: list[int]  # First row of each loading
-
-
-def _columns(parts: Sequence[tuple[Array, Array, Array]]) -> Columns:
-    """From x, y and instrument of each loading."""
-    starts = np.cumsum([0, *(x.size for x, *_ in parts)])[:-1].tolist()
-    x, y, instrument = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Columns(x, y, instrument, starts)
-
-
-def edge_columns(pieces: Sequence[Piece]) -> Columns | None:
-    """U over y at count edges, weighted; None without two edges in a loading."""
-    parts = []
-    for p in pieces:
-        if p.edge_y.size > 1:
-            root, total = np.sqrt(p.weight), p.weight.sum()
-            y = root * (p.edge_y - p.weight @ p.edge_y / total)
-            parts.append((y, root * (p.edge_U - p.weight @ p.edge_U / total), y))
-    return _columns(parts) if parts else None
-
-
-def sample_columns(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) -> Columns | None:
-    """Displacement over U of all samples with time as instrument, or None; `shifted` replaces y."""
-    shown = [(p.U, p.y if shifted is None else shifted[k], p.time) for k, p in enumerate(pieces) if p.time.size]
-    parts = [(U - U.mean(), y - y.mean(), t - t.mean()) for U, y, t in shown]
-    return _columns(parts) if parts else None
+def _at_edges(pieces: Sequence[Piece]) -> tuple[Array, Array, int]:
+    """Weighted displacement and U at count edges, (n,), each loading about its mean, and the number of loadings."""
+    parts = [
+        [np.sqrt(p.weight) * (x - p.weight @ x / p.weight.sum()) for x in (p.edge_y, p.edge_U)]
+        for p in pieces
+        if p.edge_y.size > 1
+    ]
+    y, U = np.concatenate([np.zeros((2, 0)), *parts], axis=1)
+    return y, U, len(parts)
 
 
 def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
     """Slope of U over y at count edges, standard error, degrees of freedom; infinite without two edges."""
-    edges = edge_columns(pieces)
-    if edges is None:
+    y, U, lines = _at_edges(pieces)
+    if not lines:
         return np.inf, np.inf, 1.0
-    y, U, _, starts = edges
     slope = float(y @ U / (y @ y))
-    score, freedom = y * (U - slope * y), y.size - len(starts) - 1
+    score, freedom = y * (U - slope * y), y.size - lines - 1
     variance_inflation = inflation(score)
     # two edges and an intercept leave no residual: the error is then the slope itself
     scattered = float(score @ score) * y.size / max(freedom, 1) * variance_inflation / float(y @ y) ** 2
     variance = scattered if freedom > 0 else slope**2
-    return slope, float(np.sqrt(variance)), max(y.size / variance_inflation - len(starts) - 1, 1.0)
+    return slope, float(np.sqrt(variance)), max(y.size / variance_inflation - lines - 1, 1.0)
 
 
-def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) -> tuple[float, float, float]:
+def by_samples(pieces: Sequence[Piece]) -> tuple[float, float, float]:
     """One over the slope of y over U, standard error, degrees of freedom; infinite without displacement."""
-    samples = sample_columns(pieces, shifted)
-    if samples is None:
+    # with time as instrument, each loading about its mean
+    parts = [np.stack([x - x.mean() for x in (p.U, p.y, p.time)]) for p in pieces if p.time.size]
+    if not parts:
         return np.inf, np.inf, 1.0
-    U, y, t, starts = samples
+    U, y, t = np.concatenate(parts, axis=1)
     along = float(t @ U)
     compliance = float(t @ y) / along if along else 0.0
     rest = y - compliance * U
     score = t * rest  # correlated, with a variance that grows with the torque
     variance_inflation = inflation(score)
-    freedom = max(y.size / variance_inflation - len(starts) - 1, 1.0)
-    scatter = float(score @ score) * variance_inflation * y.size / max(y.size - len(starts) - 1, 1)
+    freedom = max(y.size / variance_inflation - len(parts) - 1, 1.0)
+    scatter = float(score @ score) * variance_inflation * y.size / max(y.size - len(parts) - 1, 1)
     error = np.sqrt(scatter) / abs(along or 1.0)
     if abs(compliance) < _NONE:
         return np.inf, np.inf, freedom
     return 1 / compliance, float(error / compliance**2), freedom
 
 
-ESTIMATORS: Mapping[str, Estimator] = {"edges": by_edges, "samples": by_samples}
-
-
-def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[float, float]:
-    """Bias and standard deviation of the all-sample estimate over rest positions in a count, by simulation."""
-    values = []
-    for phase in (np.arange(_PHASES) + 0.5) / _PHASES:
-        rest = [(phase + k * 0.618) % 1.0 for k in range(len(pieces))]  # different for each loading
-        shifted = [quantum * np.floor(p.U / (sigma_0 * quantum) + r) for p, r in zip(pieces, rest, strict=True)]
-        values.append(by_samples(pieces, shifted)[0])
-    if not np.isfinite(values).all():  # at some rest positions no sample would show any motion
-        return 0.0, np.inf
-    return float(np.mean(values)) - sigma_0, float(np.std(values))
-
-
-def _within_noise(edges: str, least: float, of: str) -> Finding:
-    """A caution that sigma_0 is bounded from below alone, in this unit."""
-    message = (
-        f"The displacement stays within the encoder's noise ({edges} in the longest loading): sigma_0 is at least "
-        f"{least:.3g} {of}; a finer encoder is needed for more."
-    )
-    return Finding("within-noise", CAUTION, message, {"edges": edges, "least": least, "unit": of})
+def estimator_of(loadings: Sequence[Loading]) -> Estimator:
+    """By count edges, or by all samples where no counts are seen."""
+    return by_edges if quantum_of(loadings) > 0 else by_samples
 
 
 def torque_shares(loadings: Sequence[Loading]) -> dict[str, float]:
@@ -345,24 +242,10 @@ def torque_shares(loadings: Sequence[Loading]) -> dict[str, float]:
     return {name: float(np.average(share, weights=weight)) for name, share in shares.items()}
 
 
-def with_shifts(
-    estimates: Mapping[str, Estimate], loadings: Sequence[Loading], level: KnownValue
-) -> dict[str, Estimate]:
-    """The estimates with errors of constants: sigma_0 scales with torque and g0 together."""
+def with_shifts(e: Estimate, loadings: Sequence[Loading], level: KnownValue) -> Estimate:
+    """sigma_0 with errors of constants: it scales with torque and g0 together."""
     shares = torque_shares(loadings)
     constants = (*dict.fromkeys((*shares, *level.shifts)),)
-    if not constants:
-        return dict(estimates)
-    moved = {c: level.shifts.get(c, 0.0) - level.value * shares.get(c, 0.0) for c in constants}
-    slopes: dict[str, float] = {}  # by g0; (14) as printed does not depend on it
-    if not level.is_bound:
-        slopes = {name: by_level(estimator, loadings, level) for name, estimator in ESTIMATORS.items()}
-        quantum, first = max(loading.quantum for loading in loadings), first_torques(loadings, level.value)
-        if quantum > 0 and first.size:
-            by_g0 = evaluate(functions.loading_displacement_function(), first, level.value, 1.0)[2]
-            slopes["corrected"] = float(np.mean(by_g0)) / quantum
-    found = dict[str, Estimate]()
-    for name, e in estimates.items():
-        value, slope = e.value or 0.0, slopes.get(name, 0.0)
-        found[name] = shifted(e, {c: value * shares.get(c, 0.0) + slope * moved[c] for c in constants})
-    return found
+    slope = by_level(estimator_of(loadings), loadings, level) if constants and not level.is_bound else 0.0
+    by = {c: level.shifts.get(c, 0.0) - level.value * shares.get(c, 0.0) for c in constants}
+    return shifted(e, {c: (e.value or 0.0) * shares.get(c, 0.0) + slope * by[c] for c in constants})

@@ -8,23 +8,17 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.estimation import interval_comparison
-from bristle.estimation.bootstrap import SHOWN, Resampled, block_bootstrap
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import ENOUGH, FEW
 from bristle.identification.fits import Estimate, RunScatter, Uncertainty
 from bristle.identification.presliding.stiffness import (
-    ESTIMATORS,
     KnownValue,
-    Piece,
-    by_phase,
-    edge_columns,
+    estimator_of,
     of_loading,
-    sample_columns,
+    quantum_of,
 )
 from bristle.identification.repeats import limit_widening, scatter_of
 
-SEED = 0
 _LEAST_FREEDOM = 4.0  # degrees of freedom from which a run states its own error
 _NODES = 17  # values of g0 of the estimator, linear between them
 _LOOKS = Looks(first=4001, near=2, again=0, drawn=4001)  # one look at so many
@@ -36,7 +30,7 @@ _BEYOND = 1.3  # drawn range, in half-widths of the interval
 class _Line(NamedTuple):
     """An estimator over g0."""
 
-    estimator: str  # `edges`, or `samples`, whose u is the inverse of sigma_0
+    inverse: bool  # Whether u is the inverse of sigma_0, as by all samples
     x: Array  # (g0 - level) / its error, ascending, (k,)
     u: Array  # (k,)
     e: Array  # (k,)
@@ -48,26 +42,19 @@ class _Line(NamedTuple):
 
     def sigma_0(self, u: Array) -> Array:
         """sigma_0 >= 0 at u, infinite where an inverse is not positive."""
-        if self.estimator == "edges":
+        if not self.inverse:
             return np.maximum(u, 0.0)
         return np.asarray(np.divide(1.0, u, out=np.full(u.shape, np.inf), where=u > 0), dtype=np.float64)
 
 
-def stiffness_uncertainty(
-    loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate, seed: int = SEED
-) -> Uncertainty:
-    """Intervals of sigma_0 by `edges` or `samples`; of a lower bound its interval alone.
+def stiffness_uncertainty(loadings: Sequence[Loading], level: KnownValue, estimate: Estimate) -> Uncertainty:
+    """Intervals of sigma_0 by covariance and by profile; of a lower bound its interval alone.
 
-    By profile: Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2 <= t**2. By bootstrap-t: blocks, each with its own
-    g0.
+    By profile: Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2 <= t**2.
     """
     if estimate.value is None or not estimate.standard_error or estimate.value <= 0:
         return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, warnings=estimate.warnings)
-    inverse = estimator == "samples"
-    pieces = [of_loading(loading, level.value) for loading in loadings]
-    quantum = max(loading.quantum for loading in loadings)
-    spread = by_phase(pieces, estimate.value, quantum)[1] / estimate.value**2 if inverse and quantum else 0.0
-    line = _line(loadings, level, estimator, spread)
+    line = _line(loadings, level)
 
     def at(x: Array) -> Conditional:
         """At x, (K, 1)."""
@@ -80,35 +67,25 @@ def stiffness_uncertainty(
     about = np.unique(np.append(middle + _BEYOND * np.linspace(-1, 1, _CURVE)[:, None] * np.abs(ends - middle), ends))
     low, *_, high = sorted(line.sigma_0(ends).tolist())
     profile = low, high
-    error = estimate.standard_error / (estimate.value**2 if inverse else 1.0)
-    drawn, draws = _drawn(pieces, line, error, seed)
-    few = f"{drawn.blocks} blocks of {'samples' if inverse else 'count edges'}" if drawn.blocks < ENOUGH else None
-    bootstrap = None
-    if drawn.blocks >= FEW:
-        low, high = sorted(line.sigma_0(line.at(0.0)[0] + np.array(drawn.interval(0, error))).tolist())
-        bootstrap = low, high
-    warnings = interval_comparison.warnings(estimate.value, estimate.interval, profile, bootstrap, few=few)
-    values, shown = line.sigma_0(about), line.sigma_0(draws)
+    values = line.sigma_0(about)
     order = np.argsort(values)
     return Uncertainty(
-        covariance=estimate.interval, profile=profile, bootstrap=bootstrap,
+        covariance=estimate.interval, profile=profile, bootstrap=None,
         curve=np.stack([values, profiles.heights(0, about, 0.0)])[:, order[np.isfinite(values[order])]],
-        draws=np.zeros(0) if bootstrap is None else shown[np.isfinite(shown)][:SHOWN], warnings=warnings,
+        warnings=interval_comparison.warnings(estimate.value, estimate.interval, profile, None),
     )  # fmt: skip  # a list of values
 
 
-def stiffness_scatter(
-    loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate
-) -> RunScatter | None:
+def stiffness_scatter(loadings: Sequence[Loading], level: KnownValue, estimate: Estimate) -> RunScatter | None:
     """Scatter of sigma_0 over the runs at given g0, whose error is common to all; None of fewer than two."""
     by_file = {x.file: [of_loading(own, level.value) for own in loadings if own.file == x.file] for x in loadings}
-    solve = ESTIMATORS[estimator]
-    quantum, alone = max(loading.quantum for loading in loadings), dict[str, tuple[float, float, float]]()
-    for file, pieces in by_file.items():
-        value, error, freedom = solve(pieces)
-        if 0 < value < np.inf and 0 < error < np.inf and freedom >= _LEAST_FREEDOM:
-            counts = by_phase(pieces, value, quantum)[1] if estimator == "samples" and quantum else 0.0
-            alone[file] = value, float(np.hypot(error, counts)), freedom
+    solve = estimator_of(loadings)
+    each = {file: solve(pieces) for file, pieces in by_file.items()}
+    alone = {
+        file: (value, error, freedom)
+        for file, (value, error, freedom) in each.items()
+        if 0 < value < np.inf and 0 < error < np.inf and freedom >= _LEAST_FREEDOM
+    }
     of_all, own, freedom = solve([piece for pieces in by_file.values() for piece in pieces])
     values, errors, freedoms = np.array(list(alone.values())).reshape(-1, 3).T
     found = scatter_of(dict(zip(alone, values.tolist(), strict=True)), errors, freedoms, own, freedom)
@@ -118,17 +95,16 @@ def stiffness_scatter(
     return limit_widening(found, float(np.sqrt(1 + share**2 * (found.widened**2 - 1))))
 
 
-def _line(loadings: Sequence[Loading], level: KnownValue, estimator: str, spread: float) -> _Line:
-    """The estimator at values of g0; `spread` is added to e for counts."""
+def _line(loadings: Sequence[Loading], level: KnownValue) -> _Line:
+    """The estimator at values of g0."""
+    inverse, solve = not quantum_of(loadings), estimator_of(loadings)
 
     def at(g0: float) -> tuple[float, float, float]:
         """u, e and degrees of freedom at one g0; nan without edges."""
-        pieces = [of_loading(loading, g0) for loading in loadings]
-        value, error, freedom = ESTIMATORS[estimator](pieces)  # infinite without two edges
+        value, error, freedom = solve([of_loading(loading, g0) for loading in loadings])  # infinite without two edges
         if not np.isfinite(value):
             return np.nan, np.nan, 1.0
-        by_edges = estimator == "edges"
-        return (value, error, freedom) if by_edges else (1 / value, float(np.hypot(error / value**2, spread)), freedom)
+        return (1 / value, error / value**2, freedom) if inverse else (value, error, freedom)
 
     reach = student(at(level.value)[2])
     error = level.standard_error if np.isfinite(level.standard_error) else 0.0
@@ -136,27 +112,4 @@ def _line(loadings: Sequence[Loading], level: KnownValue, estimator: str, spread
     g0 = level.value + x * error
     x, g0 = x[g0 >= _LEAST * level.value], g0[g0 >= _LEAST * level.value]
     u, e, _ = np.array([at(one) for one in g0.tolist()]).T
-    return _Line(estimator, x[np.isfinite(u)], u[np.isfinite(u)], e[np.isfinite(u)], reach)
-
-
-def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int) -> tuple[Resampled, Array]:
-    """Bootstrap of u with errors of all sources, and draws of u, (b,); `error` is the estimate's."""
-    inverse = line.estimator == "samples"
-    columns = sample_columns(pieces) if inverse else edge_columns(pieces)
-    x, y, instrument, starts = columns or (np.zeros(0), np.zeros(0), np.zeros(0), [])
-    value = ESTIMATORS[line.estimator](pieces)[0]
-    off = (x / value if inverse else x * value) - y
-    drawn = block_bootstrap(x[:, None], off, starts, instrument=instrument[:, None] if inverse else None, seed=seed)
-    middle, e = map(float, line.at(0.0))
-    steps = drawn.steps[:, 0]
-    errors = np.divide(steps, drawn.studentised[:, 0], out=np.full(steps.size, e), where=steps != 0)
-    data = float(np.sqrt(np.mean(errors**2)))
-    rng = np.random.default_rng([seed, 1])
-    g0, rest = rng.standard_normal((2, steps.size))
-    other = max(error**2 - e**2, 0.0)  # by g0
-    counts = max(e**2 - data**2, 0.0) if inverse else 0.0  # by the rest position
-    moved = line.at(g0)[0] - middle
-    steps = steps + np.sqrt(counts) * rest
-    total = np.sqrt(errors**2 + counts + other)
-    studentised = np.divide(steps - moved, total, out=np.zeros(steps.size), where=total > 0)
-    return drawn._replace(steps=(steps - moved)[:, None], studentised=studentised[:, None]), middle + steps + moved
+    return _Line(inverse, x[np.isfinite(u)], u[np.isfinite(u)], e[np.isfinite(u)], reach)

@@ -22,7 +22,6 @@ from bristle.data.robot.motion import (
 )
 from bristle.data.robot.robot_file import JointOfRobot, Robot
 from bristle.data.robot.urdf import Urdf
-from bristle.errors import InputError
 from bristle.findings import CAUTION, CRITICAL, Finding, unit_of
 from bristle.identification.fits import Estimate
 from bristle.identification.measured import Measured, measured_of, refuse_repeated
@@ -81,11 +80,6 @@ def against_urdf(robot: Robot) -> dict[str, tuple[Finding, ...]]:
 
 def _parts(robot: Robot, progress: Progress | None) -> list["_Part"]:
     """The joints to identify, with findings of all together."""
-    simulated = next((j.experiment for j in robot.joints if j.experiment.fit.predict == "position"), None)
-    if simulated is not None and robot.urdf is not None:
-        raise InputError(
-            f"{robot.path}: fit.predict: position is for a single joint, because the links' torque depends on all joints; leave predict out"
-        )
     body = None if robot.urdf is None else rigid_body(robot.urdf, robot.names, robot.gravity, robot.payload)
     reader = reader_of(robot)
     motions = read_motions(robot, reader)

@@ -198,7 +198,7 @@ def _noises(
     """Noise of a hold's mean torque by direction and of an equation of a moving run, N*m, and step of equations, s."""
     T, moving = unit("torque", joint.kind), joint.moving
     noise = _scatters(joint, tuple(sets), assumptions) if measured.points(hold_out=False) else {}
-    if moving is not None and moving.quantity == "torque":
+    if moving is not None:
         step = float(np.median(np.diff(moving.time)))
         variance_inflation = inflation(moving.residuals)
         equation = moving.rms * float(np.sqrt(variance_inflation))

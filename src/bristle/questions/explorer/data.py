@@ -222,7 +222,7 @@ def _point(s: Any) -> dict[str, Any]:
 
 
 def _presliding(fit: PreslidingFit) -> dict[str, Any]:
-    """Slow loading of one direction, each loading from its rest position by the recommended sigma_0."""
+    """Slow loading of one direction, each loading from its rest position by sigma_0."""
     loadings, sigma_0 = [], fit.sigma_0.value
     for x in fit.loadings:
         # The rest position: mean over count edges of the displacement less that of the model.
@@ -246,8 +246,8 @@ def _drawn(displacement: Array, torque: Array) -> dict[str, Any]:
 
 
 def _moving(fit: TrackingFit | None) -> dict[str, Any] | None:
-    """The equations of the fit of moving runs, with its set; None unless it predicts torque."""
-    if fit is None or fit.quantity != "torque" or fit.velocity.size < 2:
+    """The equations of the fit of moving runs, with its set; None where there is none."""
+    if fit is None or fit.velocity.size < 2:
         return None
     sets = {d: p for d in SIGNED if (p := fit.values(d) or fit.values(Direction.BOTH)) is not None}
     if not sets:

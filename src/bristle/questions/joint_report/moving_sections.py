@@ -40,7 +40,7 @@ def course(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing | None:
     stretch = 1 + sum(part.start >= begin for begin in fit.starts_of_runs[1:])
     where = f"segment {stretch} of {count}" if count > 1 else "the run"
     caption = (
-        f"{_left(joint, fit)} Measured {fit.quantity} (wide grey line) and predicted by the {_name(joint)} (thin "
+        f"{_left(joint, fit)} Measured torque (wide grey line) and predicted by the {_name(joint)} (thin "
         f"line), from {start} to {end} s of {where}, about the hardest reversal. Below: measured minus predicted."
     )
     return figures["tracking"]._replace(caption=caption)
@@ -52,21 +52,16 @@ def _name(joint: Joint) -> str:
 
 def _left(joint: Joint, fit: TrackingFit) -> str:
     """The error of the fit in a sentence."""
-    rms = f"{number(fit.rms, 2)} {pretty(unit(fit.quantity, joint.kind))}"
-    return sentence(f"the model leaves {rms} RMS, {number(fit.relative_error, 2)} % of the {fit.quantity}")
+    rms = f"{number(fit.rms, 2)} {pretty(unit('torque', joint.kind))}"
+    return sentence(f"the model leaves {rms} RMS, {number(fit.relative_error, 2)} % of the torque")
 
 
 def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     """The sections; empty without moving runs."""
     if joint.tracking is None:
         return []
-    fits, torque = moving_fits(joint), joint.tracking.quantity == "torque"
+    fits = moving_fits(joint)
     how = "the measured velocity drives the model, and its torque is compared with the measured one."
-    if not torque:
-        how = (
-            "the motor is simulated, and its position is compared with the measured one, in windows with separate "
-            "initial values; no velocity is needed."
-        )
     priors = " The joint fit adds the estimates of the other stages, with their uncertainty."
     shared = "± one standard error; parameters shared by both directions have no sign."
     rows = []
@@ -86,15 +81,13 @@ def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
             form="part",
         )
     ]
-    windows = "; position relative to the mean of its window, of which only the initial values were fitted"
-    sections += static_sections.hold_out(joint, fits, "" if torque else windows)
+    sections += static_sections.hold_out(joint, fits)
     last = joint.joint_fit or joint.tracking
     if last.time.size:
-        terms = ", inertia and other regressors included" if last.quantity == "torque" else ""
         thinned = f" Evenly thinned to {MOST} points." if last.time.size > MOST else ""
         caption = (
-            f"{_left(joint, last)} Measured {last.quantity} (circles) and what the {_name(joint)} predicts (dots) vs "
-            f"velocity{terms}. Below: measured minus predicted.{thinned}"
+            f"{_left(joint, last)} Measured torque (circles) and what the {_name(joint)} predicts (dots) vs "
+            f"velocity, inertia and other regressors included. Below: measured minus predicted.{thinned}"
         )
         load = (
             "Measured friction along the motion vs the load that it rises with, in three bands of speed (the slowest "
@@ -106,11 +99,10 @@ def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
 
 
 def _said(joint: Joint, fit: TrackingFit) -> tuple[Said, ...]:
-    rms = f"{number(fit.rms, 3)} {pretty(unit(fit.quantity, joint.kind))}"
-    windows = f", simulated in {fit.windows} windows" if fit.windows else ""
+    rms = f"{number(fit.rms, 3)} {pretty(unit('torque', joint.kind))}"
     said: list[Said] = [
         f"{in_print(fit.outcome)} Relative error {number(fit.relative_error, 3)} %, rms residual {rms}, {fit.n} "
-        f"samples, {counted(len(fit.starts_of_runs), 'segment')}{windows}. {reached(fit)}",
+        f"samples, {counted(len(fit.starts_of_runs), 'segment')}. {reached(fit)}",
         f"Condition number of the scaled Jacobian: {number(fit.condition, 2)}.",
     ]
     added = [f"{symbol(name)} {pretty(text)}" for name, text in biased(fit).items()]
@@ -166,8 +158,8 @@ def _compared(joint: Joint, fit: TrackingFit, over: str, k: Any, looks: tuple[di
     above.plot(x, torque, color=_GREY, label="measured", **looks[0])
     above.plot(x, torque - residual, color=_BLUE, label="predicted", **looks[1])
     below.plot(x, residual, color=_VERMILION, label="_residual", **looks[2])
-    above.set_ylabel(axis(fit.quantity, joint.kind))
-    below.set_ylabel(axis(fit.quantity, joint.kind, "residual"))
+    above.set_ylabel(axis("torque", joint.kind))
+    below.set_ylabel(axis("torque", joint.kind, "residual"))
     below.set_xlabel(axis(over, joint.kind))
     low, high = above.get_ylim()
     above.set_ylim(low, high + 0.2 * (high - low))  # room for the legend

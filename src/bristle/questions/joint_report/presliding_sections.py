@@ -1,4 +1,4 @@
-"""Sections and figures on presliding runs: sigma_0 by four methods, breakaway and hysteresis."""
+"""Sections and figures on presliding runs: sigma_0 by both methods, breakaway and hysteresis."""
 
 from collections.abc import Iterator, Mapping
 
@@ -21,7 +21,7 @@ from bristle.page.said import Said
 from bristle.page.style import MOST_POINTS, panels, styled, thinned
 from bristle.page.wording import METHODS, axis, direction, in_print, measured, number, pretty, span
 from bristle.questions.joint_report import tables
-from bristle.questions.joint_report.sentences import bias, choice, level, pair
+from bristle.questions.joint_report.sentences import bias, choice, level, methods, pair
 
 MOST_LOOPS = 3  # closed cycles drawn
 _GREY = "#999999"
@@ -37,7 +37,6 @@ def presliding(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     return [
         _stiffness(joint, slow),
         Section("", figures=tuple(_figures(slow, figures)), form="part"),
-        *_amplitudes(joint, slow),
         *_breakaway_and_cycles(joint, slow),
         Section("As a whole" if slow.warnings else "", findings=slow.warnings, form="part"),
     ]
@@ -46,9 +45,8 @@ def presliding(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
 def _stiffness(joint: Joint, slow: Presliding) -> Section:
     frame = tables.presliding([joint])
     notes = [
-        "The intervals of (14) and of its inverse allow for any rest position inside a count; a "
-        "value that this excludes has none. Count edge to count edge, σ₀ comes from encoder transitions and is "
-        "insensitive to where inside a count the joint rests."
+        "± one standard error. Count edge to count edge, σ₀ comes from encoder transitions and is insensitive to where "
+        "inside a count the joint rests."
     ]
     if joint.truth:
         notes.append("True: the value that was simulated. Error: (value − true) / true.")
@@ -65,7 +63,7 @@ def _stiffness(joint: Joint, slow: Presliding) -> Section:
         facts.append((direction(fit.direction), (*said, *prior.warnings)))
     return Section(
         "Stiffness", text="" if slow.fits else "No σ₀: see below for what is missing.", facts=tuple(facts),
-        table=Table("presliding", "Stiffness by four methods", part=tables.rounded(frame), note=" ".join(notes)),
+        table=Table("presliding", "Stiffness by both methods", part=tables.rounded(frame), note=" ".join(notes)),
         form="part",
     )  # fmt: skip  # a list of values
 
@@ -78,7 +76,7 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawi
     )
     how = (
         "Torque vs displacement of each loading (grey), shifted so that its fitted rest position is at zero; circles: "
-        "count edges, evenly thinned where there are many. Lines: T = g₀ (1 − exp(−σ₀ y / g₀)) with the σ₀ of three "
+        "count edges, evenly thinned where there are many. Lines: T = g₀ (1 − exp(−σ₀ y / g₀)) with the σ₀ of both "
         "methods; they level off at g₀ (where it is a lower bound alone, at the one above it with which σ₀ fits the "
         "edges best), and end with the displacement that was measured."
     )
@@ -95,23 +93,6 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawi
     left_out = len(losses) - MOST_LOOPS
     rest = f" The first {MOST_LOOPS} are drawn; {left_out} more are in the table." if left_out > 0 else ""
     yield figures["hysteresis"]._replace(caption=f"{lost}{rest}", how=how, data="hysteresis")
-
-
-def _amplitudes(joint: Joint, slow: Presliding) -> Iterator[Section]:
-    frame = tables.stiffness([joint])
-    if frame.empty:
-        return
-    softens = any(warning.code == "softens" for fit in slow.fits.values() for warning in fit.warnings)
-    found = "the joint softens by more than" if softens else "no softening is found beyond"
-    how = (
-        f"Stiffness in {pretty(unit('sigma_0', joint.kind))}, torque / displacement from rest; beside it what "
-        "T = g₀ (1 − exp(−σ₀ y / g₀)) gives from the initial stiffness on."
-    )
-    torque, position = (pretty(unit(name, joint.kind)) for name in ("torque", "position"))
-    headings = {"torque": f"torque ({torque})", "displacement": f"displacement ({position})", "value": "stiffness"}
-    part = frame.drop(columns="sigma_0").rename(columns=headings | {"lugre": "LuGre's own"})
-    table = Table("stiffness", "Stiffness vs amplitude", part=part, note=how)
-    yield Section(f"Stiffness vs amplitude: {found} LuGre's own exponential", table=table, form="folded")
 
 
 def _breakaway_and_cycles(joint: Joint, slow: Presliding) -> Iterator[Section]:
@@ -162,7 +143,7 @@ def level_drawn(fit: PreslidingFit) -> float:
 
 
 def rest(loading: Loading, fit: PreslidingFit) -> float:
-    """Rest position of the joint by the recommended sigma_0, rad from the start of the loading; 0 without a sigma_0.
+    """Rest position of the joint by sigma_0, rad from the start of the loading; 0 without a sigma_0.
 
     Mean over the count edges, or samples without any, of displacement less that of the model, weighted by (1 - T / g0)**2.
     """
@@ -188,10 +169,10 @@ def presliding_figure(joint: Joint) -> Figure | None:
         measured = max((float(x.displacement.max(initial=0.0)) - rest(x, fit) for x in fit.loadings), default=0.0)
         level = level_drawn(fit)
         T = level * (1 - np.geomspace(1.0, 1e-3, 200))
-        for name, (line, colour) in _CURVES.items():
-            sigma_0 = getattr(fit, name).value
+        for name, e in methods(fit).items():
+            (line, colour), sigma_0 = _CURVES[name], e.value
             if sigma_0 is not None and sigma_0 > 0:
-                chosen = " (use this)" if name == fit.recommended else ""
+                chosen = "" if e is fit.printed else " (use this)"
                 y = displacement(T, level, sigma_0)
                 inside = y <= measured
                 ax.plot(y[inside], T[inside], line, color=colour, linewidth=1.6, label=f"{METHODS[name]}{chosen}")

@@ -11,7 +11,7 @@ from bristle.identification.known_joint import chosen, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import value_warnings
 from bristle.model.parameters import Kind, ParameterName, effort, unit
-from bristle.page.wording import METHODS, measured, number
+from bristle.page.wording import measured, number
 
 BIASED = 0.1  # least bias by encoder counts that is named, in standard errors
 
@@ -45,7 +45,7 @@ def known_to(joint: Joint, plus_minus: str = "±", *, beside: bool = False) -> s
     left = error_left(joint)
     if left is None or (beside and held is not None):
         return f"Friction known {to} {speeds}{need}."
-    what = "position" if _of_position(joint) else effort(joint.kind)
+    what = effort(joint.kind)
     of_friction = friction_left(joint) if known.share < 0.5 and not beside else None
     share = "" if of_friction is None else f" ({number(of_friction, 2)} % of friction)"
     rest = f"; {'fitted' if held is None else 'held-out'} {what} within {number(left, 2)} %{share}"
@@ -67,18 +67,13 @@ def error_left(joint: Joint) -> float | None:
 def friction_left(joint: Joint) -> float | None:
     """`error_left` relative to friction, percent: the friction that compensation leaves on the joint's own runs.
 
-    None where it is not known, a position is predicted, or averages at constant velocity were fitted.
+    None where it is not known, or averages at constant velocity were fitted.
     """
     left, known = error_left(joint), joint.accuracy
     averages = any(isinstance(fit, StaticFit) and fit.segments for fit in value_fits(joint))
-    if left is None or known is None or not known.share or averages or _of_position(joint):
+    if left is None or known is None or not known.share or averages:
         return None
     return left / known.share
-
-
-def _of_position(joint: Joint) -> bool:
-    """Whether the fit of the values to use predicts a position."""
-    return any(isinstance(fit, TrackingFit) and fit.quantity == "position" for fit in value_fits(joint))
 
 
 def pair(e: Estimate) -> str:
@@ -120,19 +115,19 @@ def agreement(joint: Joint) -> str | None:
 
 
 def methods(fit: PreslidingFit) -> dict[str, Estimate]:
-    """The estimates of sigma_0 by method, in the order of `METHODS`."""
-    return {name: getattr(fit, name) for name in METHODS}
+    """The estimates of sigma_0 by method, of `METHODS`."""
+    return {"printed": fit.printed, "edges" if fit.quantum else "samples": fit.sigma_0}
 
 
 def choice(fit: PreslidingFit) -> Finding:
-    """Which of the four estimates to use, and why."""
+    """What sigma_0 is made of."""
     if fit.sigma_0.value is None:
         least = (fit.sigma_0.interval or (math.nan,))[0]
         if math.isnan(least):
             return Finding("sigma-0-unknown", CAUTION, "No sigma_0 can be given.")
         at_least = f"No sigma_0 can be given; it is at least {least:.3g} {fit.sigma_0.unit}."
         return Finding("sigma-0-at-least", CAUTION, at_least, {"least": least})
-    if fit.recommended == "edges":
+    if fit.quantum:
         insensitive = "sigma_0 from encoder transitions; insensitive to where inside a count the joint rests."
         return Finding("from-transitions", NOTE, insensitive)
     no_edges = "sigma_0 from all samples; no counts are seen in the displacement, so there are no edges to go by."

@@ -136,15 +136,14 @@ def checks(joint: Joint, _: Mapping[str, Drawing]) -> list[Section]:
 def _crosscheck(joint: Joint) -> Iterator[Section]:
     """Each fit beside a full nonlinear one on the same data."""
     checks = {direction(d): check for d, check in joint.crosscheck.items()}
-    frame = tables.crosscheck([joint]) if checks else None
-    checks |= {FITS[kind]: fit.crosscheck for kind, fit in moving_fits(joint).items() if fit.crosscheck is not None}
+    frame = tables.crosscheck([joint])
     if checks:
         yield Section("Full nonlinear fit", form="part")
     for d, check in checks.items():
         costs = f"Cost {number(check.cost_grid, 5)}, that of the full fit {number(check.cost_full, 5)}"
         text = f"{costs}; {check.reached} of {check.starts} starts reached the lowest."
-        own = None if frame is None else frame[frame["direction"].map(direction) == d].drop(columns="direction")
-        table = None if own is None else Table("crosscheck", "Grid and full fit", part=own)
+        own = frame[frame["direction"].map(direction) == d].drop(columns="direction")
+        table = Table("crosscheck", "Grid and full fit", part=own)
         title = f"{d}: {in_print(check.verdict)}"
         yield Section(title, text=text, table=table, form="folded" if check.agrees else "unfolded")
 

@@ -92,16 +92,16 @@ def hold_out(joint: Joint) -> _Rows:
 
 
 def presliding(joints: Sequence[Joint]) -> pd.DataFrame:
-    """sigma_0 by each method, side by side, with the truth where the data are simulated; `recommended` marks the one to use."""
+    """sigma_0 by each method, side by side, with the truth where the data are simulated."""
     frame = declared(_presliding(joints)).assign(parameter="sigma_0")
     return with_truth(frame, joints).drop(columns="parameter")
 
 
-@_table("direction method value# unit standard_error# systematic# lower# upper# recommended?")
+@_table("direction method value# unit standard_error# systematic# lower# upper#")
 def _presliding(joint: Joint) -> _Rows:
     for d, fit in _slow_fits(joint).items():
         for method, e in methods(fit).items():
-            yield d, method, *_known(e), method == fit.recommended
+            yield d, method, *_known(e)
 
 
 def _known(e: Estimate) -> tuple[Any, ...]:
@@ -119,14 +119,6 @@ def hysteresis(joint: Joint) -> _Rows:
     ranges = ("torque_amplitude", "displacement_amplitude", "loss")
     own = attrgetter("file", "start", "stop", *ranges, "secant", "slope", "inverse_slope", "counts")
     yield from map(own, joint.presliding.loops if joint.presliding else ())
-
-
-@_table("direction kind torque# displacement# value# standard_error# lugre# sigma_0#")
-def stiffness(joint: Joint) -> _Rows:
-    """Stiffness against amplitude: initial and secants of each direction, beside what LuGre's own exponential gives from the initial one on."""
-    own = attrgetter("kind", "torque", "displacement", "value", "standard_error", "lugre", "sigma_0")
-    for d, fit in _slow_fits(joint).items():
-        yield from ((d, *own(x)) for x in fit.amplitudes)
 
 
 @_table("direction file start breakaway from_median_percent")
@@ -302,5 +294,5 @@ def all_tables(joints: Sequence[Joint]) -> dict[str, pd.DataFrame]:
     """Every table by the name of its file."""
     fits = (parameters, inputs, segments, crosscheck, hold_out, points)
     moving = (tracking, consistency, table_1, uncertainty, repeats)
-    makers = (*fits, models, laws, presliding, breakaway, stiffness, hysteresis, *moving)
+    makers = (*fits, models, laws, presliding, breakaway, hysteresis, *moving)
     return {maker.__name__: maker(joints) for maker in makers}

@@ -155,7 +155,7 @@ def _motion_information(joint: Joint, model: KnownFriction, motion: SineMotion) 
     """Information of the torque along the motion about friction and the extra terms of the joint's own fit."""
     # Standard deviation of the white noise of a torque sample at the motion's period, N*m, and its source.
     fit, torque_unit = joint.moving, unit("torque", joint.kind)
-    if fit is not None and fit.quantity == "torque" and fit.rms > 0:
+    if fit is not None and fit.rms > 0:
         steps = np.diff(fit.time)
         between, variance_inflation = float(np.median(steps[steps > 0])), inflation(fit.residuals)
         ratio = np.sqrt(variance_inflation)

@@ -208,9 +208,7 @@ def _fits(joint: Joint) -> Iterator[SessionFit]:
             source=f"static {d}", parameters=own, names=names, covariance=_covariance(fit), freedom=freedom
         )
     for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
-        stiffness = {"edges": slow.edges, "samples": slow.samples}.get(slow.recommended)
-        if stiffness is not None:
-            yield SessionFit(source=f"presliding {d}", parameters={_named("sigma_0", d): _checked(stiffness)})
+        yield SessionFit(source=f"presliding {d}", parameters={_named("sigma_0", d): _checked(slow.sigma_0)})
 
 
 def _name(name: ParameterName) -> ParameterName:
