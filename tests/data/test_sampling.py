@@ -15,7 +15,6 @@ from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
 from bristle.data.run_kinds import Stretches, kinds_of, stretches
 from bristle.data.sampling import evenly_sampled, jitter
-from bristle.data.torque_checks import at_limits
 from bristle.identification.measured import measure
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
@@ -23,14 +22,14 @@ from bristle.questions.joint_report.brief import brief_report
 
 from ..conftest import present
 from .experiments import assert_refused, experiment, write_log
-from .test_signal_checks import RATE, moving, sampled
+from .test_signal_checks import RATE, moving
 
 TRUTH, INERTIA = Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0), 0.08
 
 
 def at(record: Record, time: Array) -> Record:
     return replace(
-        record, time=time, position=sampled(record, time), velocity=None,
+        record, time=time, velocity=None, position=np.interp(time, record.time, present(record.position)),
         torque=np.interp(time, record.time, present(record.torque)),
     )  # fmt: skip  # a list of values
 
@@ -102,59 +101,24 @@ def test_even_records_and_friction_stay_as_they_are(tmp_path: Path) -> None:
     assert "samples-uneven" not in {note.code for note in run.record.notes}
 
 
-@pytest.mark.parametrize("share", [0.02, 0.2, 0.5])
-def test_lost_samples_are_where_the_joint_was(share: float) -> None:
+def test_lost_samples_are_where_the_joint_was() -> None:
     """Rows lost at random are filled to the position that was there, to half a count of the encoder (rms)."""
-    for seed in range(5):
-        record, v = moving(seed, logged=False)
-        kept = np.random.default_rng(seed).random(v.size) >= share
-        kept[[0, -1]] = True
-        found = evenly_sampled(at(record, record.time[kept]))
-        assert even(found)
-        assert found.notes[-1].code == "samples-uneven"
-        there = np.interp(found.time, record.time, present(record.position))
-        assert np.sqrt(np.mean((present(found.position) - there) ** 2)) < 0.5 * smallest_step(present(record.position))
-
-
-def test_an_encoder_still_counts() -> None:
-    """Positions that are whole counts are so afterwards, where rows are missing one by one and in a row."""
-    record, v = moving(0, "sines", logged=False)
-    count, kept = 2e-3, np.random.default_rng(0).random(v.size) > 0.1
-    coarse = replace(record, position=count * np.round(present(record.position) / count), velocity=None)
-    lost = replace(
-        coarse, time=coarse.time[kept], position=present(coarse.position)[kept], torque=present(coarse.torque)[kept]
-    )
-    gaps = bursts(coarse, 12)
-    for log in (lost, replace(gaps, position=count * np.round(present(gaps.position) / count))):
-        found = evenly_sampled(log)
-        assert found.time.size > log.time.size
-        assert present(found.position) / count == pytest.approx(np.round(present(found.position) / count), abs=1e-6)
-    # bursts of lost rows in a smooth motion: hardly a gap, the position to half of what the joint does in a sample; their torque is marked
-    for seed in range(5):
-        record, v = moving(seed, "sines", logged=False)
-        log = bursts(record, 12)
-        found = evenly_sampled(log)
-        assert len(log.starts) > 20
-        assert len(found.starts) <= 3  # but where bursts fell together
-        assert even(found)
-        assert "gaps-bridged" in {note.code for note in found.notes}
-        there = np.interp(found.time, record.time, present(record.position))
-        assert np.abs(present(found.position) - there).max() < 0.5 * np.abs(np.diff(present(record.position))).max()
-        known = np.isin(np.rint(found.time / record.step), np.rint(log.time / record.step))
-        assert not (present(found.filled) & known).any()
-        assert present(found.filled).sum() == pytest.approx(v.size - log.time.size, rel=0.2)
-        assert at_limits(found)[present(found.filled)].all()
-    # a position that goes anywhere meanwhile, a gap that is to stay, and one that is too long, keep their segments
-    record, v = moving(0, "sines", logged=False)
-    walk = replace(record, position=np.cumsum(np.random.default_rng(0).standard_normal(v.size)))
-    assert len(evenly_sampled(bursts(walk, 30)).starts) > 10
-    log = bursts(record, 12)
-    assert len(evenly_sampled(log, log.starts[1:3]).starts) == 3
-    kept = np.abs(np.arange(v.size) - v.size // 2) > 150
-    long = replace(
-        at(record, record.time[kept]), starts=(0, int(np.flatnonzero(np.diff(record.time[kept]) > 0.1)[0]) + 1)
-    )
-    assert len(evenly_sampled(long).starts) == 2
+    for share in (0.02, 0.2, 0.5):
+        for seed in range(5):
+            record, v = moving(seed, logged=False)
+            kept = np.random.default_rng(seed).random(v.size) >= share
+            kept[[0, -1]] = True
+            found = evenly_sampled(at(record, record.time[kept]))
+            assert even(found)
+            assert found.notes[-1].code == "samples-uneven"
+            off = present(found.position) - np.interp(found.time, record.time, present(record.position))
+            assert np.sqrt(np.mean(off**2)) < 0.5 * smallest_step(present(record.position))
+    # positions that are whole counts are so afterwards
+    count, position = 2e-3, present(record.position)
+    coarse = replace(record, time=record.time[kept], position=2e-3 * np.round(position / count)[kept], torque=v[kept])
+    found = evenly_sampled(coarse)
+    assert found.time.size > coarse.time.size
+    assert present(found.position) / count == pytest.approx(np.round(present(found.position) / count), abs=1e-6)
 
 
 @given(st.lists(st.floats(0.01, 4.9), min_size=3, max_size=60), st.integers(0, 2))
@@ -168,21 +132,10 @@ def test_any_stamps_that_rise(intervals: list[float], cuts: int) -> None:
     found = evenly_sampled(record)
     assert len(found.starts) <= len(starts)
     assert found is record or even(found)
-    assert found.filled is None or found.filled.size == found.time.size
     assert found.time[-1] <= time[-1] + 1e-9 or found.notes[-1].code == "stamps-jitter"
     assert present(found.torque).min() >= present(record.torque).min() - np.ptp(present(record.torque))
     assert present(found.torque).max() <= present(record.torque).max() + np.ptp(present(record.torque))
     assert present(found.lines).size == found.time.size
-
-
-def bursts(record: Record, longest: int, share: float = 0.2) -> Record:
-    """The record without some rows in a row, so many at most, with the gaps that this leaves."""
-    rng, kept = np.random.default_rng(0), np.ones(record.time.size, dtype=bool)
-    while kept.mean() > 1 - share:
-        k = int(rng.integers(50, kept.size - 50 - longest))
-        kept[k : k + int(rng.integers(6, longest + 1))] = False
-    time = record.time[kept]
-    return replace(at(record, time), starts=(0, *(np.flatnonzero(np.diff(time) > 5.5 * record.step) + 1).tolist()))
 
 
 G0, STIFFNESS, J = 0.5, 100.0, 0.05  # N*m, N*m/rad, kg*m**2: the joint bends by 5 mrad, of which a count is a hundredth

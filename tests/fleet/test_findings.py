@@ -233,11 +233,11 @@ def test_values_that_are_not_to_be_used_are_left_out(plain: Plain) -> None:
     own = frame[["unit", "joint"]].astype(str).agg(" ".join, axis=1).to_numpy()
     at = np.sort(frame.loc[own == "robot-011 J2", "session"].unique())[4]
     late = (own == "robot-011 J2") & (frame["session"] >= at).to_numpy()
-    said = np.where(late, "position-held", np.where(own == "robot-012 J1", "few-counts", ""))
+    said = np.where(late, "position-jumps", np.where(own == "robot-012 J1", "few-counts", ""))
     said = np.where((own == "robot-013 J1") & (frame["session"] >= at).to_numpy(), "offset-left-out", said)
     again = findings(frame.assign(warnings=pd.Categorical(said)))
     (row,) = again.warned.to_dict("records")
-    assert (row["unit"], row["joint"], row["code"], row["severity"]) == ("robot-011", "J2", "position-held", "caution")
+    assert (row["unit"], row["joint"], row["code"], row["severity"]) == ("robot-011", "J2", "position-jumps", "caution")
     assert row["since"] == at
     assert (row["sessions"], row["of"]) == (4, 4)
     assert accused(again) == accused(found)

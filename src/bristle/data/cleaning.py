@@ -102,8 +102,7 @@ def make_record(
         if isinstance(signal, Signal) and not (isinstance(signal, Command) and signal.fresh):
             _take(rows, "torque" if logged in COMMANDS else logged, signal, starts)
     record = _record(file, table, rows, starts, labels or {})
-    off = np.flatnonzero(np.diff(rows.off_before) > 0) + 1 if rows.off_before.size else ()
-    return evenly_sampled(record, {*off}) if cleaning.times == "auto" else record
+    return evenly_sampled(record) if cleaning.times == "auto" else record
 
 
 def _record(file: str, table: RawTable, rows: _Rows, starts: tuple[int, ...], labels: Mapping[str, str]) -> Record:
@@ -196,8 +195,7 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
         count, longest = int(wide.sum()), float(intervals.max())
         message = (
             f"{count} gap{'s' * (count != 1)} longer than {gap:g} intervals ({gap * step:.4g} s), the longest "
-            f"{longest:.4g} s; the parts between gaps are treated separately, unless the motion around a gap shows what "
-            "happened in it."
+            f"{longest:.4g} s; the parts between gaps are treated separately, and a larger cleaning.gap interpolates."
         )
         rows.notes.append(Finding("gaps", CAUTION, message, {"gaps": count, "longest": longest}))
     return (0, *(int(k) + 1 for k in np.flatnonzero(wide | off)))

@@ -232,7 +232,7 @@ def _kept(record: Record, long: list[slice], why: Finding) -> Record:
     kept = np.concatenate([np.arange(s.start, s.stop) for s in long])
     lost = int(record.time.size - kept.size)
     note = replace(why, message=f"{lost} row{'s' * (lost != 1)} {why.message}.", numbers={"rows": lost})
-    names = ("time", *SIGNALS, "lines", "filled")
+    names = ("time", *SIGNALS, "lines")
     return replace(
         record,
         **{name: values[kept] for name in names if (values := getattr(record, name)) is not None},

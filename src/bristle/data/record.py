@@ -47,7 +47,6 @@ class Record:
     warnings: tuple[Finding, ...] = ()  # where its signals contradict one another, or themselves
     labels: Mapping[str, str] = field(default_factory=dict)  # Run-level labels: temperature, load
     lines: NDArray[np.intp] | None = None  # line of each sample in a text file, from 1, (n,); None where not known
-    filled: NDArray[np.bool_] | None = None  # samples that fill a gap, without a torque, (n,); None: none
 
     def __post_init__(self) -> None:
         """Copy, freeze and check every array."""

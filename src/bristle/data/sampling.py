@@ -1,11 +1,9 @@
 """Samples at equal intervals, as every filter assumes."""
 
-from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import Polynomial
 
 from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps
@@ -17,19 +15,15 @@ UNEVEN = 0.05  # of a sampling interval, standard deviation: less of it hides no
 BLOCK = 100  # samples that tell the noise of the position
 DEVIATIONS = 4.0  # standard errors by which something is surely not zero: 6e-5 of clean records
 _MANY = 10.0  # times the samples that there are: more are not made, where gaps are declared to be none
-_LONGEST, _FEW, _PLACES = 200, 4, 30  # samples of a bridged gap; least on either side; places at which it is tried
-_WELL, _NOISE = 0.01, 1.5  # share of the motion, or times the noise, that the bridge of a gap may be off
 
 
-def evenly_sampled(record: Record, apart: Collection[int] = ()) -> Record:
+def evenly_sampled(record: Record) -> Record:
     """The record at equally spaced samples in each segment between gaps; unchanged where they are so, to 5 %.
 
-    Gaps whose content the motion around them tells are filled, without a torque, except those before the samples
-    `apart`. Where the stamps are within a sample of even ones, and the position fits these no worse, it is the stamps
-    that jitter. Else samples were lost, or taken unevenly: all signals are interpolated, by Akima, whose cubics follow
-    a step.
+    Where the stamps are within a sample of even ones, and the position fits these no worse, it is the stamps that
+    jitter. Else samples were lost, or taken unevenly: all signals are interpolated, by Akima, whose cubics follow a
+    step.
     """
-    record = _bridged(record, apart)
     segments = [s for s in between_gaps(record) if s.stop - s.start > 2]
     intervals = np.concatenate([np.zeros(0), *(np.diff(record.time[s]) for s in segments)]) / record.step
     if not intervals.size or np.std(intervals) < UNEVEN or intervals.sum() > _MANY * record.time.size:
@@ -48,82 +42,6 @@ def evenly_sampled(record: Record, apart: Collection[int] = ()) -> Record:
         )
         return replace(record, time=time, notes=(*record.notes, Finding("stamps-jitter", NOTE, message)))
     return _interpolated(record)
-
-
-def _bridged(record: Record, apart: Collection[int]) -> Record:
-    """The record with its shorter gaps filled, its motion by a cubic through as many samples on either side."""
-    ahead = np.array([k for k in record.starts[1:] if k not in apart], dtype=np.intp)
-    motion = {name: x for name in ("position", "velocity") if (x := getattr(record, name)) is not None}
-    missing = np.rint((record.time[ahead] - record.time[ahead - 1]) / record.step).astype(int) - 1
-    if not motion or not (missing > 0).any():
-        return record
-    name, values = next(iter(motion.items()))
-    most = 0
-    for n in np.unique(missing[(missing > 0) & (missing <= _LONGEST)]).tolist():
-        if not _can_bridge(record, values, n, is_position=name == "position"):
-            break
-        most = n
-    which = (missing > 0) & (missing <= most)
-    if not which.any():
-        return record
-    time, rows = record.time, list[Array]()
-    count = smallest_step(record.position) if record.position is not None else 0.0
-    new: dict[str, list[Array]] = {name: [] for name in SIGNALS if getattr(record, name) is not None}
-    for k, n in zip(ahead[which].tolist(), missing[which].tolist(), strict=True):
-        rows.append(np.linspace(time[k - 1], time[k], n + 2)[1:-1])
-        beside = slice(max(k - max(n, _FEW), 0), k + max(n, _FEW))
-        for name, made in new.items():
-            x = getattr(record, name)
-            if name in motion:
-                found = Polynomial.fit(time[beside], x[beside], 3)(rows[-1])
-                made.append(_counted(found, x[k - 1], count) if name == "position" else found)
-            else:
-                made.append(np.interp(rows[-1], time[k - 1 : k + 1], x[k - 1 : k + 1]))
-    before = np.repeat(ahead[which], missing[which])
-    places = ahead[which]
-    starts = [k + int(missing[which & (ahead < k)].sum()) for k in record.starts if k not in places]
-    message = (
-        f"{places.size} gap{'s' * (places.size > 1)} of at most {most} samples {'are' if places.size > 1 else 'is'} bridged by "
-        "the motion beside, which tells samples elsewhere as well; equations there, which hold "
-        f"{before.size} samples without a torque, are left out."
-    )
-    changed: dict[str, Any] = {
-        name: np.insert(getattr(record, name), before, np.concatenate(made)) for name, made in new.items()
-    }
-    return replace(
-        record,
-        **changed,
-        time=np.insert(time, before, np.concatenate(rows)),
-        starts=tuple(starts),
-        filled=np.insert(np.zeros(time.size, dtype=bool), before, np.ones(before.size, dtype=bool)),
-        lines=None if record.lines is None else np.insert(record.lines, before, record.lines[before - 1]),
-        notes=(*record.notes, Finding("gaps-bridged", NOTE, message, {"gaps": places.size, "samples": before.size})),
-    )
-
-
-def _can_bridge(record: Record, values: Array, n: int, *, is_position: bool) -> bool:
-    """Whether a cubic through n samples on either side tells n known ones between, to 1 % of motion or noise."""
-    side = max(n, _FEW)
-    width = 2 * side + n
-    first = np.concatenate([np.arange(s.start, s.stop - width + 1) for s in between_gaps(record)])
-    if not first.size:
-        return False
-    between, errors, noise = slice(side, side + n), [], []
-    for k in first[:: max(first.size // _PLACES, 1)].tolist():
-        t, x = record.time[k : k + width], values[k : k + width]
-        out = np.ones(width, dtype=bool)
-        out[between] = False
-        left = x - Polynomial.fit(t[out], x[out], 3)(t)
-        errors.append(np.mean(left[between] ** 2))
-        noise.append(np.mean(left[out] ** 2))
-    does = n * np.diff(values) if is_position else values
-    error, typical = float(np.sqrt(np.mean(errors))), float(np.median(np.abs(does)))
-    return error <= max(_WELL * typical, _NOISE * float(np.sqrt(np.mean(noise))))
-
-
-def _counted(position: Array, near: Array | float, count: float) -> Array:
-    """The reading of an encoder at a position: a whole number of counts from a reading nearby."""
-    return near + count * np.round((position - near) / count) if count else position
 
 
 def _interpolated(record: Record) -> Record:
@@ -146,7 +64,9 @@ def _interpolated(record: Record) -> Record:
         for name, made in signals.items():
             values = getattr(record, name)[s]
             x = Akima1DInterpolator(old, values)(new) if old.size > 2 else np.interp(new, old, values)
-            made.append(_counted(x, values[before], count) if name == "position" else x)
+            if name == "position" and count:  # a whole number of counts from the reading before
+                x = values[before] + count * np.round((x - values[before]) / count)
+            made.append(x)
     row, size = np.concatenate(rows), record.time.size
     apart = float(np.std(intervals)) / record.step
     message = (
@@ -160,7 +80,6 @@ def _interpolated(record: Record) -> Record:
         time=np.concatenate(parts),
         starts=tuple(np.cumsum([0, *(x.size for x in parts)])[:-1].tolist()),
         lines=None if record.lines is None else record.lines[row],
-        filled=None if record.filled is None else np.interp(np.concatenate(parts), record.time, record.filled) > 0,
         notes=(*record.notes, Finding("samples-uneven", NOTE, message, {"apart": apart})),
     )
 

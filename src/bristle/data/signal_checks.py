@@ -1,6 +1,6 @@
 """Checks of the signals of a record against one another, before anything is fitted; none knows a friction law."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -15,21 +15,18 @@ from bristle.data.encoder import apart, count_mismatch, other_units, smallest_st
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import Context, Signal, Signals, si
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
-from bristle.data.sampling import BLOCK, DEVIATIONS, UNEVEN, jitter
+from bristle.data.sampling import BLOCK, DEVIATIONS
 from bristle.data.torque_checks import check_torque
 from bristle.errors import InputError
-from bristle.estimation.autocorrelation import inflation
 from bristle.findings import CAUTION, CRITICAL, Finding
 
 _FACTOR = 0.05  # by which velocity and position differ at most: sampling rates and gears are known better than that
 _TIMES = ("s", "ms", "us")
-SPANS = (1, 4, 16, 64, 256)  # samples over which travel is compared: noise hides a short one, a reversal a long one
-FEWEST = 20  # spans that tell a factor, or a lag
+_SPANS = (1, 4, 16, 64, 256)  # samples over which travel is compared: noise hides a short one, a reversal a long one
+_FEWEST = 20  # spans that tell a factor
 _AROUND = 5  # samples on either side that tell the usual travel of one
 _JUMP = 10.0  # standard deviations of a step, beyond which it is a jump: noise of steps is no worse
 _NAMED = 4  # places in one sentence
-_HELD = 3  # times that a reading repeats, and more counts that it then catches up by than the motion makes in a sample
-_BESIDE = 20  # samples on either side of a held reading that tell its speed
 
 
 class TravelRatio(NamedTuple):
@@ -45,10 +42,8 @@ def check_signals(record: Record, kind: RunKind, signals: Signals, context: Cont
     """Findings on the signals of a run by themselves; of points on their torque alone."""
     found: list[Finding | None] = [*check_torque(record, kind)]
     if kind != "points":
-        found += [factor := _velocity_factor(record, signals, context), position_jumps(record, signals, context)]
-        found += [held_position(record, signals), count_mismatch(record, signals.position, context)]
-    if kind == "tracking":
-        found += [irregular_sampling(record), None if factor else velocity_lag(record)]
+        found += [_velocity_factor(record, signals, context), position_jumps(record, signals, context)]
+        found.append(count_mismatch(record, signals.position, context))
     return tuple(filter(None, found))
 
 
@@ -97,9 +92,14 @@ def travel_ratio(record: Record) -> TravelRatio | None:
     the other (Fuller, Measurement Error Models, 1987, section 1.1): the truth lies between. None where a signal is
     missing, the velocity was estimated from the position, or too little moves.
     """
+    if record.position is None or record.velocity is None or record.velocity_estimated:
+        return None
+    area = np.concatenate([[0.0], np.cumsum((record.velocity[1:] + record.velocity[:-1]) / 2 * np.diff(record.time))])
     best: TravelRatio | None = None
-    for moved, said, _ in travels(record):
-        if moved.size < FEWEST or not (moved.any() and said.any()):
+    for span in _SPANS:
+        ends = [np.arange(s.start, s.stop, span) for s in between_gaps(record)]
+        moved, said = (np.concatenate([np.diff(x[k]) for k in ends]) for x in (record.position, area))
+        if moved.size < _FEWEST or not (moved.any() and said.any()):
             continue
         across, moved_2, said_2 = float(moved @ said), float(moved @ moved), float(said @ said)
         correlation = across / np.sqrt(moved_2 * said_2)
@@ -119,9 +119,9 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
         return None
     # a velocity and its position correlate by 0.7 over a span, unless one is noise, which is not smooth
     if abs(ratio.correlation) < 0.7:
-        position, velocity = np.asarray(record.position)[:: SPANS[2]], np.asarray(record.velocity)
-        both = (np.diff(position), velocity[:: SPANS[2]] - velocity.mean())
-        if any(x.size < 2 * FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
+        position, velocity = np.asarray(record.position)[:: _SPANS[2]], np.asarray(record.velocity)
+        both = (np.diff(position), velocity[:: _SPANS[2]] - velocity.mean())
+        if any(x.size < 2 * _FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
             return None
         message = (
             f"The logged velocity of {record.file}{OTHER_FILES} has nothing to do with its position (correlation "
@@ -173,43 +173,35 @@ def shortened(names: list[str]) -> tuple[str, ...]:
 
 
 def position_jumps(record: Record, signals: Signals, context: Context) -> Finding | None:
-    """The caution on steps of the position in motion that neither speed nor time explains, or on lost samples."""
+    """The caution on steps of the position in motion that neither speed nor time explains."""
     if record.position is None or record.time.size < 2 * BLOCK:
         return None
     count = smallest_step(record.position)
-    places, counted = [], True
+    places = list[tuple[int, float, float]]()
     for s in between_gaps(record):
-        if s.stop - s.start < 2 * BLOCK:
-            continue
-        intervals = np.diff(record.time[s]) / record.step
-        found = _jumps(np.diff(record.position[s]), intervals, count)
-        places += [(s.start + k, size, samples) for k, size, samples in found]
-        # 1e-3 of a sampling interval: time stamps that deviate less were counted, not measured
-        counted = counted and (not found or bool(np.ptp(intervals) <= 1e-3))
+        if s.stop - s.start >= 2 * BLOCK:
+            found = _jumps(np.diff(record.position[s]), np.diff(record.time[s]) / record.step, count)
+            places += [(s.start + k + 1, size, travel) for k, size, travel in found]
     if not places:
         return None
     _, sizes, travels = np.abs(np.array(places)).T
     if sizes.size > 20 and np.ptp(sizes) < 0.1 * sizes.mean() and np.median(travels) > _JUMP:
         return None  # alike, among next to no travel: the counts of an encoder under something that drifts
-    word, rows = _rows(record, signals, [k + 1 for k, *_ in places])
+
+    # where they are: lines of a text file, else rows of data
+    word, rate = "row" if record.lines is None else "line", None if signals.time is None else signals.time.rate
+    if record.lines is not None:
+        rows = [int(record.lines[k]) for k, *_ in places]
+    else:
+        rows = [round(float(record.time[k]) * rate) + 1 if rate else k + 1 for k, *_ in places]
     where = f"{record.file} {word}{'s' * (len(rows) > 1)} {', '.join(shortened(list(map(str, rows))))}"
-    if counted and all(samples > 0 for *_, samples in places):
-        place = f"{where} (about {sum(n for *_, n in places):.1f} samples)"
-        message = (
-            f"Samples are missing, or the encoder slipped: {place}{OTHER_PLACES}. The position jumps there by more than its "
-            "speed explains, while the time goes on: speeds from it, and the acceleration there, are wrong. Log the time of "
-            "each sample, or split the log."
-        )
-        return Finding("lost-samples", CAUTION, message, {"files": (place,)})
-    largest = max((size for _, size, _ in places), key=abs)
-    most = "up to " if len(places) > 1 else ""
-    place = f"{where} (by {most}{abs(largest):.2g} {si('position', context)})"
+    place = f"{where} (by {'up to ' * (len(rows) > 1)}{sizes.max():.2g} {si('position', context)}, {travels.max():.2g} samples)"
     message = (
-        f"The position jumps: {place}{OTHER_PLACES}. Neither its speed nor the time explains it, as where an encoder slips, "
-        "misses counts or is reset: speeds from it, and the acceleration there, are wrong. Mend the encoder, or split the "
-        "log there."
+        f"The position jumps: {place}{OTHER_PLACES}. Neither its speed nor the time explains it, as where samples are lost, or "
+        "an encoder slips, misses counts or is reset: speeds from it, and the acceleration there, are wrong. Log the time of "
+        "each sample, mend the encoder, or split the log there."
     )
-    return Finding("position-jumps", CAUTION, message, {"files": (place,)})
+    return Finding("position-jumps", CAUTION, message, {"files": (place,), "size": float(sizes.max())})
 
 
 def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, float, float]]:
@@ -239,117 +231,3 @@ def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, floa
     best = [k for k in np.flatnonzero(found) if size[k] >= size[max(k - _AROUND, 0) : k + _AROUND + 1].max()]
     lost = np.where(excess < 0, excess - travel, excess)
     return [(int(inner[k]), float(lost[k]), float(lost[k] / abs(usual[k]))) for k in best]
-
-
-def _rows(record: Record, signals: Signals, samples: Sequence[int]) -> tuple[str, list[int]]:
-    """The word of the file for its rows, and the numbers of these samples: lines of text, else rows of data."""
-    if record.lines is not None:
-        return "line", [int(record.lines[k]) for k in samples]
-    rate = None if signals.time is None else signals.time.rate
-    return "row", [round(float(record.time[k]) * rate) + 1 if rate else k + 1 for k in samples]
-
-
-def held_position(record: Record, signals: Signals) -> Finding | None:
-    """The caution on readings that repeat in the midst of a motion, and then catch up: they were not refreshed."""
-    if record.position is None or record.time.size < 2 * BLOCK:
-        return None
-    found = list[tuple[int, int]]()
-    for s in between_gaps(record):
-        position = record.position[s]
-        steps = np.diff(position)
-        moves = np.flatnonzero(steps)
-        if not moves.size:
-            continue
-        # the count is the 0.05 quantile of steps: the smallest are no smaller
-        count = float(np.quantile(np.abs(steps[moves]), 0.05))
-        start, end, times = moves[:-1] + 1, moves[1:], np.diff(moves) - 1
-        ok = (times >= _HELD) & (start >= _BESIDE) & (end + 1 + _BESIDE < position.size)
-        start, end, times = start[ok], end[ok], times[ok]
-        before, after = position[start] - position[start - _BESIDE], position[end + 1 + _BESIDE] - position[end + 1]
-        speed, fastest = (before + after) / (2 * _BESIDE), np.maximum(np.abs(before), np.abs(after)) / _BESIDE
-        caught, due = steps[end], speed * (times + 1)
-        held = (before * after > 0) & (np.abs(caught - due) < 0.5 * np.abs(due))
-        held &= np.abs(caught) > fastest + _HELD * count
-        found += zip((s.start + start[held]).tolist(), times[held].tolist(), strict=True)
-    if not found:
-        return None
-    word, (first,) = _rows(record, signals, [found[0][0]])
-    place = f"{record.file} ({len(found)} times, first at {word} {first})"
-    samples = int(np.median([n for _, n in found]))
-    share = 100 * sum(n for _, n in found) / record.position.size
-    message = (
-        f"The position stays the same for {samples} samples of a motion and then catches up at once: {place}{OTHER_PLACES}, "
-        f"{share:.2g} % of the samples. The reading was not refreshed: speeds from it, and the acceleration there, are wrong. "
-        "Log each reading once, with the time at which it was taken."
-    )
-    return Finding("position-held", CAUTION, message, {"files": (place,), "samples": samples, "share": share})
-
-
-def irregular_sampling(record: Record) -> Finding | None:
-    """The caution on white noise of the position that grows with the speed: of unknown instants of sampling."""
-    about = jitter(record, record.time / record.step)
-    if about < UNEVEN:
-        return None
-    message = (
-        f"The position of {record.file}{OTHER_FILES} is noisy in proportion to its speed, as if sampled {about:.2g} of a "
-        "sample (standard deviation) off its time: this takes away from the inertia. Log the time at which each sample was "
-        "taken, in the loop of the controller."
-    )
-    return Finding("sampled-irregularly", CAUTION, message, {"files": (record.file,), "jitter": about})
-
-
-def travels(record: Record, spans: Sequence[int] = SPANS) -> Iterator[tuple[Array, Array, Array]]:
-    """Travel of the position, of the integral of the logged velocity, and change of velocity, over spans of samples.
-
-    Nothing without both signals.
-    """
-    if record.position is None or record.velocity is None or record.velocity_estimated:
-        return
-    area = np.concatenate([[0.0], np.cumsum((record.velocity[1:] + record.velocity[:-1]) / 2 * np.diff(record.time))])
-    for span in spans:
-        ends = [np.arange(s.start, s.stop, span) for s in between_gaps(record)]
-        both = (record.position, area, record.velocity)
-        moved, said, changed = (np.concatenate([np.diff(x[k]) for k in ends]) for x in both)
-        yield moved, said, changed
-
-
-def velocity_lag(record: Record) -> Finding | None:
-    """The caution on a logged velocity that is late, or early, against the position.
-
-    The integral of a velocity through one pole of time constant L is behind the position by L times its change; of one
-    that is L late, to the first order. Regression over spans, with a factor and an offset beside it: noise of the
-    velocity makes L smaller, no larger.
-    """
-    found = []
-    for moved, said, changed in travels(record, SPANS[1:]):
-        X = np.column_stack([changed, said, np.ones(said.size)])
-        scale = np.sqrt((X**2).sum(axis=0))
-        if said.size < FEWEST or not (np.isfinite(scale).all() and scale.all()):
-            continue
-        X /= scale
-        if np.linalg.matrix_rank(X, tol=1e-6) < X.shape[1]:
-            continue
-        of_X = np.linalg.inv(X.T @ X)
-        b = of_X @ (X.T @ moved)
-        rest = moved - X @ b
-        error = np.sqrt(of_X[0, 0] * (rest @ rest) / (said.size - 3) * inflation(rest))
-        share = float(abs(b[0]) / np.sqrt(said @ said))
-        found.append((float(b[0] / scale[0]), float(error / scale[0]), share))
-    if not found:
-        return None
-    lag, error, share = max(found, key=lambda x: abs(x[0]) / max(x[1], 1e-12))
-    # a lag is told beyond so many samples, where it changes the velocity by this share (rms)
-    samples, matters = 1.0, 0.01
-    if abs(lag) - samples * record.step < DEVIATIONS * error or share < matters:
-        return None
-    lags, why, remedy = (
-        ("lags behind", "filtered", "it unfiltered") if lag > 0 else ("leads", "the command", "the measured one")
-    )
-    lag, samples, error = abs(lag), abs(lag) / record.step, error / record.step
-    message = (
-        f"The logged velocity of {record.file}{OTHER_FILES} {lags} its position by {lag:.2g} s ({samples:.2g} samples, "
-        f"standard error {error:.2g}), as where it is {why}: friction at reversals and the inertia are wrong. Leave "
-        f"`velocity` out under signals to have it estimated from the position, or log {remedy}."
-    )
-    numbers = {"files": (record.file,), "lag": lag, "samples": samples, "error": error, "remedy": remedy}
-    return Finding("velocity-lags", CAUTION, message, numbers)

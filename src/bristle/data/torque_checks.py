@@ -1,4 +1,4 @@
-"""Checks of the torque of a run by itself: limits, a dead zone, a load at the start, rounding."""
+"""Checks of the torque of a run by itself: limits, a missing sign, a dead zone, rounding."""
 
 from collections.abc import Iterator
 
@@ -8,13 +8,10 @@ from numpy.typing import NDArray
 from bristle.data.encoder import smallest_step
 from bristle.data.experiment.schema import RunKind
 from bristle.data.record import OTHER_FILES, Record
-from bristle.data.sampling import DEVIATIONS
-from bristle.estimation.autocorrelation import inflation
 from bristle.findings import CAUTION, CRITICAL, Finding
 
 _PILED, _NEXT = 4.0, 3  # clipped: the extreme is taken 4 times as often as any of the 3 levels next to it
 _MANY, _TURNS = 200, 4  # samples, and turns, that show that a torque has no sign
-_PARTS = 100  # parts of slow loading, of which the first tells with what it begins
 
 
 def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
@@ -22,21 +19,17 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
     checks = {
         "ramp": (_coarse,),
         "points": (_clipped,),
-        "presliding": (_clipped, _loaded_at_start, _coarse),
+        "presliding": (_clipped, _coarse),
         "tracking": (_clipped, _unsigned, _dead_zone, _coarse),
     }
     yield from filter(None, (check(record, kind) for check in checks[kind]))
 
 
 def at_limits(record: Record, kind: RunKind = "tracking") -> NDArray[np.bool_]:
-    """Samples of a run that are clipped, or fill a gap: the true torque there is unknown, (n,).
-
-    No clipped ones where they are half of all.
-    """
+    """Samples of a run that are clipped, so that the true torque is unknown, (n,); none where they are half of all."""
     clipped = np.isin(record.time if record.torque is None else record.torque, _limits(record, kind))
     # 0.5 of the samples: where more are clipped, too little is left to fit
-    clipped &= clipped.mean() < 0.5
-    return clipped if record.filled is None else clipped | record.filled
+    return np.asarray(clipped & (clipped.mean() < 0.5))
 
 
 def _limits(record: Record, kind: RunKind) -> list[float]:
@@ -124,29 +117,6 @@ def _unsigned(record: Record, _: RunKind) -> Finding | None:
     return Finding("torque-unsigned", CRITICAL, message, {"files": (record.file,)}, {"torque": np.inf})
 
 
-def _loaded_at_start(record: Record, _: RunKind) -> Finding | None:
-    """Slow loading whose torque does not begin at zero, by the line through its first samples."""
-    if record.torque is None or record.torque.size < _PARTS:
-        return None
-    first = max(record.torque.size // _PARTS, 20)  # the first part tells with what it begins
-    time, torque = record.time[:first] - record.time[0], record.torque[:first]
-    X = np.column_stack([np.ones(first), time])
-    (begins, slope), (of_begins, _) = np.linalg.lstsq(X, torque, rcond=None)[0], np.linalg.inv(X.T @ X).diagonal()
-    rest = torque - begins - slope * time
-    error = np.sqrt(rest @ rest / (first - 2) * of_begins * inflation(rest))
-    largest = float(np.abs(record.torque).max())
-    # 0.02 of the largest torque of slow loading: what it begins with is told beyond this
-    if abs(begins) <= max(DEVIATIONS * error, 0.02 * largest):
-        return None
-    share = abs(begins) / largest
-    message = (
-        f"The torque of {record.file}{OTHER_FILES} begins at {begins:.3g}, {100 * share:.0f} % of its largest, and not at "
-        "zero: an offset of the sensor makes sigma_0 too high in one direction and too low in the other. Subtract it, or "
-        "begin without a load."
-    )
-    return Finding("loaded-at-start", CAUTION, message, {"files": (record.file,), "torque": begins, "share": share})
-
-
 def _dead_zone(record: Record, _: RunKind) -> Finding | None:
     """A torque of a moving joint that is exactly zero far too often where its sign changes."""
     torque, position = record.torque, record.position
@@ -181,7 +151,7 @@ def _dead_zone(record: Record, _: RunKind) -> Finding | None:
 def _coarse(record: Record, kind: RunKind) -> Finding | None:
     """A torque in so few steps that rounding does not average out: a hold is off by up to half a step."""
     torque = record.torque
-    if torque is None or record.voltage is not None or torque.size < _PARTS:
+    if torque is None or record.voltage is not None or torque.size < 100:
         return None
     step, reach = smallest_step(torque), float(np.ptp(torque))
     # rounded coarsely: few levels, and more often than not the same one from sample to sample

@@ -35,8 +35,7 @@ _BY_WEIGHT = (
     "stick-slip holds-swing position-differs torque-drifts positions-disagree torques-doubted stick-slip-points "
     "other-law friction-drifts lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "
     "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed turns-late delay-or-presliding "
-    "drift-of-rows drift-over-runs torque-drifts-in-runs friction-by-load clipped lost-samples position-jumps "
-    "position-held sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start "
+    "drift-of-rows drift-over-runs torque-drifts-in-runs friction-by-load clipped position-jumps dead-zone torque-coarse "
     "rows-not-finite rows-backward rows-repeated points-repeated rows-of-short-segments gaps count-bias counts-bias "
     "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter outlier "
     "stage-differs inertia-doubted unseen "
@@ -80,7 +79,7 @@ def verdict(joint: Joint) -> Verdict:
 
 _CAUSES = {
     "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts",
-    "reversals-left", "backlash", "position-jumps", "lost-samples", "clipped", "torque-missing", "torque-saturates",
+    "reversals-left", "backlash", "position-jumps", "clipped", "torque-missing", "torque-saturates",
 }  # fmt: skip  # a list of values
 _WIDENS = {"clipped-left-out", "runs-scatter", "torque-coarse", "torques-doubted"}
 """Codes that explain residuals, and those that explain wide errors."""

@@ -104,10 +104,8 @@ def decided(joint: Joint) -> Iterator[tuple[str, str]]:
     if any(isinstance(fit, TrackingFit) or not of_points for fit in value_fits(joint)):
         told |= {"scale": "chosen scale", "torque": "chosen delay", "filters": "filters"}
         notes = [note for x in joint.inputs for note in x.notes]
-        gaps = sum(note.numbers["gaps"] for note in notes if note.code == "gaps-bridged")
-        made = [f"{gaps} gap{'s' * (gaps > 1)} bridged by the motion beside"] * bool(gaps)
         even = {"samples-uneven": "interpolated at even times", "stamps-jitter": "stamps that jitter made even"}
-        made += [text for code, text in even.items() if code in {note.code for note in notes}]
+        made = [text for code, text in even.items() if code in {note.code for note in notes}]
         if made:
             yield "samples", f"{', '.join(made)} (cleaning.times overrules)"
     yield from ((name, joint.settings[key]) for name, key in told.items() if key in joint.settings)
