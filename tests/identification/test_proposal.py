@@ -201,15 +201,6 @@ def test_what_contradicts_coasting_is_refused_before_the_log_is_drafted(tmp_path
     (tmp_path / "both.yaml").write_text(text, encoding="utf-8")
     found = chosen_of(tmp_path / "both.yaml")
     assert [found["alpha_0"], found["inertia"]] == pytest.approx([2.0, 0.05], rel=0.03)
-    slow = written(tmp_path / "slow.csv", "stamp [ms],Mz", *np.loadtxt(drive, delimiter=",", skiprows=1)[::3].T)
-    turned, said = api.draft(encoder, told=replace(told, columns={"torque": f"{slow}:Mz"}), folder=tmp_path)
-    assert (
-        'position: {column: "joint_pos_deg", unit: "deg", file: "encoder.csv", time: {column: "t", unit: "s"}}'
-        in turned
-    )
-    assert '- {files: "slow.csv", experiment: tracking}' in turned
-    assert "runs: slow.csv, whose samples are further apart, with the signals of encoder.csv at its times" in said
-    assert turned.startswith('joint: {name: "encoder"')
     with pytest.raises(InputError, match=r"drive.csv: no column named 'Fz'; there are: stamp \[ms\], Mz"):
         api.draft(encoder, told=Told(columns={"torque": f"{drive}:Fz"}), folder=tmp_path)
     written(drive, "Mz", t)

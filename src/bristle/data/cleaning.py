@@ -36,17 +36,16 @@ class _Rows:
     # rows before each one in which the drive was off; empty where it never was
     off_before: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
-    def drop(self, bad: NDArray[np.bool_], why: Finding, refused: str = "") -> None:
-        """Leave rows out, with a finding whose message goes on after their number, the first of them in its braces.
+    def first(self, bad: NDArray[np.bool_]) -> str:
+        """The first of some rows, in brackets."""
+        return f"(first: {self.word} {self.number[np.argmax(bad)]})"
 
-        Raises InputError, with what is wrong and what to do, where they are `refused`.
-        """
+    def drop(self, bad: NDArray[np.bool_], why: Finding) -> None:
+        """Leave rows out, with a finding whose message goes on after their number, the first of them in its braces."""
         if not bad.any():
             return
-        count, first = int(bad.sum()), f"(first: {self.word} {self.number[np.argmax(bad)]})"
-        if refused:
-            raise InputError(f"{_count(count)} {first} {refused}")
-        message = f"{_count(count)} {why.message.format(first)}."
+        count = int(bad.sum())
+        message = f"{_count(count)} {why.message.format(self.first(bad))}."
         self.notes.append(replace(why, message=message, numbers={"rows": count}))
         self.data = {name: values[~bad] for name, values in self.data.items()}
         self.number = self.number[~bad]
@@ -73,7 +72,7 @@ def make_record(
         rows.data["time"] = np.arange(table.rows) / signals.time.rate if table.time is None else table.time
         message = f"Time from the declared rate of {signals.time.rate:g} Hz."
         rows.notes.append(Finding("rate-declared", NOTE, message, {"rate": signals.time.rate}))
-    _drop_bad(rows, table, cleaning)
+    _drop_bad(rows, table)
     if points:
         _enough(rows)
         _refuse_constant(rows)
@@ -139,7 +138,7 @@ def _scaled(table: RawTable, signals: Signals, context: Context) -> _Rows:
     return _Rows(data, number, "row" if table.header is None else "line", list(table.notes))
 
 
-def _drop_bad(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
+def _drop_bad(rows: _Rows, table: RawTable) -> None:
     """Leave out rows with values that are not finite, and rows in which the drive is off."""
     bad = np.zeros(table.rows, dtype=bool)
     for name, values in rows.data.items():
@@ -148,11 +147,9 @@ def _drop_bad(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
             what = f"no finite number in any of {table.rows} rows"
             raise InputError(f"{name} holds {what}; name the column that was logged")
         bad |= missing
-    if bad.all() and cleaning.non_finite == "drop":
+    if bad.all():
         raise InputError(f"no row of {table.rows} is finite in every signal; leave out a signal that was not logged")
-    refused = "not finite (inf, nan or empty); correct the log, or declare cleaning: {non_finite: drop}"
-    why = Finding("rows-not-finite", CAUTION, "dropped: inf, nan or empty {}")
-    rows.drop(bad, why, refused * (cleaning.non_finite == "refuse"))
+    rows.drop(bad, Finding("rows-not-finite", CAUTION, "dropped: inf, nan or empty {}"))
     off = rows.data.pop("enabled", np.ones(0)) == 0
     if off.any() and off.all():
         what = f"enabled is 0 in all {off.size} rows: the drive was never on"
@@ -167,15 +164,12 @@ def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
     seen = np.maximum.accumulate(time)
     behind = np.append(False, time[1:] < seen[:-1])[: time.size]
     twice = np.append(False, time[1:] <= seen[:-1])[: time.size] & ~behind
-    runs_back = Finding("rows-backward", CAUTION, "dropped: time runs backward {}")
-    repeats = Finding("rows-repeated", CAUTION, "dropped: a time stamp repeats {}")
-    for bad, left, why, key, action in (
-        (behind, behind, runs_back, "backward", cleaning.backward),
-        (twice, twice[~behind], repeats, "duplicates", cleaning.duplicates),
-    ):
-        k, what = int(np.argmax(bad)), why.message.removeprefix("dropped: ").removesuffix(" {}")
-        refused = f"at which {what} ({seen[k - 1]:.9g} s to {time[k]:.9g} s); split the log, or declare cleaning: {{{key}: drop}}"
-        rows.drop(left, why, refused * (action == "refuse"))
+    if behind.any() and cleaning.backward == "refuse":
+        k, where = int(np.argmax(behind)), f"{_count(int(behind.sum()))} {rows.first(behind)}"
+        why = f"at which time runs backward ({seen[k - 1]:.9g} s to {time[k]:.9g} s)"
+        raise InputError(f"{where} {why}; split the log, or declare cleaning: {{backward: drop}}")
+    rows.drop(behind, Finding("rows-backward", CAUTION, "dropped: time runs backward {}"))
+    rows.drop(twice[~behind], Finding("rows-repeated", CAUTION, "dropped: a time stamp repeats {}"))
 
 
 def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
@@ -193,10 +187,8 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
         rows.notes.append(Finding("sampling", NOTE, message, {"step": step, "rate": 1 / step, "jitter": 100 * worst}))
     if wide.any():
         count, longest = int(wide.sum()), float(intervals.max())
-        message = (
-            f"{count} gap{'s' * (count != 1)} longer than {gap:g} intervals ({gap * step:.4g} s), the longest "
-            f"{longest:.4g} s; the parts between gaps are treated separately, and a larger cleaning.gap interpolates."
-        )
+        longer = f"longer than {gap:g} intervals (cleaning.gap), the longest {longest:.4g} s"
+        message = f"{count} gap{'s' * (count != 1)} {longer}; the parts between gaps are treated separately."
         rows.notes.append(Finding("gaps", CAUTION, message, {"gaps": count, "longest": longest}))
     return (0, *(int(k) + 1 for k in np.flatnonzero(wide | off)))
 

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data import units
 from bristle.data.experiment.signals import Context, Position, Signal
 from bristle.data.record import OTHER_FILES, Record
-from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
+from bristle.findings import CAUTION, CRITICAL, Finding
 from bristle.model.parameters import unit as unit_of
 
 if TYPE_CHECKING:
@@ -52,19 +51,6 @@ def _grid(levels: Array) -> tuple[float, Array]:
     return (step if np.abs(near / step - multiples).max() < 0.1 else 0.0), multiples
 
 
-def unit_of_counts(logged: Array) -> tuple[str, int] | None:
-    """The unit in which a turn of logged positions, (n,), has a power of two of counts, and how many.
-
-    None where they keep to no grid, there is no such unit, or it is rad.
-    """
-    step = smallest_step(logged)
-    for unit in UNITS["position"]["revolute"] if step else ():
-        counts = 2 * np.pi / step / units.factor(unit, "rad")
-        if counts > _COARSEST and _power_of_two(counts, _POWER):
-            return None if unit == "rad" else (unit, round(counts))
-    return None
-
-
 def whole_positions(file: str, logged: Array, signal: Position, context: Context) -> Finding | None:
     """The warning of logged positions, (n,), that are whole numbers of a unit in which no encoder counts."""
     if signal.unit.strip().startswith("count"):
@@ -74,25 +60,14 @@ def whole_positions(file: str, logged: Array, signal: Position, context: Context
         return None
     size = abs(signal.factor("position", context) / context.to_joint("position"))
     if size >= 0.5:  # no encoder has a count so large, rad or m
-        message = (
-            f"Every position of {file}{OTHER_FILES} is a whole number of {signal.unit}: encoder counts. Write `unit: counts` "
-            "under signals.position, and give encoder_resolution, such as `encoder_resolution: 4096 counts/rev`."
-        )
+        message = f"Every position of {file}{OTHER_FILES} is a whole number of {signal.unit}: encoder counts. Write `unit: counts`."
         return Finding("whole-positions", CRITICAL, message, {"files": (file,)})
-    declared = context.resolution is not None and apart(size / context.resolution, 1.0) < _FACTOR
-    degrees = context.kind_of("position") == "revolute" and apart(size, units.factor("deg", "rad")) < _NAMED
-    if declared or not degrees:
-        return None
-    message = (
-        f"Every position of {file}{OTHER_FILES} is a whole number of deg: encoder counts (then write `unit: counts` under "
-        "signals.position, and give encoder_resolution), or a sensor with steps of 1 deg, which hides inertia and v_s."
-    )
-    return Finding("whole-degrees", CAUTION, message, {"files": (file,)})
+    return None
 
 
 def count_mismatch(record: Record, signal: Position | None, context: Context) -> Finding | None:
     """The warning of positions whose steps are not those of the declared encoder, or a power of two in another unit."""
-    told_before = any(d.code in {"whole-positions", "whole-degrees"} for d in record.warnings)
+    told_before = any(d.code == "whole-positions" for d in record.warnings)
     if record.position is None or signal is None or signal.unit.strip().startswith("count") or told_before:
         return None
     levels = np.unique(record.position)
@@ -118,26 +93,15 @@ def _mismatch(file: str, step: float, ratio: float, signal: Position, context: C
     times = f"{ratio:.4g} times the declared encoder_resolution"
     seen = f"{step:.4g} {unit_of('position', context.kind_of('position'))}"
     if line is not None:
-        message = (
-            f"{position} changes in steps of {seen}, {times}: a wrong unit. Write {line} under signals.position; where the "
-            f"position is right, write `encoder_resolution: {seen}`."
-        )
+        message = f"{position} changes in steps of {seen}, {times}. Write {line}, or `encoder_resolution: {seen}`."
         return Finding("count-unit", CRITICAL, message, {**numbers, "remedy": line})
-    if _power_of_two(ratio, _NAMED):
-        message = (
-            f"{position} changes in steps of {seen}, {times}, a power of two: quadrature, or a different number of bits. "
-            f"Write `encoder_resolution: {seen}`."
-        )
-        return Finding("count-bits", NOTE, message, numbers)
     x = step / abs(now)
-    if any(apart(x, digit * 10.0 ** np.floor(np.log10(1.001 * x))) < 1e-3 for digit in (1, 2, 5)):  # of few digits
-        rounded = f"{position} is rounded to steps of {seen}, {times}"
-        message = f"{rounded}: log more digits, or write `encoder_resolution: {seen}`."
+    few_digits = any(apart(x, digit * 10.0 ** np.floor(np.log10(1.001 * x))) < 1e-3 for digit in (1, 2, 5))
+    if few_digits or _power_of_two(ratio, _NAMED):
+        why = "it is rounded in the log: log more digits" if few_digits else "quadrature, or another number of bits"
+        message = f"{position} changes in steps of {seen}, {times}: {why}, or write `encoder_resolution: {seen}`."
         return Finding("count-rounded", CAUTION, message, numbers)
-    message = (
-        f"{position} changes in steps of {seen}, {times}: one of the two is wrong. Where the position is right, write "
-        f"`encoder_resolution: {seen}`; else correct the unit or scale of signals.position, the gear included."
-    )
+    message = f"{position} changes in steps of {seen}, {times}. Correct its unit or scale, or the encoder_resolution."
     return Finding("count-contradicts", CRITICAL, message, numbers)
 
 
@@ -149,10 +113,7 @@ def _turn_of_another_unit(file: str, step: float, signal: Position, context: Con
     for unit, by in other_units("position", signal, context):
         if turn / by > _COARSEST and _power_of_two(turn / by, _POWER) and apart(by, 1.0) > _NAMED:
             counts, remedy = round(turn / by), f"`unit: {unit}`"
-            message = (
-                f"A turn of {file}{OTHER_FILES} has {turn:.6g} counts as declared, and {counts} with {remedy} under "
-                "signals.position: a power of two, as encoders have. Check the unit."
-            )
+            message = f"A turn of {file}{OTHER_FILES} has {turn:.6g} counts, {counts} with {remedy}: check the unit."
             numbers = {"files": (file,), "declared": turn, "counts": counts, "remedy": remedy}
             return Finding("counts-of-a-turn", CAUTION, message, numbers)
     return None

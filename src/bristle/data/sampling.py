@@ -34,12 +34,10 @@ def evenly_sampled(record: Record) -> Record:
         time[s] = record.time[s.start] + first + slope * np.arange(s.stop - s.start)
     near = np.abs(time - record.time).max() < record.step and (np.diff(time) > 0).all()
     counted, stamped = np.arange(time.size, dtype=float), record.time / record.step
-    if near and jitter(record, counted) <= jitter(record, stamped):
-        message = (
-            f"The time stamps jitter by {np.std(time - record.time) / record.step:.2g} of a sample (standard deviation) about "
-            "even ones, and the position goes no worse with these, which are taken (cleaning: {times: as-written} leaves the "
-            "stamps)."
-        )
+    # a tenth: less is no evidence for the stamps
+    if near and _roughness(record, counted) <= 1.1 * _roughness(record, stamped):
+        off = np.std(time - record.time) / record.step
+        message = f"The time stamps jitter by {off:.2g} of a sample; even ones, which fit no worse, are taken."
         return replace(record, time=time, notes=(*record.notes, Finding("stamps-jitter", NOTE, message)))
     return _interpolated(record)
 
@@ -70,8 +68,7 @@ def _interpolated(record: Record) -> Record:
     row, size = np.concatenate(rows), record.time.size
     apart = float(np.std(intervals)) / record.step
     message = (
-        f"{size} samples that are not equally far apart (by {100 * apart:.0f} % of an interval, standard deviation) are "
-        f"interpolated at {row.size} that are (cleaning: {{times: as-written}} leaves them)."
+        f"{size} uneven samples (by {100 * apart:.0f} % of an interval) are interpolated at {row.size} even times."
     )
     changed: dict[str, Any] = {name: np.concatenate(made) for name, made in signals.items()}
     return replace(
@@ -84,44 +81,15 @@ def _interpolated(record: Record) -> Record:
     )
 
 
-def jitter(record: Record, time: Array) -> float:
-    """Standard deviation of the sampling instants about `time`, (n,), samples; 0 where noise does not follow speed."""
-    if record.position is None:
-        return 0.0
-    left, speed = [], []
+def _roughness(record: Record, time: Array) -> float:
+    """How far every second position is off the spline through the others over `time`, (n,): median where it is fast."""
+    from scipy.interpolate import CubicSpline
+
+    left = [np.zeros(0)]
     for s in between_gaps(record):
-        if s.stop - s.start > BLOCK:
-            # beside the cubic through four neighbours noise has its variance times one and the squares of the cubic's weights
-            t, q, inner = time[s], record.position[s], np.arange(2, s.stop - s.start - 2)
-            near = [t[inner + k] - t[inner] for k in (-2, -1, 1, 2)]
-            ratios = [[near[j] / (near[j] - near[k]) for j in range(4) if j != k] for k in range(4)]
-            weights = [np.prod(x, axis=0) for x in ratios]  # of Lagrange
-            through = np.sum([w * q[inner + k] for w, k in zip(weights, (-2, -1, 1, 2), strict=True)], axis=0)
-            left.append((q[inner] - through) / np.sqrt(1 + np.sum(np.square(weights), axis=0)))
-            speed.append((q[inner + 2] - q[inner - 2]) / (near[3] - near[0]))
-    if not left:
-        return 0.0
-    x, r = np.abs(np.concatenate(speed)), np.concatenate(left)
-    if not (np.isfinite(x).all() and np.isfinite(r).all()):  # overflown
-        return 0.0
-    low, high = np.quantile(x, [0.25, 0.75])
-    slow, fast = x <= low, x >= high  # the slow quarter has the noise that does not depend on speed
-    count = smallest_step(record.position)
-    # half of the most that counts make, where each is half a count off in turn
-    floor = max(_variance(r[slow]), count * count)
-    of_speed = float(np.median(x[fast] ** 2))
-    more = _variance(r[fast]) - floor
-    # relative standard error of a variance from the median of sizes, times the root of their number
-    error = 2.3 * np.sqrt(2 / fast.sum()) * _variance(r[fast])
-    if not of_speed > 0 or more <= max(DEVIATIONS * error, floor):
-        return 0.0
-    both = fast[1:] & fast[:-1]
-    z = np.clip(r / np.sqrt(_variance(r[fast])), -DEVIATIONS, DEVIATIONS)
-    correlation = float(z[1:][both] @ z[:-1][both]) / max(float(z[1:][both] @ z[1:][both]), 1e-12)
-    # correlation of neighbours in what a cubic through neighbours leaves: -0.8 of white noise, positive of a vibration
-    return float(np.sqrt(more / of_speed)) if correlation < -0.6 else 0.0
-
-
-def _variance(x: Array) -> float:
-    deviation = float(np.median(np.abs(x)) / 0.6745)
-    return deviation * deviation
+        if record.position is not None and s.stop - s.start > BLOCK:
+            t, q = time[s], record.position[s]
+            off, moved = CubicSpline(t[::2], q[::2])(t[1:-1:2]) - q[1:-1:2], np.abs(q[2::2] - q[:-2:2])
+            left.append(np.abs(off[moved >= np.quantile(moved, 0.75)]))
+    sizes = np.concatenate(left)
+    return float(np.median(sizes)) if sizes.size else 0.0

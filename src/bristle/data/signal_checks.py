@@ -62,10 +62,7 @@ def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple
             alike = alike or bool(unit and declared and abs(units.factor(unit, declared) - 1) < 1e-6)
         if unit and declared and plain and declared != ISO and not alike:
             remedy = f"`unit: {unit}` under signals.{name}"
-            message = (
-                f"Unit of {name}: the header of {file}{OTHER_FILES} states {unit}, and {declared} is declared. Write {remedy}; "
-                "where the header is wrong, correct it, or leave the unit out of it."
-            )
+            message = f"The header of {file}{OTHER_FILES} states {unit} for {name}, and {declared} is declared: write {remedy}."
             numbers = {"files": (file,), "signal": name, "stated": unit, "declared": declared, "remedy": remedy}
             found.append(Finding("unit-differs", CAUTION, message, numbers))
     return tuple(found)
@@ -125,8 +122,7 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
             return None
         message = (
             f"The logged velocity of {record.file}{OTHER_FILES} has nothing to do with its position (correlation "
-            f"{ratio.correlation:.2f}): name the right column under signals.velocity, or leave velocity out to have it "
-            "estimated."
+            f"{ratio.correlation:.2f}): name the right column under signals.velocity, or leave it out."
         )
         numbers: dict[str, Any] = {"files": (record.file,), "correlation": ratio.correlation}
         return Finding("velocity-unrelated", CRITICAL, message, numbers, {"torque": np.inf})
@@ -197,9 +193,8 @@ def position_jumps(record: Record, signals: Signals, context: Context) -> Findin
     where = f"{record.file} {word}{'s' * (len(rows) > 1)} {', '.join(shortened(list(map(str, rows))))}"
     place = f"{where} (by {'up to ' * (len(rows) > 1)}{sizes.max():.2g} {si('position', context)}, {travels.max():.2g} samples)"
     message = (
-        f"The position jumps: {place}{OTHER_PLACES}. Neither its speed nor the time explains it, as where samples are lost, or "
-        "an encoder slips, misses counts or is reset: speeds from it, and the acceleration there, are wrong. Log the time of "
-        "each sample, mend the encoder, or split the log there."
+        f"The position jumps: {place}{OTHER_PLACES}. Samples are lost, or the encoder slips, misses counts or is reset: speeds "
+        "from it are wrong there. Log the time of each sample, mend the encoder, or split the log."
     )
     return Finding("position-jumps", CAUTION, message, {"files": (place,), "size": float(sizes.max())})
 

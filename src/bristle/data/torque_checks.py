@@ -82,9 +82,8 @@ def _clipped(record: Record, kind: RunKind) -> Finding | None:
     left_out = kind != "presliding" and bool((at_limits(record, kind) & np.isin(record.torque, limits)).any())
     values = " and ".join(f"{x:.4g}" for x in limits)
     message = (
-        f"The torque of {record.file}{OTHER_FILES} is clipped: {100 * share:.1f} % of its samples are exactly {values}. The "
-        f"true torque there is unknown{'; they are left out' * left_out}; move slower or more gently, or widen the range of "
-        "the drive or the sensor."
+        f"The torque of {record.file}{OTHER_FILES} is clipped: {100 * share:.1f} % of its samples are exactly {values}"
+        f"{', and left out' * left_out}. Move slower or more gently, or widen the range of the drive or the sensor."
     )
     numbers = {"files": (record.file,), "share": share, "limits": values}
     if left_out:
@@ -111,8 +110,7 @@ def _unsigned(record: Record, _: RunKind) -> Finding | None:
     beyond = "below" if record.torque.max() > 0 else "above"
     message = (
         f"The torque of {record.file}{OTHER_FILES} is a magnitude: zero or next to it where the joint turns, and never "
-        f"{beyond} it, though it goes both ways. Whether it drives or brakes is not in it, so neither friction nor gravity "
-        "can be told: log it with its sign, or what the drive was told to follow and its gains (signals.command)."
+        f"{beyond} it, though it goes both ways. Log it with its sign, or the drive's commands and gains (signals.command)."
     )
     return Finding("torque-unsigned", CRITICAL, message, {"files": (record.file,)}, {"torque": np.inf})
 
@@ -142,8 +140,7 @@ def _dead_zone(record: Record, _: RunKind) -> Finding | None:
     share = float(zero.mean())
     message = (
         f"The torque of {record.file}{OTHER_FILES} is exactly zero in {100 * share:.1f} % of the samples, wherever it changes "
-        "its sign: its sensor or drive has a dead zone. What is cut off is missing from alpha_0, and reversals look softer; "
-        "switch it off, or add it to the torque."
+        "its sign: a dead zone, and what it cuts off is missing from alpha_0. Switch it off, or add it to the torque."
     )
     return Finding("dead-zone", CRITICAL, message, {"files": (record.file,), "share": share}, {"torque": np.inf})
 
@@ -160,9 +157,8 @@ def _coarse(record: Record, kind: RunKind) -> Finding | None:
         return None
     levels = round(reach / step) + 1
     message = (
-        f"The torque of {record.file}{OTHER_FILES} comes in {levels} steps of {step:.2g} (SI): what it rounds off is not "
-        "noise and does not average out. Numbers may be off by half a step, those of reversals by more; log it with more "
-        "digits, or from a finer sensor."
+        f"The torque of {record.file}{OTHER_FILES} comes in {levels} steps of {step:.2g} (SI), which do not average out: "
+        "numbers may be off by half a step, those of reversals by more. Log more digits, or use a finer sensor."
     )
     effect = {"torque": step / 2} if kind == "ramp" else {}
     return Finding("torque-coarse", CAUTION, message, {"files": (record.file,), "step": step, "levels": levels}, effect)

@@ -10,7 +10,7 @@ from scipy.special import expit
 
 from bristle.data.experiment.constants import ONE, torque_scale
 from bristle.data.experiment.load import Experiment
-from bristle.data.experiment.schema import AS_WRITTEN, GONE
+from bristle.data.experiment.schema import AS_WRITTEN
 from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.record import Record
 from bristle.errors import InputError
@@ -538,7 +538,7 @@ def _joint_warnings(measured: Measured, static: dict[str, StaticFit]) -> Iterato
     experiment, kept = measured.experiment, measured.points(hold_out=False)
     yield from measured.warnings
     for key in experiment.fit.gone:
-        message = f"fit.{key} is a key of earlier versions, and is not read as it was: {GONE[key]}."
+        message = f"fit.{key} is a key of earlier versions, and is not read as it was. Remove it."
         yield Finding("key-gone", CAUTION, message, {"key": key})
     told, of = {w.code for w in measured.warnings}, effort_unit(experiment.joint.kind)
     if experiment.coasting is not None and experiment.coasting.known is None:

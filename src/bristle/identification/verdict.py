@@ -37,7 +37,7 @@ _BY_WEIGHT = (
     "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed turns-late delay-or-presliding "
     "drift-of-rows drift-over-runs torque-drifts-in-runs friction-by-load clipped position-jumps dead-zone torque-coarse "
     "rows-not-finite rows-backward rows-repeated points-repeated rows-of-short-segments gaps count-bias counts-bias "
-    "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter outlier "
+    "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown runs-scatter outlier "
     "stage-differs inertia-doubted unseen "
 )
 WEIGHTIEST_FIRST = {code: place for place, code in enumerate(_BY_WEIGHT.split())}

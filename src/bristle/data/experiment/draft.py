@@ -12,7 +12,6 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.binary_tables import READERS, names_of
 from bristle.data.columns import ISO, Key
-from bristle.data.encoder import unit_of_counts
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import COMMANDS, DRIVE
@@ -32,7 +31,7 @@ DRIVES = ("torque", "current", "voltage")
 STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}  # of joint states, by signal
 _OF_MOTOR = ("torque_constant", "resistance", "kp", "kd", "torque_limit")
 _TABLES = {".csv", ".txt", ".mcap", ".bag", ".db3", *READERS}  # endings by which a word is a file
-_LISTED, _SHOWN = 120, 200  # characters of column names in a sentence; columns that the draft lists
+_SHOWN = 200  # columns that the draft lists
 _STEPS = {"ms": 1.0, "us": 300.0, "ns": 3e5}
 """Least sampling interval at which a time without a unit is in ms, us or ns; below, it is in s."""
 
@@ -126,14 +125,6 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
         if "time" not in beside[name].guesses:
             why = "no column is named as the time, which a signal of another file needs"
             raise InputError(f"{path}: {why}; write it into the draft of bristle new")
-    alone = len(files) == 1 and told.rate is None and "time" not in log.told
-    if alone and (slower := _slower(log, beside)):
-        # at the times of the slower clock: interpolation between its samples would correlate their noise
-        moves: dict[str, str] = {x: f"{first}:{log.guesses[x].column}" for x in STATE_FIELDS if x in log.guesses}
-        told = replace(told, columns={**moves, **told.columns}, name=told.name or _common(files))
-        turned = draft_experiment([slower], told, folder)
-        said = f"runs: {slower.name}, whose samples are further apart, with the signals of {first.name} at its times"
-        return replace(turned, guessed=(*turned.guessed, said))
     guesses = log.guesses | {name: x.guesses[name] for name, x in beside.items()}
     drive = _drive(log, guesses, told)
     of_points = _of_points(log, guesses, told) and not told.coasting
@@ -144,8 +135,6 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
             slides = slides or bool(unit and factor(unit, unit_of(name, "prismatic")))
     kind: Kind = "prismatic" if slides else "revolute"
     guessed = [f"joint.kind: {kind}, by the units", *_assumed(log, guesses, told, drive, kind)]
-    guesses, counted = _counted(log, guesses, told, beside) if kind == "revolute" else (guesses, ())
-    guessed += counted
     lines = [] if told.rate is None else [f"time: {{rate: {quoted(told.rate)}}}"]
     drives = [*COMMANDS] if drive == "command" and told.motor else [drive]
     for name in ("velocity", *drives) if of_points else ("time", "position", "velocity", *drives):
@@ -227,16 +216,6 @@ def _apart(told: Told) -> tuple[dict[str, Path], Told]:
     return apart, replace(told, columns={**told.columns, **{name: parts[name][2] for name in apart}})
 
 
-def _slower(log: "_Log", beside: Mapping[str, "_Log"]) -> Path | None:
-    """The other file, if there is one and its samples are a fifth further apart than the log's."""
-    logs = [log, *{x.path: x for x in beside.values()}.values()]
-    if len(logs) != 2 or "time" not in log.guesses or any(x.is_dated(x.guesses["time"]) for x in logs):
-        return None
-    times = (x.values(x.guesses["time"]) * factor(x.guesses["time"].unit or "s", "s") for x in logs)
-    step, other = (float(np.median(np.diff(t))) if t.size > 1 else 0.0 for t in times)
-    return logs[1].path if other > 1.2 * step > 0 else None
-
-
 def relative(path: Path, folder: Path) -> str:
     """The path of a file relative to a folder, as drafts name it."""
     return Path(os.path.relpath(path, folder)).as_posix()
@@ -261,15 +240,13 @@ class _Log:
             else:
                 self.names = bag_columns(path) if is_bag(path) else names_of(path)
         self.stated = self.layout.units if self.layout else ()  # units of a text file's columns, empty where not stated
-        self.described = ", ".join(
-            [*(quoted(name[:LONGEST]) for name in self.names[:_SHOWN]), *["..."] * (len(self.names) > _SHOWN)]
-        )
-        if self.layout and not self.names:
-            first = self.layout.first
-            some = [f"{k} (first value {quoted(x[:LONGEST])})" for k, x in enumerate(first[:_SHOWN]) if x]
-            self.described = f"no header; {', '.join(some)}{', ...' if len(first) > _SHOWN else ''}"
-        self.described = self.described or "none that is a vector of numbers"
-        self.there = self.described if len(self.described) <= _LISTED else f"{self.described[:_LISTED]} ..."
+        cells = [quoted(name[:LONGEST]) for name in self.names]
+        if self.layout and not cells:
+            first = enumerate(self.layout.first)
+            cells = ["no header", *(f"{k} (first value {quoted(x[:LONGEST])})" for k, x in first if x)]
+        shown = [*cells[:_SHOWN], *["..."] * (len(cells) > _SHOWN)]
+        self.described = ", ".join(shown) or "none that is a vector of numbers"
+        self.there = short_list(cells)
         self.guesses, self.by_step = self._guesses(told) if told else ({}, None)
 
     def _guesses(self, told: Told) -> tuple[dict[str, ColumnGuess], str | None]:
@@ -411,23 +388,6 @@ def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
     jumps = (np.abs(np.diff(_Log(file).values(guess))) for file in files)
     # 0.1 of a full turn: a jump of the position that is as close to one is a wrap
     return any(bool((np.abs(jump / turn - 1) < 0.1).any()) for jump in jumps)
-
-
-def _counted(
-    log: "_Log", guesses: dict[str, ColumnGuess], told: Told, beside: Mapping[str, "_Log"]
-) -> tuple[dict[str, ColumnGuess], tuple[str, ...]]:
-    """Columns with the unit in which a turn is a power of two of counts, where nothing states one; and a sentence."""
-    unsaid = {x: guesses[x] for x in STATE_FIELDS if x in guesses and not (guesses[x].unit or x in told.units)}
-    if "position" not in unsaid or "position" in told.scales:
-        return guesses, ()
-    if (found := unit_of_counts(beside.get("position", log).values(unsaid["position"]))) is None:
-        return guesses, ()
-    unit, counts = found
-    of_each = {"position": unit, "velocity": f"{unit}/s"}
-    more = {x: guess._replace(unit=of_each[x]) for x, guess in unsaid.items() if x in of_each}
-    units = " and ".join(guess.unit or "" for guess in more.values())
-    said = f"unit of {' and '.join(more)}: {units}, in which a turn has {counts} counts, a power of two"
-    return guesses | more, (said,)
 
 
 def _signal(name: str, guess: ColumnGuess, kind: Kind, told: Told, log: _Log, guessed: list[str]) -> str:

@@ -249,20 +249,11 @@ def read_law(name: str) -> str:
 
 WITHOUT_PEAK = "coulomb-viscous"  # what `fit.law` takes in a peak's place: Coulomb and viscous friction alone
 AS_WRITTEN = "as-written"
-GONE = {
-    "loss": "points that do not belong to the law of the others are found, left out and named",
-    "stray": f"points off the law of the others are left out and named, unless fit.set_up: {AS_WRITTEN}",
-    "model": f"the peak is fitted where the data show one, always by fit.set_up: {AS_WRITTEN}, never by fit.law: {WITHOUT_PEAK}",
-    "v_s_range": "v_s is searched from a third of the slowest speed to the fastest",
-    "grid": "v_s has a grid of 32 values, and is refined from there",
-    "plain_grid": "the paper's grid has 500 values of v_s",
-    "velocity_cutoff": "the spectra choose the low pass of held speeds",
-    "presliding_cutoff": "the spectra choose the low pass of slow loading",
-    "moving_above": "the fit of all parameters describes slow motion as well",
-    "shared": "fit.directions: symmetric has both directions share all of friction",
-    "horizon": "the windows that are simulated are 0.5 s long, shorter in short runs",
-}
-"""Keys that `fit` had, and what holds in their place: files that have them are read, and told so."""
+GONE = frozenset((
+    "loss", "stray", "model", "v_s_range", "grid", "plain_grid", "velocity_cutoff", "presliding_cutoff", "moving_above",
+    "shared", "horizon",
+))  # fmt: skip  # a list of words
+"""Keys that `fit` had: files that have them are read, and told so."""
 
 
 PERIODIC = ("cogging", "ripple")
@@ -315,7 +306,7 @@ class FitOptions(StrictModel):
     @classmethod
     def _without_gone(cls, value: Any, handler: ModelWrapValidatorHandler["FitOptions"]) -> "FitOptions":
         """Options of a file with keys of earlier versions: what they asked for, where something still does that."""
-        if not isinstance(value, dict) or not GONE.keys() & value.keys():
+        if not isinstance(value, dict) or not GONE & value.keys():
             return handler(value)
         kept = {key: x for key, x in value.items() if key not in GONE}
         if value.get("model") == WITHOUT_PEAK:

@@ -207,26 +207,14 @@ def _motion(experiment: Experiment, run: RunFiles, sources: list[Source], read: 
     return shown, estimate_motion(record, experiment.fit.position_cutoff or of_motion)
 
 
-class LinkTorques:
-    """Link torques of all joints in a run, computed once for the joints whose records have the same times."""
-
-    def __init__(self, body: RigidBody, names: tuple[str, ...]) -> None:
-        self._body, self._names = body, names
-        self._known: dict[str, tuple[Array, Array]] = {}
-
-    def of(self, name: str, motion: RobotMotion, time: Array) -> Array:
-        """Torque of a joint at some times of a run, N*m or N, (n,)."""
-        before, torques = self._known.get(motion.file, (np.zeros(0), np.zeros((0, len(self._names)))))
-        if not np.array_equal(before, time):
-            torques = self._body.torques(*motion.at(time, self._names))
-            self._known[motion.file] = time, torques
-        return torques[:, self._names.index(name)]
-
-
 def runs_of(
-    experiment: Experiment, motions: Mapping[str, RobotMotion], links: LinkTorques | None, read: Reader
+    experiment: Experiment,
+    motions: Mapping[str, RobotMotion],
+    body: RigidBody | None,
+    names: tuple[str, ...],
+    read: Reader,
 ) -> tuple[Run, ...]:
-    """The runs in which a joint moves, with the torque of the links where the robot is known.
+    """The runs in which a joint, one of `names`, moves, with the torque of the links where the robot is known.
 
     Raises InputError as `read_runs`, and where the joint moves in no run.
     """
@@ -237,8 +225,9 @@ def runs_of(
         if motion is not None and name in motion.resting and run.experiment != "presliding":
             continue
         record = read_run(experiment, run, sources, read)
-        if links is not None and motion is not None:
-            record = replace(record, link_torque=links.of(name, motion, record.time))
+        if body is not None and motion is not None:
+            of_links = body.torques(*motion.at(record.time, names))[:, names.index(name)]
+            record = replace(record, link_torque=of_links)
         runs.append(Run(kind=run.experiment, record=record, hold_out=run.hold_out))
     if not runs:
         remedy = "log it while it moves, or give it identify: false under joints"

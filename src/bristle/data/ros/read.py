@@ -71,10 +71,7 @@ def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tu
         notes.append(Finding("time-received", NOTE, message))
     if others := sorted(clocks.keys() - {base.topic}):
         rows = int(np.any([np.isnan(columns[key]) for key, p in paths.items() if p.topic in others], axis=0).sum())
-        message = (
-            f"{', '.join(others)} interpolated linearly at the stamps of {base.topic}; {rows} row{'s' * (rows != 1)} "
-            f"outside them, or in gaps longer than {_GAP} intervals, left empty."
-        )
+        message = f"{', '.join(others)} interpolated at the stamps of {base.topic}; {rows} rows outside or in gaps left empty."
         notes.append(Finding("topics-interpolated", NOTE, message, {"rows": rows}))
     return columns, digest_of(path), tuple(notes)
 

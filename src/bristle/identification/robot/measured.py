@@ -12,7 +12,6 @@ from bristle.data.experiment.load import Experiment, Run, from_current, in_own_u
 from bristle.data.experiment.schema import PlusMinus
 from bristle.data.record import Record
 from bristle.data.robot.motion import (
-    LinkTorques,
     RigidBody,
     RobotMotion,
     read_motions,
@@ -100,11 +99,11 @@ def _parts(robot: Robot, progress: Progress | None) -> list["_Part"]:
     reader = reader_of(robot)
     motions = read_motions(robot, reader)
     asked = [joint for joint in robot.joints if joint.identify]
-    read, links = {}, None if body is None else LinkTorques(body, robot.names)
+    read = {}
     for k, joint in enumerate(asked):
         if progress:
             progress(f"reading {joint.experiment.joint.name}", k, len(asked))
-        read[joint.experiment.joint.name] = runs_of(joint.experiment, motions, links, reader)
+        read[joint.experiment.joint.name] = runs_of(joint.experiment, motions, body, robot.names, reader)
     together = _of_all(robot, motions, read, body)
     parts = []
     for joint in asked:
