@@ -14,11 +14,10 @@ from bristle.data.differentiation import estimate_motion
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
 from bristle.data.run_kinds import Stretches, kinds_of, stretches
-from bristle.data.sampling import evenly_sampled, jitter
+from bristle.data.sampling import evenly_sampled
 from bristle.identification.measured import measure
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
-from bristle.questions.joint_report.brief import brief_report
 
 from ..conftest import present
 from .experiments import assert_refused, experiment, write_log
@@ -57,22 +56,10 @@ def test_even_records_and_friction_stay_as_they_are(tmp_path: Path) -> None:
             found = evenly_sampled(log)
             assert found.notes[-1].code == code
             assert even(found)
-            assert jitter(found, found.time / found.step) < 0.05
-    assert jitter(replace(record, time=away), away / record.step) > 0.1
     # an hour that is declared to be no gap, in a log of microseconds, is not filled
     time = np.concatenate([np.arange(500), 3.6e9 + np.arange(500)]) * 1e-6
     record = Record(file="a", time=time, position=np.sin(time), torque=np.cos(time))
     assert evenly_sampled(record) is record
-    # a record keeps what it was given, whatever happens to the caller's array, and cannot be written to
-    time = np.array([0.0, 1.0, 2.0])
-    record = Record(file="a.csv", time=time, torque=time)
-    time[:] = 7.0
-    assert present(record.torque).tolist() == record.time.tolist() == [0.0, 1.0, 2.0]
-    with pytest.raises(ValueError, match="read-only"):
-        record.time[0] = 1.0
-    # one long interval does not move the sampling interval; a single sample has none
-    assert Record(file="", time=np.array([0.0, 1.0, 2.0, 9.0])).step == 1.0
-    assert np.isnan(Record(file="", time=np.array([0.0])).step)
     # time must be one finite, strictly increasing column, and every signal finite and as long
     times: list[Any] = [[], [[0.0, 1.0]], [0.0, 0.0], [1.0, 0.0], [0.0, np.nan]]
     asks = [(partial(Record, file="a.csv", time=np.array(time)), r"^a\.csv: time") for time in times]
@@ -95,7 +82,6 @@ def test_even_records_and_friction_stay_as_they_are(tmp_path: Path) -> None:
     true = bristle.friction(speeds, TRUTH)
     results = bristle.identify(file)
     found = results.model().friction(speeds)
-    assert "interpolated at even times (cleaning.times overrules)" in " ".join(brief_report(results.joints).split())
     assert np.linalg.norm(found - true) < 0.01 * np.linalg.norm(true)
     (run,) = measure(experiment(tmp_path, cleaning={"times": "as-written"}, **keys)).runs
     assert "samples-uneven" not in {note.code for note in run.record.notes}
@@ -217,13 +203,6 @@ def test_slow_loading_at_any_rate_is_presliding() -> None:
     q = np.concatenate([way, way[-1] + slide, way[-1] + 1.0 - way, 0.0 - slide])
     T = np.concatenate([quarter, np.full(1500, 1.05 * G0), -quarter, np.full(1500, -1.05 * G0)])
     assert kind(log(rate, np.gradient(q) * rate, q, T)) == "presliding"
-    # a motion of several sines within 15 mrad, seven times as far as the bristle bends, goes with its direction more than with its position
-    t = np.arange(0, 30, 2e-3)
-    sines = np.sin(2 * np.pi * np.array([[0.3], [0.9], [2.1]]) * t)
-    q = np.minimum(t / 2, 1) ** 3 * (np.array([0.012, 0.004, 0.0015]) @ sines)
-    v = np.gradient(q, t)
-    T = rollout(v, 2e-3, Lugre(1.2, 0.5, 0.8, 0.05, 900.0, 6.0)).torque + 0.06 * np.gradient(v, t)
-    assert kind(log(500.0, v, q, T, velocity=False)) == "tracking"
     # a joint that slides for a moment at each of some speeds takes half a second to turn, and slides all the same
     speeds = np.ravel([(x, -x) for x in np.geomspace(0.008, 0.3, 8)])
     moves = np.concatenate([np.append(np.full(300, x), np.zeros(500)) for x in speeds])
@@ -231,26 +210,14 @@ def test_slow_loading_at_any_rate_is_presliding() -> None:
     T = rollout(v, 1e-3, Lugre(0.8, 0.35, 0.6, 0.05, 1000.0, 1.0)).torque
     T = T + 0.01 * np.random.default_rng(0).standard_normal(v.size)
     assert kind(log(1000.0, v, np.cumsum(v) / 1000, T, velocity=False)) == "tracking"
-    # slow loading, as of a joint that sticks before each of many speeds, is presliding where hardly anything else is
-    # done
     # with a third of the time between its speeds a run is tracking, one log of several too; with a fifth it is a ramp
     speeds = (0.1, 0.2, 0.4, -0.1, -0.2, -0.4)
-    assert Stretches(held=5, loaded=26, broken=0, moving=17, total=48, speeds=speeds).kind == "tracking"
-    assert Stretches(held=6, loaded=20, broken=0, moving=1, total=27, speeds=(0.3, -0.3)).kind == "presliding"
     few = Stretches(held=10, loaded=0, broken=0, moving=5, total=16, speeds=speeds)
     more = Stretches(held=12, loaded=0, broken=0, moving=3, total=16, speeds=(0.05, 0.8, 1.6, -0.8))
-    single = Stretches(held=3, loaded=0, broken=0, moving=1.5, total=5, speeds=(0.1,))
-    assert [kinds_of([("a.csv", x)]) for x in (few, more, single)] == [["tracking"], ["ramp"], ["ramp"]]
+    assert [kinds_of([("a.csv", x)]) for x in (few, more)] == [["tracking"], ["ramp"]]
     assert kinds_of([("a.csv", few), ("b.csv", more)]) == ["tracking", "tracking"]
     # logs whose names differ in numbers alone are what most of them are: one that sticks and slips does not leave its series
     steady = Stretches(held=9, loaded=0, broken=0, moving=1, total=10, speeds=(0.5,))
     sticks = Stretches(held=0, loaded=0, broken=0, moving=10, total=10)
     logs = [("v_0.01.csv", sticks), ("v_0.1.csv", steady), ("v_0.5.csv", steady), ("swing.csv", sticks)]
     assert kinds_of(logs) == ["ramp", "ramp", "ramp", "tracking"]
-    several = Stretches(held=9, loaded=0, broken=0, moving=1, total=10, speeds=(0.1, 0.2, 0.5))
-    slow = Stretches(held=0, loaded=10, broken=0, moving=0, total=10)
-    for of, kinds in (
-        ([slow, several, several], ["presliding", "ramp", "ramp"]),
-        ([several, several, sticks], ["ramp", "ramp", "tracking"]),
-    ):
-        assert kinds_of([(f"log{k}.csv", does) for k, does in enumerate(of)]) == kinds
