@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import scipy.io
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bristle.data.constant_velocity.segments import Thresholds
@@ -177,32 +177,6 @@ def test_a_sentence_is_short_and_shown(text: str) -> None:
     assert said.endswith(" end")
     assert said.isprintable()
     assert len(said) <= 500
-
-
-_ATOMS = (
-    st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8),
-    st.sampled_from(["1 rad", "t", "tau", "1e999 m"]),
-)  # fmt: skip  # a list of values
-_PARTS, _KEYS = (
-    ("column", "unit", "name", "files", "rate"),
-    ("joint", "signals", "runs", "fit", "motor", "inertia", "truth", "segments", "cleaning"),
-)
-_values = st.recursive(
-    st.one_of(*_ATOMS),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(_PARTS), inner, max_size=3),
-    max_leaves=6,
-)
-
-
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(st.dictionaries(st.sampled_from(_KEYS), _values, max_size=3))
-def test_any_values_are_refused_or_taken(tmp_path: Path, changes: dict[str, Any]) -> None:
-    """No values at any key make the loader raise anything but InputError, in one line."""
-    try:
-        said = experiment(tmp_path, **changes).joint.name
-    except InputError as error:
-        said = str(error)
-    assert "\n" not in said
 
 
 _T = np.arange(200) * 0.01

@@ -47,20 +47,9 @@ def tektronix_beside() -> str:
     return "".join(f"{left[k] if k < len(left) else ',,'},{row}\n" for k, row in enumerate(rows))
 
 
-def keysight() -> str:
-    """Channels are called by numbers, and the units are words."""
-    return f"x-axis,1,2\nsecond,Volt,Ampere\n{lines('{:+.6E}', '{:+.5E}', '{:+.6E}')}"
-
-
 def picoscope() -> str:
     """Names, units in brackets, and an empty line."""
     return f"Time,Channel A,Channel B\n(ms),(V),(mA)\n\n{lines('{:.4f}', '{:.6f}', '{:.4f}', columns=(1e3 * T, Q, I))}"
-
-
-def lecroy() -> str:
-    """A header of three widths, one line of which looks like a comment."""
-    header = "LECROYWR640Zi,12345,Waveform\nSegments,1,SegmentSize,10002\nSegment,TrigTime,TimeSinceSegment1\n#1,01-May-2024 12:00:00,0\n"
-    return f"{header}Time,Ampl\n{lines('{:.6f}', '{:.6f}', columns=(T, Q))}"
 
 
 def twincat() -> str:
@@ -109,9 +98,7 @@ def excel() -> str:
 EXPORTS: dict[str, tuple[Callable[[], str], list[int | str], tuple[str, ...] | None]] = {
     "Tektronix": (tektronix, ["TIME", "CH1", "CH2"], None),
     "Tektronix, beside": (tektronix_beside, [3, 4], None),
-    "Keysight": (keysight, ["x-axis", "1", "2"], ("second", "volt", "ampere")),
     "PicoScope": (picoscope, ["Time", "Channel A", "Channel B"], ("ms", "V", "mA")),
-    "LeCroy": (lecroy, ["Time", "Ampl"], ("", "")),
     "TwinCAT": (twincat, [0, "Axis1.ActPos", "Axis1.ActCurrent"], ("", "deg", "", "mA")),
     "Siemens": (siemens, ["Timestamp", "actPosition", "actCurrent"], ("", "°", "mA")),
     "LabVIEW": (labview, ["X_Value", "Position", "Current"], None),

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bristle.data.columns import reading
-from bristle.errors import InputError, check_name, check_regular, read_at_most, short
+from bristle.data.experiment.yaml_file import parse, read_text
+from bristle.errors import InputError, check_name, check_regular, short
 
 DAMAGED = "record the bag again, or repair it with the tools of ROS (ros2 bag reindex, mcap recover, rosbag reindex)"
 _WHAT = "ROS bag that ended in order"
@@ -70,7 +71,7 @@ def _opened(path: Path) -> Iterator[Any]:
     """The rosbags reader of a bag. Raises InputError where it cannot be read."""
     files_of(path)
     if path.is_dir():
-        read_at_most(path / _METADATA, 10**6, "the description of a bag")
+        parse(read_text(path / _METADATA), _METADATA)  # which refuses what would blow up
     try:
         from rosbags import rosbag1, rosbag2
     except ImportError as error:
