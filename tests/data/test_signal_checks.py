@@ -207,9 +207,9 @@ def test_clipped_torques_and_plateaus() -> None:
         assert any(s.accepted and s.velocity > 0.9 for s in find_segments(open_loop, Thresholds()))
 
 
-def written(folder: Path, position: str, *columns: Array) -> list[tuple[str, Severity, str]]:
+def written(folder: Path, position: str, t: Array, q: Array, torque: Array) -> list[tuple[str, Severity, str]]:
     """The warnings about counts of a log with time, position and torque, where the position is declared as given."""
-    write_log(folder, **dict(zip(("t", "q", "tau"), columns, strict=True)))
+    write_log(folder, t=t, q=q, tau=torque)
     declared = signals_with(position=yaml.safe_load(f"{{column: q, {position}}}"))
     found = first_record(folder, signals=declared, encoder_resolution="4096 counts/rev").warnings
     return [(d.code, d.severity, str(d)) for d in found if d.code.startswith(("count", "whole"))]
@@ -395,8 +395,8 @@ def test_dead_zones_and_levels_of_a_torque() -> None:
         assert found.code == "dead-zone"
         assert found.numbers["share"] == pytest.approx(np.mean(dead == 0))
         assert kinds(record) == []
-        rests = {"velocity": np.where(still, 0.0, v[at]), "torque": np.where(still, 0.0, torque[at])}
-        assert kinds(Record(file="run.csv", time=np.arange(at.size) / RATE, position=q[at], **rests)) == []
+        v, torque, time = np.where(still, 0.0, v[at]), np.where(still, 0.0, torque[at]), np.arange(at.size) / RATE
+        assert kinds(Record(file="run.csv", time=time, position=q[at], velocity=v, torque=torque)) == []
     # a torque of few levels is named with the level and their count, unless its noise is larger than one
     for levels, seed in product((8, 30), range(10)):
         record = moving(seed)[0]

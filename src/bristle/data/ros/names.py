@@ -94,7 +94,7 @@ def numbers_of(topic: Topic, paths: Sequence[FieldPath]) -> tuple[dict[FieldPath
     own, received, joints = types_of(topic)[topic.kind], array("q"), dict[str, None]()
     lists = (name for name in _NAMES if name in own and own[name][0] == SEQUENCE)
     named = next((name for name in lists if own[name][1][0][1][0] == "string"), "")
-    columns = {path: array("q" if path.is_time else "d") for path in paths if path.steps}
+    columns: dict[FieldPath, array[Any]] = {x: array("q" if x.is_time else "d") for x in paths if x.steps}
     for time, message in messages_of(topic, decoder_of(topic)):
         received.append(time)
         bounded(len(received) * (len(columns) + 1))
