@@ -36,16 +36,17 @@ class _Rows:
     # rows before each one in which the drive was off; empty where it never was
     off_before: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
 
-    def first(self, bad: NDArray[np.bool_]) -> str:
-        """The first of some rows, in brackets."""
-        return f"(first: {self.word} {self.number[np.argmax(bad)]})"
+    def drop(self, bad: NDArray[np.bool_], why: Finding, refused: str = "") -> None:
+        """Leave rows out, with a finding whose message goes on after their number, the first of them in its braces.
 
-    def drop(self, bad: NDArray[np.bool_], why: Finding) -> None:
-        """Leave rows out, with a finding whose message goes on after their number, the first of them in its braces."""
+        Raises InputError, with what is wrong and what to do, where they are `refused`.
+        """
         if not bad.any():
             return
-        count = int(bad.sum())
-        message = f"{_count(count)} {why.message.format(self.first(bad))}."
+        count, first = int(bad.sum()), f"(first: {self.word} {self.number[np.argmax(bad)]})"
+        if refused:
+            raise InputError(f"{_count(count)} {first} {refused}")
+        message = f"{_count(count)} {why.message.format(first)}."
         self.notes.append(replace(why, message=message, numbers={"rows": count}))
         self.data = {name: values[~bad] for name, values in self.data.items()}
         self.number = self.number[~bad]
@@ -72,7 +73,7 @@ def make_record(
         rows.data["time"] = np.arange(table.rows) / signals.time.rate if table.time is None else table.time
         message = f"Time from the declared rate of {signals.time.rate:g} Hz."
         rows.notes.append(Finding("rate-declared", NOTE, message, {"rate": signals.time.rate}))
-    _drop_bad(rows, table)
+    _drop_bad(rows, table, cleaning)
     if points:
         _enough(rows)
         _refuse_constant(rows)
@@ -138,7 +139,7 @@ def _scaled(table: RawTable, signals: Signals, context: Context) -> _Rows:
     return _Rows(data, number, "row" if table.header is None else "line", list(table.notes))
 
 
-def _drop_bad(rows: _Rows, table: RawTable) -> None:
+def _drop_bad(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
     """Leave out rows with values that are not finite, and rows in which the drive is off."""
     bad = np.zeros(table.rows, dtype=bool)
     for name, values in rows.data.items():
@@ -147,9 +148,11 @@ def _drop_bad(rows: _Rows, table: RawTable) -> None:
             what = f"no finite number in any of {table.rows} rows"
             raise InputError(f"{name} holds {what}; name the column that was logged")
         bad |= missing
-    if bad.all():
+    if bad.all() and cleaning.non_finite == "drop":
         raise InputError(f"no row of {table.rows} is finite in every signal; leave out a signal that was not logged")
-    rows.drop(bad, Finding("rows-not-finite", CAUTION, "dropped: inf, nan or empty {}"))
+    refused = "not finite (inf, nan or empty); correct the log, or declare cleaning: {non_finite: drop}"
+    why = Finding("rows-not-finite", CAUTION, "dropped: inf, nan or empty {}")
+    rows.drop(bad, why, refused * (cleaning.non_finite == "refuse"))
     off = rows.data.pop("enabled", np.ones(0)) == 0
     if off.any() and off.all():
         what = f"enabled is 0 in all {off.size} rows: the drive was never on"
@@ -164,11 +167,10 @@ def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
     seen = np.maximum.accumulate(time)
     behind = np.append(False, time[1:] < seen[:-1])[: time.size]
     twice = np.append(False, time[1:] <= seen[:-1])[: time.size] & ~behind
-    if behind.any() and cleaning.backward == "refuse":
-        k, where = int(np.argmax(behind)), f"{_count(int(behind.sum()))} {rows.first(behind)}"
-        why = f"at which time runs backward ({seen[k - 1]:.9g} s to {time[k]:.9g} s)"
-        raise InputError(f"{where} {why}; split the log, or declare cleaning: {{backward: drop}}")
-    rows.drop(behind, Finding("rows-backward", CAUTION, "dropped: time runs backward {}"))
+    k, remedy = int(np.argmax(behind)), "split the log, or declare cleaning: {backward: drop}"
+    refused = f"at which time runs backward ({seen[k - 1]:.9g} s to {time[k]:.9g} s); {remedy}"
+    runs_back = Finding("rows-backward", CAUTION, "dropped: time runs backward {}")
+    rows.drop(behind, runs_back, refused * (cleaning.backward == "refuse"))
     rows.drop(twice[~behind], Finding("rows-repeated", CAUTION, "dropped: a time stamp repeats {}"))
 
 
