@@ -47,8 +47,7 @@ def files_of(path: Path) -> tuple[Path, ...]:
     files = tuple(sorted(x for x in within if x.name != _METADATA and not x.is_dir()))
     for file in files:
         check_regular(file, file.name)
-        log = file.with_name(f"{file.name}-wal")
-        if log.exists() and log.stat().st_size:
+        if (log := file.with_name(f"{file.name}-wal")).exists() and log.stat().st_size:
             why = f"has messages in {log.name} that are not in it yet"
             raise InputError(f"{why}; close what writes it, or open it once with sqlite3")
     size = sum(file.stat().st_size for file in files)
