@@ -259,7 +259,7 @@ def nothing_to_fit(measured: Measured) -> str:
     if not training:
         return f"{experiment.path.name}: no run to fit (hold-out runs are never fitted); add one under runs"
     records, candidates = zip(*training, strict=True)
-    return nothing_left(tuple(s for found in candidates for s in found), records, experiment.segments)
+    return nothing_left(tuple(s for found in candidates for s in found), records)
 
 
 def refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
