@@ -71,7 +71,8 @@ def draft_of_logs(
         found = [(run.record.file, stretches(run.record, unsorted.joint.kind)) for run in read]
         kinds = kinds_of(found)
         runs = [DraftedRun(kind, f"{does}", hold) for kind, (_, does), hold in zip(kinds, found, kept, strict=True)]
-        said.append(f"experiment: {_counted(kinds)}, by what the signals do")
+        counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+        said.append(f"experiment: {counted}, by what the signals do")
         said += [
             f"experiment: {file} is a mixture ({does}), taken as {kind}; cut it into files of one kind to use the rest"
             for file, kind, (_, does) in zip(draft.files, kinds, found, strict=True)
@@ -80,10 +81,6 @@ def draft_of_logs(
     tell("regressors and directions")
     fit, why = _fit(draft.text(runs), path, told.directions)
     return draft.text(runs, fit), tuple(sentence for sentence in (*said, why) if sentence)
-
-
-def _counted(kinds: Sequence[str]) -> str:
-    return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
 
 
 def _fit(text: str, path: Path, directions: str | None = None) -> tuple[str, str]:
