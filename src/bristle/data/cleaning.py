@@ -102,7 +102,8 @@ def make_record(
         if isinstance(signal, Signal) and not (isinstance(signal, Command) and signal.fresh):
             _take(rows, "torque" if logged in COMMANDS else logged, signal, starts)
     record = _record(file, table, rows, starts, labels or {})
-    return evenly_sampled(record) if cleaning.times == "auto" else record
+    off = np.flatnonzero(np.diff(rows.off_before) > 0) + 1 if rows.off_before.size else ()
+    return evenly_sampled(record, {*off}) if cleaning.times == "auto" else record
 
 
 def _record(file: str, table: RawTable, rows: _Rows, starts: tuple[int, ...], labels: Mapping[str, str]) -> Record:
@@ -189,7 +190,8 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
     if wide.any():
         count, longest = int(wide.sum()), float(intervals.max())
         longer = f"longer than {gap:g} intervals (cleaning.gap), the longest {longest:.4g} s"
-        message = f"{count} gap{'s' * (count != 1)} {longer}; the parts between gaps are treated separately."
+        apart = "the parts between gaps are treated separately, unless the motion beside one shows what happened"
+        message = f"{count} gap{'s' * (count != 1)} {longer}; {apart}."
         rows.notes.append(Finding("gaps", CAUTION, message, {"gaps": count, "longest": longest}))
     return (0, *(int(k) + 1 for k in np.flatnonzero(wide | off)))
 

@@ -52,7 +52,7 @@ from bristle.identification.static.fit import fit_moving, fit_points, reconcile_
 from bristle.identification.static.set_up import directions_of_points, trial_of_motion, trial_of_points
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
-from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, of_load, unit
+from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, of_load, slides, unit
 from bristle.progress import Progress, step
 
 _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9  # factors on the low pass, and the ratio of residuals that shows it was too narrow
@@ -191,11 +191,12 @@ class _Decisions:
         """Add gravity, a spring, then cogging, where it explains half of the moving runs' residuals: the first regression may miss it."""
         for term in ("gravity", "spring", "cogging"):
             fit, moving = self.measured.experiment.fit, self.joint.moving
-            of_term = (
-                w.numbers for w in (moving.warnings if moving else ()) if w.code in ("lacks-a-term", "residual-ripple")
-            )
-            share = max((x["share"] for x in of_term if x.get("term", "cogging") == term), default=0.0)
-            if fit.set_up == AS_WRITTEN or share < 1 / 2:
+            trend = "spring" if slides(self.measured.experiment.joint.kind) else "gravity"
+            lacks = {"residual-ripple": "cogging", "residual-trend": trend}
+            said = [w for w in (moving.warnings if moving else ()) if w.numbers.get("over", "position") == "position"]
+            of_term = (w.numbers for w in said if w.numbers.get("term", lacks.get(w.code)) == term)
+            share = max((x["share"] for x in of_term), default=0.0)
+            if fit.set_up == AS_WRITTEN or share < 1 / 2 or term in (fit.regressors or ()):
                 continue
             more = with_periods(with_options(self.measured, regressors=(*(fit.regressors or ()), term)))
             if self._take(more, _LESS):
