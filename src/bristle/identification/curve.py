@@ -17,7 +17,16 @@ from bristle.identification.second_opinion import SecondOpinion, of_motion, of_p
 from bristle.identification.systematic import NORMAL
 from bristle.identification.verdict import value_warnings
 from bristle.model.functions import steady_jacobian_function, steady_torque_function
-from bristle.model.parameters import SIGNED, Direction, ParameterName, Stribeck, in_direction, lugre_of, of_curve
+from bristle.model.parameters import (
+    SIGNED,
+    Direction,
+    ParameterName,
+    Stribeck,
+    in_direction,
+    lugre_of,
+    of_curve,
+    slides,
+)
 from bristle.model.vectorize import evaluate
 
 _DRAG = "quadratic"
@@ -176,7 +185,7 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     # the second opinion, from what the values come from: points at constant velocity, else moving runs
     apart, points = 0.0, measured.points(hold_out=False)
     if any(isinstance(fit, TrackingFit) for fit in fits) or not points:
-        opinion = of_motion(measured.moving(hold_out=False))
+        opinion = of_motion(measured.moving(hold_out=False), slides=slides(joint.kind))
     else:
         opinion = of_points(np.array([s.velocity for s in points]), np.array([s.torque for s in points]))
     if opinion is not None:

@@ -59,8 +59,8 @@ class _Data(NamedTuple):
     block: NDArray[np.intp]
 
 
-def of_motion(records: Sequence[Record]) -> SecondOpinion | None:
-    """The opinion on moving runs with position and torque; None of too little data."""
+def of_motion(records: Sequence[Record], *, slides: bool) -> SecondOpinion | None:
+    """The opinion on moving runs with position and torque, of a joint that slides or turns; None of too little data."""
     parts = [part for number, record in enumerate(records) for part in _equations(record, number)]
     if not parts:
         return None
@@ -73,7 +73,8 @@ def of_motion(records: Sequence[Record]) -> SecondOpinion | None:
     keep = np.abs(v) > SLOWEST * np.abs(v).max(initial=0.0)
     made = {record.made_of for record in records}  # inertia or gravity that made the torque
     known_a, known_q = (None if name in made else x[keep] for name, x in (("inertia", a), ("gravity", q)))
-    return _opinion(_Data(v[keep], known_a, known_q, torque[keep], block[keep]))
+    of_position = "spring" if slides else "gravity"
+    return _opinion(_Data(v[keep], known_a, known_q, torque[keep], block[keep]), of_position)
 
 
 def of_points(v: Array, torque: Array) -> SecondOpinion | None:
@@ -107,14 +108,14 @@ def _equations(record: Record, number: int) -> list[tuple[Array, ...]]:
     return found
 
 
-def _opinion(data: _Data) -> SecondOpinion | None:
+def _opinion(data: _Data, of_position: str = "") -> SecondOpinion | None:
     blocks = np.unique(data.block)
     if data.v.size < 8 or blocks.size < 3:
         return None
     top, both = float(np.abs(data.v).max()), data.v.min() < 0 < data.v.max()
     ladder = [
         tuple(x for x in choice if x)
-        for choice in product(("", "separate"), ("", "offset"), ("", "gravity", "spring"), SHAPES)
+        for choice in product(("", "separate"), ("", "offset"), dict.fromkeys(("", of_position)), SHAPES)
         if not ("separate" in choice and "offset" in choice)
         and (both or not {"separate", "offset"} & {*choice})
         and (data.q is not None or not {"gravity", "spring"} & {*choice})
