@@ -354,14 +354,8 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Finding:
     up = tuple(n for n, w in members if w * members[0][1] > 0)
     down = tuple(n for n, w in members if w * members[0][1] < 0)
     every, raised, lowered = (" and ".join(map(str, names)) for names in ((*up, *down), up, down))
-    if not down:
-        message = (
-            f"{every} are identifiable only relative to one another: raising them together hardly changes the torque."
-        )
-        return Finding("only-against", CAUTION, message, {"up": up})
-    message = (
-        f"{every} are identifiable only as a sum: raising {raised} and lowering {lowered} hardly changes the torque."
-    )
+    change = f"raising {raised} and lowering {lowered}" if down else "raising them together"
+    message = f"{every} are identifiable only in combination: {change} hardly changes the torque."
     return Finding("only-as-sum", CAUTION, message, {"all": (*up, *down), "up": up, "down": down})
 
 
