@@ -29,13 +29,9 @@ def candidates(
     signals = {"time": time, "velocity": velocity, "position": position}
     scaled = {name: 2 * (x - x.min()) / np.ptp(x) - 1 for name, x in signals.items() if x.size == n and np.ptp(x) > 0}
     rows = list[Candidate]()
-    for name in ("quadratic", "gravity", "spring"):
-        possible = name == "quadratic" or "position" in scaled
-        if (
-            possible
-            and (name != "gravity" or shows_gravity(kind, position))
-            and set(parameters).isdisjoint(REGRESSORS[name].names)
-        ):
+    of_position = "gravity" if shows_gravity(kind, position) else "spring"
+    for name in ("quadratic", *[of_position] * ("position" in scaled)):
+        if set(parameters).isdisjoint(REGRESSORS[name].names):
             columns = np.stack(list(load_columns((name,), signals.__getitem__, n).values()), axis=1)
             rows.append(Candidate(partial(_regressor, name, parameters), (columns,), is_friction=name == "quadratic"))
     both = velocity.min() < 0 < velocity.max()

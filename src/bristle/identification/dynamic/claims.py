@@ -45,14 +45,12 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
         held = float(C[a, a] - (C[a, b] ** 2 / C[b, b] if C[b, b] > 0 else 0.0))
         p = float(fdtrc(2, solution.freedom, solution.values[alpha_1] ** 2 / (2 * held))) if held > 0 else 1.0
         if not p < SIGNIFICANCE:
-            message = "Not identifiable from this motion: no sign of a Stribeck peak."
-            doubts[alpha_1] = Finding("unseen-no-peak", NOTE, message)
-            if p < NO_SIGN:
-                message = (
-                    "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in "
-                    f"{100 * p:.0f} % of cases."
-                )
-                doubts[alpha_1] = Finding("unseen-peak", NOTE, message, {"percent": 100 * p})
+            message = (
+                "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in "
+                f"{100 * p:.0f} % of cases."
+            )
+            code = "unseen-peak" if p < NO_SIGN else "unseen-no-peak"
+            doubts[alpha_1] = Finding(code, NOTE, message, {"percent": 100 * p})
     return doubts
 
 
