@@ -49,8 +49,8 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
                 "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in "
                 f"{100 * p:.0f} % of cases."
             )
-            code = "unseen-peak" if p < NO_SIGN else "unseen-no-peak"
-            doubts[alpha_1] = Finding(code, NOTE, message, {"percent": 100 * p})
+            no_sign = Finding("unseen-no-peak", NOTE, message, {"percent": 100 * p})
+            doubts[alpha_1] = Finding("unseen-peak", NOTE, message, no_sign.numbers) if p < NO_SIGN else no_sign
     return doubts
 
 

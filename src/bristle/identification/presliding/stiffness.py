@@ -104,7 +104,10 @@ def printed(loadings: Sequence[Loading], g0: float, kind: Kind) -> Estimate:
     if not quantum or not T:
         why = Finding("no-counts", NOTE, "No encoder counts are visible below g0; (14) needs them.")
         return Estimate(value=None, unit=of, warnings=(why,))
-    message = "Assumes that the joint moves a whole count to the first edge; it may be any part of one."
+    message = (
+        "Assumes that the joint moves a whole count to the first edge; it may be any part of one, so that (14) gives half of "
+        "sigma_0 on average."
+    )
     return Estimate(value=float(np.mean(T)) / quantum, unit=of, warnings=(Finding("whole-count", NOTE, message),))
 
 
@@ -125,17 +128,6 @@ def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
     errors = [x.standard_error or 0.0 for x in (near, far)]
     error = float(np.hypot(max(errors), (near.value - far.value) / np.sqrt(12)))
     return replace(middle, standard_error=error, interval=interval, warnings=warnings)
-
-
-def printed_bias(u: Array) -> tuple[Array, Array, Array]:
-    """Relative bias of (14) at u = sigma_0 q / g0: rest on a count edge; mean over rest positions; its spread."""
-    on_edge = -np.expm1(-u) / u
-    below = u < 1e-4  # the differences below would be rounding
-    safe = np.where(below, 1.0, u)
-    at = -np.expm1(-safe) / safe
-    mean = np.where(below, 0.5 - u / 6, (1 - at) / safe)
-    square = np.where(below, 1 / 3 - u / 4, (1 - 2 * at - np.expm1(-2 * safe) / (2 * safe)) / safe**2)
-    return on_edge - 1, mean - 1, np.sqrt(np.maximum(square - mean**2, 0.0))
 
 
 def unbent(torque: Array, g0: float) -> Array:
