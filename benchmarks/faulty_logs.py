@@ -306,7 +306,7 @@ COARSE = ("whole-positions", "count-bias")
 PEAK = ("no-stribeck", "takes-up-peak", "interval-open")
 STRAYS = ("strays",)
 SIDES = ("offset-or-friction", "directions-differ", "lacks-a-term")
-LOADED = ("loaded-at-start", "open-cycles", "above-g0")
+LOADED = ("open-cycles", "above-g0", "softens")
 OPPOSES = ("torque opposes the velocity",)
 STICKS = ("stick-slip", "stick-slip-points")
 
@@ -332,14 +332,14 @@ FAULTS: dict[str, Fault] = {
     "position of 8, 10 bits": Fault(motion, position(lambda x, s: counted(x.q, s)), (10, 8), COARSE),
     "counts as rad": Fault(motion, position(lambda x, s: np.round(x.q * 2**s / (2 * np.pi))), (14, 18), (*COARSE, "encoder counts")),
     "degrees as rad, velocity logged": Fault(motion, lambda x, s: replace(x, q=s * x.q, velocity_logged=True), (180 / np.pi, 1000.0), SPEED),
-    "position freezes": Fault(motion, position(frozen), (10, 40), ("lost-samples", "position-held")),
-    "encoder slips": Fault(motion, position(jumped), (0.01, 0.1), ("lost-samples", "position-jumps")),
-    "samples lost": Fault(motion, lost, (5, 40), ("lost-samples",)),
-    "time stamps jitter": Fault(motion, jittered, (0.5, 2.0), ("sampled-irregularly", "stamps-jitter")),
+    "position freezes": Fault(motion, position(frozen), (10, 40), ("position-jumps",)),
+    "encoder slips": Fault(motion, position(jumped), (0.01, 0.1), ("position-jumps",)),
+    "samples lost": Fault(motion, lost, (5, 40), ("position-jumps",)),
+    "time stamps jitter": Fault(motion, jittered, (0.5, 2.0), ("stamps-jitter",)),
     "logged too seldom": Fault(motion, lambda x, s: rows(x, np.arange(0, x.t.size, int(s))), (10, 25), ("unseen-fast",)),
     "velocity by a factor": Fault(motion, speed(lambda x, s: s * x.v), (1.2, 0.5), SPEED),
     "velocity of the wrong sign": Fault(motion, speed(lambda x, s: -s * x.v), (1.0, 2.0), (*SPEED, "as far as its logged velocity")),
-    "velocity through a slow filter": Fault(motion, speed(lambda x, s: low_passed(x.v, s)), (20.0, 3.0), (*DELAY, *SPEED, "velocity-lags")),
+    "velocity through a slow filter": Fault(motion, speed(lambda x, s: low_passed(x.v, s)), (20.0, 3.0), (*DELAY, *SPEED, *LATE)),
     "inertia given wrong": Fault(motion, lambda x, s: replace(x, more=f"inertia: {s * J} kg*m**2\n"), (0.7, 1.3), ("inertia-doubted",)),
     "ramps: temperature drift in order": Fault(ordered, torque(lambda x, s: x.torque * (1 + s * (x.t / x.t[-1] - 0.5))), (0.1, 0.3), DRIFT),
     "ramps: temperature drift": Fault(ramps, torque(lambda x, s: x.torque * (1 + s * (x.t / x.t[-1] - 0.5))), (0.1, 0.3), DRIFT),

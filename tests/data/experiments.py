@@ -1,16 +1,11 @@
 """What several tests of this room begin with: an experiment file, a log, and what is surely there."""
 
-import io
-import json
 import re
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import yaml
 
@@ -77,43 +72,3 @@ def assert_refused(asks: Iterable[tuple[Callable[[], object], str]], opens: str 
         if not right or "\n" in said or took >= seconds:
             faults.append(f"expected {says}; got {said[:600] or 'a result'}, after {took:.1f} s")
     assert not faults, "\n".join(faults)
-
-
-_EACH = """
-import json, mmap, os, sys
-from importlib import import_module
-from bristle.data import isolated
-asked, done = json.load(sys.stdin), mmap.mmap(-1, 8)
-import_module(asked["library"])
-while (k := int.from_bytes(done[:])) < len(asked["each"]):
-    if not (child := os.fork()):
-        for path, key in asked["each"][k:]:
-            isolated.answer({"read": [asked["module"], "columns_of"], "file": path, "keys": [key]})
-            sys.stdout.flush()
-            k += 1
-            done[:] = k.to_bytes(8)
-        os._exit(0)
-    if code := os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]):
-        print(json.dumps({"damaged": f"{asked['library']} crashed at it (exit code {code})"}), flush=True)
-        done[:] = (int.from_bytes(done[:]) + 1).to_bytes(8)
-"""
-"""Answers as the process does that bristle starts for each file, in a fork that goes on until it crashes: nothing is imported again."""
-
-
-def answers(module: str, library: str, paths: Sequence[Path], *keys: Key) -> list[list[float] | str]:
-    """What a user gets of each column of each file, which a module reads with a library: numbers, or why there are none."""
-    each = [(str(path), (key.column, key.index)) for path in paths for key in keys]
-    ran = subprocess.run(  # noqa: S603  # what bristle runs
-        [sys.executable, "-c", _EACH],
-        input=json.dumps({"module": module, "library": library, "each": each}).encode(),
-        capture_output=True,
-        timeout=300,
-        check=True,
-    )
-    out, said = io.BytesIO(ran.stdout), list[list[float] | str]()
-    while line := out.readline():
-        answer = json.loads(line)
-        values = np.frombuffer(out.read(8 * sum(answer.get("lengths", ()))), "<f8").tolist()
-        said.append(values if "lengths" in answer else answer.get("error") or f"is damaged: {answer['damaged']}")
-    assert len(said) == len(each)
-    return said

@@ -1,4 +1,5 @@
 # ruff: noqa: S608  # statements that are ours
+import os
 import re
 import sqlite3
 import struct
@@ -16,7 +17,8 @@ from hypothesis import strategies as st
 
 from bristle.data.columns import Key
 from bristle.data.ros import bag as ros
-from bristle.data.ros.bag import Topic, types_of
+from bristle.data.ros.bag import Topic
+from bristle.data.ros.definitions import types_of
 from bristle.data.text_table import read_table
 from bristle.errors import InputError
 
@@ -25,9 +27,10 @@ from .experiments import assert_refused, refusal
 
 pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
 
-_QUICK = settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+_QUICK = settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 _KEYS = [Key("header.stamp"), Key("position[b]")]
-_SUFFIX = {"sqlite3": ".db3", "mcap": ".mcap", "bag": ".bag"}
+_SUFFIXES = (".db3", ".mcap", ".bag")
+_MAGIC = b"\x89MCAP0\r\n\x01"
 _SECONDS = 10
 
 
@@ -77,18 +80,14 @@ def test_bytes_overwritten(tmp_path: Path, good: tuple[str, bytes], data: st.Dat
     assert _refusal(path) is not None
 
 
-@pytest.mark.parametrize("suffix", _SUFFIX.values())
 @_QUICK
-@given(
-    content=st.one_of(
-        st.binary(max_size=400), st.binary(max_size=200).map(lambda x: b"\x89MCAP0\r\n\x01" + x + b"\x89MCAP0\r\n")
-    )
-)
-def test_no_bag_at_all(tmp_path: Path, suffix: str, content: bytes) -> None:
+@given(st.one_of(st.binary(max_size=400), st.binary(max_size=200).map(lambda x: _MAGIC + x + _MAGIC[:-1])))
+def test_no_bag_at_all(tmp_path: Path, content: bytes) -> None:
     """Bytes of anything else, whatever the suffix says, are refused."""
-    path = tmp_path / f"none{suffix}"
-    path.write_bytes(content)
-    assert _refusal(path) is not None
+    for suffix in _SUFFIXES:
+        path = tmp_path / f"none{suffix}"
+        path.write_bytes(content)
+        assert _refusal(path) is not None
 
 
 def _database(path: Path, *statements: str) -> Path:
@@ -107,17 +106,14 @@ _ENDLESS = "WITH RECURSIVE n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n)"
 _WITH = [_TOPICS, _TOPIC, _MESSAGES]
 _DATABASES = [
     (["CREATE TABLE logs(t REAL)"], "missing tables"),
-    ([_TOPICS], "missing tables"),
     ([_TOPICS, "CREATE TABLE messages(topic_id INTEGER, data BLOB)"], "no such column"),
     ([_TOPICS, _TOPIC, f"CREATE VIEW messages AS {_ENDLESS} SELECT 1 AS topic_id, k AS timestamp, x'00' AS data FROM n"], "missing tables"),
-    ([f"CREATE VIEW topics AS {_ENDLESS} SELECT k AS id, 'a' AS name, 'b' AS type, 'cdr' AS serialization_format FROM n", _MESSAGES], "missing"),
     (_WITH, "holds no message of topic /joint_states"),
-    ([_TOPICS, _MESSAGES], "names no topic"),
+    ([_TOPICS, _MESSAGES], "of no topic of the bag, or names none"),
     ([*_WITH, "INSERT INTO messages VALUES(1, 1, 'noon', x'0001')"], "is damaged, or no ROS bag"),
-    ([*_WITH, "INSERT INTO messages VALUES(1, 1, 5, x'')"], "Invalid or unsupported CDR"),
     ([*_WITH, "INSERT INTO messages VALUES(1, 1, 5, x'0001000000000000')"], "Could not deserialize"),
     ([_TOPICS, _TOPIC.replace("cdr", "cbor"), _MESSAGES], "has messages in 'cbor'; expected cdr or ros1"),
-    ([_TOPICS, _TOPIC.replace("JointState", "Unheard"), _MESSAGES], "names no topic"),
+    ([_TOPICS, _TOPIC.replace("JointState", "Unheard"), _MESSAGES], "of no topic of the bag, or names none"),
 ]  # fmt: skip  # a table
 
 
@@ -127,16 +123,17 @@ def test_bags_that_are_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     path = _database(tmp_path / "x.db3", _TOPICS, _TOPIC, _MESSAGES)
     (tmp_path / "x.db3-wal").write_bytes(b"x")  # read-only, its last messages would go missing unsaid
     assert "has messages in x.db3-wal that are not in it yet" in str(_refusal(path))
-    # metadata.yaml that names files elsewhere, by path or by link, blows up, or is none: refused; so is a folder without one
-    asked = [(tmp_path, "is a folder without metadata.yaml; expected a file")]
-    for k, (text, says) in enumerate(_METADATA):
+    # metadata.yaml that names files elsewhere or a pipe, blows up, or is none: refused; so is a folder without one
+    (tmp_path / "folder.mcap").mkdir()
+    none = "is a folder without metadata.yaml; expected a file"
+    asked = [(tmp_path, none), (tmp_path / "folder.mcap", none)]
+    for k, text in enumerate(_METADATA):
         bag = tmp_path / f"bag{k}"
-        (bag / "pipe.mcap").mkdir(parents=True)
-        asked.append((bag / "pipe.mcap", "is a folder without metadata.yaml; expected a file"))
+        bag.mkdir()
         (bag / "metadata.yaml").write_text(text)
-        _database(tmp_path / f"x{k}.db3", _TOPICS, _TOPIC, _MESSAGES)
-        (bag / "out.db3").symlink_to(tmp_path / f"x{k}.db3")
-        asked.append((bag, says))
+        if "pipe" in text:
+            os.mkfifo(bag / "pipe.db3")
+        asked.append((bag, "pipe.db3: is a pipe" if "pipe" in text else ""))
     _assert_refused(asked)
     # a text, names or positions of 2^31 elements in a message of 20 bytes, and other encodings, are refused at once
     _assert_refused(
@@ -203,7 +200,7 @@ _CHANNEL = _record(
 
 
 def _mcap(path: Path, *records: bytes) -> Path:
-    magic = b"\x89MCAP0\r\n"
+    magic = _MAGIC[:-1]
     path.write_bytes(magic + _record(1, _text("ros2") + _text("")) + b"".join(records) + _record(2, bytes(20)) + magic)
     return path
 
@@ -221,15 +218,12 @@ def _broken() -> Iterator[tuple[str, list[bytes]]]:
         packed = _packed(bytes(2**25), compression)
         yield f"{compression}, more than it claims", [_chunk(packed, compression, 1000)]
         yield f"{compression}, claims 2^62", [_chunk(packed, compression, 2**62)]
-        yield f"{compression}, records of nothing", [_chunk(_packed(bytes(2**20), compression), compression, 2**20)]
     yield "unknown compression", [_chunk(b"", "rar", 0)]
     yield "a record of 2^63", [_record(5, b"", 2**63)]
     yield "a message without a head", [_CHANNEL, _record(5, bytes(4))]
-    yield "a short chunk", [_record(6, bytes(10))]
     yield "a name that is no text", [_record(4, struct.pack("<HHI", 1, 1, 1) + b"\xff" + _text("") + bytes(4))]
     yield "no channel", []
     yield "messages of no channel", [_record(5, bytes(30))] * 9
-    yield "an endless name", [_record(4, struct.pack("<HHI", 1, 1, 2**32 - 1))]
 
 
 def _message(content: bytes) -> bytes:
@@ -242,8 +236,6 @@ _CLAIMS = [
     (_HEAD + struct.pack("<I", 2**31), "Invalid sequence length"),
     (_HEAD + bytes(4) + struct.pack("<I", 2**31), "Invalid sequence length"),
     (_HEAD + struct.pack("<I", 10**5) + bytes(5 * 10**5), "Invalid string length 0"),
-    (b"\0\7\0\0" + bytes(40), "Invalid or unsupported CDR"),
-    (b"", "Invalid or unsupported CDR"),
 ]  # fmt: skip  # a table
 
 
@@ -259,19 +251,14 @@ _PART = f"\n{'=' * 80}\nMSG: a_msgs/"
 _GARBAGE = [
     ("float64 x\nimport os", "ros2msg", "type 'a_msgs/msg/import' is not defined"),
     ("%$!", "ros2msg", "is damaged, or no message definition of topic /a"),
-    ("A a\nfloat64 x", "ros2msg", "is damaged, or no message definition"),
     (f"B b\nfloat64 x{_PART}B\nA a", "ros2msg", "is damaged, or no message definition"),
     ("".join(f"B{k} b\nB{k} c\nfloat64 x{_PART}B{k}\n" for k in range(25)) + "float64 x", "ros2msg", "is damaged"),
     ("float64[1000000000] y\nfloat64 x", "ros2msg", "Could not deserialize"),
     (f"B[2147483647] y\nfloat64 x{_PART}B\n", "ros2msg", "has over 2000 fields"),
-    ("string[2147483647] y\nfloat64 x", "ros2msg", "has over 2000 fields"),
-    ("float64[0] y\nfloat64 x", "ros2msg", "message size mismatch"),
     ("float64 x\nint32 x", "ros2msg", "one name twice"),
-    ("float64 y", "ros2msg", "no field 'x' in /a; there are: y"),
+    ("float64 y", "ros2msg", "no number 'x' in /a; there are: y"),
     ("x" * 600_000, "ros2msg", "has over 500000 characters"),
     ("const long x = " + "(" * 60 + "1" + ")" * 60, "ros2idl", "is defined in IDL, which is not read"),
-    ("", "ros2msg", "is not defined in the bag"),
-    ("int8 X=" + "9" * 10_000 + "\nfloat64 x", "ros2msg", "is damaged, or no message definition"),
 ]  # fmt: skip  # a table
 
 
@@ -287,26 +274,22 @@ _GARBAGE = [
 def test_any_text_as_a_definition(text: str) -> None:
     """Whatever text stands as a definition, fields or one sentence come of it."""
     try:
-        types_of(Topic("/a", "a_msgs/msg/A", "cdr", text, False, frozenset([1]), ros.Bag(Path(), ())))
+        types_of(Topic(Path(), "/a", "a_msgs/msg/A", "cdr", text, False, frozenset([1])))
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017  # or no error at all
 
 
-def _metadata(names: str, storage_identifier: str = "sqlite3", more: str = "") -> str:
-    return f"rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: {storage_identifier}\n  relative_file_paths: {names}\n{more}"
+def _metadata(names: str) -> str:
+    start = "starting_time: {nanoseconds_since_epoch: 0}\n  duration: {nanoseconds: 1}\n  message_count: 0"
+    return (
+        f"rosbag2_bagfile_information:\n  version: 5\n  storage_identifier: sqlite3\n  relative_file_paths: {names}\n"
+        f"  topics_with_message_count: []\n  {start}\n"
+    )
 
 
 _METADATA = [
-    ("", "expected keys"), ("- 1", "expected keys"), ("a: 1", "got relative_file_paths None"), ("{", "metadata.yaml"),
-    (_metadata("[../x.db3]"), "file 'x.db3' is not in the folder"), (_metadata("[/etc/x.db3]"), "is not in the folder"),
-    (_metadata("[a/../../x.db3]"), "is not in the folder"), (_metadata("[x.csv]"), "is not in the folder"),
-    (_metadata("[1]"), "file '1' is not in the folder"),
-    (_metadata('["a\\0.db3"]'), "is not in the folder"), (_metadata("[out.db3]"), "is a link out of the folder"),
-    (_metadata("[none.db3]"), "is not in the folder of the bag"), (_metadata("[]"), "got relative_file_paths []"),
-    (_metadata("x.db3"), "got relative_file_paths 'x.db3'"), (_metadata("[pipe.mcap]"), "is a folder"),
-    ("a: &a [1, 1]\nb: &b [*a, *a]\nc: [*b, *b]", "anchors (&) and aliases (*) are not allowed"),
-    ("a: " + "[" * 5000, "nested too deeply"), ("!!python/object/apply:os.system [true]", "metadata.yaml"),
-    ("a: [" + "1, " * 20_000 + "]", "more than 10000 keys and values"), ("x" * 1_100_000, "larger than 1000000 bytes"),
+    "", "- 1", "a: 1", "{", "!!python/object/apply:os.system [true]", "a: " + "[" * 5000, "x" * 1_100_000,
+    *map(_metadata, ("[../x.db3]", "[/etc/x.db3]", "[a/../../x.db3]", "[1]", '["a\\0.db3"]', "[..]", "[pipe.db3]")),
 ]  # fmt: skip  # a table
 
 
@@ -314,7 +297,7 @@ def test_without_rosbags_the_sentence_says_how_to_install_it(tmp_path: Path, mon
     """A missing rosbags is named, with the command that installs it."""
     for name in ("rosbags", "rosbags.typesys"):
         monkeypatch.setitem(sys.modules, name, None)
-    for suffix in _SUFFIX.values():
+    for suffix in _SUFFIXES:
         (tmp_path / f"x{suffix}").write_bytes(b"x")
     says = "is a ROS bag, which needs rosbags; install it with pip install 'bristle[ros]'"
-    _assert_refused([(tmp_path / f"x{suffix}", says) for suffix in _SUFFIX.values()])
+    _assert_refused([(tmp_path / f"x{suffix}", says) for suffix in _SUFFIXES])

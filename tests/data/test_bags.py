@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from bristle.data.columns import Key
 from bristle.data.experiment.draft import DraftedRun, Told, draft_experiment
 from bristle.data.experiment.load import load_experiment, read_runs
-from bristle.data.ros.bag import open_bag
-from bristle.data.ros.read import bag_columns, joint_states, topics_of
+from bristle.data.ros.bag import topics_of
+from bristle.data.ros.read import bag_columns, joint_states
 from bristle.data.text_table import RawTable, read_table
 from bristle.errors import InputError
 
@@ -30,6 +30,10 @@ def _read(bag: Path, *columns: str) -> RawTable:
     return read_table(bag, [Key(column) for column in columns])
 
 
+def _column(bag: Path, column: str, *others: str) -> list[float]:
+    return list(_read(bag, column, *others).columns[Key(column)].tolist())
+
+
 def _refusal(bag: Path, *columns: str) -> str:
     with pytest.raises(InputError) as caught:
         _read(bag, *columns)
@@ -41,17 +45,16 @@ def _states(count: int, seed: int = 0) -> list[Message]:
     return [state(START + 10**6 * k, _NAMES, *rng.standard_normal((3, 3)).tolist()) for k in range(count)]
 
 
-@pytest.mark.parametrize(("form", "count"), [("sqlite3", 300), ("mcap", 9000), ("bag", 300)])
-def test_a_bag_is_read_as_its_messages_are(tmp_path: Path, form: str, count: int) -> None:
+def test_a_bag_is_read_as_its_messages_are(tmp_path: Path) -> None:
     """Positions, velocities, efforts and stamps of joint states are those that rosbags deserialises, bit by bit, however many are read at once."""
-    bag = write_bag(tmp_path, form, _states(count))
     places = [(field, joint) for joint in _NAMES for field in ("position", "velocity", "effort")]
-    table = read_table(bag, [_STAMP, *(Key(f"/joint_states.{field}[{joint}]") for field, joint in places)])
-    plain = plain_loop(bag, "/joint_states", lambda message: [held(message, *place) for place in places])
-    np.testing.assert_array_equal(np.array(list(table.columns.values())[1:]).T, plain)
-    assert table.rows == count
-    np.testing.assert_array_equal(table.columns[_STAMP], np.arange(count) * 10**6 / 1e9)
-    assert not table.notes
+    for form, count in (("sqlite3", 300), ("mcap", 5000), ("bag", 300)):
+        bag = write_bag(tmp_path, form, _states(count))
+        table = read_table(bag, [_STAMP, *(Key(f"/joint_states.{field}[{joint}]") for field, joint in places)])
+        plain = plain_loop(bag, "/joint_states", lambda message: [held(message, *place) for place in places])
+        np.testing.assert_array_equal(np.array(list(table.columns.values())[1:]).T, plain)
+        np.testing.assert_array_equal(table.columns[_STAMP], np.arange(count) * 10**6 / 1e9)
+        assert not table.notes
 
 
 _JOINTS = ("a", "bb", "joint_3", "ellbow\u00fc")
@@ -86,48 +89,39 @@ def test_names_in_any_order(tmp_path_factory: Any, form: str, messages: list[Mes
         if is_there:
             np.testing.assert_array_equal(found[key], wanted)
         else:
-            assert re.search("no joint|is empty in all", _refusal(bag, str(key.column)))
+            assert "is empty in all" in _refusal(bag, str(key.column))
 
 
-@pytest.mark.parametrize("form", FORMATS)
-def test_how_a_column_may_be_named(tmp_path: Path, form: str) -> None:
+def test_how_a_column_may_be_named(tmp_path: Path) -> None:
     """With or without the topic, by joint, by number or by index, the same column; any field of another topic."""
-    messages = [*_states(20), *(wrench(START + 10**6 * k, 0.5 * k) for k in range(20))]
-    bag = write_bag(tmp_path, form, messages)
-    wanted = _read(bag, "/joint_states.position[elbow]").columns[Key("/joint_states.position[elbow]")]
-    for name in ("position[elbow]", "joint_states.position[elbow]", "position[1]", "/joint_states.position[1]"):
-        np.testing.assert_array_equal(_read(bag, name).columns[Key(name)], wanted)
-    key = Key("/joint_states.position", 1)
-    np.testing.assert_array_equal(read_table(bag, [key]).columns[key], wanted)
-    torque = "/wrench.wrench.torque.z"
-    np.testing.assert_array_equal(_read(bag, torque).columns[Key(torque)], 0.5 * np.arange(20))
-    both = read_table(bag, [Key("position[elbow]"), Key("position[1]")]).columns
-    np.testing.assert_array_equal(both[Key("position[elbow]")], both[Key("position[1]")])
-
-
-def test_joints_named_by_numbers(tmp_path: Path) -> None:
-    """Where joints are named by numbers, as servos on a bus are, a number in brackets is a name, and never a place."""
-    bag = write_bag(tmp_path, "mcap", [state(START + k, ("2", "1"), (20.0 + k, 10.0 + k)) for k in range(5)])
-    assert _read(bag, "position[1]").columns[Key("position[1]")].tolist() == [10, 11, 12, 13, 14]
+    for form in FORMATS:
+        bag = write_bag(tmp_path, form, [*_states(20), *(wrench(START + 10**6 * k, 0.5 * k) for k in range(20))])
+        wanted = _column(bag, "/joint_states.position[elbow]")
+        for name in ("position[elbow]", "joint_states.position[elbow]", "position[1]", "/joint_states.position[1]"):
+            assert _column(bag, name) == wanted
+        key = Key("/joint_states.position", 1)
+        assert read_table(bag, [key]).columns[key].tolist() == wanted
+        assert _column(bag, "/wrench.wrench.torque.z") == (0.5 * np.arange(20)).tolist()
+    # where joints are named by numbers, as servos on a bus are, a number in brackets is a name, and never a place
+    (tmp_path / "numbers").mkdir()
+    states = [state(START + k, ("2", "1"), (20.0 + k, 10.0 + k)) for k in range(5)]
+    bag = write_bag(tmp_path / "numbers", "mcap", states)
+    assert _column(bag, "position[1]") == [10, 11, 12, 13, 14]
     assert "is empty in all" in _refusal(bag, "position[0]")
 
 
 _REFUSED = [
-    (["position[ellbow]"], "no joint 'ellbow' in /joint_states; there are: shoulder, elbow, wrist"),
-    (["/joint_state.position[elbow]"], "is of no topic of the bag; there are: /joint_states (sensor_msgs/msg/JointState), "),
-    (["/joint_states.positions[elbow]"], "no field 'positions' in /joint_states; there are: header, name, position"),
-    (["position"], "is an array; say which element"),
-    (["header"], "is not a number but a message with stamp, frame_id"),
-    (["header.frame_id"], "holds text; name a number"),
-    (["name[0]"], "holds text; name a number"),
-    (["header.stamp[0]"], "stamp is not an array; leave [0] out"),
-    (["position[el[bow]"], "is not a field; expected names with dots between"),
-    (["/wrench.wrench.torque[z]"], "torque is not an array"),
+    (["position[ellbow]"], "is empty in all 4 messages of /joint_states; .* (joints: shoulder, elbow, wrist)"),
+    (["/joint_state.position[elbow]"], "is of no topic of the bag, .*there are: /joint_states (sensor_msgs/msg/JointState), "),
+    (["/joint_states.positions[elbow]"], "no number 'positions[elbow]' in /joint_states; there are: header.stamp, position[], "),
+    *(([name], f"no number '{name}' in /joint_states; there are: header.stamp, ") for name in
+      ("position", "header", "header.frame_id", "name[0]", "header.stamp[0]", "position.elbow")),
+    (["/wrench.wrench.torque[z]"], "no number 'wrench.torque[z]' in /wrench; there are: header.stamp, wrench.force.x"),
     (["effort[elbow]"], "is empty in all 4 messages of /joint_states"),
     (["position[7]"], "is empty in all 4 messages"),
-    (["position[elbow]", "/wrench.wrench.torque.z"], "with no stamp; expected one time for all"),
+    (["position[elbow]", "/wrench.wrench.torque.z"], "with no time; expected one time for all"),
     (["position[elbow]", "/wrench.time", "header.stamp"], "with the times of /wrench, /joint_states; expected one"),
-    (["/load.header.stamp"], "no field 'header' in /load; there are: data, or /load.time, when messages were received"),
+    (["/load.header.stamp"], "there are: data, time, when messages were received"),
     (["/quiet.data", "position[elbow]", "header.stamp"], "/quiet: its own time, .*has 0 samples in that of the run"),
     (["x" * 2000], "is not a name"),
 ]  # fmt: skip  # a table
@@ -142,58 +136,52 @@ def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
         (partial(_read, bag, *columns), re.escape(says).replace(r"\.\*", ".*")) for columns, says in _REFUSED
     )
     pair = [state(START, "ab", (1, 2)), state(START, "ab", (1, 2), topic="/arm/states")]
-    both = write_bag(_made(tmp_path / "both"), "sqlite3", pair)
+    both = write_bag(tmp_path, "sqlite3", pair)
     assert "only a bag with exactly one of joint states allows" in _refusal(both, "position[a]")
-    assert _read(both, "/arm/states.position[b]").rows == 1
+    assert _column(both, "/arm/states.position[b]") == [2]
+    # stamps that are all zero are no time: the sentence says to take the receive time
+    (tmp_path / "zero").mkdir()
+    unset = [state(0, ("a",), (float(k),), late=START + 10**7 * k) for k in range(9)]
+    bag = write_bag(tmp_path / "zero", "mcap", unset)
+    assert "are all zero; name the time as /joint_states.time" in _refusal(bag, "header.stamp", "position[a]")
+    np.testing.assert_allclose(np.diff(_column(bag, "/joint_states.time", "position[a]")), 0.01)
+    # stamps that differ by a nanosecond differ by it when read, though a float of that time could not tell
+    late = write_bag(tmp_path / "zero", "sqlite3", [state(START + k, ("a",), (float(k),)) for k in range(100)])
+    np.testing.assert_array_equal(_column(late, "header.stamp"), np.arange(100) / 1e9)
 
 
-@pytest.mark.parametrize("form", FORMATS)
-def test_other_topics_are_interpolated(tmp_path: Path, form: str) -> None:
+def test_other_topics_are_interpolated(tmp_path: Path) -> None:
     """A line over time, sampled by another topic, is that line at the stamps of the time's topic; nan outside it and in its gap."""
     states = [state(START + 10**7 * k, ("elbow",), (float(k),)) for k in range(100)]
     times = [t for t in 10**6 * np.arange(55, 900, 7) if not 400 < t / 10**6 < 600]
-    bag = write_bag(tmp_path, form, [*states, *(wrench(START + int(t), 3e-9 * t) for t in times)])
-    torque = "/wrench.wrench.torque.z"
-    table = _read(bag, "header.stamp", "position[elbow]", torque)
-    time = table.columns[Key("header.stamp")]
-    inside = (time >= times[0] / 1e9) & (time <= times[-1] / 1e9) & ~((time > 0.395) & (time < 0.604))
-    np.testing.assert_allclose(table.columns[Key(torque)][inside], 3 * time[inside], atol=1e-12)
-    assert np.isnan(table.columns[Key(torque)][~inside]).all()
-    (note,) = table.notes
-    assert str(note) == (
-        f"/wrench interpolated linearly at the stamps of /joint_states; {(~inside).sum()} rows outside them, or in gaps "
-        "longer than 5 intervals, left empty."
-    )
-
-
-def test_messages_without_a_header_stand_where_they_were_received(tmp_path: Path) -> None:
-    """A topic without a header is interpolated from its receive times, which is said; and its time can be asked for."""
+    for form in FORMATS:
+        bag = write_bag(tmp_path, form, [*states, *(wrench(START + int(t), 3e-9 * t) for t in times)])
+        table = _read(bag, "header.stamp", "position[elbow]", "/wrench.wrench.torque.z")
+        time, _, torque = table.columns.values()
+        inside = (time >= times[0] / 1e9) & (time <= times[-1] / 1e9) & ~((time > 0.395) & (time < 0.604))
+        np.testing.assert_allclose(torque[inside], 3 * time[inside], atol=1e-12)
+        assert np.isnan(torque[~inside]).all()
+        (note,) = table.notes
+        assert (note.code, note.numbers["rows"]) == ("topics-interpolated", (~inside).sum())
+    # a topic without a header is interpolated from its receive times, which is said; and its time can be asked for
     states = [state(START + 10**7 * k, ("elbow",), (float(k),), late=0) for k in range(50)]
-    bag = write_bag(
-        tmp_path, "mcap", [*states, *(number(START + 10**7 * k + 5 * 10**6, k + 0.5) for k in range(-1, 50))]
-    )
+    loads = [number(START + 10**7 * k + 5 * 10**6, k + 0.5) for k in range(-1, 50)]
+    (tmp_path / "load").mkdir()
+    bag = write_bag(tmp_path / "load", "mcap", [*states, *loads])
     table = _read(bag, "header.stamp", "position[elbow]", "/load.data")
     np.testing.assert_allclose(table.columns[Key("/load.data")], np.arange(50))
     assert "Times of /load are those at which messages were received" in str(table.notes[0])
-    alone = _read(bag, "/load.time", "/load.data")
-    np.testing.assert_allclose(alone.columns[Key("/load.time")], 0.01 * np.arange(51), atol=1e-15)
-    assert alone.rows == 51
+    np.testing.assert_allclose(_column(bag, "/load.time", "/load.data"), 0.01 * np.arange(51), atol=1e-15)
 
 
-def test_stamps_that_were_never_set_are_refused(tmp_path: Path) -> None:
-    """Stamps that are all zero are no time; the sentence says to take the receive time, which is then read."""
-    # stamps that differ by a nanosecond differ by it when read, though a float of that time could not tell
-    bag = write_bag(tmp_path, "mcap", [state(0, ("a",), (float(k),), late=START + 10**7 * k) for k in range(9)])
-    assert "are all zero; name the time as /joint_states.time" in _refusal(bag, "header.stamp", "position[a]")
-    table = _read(bag, "/joint_states.time", "position[a]")
-    np.testing.assert_allclose(np.diff(table.columns[Key("/joint_states.time")]), 0.01)
-    late = write_bag(_made(tmp_path / "late"), "sqlite3", [state(START + k, ("a",), (float(k),)) for k in range(100)])
-    np.testing.assert_array_equal(_read(late, "header.stamp").columns[Key("header.stamp")], np.arange(100) / 1e9)
-
-
-def test_compressed_and_split_bags(tmp_path: Path) -> None:
+def test_compressed_split_and_single_files(tmp_path: Path) -> None:
     """A bag with compressed chunks or messages, or of an older version, holds what the plain one does."""
-    keys, states, plain = ("header.stamp", "position[wrist]", "effort[shoulder]"), _states(5000), None
+
+    def folder(name: str) -> Path:
+        (tmp_path / name).mkdir()
+        return tmp_path / name
+
+    keys, states, plain = ("header.stamp", "position[wrist]", "effort[shoulder]"), _states(2000), None
     options: dict[str, list[dict[str, Any]]] = {
         "mcap": [{}, {"compression": "storage"}, {"compression": "message"}, {"compression": "file"}],
         "sqlite3": [{"compression": "message"}, {"version": 8}],
@@ -201,79 +189,61 @@ def test_compressed_and_split_bags(tmp_path: Path) -> None:
     }
     for form, chosen in options.items():
         for k, option in enumerate(chosen):
-            found = _read(write_bag(_made(tmp_path / f"{form}{k}"), form, states, **option), *keys).columns
+            found = _read(write_bag(folder(f"{form}{k}"), form, states, **option), *keys).columns
             plain = plain or found
             for key, column in plain.items():
                 np.testing.assert_array_equal(found[key], column)
     # the files that metadata.yaml names follow one another, and rows are in the order in which messages were received
     states = _states(30)
-    parts = [write_bag(_made(tmp_path / str(k)), "mcap", states[15 * k : 15 * k + 15]) for k in range(2)]
-    bag = _made(tmp_path / "both")
+    parts = [write_bag(folder(str(k)), "mcap", states[15 * k : 15 * k + 15]) for k in range(2)]
+    bag = folder("both")
     for k in range(2):
         (bag / f"both_{k}.mcap").write_bytes((parts[k] / "mcap.mcap").read_bytes())
     text = (parts[0] / "metadata.yaml").read_text()
     (bag / "metadata.yaml").write_text(text.replace("- mcap.mcap", "- both_1.mcap\n  - both_0.mcap"))
-    whole = _read(write_bag(_made(tmp_path / "whole"), "mcap", states), "position[wrist]")
-    np.testing.assert_array_equal(
-        _read(bag, "position[wrist]").columns[Key("position[wrist]")], whole.columns[Key("position[wrist]")]
-    )
+    whole = write_bag(folder("whole"), "mcap", states)
+    assert _column(bag, "position[wrist]") == _column(whole, "position[wrist]")
+    # a single .db3 or .mcap file is read as its folder is, with one digest, and whatever case its suffix is in
+    for form in ("sqlite3", "mcap"):
+        bag = write_bag(folder(f"single {form}"), form, _states(10))
+        (file,) = (path for path in bag.iterdir() if path.name != "metadata.yaml")
+        copy = tmp_path / f"COPY{file.suffix.upper()}"
+        copy.write_bytes(file.read_bytes())
+        tables = [_read(path, "header.stamp", "position[elbow]") for path in (bag, file, copy)]
+        assert len({(table.sha256, *table.columns[Key("position[elbow]")].tolist()) for table in tables}) == 1
 
 
-@pytest.mark.parametrize("form", ["sqlite3", "mcap"])
-def test_a_storage_file_alone_is_the_bag(tmp_path: Path, form: str) -> None:
-    """A single .db3 or .mcap file is read as its folder is, with one digest, and whatever case its suffix is in."""
-    bag = write_bag(tmp_path, form, _states(10))
-    (file,) = (path for path in bag.iterdir() if path.name != "metadata.yaml")
-    copy = tmp_path / f"COPY{file.suffix.upper()}"
-    copy.write_bytes(file.read_bytes())
-    tables = [_read(path, "header.stamp", "position[elbow]") for path in (bag, file, copy)]
-    assert len({table.sha256 for table in tables}) == 1
-    assert {tuple(table.columns[Key("position[elbow]")]) for table in tables} == {
-        tuple(tables[0].columns[Key("position[elbow]")])
-    }
-
-
-def _made(folder: Path) -> Path:
-    folder.mkdir()
-    return folder
-
-
-def test_joints_topics_and_columns_are_listed(tmp_path: Path) -> None:
+def test_what_bags_offer_and_their_drafts(tmp_path: Path) -> None:
     """What a bag offers: its topics with their types, its joints in their order, and the names of its columns."""
     bag = write_bag(tmp_path, "bag", [*_states(2), wrench(START, 1.0)])
-    assert {name: topic.kind for name, topic in topics_of(open_bag(bag)).items()} == {
-        "/joint_states": "sensor_msgs/msg/JointState",
-        "/wrench": "geometry_msgs/msg/WrenchStamped",
-    }
+    kinds = {"/joint_states": "sensor_msgs/msg/JointState", "/wrench": "geometry_msgs/msg/WrenchStamped"}
+    assert {name: topic.kind for name, topic in topics_of(bag).items()} == kinds
     assert joint_states(bag) == ("/joint_states", ("shoulder", "elbow", "wrist"))
-    assert {"/joint_states.header.stamp", "/joint_states.effort[wrist]", "/wrench.wrench.torque.z"} <= set(
-        bag_columns(bag)
-    )
-
-
-@pytest.mark.parametrize("form", FORMATS)
-def test_a_bag_of_one_joint_is_drafted_and_read(tmp_path: Path, form: str) -> None:
-    """Joint states of one joint are drafted without help, stamps as the time; the draft loads, and reads the folder or file of the bag as it is."""
-    t = 0.01 * np.arange(400)
-    rows = np.column_stack([np.sin(t), np.cos(t), 2 * np.sign(np.cos(t)) + 0.5 * np.cos(t)]).tolist()
-    messages = [state(START + 10**7 * k, ("elbow",), *([x] for x in row)) for k, row in enumerate(rows)]
-    bag = write_bag(tmp_path, form, messages)
-    draft = draft_experiment([bag], folder=tmp_path)
-    assert [line.split(",")[0] for line in draft.signals] == [
-        'time: {column: "/joint_states.header.stamp"', 'position: {column: "/joint_states.position[elbow]"',
-        'velocity: {column: "/joint_states.velocity[elbow]"', 'torque: {column: "/joint_states.effort[elbow]"',
-    ]  # fmt: skip  # a list of lines
-    (tmp_path / "e.yaml").write_text(draft.text([DraftedRun("ramp")]), encoding="utf-8")
-    (run,) = read_runs(load_experiment(tmp_path / "e.yaml"))
-    assert run.record.file == bag.name
-    assert run.record.rows == 400
-    np.testing.assert_allclose(np.diff(run.record.time), 0.01)
-
-
-def test_a_draft_of_several_joints_asks_which(tmp_path: Path) -> None:
-    """Joint states of several joints are refused with their names; with the columns named, the time is their topic's."""
-    bag = write_bag(tmp_path, "mcap", _states(50))
+    wanted = {"/joint_states.header.stamp", "/joint_states.effort[wrist]", "/wrench.wrench.torque.z"}
+    assert wanted <= set(bag_columns(bag))
+    # joint states of several joints are refused with their names; with the columns named, the time is their topic's
     with pytest.raises(InputError, match=r"joint states of 3 joints: shoulder, elbow, wrist; name the columns of one"):
         draft_experiment([bag])
     told = Told(columns={"position": "position[elbow]", "torque": "/joint_states.effort[elbow]"})
     assert draft_experiment([bag], told).signals[0] == 'time: {column: "/joint_states.header.stamp", unit: "s"}'
+    # those of one joint are drafted without help, stamps as the time; the draft loads, and reads the folder or file of the bag as it is
+    t = 0.01 * np.arange(400)
+    rows = np.column_stack([np.sin(t), np.cos(t), 2 * np.sign(np.cos(t)) + 0.5 * np.cos(t)]).tolist()
+    messages = [state(START + 10**7 * k, ("elbow",), *([x] for x in row)) for k, row in enumerate(rows)]
+    (tmp_path / "one").mkdir()
+    for form in FORMATS:
+        bag = write_bag(tmp_path / "one", form, messages)
+        draft = draft_experiment([bag], folder=tmp_path)
+        fields = {
+            "time": "header.stamp",
+            "position": "position[elbow]",
+            "velocity": "velocity[elbow]",
+            "torque": "effort[elbow]",
+        }
+        assert [line.split(",")[0] for line in draft.signals] == [
+            f'{signal}: {{column: "/joint_states.{field}"' for signal, field in fields.items()
+        ]
+        (tmp_path / "e.yaml").write_text(draft.text([DraftedRun("ramp")]), encoding="utf-8")
+        (run,) = read_runs(load_experiment(tmp_path / "e.yaml"))
+        assert (run.record.file, run.record.rows) == (f"one/{bag.name}", 400)
+        np.testing.assert_allclose(np.diff(run.record.time), 0.01)

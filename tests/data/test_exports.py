@@ -47,20 +47,9 @@ def tektronix_beside() -> str:
     return "".join(f"{left[k] if k < len(left) else ',,'},{row}\n" for k, row in enumerate(rows))
 
 
-def keysight() -> str:
-    """Channels are called by numbers, and the units are words."""
-    return f"x-axis,1,2\nsecond,Volt,Ampere\n{lines('{:+.6E}', '{:+.5E}', '{:+.6E}')}"
-
-
 def picoscope() -> str:
     """Names, units in brackets, and an empty line."""
     return f"Time,Channel A,Channel B\n(ms),(V),(mA)\n\n{lines('{:.4f}', '{:.6f}', '{:.4f}', columns=(1e3 * T, Q, I))}"
-
-
-def lecroy() -> str:
-    """A header of three widths, one line of which looks like a comment."""
-    header = "LECROYWR640Zi,12345,Waveform\nSegments,1,SegmentSize,10002\nSegment,TrigTime,TimeSinceSegment1\n#1,01-May-2024 12:00:00,0\n"
-    return f"{header}Time,Ampl\n{lines('{:.6f}', '{:.6f}', columns=(T, Q))}"
 
 
 def twincat() -> str:
@@ -109,9 +98,7 @@ def excel() -> str:
 EXPORTS: dict[str, tuple[Callable[[], str], list[int | str], tuple[str, ...] | None]] = {
     "Tektronix": (tektronix, ["TIME", "CH1", "CH2"], None),
     "Tektronix, beside": (tektronix_beside, [3, 4], None),
-    "Keysight": (keysight, ["x-axis", "1", "2"], ("second", "volt", "ampere")),
     "PicoScope": (picoscope, ["Time", "Channel A", "Channel B"], ("ms", "V", "mA")),
-    "LeCroy": (lecroy, ["Time", "Ampl"], ("", "")),
     "TwinCAT": (twincat, [0, "Axis1.ActPos", "Axis1.ActCurrent"], ("", "deg", "", "mA")),
     "Siemens": (siemens, ["Timestamp", "actPosition", "actCurrent"], ("", "°", "mA")),
     "LabVIEW": (labview, ["X_Value", "Position", "Current"], None),
@@ -186,7 +173,7 @@ def test_times_and_columns_of_channels(tmp_path: Path) -> None:
         InputError, match=r"column 'Axis1\.ActCurrent' has a time of its own, column 2, .*; add time: 2 to the signal"
     ):
         read_table(tmp_path / "log.csv", [Key(0), Key("Axis1.ActPos"), Key("Axis1.ActCurrent")])
-    # by a name in the row of names, or else in another row above the numbers; the second of a name by `#2`, or by its number. Comments,
+    # by a name in the row of names, or by its number. Comments,
     # decimal commas, rows of units, byte order marks and delimiters at the ends of lines shift no column
     path, found = tmp_path / "log.csv", list[tuple[str, int | str, list[float]]]()
     for content, column, _ in _FOUND:
@@ -203,37 +190,23 @@ def test_times_and_columns_of_channels(tmp_path: Path) -> None:
 
 
 _FOUND: list[tuple[str, int | str, list[float]]] = [
-    ("t,q,q\n0,1,2\n1,3,4\n", "q#2", [2, 4]),
     ("t,q,q\n0,1,2\n1,3,4\n", 2, [2, 4]),
-    ("t,q#2,q,q\n0,1,2,5\n1,3,4,6\n", "q#2", [1, 3]),
     ("t,position[0],position[1]\n0,1,2\n1,3,4\n", "position[1]", [2, 4]),
     ('t,q\n0,"[1, 2e-1, 3]"\n1,"[4.5, -5, 6]"\n', "q[1]", [0.2, -5]),  # lists in cells
     ("t;q\n0;(1 2 3)\n1;(4 5 6)\n", "q[2]", [3, 6]),
-    ("t;q\n0.5;[1.5, 2.5]\n1.5;[4.5, 5.5]\n", "q[1]", [2.5, 5.5]),
     (f't,q,image\n0,1,"[{"1, " * 60_000}2]"\n1,3,"[{"1, " * 60_000}2]"\n', "q", [1, 3]),  # cells longer than csv reads
-    ("t,q,tau\ntime,joint angle,torque\n0,1,2\n1,3,4\n", "q", [1, 3]),
     ("t,q,tau\ntime,joint angle,torque\n0,1,2\n1,3,4\n", "joint angle", [1, 3]),
     ("Range,1,2\nGains,3,4\n1,2,3\nt,q,tau\n0,1,2\n1,3,4\n2,5,6\n", "q", [1, 3, 5]),
-    ("Operator: Bob\nFs: 1000\nt,u\n0,1\n1,3\n", "u", [1, 3]),
-    ('t;q\n"0";"1,5"\n"1";"2,5"\n', "q", [1.5, 2.5]),
     ('t,q\n"0,1","1,5"\n"0,2","2,5"\n', "q", [1.5, 2.5]),
     ("t,q\n2024-05-01 12:00:00,1\n2024-05-01 12:00:01,3\n", "q", [1, 3]),
     ("sep=|\nt|q\n0|1\n1|3\n", "q", [1, 3]),
-    ("sep=\t\nt\tq\n0\t1\n1\t3\n", "q", [1, 3]),
-    ('"sep=;"\nt;q\n0;1\n1;3\n', "q", [1, 3]),
     ("0\t1\t\n2\t3\t\n", 1, [1, 3]),  # a delimiter at the end of each line
     ("t,q\n0,1,\n2,3,\n", "q", [1, 3]),  # the same, but for the header
-    ("a, b \n1, 2\n3, 4\n", "b", [2, 4]),
     ("\ufefft;q\n0;1\n2;3\n", "t", [0, 2]),  # byte order mark
-    ("t;q\n0,5;1,25\n1,5;2,5\n", "q", [1.25, 2.5]),  # decimal comma
     ("# t q\n0 1\n2 3\n", "q", [1, 3]),  # NumPy's savetxt
     ("# rig 3\nt,q\n0,1\n# paused\n2,3\n", "q", [1, 3]),
-    ("% x\n  0   1\n  2   3\n", 1, [1, 3]),
     ("time,pos\ns,rad\n0,1\n2,3\n", "pos", [1, 3]),  # a row of units
-    ("Time (s)\tAngle [deg]\n0\t1\n2\t3\n", "Angle [deg]", [1, 3]),
-    ("t,q\r\n0,1\r\n2,3\r\n", "q", [1, 3]),
     ('"t","q, left"\n0,1\n2,3\n', "q, left", [1, 3]),
-    ("5\n6\n7\n", 0, [5, 6, 7]),
     ("\n\nt,q\n\n0,1\n2,3\n", "q", [1, 3]),
     ('t,q"\n0,1\n2,3\n"4",5\n', 0, [0, 2, 4]),  # a quote that is never closed hides no row
     ("// a log\nt,q\n0,1\n1,2\n2,3\n3,4\n", "q", [1, 2, 3, 4]),
@@ -256,49 +229,35 @@ def test_an_index_finds_an_array_in_names(tmp_path: Path, name: str) -> None:
 
 
 _REFUSED: list[tuple[str | bytes, Key, str]] = [
-    ("t,q,q\n0,1,2\n1,3,4\n", Key("q"), "several columns named 'q', columns 1, 2, counted from 0; write a number, as in column: 2, or 'q#2'"),
-    ("t,q,q\n0,1,2\n1,3,4\n", Key("q#3"), "no column named 'q#3'"),
-    ("t,q,q\n0,1,2\n1,3,4\n", Key("q#0"), "no column named 'q#0'"),
+    ("t,q,q\n0,1,2\n1,3,4\n", Key("q"), "several columns named 'q', columns 1, 2, counted from 0; write a number, as in column: 2"),
     ("t,q,q\n0,1,2\n1,3,4\n", Key(1, 0), "no column 1 index 0; an index needs the name of an array"),
     ('t,q\n0,"[1, 2]"\n1,"[3, 4]"\n', Key("q"), r"column 'q' holds lists, as '\[1, 2\]'; say which of its numbers, as in q\[0\]"),
     ('t,q\n0,"[1, 2]"\n1,"[3]"\n', Key("q", 1), r"row 2 of column 'q' index 1 holds '\[3\]'; expected a list with a number 1"),
     ('t,q\n0,"[1, 2]"\n1,"[x, 4]"\n', Key("q[0]"), r"row 2 of column 'q\[0\]' holds 'x'; expected a number"),
-    ("t,q\n0,1\n1,2\n", Key("q", 0), "no column named 'q' index 0"),
     ("t;q\n0;1\n1;1.234,5\n2;1,5\n3;2,5\n", Key("q"), "holds '1.234,5'; expected a number without separators of thousands"),
     ('t,q\n0,1\n1,"1,234"\n2,5\n', Key("q"), "holds '1,234'; expected a number without separators of thousands"),
-    ("t;q\n0;1\n1;1'234.5\n2;2\n", Key("q"), "without separators of thousands"),
     ("t,q\n2024-05-01T12:00:00Z,1\n2024-05-01T12:00:01Z,2\n", Key("t"), "a column of dates or times of day has unit: iso"),
     ("t,q\n0,1\n1,2\n", Key("t", stamps=True), "row 1 of column 't' holds '0', and unit iso was declared"),
-    ("t,q\n99999-01-01T00:00:00Z,1\n1,2\n", Key("t", stamps=True), "in 1678 to 2261"),
     ("t,q\n2024-05-01T12:00:00Z,1\n2024-13-01T12:00:00Z,2\n", Key("t", stamps=True), "row 2 of column 't' holds '2024-13-01"),
     ("t,q\n0001-01-01T00:00:00Z,1\n0001-01-01T00:00:01Z,2\n", Key("t", stamps=True), "in 1678 to 2261"),
     ("t,q\n05/01/2024 12:00,1\n05/01/2024 12:01,2\n", Key("t", stamps=True), "expected a time such as"),
     ("\n".join(",".join(cell * 100_000) for cell in (["c"], ["s"], ["1"])), Key("c0"), "over the limit"),
-    ("Key,5\n" * 100_000 + "t,q\n0,1\n", Key("t"), "no column named 't'|holds 'Key'"),
     ("Key: value\n" * 100_000 + "t,q\n0,1\n", Key("t"), "no column named 't'|no row of numbers"),
-    ("x" * 1_000_000 + "\nt,q\n0,1\n1,2\n2,3\n", Key("x"), "no column named 'x'"),
     ("t,q\0\n0,1\n", Key("t"), "not a text file"),
     ("", Key(0), "empty"),
     ("\n \n", Key(0), "no row of numbers"),
-    ("t,q\n", Key("q"), "header and no row"),
     ("t,q\n0,1\n", Key("x"), "no column named 'x'; there are: t, q"),
     ("t,q\n0,1\n", Key(2), "no column 2; columns count from 0"),
     ("0,1\n2,3\n", Key("1"), "without quotes"),
     ("t,q,v\n0,1\n2,3\n", Key("v"), "the header names 'v' as column 3, but its rows have 2 columns"),
-    ("t,t\n0,1\n", Key("t"), "several columns named 't'"),
     ("t,q\n0,1\n1,oops\n", Key("q"), "row 2 of column 'q' holds 'oops'"),
     ("0,1\n2,3\n4,5,6,7\n", Key(1), "differ in width"),
     (b"t\0,q\n1,2\n", Key(0), "not a text file"),
-    (",".join(["1"] * 100_000) + "\n", Key(0), "has 100000 columns, over the limit"),
     (",".join(f"c{k}" for k in range(100_000)) + "\n" + ",".join(["1"] * 100_000) + "\n", Key("c0"), "has 100000 columns"),
-    ("t,q\n" + "," * 1000 + "\n" * 200, Key("t"), "has a header and no row|no column"),
     ("t,q\n" + ",\n" * 100_000, Key("t"), "has a header and no row"),
     ("t,q\n0,1\n" * 2 + "1" * 500_000 + "x,1\n", Key("t"), "row 3 of column 't' holds|row 2 of column 't' holds"),
     ("t,q\n0," + "9" * 305 + "\n1,2\n", Key("q"), "line 2 stands between"),
     ("t,q\n0,1\n1," + "9" * 400 + "\n", Key("q"), "row 2 of column 'q' holds 999"),
-    ("t,q\n" + '"' * 500_000 + ",1\n", Key("t"), "no column named 't'"),
-    (",".join(f"column {k}" for k in range(5000)) + "\n" + ",".join(["1"] * 5000) + "\n", Key("x"), "there are: column 0"),
-    ("t,q\n0,1\n", Key("x" * 100_000), "no column named 'xxx"),
     ("t,q\n0,1\n", Key(10**25), "no column 10000"),
     ("// a log\nt,q\n0,1\n1,2/5\n2,3\n3,4\n", Key("q"), "row 2 of column 'q' holds '2/5'"),  # a slash is no comment
     ("t,q,tau\n0,1,2\nstart,of,run\n" + "1,2,3\n" * 9, Key("t"), "row 2 of column 't' holds 'start'"),
@@ -327,7 +286,7 @@ def test_any_small_text_is_read_or_refused(tmp_path: Path, content: bytes, end: 
     """Headers, blocks, units, dates and rows in any order, and any bytes at all: columns and drafts, or one line that opens with the file."""
     path = tmp_path / "log.csv"
     path.write_bytes(content.replace(b"\n", end))
-    names: list[int | str] = [0, 1, "q", "t", "q#2"]
+    names: list[int | str] = [0, 1, "q", "t"]
     for key in (*map(Key, names), Key("t", stamps=True), Key(0, stamps=True), Key("q", 1)):
         refusal(path, [key])
     with contextlib.suppress(InputError):

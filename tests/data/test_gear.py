@@ -88,8 +88,8 @@ def test_sides_may_differ(tmp_path: Path) -> None:
     ).warnings
     assert found.code == "velocity-factor"
     assert "the other side for velocity under motor.gear" in str(found)
-    # no ratio, one that is none, signals of an unknown side, an efficiency, which is friction, and a current without k_t: one sentence
-    # each. Of a joint that slides a bare ratio is refused, as what has another dimension
+    # no ratio, one that is none, signals of an unknown side, and a current without k_t: one sentence each.
+    # Of a joint that slides a bare ratio is refused, as what has another dimension
     constants = {"torque_constant": f"{K_T} N*m/A", "resistance": f"{R} ohm"}
     sides, asks = "position: motor, velocity: motor, torque: motor", []
     current: dict[str, Any] = {"position": "qm rad", "velocity": "wm rad/s", "current": "i A"}
@@ -99,7 +99,7 @@ def test_sides_may_differ(tmp_path: Path) -> None:
         }
         asks.append((partial(experiment, tmp_path, None, more={"motor": motor}, **current), says))
     slides: dict[str, Any] = {name: current[name] for name in ("position", "current")}
-    for ratio in (100, "5 m", "100", 0, "0 rad/m", "inf rad/m", "0 mm/rev", None):
+    for ratio in (100, "5 m", 0, "inf rad/m"):
         gear = {"ratio": ratio, "position": "motor"}
         asks.append((partial(experiment, tmp_path, gear, kind="prismatic", **slides), r"motor\.gear\.ratio: "))
     assert_refused(asks)
@@ -137,7 +137,7 @@ def test_constants_of_the_motor_at_the_joint(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="position jumps by a full turn between samples"):
         record(tmp_path, gear, position="turned rad", current="i A")
     # a joint that slides has the angle of its motor per length, or its lead: m, N and kg at the joint, rad, N*m and kg*m**2 at the motor
-    for ratio in (f"{RATIO} rad/m", "100 rad/m", f"{2 * np.pi / RATIO!r} m/rev", f"{2000 * np.pi / RATIO!r} mm/rev"):
+    for ratio in (f"{RATIO} rad/m", f"{2000 * np.pi / RATIO!r} mm/rev"):
         gear = {"ratio": ratio, "position": "motor"}
         more["motor"] = {"torque_constant": f"{K_T} N*m/A", "inertia": "1e-6 kg*m**2", "gear": gear}
         e = experiment(tmp_path, None, kind="prismatic", more=more, position="qm rad", current="i A")
@@ -188,19 +188,12 @@ def test_commands_are_the_torque_that_the_drive_makes(tmp_path: Path, side: str)
 
 _BAD: dict[str, str] = {
     "gear: 100": r"motor\.gear: got 100; expected keys with values, of ratio, position, velocity",
-    "gear: '100:1'": r"motor\.gear: got '100:1'; expected keys with values, of ratio",
     "gear: {ratio: 0, SIDES}": r"motor\.gear\.ratio: got 0; expected turns of the motor for one turn",
     "gear: {ratio: .inf, SIDES}": r"motor\.gear\.ratio: got inf; expected turns",
-    "gear: {ratio: .nan, SIDES}": r"motor\.gear\.ratio: got nan; expected turns",
-    "gear: {ratio: 1.0e+9, SIDES}": r"motor\.gear\.ratio: got 1000000000\.0; expected turns",
     "gear: {ratio: 100 rad/m, SIDES}": r"motor\.gear\.ratio: got '100 rad/m'; expected turns",
     "gear: {ratio: true, SIDES}": r"motor\.gear\.ratio: got True; expected turns",
     "gear: {ratio: 100}": r"runs\.0: motor\.gear does not say on which side position was logged; add position: motor, or",
     "gear: {SIDES}": r"motor\.gear\.ratio: missing",
     "gear: {ratio: 100, position: link}": r"motor\.gear\.position: got 'link'; expected 'motor' or 'joint'",
-    "gear: {ratio: 100, current: joint}": r"motor\.gear\.current: got 'joint'; expected 'motor'",
-    "gear: {ratio: 100, SIDES, efficiency: 0.8}": r"motor\.gear: efficiency is friction that depends on load and direction",
-    "{torque_constant: 1 N*m/A, resistance: null, gear: null, efficiency: 0.9}": "motor: efficiency is friction .* leave it out",
-    "{torque_constant: null}": r"motor\.torque_constant: missing; add this key",
     "{torque_constant: null, resistance: null, gear: {ratio: 2, position: motor}}": r"torque from current needs motor\.torque_constant",
 }

@@ -14,7 +14,7 @@ from bristle.data.hdf5 import columns_of
 from bristle.data.text_table import read_table
 from bristle.errors import InputError
 
-from .experiments import answers, assert_refused, refusal
+from .experiments import assert_refused, refusal
 
 h5py = pytest.importorskip("h5py", reason="the extra `hdf5` is not installed")
 
@@ -49,8 +49,6 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
         layout[:] = h5py.VirtualSource("other.h5", "q", (5,))
         file.create_virtual_dataset("virtual", layout)
         file.create_dataset("huge", (10**12,), "f8", chunks=(1000,))
-        file.create_dataset("chunky", (5,), "f8", chunks=(10**8,), maxshape=(None,))
-        file.create_dataset("foreign", (5,), "f8", chunks=(5,), compression=32015, allow_unknown_filter=True)
     return folder / "log.h5"
 
 
@@ -74,9 +72,7 @@ _REFUSED: dict[Key, str] = {
     Key("away"): "is behind a link to another file", Key("soft_away"): "is behind a link to another file",
     Key("circle"): "too many links", Key("outside"): "is stored in other files; copy the data into the file",
     Key("virtual"): "is stored in other files", Key("huge"): "holds 1e+12 numbers, over the limit of 200000000",
-    Key("chunky"): "has chunks of over 268435456 bytes",
-    Key("foreign"): "is packed by filter 32015; expected one of gzip, ", Key("/"): "is not a path",
-    Key(0): "is not a path",
+    Key("/"): "is not a path", Key(0): "is not a path",
 }  # fmt: skip  # a list of values
 
 
@@ -95,24 +91,11 @@ def test_paths_and_names_of_datasets(log: Path, tmp_path: Path, monkeypatch: pyt
     assert "is a group" in str(refusal(log, [Key("/arm")]))
     shutil.copy(log, log.with_name("LOG.HDF"))  # the suffix says the format in whatever case
     assert read_table(log.with_name("LOG.HDF"), [Key("t")]).rows == 5
-    # empty, cut short, random, or with bytes overwritten: a column, or one sentence, which a user gets with the name of the file
-    rng, whole = np.random.default_rng(0), log.read_bytes()
-    broken = [b"", b"\x89HDF\r\n\x1a\n", rng.bytes(3000), *(whole[: int(rng.integers(len(whole)))] for _ in range(8))]
-    for changed in [1, 2, 5, 20] * 16:
-        overwritten = bytearray(whole)
-        for at in rng.integers(len(whole), size=changed):
-            overwritten[at] = rng.integers(256)
-        broken.append(bytes(overwritten))
-    paths = [tmp_path / f"broken{k}.h5" for k in range(len(broken))]
-    for path, content in zip(paths, broken, strict=True):
-        path.write_bytes(content)
-    found = answers("bristle.data.hdf5", "h5py", paths, Key("/arm/q", 1), Key("/log.position"))
-    said = [x for x in found if isinstance(x, str)]
-    assert len(said) > 20
-    assert all("\n" not in x and len(x) < 500 for x in said)
-    crashed = [path for path, x in zip(paths, found[::2], strict=True) if "crashed" in str(x)]
-    for path in [*paths[:4], *paths[11:15], *crashed[:2]]:
-        assert len(refusal(path, [Key("/arm/q", 1), Key("/log.position")]) or "") < 500
+    # empty, cut short or random: one sentence, which a user gets with the name of the file
+    whole = log.read_bytes()
+    for content in (b"", b"\x89HDF\r\n\x1a\n", np.random.default_rng(0).bytes(3000), whole[: len(whole) // 2]):
+        (tmp_path / "broken.h5").write_bytes(content)
+        assert len(str(refusal(tmp_path / "broken.h5", [Key("/arm/q", 1)]))) < 500
     # the vectors of numbers are offered by path, through no link; a draft takes them by their names
     assert {"/t", "/arm/column", "/log.position", "/log.counts", "/flags"} <= set(names_of(log))
     assert not {"/soft", "/away", "/text", "/arm/q", "/one"} & set(names_of(log))

@@ -1,4 +1,3 @@
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,6 @@ from scipy.signal import butter, filtfilt, lfilter
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment, Thresholds, find_segments, nothing_left
-from bristle.data.experiment.signals import Context
 from bristle.data.record import Record
 from bristle.findings import CRITICAL, Finding
 from bristle.model.functions import steady_torque_function
@@ -71,13 +69,6 @@ def test_plateaus_are_found_or_rejected_with_their_reason() -> None:
     off = [(s.torque - friction(np.array([s.velocity]))[0]) / (s.standard_error or np.nan) for s in found]
     assert np.abs(off).max() < 4
     assert not any(s.stick_slip for s in found)
-    # the candidates follow one another through the whole run, and each gap is an edge between two of them
-    record = replace(staircase(seed=5), starts=(0, 700, 2100))
-    found = find_segments(record, Thresholds())
-    edges = [found[0].start, *(s.stop for s in found)]
-    assert edges[:-1] == [s.start for s in found]
-    assert edges[-1] == record.time.size
-    assert {700, 2100} <= set(edges)
     # triangles, sines, ramps of velocity and rest hold no segment; the longest candidate says why. Nor does a joint that creeps while its
     # torque goes through zero, which is bent, not slid, or that hunts about a slow mean
     for name, (record, code) in _NOT_CONSTANT.items():
@@ -97,15 +88,11 @@ def test_plateaus_are_found_or_rejected_with_their_reason() -> None:
     found = accepted(find_segments(motion(velocity), Thresholds()))
     assert is_right(found, [0.5] * 5)
     assert not any(s.stick_slip for s in found)
-    # a torque clipped for a third of a plateau is saturated; a declared limit below the torque says the same, one above it does not
-    rng = np.random.default_rng(1)
-    free = motion(np.full(N, 0.5), 1.8 + 0.1 * rng.normal(size=N))
-    clipped = replace(free, torque=np.minimum(present(free.torque), 1.84))
-    for record, limit in ((clipped, None), (free, 1.5)):
-        (segment,) = find_segments(record, Thresholds(torque_limit=limit))
-        assert any(reason.code == "saturated" for reason in segment.reasons)
+    # a torque clipped for a third of a plateau is saturated
+    free = motion(np.full(N, 0.5), 1.8 + 0.1 * np.random.default_rng(1).normal(size=N))
+    (segment,) = find_segments(replace(free, torque=np.minimum(present(free.torque), 1.84)), Thresholds())
+    assert any(reason.code == "saturated" for reason in segment.reasons)
     assert accepted(find_segments(free, Thresholds()))
-    assert accepted(find_segments(free, Thresholds(torque_limit=4.0)))
 
 
 def test_encoders_and_settling_hide_no_plateau() -> None:
@@ -135,23 +122,14 @@ def test_encoders_and_settling_hide_no_plateau() -> None:
         found = find_segments(record, Thresholds())
         assert found
         assert not accepted(found)
-        assert "No segment" in nothing_left(found, (record,), Thresholds())
+        assert "No segment" in nothing_left(found, (record,))
     with pytest.raises(ValueError, match=r"bare\.csv.*under signals"):
         find_segments(Record(file="bare.csv", time=np.arange(5.0)), Thresholds())
-    # where the velocity rings before it settles, nothing but the plateau counts, however the cut falls
-    time = np.arange(0, 6, 1 / RATE)
-    for seed in range(10):
-        noise = np.random.default_rng(seed).normal(size=(2, time.size))
-        ringing = 0.05 * np.exp(-(time - 1) / 0.15) * np.sin(2 * np.pi * 4 * time) * (time > 1)
-        v = np.interp(time, [0, 0.9, 1, 5, 5.1, 6], [0, 0, 1, 1, 0, 0]) + ringing + 1e-3 * noise[0]
-        record = Record(file="ring.csv", time=time, velocity=v, torque=friction(v) + NOISE * noise[1])
-        assert len(accepted(find_segments(record, Thresholds()))) == 1
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.8])
-def test_the_standard_error_is_right_over_repetitions(rho: float) -> None:
-    """One plateau, known noise: the means scatter about the truth by the standard error, for white and for AR(1) noise."""
-    z, n = [], 800
+def test_the_standard_error_is_right_over_repetitions() -> None:
+    """One plateau, known noise: the means scatter about the truth by the standard error, with AR(1) noise."""
+    z, n, rho = [], 800, 0.8
     for seed in range(60):
         rng = np.random.default_rng(seed)
         noise = lfilter([np.sqrt(1 - rho**2)], [1.0, -rho], rng.normal(size=n + 200))[200:]
@@ -179,22 +157,16 @@ def test_units_and_sign_change_no_decision(powers: tuple[float, float, float], s
 
 
 RECORDS = [staircase(seed=3, hold=0.5, signs=(1,)), quantised(staircase(seed=4, hold=0.5, signs=(-1,)), 4096)]
-limits = st.tuples(st.floats(1e-9, 3.0), st.floats(1e-3, 0.999), st.floats(0.5, 4.0), st.floats(1e-9, 2.0))
+limits = st.tuples(st.floats(1e-9, 3.0), st.floats(1e-3, 0.999), st.floats(1e-9, 2.0))
 
 
 @settings(max_examples=6)
 @given(st.sampled_from(RECORDS), limits, limits)
-def test_loosening_a_threshold_never_rejects(
-    record: Record, one: tuple[float, float, float, float], two: tuple[float, float, float, float]
-) -> None:
+def test_loosening_a_threshold_never_rejects(record: Record, one: tuple[float, ...], two: tuple[float, ...]) -> None:
     """What tight thresholds accept, looser ones accept; and each candidate is either accepted or has a reason."""
     least, most = np.minimum(one, two), np.maximum(one, two)
-    tight = Thresholds(
-        minimum_duration=most[0], velocity_tolerance=least[1], torque_limit=least[2], minimum_velocity=most[3]
-    )
-    loose = Thresholds(
-        minimum_duration=least[0], velocity_tolerance=most[1], torque_limit=most[2], minimum_velocity=least[3]
-    )
+    tight = Thresholds(minimum_duration=most[0], velocity_tolerance=least[1], minimum_velocity=most[2])
+    loose = Thresholds(minimum_duration=least[0], velocity_tolerance=most[1], minimum_velocity=least[2])
     before, after = find_segments(record, tight), find_segments(record, loose)
     assert [s.start for s in before] == [s.start for s in after]
     assert all(b.accepted <= a.accepted for b, a in zip(before, after, strict=True))
@@ -228,53 +200,13 @@ _NOT_CONSTANT: dict[str, tuple[Record, str]] = {
 }
 
 
-@pytest.mark.parametrize(
-    ("change", "thresholds", "words"),
-    [
-        ({"velocity": 100.0}, Thresholds(velocity_tolerance=1e-9), "deg/s or rpm read as rad/s"),
-        ({"time": 1000.0}, Thresholds(velocity_tolerance=1e-9), "ms read as s"),
-        ({}, Thresholds(minimum_duration=2000.0), "minimum_duration in ms"),
-        ({}, Thresholds(torque_limit=1e-3), "mN*m"),
-        ({}, Thresholds(minimum_velocity=100.0), "minimum_velocity in deg/s"),
-    ],
-)
-def test_the_message_names_the_unit_mistake(change: dict[str, float], thresholds: Thresholds, words: str) -> None:
-    """With nothing accepted, one message says how many candidates each threshold rejected, and what unit mistake it looks like."""
+def test_the_message_where_nothing_is_left() -> None:
+    """One message says how many candidates each threshold rejected, and what is wrong with the velocity."""
     record = staircase(seed=6, hold=0.5, signs=(1,))
-    record = replace(record, **{name: getattr(record, name) * factor for name, factor in change.items()})
-    found = find_segments(record, thresholds)
+    found = find_segments(record, Thresholds(minimum_velocity=100.0))
     assert not accepted(found)
-    message = nothing_left(found, (record,), thresholds)
-    assert words in message
-    assert f"{len(found)} candidates" in message
-    assert "\n" not in message
     wrong = Finding("velocity-factor", CRITICAL, "The position moves 57.3 times as far.")
-    assert str(wrong) in nothing_left(found, (replace(record, warnings=(wrong,)),), thresholds)
-
-
-@pytest.mark.parametrize("name", ["triangle", "sine", "drift", "short hold", "rest", "stick-slip", "staircase"])
-def test_what_a_reason_proposes_answers_it(name: str) -> None:
-    """A threshold that a reason proposes can be set, and when it is, that reason is gone; a way from one speed to another is told none."""
-    records = {
-        "triangle": motion(np.abs(2 * (T / 3 % 1) - 1)),
-        "sine": motion(np.sin(2 * np.pi * T)),
-        "drift": motion(np.linspace(0.6, 1, N)),
-        "short hold": motion(np.r_[np.full(1500, 0.5), np.full(60, 0.9), np.full(N - 1560, 0.5)]),
-        "rest": motion(1e-4 * T),
-        "stick-slip": motion(0.3 * np.maximum(np.sin(2 * np.pi * 0.5 * T), 0.0)),
-        "staircase": staircase(),
-    }
-    kinds = {
-        "velocity_tolerance": {"accelerating", "unsteady"},
-        "minimum_duration": {"too-short"},
-        "minimum_velocity": {"at-rest"},
-    }
-    units = {"velocity_tolerance": "", "minimum_duration": " s", "minimum_velocity": " rad/s"}
-    proposed = 0
-    for s in find_segments(records[name], Thresholds()):
-        for option, value in re.findall(r"segments\.(\w+)(?: of|:) ([\d.e-]+)", " ".join(map(str, s.reasons))):
-            proposed += 1
-            limits = Thresholds.model_validate({option: value + units[option]}, context=Context(kind="revolute"))
-            (same,) = [x for x in find_segments(records[name], limits) if (x.start, x.stop) == (s.start, s.stop)]
-            assert not any(reason.code in kinds[option] for reason in same.reasons)
-    assert proposed or name in {"triangle", "sine", "rest", "staircase"}
+    message = nothing_left(found, (replace(record, warnings=(wrong,)),))
+    assert f"{len(found)} candidates" in message
+    assert "at rest or below breakaway: " in message
+    assert str(wrong) in message

@@ -93,15 +93,6 @@ def test_cycles_and_loops() -> None:
     assert found == ()
     assert len(drifts) == 7
     assert all(0.2 < share < 0.5 for share in drifts)
-    # at the tip of a triangle the low pass rounds the torque off; what was held is the tip, to its noise
-    record = cycle()
-    noisy = replace(
-        record, torque=present(record.torque) + 1e-3 * G0 * np.random.default_rng(0).standard_normal(record.time.size)
-    )
-    for one, tolerance in ((record, 1e-6), (noisy, 6e-3)):
-        for x in find_loadings(one, 2.0, None, None)[1:-1]:
-            own = np.abs(present(record.torque)[x.start : x.start + x.torque.size])
-            assert x.held == pytest.approx(own.max(), rel=tolerance)
     # sliding back and forth is no presliding: the torque is there at once and the joint travels; one sentence says so
     time = np.arange(0, 10, STEP)
     velocity = 0.2 * np.sin(2 * np.pi * 0.2 * time)
@@ -152,17 +143,9 @@ def test_a_torque_exceeded_without_sliding_is_no_breakaway() -> None:
     assert with_more.torque.size > alone.torque.size
     (slid,), _ = find_all_loadings([replace(x, cutoff=2.0) for x in (slipped(0.7 * G0, G0), higher)], None, None)
     assert slid.breakaway == pytest.approx(0.7 * G0, rel=0.12)
-    # whatever count is declared, no more than four edges a reading are kept, in order; one of more counts than any encoder has is bad input
-    (first, *_) = find_loadings(cycle(), 1e3, 1e-12, None)
-    assert 0 < first.edge_torque.size <= 4 * first.torque.size
-    assert (np.diff(first.edge_displacement) > 0).all()
-    for absurd in (1e-30, 1e-300):
-        with pytest.raises(
-            InputError, match=r"counts of encoder_resolution, more than any encoder has; check its unit"
-        ):
-            find_loadings(cycle(), 1e3, absurd, None)
-        with pytest.raises(InputError, match="encoder_resolution"):
-            find_loops(cycle(), 1e3, absurd)
+    # a count of more than any encoder has is bad input
+    with pytest.raises(InputError, match=r"counts of encoder_resolution, more than any encoder has; check its unit"):
+        find_loops(cycle(), 1e3, 1e-30)
 
 
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 1e-4, 1e-3]), st.floats(0, 10))

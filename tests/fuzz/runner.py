@@ -33,7 +33,6 @@ class Server:
     results: str
     """A results file of its own joint."""
     codes: Counter[int] = field(default_factory=Counter)
-    past: int = 0
     slowest: float = 0.0
     largest: float = 0.0
 
@@ -55,16 +54,12 @@ class Server:
         self.process.stdin.flush()
         answer = json.loads(present(self.process.stdout).readline())
         self.codes[answer["code"]] += 1
-        self.past += answer["code"] in {0, 3} or answer["past"]
         self.slowest, self.largest = max(self.slowest, answer["seconds"]), max(self.largest, answer["bytes"])
         _hold(case, folder, answer)
 
     def __str__(self) -> str:
         codes = ", ".join(f"{code}: {count}" for code, count in sorted(self.codes.items()))
-        return (
-            f"{self.runs} inputs; exit codes {codes}; {self.past / max(self.runs, 1):.0%} past the reader; "
-            f"slowest {self.slowest:.1f} s, largest {self.largest / 2**20:.0f} MiB"
-        )
+        return f"{self.runs} inputs; exit codes {codes}; slowest {self.slowest:.1f} s, largest {self.largest / 2**20:.0f} MiB"
 
 
 @contextmanager

@@ -14,7 +14,6 @@ import tempfile
 import time
 import traceback
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from .inputs import good_results
@@ -22,36 +21,17 @@ from .inputs import good_results
 SECONDS, BYTES = 20, 2 * 2**30  # what one input may take, in time of the processor
 _PATIENCE = 30.0
 """Times that: a command that waits, and does not work, is ended then; one that works is by its time of the processor, whatever runs beside it."""
-_READERS = (
-    "data", "questions/session_comparison/results.py", "identification/document.py", "identification/samples.py",
-    "errors.py", "__main__.py", "cli.py", "terminal.py", "api/", "progress.py", "workers.py",
-)  # fmt: skip  # a list of values
-"""Where, below the package, an input that fails there was not yet past the reader."""
-
-
-def _past(trace: TracebackType | None) -> bool:
-    """Whether an error was raised in what comes after reading."""
-    where = [frame.filename.partition("/bristle/")[2] for frame in traceback.extract_tb(trace)]
-    return any(name and not name.startswith(_READERS) for name in where if name != "page/output_folder.py")
 
 
 def _run(folder: str, arguments: list[str]) -> None:
     """The command in this process, which it ends; its output goes into files beside the folder."""
     process: Any = importlib.import_module("bristle.__main__")
-    plain = process.reason
-
-    def sentence(error: object) -> str:
-        if isinstance(error, BaseException) and _past(error.__traceback__):
-            Path(f"{folder}.past").touch()
-        return str(plain(error))
-
     os.chdir(folder)
     for number, name in ((1, "out"), (2, "err")):
         os.dup2(os.open(f"{folder}.{name}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
     resource.setrlimit(resource.RLIMIT_DATA, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     resource.setrlimit(resource.RLIMIT_CPU, (2 * SECONDS, 2 * SECONDS))
-    process.reason = sentence
     sys.argv = ["bristle", *arguments]
     try:
         process.main()
@@ -88,17 +68,14 @@ def serve() -> None:
     import bristle.questions.session_comparison.report  # noqa: F401  # imported for those that are forked
 
     with tempfile.TemporaryDirectory() as folder:
-        print(
-            json.dumps(good_results(Path(folder))), flush=True
-        )  # what is imported or compiled at its first use is there, too
+        print(json.dumps(good_results(Path(folder))), flush=True)  # which imports and compiles what is used first
     for line in sys.stdin:
         asked = json.loads(line)
         child = os.fork()
         if not child:
             _run(asked["folder"], asked["arguments"])
         code, seconds, size = _waited(child)
-        answer = {"code": code, "seconds": seconds, "bytes": size, "past": Path(f"{asked['folder']}.past").exists()}
-        print(json.dumps(answer), flush=True)
+        print(json.dumps({"code": code, "seconds": seconds, "bytes": size}), flush=True)
 
 
 if __name__ == "__main__":

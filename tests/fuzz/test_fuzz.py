@@ -12,10 +12,10 @@ SECONDS = float(os.environ.get("BRISTLE_FUZZ_SECONDS", "20"))  # that are spent 
 @pytest.mark.slow
 def test_any_input_ends_with_a_result_or_one_sentence() -> None:
     """Exit code 0, 2 or 3; at 2 one sentence of bounded length and nothing written; inputs unchanged; within 20 s and 2 GiB; pages without script."""
-    # at least a quarter of the inputs pass the reader, so that what comes after it is tried as well; 400 of each seed
+    # at least a tenth of the inputs end with a result, so that what comes after the reader is tried as well; 400 of each seed
     end, seeds = time.monotonic() + SECONDS, count()
     with server() as running:
         while time.monotonic() < end:
             fuzz(running, end, first=next(seeds), least=60)
         assert running.runs >= 60
-        assert running.past >= running.runs / 4, str(running)
+        assert running.codes[0] + running.codes[3] >= running.runs / 10, str(running)

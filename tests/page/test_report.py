@@ -160,7 +160,7 @@ def test_bytes_repeat_and_nothing_else_is_replaced(tmp_path: Path) -> None:
     other = drawing()._replace(name="other", how="A line.")
     twice = (Section("one", id="one--joint", figures=(curve,)), Section("two", id="two--joint", figures=(other,)))
     pages = (Page("more.html", "More of it", HOSTILE, twice), Page("raw.html", "Raw", "as it is"))
-    files = {"raw.html": b"<p>", "results.json": b"{}", "timings.json": b"{}"}
+    files = {"raw.html": b"<p>", "results.json": b"{}"}
     report = replace(WHOLE, sections=(Section("First", figure=curve),), pages=pages, files=files)
     told: list[tuple[int, int]] = []
     report.write(tmp_path / "out", lambda _, done, total: told.append((done, total)), mailed=True)
@@ -180,7 +180,7 @@ def test_bytes_repeat_and_nothing_else_is_replaced(tmp_path: Path) -> None:
     }
     with zipfile.ZipFile(tmp_path / "out" / "report.zip") as archive:
         held = {name: archive.read(name) for name in archive.namelist()}
-    beside = {"report.zip", "timings.json", "mine.txt", ".bristle-manifest"}
+    beside = {"report.zip", "mine.txt", ".bristle-manifest"}
     assert held == {name: data for name, data in made.items() if name not in beside}
 
 

@@ -63,10 +63,7 @@ def of_motion(record: Record) -> tuple[float, Finding]:
 
 def _by_motion(motion: float, shown: float) -> Finding:
     """The reason for a moving run's cut-off: bandwidth of its motion, and where its signals fall into noise, Hz."""
-    message = (
-        f", for 99.9 % of the motion lies below {motion:.3g} Hz, and motion and effort show more than noise up to "
-        f"{shown:.3g} Hz (fit.position_cutoff overrules)"
-    )
+    message = f", for 99.9 % of the motion lies below {motion:.3g} Hz, and beyond {shown:.3g} Hz its signals are noise"
     return Finding("cutoff-of-motion", NOTE, message, {"motion": motion, "shown": shown})
 
 

@@ -15,7 +15,7 @@ from bristle.data.columns import Key, bounded, numeric, offered, place_of, readi
 from bristle.data.hdf5 import read_hdf5
 from bristle.data.isolated import Columns
 from bristle.data.mat import read_mat
-from bristle.errors import InputError, short
+from bristle.errors import InputError
 
 _MEMORY = 10  # times as many bytes as a float
 _WHAT, _HOW = 'JSON of records, as [{"t": 0, "q": 1}, ...], or of columns', "expected as many numbers in each"
@@ -115,7 +115,7 @@ def _parquet(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
     """Columns of a Parquet file, by name or by number from 0; it needs the extra `parquet`."""
     try:
         import pyarrow as pa
-        from pyarrow import compute, parquet
+        from pyarrow import compute, parquet, types
     except ImportError as error:
         install = "install it with pip install 'bristle[parquet]'"
         raise InputError(f"is a Parquet file, which needs pyarrow; {install}") from error
@@ -124,32 +124,18 @@ def _parquet(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
     with file:
         schema = file.schema_arrow
         if keys is None:
-            yield from (field.name for field in schema if _is_number(field.type))
+            numbers = (types.is_integer, types.is_floating, types.is_decimal)
+            yield from (field.name for field in schema if any(is_one(field.type) for is_one in numbers))
             return
         names = [schema.names[place_of(key, schema.names)] for key in keys]
-        for key, name in zip(keys, names, strict=True):
-            kind = schema.field(name).type
-            if not _is_number(kind if key.index is None else getattr(kind, "value_type", kind)):
-                what = f"no numbers, but {short(str(kind))}"
-                raise InputError(f"column {key} holds {what}; expected one number per sample")
         bounded(file.metadata.num_rows * len(names))
         with reading("Parquet file"):
             table = file.read(columns=sorted(set(names)))
         for key, name in zip(keys, names, strict=True):
-            with reading("Parquet file", f"expected in every row of column {key} as many numbers"):
+            with reading("Parquet file", f"expected in every row of column {key} a number, or as many in a list"):
                 column = table.column(name)
                 column = column if key.index is None else compute.list_element(column, key.index)
-                numbers = column.cast(pa.float64(), safe=False).to_numpy()
-            yield np.array(numbers, dtype=float)
-
-
-def _is_number(kind: Any) -> bool:
-    """Whether an Arrow type is one number per row, or a dictionary of numbers."""
-    from pyarrow import types
-
-    if types.is_dictionary(kind):
-        return _is_number(kind.value_type)
-    return bool(types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind))
+                yield np.array(column.cast(pa.float64(), safe=False).to_numpy(), dtype=float)
 
 
 READERS: dict[str, Columns] = {

@@ -167,15 +167,11 @@ def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
     seen = np.maximum.accumulate(time)
     behind = np.append(False, time[1:] < seen[:-1])[: time.size]
     twice = np.append(False, time[1:] <= seen[:-1])[: time.size] & ~behind
+    k, remedy = int(np.argmax(behind)), "split the log, or declare cleaning: {backward: drop}"
+    refused = f"at which time runs backward ({seen[k - 1]:.9g} s to {time[k]:.9g} s); {remedy}"
     runs_back = Finding("rows-backward", CAUTION, "dropped: time runs backward {}")
-    repeats = Finding("rows-repeated", CAUTION, "dropped: a time stamp repeats {}")
-    for bad, left, why, key, action in (
-        (behind, behind, runs_back, "backward", cleaning.backward),
-        (twice, twice[~behind], repeats, "duplicates", cleaning.duplicates),
-    ):
-        k, what = int(np.argmax(bad)), why.message.removeprefix("dropped: ").removesuffix(" {}")
-        refused = f"at which {what} ({seen[k - 1]:.9g} s to {time[k]:.9g} s); split the log, or declare cleaning: {{{key}: drop}}"
-        rows.drop(left, why, refused * (action == "refuse"))
+    rows.drop(behind, runs_back, refused * (cleaning.backward == "refuse"))
+    rows.drop(twice[~behind], Finding("rows-repeated", CAUTION, "dropped: a time stamp repeats {}"))
 
 
 def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
@@ -193,11 +189,9 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
         rows.notes.append(Finding("sampling", NOTE, message, {"step": step, "rate": 1 / step, "jitter": 100 * worst}))
     if wide.any():
         count, longest = int(wide.sum()), float(intervals.max())
-        message = (
-            f"{count} gap{'s' * (count != 1)} longer than {gap:g} intervals ({gap * step:.4g} s), the longest "
-            f"{longest:.4g} s; the parts between gaps are treated separately, unless the motion around a gap shows what "
-            "happened in it."
-        )
+        longer = f"longer than {gap:g} intervals (cleaning.gap), the longest {longest:.4g} s"
+        apart = "the parts between gaps are treated separately, unless the motion beside one shows what happened"
+        message = f"{count} gap{'s' * (count != 1)} {longer}; {apart}."
         rows.notes.append(Finding("gaps", CAUTION, message, {"gaps": count, "longest": longest}))
     return (0, *(int(k) + 1 for k in np.flatnonzero(wide | off)))
 

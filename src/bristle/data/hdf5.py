@@ -13,9 +13,6 @@ from bristle.data.columns import Key, bounded, offered, picked, reading
 from bristle.data.isolated import ask
 from bristle.errors import InputError, short_list
 
-# by number: filters that HDF5 and h5py bring; no other is loaded
-_FILTERS = {1: "gzip", 2: "shuffle", 3: "fletcher32", 4: "szip", 5: "nbit", 6: "scaleoffset", 32000: "lzf"}
-_CHUNK = 2**28  # largest chunk, bytes: a chunk is unpacked whole
 _DEEPEST, _LONGEST = 20, 1000  # groups in groups; characters of a path
 _MATLAB_ADVICE = "in MATLAB save it again, or for less than 2 GB with save(file, '-v7', ...)"
 
@@ -26,8 +23,7 @@ def read_hdf5(path: Path, keys: Sequence[Key] | None) -> list[Any]:
     A column is the path of its dataset, as `/group/position`, `index` picking one of a matrix; a field of a table is
     the last part of the path, `/log.position` or `/log/position`. In a MATLAB file it is a dotted path through structs
     (`data.q`); cells and arrays of structs are not read. Data outside the file (external links and storage, virtual
-    datasets), text, references, lists of any length and filters that h5py does not bring are refused. Raises
-    InputError; needs the extra `hdf5`.
+    datasets), text, references and lists of any length are refused. Raises InputError; needs the extra `hdf5`.
     """
     matlab = path.suffix.lower() == ".mat"
     if sys.modules.get("h5py", "") is None or find_spec("h5py") is None:
@@ -44,10 +40,8 @@ def columns_of(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
 
     matlab = path.suffix.lower() == ".mat"
     with h5py.File(path, "r") as file:
-        if keys is None:
-            yield from _names(file, "" if matlab else "/", 0, matlab=matlab)
-        for key in keys or ():
-            yield _column(file, key, matlab=matlab)
+        names = _names(file, "" if matlab else "/", 0, matlab=matlab)
+        yield from names if keys is None else (_column(file, key, matlab=matlab) for key in keys)
 
 
 def _column(file: Any, key: Key, *, matlab: bool) -> Array:
@@ -63,7 +57,7 @@ def _column(file: Any, key: Key, *, matlab: bool) -> Array:
 
 
 def _faults(dataset: Any, field: str | None, key: Key) -> Iterator[str]:
-    """Reasons why a dataset is no column: no numbers, stored elsewhere, an unknown filter, or too large."""
+    """Reasons why a dataset is no column: no numbers, or stored elsewhere."""
     import h5py
 
     if not isinstance(dataset, h5py.Dataset):
@@ -77,12 +71,6 @@ def _faults(dataset: Any, field: str | None, key: Key) -> Iterator[str]:
         yield f"holds no plain numbers, but {what[:60]}; expected one real number per sample"
     if dataset.is_virtual or dataset.external:
         yield "is stored in other files; copy the data into the file"
-    plan = dataset.id.get_create_plist()
-    foreign = [n for k in range(plan.get_nfilters()) if (n := plan.get_filter(k)[0]) not in _FILTERS]
-    if foreign:
-        yield f"is packed by filter {foreign[0]}; expected one of {', '.join(_FILTERS.values())}; repack it with h5repack"
-    if dataset.chunks and np.prod(dataset.chunks, dtype=float) * dataset.dtype.itemsize > _CHUNK:
-        yield f"has chunks of over {_CHUNK} bytes; repack it with h5repack"
 
 
 def _opened(file: Any, key: Key, between: str) -> tuple[Any, str | None]:

@@ -47,6 +47,7 @@ class Record:
     warnings: tuple[Finding, ...] = ()  # where its signals contradict one another, or themselves
     labels: Mapping[str, str] = field(default_factory=dict)  # Run-level labels: temperature, load
     lines: NDArray[np.intp] | None = None  # line of each sample in a text file, from 1, (n,); None where not known
+    fine: "Record | None" = None  # all samples of a run of which this holds means; None: all are here
     filled: NDArray[np.bool_] | None = None  # samples that fill a gap, without a torque, (n,); None: none
 
     def __post_init__(self) -> None:

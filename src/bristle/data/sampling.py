@@ -165,6 +165,38 @@ def _interpolated(record: Record) -> Record:
     )
 
 
+def averaged(record: Record, count: int) -> Record:
+    """The record at every `count`-th sample, an odd number, which are `fine`: the torque and a logged velocity are means about it.
+
+    A motion through a low pass far below the sampling rate is known from fewer samples.
+    """
+    first = np.concatenate([np.arange(s.start, s.stop - count + 1, count) for s in between_gaps(record)])
+    about, at = first[:, None] + np.arange(count), first + count // 2
+    means = {"torque", "voltage", "link_torque"} | (set() if record.velocity_estimated else {"velocity"})
+    changed: dict[str, Any] = {
+        name: x[about].mean(axis=1) if name in means else x[at]
+        for name in SIGNALS
+        if (x := getattr(record, name)) is not None
+    }
+    return replace(
+        record,
+        **changed,
+        time=record.time[at],
+        torque_shifts={name: x[about].mean(axis=1) for name, x in record.torque_shifts.items()},
+        starts=(0, *np.searchsorted(first, record.starts[1:]).tolist()),
+        lines=None if record.lines is None else record.lines[at],
+        filled=None if record.filled is None else np.asarray(record.filled[about].any(axis=1)),
+        fine=record,
+    )
+
+
+def with_motion(record: Record, moved: Record) -> Record:
+    """The record with another motion, of all its samples."""
+    shown = moved if record.fine is None else averaged(moved, round(record.step / moved.step))
+    motion = {name: getattr(shown, name) for name in ("position", "velocity", "acceleration", "velocity_estimated")}
+    return replace(record, **motion, cutoff=moved.cutoff, notes=moved.notes, fine=shown.fine)
+
+
 def jitter(record: Record, time: Array) -> float:
     """Standard deviation of the sampling instants about `time`, (n,), samples; 0 where noise does not follow speed."""
     if record.position is None:

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 from bristle.data.units import signal_unit
 from bristle.errors import InputError, short
-from bristle.findings import CAUTION, Finding
 
 _SAMPLE, _MOST = 2**18, 3 * 2**20
 """Bytes of the sample, and its most where the lines are so long that it holds fewer than `_HEADED` of them."""
@@ -44,10 +43,6 @@ class Layout(NamedTuple):
     first: tuple[str, ...]  # the first row of numbers, as text; empty where there is none
     units: tuple[str, ...] = ()
     """Unit of each column that the file states, in a row below the names or in brackets behind a name; else empty."""
-    other_names: tuple[
-        tuple[str, ...], ...
-    ] = ()  # other rows above the numbers, as wide: names are looked for here, too
-    note: Finding | None = None  # on a header that is more than one line of names
     blocks: bool = False  # whether each channel has two columns, its time and its value
 
 
@@ -102,7 +97,8 @@ def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
     skip = rows[start][0] if table else len(lines)
     above, numbers = cells[:start], [i + 1 for i, _ in rows[:start]]
     named, stated = _header(above, width)
-    note = _header_note(list(zip(numbers, above, strict=True)), named, width) if first else None
+    if first:
+        _refuse_rows(list(zip(numbers, above, strict=True)), named, width)
     if named is None and comment:
         said = [line for line, is_comment in zip(lines[:skip], commented, strict=False) if is_comment]
         above = [split(line.lstrip().lstrip("#%/").strip(), delimiter) for line in said]
@@ -129,8 +125,6 @@ def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
         encoding,
         first,
         tuple(unit or signal_unit(text) for unit, text in zip(below, within, strict=False)),
-        tuple(tuple(row) for row in above[-_LOOKED_AT:] if len(row) <= width + 1 and tuple(row) != names),
-        note,
         named is not None and _keyed(names).startswith("name"),
     )
 
@@ -202,22 +196,13 @@ def _stated(cell: str) -> str:
     return signal_unit(match[2].strip() if match and not match[1].strip() else cell)
 
 
-def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> Finding | None:
-    """The note on lines above the numbers that are more than one line of names.
-
-    Raises InputError where one of them, below the names, begins with a number: it was logged.
-    """
+def _refuse_rows(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> None:
+    """Raise InputError where a line below the names, and above the numbers, begins with a number: it was logged."""
     for line, row in cells[len(cells) if named is None else named + 1 :]:
         begins = next((is_value(cell) for cell in row if cell), False)
         if len(row) == width and begins and any(is_value(cell) and cell != "1" for cell in row if cell):
             why = f"line {line} stands between names and numbers, and is neither: {short(', '.join(row))}"
             raise InputError(f"{why}; correct or remove it")
-    if len(cells) < 2 and not any(is_value(cell) for _, row in cells for cell in row if cell):
-        return None
-    lines = ", ".join(f"{line} ({short(', '.join(row))})" for line, row in cells[:3])
-    more = f", and {len(cells) - 3} more" if len(cells) > 3 else ""
-    message = f"Taken as header, not as data: line{'' if len(cells) == 1 else 's'} {lines}{more}."
-    return Finding("header-lines", CAUTION, message, {"count": len(cells)})
 
 
 def split(line: str, delimiter: str) -> list[str]:

@@ -38,9 +38,7 @@ class RawTable:
     notes: tuple[Finding, ...] = ()
     header: int | None = None  # lines of a text file before its first row of numbers; None where lines are not rows
     units: Mapping[Key, str] = field(default_factory=dict)  # that a text file states
-    origins: Mapping[Key, int] = field(
-        default_factory=dict
-    )  # first date of columns of dates, ns since 1970 or midnight
+    origins: Mapping[Key, int] = field(default_factory=dict)  # first of a column of dates, ns since 1970 or midnight
     time: Array | None = None  # time of each row, s, (rows,), where more than the column of time tells it
     origin: int = 0  # of `time`, ns
     numbers: NDArray[np.intp] | None = None
@@ -155,16 +153,13 @@ def _read_text(path: Path, keys: Sequence[Key], digest: str) -> RawTable:
     # lines and rows go together where each line after the header is one row, in a file that is short enough to look
     header = None
     if path.stat().st_size <= 2**26:
-        with path.open(encoding=layout.encoding, errors="replace") as file:
-            lines = [line.strip() for line in file]
-        while lines and not lines[-1]:
-            lines.pop()
-        header = layout.skip if len(lines) - layout.skip == len(frame) and all(lines[layout.skip :]) else None
+        lines = path.read_text(encoding=layout.encoding, errors="replace").rstrip().split("\n")[layout.skip :]
+        header = layout.skip if len(lines) == len(frame) and all(map(str.strip, lines)) else None
     return RawTable(
         columns={**numbers, **{key: seconds for key, (seconds, _) in stamps.items()}},
         rows=len(frame),
         sha256=digest,
-        notes=(*([layout.note] if layout.note else []), *comma),
+        notes=tuple(comma),
         header=header,
         units={key: unit for key, place in places.items() if (unit := "".join(layout.units[place : place + 1]))},
         origins={key: origin for key, (_, origin) in stamps.items()},
@@ -187,8 +182,7 @@ def _place(key: Key, layout: Layout) -> int:
         found = [k for k in _named(column, None, layout) if k in _of_lists(layout)]
     if len(found) > 1:
         several = f"several columns named {key}, columns {short_list(found)}, counted from 0"
-        second = short(f"{layout.names[found[1]]}#2")
-        raise InputError(f"{several}; write a number, as in column: {found[1]}, or {second} for the second")
+        raise InputError(f"{several}; write a number, as in column: {found[1]}")
     if not found:
         advice = "; a column number is written without quotes" if column.isdigit() else ""
         raise InputError(f"no column named {key}; there are: {there}{advice}")
@@ -199,16 +193,9 @@ def _place(key: Key, layout: Layout) -> int:
 
 
 def _named(column: str, index: int | None, layout: Layout) -> list[int]:
-    """The columns of a name, in the header, else in another row above the numbers; `q#2` is the second q."""
+    """The columns of a name."""
     wanted = {column} if index is None else {f"{column}[{index}]", f"{column}_{index}", f"{column}.{index}"}
-    found = [k for k, name in enumerate(layout.names) if name in wanted]
-    others = ([k for k, x in enumerate(row) if x in wanted] for row in layout.other_names)
-    found = found or next((places for places in others if len(places) == 1), [])
-    stem, _, number = column.rpartition("#")
-    if found or index is not None or not (number.isdecimal() and len(number) < 6):
-        return found
-    every = [k for k, name in enumerate(layout.names) if name == stem]
-    return every[int(number) - 1 : int(number)] if int(number) else []
+    return [k for k, name in enumerate(layout.names) if name in wanted]
 
 
 def _of_lists(layout: Layout) -> set[int]:

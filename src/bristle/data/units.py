@@ -29,11 +29,6 @@ _PER_MINUTE = ("1/min", "/min", "min^-1", "min-1", "min⁻¹", "1/minute")
 _COUNTS = re.compile(r"counts?\b")
 _PER_TURN = re.compile(rf"({_NUMBER}) ?counts? ?/ ?(.+)")
 
-_EXAMPLES = {
-    "rad": "rad, deg, rev or counts", "m": "m, mm or counts", "rad/s": "rad/s, deg/s or rpm", "m/s": "m/s or mm/s", "N*m": "N*m or mNm",
-    "N": "N or kN", "s": "s, ms or us", "Hz": "Hz or kHz", "A": "A or mA", "V": "V or mV", "1": "1 or percent",
-}  # fmt: skip  # a table
-
 
 def to_si(value: object, target: str) -> float:
     """A quantity such as `1.5e-3 rad`, in `target`, an SI unit; of an encoder also `4096 counts/rev`, one count.
@@ -49,7 +44,7 @@ def to_si(value: object, target: str) -> float:
         raise InputError(f"got {short(value)}; expected a positive number of counts, such as '4096 counts/rev'")
     if match and match[2]:
         return _sane(float(match[1]) * factor(match[2], target), value, target)
-    raise InputError(f"got {short(value)}; expected a number with its unit, such as {_example(target)}")
+    raise InputError(f"got {short(value)}; expected a number with its unit, such as '1 {target}'")
 
 
 def positive_si(name: str, value: float | str, target: str) -> float:
@@ -142,7 +137,7 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
         target_size, target_root = _root(wanted)
         torque_like = "N" in target or "kg" in target
         if measured.dimensionality != wanted.dimensionality or not (torque_like or root == target_root):
-            own, expected = f"{wanted / _parse(times):~}", f"one such as {_example(target, '')}"
+            own, expected = f"{wanted / _parse(times):~}", f"one such as {target}"
             if times != "1" and own.isalpha():  # what the column must be in for the scale to make the target of it
                 expected = f"unit: {own}, of which this scale makes {target}, or another scale"
             elif measured.dimensionless and times == "1":
@@ -206,8 +201,3 @@ def _registry() -> "pint.UnitRegistry[float]":
     registry.define("newton_centimetre = 0.01 * newton * meter = Ncm")
     registry.define("newton_millimetre = 0.001 * newton * meter = Nmm")
     return registry
-
-
-def _example(target: str, number: str = "1 ") -> str:
-    units = _EXAMPLES.get(target, target)
-    return repr(number + units.split(",")[0].split(" or ")[0]) if number else units

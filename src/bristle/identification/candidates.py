@@ -10,7 +10,7 @@ from bristle.arrays import Array
 from bristle.estimation.score_test import Candidate, Score
 from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line, shows_gravity, turn_of
-from bristle.model.parameters import Kind, periodic
+from bristle.model.parameters import Kind, periodic, slides
 
 _HARMONICS = 64  # most ripples tried
 _FEW = 8  # equations below which nothing is tried
@@ -29,8 +29,10 @@ def candidates(
     signals = {"time": time, "velocity": velocity, "position": position}
     scaled = {name: 2 * (x - x.min()) / np.ptp(x) - 1 for name, x in signals.items() if x.size == n and np.ptp(x) > 0}
     rows = list[Candidate]()
-    of_position = "gravity" if shows_gravity(kind, position) else "spring"
-    for name in ("quadratic", *[of_position] * ("position" in scaled)):
+    # gravity is told from a spring only beside it
+    springs = slides(kind) or "gravity_sin" in parameters
+    possible = {"quadratic": True, "gravity": shows_gravity(kind, position), "spring": "position" in scaled and springs}
+    for name in (x for x, is_possible in possible.items() if is_possible):
         if set(parameters).isdisjoint(REGRESSORS[name].names):
             columns = np.stack(list(load_columns((name,), signals.__getitem__, n).values()), axis=1)
             rows.append(Candidate(partial(_regressor, name, parameters), (columns,), is_friction=name == "quadratic"))

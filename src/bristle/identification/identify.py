@@ -313,7 +313,7 @@ class _Decisions:
             "and so is friction."
         )
         early = Finding("acts-early", CRITICAL, message, {"early": late}, {"torque": np.inf})
-        half = max(r.step for r in measured.moving(hold_out=False)) / 2  # the resolution of rows
+        half = max((r.fine or r).step for r in measured.moving(hold_out=False)) / 2  # the resolution of rows
         self.doubts = (early,) if late > max(_SURE * error, half) else self._feedback(late)
         told, reach = "as the drive makes it of its commands", student(np.inf) * error
         if reach < _LATEST:
@@ -560,7 +560,9 @@ def _settings(experiment: Experiment, asked_law: str, training: Sequence[Record]
         chosen += ["fit.decimation"] if "decimation" not in fit.model_fields_set else []
         if chosen:
             cutoffs = dict.fromkeys(f"{f(r.cutoff for r in training):.3g}" for f in (min, max))
-            samples = f"one sample in {fit.every}" if fit.every > 1 else "all samples"
+            slowest = max(training, key=lambda r: r.step)
+            every = fit.every * (1 if slowest.fine is None else round(slowest.step / slowest.fine.step))
+            samples = f"one sample in {every}" if every > 1 else "all samples"
             by = f"by the spectra, {' and '.join(chosen)} overrule{'s'[len(chosen) - 1 :]}"
             settings["filters"] = f"low pass of {' to '.join(cutoffs)} Hz, {samples} ({by})"
         if (known := experiment.inertia) is not None:

@@ -15,6 +15,7 @@ from bristle.data.experiment.constants import ONE
 from bristle.data.experiment.load import Experiment, Run, in_own_unit, load_experiment, read_runs
 from bristle.data.record import Record
 from bristle.data.run_kinds import FEWEST
+from bristle.data.sampling import averaged, with_motion
 from bristle.data.signal_checks import merged
 from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError, short, short_list
@@ -26,6 +27,7 @@ from bristle.identification.static.points import PointSearch, point_regressors, 
 if TYPE_CHECKING:
     import pandas as pd
 
+_SAMPLES = 64  # least samples of an equation, beyond which means of them are taken
 _STILL = 1e-12  # of the fastest point: slower ones are at rest
 
 
@@ -152,8 +154,32 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
         fits = np.diff([*record.starts, record.time.size]).max() >= shortest
         return without_short_segments(record, shortest, "decimated") if fits and record.velocity is not None else record
 
-    experiment, runs = _with_fit_options(experiment, decimation=every), _changed(runs, decimable)
+    runs = _changed(runs, decimable)
+    if experiment.fit.decimation is None:
+        # of runs that are sampled far faster than their equations need, means of samples
+        at_once = _at_once(every)
+        runs, every = _changed(runs, lambda r: _averaged(r, _at_once(r.decimation(every)), at_once)), every // at_once
+    experiment = _with_fit_options(experiment, decimation=every)
     return judged(Measured(experiment=experiment, runs=runs, segments=_cut_segments(experiment, runs)))
+
+
+def _at_once(every: int) -> int:
+    """Samples of each mean, an odd number, where so many make an equation."""
+    return max((every // _SAMPLES - 1) // 2 * 2 + 1, 1)
+
+
+def _averaged(record: Record, count: int, slowest: int) -> Record:
+    """The record with means of some samples, and those of the slowest."""
+    if count == 1:
+        return record
+    unknown = at_limits(record)
+    whole = replace(record, filled=unknown if unknown.any() else record.filled)
+    note = Finding(
+        "samples-averaged", NOTE, f"Of every {count} samples the mean is taken, which the low pass hardly alters."
+    )
+    return replace(
+        averaged(whole, count), oversampled=record.oversampled * slowest / count, notes=(*record.notes, note)
+    )
 
 
 def _stretches(record: Record) -> list[int]:
@@ -172,8 +198,10 @@ def _changed(runs: Sequence[Run], change: Callable[[Record], Record]) -> tuple[R
 def _refiltered(record: Record, cutoff: float) -> Record:
     """A moving run with its motion estimated again through another low pass, Hz."""
     kept = tuple(n for n in record.notes if n.code not in {"motion-from-position", "acceleration-from-velocity"})
-    velocity = None if record.velocity_estimated else record.velocity
-    return estimate_motion(replace(record, velocity=velocity, acceleration=None, notes=kept), cutoff)
+    whole = record.fine or record
+    velocity = None if whole.velocity_estimated else whole.velocity
+    moved = estimate_motion(replace(whole, velocity=velocity, acceleration=None, notes=kept), cutoff)
+    return with_motion(record, moved) if record.fine else moved
 
 
 def with_wider_low_pass(measured: Measured, factor: float) -> Measured:
@@ -231,7 +259,7 @@ def nothing_to_fit(measured: Measured) -> str:
     if not training:
         return f"{experiment.path.name}: no run to fit (hold-out runs are never fitted); add one under runs"
     records, candidates = zip(*training, strict=True)
-    return nothing_left(tuple(s for found in candidates for s in found), records, experiment.segments)
+    return nothing_left(tuple(s for found in candidates for s in found), records)
 
 
 def refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:

@@ -14,9 +14,7 @@ from bristle.errors import InputError, check_regular
 
 MARKER = ".bristle-manifest"  # in a folder of bristle's: what bristle made in it, a relative path a line
 # names of a page and its files
-_PAGE = re.compile(
-    r"[a-z]+\.html|report\.zip|(results|timings)\.json|figures/[a-z0-9_-]+\.(svg|png|csv)|tables/[a-z0-9_-]+\.csv"
-)
+_PAGE = re.compile(r"[a-z]+\.html|report\.zip|results\.json|figures/[a-z0-9_-]+\.(svg|png|csv)|tables/[a-z0-9_-]+\.csv")
 # the dataset of a fleet: a marker may list nothing else than these and the files of a page
 RESULTS, TASKS, LEDGER, LOCK = FLEET = ("results", "tasks", "ledger.json", ".lock")
 # files of a folder that no page of another question may replace

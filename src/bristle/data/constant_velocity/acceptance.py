@@ -1,8 +1,7 @@
 """Evidence on candidates for segments of constant velocity, and the reasons that reject them."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from math import ceil, floor, log10
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
@@ -10,7 +9,7 @@ from pydantic import Field
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.changepoints import CandidateSpan
-from bristle.data.experiment.signals import Seconds, Speed, quantity
+from bristle.data.experiment.signals import Seconds, Speed
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.record import Record
 from bristle.estimation.autocorrelation import inflation, standard_error
@@ -50,7 +49,6 @@ class Evidence:
     resting: float  # share of the time at less than a tenth of the mean velocity
     backward: float  # share of the time moving the other way, faster than a tenth of the mean velocity
     clipped: float  # share of samples at the extreme torque or voltage; of a possible command only if not all
-    limited: float  # share of samples at or beyond the torque limit
 
 
 def usual_scale(record: Record, candidates: Sequence[CandidateSpan], resolution: float | None) -> Scale:
@@ -74,7 +72,7 @@ def usual_scale(record: Record, candidates: Sequence[CandidateSpan], resolution:
     )
 
 
-def evidence(record: Record, candidate: CandidateSpan, usual: Scale, torque_limit: float | None) -> Evidence:
+def evidence(record: Record, candidate: CandidateSpan, usual: Scale) -> Evidence:
     """Measure one candidate of a run."""
     part = slice(candidate.start, candidate.stop)
     time, v, torque = record.time[part], np.asarray(record.velocity)[part], np.asarray(record.torque)[part]
@@ -106,7 +104,6 @@ def evidence(record: Record, candidate: CandidateSpan, usual: Scale, torque_limi
         resting=resting,
         backward=backward,
         clipped=max([share for share in pinned if share < 1 or measured], default=0.0),
-        limited=float(np.mean(np.abs(torque) >= 0.999 * torque_limit)) if torque_limit else 0.0,
     )
 
 
@@ -155,18 +152,15 @@ class Thresholds(StrictModel):
 
     minimum_duration: Seconds | None = None  # shortest segment that counts, s
     velocity_tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None  # largest drift relative to the mean
-    torque_limit: Annotated[float, quantity("torque"), Field(gt=0)] | None = None  # at which the drive saturates, N*m
     minimum_velocity: Speed | None = None  # slowest mean velocity that counts as motion, rad/s
 
 
 def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Finding, ...]:
-    """Reasons that reject a candidate, each with what would let it in; none where it counts."""
+    """Reasons that reject a candidate; none where it counts."""
     steady = next(_unsteadiness(e, usual, t), None)
     if steady and steady.code == "transient":
         return (steady,)
-    against = [reason for reason in (_too_short(e, usual, t, steady), steady, _saturated(e, t)) if reason]
-    effect = "would make it pass" if len(against) < 2 else "would remove this reason, not the other"
-    return tuple(replace(reason, message=f"{reason.message} {effect}.") for reason in against)
+    return tuple(reason for reason in (_too_short(e, usual, t), steady, _saturated(e)) if reason)
 
 
 def warnings(e: Evidence) -> Iterator[Finding]:
@@ -175,25 +169,15 @@ def warnings(e: Evidence) -> Iterator[Finding]:
     if sticks(e):
         swing = e.swing / speed
         message = (
-            f"Stick-slip: the velocity deviates by {100 * swing:.0f} % of its mean and is zero {100 * e.resting:.0f} % of "
-            "the time; the mean torque is not the friction at the mean velocity."
+            f"Stick-slip: the velocity swings by {100 * swing:.0f} %, and rests {100 * e.resting:.0f} % of the time."
         )
         yield Finding("stick-slip", CAUTION, message, {"swing": swing, "resting": e.resting})
     if abs(e.logged - e.velocity) > max(0.005 * speed, 4 * e.velocity_error):
-        message = (
-            f"The slope of the position, {e.velocity:.4g}{velocity}, and the mean of the logged velocity, "
-            f"{e.logged:.4g}{velocity}, differ: check for missing samples, a wrong unit or a wrong sampling rate."
-        )
+        message = f"The position moves at {e.velocity:.4g}{velocity}, the logged velocity is {e.logged:.4g}{velocity}."
         yield Finding("position-differs", CAUTION, message, {"slope": e.velocity, "logged": e.logged})
     if e.torque_drift > max(0.1 * abs(e.torque), e.torque_drift_noise):
-        message = (
-            f"The torque changes by {e.torque_drift:.3g}{torque} over the segment (mean {e.torque:.4g}{torque}), more than "
-            "its noise: it depends on position, temperature or time, or had not settled."
-        )
+        message = f"The torque changes by {e.torque_drift:.3g}{torque} over the segment (mean {e.torque:.4g}{torque})."
         yield Finding("torque-drifts", CAUTION, message, {"drift": e.torque_drift, "torque": e.torque})
-    if e.torque_error is None:
-        message = "Fewer than two of the torque samples are independent; the standard error of the torque is unknown."
-        yield Finding("torque-unsure", NOTE, message)
 
 
 def sticks(e: Evidence) -> bool:
@@ -201,8 +185,7 @@ def sticks(e: Evidence) -> bool:
     return e.resting > 0.05 or e.swing > 0.3 * abs(e.velocity)
 
 
-def _too_short(e: Evidence, usual: Scale, t: Thresholds, other: Finding | None) -> Finding | None:
-    """The reason of its length, without the effect, which `reasons` adds; a threshold only if it is the only reason."""
+def _too_short(e: Evidence, usual: Scale, t: Thresholds) -> Finding | None:
     if t.minimum_duration is not None:
         if e.duration >= t.minimum_duration * (1 - 1e-9):
             return None
@@ -217,8 +200,7 @@ def _too_short(e: Evidence, usual: Scale, t: Thresholds, other: Finding | None) 
         asked = f"a quarter of this run's typical plateau, {duration:.3g} s or {travel:.3g} of travel, is required"
     else:
         return None
-    option = "" if other else f", or a segments.minimum_duration of {_rounded(e.duration, floor)} s,"
-    message = f"Too short: {e.duration:.3g} s; {asked}. A longer hold{option}"
+    message = f"Too short: {e.duration:.3g} s; {asked}. Hold the speed for longer."
     return Finding("too-short", NOTE, message, {"duration": e.duration})
 
 
@@ -229,74 +211,41 @@ def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Iterator
     if speed > least or (t.minimum_velocity is not None and speed >= least > 0):
         return
     wanted = "the noise floor" if t.minimum_velocity is None else "segments.minimum_velocity"
-    moves, unit = speed > 1e-6 * usual.fastest, unit_of("velocity")
-    option = f", or a segments.minimum_velocity of {_rounded(speed, floor)}," if moves else ""
-    rests = f"its mean speed is {speed:.3g}{unit}, and {wanted} is {least:.3g}{unit}"
-    message = f"At rest or below breakaway: {rests}. More torque{option}"
+    unit = unit_of("velocity")
+    message = f"At rest or below breakaway: its mean speed is {speed:.3g}{unit}, and {wanted} is {least:.3g}{unit}."
     yield Finding("at-rest", NOTE, message, {"speed": speed, "least": least})
 
 
 def _unsteadiness(e: Evidence, usual: Scale, t: Thresholds) -> Iterator[Finding]:
-    """Reasons against steady motion, of which the first counts; the message of `transient` is whole."""
+    """Reasons against steady motion, of which the first counts."""
     yield from _at_rest(e, usual, t, 0.0)
     speed, unit, of_torque = abs(e.velocity), unit_of("velocity"), unit_of("torque")
     # default drift of the velocity, relative to its mean; or what noise alone gives, where that is more
     tolerance = max(0.05 * speed, min(e.drift_noise, 0.5 * speed))
     allowed = tolerance if t.velocity_tolerance is None else t.velocity_tolerance * speed
-    option, drift = _tolerance(e.drift, speed), {"drift": e.drift, "velocity": e.velocity}
-    if e.drift > allowed and not option:
-        message = (
-            f"Transient: for {e.duration:.3g} s its velocity changes by {e.drift:.3g}{unit} about a mean of "
-            f"{e.velocity:.3g}{unit}, on the way from one speed to another; it is not a plateau, and no setting makes it one."
-        )
+    drift = {"drift": e.drift, "velocity": e.velocity}
+    if e.drift > max(allowed, 0.999 * speed):
+        message = f"Transient: in {e.duration:.3g} s its velocity changes by {e.drift:.3g}{unit}, to another speed."
         yield Finding("transient", NOTE, message, {"duration": e.duration, **drift})
     if e.drift > allowed:
-        message = (
-            f"Accelerating: its velocity drifts by {e.drift:.3g}{unit} about a mean of {e.velocity:.3g}{unit}; "
-            f"{allowed:.3g}{unit} is allowed. A steadier motion{option}"
-        )
+        message = f"Accelerating: its velocity drifts by {e.drift:.3g}{unit}; {allowed:.3g}{unit} is allowed (segments.velocity_tolerance)."
         yield Finding("accelerating", NOTE, message, {**drift, "allowed": allowed})
     if e.backward > 0.1:
-        remedy = "A controller that does not oscillate"
-        message = f"Hunting: it moves backward {100 * e.backward:.0f} % of the time; 10 % is allowed. {remedy}"
+        message = f"Hunting: it moves backward {100 * e.backward:.0f} % of the time; 10 % is allowed."
         yield Finding("hunting", NOTE, message, {"backward": e.backward})
     yield from _at_rest(e, usual, t, 5 * e.velocity_error)  # which means little where the velocity drifts or swings
     # beyond this scatter of the eighths' mean velocities there is no mean
     allowed = max(0.25, t.velocity_tolerance or 0.0) * speed
     if e.scatter > allowed:
-        message = (
-            f"Stick-slip without a steady mean: the means of its eighths scatter by {e.scatter:.3g}{unit} about "
-            f"{e.velocity:.3g}{unit}; {allowed:.3g}{unit} is allowed. A longer hold or a stiffer controller"
-            f"{_tolerance(e.scatter, speed)}"
-        )
+        message = f"Stick-slip without a steady mean: that of its eighths scatters by {e.scatter:.3g}{unit}; {allowed:.3g}{unit} is allowed."
         yield Finding("unsteady", NOTE, message, {"scatter": e.scatter, "velocity": e.velocity, "allowed": allowed})
     if e.torque_drift > max(abs(e.torque), e.torque_drift_noise):
-        message = (
-            f"Below breakaway, or not settled: its torque changes by {e.torque_drift:.3g}{of_torque}, more than its mean "
-            f"of {e.torque:.4g}{of_torque}. A longer hold at this speed"
-        )
+        message = f"Below breakaway, or not settled: its torque changes by {e.torque_drift:.3g}{of_torque}, more than its mean."
         yield Finding("unsettled", NOTE, message, {"drift": e.torque_drift, "torque": e.torque})
 
 
-def _tolerance(deviation: float, speed: float) -> str:
-    """The setting that would allow this deviation; empty where there is none."""
-    share = _rounded(deviation / max(speed, 1e-300), ceil)
-    return f", or a segments.velocity_tolerance of {share}," if float(share) < 1 else ""
-
-
-def _rounded(x: float, way: Callable[[float], int]) -> str:
-    """A number of three digits, rounded down (floor) or up (ceil), to be used as a threshold."""
-    unit = 10.0 ** (floor(log10(x)) - 2) if x > 0 else 1.0
-    return f"{way(x / unit * (1 - 1e-9 if way is floor else 1 + 1e-9)) * unit:.3g}"
-
-
-def _saturated(e: Evidence, t: Thresholds) -> Finding | None:
-    if t.torque_limit is not None:
-        share, limit = e.limited, f"segments.torque_limit, {t.torque_limit:.4g}{unit_of('torque')}"
-    else:
-        share, limit = e.clipped, "the largest torque or voltage of the run"
-    if share <= 0.05:
+def _saturated(e: Evidence) -> Finding | None:
+    if e.clipped <= 0.05:
         return None
-    remedy = "A lower speed, or a higher torque_limit,"
-    message = f"Saturated: {100 * share:.0f} % of its samples are at {limit}; 5 % is allowed. {remedy}"
-    return Finding("saturated", NOTE, message, {"share": share})
+    message = f"Saturated: {100 * e.clipped:.0f} % of its samples are at the largest torque or voltage; 5 % is allowed. Move slower."
+    return Finding("saturated", NOTE, message, {"share": e.clipped})

@@ -99,13 +99,10 @@ def find_segments(
     settling = _settling(record.velocity, cut)
     found = []
     for candidate, longer in zip(cut, settling, strict=True):
-        e = evidence(record, candidate, usual, thresholds.torque_limit)
+        e = evidence(record, candidate, usual)
         against = reasons(e, usual, thresholds)
         if longer is not None:
-            message = (
-                f"Settling: it is the beginning or end of the plateau in {record.where(longer.start, longer.stop)}, which "
-                "is judged separately; a hold of its own would make it pass."
-            )
+            message = f"Settling: it begins or ends the plateau in {record.where(longer.start, longer.stop)}."
             against = (Finding("settling", NOTE, message), *against)
         part = slice(candidate.start, candidate.stop)
         middle = (record.time[candidate.start] + record.time[candidate.stop - 1]) / 2 - record.time[0]
@@ -133,8 +130,8 @@ def find_segments(
     return tuple(found)
 
 
-def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresholds: Thresholds) -> str:
-    """The message if no candidate is accepted: how many each threshold rejected, and the likely mistake of units."""
+def nothing_left(segments: Sequence[Segment], records: Sequence[Record]) -> str:
+    """The message if no candidate is accepted: how many each threshold rejected."""
     counts = Counter(str(reason).partition(":")[0] for s in segments for reason in s.reasons)
     eaten = "; ".join(f"{what.lower()}: {count}" for what, count in counts.most_common()) or "no samples"
     total = f"{len(segments)} candidates in {len(records)} runs"
@@ -142,9 +139,7 @@ def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresho
     longest = max((s for s in segments if s.reasons), key=lambda s: (-len(s.reasons), s.stop - s.start), default=None)
     nearest = f" Nearest, {longest.where} of {longest.file}: {longest.reasons[0]}" if longest else ""
     wrong = next((str(x) for r in records for x in r.warnings if x.code.startswith("velocity-")), None)
-    hints = [hint for hint in (_magnitudes(r, thresholds) for r in records) if hint]
-    looks = f" It looks like {Counter(hints).most_common(1)[0][0]}." if hints else ""
-    return f"{message}{nearest} {wrong}" if wrong else message + nearest + looks
+    return f"{message}{nearest} {wrong}" if wrong else message + nearest
 
 
 def _settling(velocity: Array, cut: Sequence[CandidateSpan]) -> list[CandidateSpan | None]:
@@ -164,21 +159,3 @@ def _settling(velocity: Array, cut: Sequence[CandidateSpan]) -> list[CandidateSp
                     break
                 owner[k], k = plateau, k + way
     return owner
-
-
-def _magnitudes(record: Record, thresholds: Thresholds) -> str | None:
-    """The likely mistake where a threshold or the sampling interval is out of proportion to the data."""
-    duration = float(record.time[-1] - record.time[0])
-    speed = 0.0 if record.velocity is None else float(np.max(np.abs(record.velocity)))
-    load = 0.0 if record.torque is None else float(np.median(np.abs(record.torque)))
-    if thresholds.minimum_duration is not None and duration < thresholds.minimum_duration:
-        return f"a time in s read as ms, or a segments.minimum_duration in ms (the run lasts {duration:.3g} s)"
-    if thresholds.minimum_velocity is not None and speed < thresholds.minimum_velocity:
-        return f"a segments.minimum_velocity in deg/s or rpm (the largest speed is {speed:.3g})"
-    if thresholds.torque_limit is not None and load > thresholds.torque_limit:
-        return f"a torque in mN*m read as N*m, or a motor torque against a joint limit (half of the torques exceed {load:.3g})"
-    if record.step >= 0.5:
-        return f"a time in ms read as s (the sampling interval is {record.step:.3g} s)"
-    if speed > 100:
-        return f"a velocity in deg/s or rpm read as rad/s, 57 or 9.5 times too large (the largest speed is {speed:.3g})"
-    return None

@@ -105,9 +105,8 @@ def followed_at_once(file: str, rows: Mapping[str, Array], motor: MotorConstants
     gain, step = motor.at_joint().kp, float(np.median(np.diff(rows["time"])))
     lower, of = step / 2 * (gain.value if gain else 0.0), "s" if motor is ONE else si("alpha_2", context)
     message = (
-        f"Commands of {file}{OTHER_FILES} are taken as followed at once. Where a drive that is faster than the log holds each until the next, "
-        f"alpha_2 is about {lower:.2g} {of} lower: write `held: true` (or `false`) under signals.command, or --held "
-        "(--not-held)."
+        f"Commands of {file}{OTHER_FILES} are taken as followed at once. If a faster drive holds each until the next, alpha_2 "
+        f"is about {lower:.2g} {of} lower: write `held: true` (or `false`) under signals.command."
     )
     return Finding("commands-at-once", CAUTION, message, {"files": (file,), "lower": lower})
 
@@ -153,10 +152,7 @@ def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding |
     known, assumed = (" and ".join(map(str, x)) for x in (uncertain, exact))
     if uncertain:
         rest = f"; assuming {assumed} exact" if exact else ""
-        message = (
-            f"Torque: every interval contains the error of {known}, which moves the parameters together; "
-            f"its part is shown as systematic{rest}."
-        )
+        message = f"Torque: every interval contains the error of {known}, shown as systematic{rest}."
         return Finding("torque-uncertain", NOTE, message, {"constants": uncertain, "rest": rest, "exact": assumed})
     if not exact:
         return None
@@ -164,10 +160,7 @@ def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding |
     key, _, part = first.name.partition(" ")
     value = f"{first.value:g} +/- {abs(first.value) / 50:.2g} {first.unit}".removesuffix(" 1")
     line = f"{key}: {{{part}: {value}}}" if key == "coasting" else f"{key}: {value}"
-    message = (
-        f"Torque: assuming {assumed} exact: no interval contains that error, which is often the largest; "
-        f"give it, as in {line} for 2 %."
-    )
+    message = f"Torque: assuming {assumed} exact: no interval contains that error; give it, as in {line} for 2 %."
     return Finding("torque-exact", NOTE, message, {"constants": exact, "exact": assumed})
 
 

@@ -17,7 +17,8 @@ from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_col
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.ros.bag import is_bag
-from bristle.data.ros.read import bag_columns, joint_states, read_bag, time_column
+from bristle.data.ros.names import time_column
+from bristle.data.ros.read import bag_columns, joint_states, read_bag
 from bristle.data.text_layout import is_stamp, text_layout
 from bristle.data.text_table import is_text, naming, read_table
 from bristle.data.units import factor, to_si

@@ -225,19 +225,8 @@ def read_runs(experiment: Experiment) -> tuple[Run, ...]:
 
 
 def files_of(experiment: Experiment) -> Iterator[tuple[RunFiles, list[Source]]]:
-    """The entry and the files of each run, each file with the name that results show.
-
-    Raises InputError where there is none, or a file is in two runs.
-    """
-    found = [(run, sources) for run in experiment.runs for sources in sources_of(run, experiment.path)]
-    for k, (run, sources) in enumerate(found):
-        for other, files in found[:k]:
-            again = [shown for path, shown in sources if path in [x for x, _ in files]]
-            alike = run.experiment == other.experiment and experiment.signals_of(run) == experiment.signals_of(other)
-            if again and alike and (run.joined or other.joined):
-                why = f"{short(again[0])} is a part of a joined run and of another; name each run once"
-                raise InputError(f"{experiment.path}: runs: {why}")
-    yield from found
+    """The entry and the files of each run, each file with the name that results show. Raises InputError where there is none."""
+    yield from ((run, sources) for run in experiment.runs for sources in sources_of(run, experiment.path))
 
 
 def run_of_table(experiment: Experiment, table: RawTable, shown: str) -> Run:

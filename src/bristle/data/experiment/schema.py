@@ -314,7 +314,7 @@ class FitOptions(StrictModel):
     @classmethod
     def _without_gone(cls, value: Any, handler: ModelWrapValidatorHandler["FitOptions"]) -> "FitOptions":
         """Options of a file with keys of earlier versions: what they asked for, where something still does that."""
-        if not isinstance(value, dict) or not GONE.keys() & value.keys():
+        if not isinstance(value, dict) or not GONE & value.keys():
             return handler(value)
         kept = {key: x for key, x in value.items() if key not in GONE}
         if value.get("model") == WITHOUT_PEAK:

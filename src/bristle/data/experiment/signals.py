@@ -323,7 +323,6 @@ class Cleaning(StrictModel):
     """Handling of rows that cannot be used; each is counted and reported."""
 
     non_finite: Literal["drop", "refuse"] = "drop"  # rows with inf, nan or nothing in a signal
-    duplicates: Literal["drop", "refuse"] = "drop"  # rows with the time stamp of the row before
     backward: Literal["drop", "refuse"] = "refuse"  # rows with a time stamp before one that was seen
     gap: Annotated[float, Field(gt=1)] = 5.0
     """Gap: an interval longer than this many median ones; nothing is filtered across it."""

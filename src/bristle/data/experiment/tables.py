@@ -229,10 +229,7 @@ def _with_signal(
     with naming(f"{source[1]}: {name}"):
         onto = brought_to(np.asarray(table.time), time + (origin - table.origin) / 1e9, values, gap)
     samples, outside = int(np.isfinite(values).sum()), int(np.isnan(onto).sum())
-    message = (
-        f"{name.capitalize()} has a time of its own ({samples} sample{'s' * (samples != 1)}): linear between its samples, "
-        f"and missing in {outside} row{'s' * (outside != 1)} of the run, beyond them or in their gaps."
-    )
+    message = f"{name.capitalize()} has a time of its own, with {samples} samples: interpolated, and missing in {outside} rows."
     note = Finding("own-time", NOTE, message, {"samples": samples, "outside": outside})
     notes = (*table.notes, note, *(n for n in read.notes if signal.file is not None and n not in table.notes))
     kept = Key(signal.column, signal.index, file=signal.file)

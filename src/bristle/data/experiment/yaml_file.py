@@ -36,6 +36,10 @@ class StrictModel(BaseModel):
 M = TypeVar("M", bound=StrictModel)
 
 
+class _RefusedError(yaml.MarkedYAMLError):
+    """YAML that is well formed and not taken; its problem is a whole sentence."""
+
+
 class _Loader(yaml.SafeLoader):
     """YAML without aliases, which a few bytes can blow up to any size, and without repeated keys."""
 
@@ -56,7 +60,7 @@ class _Loader(yaml.SafeLoader):
         elif self.nodes > MAX_NODES:
             problem = f"more than {MAX_NODES} keys and values; expected an experiment file, which is a page of YAML (runs may be a glob)"
         if problem:
-            raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
+            raise _RefusedError(problem=problem, problem_mark=event.start_mark)
         node = super().compose_node(parent, index)
         self.depth -= 1
         return node
@@ -67,7 +71,7 @@ class _Loader(yaml.SafeLoader):
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode) and key.value in seen:
                 problem = f"key {short(key.value)} is given twice; keep one of them"
-                raise yaml.MarkedYAMLError(problem=problem, problem_mark=key.start_mark)
+                raise _RefusedError(problem=problem, problem_mark=key.start_mark)
             seen.add(str(key.value))
         return super().construct_mapping(node, deep=deep)
 
@@ -75,7 +79,7 @@ class _Loader(yaml.SafeLoader):
         """A short integer. Raises yaml.MarkedYAMLError where it is long."""
         if len(node.value) > _DIGITS:
             problem = f"an integer of {len(node.value)} digits; expected at most {_DIGITS}, or text in quotes"
-            raise yaml.MarkedYAMLError(problem=problem, problem_mark=node.start_mark)
+            raise _RefusedError(problem=problem, problem_mark=node.start_mark)
         return int(self.construct_yaml_int(node))
 
 
@@ -100,12 +104,11 @@ def parse(text: str, name: str) -> dict[str, Any]:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f" line {mark.line + 1}, column {mark.column + 1}:" if mark else ""
-        problem, line = str(error.problem or error.context), mark.line if mark else 0
-        words = next((words for fragment, words in _IN_WORDS.items() if fragment in problem), None)
-        if words:  # else the sentence is our own
-            lines = text.splitlines()
-            there = lines[line].strip() if line < len(lines) else ""
-            problem = f"got {short(there) if there else 'the end of the file'}; {words}"
+        problem = str(error.problem or error.context)
+        if not isinstance(error, _RefusedError):
+            there = "".join(text.splitlines()[mark.line : mark.line + 1]).strip() if mark else ""
+            got = f"got {short(there) if there else 'the end of the file'}, which is not YAML ({problem})"
+            problem = f"{got}; check its indentation, colons, brackets and quotes"
         raise InputError(f"{name}:{where} {problem}") from error
     except yaml.YAMLError as error:
         raise InputError(f"{name}: not YAML: {' '.join(str(error).split())}") from error
@@ -115,23 +118,6 @@ def parse(text: str, name: str) -> dict[str, Any]:
         expected = "keys such as joint:, signals: and runs: (bristle new drafts them from a log)"
         raise InputError(f"{name}: got {short(document)}; expected {expected}")
     return document
-
-
-_IN_WORDS = {
-    "expected the node content": "expected a value; write one there, or take away the sign before it that asks for one more",
-    "expected <block end>": "expected a key as far to the right as those above it; indent the lines of one list or heading alike",
-    "expected ',' or ']'": "expected a comma or ]; close the list, and put text that holds one of , : [ ] in quotes",
-    "expected ',' or '}'": "expected a comma or }; close the braces, and put text that holds one of , : { } in quotes",
-    "mapping values are not allowed": "expected one key and one value; indent it like the keys above, or put text that holds ': ' in quotes",
-    "could not find expected ':'": "expected a key, a colon, a blank and a value, as in name: wrist; close the quotes above, if any are open",
-    "that cannot start any token": "expected a key or a value; indent with blanks instead of tabs, and put text that begins with a sign in quotes",
-    "unexpected end of stream": "expected the quote to be closed; close it",
-    "sequence entries are not allowed": "expected a value on this line; begin the list, each entry behind a dash, on the next one",
-    "found unknown escape": "expected no backslash in double quotes; use single ones",
-    "constructor for the tag": "expected a value without !; take it away, or put the text in quotes",
-    "expected '<document start>'": "expected keys such as joint:, signals: and runs:; begin with these",
-}
-"""What is expected, by a part of PyYAML's sentence."""
 
 
 def validate(model: type[M], data: dict[str, Any], name: str, context: object) -> M:
@@ -148,9 +134,6 @@ def validate(model: type[M], data: dict[str, Any], name: str, context: object) -
         raise InputError(f"{name}: {_sentence(first, model)}{more}") from error
 
 
-_EFFICIENCY = (
-    "efficiency is friction that depends on load and direction, and friction is what bristle identifies; leave it out"
-)
 _EXPECTED = {  # by the kind of pydantic's error
     "too_short": "at least one entry", "invalid_key": "a key that is text, in quotes", "tuple_type": "a list, as [1, 2]",
 }  # fmt: skip  # a table
@@ -160,8 +143,6 @@ def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
     unknown = error["type"] == "extra_forbidden"
     tags = () if unknown else ("int", "str", "bool", "float")
     key = ".".join(str(part)[:60] for part in error["loc"] if part not in tags)
-    if unknown and error["loc"][-1] == "efficiency":
-        return f"{key.removesuffix('.efficiency')}: {_EFFICIENCY}"
     if unknown:
         known = _known(model, error["loc"][:-1])
         near = difflib.get_close_matches(str(error["loc"][-1])[:60], known, 1)

@@ -14,6 +14,7 @@ import numpy as np
 from bristle.control.plant import quantise
 from bristle.data.differentiation import LOWEST, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
+from bristle.data.sampling import with_motion
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.claims import warned, without_weak
 from bristle.identification.dynamic.descent import fit
@@ -40,15 +41,15 @@ def without_count_bias(
     """The fit with the bias of counts of `resolution`, rad, subtracted, its scatter added to the errors."""
     if any(r.position is None for r in records):
         return solved.fit
-    rng, true = np.random.default_rng(_SEED), [between_counts(r, resolution) for r in records]
-    smooth = pose(true, solved.problem.fixed)
+    rng, true = np.random.default_rng(_SEED), [between_counts(r.fine or r, resolution) for r in records]
+    smooth = pose([with_motion(r, x) for r, x in zip(records, true, strict=True)], solved.problem.fixed)
     # root mean square residuals of the smooth motion over those of the readings, both at the estimate
     left, right = (float(np.linalg.norm(residuals(x, solved.values)[0])) for x in (smooth, solved.problem))
     ratio = left / max(right, 1e-300)
     if ratio > _LOST:
         return _of_counts(solved, ratio)
     whole = np.concatenate(modelled(smooth, solved.values))
-    torques = np.split(whole, np.cumsum([r.time.size for r in true])[:-1])
+    torques = np.split(whole, np.cumsum([r.time.size for r in records])[:-1])
     # the priors now say what the estimate says, else their pull on it would be called a bias of counts
     told = ([solved.values[name] for name in prior.names] for prior in solved.problem.priors)
     priors = tuple(replace(x, value=np.array(own)) for x, own in zip(solved.problem.priors, told, strict=True))
@@ -57,11 +58,11 @@ def without_count_bias(
     enough = _EXACT**2 * minimum.cost / minimum.residuals.size
     for count in (0.0, *[resolution] * REPETITIONS):
         counted = list[Record]()  # the motion by an encoder of such counts, 0: without, that rests anywhere in one
-        for r, torque in zip(true, torques, strict=True):
+        for record, r, torque in zip(records, true, torques, strict=True):
             position, phase = np.asarray(r.position), rng.uniform()
             position = np.asarray(quantise(position + phase * count, count)).ravel() if count else position
             bare = replace(r, position=position, velocity=None, acceleration=None)
-            counted.append(replace(estimate_motion(bare, r.cutoff), torque=torque))
+            counted.append(replace(with_motion(record, estimate_motion(bare, r.cutoff)), torque=torque))
         posed = pose(counted, solved.problem.fixed)
         pairs = zip(posed.motions, solved.problem.motions, strict=True)
         motions = tuple(replace(m, weight=fitted.weight) for m, fitted in pairs)

@@ -25,7 +25,7 @@ from bristle.identification.static.grid import subsets
 from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records
 from bristle.identification.static.strays import refit
-from bristle.model.parameters import of_curve
+from bristle.model.parameters import of_curve, slides
 
 _PARTS = 5  # held out in turn
 _BLOCKS = 25  # stretches of moving runs, each part every fifth, so that none is a motion of one kind
@@ -115,9 +115,9 @@ def trial_of_motion(experiment: Experiment, records: Sequence[Record]) -> Trial:
     known = {*(r.made_of for r in records), *(() if fixed is None else ("inertia",))}
     possible = [name for name, terms in REGRESSORS.items() if set(terms.needs) <= has]
     possible += [name for name in asked if name not in REGRESSORS]  # periodic regressors are not tried, only kept
-    if "position" in has:  # what depends on it is gravity or, where this does not show, a spring
+    if "position" in has:  # what depends on it is gravity, or a spring where the joint slides
         shown = shows_gravity(experiment.joint.kind, *(np.asarray(r.position) for r in records))
-        known |= {"spring" if shown else "gravity"} - {*asked}
+        known |= {*(() if shown else ("gravity",)), *(() if slides(experiment.joint.kind) else ("spring",))} - {*asked}
     possible = [name for name in possible if name not in known]
     velocity = np.concatenate([np.zeros(1) if r.velocity is None else r.velocity for r in records])
     sides = tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())
@@ -132,8 +132,8 @@ def trial_of_points(experiment: Experiment, points: Sequence[Segment]) -> Trial:
     """Of points at constant velocity; a part is every fifth by speed."""
     ordered, sides, asked = sorted(points, key=lambda s: s.velocity), sides_of(points), point_regressors(experiment)
     at = np.array([s.position for s in points if s.position is not None])
-    of_position = "gravity" if shows_gravity(experiment.joint.kind, at) else "spring"
-    possible = ["offset", *[of_position] * (at.size == len(points)), "quadratic"]
+    gravity = at.size == len(points) and shows_gravity(experiment.joint.kind, at)
+    possible = ["offset", *["gravity"] * gravity, "quadratic"]
     possible += [name for name in asked if name not in REGRESSORS]
     own = SetUp(sides if experiment.fit.directions == "separate" else ("both",), asked)
     return Trial(own, sides, possible, lambda sides: points_problem(ordered, sides, possible), len(ordered))
