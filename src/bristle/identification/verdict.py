@@ -30,7 +30,7 @@ _BY_WEIGHT = (
     "torque-unsigned unexplained misfit inertia-below-zero velocity-factor velocity-unrelated whole-positions count-unit "
     "count-contradicts effort-far-beyond links-not-removed joint-order gravity-direction links-oppose not-converged "
     "still-lower full-fit-lower undercut ipopt-undercuts "
-    "v-s-unknowable static-too-few too-few-points indistinct strays stages-do-not-fit yields not-positive "
+    "v-s-unknowable static-too-few too-few-points indistinct strays stages-do-not-fit not-positive "
     "no-torque-constant acts-early feedback-unknown commands-at-once per-inertia one-speed-only "
     "stick-slip position-differs torque-drifts positions-disagree torques-doubted stick-slip-points "
     "other-law friction-drifts lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "

@@ -10,15 +10,16 @@ from bristle.arrays import Array
 from bristle.estimation import bootstrap, interval_comparison
 from bristle.identification.fits import Uncertainty
 from bristle.identification.static.batch import Batch
-from bristle.identification.static.grid import Solution
+from bristle.identification.static.grid import Projected, Solution
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.profiles import own_columns
+from bristle.identification.static.profiles import others, own_columns
 from bristle.identification.static.solution import StaticSolution
 from bristle.model.parameters import ParameterName
 
 SEED = 0  # of the bootstrap
 MANY = 2_000  # points from which one step replaces a refit, because errors are small
 _FEW = 8  # points beyond the parameters below which they are few
+_DRAWN, _BEYOND = 61, 0.6  # values of v_s on a drawn profile, and its range beyond the interval, in widths
 
 
 def three_ways(solved: StaticSolution, v_s_range: tuple[float, float]) -> dict[ParameterName, Uncertainty]:
@@ -40,7 +41,7 @@ def three_ways(solved: StaticSolution, v_s_range: tuple[float, float]) -> dict[P
 
 def _curve(solved: StaticSolution, name: ParameterName, value: float) -> Array:
     """The profile of a parameter, as in `Uncertainty`."""
-    low, high = solved.profiled.intervals[name]
+    problem, (low, high) = solved.profiled.problem, solved.profiled.intervals[name]
     reach = solved.student[name][1] - value
     open_ = not np.isfinite(high)
     high = value + 3 * reach if open_ else high
@@ -50,9 +51,14 @@ def _curve(solved: StaticSolution, name: ParameterName, value: float) -> Array:
         curve = solved.profiled.curve(name, value, low, high)
         # open alpha_1 is drawn within the range searched
         return curve[:, (curve[0] <= value) | (curve[1] <= 1)] if open_ else curve
-    drawn = solved.profiles[name.direction]
-    heights = np.maximum(drawn.near_cost - drawn.best_cost, 0.0) / max(drawn.threshold - drawn.best_cost, 1e-300)
-    return np.stack([drawn.near_v_s, heights])
+    grid = solved.solution.grid
+    low = low if low > 0 else max(float(grid[0]), value - 3 * reach)
+    values = np.geomspace(max(low * (low / value) ** _BEYOND, grid[0]), high * (high / value) ** _BEYOND, _DRAWN)
+    values = np.unique(np.append(values, value))
+    peak = [n for n in problem.names if n.name == "v_s"].index(name)
+    cost = Projected(problem).profile(values, peak, others(solved.solution, len(problem.peaks), peak))
+    room = max(solved.profiled.threshold - solved.solution.cost, 1e-300)
+    return np.stack([values, np.maximum(cost - solved.solution.cost, 0.0) / room])
 
 
 class StaticDraws(NamedTuple):
