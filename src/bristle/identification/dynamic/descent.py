@@ -52,12 +52,16 @@ def solved(
     return posed, minimise(posed.evaluate, begin, lower, upper, most, lowest=lowest, enough=enough)
 
 
-def polished(posed: LeastSquares[Unknown], minimum: Minimum) -> tuple[LeastSquares[Unknown], Minimum]:
-    """A minimum that ran out of steps, continued."""
+def polished(
+    problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
+) -> tuple[LeastSquares[Unknown], Minimum]:
+    """A minimum that ran out of steps, continued with scales and bounds of its own."""
     if minimum.converged or minimum.residuals.size < FEWEST * minimum.x.size:
         return posed, minimum
-    better = minimise(posed.evaluate, minimum.x, posed.unknowns.lower, posed.unknowns.upper, _MORE)
-    return posed, better._replace(steps=minimum.steps + better.steps)
+    near, better = solved(problem, posed.unknowns.values(minimum.x), _MORE)
+    if better.cost > minimum.cost:
+        return posed, minimum
+    return near, better._replace(steps=minimum.steps + better.steps)
 
 
 def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
@@ -166,8 +170,8 @@ def solve_dynamic(
         begins.append(with_deflections(problem, {name: x for name, x in both.items() if name not in problem.fixed}))
     elif search:
         begins += _by_softness(problem, start)
-    solve = partial(solved, problem)
-    best = solve_from_starts(solve, begins, polished, progress)
+    solve, finish = partial(solved, problem), partial(polished, problem)
+    best = solve_from_starts(solve, begins, finish, progress)
     while search:
         added = dict[Unknown, float]()  # Stribeck terms asked for by the residuals
         errors = dict(zip(best.names, (best.scaled_errors * best.posed.unknowns.scale).tolist(), strict=True))
@@ -179,7 +183,7 @@ def solve_dynamic(
         if not added:
             break
         peaked = with_deflections(problem, {**without_deflections(best.values), **added})
-        again = solve_from_starts(solve, [peaked], polished, known=(best.posed, best.minimum))
+        again = solve_from_starts(solve, [peaked], finish, known=(best.posed, best.minimum))
         if again.minimum.cost > best.minimum.cost * (1 - SAME):
             break
         best = again._replace(starts=best.starts + 1)
